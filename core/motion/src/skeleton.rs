@@ -1,0 +1,92 @@
+//! A node tree in parent-first order with a rest pose.
+
+use crate::Transform;
+use thiserror::Error;
+
+/// Joints in parent-first order: `parents[i]` is `None` or smaller than `i`. Any number of roots and joints.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Skeleton {
+    names: Vec<String>,
+    parents: Vec<Option<u32>>,
+    rest: Vec<Transform>,
+}
+
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum SkeletonError {
+    #[error("skeleton lists differ in length: {names} names, {parents} parents, {rest} rest transforms")]
+    Lengths { names: usize, parents: usize, rest: usize },
+    #[error(
+        "joint {joint} (\"{name}\") comes before its parent {parent}; joints must be in parent-first order"
+    )]
+    NotParentFirst { joint: usize, name: String, parent: u32 },
+    #[error("rest transform of joint {joint} (\"{name}\") is not finite")]
+    NotFinite { joint: usize, name: String },
+}
+
+impl Skeleton {
+    /// Lists of equal length, one entry a joint, parents first. `rest[i]` is parent-from-joint.
+    pub fn new(
+        names: Vec<String>,
+        parents: Vec<Option<u32>>,
+        rest: Vec<Transform>,
+    ) -> Result<Skeleton, SkeletonError> {
+        if names.len() != parents.len() || names.len() != rest.len() {
+            return Err(SkeletonError::Lengths {
+                names: names.len(),
+                parents: parents.len(),
+                rest: rest.len(),
+            });
+        }
+        for (joint, parent) in parents.iter().enumerate() {
+            if let Some(parent) = *parent
+                && parent as usize >= joint
+            {
+                return Err(SkeletonError::NotParentFirst { joint, name: names[joint].clone(), parent });
+            }
+            if !rest[joint].is_finite() {
+                return Err(SkeletonError::NotFinite { joint, name: names[joint].clone() });
+            }
+        }
+        Ok(Skeleton { names, parents, rest })
+    }
+
+    pub fn len(&self) -> usize {
+        self.names.len()
+    }
+    pub fn is_empty(&self) -> bool {
+        self.names.is_empty()
+    }
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+    pub fn parents(&self) -> &[Option<u32>] {
+        &self.parents
+    }
+    pub fn rest(&self) -> &[Transform] {
+        &self.rest
+    }
+
+    /// Index of the joint with this exact name, else of the only joint whose [`plain_name`] matches.
+    pub fn find(&self, name: &str) -> Option<usize> {
+        if let Some(i) = self.names.iter().position(|n| n == name) {
+            return Some(i);
+        }
+        let wanted = plain_name(name);
+        let mut hits = self.names.iter().enumerate().filter(|(_, n)| plain_name(n) == wanted);
+        match (hits.next(), hits.next()) {
+            (Some((i, _)), None) => Some(i),
+            _ => None,
+        }
+    }
+}
+
+/// A joint name without namespace prefixes: `mixamorig:Hips`, `mixamorig1:Hips`, `mixamorigHips` and `Armature|Hips` are `hips`.
+pub fn plain_name(name: &str) -> String {
+    let tail = name.rsplit([':', '|']).next().unwrap_or(name);
+    let lower = tail.to_ascii_lowercase();
+    let stripped = match lower.strip_prefix("mixamorig") {
+        Some(rest) => rest.trim_start_matches(|c: char| c.is_ascii_digit() || c == '_'),
+        None => &lower,
+    };
+    if stripped.is_empty() { lower } else { stripped.to_string() }
+}

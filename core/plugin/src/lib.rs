@@ -1,0 +1,13 @@
+//! The three things a plugin can be: [`Importer`], [`Effect`], [`Exporter`]; their manifests as data; the [`Registry`].
+
+pub mod effect;
+pub mod exporter;
+pub mod importer;
+pub mod manifest;
+pub mod registry;
+
+pub use effect::Effect;
+pub use exporter::{ExportError, Exporter, Frame, FrameSink, VideoInfo};
+pub use importer::{Files, ImportError, ImportOptions, Importer, Needs, Source};
+pub use manifest::{Manifest, OptionKind, OptionSpec};
+pub use registry::Registry;

@@ -1,0 +1,49 @@
+//! The stage at one time: what the renderer, `choreo pose` and tests look at.
+
+use crate::{Background, Light, Projection};
+use choreo_motion::Time;
+use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
+
+#[derive(Clone, Debug)]
+pub struct Snapshot {
+    pub time: Time,
+    /// Index-aligned with `Stage::actors`.
+    pub actors: Vec<ActorState>,
+    pub camera: CameraState,
+    /// World space, only those that shine (intensity > 0).
+    pub lights: Vec<LightState>,
+    pub background: Background,
+    /// Hemisphere light from above and below, linear.
+    pub ambient_up: Vec3,
+    pub ambient_down: Vec3,
+    /// Effects on at this time: index into `Stage::effects`, in order.
+    pub effects: Vec<usize>,
+}
+
+#[derive(Clone, Debug)]
+pub struct ActorState {
+    pub visible: bool,
+    pub world_from_model: DAffine3,
+    /// One per joint of the asset's skeleton.
+    pub model_from_joint: Vec<Affine3A>,
+    /// One list per mesh instance of the asset; empty lists where the mesh has no morph targets.
+    pub morph_weights: Vec<Vec<f32>>,
+    pub tint: Vec4,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraState {
+    /// Index into `Stage::cameras`; `None` = the framing camera of a stage without any.
+    pub camera: Option<usize>,
+    /// Rotation and position only, no scale: looks along −Z.
+    pub world_from_view: DAffine3,
+    pub projection: Projection,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightState {
+    pub light: Light,
+    pub position: DVec3,
+    /// Unit.
+    pub direction: Vec3,
+}

@@ -1,0 +1,356 @@
+//! The stage as a script leaves it: who is there, what plays when, from where it is seen.
+
+use crate::{Asset, Light, Projection, Snapshot};
+use choreo_motion::{Clip, FrameRate, Interpolation, Time};
+use glam::{DQuat, DVec3, Vec3, Vec4};
+use std::sync::Arc;
+use thiserror::Error;
+
+#[derive(Clone, Debug)]
+pub struct Stage {
+    pub settings: Settings,
+    pub actors: Vec<Actor>,
+    pub cameras: Vec<Camera>,
+    /// Which camera is on from when; sorted by time. Before the first cut the first camera is on.
+    pub cuts: Vec<Cut>,
+    pub lights: Vec<StageLight>,
+    pub effects: Vec<EffectUse>,
+    /// Called in order for every frame, after keyed properties and before joint matrices are built.
+    pub hooks: Vec<Arc<dyn FrameHook>>,
+    /// Warnings of the script and the stage ("clip longer than its slot"), for `check`.
+    pub warnings: Vec<String>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Pixels, 1..=16384 each.
+    pub size: [u32; 2],
+    pub fps: FrameRate,
+    pub length: Time,
+    pub background: Background,
+    /// Light from everywhere, a hemisphere: from above and from below; linear, times albedo.
+    pub ambient_up: Vec3,
+    pub ambient_down: Vec3,
+    /// MSAA samples, 1 or 4; `None` leaves it to the command line's default.
+    pub samples: Option<u32>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Background {
+    /// Linear RGBA.
+    Color(Vec4),
+    /// Linear, from the top row to the bottom row of the picture.
+    Gradient { top: Vec3, bottom: Vec3 },
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            size: [1280, 720],
+            fps: FrameRate { num: 30, den: 1 },
+            length: Time::from_secs(4.0),
+            background: Background::Gradient {
+                top: Vec3::new(0.32, 0.42, 0.55),
+                bottom: Vec3::new(0.72, 0.76, 0.80),
+            },
+            ambient_up: Vec3::splat(0.45),
+            ambient_down: Vec3::splat(0.25),
+            samples: None,
+        }
+    }
+}
+
+/// An asset on stage. The index in `Stage::actors` is its id; parents may come later than children.
+#[derive(Clone, Debug)]
+pub struct Actor {
+    pub name: String,
+    pub asset: Arc<Asset>,
+    pub transform: Placement,
+    pub parent: Option<Attachment>,
+    /// Turned (about +Y) to face this actor's position.
+    pub face: Option<usize>,
+    pub layers: Vec<Layer>,
+    pub channels: Vec<Channel>,
+    pub look_at: Vec<LookAt>,
+    pub visible: bool,
+    /// Multiplies every base colour, linear.
+    pub tint: Vec4,
+    /// Morph weights by name or index set in the script: (mesh instance, target, weight), over the clips'.
+    pub morphs: Vec<(u32, u32, f32)>,
+    /// Whether the file's own lights shine when this actor is on stage.
+    pub file_lights: bool,
+}
+
+/// Where something stands in its parent: f64, so that 10 000 km from the origin looks as the origin does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    pub translation: DVec3,
+    pub rotation: DQuat,
+    pub scale: DVec3,
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        Placement { translation: DVec3::ZERO, rotation: DQuat::IDENTITY, scale: DVec3::ONE }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Attachment {
+    pub actor: usize,
+    /// Joint of the parent's skeleton; `None` = the parent's own transform.
+    pub joint: Option<u32>,
+}
+
+/// A layer of clips on one actor. Layer 0 is the base; later ones override on their mask.
+#[derive(Clone, Debug, Default)]
+pub struct Layer {
+    /// One weight a joint of the actor's skeleton, 0..=1; `None` = all joints.
+    pub mask: Option<Arc<Vec<f32>>>,
+    /// Sorted by start. A cue fades in over what came before it.
+    pub cues: Vec<Cue>,
+}
+
+/// A clip placed on the timeline.
+#[derive(Clone, Debug)]
+pub struct Cue {
+    /// Bound to the actor's own skeleton (see `bind_clip`).
+    pub clip: Arc<Clip>,
+    pub start: Time,
+    /// On the base layer: the pose is held after it. On upper layers: faded out (over `fade_out`) by then. `None` = until the next cue or for ever.
+    pub end: Option<Time>,
+    pub fade_in: Time,
+    pub fade_out: Time,
+    pub ease: Ease,
+    /// Clip seconds a stage second; negative plays backwards from `trim.1`.
+    pub speed: f64,
+    /// The part of the clip that is played.
+    pub trim: (Time, Time),
+    pub repeat: Repeat,
+    pub weight: f32,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Ease {
+    #[default]
+    Linear,
+    /// 3w² − 2w³
+    Smooth,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Repeat {
+    /// Played once, then the last pose is held.
+    Once,
+    #[default]
+    Loop,
+    PingPong,
+}
+
+/// Keyed property of an actor, camera or light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Channel {
+    pub property: Property,
+    pub interpolation: Interpolation,
+    pub times: Vec<Time>,
+    /// `property.width()` numbers a key (three times that for CubicSpline, glTF order).
+    pub values: Vec<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Property {
+    Translation,
+    /// Quaternion x y z w.
+    Rotation,
+    Scale,
+    /// 0 or 1.
+    Visible,
+    Tint,
+    Morph {
+        instance: u32,
+        target: u32,
+    },
+    /// Camera: vertical field of view, radians.
+    FieldOfView,
+    /// Light.
+    Intensity,
+    Color,
+}
+
+impl Property {
+    pub fn width(self) -> usize {
+        match self {
+            Property::Translation | Property::Scale | Property::Color => 3,
+            Property::Rotation | Property::Tint => 4,
+            _ => 1,
+        }
+    }
+}
+
+/// A joint turned towards a target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LookAt {
+    pub joint: u32,
+    pub target: Target,
+    pub start: Time,
+    pub end: Option<Time>,
+    pub fade: Time,
+    pub weight: f32,
+}
+
+/// A place in the world, fixed or moving.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target {
+    Point(DVec3),
+    /// The middle of the actor's rest bounds, moved with the actor.
+    Actor(usize),
+    Joint {
+        actor: usize,
+        joint: u32,
+    },
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    pub name: String,
+    pub projection: Projection,
+    pub rig: Rig,
+    pub channels: Vec<Channel>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum Rig {
+    /// Stands at `position`; looks at the target, else along −Z of `rotation`.
+    Fixed { position: DVec3, rotation: DQuat, look_at: Option<Target> },
+    /// Stands at target + offset (world axes) and looks at the target.
+    Follow { target: Target, offset: DVec3 },
+    /// Circles the target: angles in radians at time 0, radians a second.
+    Orbit { target: Target, distance: f64, elevation: f64, azimuth: f64, speed: f64 },
+    /// The camera of an actor's file.
+    File { actor: usize, camera: u32 },
+    /// Fits everything visible at the given time, from an azimuth and elevation in radians.
+    Frame { azimuth: f64, elevation: f64 },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cut {
+    pub at: Time,
+    pub camera: usize,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct StageLight {
+    pub name: String,
+    pub light: Light,
+    pub position: DVec3,
+    /// Unit vector along which the light shines (directional and spot).
+    pub direction: Vec3,
+    /// Moves with an actor or joint: position and direction are then in its space.
+    pub parent: Option<Attachment>,
+    pub channels: Vec<Channel>,
+}
+
+/// An effect plugin in use, with its parameters as given in the script.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EffectUse {
+    pub plugin: String,
+    pub parameters: Vec<(String, f64)>,
+    pub start: Time,
+    pub end: Option<Time>,
+}
+
+/// A callback of the script, a pure function of the time.
+pub trait FrameHook: Send + Sync + std::fmt::Debug {
+    fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError>;
+}
+
+/// What a hook may change for one frame: by actor, camera and light index.
+#[derive(Clone, Debug, Default)]
+pub struct FrameEdits {
+    pub actors: Vec<ActorEdit>,
+    pub cameras: Vec<(usize, DVec3)>,
+    pub lights: Vec<LightEdit>,
+    pub ambient: Option<(Vec3, Vec3)>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum ActorEdit {
+    /// Replaces the translation.
+    MoveTo {
+        actor: usize,
+        translation: DVec3,
+    },
+    /// Adds to the translation.
+    MoveBy {
+        actor: usize,
+        offset: DVec3,
+    },
+    /// Turned by this rotation, before its own (world axes of the parent).
+    Turn {
+        actor: usize,
+        rotation: DQuat,
+    },
+    Scale {
+        actor: usize,
+        factor: DVec3,
+    },
+    Visible {
+        actor: usize,
+        visible: bool,
+    },
+    Tint {
+        actor: usize,
+        tint: Vec4,
+    },
+    Morph {
+        actor: usize,
+        instance: u32,
+        target: u32,
+        weight: f32,
+    },
+    /// A joint turned (after its clip) in its own space.
+    TurnJoint {
+        actor: usize,
+        joint: u32,
+        rotation: glam::Quat,
+    },
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum LightEdit {
+    Intensity { light: usize, intensity: f32 },
+    Color { light: usize, color: Vec3 },
+    MoveTo { light: usize, position: DVec3 },
+}
+
+#[derive(Clone, Debug, Error)]
+pub enum StageError {
+    /// A script callback failed; the text is complete, with file and line.
+    #[error("{0}")]
+    Hook(String),
+    #[error("actor \"{0}\" is attached to itself, through {1}")]
+    Cycle(String, String),
+}
+
+impl Default for Stage {
+    fn default() -> Self {
+        Stage {
+            settings: Settings::default(),
+            actors: Vec::new(),
+            cameras: Vec::new(),
+            cuts: Vec::new(),
+            lights: Vec::new(),
+            effects: Vec::new(),
+            hooks: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+}
+
+impl Stage {
+    /// Everything at a time. A stage with no camera is framed as `Rig::Frame`; one with no light of
+    /// its own or of its files (and anything lit in it) gets a key sun.
+    pub fn at(&self, _time: Time) -> Result<Snapshot, StageError> {
+        unreachable!("written next")
+    }
+}
