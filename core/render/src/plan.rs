@@ -1,0 +1,186 @@
+//! What one frame needs, as plain data: cameras, lights, instances, skin matrices, sorted draws — and what was left out, and why.
+//!
+//! All positions are camera-relative: world axes, origin at the camera. They are computed in f64 and handed over as f32.
+
+use choreo_stage::{AlphaMode, Background, Shading, Topology};
+use glam::{DVec3, Mat4, Vec3, Vec4};
+
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Pixels.
+    pub size: [u32; 2],
+    /// 1 or 4.
+    pub samples: u32,
+    pub view: View,
+    pub background: Background,
+    /// Hemisphere light along ±Y; both zero where no lit draw is in.
+    pub ambient_up: Vec3,
+    pub ambient_down: Vec3,
+    /// Empty where no lit draw is in.
+    pub lights: Vec<PlanLight>,
+    pub instances: Vec<Instance>,
+    /// relative-from-mesh of every skin joint in use: `world translation − camera`, rows of a 3×4 matrix.
+    pub joint_matrices: Vec<Rows>,
+    /// (target, weight) pairs with weight ≠ 0, ranges given by the instances.
+    pub morphs: Vec<ActiveMorph>,
+    /// Opaque draws sorted for few state changes, then masked, then blended ones back to front.
+    pub draws: Vec<Draw>,
+    /// Full-screen passes in order.
+    pub post: Vec<PostPass>,
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Three rows of an affine 3×4 matrix: `dot(row.xyz, p) + row.w`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Rows(pub [Vec4; 3]);
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Vulkan clip space: x right, y DOWN, depth 1 at the near plane and 0 at infinity or the far plane (reversed Z).
+    pub clip_from_view: Mat4,
+    /// Rotation only: the camera stands at the origin of relative space.
+    pub view_from_relative: Mat4,
+    pub clip_from_relative: Mat4,
+    /// World position of the camera.
+    pub position: DVec3,
+    /// Orthographic views look along one direction: `w` 0 and xyz = direction to the viewer; perspective: `w` 1, xyz 0 (the eye).
+    pub eye: Vec4,
+}
+
+/// One light, camera-relative. Laid out as the shader reads it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct PlanLight {
+    /// xyz position (point, spot), w = 1/range² or 0.
+    pub position: Vec4,
+    /// xyz unit direction in which it shines, w = kind: 0 directional, 1 point, 2 spot.
+    pub direction: Vec4,
+    /// xyz colour · intensity, linear.
+    pub color: Vec4,
+    /// Spot: x = angle scale, y = angle offset (KHR_lights_punctual, "Inner and Outer Cone Angles").
+    pub cone: Vec4,
+}
+
+/// What one drawn copy of a primitive needs. Laid out as the shader reads it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Instance {
+    /// relative-from-mesh; unused by skinned draws.
+    pub relative_from_mesh: Rows,
+    pub tint: Vec4,
+    /// First entry in `joint_matrices`.
+    pub first_joint: u32,
+    pub first_morph: u32,
+    pub morph_count: u32,
+    pub _pad: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct ActiveMorph {
+    pub target: u32,
+    pub weight: f32,
+}
+
+/// What selects a pipeline. As few different ones as the scene needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PipelineKey {
+    pub features: Features,
+    pub topology: TopologyKey,
+    /// Both faces are drawn (double-sided material).
+    pub double_sided: bool,
+    /// The transform mirrors: front faces are clockwise.
+    pub mirrored: bool,
+    pub blend: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum TopologyKey {
+    Triangles,
+    Lines,
+    Points,
+}
+
+impl From<Topology> for TopologyKey {
+    fn from(t: Topology) -> Self {
+        match t {
+            Topology::Triangles => TopologyKey::Triangles,
+            Topology::Lines => TopologyKey::Lines,
+            Topology::Points => TopologyKey::Points,
+        }
+    }
+}
+
+/// Shader features: a bit set. One bit, one `@if` or override in the WGSL, one branch in the CPU twin.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Features(pub u32);
+
+impl Features {
+    pub const SKIN: Features = Features(1 << 0);
+    /// 8 influences instead of 4.
+    pub const SKIN_8: Features = Features(1 << 1);
+    pub const MORPH: Features = Features(1 << 2);
+    pub const VERTEX_COLOR: Features = Features(1 << 3);
+    pub const UV0: Features = Features(1 << 4);
+    pub const UV1: Features = Features(1 << 5);
+    /// Lit by metallic-roughness.
+    pub const METALLIC_ROUGHNESS: Features = Features(1 << 6);
+    /// Lit by Blinn–Phong. Neither bit: unlit.
+    pub const BLINN_PHONG: Features = Features(1 << 7);
+    pub const BASE_COLOR_TEXTURE: Features = Features(1 << 8);
+    pub const METALLIC_ROUGHNESS_TEXTURE: Features = Features(1 << 9);
+    pub const NORMAL_TEXTURE: Features = Features(1 << 10);
+    pub const OCCLUSION_TEXTURE: Features = Features(1 << 11);
+    pub const EMISSIVE: Features = Features(1 << 12);
+    pub const EMISSIVE_TEXTURE: Features = Features(1 << 13);
+    pub const SPECULAR_TEXTURE: Features = Features(1 << 14);
+    pub const SPECULAR_COLOR_TEXTURE: Features = Features(1 << 15);
+    pub const ALPHA_MASK: Features = Features(1 << 16);
+    /// Some texture has a uv transform other than identity.
+    pub const UV_TRANSFORM: Features = Features(1 << 17);
+    /// Point or spot lights are in, beside directional ones.
+    pub const LOCAL_LIGHTS: Features = Features(1 << 18);
+
+    pub const fn has(self, other: Features) -> bool {
+        self.0 & other.0 == other.0
+    }
+    pub const fn with(self, other: Features) -> Features {
+        Features(self.0 | other.0)
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Draw {
+    pub pipeline: PipelineKey,
+    /// Catalogue ids.
+    pub primitive: u32,
+    pub material: u32,
+    /// Range of `Plan::instances`.
+    pub first_instance: u32,
+    pub instance_count: u32,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct PostPass {
+    /// Plugin name.
+    pub effect: String,
+    /// In manifest order.
+    pub parameters: [f32; 8],
+}
+
+/// "shadow map: out, no light casts".
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    pub what: String,
+    pub why: String,
+}
+
+/// Lit materials need normals and lights; the kind of a material's alpha decides order and discard.
+pub fn is_lit(shading: Shading) -> bool {
+    !matches!(shading, Shading::Unlit)
+}
+
+pub fn alpha_blends(mode: AlphaMode) -> bool {
+    matches!(mode, AlphaMode::Blend)
+}

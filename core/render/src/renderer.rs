@@ -1,0 +1,59 @@
+//! What the program sees of a renderer, Vulkan or CPU: plans in, frames out, several in flight.
+
+use crate::{Catalog, Plan};
+use choreo_plugin::Frame;
+use std::sync::Arc;
+use thiserror::Error;
+
+pub trait Renderer: Send {
+    fn device(&self) -> &DeviceInfo;
+
+    /// How many frames may be submitted and not yet collected.
+    fn frames_in_flight(&self) -> usize;
+
+    /// Makes the catalogue's meshes, materials and textures known; what was there before is kept where its content is equal.
+    fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError>;
+
+    /// Starts drawing. Waits where `frames_in_flight` are not yet collected… an error then: collect first.
+    fn submit(&mut self, plan: Plan) -> Result<(), RenderError>;
+
+    /// The oldest submitted frame, waiting for it. The given frame's buffer is reused.
+    fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError>;
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DeviceKind {
+    /// Our own CPU renderer.
+    CpuTwin,
+    /// A Vulkan driver that runs on the CPU (lavapipe).
+    VulkanCpu,
+    VulkanGpu,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeviceInfo {
+    pub kind: DeviceKind,
+    /// "NVIDIA H100", "llvmpipe (LLVM 15.0.6, 256 bits)", "choreo CPU renderer".
+    pub name: String,
+    /// Driver name and version, as the driver says.
+    pub driver: String,
+}
+
+#[derive(Debug, Error)]
+pub enum RenderError {
+    /// No Vulkan loader, driver or device; the text says what to install.
+    #[error("Vulkan is not available: {why}")]
+    NoVulkan { why: String },
+    /// A Vulkan call failed.
+    #[error("Vulkan: {object}: {result}")]
+    Vulkan { object: String, result: String },
+    /// The validation layer said something (tests only).
+    #[error("Vulkan validation: {0}")]
+    Validation(String),
+    #[error("shader {file}: {text}")]
+    Shader { file: String, text: String },
+    #[error("{what} is {value}, the limit of this device is {limit}")]
+    Limit { what: String, value: u64, limit: u64 },
+    #[error("{0}")]
+    Usage(String),
+}
