@@ -70,6 +70,9 @@ impl Needs {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportOptions(pub BTreeMap<String, OptionValue>);
 
+/// The same for exporters.
+pub type ExportOptions = ImportOptions;
+
 #[derive(Clone, Debug, PartialEq)]
 pub enum OptionValue {
     Number(f64),

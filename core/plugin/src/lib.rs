@@ -5,9 +5,10 @@ pub mod exporter;
 pub mod importer;
 pub mod manifest;
 pub mod registry;
+pub mod yuv;
 
 pub use effect::Effect;
 pub use exporter::{ExportError, Exporter, Frame, FrameSink, VideoInfo};
-pub use importer::{Files, ImportError, ImportOptions, Importer, Needs, Source};
+pub use importer::{ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source};
 pub use manifest::{Manifest, OptionKind, OptionSpec};
 pub use registry::Registry;
