@@ -1,1 +1,70 @@
-fn main() {}
+//! The project's own tasks, without anything to install by hand:
+//!
+//! ```text
+//! cargo xtask test [--no-install] [FILTER]   install what the tests need, run all of them, count
+//! cargo xtask lint                           formatting and clippy
+//! cargo xtask bench [--quick]                the README's table: CPU seconds, memory, first picture
+//! cargo xtask strip                          the README's picture strip of the first script
+//! ```
+
+mod bench;
+mod setup;
+mod strip;
+mod suite;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = args.iter().map(String::as_str).collect();
+    let done = match words.as_slice() {
+        ["test", rest @ ..] => suite::test(rest),
+        ["lint"] => suite::lint(),
+        ["bench", rest @ ..] => bench::bench(rest),
+        ["measured", rest @ ..] => bench::measured(rest),
+        ["strip"] => strip::strip(),
+        _ => {
+            eprintln!("usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | strip");
+            return ExitCode::from(2);
+        }
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(text) => {
+            eprintln!("xtask: {text}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The workspace root: this crate lies in tests/xtask.
+fn root() -> PathBuf {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    here.ancestors().nth(2).unwrap_or(here).to_path_buf()
+}
+
+fn cargo(args: &[&str]) -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.args(args).current_dir(root());
+    command
+}
+
+fn run(mut command: Command, what: &str) -> Result<(), String> {
+    let status = command.status().map_err(|e| format!("{what} did not start: {e}"))?;
+    if status.success() { Ok(()) } else { Err(format!("{what} failed ({status})")) }
+}
+
+/// Builds the release binary and gives its path.
+fn release_binary() -> Result<PathBuf, String> {
+    run(cargo(&["build", "--release", "--quiet", "-p", "choreo"]), "cargo build --release")?;
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    Ok(target.join("release").join("choreo"))
+}
+
+/// Models by other people, for tests and benchmarks; not part of the repository.
+fn assets() -> Option<PathBuf> {
+    let path =
+        std::env::var_os("CHOREO_ASSETS").map_or_else(|| root().join("../shared/assets"), PathBuf::from);
+    path.canonicalize().ok()
+}

@@ -1,0 +1,147 @@
+//! `cargo xtask bench`: the whole job as a user runs it — CPU seconds, peak memory, first picture — as a Markdown table.
+//!
+//! Every row starts the release binary several times; the figures are medians. CPU seconds are those of
+//! the whole process (user + system) from the operating system's own accounting.
+
+use crate::{assets, release_binary, root};
+use nix::sys::resource::{UsageWho, getrusage};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+/// One run of a program.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    cpu_secs: f64,
+    wall_secs: f64,
+    peak_mb: f64,
+}
+
+/// `xtask measured PROGRAM ARGS…`: runs one program and prints its usage. A process of its own, because the
+/// system gives the peak memory of the largest child only.
+pub fn measured(args: &[&str]) -> Result<(), String> {
+    let (program, rest) = args.split_first().ok_or("usage: xtask measured PROGRAM [ARG…]")?;
+    let start = Instant::now();
+    let status = Command::new(program)
+        .args(rest)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .status()
+        .map_err(|e| format!("{program}: {e}"))?;
+    let wall = start.elapsed().as_secs_f64();
+    if !status.success() {
+        return Err(format!("{program} {}: {status}", rest.join(" ")));
+    }
+    let usage = getrusage(UsageWho::RUSAGE_CHILDREN).map_err(|e| format!("getrusage: {e}"))?;
+    let secs = |t: nix::sys::time::TimeVal| t.tv_sec() as f64 + t.tv_usec() as f64 * 1e-6;
+    let cpu = secs(usage.user_time()) + secs(usage.system_time());
+    println!("{cpu} {wall} {}", usage.max_rss() as f64 / 1024.0);
+    Ok(())
+}
+
+fn measure(program: &Path, args: &[String], env: &[(&str, &Path)]) -> Result<Run, String> {
+    let me = std::env::current_exe().map_err(|e| e.to_string())?;
+    let mut command = Command::new(me);
+    command.arg("measured").arg(program).args(args).current_dir(root()).stderr(Stdio::inherit());
+    for (name, value) in env {
+        command.env(name, value);
+    }
+    let output = command.output().map_err(|e| e.to_string())?;
+    if !output.status.success() {
+        return Err(format!("choreo {} failed", args.join(" ")));
+    }
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let numbers: Vec<f64> = text.split_whitespace().filter_map(|w| w.parse().ok()).collect();
+    match numbers.as_slice() {
+        [cpu_secs, wall_secs, peak_mb] => {
+            Ok(Run { cpu_secs: *cpu_secs, wall_secs: *wall_secs, peak_mb: *peak_mb })
+        }
+        _ => Err(format!("unexpected output of the measured run: {text}")),
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+fn medians(runs: &[Run]) -> Run {
+    Run {
+        cpu_secs: median(runs.iter().map(|r| r.cpu_secs).collect()),
+        wall_secs: median(runs.iter().map(|r| r.wall_secs).collect()),
+        peak_mb: median(runs.iter().map(|r| r.peak_mb).collect()),
+    }
+}
+
+struct Bench {
+    choreo: PathBuf,
+    work: PathBuf,
+    repeats: usize,
+}
+
+impl Bench {
+    /// Medians of runs of `choreo render SCRIPT -o OUT ARGS…` with warm caches.
+    fn render(&self, script: &Path, out: &str, more: &[&str]) -> Result<Run, String> {
+        let mut args = vec!["render".to_string(), script.display().to_string()];
+        args.extend(["-o".to_string(), self.work.join(out).display().to_string(), "--quiet".to_string()]);
+        args.extend(more.iter().map(|s| s.to_string()));
+        measure(&self.choreo, &args, &[])?;
+        let runs =
+            (0..self.repeats).map(|_| measure(&self.choreo, &args, &[])).collect::<Result<Vec<_>, _>>()?;
+        Ok(medians(&runs))
+    }
+
+    /// One picture with empty caches: every run gets a cache folder of its own.
+    fn cold(&self, script: &Path, more: &[&str]) -> Result<Run, String> {
+        let mut runs = Vec::new();
+        for i in 0..self.repeats {
+            let cache = self.work.join(format!("cache{i}"));
+            std::fs::create_dir_all(&cache).map_err(|e| e.to_string())?;
+            let mut args = vec!["render".to_string(), script.display().to_string()];
+            args.extend(["-o".into(), self.work.join("cold.png").display().to_string(), "--quiet".into()]);
+            args.extend(["--at".into(), "1.0".into()]);
+            args.extend(more.iter().map(|s| s.to_string()));
+            let env = [("XDG_CACHE_HOME", cache.as_path()), ("MESA_SHADER_CACHE_DIR", cache.as_path())];
+            runs.push(measure(&self.choreo, &args, &env)?);
+        }
+        Ok(medians(&runs))
+    }
+}
+
+pub fn bench(args: &[&str]) -> Result<(), String> {
+    let repeats = if args.contains(&"--quick") { 1 } else { 5 };
+    let Some(assets) = assets() else {
+        return Err("Knight.glb is needed: put the shared assets beside the checkout, or name their folder in CHOREO_ASSETS".into());
+    };
+    let choreo = release_binary()?;
+    let work = std::env::temp_dir().join(format!("choreo-bench-{}", std::process::id()));
+    std::fs::create_dir_all(work.join("frames")).map_err(|e| e.to_string())?;
+    let bench = Bench { choreo, work: work.clone(), repeats };
+    let search = assets.join("gltf").display().to_string();
+    let knight = root().join("tests/bench/knight.rhai");
+    let crowd = root().join("tests/bench/knights_25.rhai");
+    let at = ["--search", search.as_str(), "--samples", "1"];
+    let with =
+        |more: &[&'static str]| -> Vec<&str> { at.iter().copied().chain(more.iter().copied()).collect() };
+
+    println!("| job (1280×720, 1 sample) | CPU-s | wall s | peak MB | |");
+    println!("|---|---|---|---|---|");
+    let row = |name: &str, run: Run, note: String| {
+        println!("| {name} | {:.2} | {:.2} | {:.0} | {note} |", run.cpu_secs, run.wall_secs, run.peak_mb);
+    };
+    let first = bench.render(&knight, "one.png", &with(&["--at", "1.0"]))?;
+    row("first picture, warm cache", first, String::new());
+    row("first picture, cold cache", bench.cold(&knight, &at)?, String::new());
+    let png = bench.render(&knight, "frames/%04d.png", &with(&[]))?;
+    let beyond = png.cpu_secs - first.cpu_secs;
+    row("120 frames of one Knight → PNG", png, format!("{beyond:.2} CPU-s beyond start-up"));
+    let mp4 = bench.render(&knight, "out.mp4", &with(&[]))?;
+    row("120 frames of one Knight → mp4", mp4, String::new());
+    let cpu = bench.render(&knight, "cpu/%04d.png", &with(&["--device", "cpu"]))?;
+    row("the same → PNG, CPU renderer", cpu, format!("{:.1} frames/s", 120.0 / cpu.wall_secs));
+    let one = bench.render(&crowd, "one.png", &with(&["--at", "1.0"]))?;
+    let many = bench.render(&crowd, "out.y4m", &with(&[]))?;
+    let rate = 119.0 / (many.wall_secs - one.wall_secs).max(1e-3);
+    row("120 frames of 25 Knights → y4m", many, format!("{rate:.1} frames/s beyond start-up"));
+    std::fs::remove_dir_all(&work).map_err(|e| e.to_string())
+}

@@ -1,0 +1,98 @@
+//! What the tests use beyond cargo: a Vulkan driver, the validation layers, and ffmpeg as a second decoder.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// (Debian and Ubuntu package, what is missing without it, a file that shows it is there)
+const NEEDED: [(&str, &str, &[&str]); 5] = [
+    ("libvulkan1", "Vulkan loader", &["libvulkan.so.1"]),
+    (
+        "mesa-vulkan-drivers",
+        "Vulkan driver (lavapipe)",
+        &[
+            "/usr/share/vulkan/icd.d/lvp_icd.x86_64.json",
+            "/usr/share/vulkan/icd.d/lvp_icd.aarch64.json",
+            "/usr/share/vulkan/icd.d/lvp_icd.json",
+        ],
+    ),
+    (
+        "vulkan-validationlayers",
+        "validation layers",
+        &["/usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json"],
+    ),
+    ("libwayland-client0", "library that the driver loads", &["libwayland-client.so.0"]),
+    ("ffmpeg", "second decoder of the videos we write", &["/usr/bin/ffmpeg"]),
+];
+
+const LIBRARY_FOLDERS: [&str; 6] = [
+    "/usr/lib/x86_64-linux-gnu",
+    "/lib/x86_64-linux-gnu",
+    "/usr/lib/aarch64-linux-gnu",
+    "/lib/aarch64-linux-gnu",
+    "/usr/lib",
+    "/usr/lib64",
+];
+
+fn there(files: &[&str]) -> bool {
+    files.iter().any(|file| {
+        if file.starts_with('/') {
+            Path::new(file).exists()
+        } else {
+            LIBRARY_FOLDERS.iter().any(|folder| Path::new(folder).join(file).exists())
+        }
+    })
+}
+
+fn works(program: &str, args: &[&str]) -> bool {
+    Command::new(program)
+        .args(args)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status()
+        .is_ok_and(|s| s.success())
+}
+
+/// Installs what is missing where apt and root (or sudo without a password) allow; else prints the commands.
+/// Never fails: a test that misses something says so and is counted as skipped.
+pub fn install() {
+    let missing: Vec<_> = NEEDED.iter().filter(|(_, _, files)| !there(files)).collect();
+    if missing.is_empty() {
+        return;
+    }
+    for (package, what, _) in &missing {
+        println!("missing: {what} (package {package})");
+    }
+    let packages: Vec<&str> = missing.iter().map(|(package, ..)| *package).collect();
+    let by_hand =
+        format!("apt-get update && apt-get install -y --no-install-recommends {}", packages.join(" "));
+    if !works("apt-get", &["--version"]) {
+        println!("this is no Debian or Ubuntu; the packages there would be: {}", packages.join(" "));
+        return;
+    }
+    let sudo: &[&str] = if works("sh", &["-c", "test \"$(id -u)\" = 0"]) {
+        &[]
+    } else if works("sudo", &["-n", "true"]) {
+        &["sudo", "-n"]
+    } else {
+        println!("to install what is missing, as root: {by_hand}");
+        return;
+    };
+    let apt = |args: &[&str]| {
+        let line: Vec<&str> = sudo.iter().copied().chain(["apt-get"]).chain(args.iter().copied()).collect();
+        Command::new(line[0])
+            .args(&line[1..])
+            .env("DEBIAN_FRONTEND", "noninteractive")
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .status()
+            .is_ok_and(|s| s.success())
+    };
+    println!("installing: {}", packages.join(" "));
+    apt(&["-qq", "update"]);
+    let install = ["-qq", "install", "-y", "--no-install-recommends"];
+    let args: Vec<&str> = install.into_iter().chain(packages.iter().copied()).collect();
+    if !apt(&args) {
+        println!("the installation failed; by hand, as root: {by_hand}");
+    }
+}
