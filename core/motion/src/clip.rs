@@ -4,9 +4,12 @@
 //! sampled at any time, without a cache, in any order.
 
 use crate::Time;
+use glam::Quat;
+use std::collections::BTreeMap;
+use std::sync::Arc;
 use thiserror::Error;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Interpolation {
     Step,
     /// Translation, scale, weights: lerp. Rotation: shortest-arc slerp.
@@ -15,7 +18,7 @@ pub enum Interpolation {
     CubicSpline,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Path {
     /// 3 floats a key, metres.
     Translation,
@@ -38,15 +41,25 @@ impl Path {
 }
 
 /// One authored curve. `values.len() == times.len() * path.width() * (3 if CubicSpline else 1)`.
+///
+/// Keys are reference-counted, so that curves with equal key times, and clips bound to several
+/// skeletons, share them. `vec.into()` makes one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
     /// Index into the skeleton that the clip was authored on.
     pub joint: u32,
     pub path: Path,
     pub interpolation: Interpolation,
-    /// Strictly increasing.
-    pub times: Vec<Time>,
-    pub values: Vec<f32>,
+    /// Strictly increasing, at least one.
+    pub times: Arc<[Time]>,
+    pub values: Arc<[f32]>,
+}
+
+impl Curve {
+    /// Floats that one key takes in `values`.
+    pub fn stride(&self) -> usize {
+        self.path.width() * if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -60,19 +73,129 @@ pub enum ClipError {
 pub struct Clip {
     pub name: String,
     pub duration: Time,
-    curves: Vec<Curve>,
+    joint_count: usize,
+    curves: Arc<[Curve]>,
 }
+
+/// Morph targets that one curve may drive; a file that says more is refused.
+pub const MAX_WEIGHTS: u32 = 65_536;
 
 impl Clip {
     /// Checks the curves against a skeleton of `joint_count` joints: lengths, order, finiteness, unit rotations (renormalised).
-    pub fn new(name: String, joint_count: usize, curves: Vec<Curve>) -> Result<Clip, ClipError> {
-        let _ = joint_count;
+    pub fn new(name: String, joint_count: usize, mut curves: Vec<Curve>) -> Result<Clip, ClipError> {
+        let mut driven = BTreeMap::new();
+        for (index, curve) in curves.iter_mut().enumerate() {
+            let place = (curve.joint, curve.path);
+            check_curve(curve, joint_count)
+                .and_then(|()| {
+                    let kind = match curve.path {
+                        Path::Weights(_) => Path::Weights(0),
+                        path => path,
+                    };
+                    match driven.insert((curve.joint, kind), index) {
+                        Some(first) => Err(format!("curve {first} already drives the same property")),
+                        None => Ok(()),
+                    }
+                })
+                .map_err(|what| ClipError::Curve { curve: index, joint: place.0, path: place.1, what })?;
+        }
         let duration = curves.iter().filter_map(|c| c.times.last()).max().copied().unwrap_or(Time::ZERO);
-        Ok(Clip { name, duration, curves })
+        Ok(Clip { name, duration: duration.max(Time::ZERO), joint_count, curves: curves.into() })
+    }
+
+    /// The same clip with other curves, which are known to be sound.
+    pub(crate) fn with_curves(&self, joint_count: usize, curves: Vec<Curve>) -> Clip {
+        Clip { name: self.name.clone(), duration: self.duration, joint_count, curves: curves.into() }
     }
 
     /// The authored curves, as checked.
     pub fn curves(&self) -> &[Curve] {
         &self.curves
     }
+
+    /// Joints of the skeleton that the clip was checked against.
+    pub fn joint_count(&self) -> usize {
+        self.joint_count
+    }
+
+    /// Whether any translation, rotation or scale curve moves this joint.
+    pub fn animates(&self, joint: u32) -> bool {
+        self.curves.iter().any(|c| c.joint == joint && !matches!(c.path, Path::Weights(_)))
+    }
+
+    /// Morph weights of the mesh at `joint` at a time. False, and `out` untouched, where the clip does not
+    /// drive them. Where the counts differ the shorter one counts.
+    pub fn sample_weights(&self, joint: u32, time: Time, out: &mut [f32]) -> bool {
+        let found = self.curves.iter().find(|c| c.joint == joint && matches!(c.path, Path::Weights(_)));
+        let Some(curve) = found else { return false };
+        crate::sample::curve_at(curve, time, out);
+        true
+    }
+}
+
+/// Checks one curve and renormalises its rotations; the text says which key is wrong.
+fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), String> {
+    if curve.joint as usize >= joint_count {
+        return Err(format!("the skeleton has only {joint_count} joints"));
+    }
+    if let Path::Weights(n) = curve.path
+        && n > MAX_WEIGHTS
+    {
+        return Err(format!("{n} morph weights, at most {MAX_WEIGHTS} are allowed"));
+    }
+    let keys = curve.times.len();
+    if keys == 0 {
+        return Err("it has no keys".to_string());
+    }
+    let wanted = keys.checked_mul(curve.stride());
+    if wanted != Some(curve.values.len()) {
+        return Err(format!(
+            "{keys} keys need {} values ({} a key), it has {}",
+            wanted.map_or("too many".to_string(), |n| n.to_string()),
+            curve.stride(),
+            curve.values.len()
+        ));
+    }
+    for (i, pair) in curve.times.windows(2).enumerate() {
+        if pair[1] <= pair[0] {
+            let how = if pair[1] == pair[0] { "repeats" } else { "runs backwards from" };
+            return Err(format!(
+                "the time of key {} ({} s) {how} that of key {i} ({} s); key times must increase",
+                i + 1,
+                pair[1].as_secs(),
+                pair[0].as_secs()
+            ));
+        }
+    }
+    let stride = curve.stride();
+    if let Some(at) = curve.values.iter().position(|v| !v.is_finite()) {
+        return Err(format!("key {} holds {}, must be finite", at / stride, curve.values[at]));
+    }
+    if curve.path == Path::Rotation {
+        let value_at = if curve.interpolation == Interpolation::CubicSpline { 4 } else { 0 };
+        for key in 0..keys {
+            let at = key * stride + value_at;
+            let q: [f32; 4] = [0, 1, 2, 3].map(|i| curve.values[at + i]);
+            let unit = unit_rotation(q)
+                .ok_or_else(|| format!("the rotation of key {key} has length zero, must be 1"))?;
+            if unit != q {
+                Arc::make_mut(&mut curve.values)[at..at + 4].copy_from_slice(&unit);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The quaternion at unit length (computed in f64), unchanged where it is already as near as f32 gets; `None` at length zero.
+fn unit_rotation(q: [f32; 4]) -> Option<[f32; 4]> {
+    let length_squared: f64 = q.iter().map(|&c| f64::from(c) * f64::from(c)).sum();
+    if (length_squared - 1.0).abs() <= 3e-7 {
+        return Some(q);
+    }
+    let length = length_squared.sqrt();
+    if length < 1e-12 {
+        return None;
+    }
+    let unit = q.map(|c| (f64::from(c) / length) as f32);
+    Quat::from_array(unit).is_finite().then_some(unit)
 }

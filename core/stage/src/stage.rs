@@ -1,6 +1,7 @@
 //! The stage as a script leaves it: who is there, what plays when, from where it is seen.
 
 use crate::{Asset, Light, Projection, Snapshot};
+pub use choreo_motion::Repeat;
 use choreo_motion::{Clip, FrameRate, Interpolation, Time};
 use glam::{DQuat, DVec3, Vec3, Vec4};
 use std::sync::Arc;
@@ -136,15 +137,6 @@ pub enum Ease {
     Linear,
     /// 3w² − 2w³
     Smooth,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Repeat {
-    /// Played once, then the last pose is held.
-    Once,
-    #[default]
-    Loop,
-    PingPong,
 }
 
 /// Keyed property of an actor, camera or light.
