@@ -25,6 +25,8 @@ pub struct Asset {
     pub clips: Vec<Arc<Clip>>,
     /// What the importer had to guess or leave.
     pub warnings: Vec<Warning>,
+    /// Filled when first asked for (bounds, hashes); start with `Default::default()`.
+    pub derived: crate::Derived,
 }
 
 /// Something an importer guessed or left out; `place` is an element path or byte offset ("materials[2]").

@@ -254,6 +254,11 @@ pub struct EffectUse {
 /// A callback of the script, a pure function of the time.
 pub trait FrameHook: Send + Sync + std::fmt::Debug {
     fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError>;
+
+    /// What tells this hook from another (source text and captured values), for [`Stage::content_hash`].
+    fn identity(&self) -> String {
+        format!("{self:?}")
+    }
 }
 
 /// What a hook may change for one frame: by actor, camera and light index.

@@ -1,0 +1,123 @@
+//! The vertices of an actor as posed: morphed, skinned, in the file's own order, in f64 — for `choreo pose --mesh` and as the
+//! truth that renderers are compared with. Slow and plain.
+
+use crate::{ActorState, Asset, MeshInstance, Primitive};
+use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec3};
+
+/// One mesh instance of an asset, posed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PosedInstance {
+    /// Index into `Asset::instances`.
+    pub instance: usize,
+    /// One per primitive of its mesh.
+    pub primitives: Vec<PosedPrimitive>,
+}
+
+/// Vertices in the primitive's order; `indices` of the primitive apply.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PosedPrimitive {
+    pub positions: Vec<DVec3>,
+    /// Unit (zero where the surface has collapsed); empty where the primitive has none.
+    pub normals: Vec<DVec3>,
+}
+
+/// All mesh instances of an actor in world space. Empty where the actor was not posed (invisible).
+pub fn posed_meshes(asset: &Asset, actor: &ActorState) -> Vec<PosedInstance> {
+    posed_meshes_in(asset, &actor.model_from_joint, &actor.morph_weights, actor.world_from_model)
+}
+
+/// As [`posed_meshes`], moved by any map: identity gives model space.
+pub fn posed_meshes_in(
+    asset: &Asset,
+    model_from_joint: &[Affine3A],
+    morph_weights: &[Vec<f32>],
+    world_from_model: DAffine3,
+) -> Vec<PosedInstance> {
+    if model_from_joint.len() < asset.skeleton.len() {
+        return Vec::new();
+    }
+    let posed = |(index, instance): (usize, &MeshInstance)| {
+        let mesh = asset.meshes.get(instance.mesh as usize)?;
+        let carriers = Carriers::new(asset, instance, model_from_joint);
+        let weights = morph_weights.get(index).map_or(&[][..], Vec::as_slice);
+        let primitives =
+            mesh.primitives.iter().map(|p| pose_primitive(p, &carriers, weights, world_from_model)).collect();
+        Some(PosedInstance { instance: index, primitives })
+    };
+    asset.instances.iter().enumerate().filter_map(posed).collect()
+}
+
+fn pose_primitive(
+    primitive: &Primitive,
+    carriers: &Carriers,
+    weights: &[f32],
+    world_from_model: DAffine3,
+) -> PosedPrimitive {
+    let mut out = PosedPrimitive::default();
+    for v in 0..primitive.positions.len() {
+        let world_from_mesh = world_from_model * carriers.at_vertex(primitive, v);
+        let mut position = primitive.positions[v].as_dvec3();
+        let mut normal = primitive.normals.get(v).map(|n| n.as_dvec3());
+        for (morph, weight) in primitive.morphs.iter().zip(weights) {
+            if let Some(offset) = morph.positions.get(v) {
+                position += offset.as_dvec3() * f64::from(*weight);
+            }
+            if let (Some(normal), Some(offset)) = (&mut normal, morph.normals.get(v)) {
+                *normal += offset.as_dvec3() * f64::from(*weight);
+            }
+        }
+        out.positions.push(world_from_mesh.transform_point3(position));
+        if let Some(normal) = normal {
+            out.normals.push((cofactor(world_from_mesh.matrix3) * normal).normalize_or_zero());
+        }
+    }
+    out
+}
+
+/// det(m) · m⁻ᵀ without the division: right up to length and for singular maps; the sign keeps mirrored normals outward.
+fn cofactor(m: DMat3) -> DMat3 {
+    let c = DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+    if m.determinant() < 0.0 { -c } else { c }
+}
+
+/// What carries the vertices of one instance: its skin's joints, or its node.
+pub(crate) struct Carriers {
+    skin: Vec<DMat4>,
+    rigid: DAffine3,
+}
+
+impl Carriers {
+    pub(crate) fn new(asset: &Asset, instance: &MeshInstance, model_from_joint: &[Affine3A]) -> Carriers {
+        let joint = |j: u32| match model_from_joint.get(j as usize) {
+            Some(m) => DAffine3::from_mat3_translation(
+                glam::Mat3::from(m.matrix3).as_dmat3(),
+                glam::Vec3::from(m.translation).as_dvec3(),
+            ),
+            None => DAffine3::IDENTITY,
+        };
+        let skin = instance.skin.and_then(|s| asset.skins.get(s as usize));
+        let skin = skin.map_or(Vec::new(), |skin| {
+            let matrices = skin.joints.iter().zip(&skin.inverse_bind);
+            matrices.map(|(j, inverse_bind)| DMat4::from(joint(*j)) * inverse_bind.as_dmat4()).collect()
+        });
+        Carriers { skin, rigid: joint(instance.joint) }
+    }
+
+    /// model-from-mesh at a vertex: Σ weight · joint · inverse bind (glTF 2.0 §3.7.3.3).
+    pub(crate) fn at_vertex(&self, primitive: &Primitive, v: usize) -> DAffine3 {
+        let n = primitive.influences;
+        if n == 0 || self.skin.is_empty() {
+            return self.rigid;
+        }
+        let mut blended = DMat4::ZERO;
+        for k in v * n..(v + 1) * n {
+            if let (Some(slot), Some(weight)) =
+                (primitive.joint_indices.get(k), primitive.joint_weights.get(k))
+                && let Some(matrix) = self.skin.get(usize::from(*slot))
+            {
+                blended += *matrix * f64::from(*weight);
+            }
+        }
+        DAffine3::from_mat3_translation(DMat3::from_mat4(blended), blended.w_axis.truncate())
+    }
+}
