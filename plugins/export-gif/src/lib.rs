@@ -1,1 +1,220 @@
+//! Looping GIFs: 255 colours a frame by median cut, ordered dithering that does not crawl, and only what changed.
 
+mod palette;
+
+use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, OptionKind, OptionSpec, VideoInfo};
+use palette::Quantizer;
+use std::io::Write;
+
+pub static MANIFEST: Manifest = Manifest {
+    name: "gif",
+    version: env!("CARGO_PKG_VERSION"),
+    about: "Looping GIF, 255 colours a frame",
+    extensions: &["gif"],
+    magic: &[b"GIF87a", b"GIF89a"],
+    options: &[
+        OptionSpec {
+            name: "colors",
+            about: "colours a frame",
+            kind: OptionKind::Number { default: 255.0, min: 2.0, max: 255.0 },
+        },
+        OptionSpec {
+            name: "dither",
+            about: "strength of the dot pattern that hides colour steps; 0 = none",
+            kind: OptionKind::Number { default: 1.0, min: 0.0, max: 4.0 },
+        },
+    ],
+};
+
+/// The palette index of pixels that stay as the frame before left them.
+const SAME: u8 = 255;
+
+pub struct GifExporter;
+
+impl Exporter for GifExporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    fn one_frame_per_file(&self) -> bool {
+        false
+    }
+
+    fn notes(&self, info: &VideoInfo) -> Vec<String> {
+        let mut notes = Vec::new();
+        if info.fps.as_fps() > 50.0 {
+            notes.push(format!(
+                "GIF players slow down pictures shorter than 1/50 s: {:.3} frames a second will play slower; use --fps 50 or less",
+                info.fps.as_fps()
+            ));
+        }
+        notes
+    }
+
+    fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
+        let (Ok(width), Ok(height)) = (u16::try_from(info.width), u16::try_from(info.height)) else {
+            return Err(ExportError::Format(format!(
+                "GIF: {}×{} is too large, at most 65535 each way",
+                info.width, info.height
+            )));
+        };
+        let number = |name, default| info.options.number(name).unwrap_or(default);
+        Ok(Box::new(GifSink {
+            output: Output::Waiting(out),
+            size: (width, height),
+            colors: number("colors", 255.0) as usize,
+            thresholds: thresholds(number("dither", 1.0)),
+            fps: (u64::from(info.fps.num), u64::from(info.fps.den)),
+            frames: 0,
+            quantizer: Quantizer::new(),
+            global_palette: true,
+            shown: Vec::new(),
+            indices: Vec::new(),
+        }))
+    }
+}
+
+/// The file starts with the first frame's colours: frames that keep them need no table of their own.
+enum Output {
+    Waiting(Box<dyn Write + Send>),
+    Open(gif::Encoder<Box<dyn Write + Send>>),
+    Failed,
+}
+
+struct GifSink {
+    output: Output,
+    size: (u16, u16),
+    colors: usize,
+    thresholds: [[i16; 8]; 8],
+    fps: (u64, u64),
+    frames: u64,
+    quantizer: Quantizer,
+    /// Whether the file's table still is the palette.
+    global_palette: bool,
+    /// Colours on the player's canvas.
+    shown: Vec<[u8; 3]>,
+    indices: Vec<u8>,
+}
+
+impl FrameSink for GifSink {
+    fn frame(&mut self, frame: &Frame) -> Result<(), ExportError> {
+        let (w, h) = (usize::from(self.size.0), usize::from(self.size.1));
+        if (frame.width as usize, frame.height as usize) != (w, h) || frame.rgba.len() != w * h * 4 {
+            return Err(ExportError::Format(format!(
+                "a frame of {}×{} ({} bytes) in a GIF of {w}×{h}",
+                frame.width,
+                frame.height,
+                frame.rgba.len()
+            )));
+        }
+        let first = self.shown.is_empty();
+        let new_colors = self.quantizer.look(&frame.rgba, self.colors);
+        self.global_palette &= first || !new_colors;
+        self.shown.resize(w * h, [0; 3]);
+        self.indices.clear();
+        // The box of what changed, as columns and rows.
+        let (mut left, mut right, mut top, mut bottom) = (w, 0, h, 0);
+        for (y, row) in frame.rgba.chunks_exact(w * 4).enumerate() {
+            let thresholds = &self.thresholds[y & 7];
+            for (x, p) in row.as_chunks::<4>().0.iter().enumerate() {
+                let t = thresholds[x & 7];
+                let c = |v: u8| (i16::from(v) + t).clamp(0, 255) as u8;
+                let entry = self.quantizer.entry([c(p[0]), c(p[1]), c(p[2])]);
+                let color = self.quantizer.palette[usize::from(entry)];
+                let shown = &mut self.shown[y * w + x];
+                if *shown == color && !first {
+                    self.indices.push(SAME);
+                    continue;
+                }
+                *shown = color;
+                self.indices.push(entry);
+                (left, right) = (left.min(x), right.max(x + 1));
+                (top, bottom) = (top.min(y), bottom.max(y + 1));
+            }
+        }
+        if left >= right {
+            // Nothing moved: one pixel keeps the time.
+            (left, right, top, bottom) = (0, 1, 0, 1);
+        }
+        let mut part = Vec::with_capacity((right - left) * (bottom - top));
+        for y in top..bottom {
+            part.extend_from_slice(&self.indices[y * w + left..y * w + right]);
+        }
+        // Frame i is on screen from round(100 i / fps) to round(100 (i + 1) / fps) hundredths: right on average.
+        let delay = self.hundredths(self.frames + 1) - self.hundredths(self.frames);
+        self.frames += 1;
+        // All 256 entries, for decoders that check that `SAME` is one of them.
+        let mut table = self.quantizer.palette.as_flattened().to_vec();
+        table.resize(256 * 3, 0);
+        let picture = gif::Frame {
+            delay: delay.min(u64::from(u16::MAX)) as u16,
+            dispose: gif::DisposalMethod::Keep,
+            transparent: (!first).then_some(SAME),
+            left: left as u16,
+            top: top as u16,
+            width: (right - left) as u16,
+            height: (bottom - top) as u16,
+            palette: (!self.global_palette).then(|| table.clone()),
+            buffer: part.into(),
+            ..gif::Frame::default()
+        };
+        let encoder = self.output.open(self.size, &table)?;
+        encoder.write_frame(&picture).map_err(convert)
+    }
+
+    fn finish(self: Box<Self>) -> Result<(), ExportError> {
+        match self.output {
+            Output::Open(encoder) => Ok(encoder.into_inner().map_err(convert)?.flush()?),
+            _ => Err(ExportError::Format("a GIF needs at least one picture, and there was none".into())),
+        }
+    }
+}
+
+impl Output {
+    fn open(
+        &mut self,
+        (width, height): (u16, u16),
+        table: &[u8],
+    ) -> Result<&mut gif::Encoder<Box<dyn Write + Send>>, ExportError> {
+        if let Output::Waiting(_) = self
+            && let Output::Waiting(out) = std::mem::replace(self, Output::Failed)
+        {
+            let mut encoder = gif::Encoder::new(out, width, height, table).map_err(convert)?;
+            encoder.set_repeat(gif::Repeat::Infinite).map_err(convert)?;
+            *self = Output::Open(encoder);
+        }
+        match self {
+            Output::Open(encoder) => Ok(encoder),
+            _ => Err(ExportError::Format("GIF: writing failed before".into())),
+        }
+    }
+}
+
+impl GifSink {
+    fn hundredths(&self, frame: u64) -> u64 {
+        let (num, den) = self.fps;
+        (200 * frame * den + num) / (2 * num)
+    }
+}
+
+/// Bayer's 8×8 matrix (1973) as offsets around zero. A fixed pattern, unlike error diffusion, leaves still parts still.
+/// Strength 1 spreads over ±6 levels: about half the distance of neighbours in a palette of 255.
+fn thresholds(strength: f64) -> [[i16; 8]; 8] {
+    std::array::from_fn(|y| {
+        std::array::from_fn(|x| {
+            let (mut rank, mut bits) = (0, (x ^ y, y));
+            for _ in 0..3 {
+                rank = rank << 2 | (bits.0 & 1) << 1 | (bits.1 & 1);
+                bits = (bits.0 >> 1, bits.1 >> 1);
+            }
+            ((rank as f64 - 31.5) / 31.5 * 6.0 * strength).round() as i16
+        })
+    })
+}
+
+fn convert(error: gif::EncodingError) -> ExportError {
+    match error {
+        gif::EncodingError::Io(e) => ExportError::Io(e),
+        other => ExportError::Format(format!("GIF: {other}")),
+    }
+}

@@ -1,1 +1,82 @@
+//! Uncompressed YUV4MPEG2: the format that video tools read from a pipe.
 
+use choreo_plugin::yuv::{Matrix, Yuv420};
+use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, OptionKind, OptionSpec, VideoInfo};
+use std::io::Write;
+
+pub static MANIFEST: Manifest = Manifest {
+    name: "y4m",
+    version: env!("CARGO_PKG_VERSION"),
+    about: "Uncompressed video for pipes (choreo render … -o - | ffmpeg -i - …)",
+    extensions: &["y4m"],
+    magic: &[b"YUV4MPEG2 "],
+    options: &[OptionSpec {
+        name: "matrix",
+        about: "auto: BT.709 from 720 lines or 1280 columns on, else BT.601, as players guess",
+        kind: OptionKind::Text { default: "auto", one_of: &["auto", "bt601", "bt709"] },
+    }],
+};
+
+pub struct Y4mExporter;
+
+impl Exporter for Y4mExporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    fn one_frame_per_file(&self) -> bool {
+        false
+    }
+
+    fn begin(
+        &self,
+        info: &VideoInfo,
+        mut out: Box<dyn Write + Send>,
+    ) -> Result<Box<dyn FrameSink>, ExportError> {
+        // C420mpeg2: chroma sited left, as `yuv` writes it. XCOLORRANGE is what ffmpeg reads; others skip X tags.
+        writeln!(
+            out,
+            "YUV4MPEG2 W{} H{} F{}:{} Ip A1:1 C420mpeg2 XYSCSS=420MPEG2 XCOLORRANGE=LIMITED",
+            info.width, info.height, info.fps.num, info.fps.den
+        )?;
+        let matrix = match info.options.text("matrix") {
+            Some("bt601") => Matrix::Bt601,
+            Some("bt709") => Matrix::Bt709,
+            _ if info.width >= 1280 || info.height >= 720 => Matrix::Bt709,
+            _ => Matrix::Bt601,
+        };
+        let size = (info.width, info.height);
+        Ok(Box::new(Y4mSink { out, size, matrix, yuv: Yuv420::default() }))
+    }
+}
+
+struct Y4mSink {
+    out: Box<dyn Write + Send>,
+    size: (u32, u32),
+    matrix: Matrix,
+    yuv: Yuv420,
+}
+
+impl FrameSink for Y4mSink {
+    fn frame(&mut self, frame: &Frame) -> Result<(), ExportError> {
+        let (width, height) = (frame.width as usize, frame.height as usize);
+        if (frame.width, frame.height) != self.size || frame.rgba.len() != width * height * 4 {
+            return Err(ExportError::Format(format!(
+                "a frame of {width}×{height} ({} bytes) in a video of {}×{}",
+                frame.rgba.len(),
+                self.size.0,
+                self.size.1
+            )));
+        }
+        self.yuv.convert(&frame.rgba, width, height, self.matrix, false);
+        self.out.write_all(b"FRAME\n")?;
+        for plane in [&self.yuv.y, &self.yuv.u, &self.yuv.v] {
+            self.out.write_all(plane)?;
+        }
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<(), ExportError> {
+        Ok(self.out.flush()?)
+    }
+}

@@ -1,0 +1,164 @@
+//! Colours of a frame: a histogram, a palette by median cut, and a table from colour to palette entry.
+//!
+//! Heckbert, "Color Image Quantization for Frame Buffer Display" (1982); the box to split next is the one with the
+//! largest summed squared error, and it is split where that error falls most (Wu 1991, in one dimension).
+
+/// 6 bits a channel: 262 144 cells. Bits below that are told apart by dithering anyway.
+const BITS: usize = 6;
+const CELLS: usize = 1 << (3 * BITS);
+
+#[derive(Clone, Copy)]
+struct Cell {
+    color: [u8; 3],
+    count: u32,
+}
+
+/// Counts reused from frame to frame.
+pub struct Quantizer {
+    counts: Vec<u32>,
+    /// Palette entry + 1 for each cell; 0 = not looked up yet.
+    nearest: Vec<u16>,
+    cells: Vec<Cell>,
+    pub palette: Vec<[u8; 3]>,
+    /// Mean squared error of the palette on the frame that it was made for.
+    made_for: f64,
+}
+
+fn key(c: [u8; 3]) -> usize {
+    let cut = |c: u8| usize::from(c) >> (8 - BITS);
+    cut(c[0]) << (2 * BITS) | cut(c[1]) << BITS | cut(c[2])
+}
+
+impl Quantizer {
+    pub fn new() -> Quantizer {
+        Quantizer {
+            counts: vec![0; CELLS],
+            nearest: vec![0; CELLS],
+            cells: Vec::new(),
+            palette: Vec::new(),
+            made_for: 0.0,
+        }
+    }
+
+    /// Looks at a frame; true where a new palette was made, false where the last one is still good enough:
+    /// an unchanged palette keeps still parts of the picture bit for bit still.
+    pub fn look(&mut self, rgba: &[u8], colors: usize) -> bool {
+        self.counts.fill(0);
+        for p in rgba.as_chunks::<4>().0 {
+            self.counts[key([p[0], p[1], p[2]])] += 1;
+        }
+        self.cells.clear();
+        let centre = |bits: usize| {
+            let top = (bits & ((1 << BITS) - 1)) as u8;
+            // Replicated into the low bits, so that 0 stays 0 and the largest cell is 255.
+            top << (8 - BITS) | top >> (2 * BITS - 8)
+        };
+        for (k, &count) in self.counts.iter().enumerate() {
+            if count > 0 {
+                let color = [centre(k >> (2 * BITS)), centre(k >> BITS), centre(k)];
+                self.cells.push(Cell { color, count });
+            }
+        }
+        if !self.palette.is_empty() && self.error() <= 1.5 * self.made_for + 4.0 {
+            return false;
+        }
+        self.palette = median_cut(&mut self.cells, colors);
+        self.nearest.fill(0);
+        self.made_for = self.error();
+        true
+    }
+
+    /// Mean squared distance of the frame's colours to their entries.
+    fn error(&mut self) -> f64 {
+        let (mut sum, mut total) = (0.0, 0.0);
+        for i in 0..self.cells.len() {
+            let Cell { color, count } = self.cells[i];
+            let entry = usize::from(self.entry(color));
+            sum += f64::from(distance(color, self.palette[entry])) * f64::from(count);
+            total += f64::from(count);
+        }
+        if total > 0.0 { sum / total } else { 0.0 }
+    }
+
+    /// Index of the palette entry nearest to a colour; the palette must not be empty.
+    pub fn entry(&mut self, color: [u8; 3]) -> u8 {
+        let k = key(color);
+        if self.nearest[k] == 0 {
+            let best = (0..self.palette.len()).min_by_key(|&i| distance(self.palette[i], color)).unwrap_or(0);
+            self.nearest[k] = best as u16 + 1;
+        }
+        (self.nearest[k] - 1) as u8
+    }
+}
+
+fn distance(a: [u8; 3], b: [u8; 3]) -> u32 {
+    let d = |i: usize| u32::from(a[i].abs_diff(b[i])).pow(2);
+    // Weighed by what the eye sees, about the luma weights of BT.601.
+    2 * d(0) + 4 * d(1) + d(2)
+}
+
+/// At most `colors` entries (≥ 1); fewer where the frame has fewer colours.
+fn median_cut(cells: &mut [Cell], colors: usize) -> Vec<[u8; 3]> {
+    struct Range {
+        start: usize,
+        end: usize,
+        error: f64,
+        axis: usize,
+    }
+    fn measured(cells: &[Cell], start: usize, end: usize) -> Range {
+        const WEIGHTS: [f64; 3] = [2.0, 4.0, 1.0];
+        let (mut n, mut sum, mut squares) = (0.0, [0.0; 3], [0.0; 3]);
+        for cell in &cells[start..end] {
+            let count = f64::from(cell.count);
+            n += count;
+            for axis in 0..3 {
+                let c = f64::from(cell.color[axis]);
+                sum[axis] += count * c;
+                squares[axis] += count * c * c;
+            }
+        }
+        let error: [f64; 3] = std::array::from_fn(|a| (squares[a] - sum[a] * sum[a] / n) * WEIGHTS[a]);
+        let axis = (0..3).max_by(|&a, &b| error[a].total_cmp(&error[b])).unwrap_or(0);
+        Range { start, end, error: if end - start > 1 { error.iter().sum() } else { 0.0 }, axis }
+    }
+    let mut ranges = vec![measured(cells, 0, cells.len())];
+    while ranges.len() < colors {
+        let Some(worst) = (0..ranges.len()).max_by(|&a, &b| ranges[a].error.total_cmp(&ranges[b].error))
+        else {
+            break;
+        };
+        let Range { start, end, error, axis } = ranges[worst];
+        if error <= 0.0 {
+            break;
+        }
+        let part = &mut cells[start..end];
+        part.sort_unstable_by_key(|c| (c.color[axis], c.color));
+        // The cut that leaves the least squared error = the largest Σ(sum²/n) of the two sides.
+        let total: (f64, f64) = part.iter().fold((0.0, 0.0), |(n, s), c| {
+            (n + f64::from(c.count), s + f64::from(c.count) * f64::from(c.color[axis]))
+        });
+        let (mut n, mut s, mut best) = (0.0, 0.0, (f64::NEG_INFINITY, 1));
+        for i in 0..part.len() - 1 {
+            n += f64::from(part[i].count);
+            s += f64::from(part[i].count) * f64::from(part[i].color[axis]);
+            let gain = s * s / n + (total.1 - s) * (total.1 - s) / (total.0 - n);
+            if gain > best.0 {
+                best = (gain, i + 1);
+            }
+        }
+        let middle = start + best.1;
+        ranges[worst] = measured(cells, start, middle);
+        ranges.push(measured(cells, middle, end));
+    }
+    let mean = |r: &Range| {
+        let (mut n, mut sum) = (0u64, [0u64; 3]);
+        for cell in &cells[r.start..r.end] {
+            n += u64::from(cell.count);
+            for (sum, c) in sum.iter_mut().zip(cell.color) {
+                *sum += u64::from(cell.count) * u64::from(c);
+            }
+        }
+        sum.map(|s| ((s + n / 2) / n.max(1)) as u8)
+    };
+    ranges.iter().map(mean).collect()
+}

@@ -1,0 +1,179 @@
+//! Written by us, read by the `gif` crate's decoder and by ffmpeg.
+
+use choreo_motion::FrameRate;
+use choreo_plugin::{Exporter, Frame, VideoInfo};
+use export_gif::GifExporter;
+use std::io::Write;
+use std::sync::{Arc, Mutex};
+
+#[derive(Clone, Default)]
+struct Shared(Arc<Mutex<Vec<u8>>>);
+
+impl Write for Shared {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.lock().unwrap().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+const W: u32 = 96;
+const H: u32 = 64;
+
+/// A still gradient and a square that moves; `jump` changes every colour.
+fn scene(frame: u32, jump: bool) -> Frame {
+    let mut rgba = Vec::new();
+    for y in 0..H {
+        for x in 0..W {
+            let square = (10..30).contains(&y) && (frame * 4..frame * 4 + 20).contains(&x);
+            let c =
+                if square { [220, 40, 30] } else { [60 + (y * 2) as u8, 90 + (y * 2) as u8, 120 + x as u8] };
+            rgba.extend(if jump { [c[2] / 2, c[0], c[1] / 3, 255] } else { [c[0], c[1], c[2], 255] });
+        }
+    }
+    Frame { width: W, height: H, rgba }
+}
+
+fn encode(frames: &[Frame], fps: FrameRate) -> Vec<u8> {
+    let out = Shared::default();
+    let options = Default::default();
+    let info =
+        VideoInfo { width: W, height: H, fps, frames: frames.len() as u64, provenance: vec![], options };
+    let mut sink = GifExporter.begin(&info, Box::new(out.clone())).unwrap();
+    for frame in frames {
+        sink.frame(frame).unwrap();
+    }
+    sink.finish().unwrap();
+    let bytes = out.0.lock().unwrap().clone();
+    bytes
+}
+
+/// Canvases as a player shows them, and delays.
+fn decode(bytes: &[u8]) -> (Vec<Vec<u8>>, Vec<u16>) {
+    let mut options = gif::DecodeOptions::new();
+    options.set_color_output(gif::ColorOutput::RGBA);
+    let mut decoder = options.read_info(bytes).unwrap();
+    assert_eq!(decoder.repeat(), gif::Repeat::Infinite);
+    let (mut canvas, mut all, mut delays) = (vec![0; (W * H * 4) as usize], vec![], vec![]);
+    while let Some(frame) = decoder.read_next_frame().unwrap() {
+        for y in 0..usize::from(frame.height) {
+            for x in 0..usize::from(frame.width) {
+                let from = &frame.buffer[(y * usize::from(frame.width) + x) * 4..][..4];
+                if from[3] > 0 {
+                    let at = (y + usize::from(frame.top)) * W as usize + x + usize::from(frame.left);
+                    canvas[at * 4..at * 4 + 4].copy_from_slice(from);
+                }
+            }
+        }
+        all.push(canvas.clone());
+        delays.push(frame.delay);
+    }
+    (all, delays)
+}
+
+fn mean_error(a: &[u8], b: &[u8]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.len() as f64
+}
+
+fn frames() -> Vec<Frame> {
+    (0..12).map(|i| scene(i, i >= 8)).collect()
+}
+
+#[test]
+fn every_frame_looks_like_its_source() {
+    let frames = frames();
+    let (shown, _) = decode(&encode(&frames, FrameRate { num: 30, den: 1 }));
+    assert_eq!(shown.len(), frames.len());
+    for (i, (shown, frame)) in shown.iter().zip(&frames).enumerate() {
+        let error = mean_error(shown, &frame.rgba);
+        assert!(error < 3.0, "frame {i}: mean error {error}");
+        // Dithered, not flattened: a block's mean is nearer than its pixels.
+        let block = |p: &[u8], c: usize| {
+            let at = |x: u32, y: u32| f64::from(p[((y * W + x) * 4) as usize + c]);
+            (0..64).map(|i| at(80 + i % 8, 48 + i / 8)).sum::<f64>() / 64.0
+        };
+        for c in 0..3 {
+            assert!((block(shown, c) - block(&frame.rgba, c)).abs() < 2.5, "frame {i}, channel {c}");
+        }
+    }
+    // The comparison can fail: the neighbour frame is not within the bound after the jump.
+    assert!(mean_error(&shown[7], &frames[8].rgba) > 3.0);
+}
+
+#[test]
+fn delays_add_up_to_the_frame_rate() {
+    for (fps, hundredths) in [((30, 1), 40), ((25, 1), 48), ((30000, 1001), 40), ((24, 1), 50), ((60, 1), 20)]
+    {
+        let (_, delays) = decode(&encode(&frames(), FrameRate { num: fps.0, den: fps.1 }));
+        assert_eq!(delays.iter().map(|d| u32::from(*d)).sum::<u32>(), hundredths, "{fps:?}: {delays:?}");
+    }
+}
+
+#[test]
+fn still_pictures_cost_next_to_nothing_and_bytes_repeat() {
+    let still: Vec<Frame> = (0..50).map(|_| scene(0, false)).collect();
+    let fps = FrameRate { num: 30, den: 1 };
+    let one = encode(&still[..1], fps).len();
+    let fifty = encode(&still, fps);
+    assert!(fifty.len() < one + 50 * 40, "{} against {one} for one", fifty.len());
+    assert_eq!(fifty, encode(&still, fps));
+}
+
+#[test]
+fn ffmpeg_shows_the_same_pictures() {
+    let frames = frames();
+    let bytes = encode(&frames, FrameRate { num: 25, den: 1 });
+    let spawned = std::process::Command::new("ffmpeg")
+        .args([
+            "-v",
+            "error",
+            "-f",
+            "gif",
+            "-i",
+            "-",
+            "-vsync",
+            "passthrough",
+            "-f",
+            "rawvideo",
+            "-pix_fmt",
+            "rgba",
+            "-",
+        ])
+        .stdin(std::process::Stdio::piped())
+        .stdout(std::process::Stdio::piped())
+        .spawn();
+    let Ok(mut ffmpeg) = spawned else {
+        println!("skipped: ffmpeg is not installed (1 case)");
+        return;
+    };
+    let mut stdin = ffmpeg.stdin.take().unwrap();
+    let feed = {
+        let bytes = bytes.clone();
+        std::thread::spawn(move || stdin.write_all(&bytes))
+    };
+    let out = ffmpeg.wait_with_output().unwrap();
+    feed.join().unwrap().unwrap();
+    let (shown, _) = decode(&bytes);
+    let shown = shown.concat();
+    assert_eq!(out.stdout.len(), shown.len());
+    assert_eq!(mean_error(&out.stdout, &shown), 0.0);
+}
+
+#[test]
+fn sizes_and_emptiness_are_refused() {
+    let mut info = VideoInfo {
+        width: 70000,
+        height: 4,
+        fps: FrameRate { num: 30, den: 1 },
+        frames: 1,
+        provenance: vec![],
+        options: Default::default(),
+    };
+    let error = GifExporter.begin(&info, Box::new(Vec::new())).err().unwrap().to_string();
+    assert_eq!(error, "GIF: 70000×4 is too large, at most 65535 each way");
+    info.width = 4;
+    let sink = GifExporter.begin(&info, Box::new(Vec::new())).unwrap();
+    assert!(sink.finish().unwrap_err().to_string().contains("at least one picture"));
+}

@@ -1,0 +1,246 @@
+//! The MP4 container (ISO/IEC 14496-12, -14, -15) for one H.264 track, index first, so that players and browsers
+//! start at once. Written by us rather than by a crate: the track's clock is the frame rate's own ratio, so that NTSC
+//! rates are exact, frames wait in a spool instead of memory, and colours and provenance have their boxes.
+
+use choreo_motion::FrameRate;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use tempfile::SpooledTempFile;
+
+/// Encoded frames above this wait in an unnamed temporary file.
+const SPOOL_BYTES: usize = 16 << 20;
+
+pub struct Muxer {
+    width: u16,
+    height: u16,
+    fps: FrameRate,
+    provenance: Vec<(String, String)>,
+    spool: SpooledTempFile,
+    /// Bytes of the current picture, and whether a player can start at it.
+    size: u32,
+    key: bool,
+    sizes: Vec<u32>,
+    /// 1-based numbers of the frames at which a player can start.
+    keys: Vec<u32>,
+    sps: Vec<u8>,
+    pps: Vec<u8>,
+}
+
+impl Muxer {
+    pub fn new(width: u16, height: u16, fps: FrameRate, provenance: Vec<(String, String)>) -> Muxer {
+        let spool = SpooledTempFile::new(SPOOL_BYTES);
+        Muxer {
+            width,
+            height,
+            fps,
+            provenance,
+            spool,
+            size: 0,
+            key: false,
+            sizes: Vec::new(),
+            keys: Vec::new(),
+            sps: Vec::new(),
+            pps: Vec::new(),
+        }
+    }
+
+    /// One NAL unit of the current picture, with its Annex B start code. Parameter sets move to the index.
+    pub fn nal(&mut self, nal: &[u8]) -> io::Result<()> {
+        let nal = nal.strip_prefix(&[0, 0, 0, 1]).or(nal.strip_prefix(&[0, 0, 1])).unwrap_or(nal);
+        // nal_unit_type, H.264 table 7-1.
+        match nal.first().map(|b| b & 31) {
+            None => return Ok(()),
+            Some(7) => {
+                self.sps = nal.to_vec();
+                return Ok(());
+            }
+            Some(8) => {
+                self.pps = nal.to_vec();
+                return Ok(());
+            }
+            Some(5) => self.key = true,
+            Some(_) => {}
+        }
+        self.spool.write_all(&(nal.len() as u32).to_be_bytes())?;
+        self.spool.write_all(nal)?;
+        self.size += 4 + nal.len() as u32;
+        Ok(())
+    }
+
+    /// Ends the picture; false where it had nothing to show.
+    pub fn end_picture(&mut self) -> bool {
+        let size = std::mem::take(&mut self.size);
+        self.sizes.push(size);
+        if std::mem::take(&mut self.key) {
+            self.keys.push(self.sizes.len() as u32);
+        }
+        size > 0
+    }
+
+    pub fn finish(mut self, out: &mut dyn Write) -> io::Result<()> {
+        if self.sizes.is_empty() || self.sps.len() < 4 || self.pps.is_empty() {
+            return Err(io::Error::other("an MP4 needs at least one picture, and there was none"));
+        }
+        let ftyp = boxed(b"ftyp", &[b"isom", &0x200u32.to_be_bytes(), b"isomiso2avc1mp41"]);
+        let data: u64 = self.sizes.iter().map(|s| u64::from(*s)).sum();
+        let large = data + 16 > u64::from(u32::MAX);
+        // The index holds the place of the data, and the place depends on the index's length, which does not
+        // depend on the place.
+        let length = self.moov(0).len() as u64;
+        let head = ftyp.len() as u64 + length + if large { 16 } else { 8 };
+        out.write_all(&ftyp)?;
+        out.write_all(&self.moov(head))?;
+        if large {
+            out.write_all(&1u32.to_be_bytes())?;
+            out.write_all(b"mdat")?;
+            out.write_all(&(data + 16).to_be_bytes())?;
+        } else {
+            out.write_all(&((data + 8) as u32).to_be_bytes())?;
+            out.write_all(b"mdat")?;
+        }
+        self.spool.seek(SeekFrom::Start(0))?;
+        let copied = io::copy(&mut (&mut self.spool).take(data), out)?;
+        if copied != data {
+            return Err(io::Error::other("the temporary file was cut short"));
+        }
+        out.flush()
+    }
+
+    fn moov(&self, data_at: u64) -> Vec<u8> {
+        let frames = self.sizes.len() as u64;
+        // The track counts in 1/num s, a frame lasts den; the movie in milliseconds.
+        let track_length = frames * u64::from(self.fps.den);
+        let movie_length = (track_length * 1000).div_ceil(u64::from(self.fps.num));
+        let (w, h) = (self.width, self.height);
+        let matrix = [0x10000u32, 0, 0, 0, 0x10000, 0, 0, 0, 0x4000_0000].map(u32::to_be_bytes).concat();
+        // Version 1 boxes have 64-bit times; all creation times are zero, so that equal frames give equal files.
+        let mvhd = full(
+            b"mvhd",
+            1,
+            0,
+            &[
+                &[0; 16],
+                &u32b(1000),
+                &movie_length.to_be_bytes(),
+                &u32b(0x10000),
+                &[1, 0],
+                &[0; 10],
+                &matrix,
+                &[0; 24],
+                &u32b(2),
+            ],
+        );
+        let tkhd = full(
+            b"tkhd",
+            1,
+            3,
+            &[
+                &[0; 16],
+                &u32b(1),
+                &[0; 4],
+                &movie_length.to_be_bytes(),
+                &[0; 16],
+                &matrix,
+                &u32b(u32::from(w) << 16),
+                &u32b(u32::from(h) << 16),
+            ],
+        );
+        // Language "und": three letters less 0x60 in 5 bits each.
+        let mdhd = full(
+            b"mdhd",
+            1,
+            0,
+            &[&[0; 16], &u32b(self.fps.num), &track_length.to_be_bytes(), &[0x55, 0xc4, 0, 0]],
+        );
+        let hdlr = full(b"hdlr", 0, 0, &[&[0; 4], b"vide", &[0; 12], b"choreo\0"]);
+        let vmhd = full(b"vmhd", 0, 1, &[&[0; 8]]);
+        let url = full(b"url ", 0, 1, &[]);
+        let dinf = boxed(b"dinf", &[&full(b"dref", 0, 0, &[&u32b(1), &url])]);
+        let stbl = self.sample_table(data_at);
+        let minf = boxed(b"minf", &[&vmhd, &dinf, &stbl]);
+        let mdia = boxed(b"mdia", &[&mdhd, &hdlr, &minf]);
+        let trak = boxed(b"trak", &[&tkhd, &mdia]);
+        boxed(b"moov", &[&mvhd, &trak, &self.metadata()])
+    }
+
+    fn sample_table(&self, data_at: u64) -> Vec<u8> {
+        let avcc = boxed(
+            b"avcC",
+            &[
+                // Profile, constraints and level from the parameter set; lengths of 4 bytes; one SPS, one PPS.
+                &[1, self.sps[1], self.sps[2], self.sps[3], 0xff, 0xe1],
+                &(self.sps.len() as u16).to_be_bytes(),
+                &self.sps,
+                &[1],
+                &(self.pps.len() as u16).to_be_bytes(),
+                &self.pps,
+            ],
+        );
+        // BT.709 primaries, transfer and matrix, limited range; square pixels.
+        let colr = boxed(b"colr", &[b"nclx", &[0, 1, 0, 1, 0, 1, 0]]);
+        let pasp = boxed(b"pasp", &[&u32b(1), &u32b(1)]);
+        let mut name = [0u8; 32];
+        name[..7].copy_from_slice(b"\x06choreo");
+        let avc1 = boxed(
+            b"avc1",
+            &[
+                &[0; 6],
+                &[0, 1],
+                &[0; 16],
+                &self.width.to_be_bytes(),
+                &self.height.to_be_bytes(),
+                &u32b(0x48_0000),
+                &u32b(0x48_0000),
+                &[0; 4],
+                &[0, 1],
+                &name,
+                &[0, 24, 0xff, 0xff],
+                &avcc,
+                &colr,
+                &pasp,
+            ],
+        );
+        let count = self.sizes.len() as u32;
+        let stsd = full(b"stsd", 0, 0, &[&u32b(1), &avc1]);
+        let stts = full(b"stts", 0, 0, &[&u32b(1), &u32b(count), &u32b(self.fps.den)]);
+        let list = |values: &[u32]| values.iter().flat_map(|v| v.to_be_bytes()).collect::<Vec<u8>>();
+        let stss = full(b"stss", 0, 0, &[&u32b(self.keys.len() as u32), &list(&self.keys)]);
+        // One chunk holds every frame.
+        let stsc = full(b"stsc", 0, 0, &[&u32b(1), &u32b(1), &u32b(count), &u32b(1)]);
+        let stsz = full(b"stsz", 0, 0, &[&u32b(0), &u32b(count), &list(&self.sizes)]);
+        let co64 = full(b"co64", 0, 0, &[&u32b(1), &data_at.to_be_bytes()]);
+        boxed(b"stbl", &[&stsd, &stts, &stss, &stsc, &stsz, &co64])
+    }
+
+    /// iTunes-style metadata, which players and `ffprobe` show: how the video was made, as one comment.
+    fn metadata(&self) -> Vec<u8> {
+        let text: Vec<String> = self.provenance.iter().map(|(k, v)| format!("{k}: {v}")).collect();
+        if text.is_empty() {
+            return Vec::new();
+        }
+        let data = boxed(b"data", &[&u32b(1), &[0; 4], text.join("\n").as_bytes()]);
+        let ilst = boxed(b"ilst", &[&boxed(b"\xa9cmt", &[&data])]);
+        let hdlr = full(b"hdlr", 0, 0, &[&[0; 4], b"mdirappl", &[0; 9]]);
+        boxed(b"udta", &[&full(b"meta", 0, 0, &[&hdlr, &ilst])])
+    }
+}
+
+fn u32b(v: u32) -> [u8; 4] {
+    v.to_be_bytes()
+}
+
+fn boxed(kind: &[u8; 4], parts: &[&[u8]]) -> Vec<u8> {
+    let size = 8 + parts.iter().map(|p| p.len()).sum::<usize>();
+    let mut out = Vec::with_capacity(size);
+    // No box but the frames' own comes near 4 GiB: an index entry is 4 bytes a frame.
+    out.extend((size as u32).to_be_bytes());
+    out.extend(kind);
+    parts.iter().for_each(|p| out.extend_from_slice(p));
+    out
+}
+
+fn full(kind: &[u8; 4], version: u8, flags: u32, parts: &[&[u8]]) -> Vec<u8> {
+    let head = (u32::from(version) << 24 | flags).to_be_bytes();
+    let mut all: Vec<&[u8]> = vec![&head];
+    all.extend(parts);
+    boxed(kind, &all)
+}

@@ -1,0 +1,181 @@
+//! Written by us, read by ffprobe and ffmpeg.
+
+use choreo_motion::FrameRate;
+use choreo_plugin::{Exporter, Frame, OptionValue, VideoInfo};
+use export_mp4::Mp4Exporter;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{Arc, Mutex};
+
+#[derive(Clone, Default)]
+struct Shared(Arc<Mutex<Vec<u8>>>);
+
+impl Write for Shared {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.lock().unwrap().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+fn info(width: u32, height: u32, fps: (u32, u32), frames: u64) -> VideoInfo {
+    let fps = FrameRate { num: fps.0, den: fps.1 };
+    let provenance = vec![("script".into(), "dance.rhai".into())];
+    VideoInfo { width, height, fps, frames, provenance, options: Default::default() }
+}
+
+/// A soft gradient, colour bars and a disc that moves.
+fn scene(width: u32, height: u32, frame: u32) -> Frame {
+    const BARS: [[u8; 3]; 4] = [[230, 30, 30], [30, 200, 40], [40, 60, 220], [240, 240, 240]];
+    let mut rgba = Vec::new();
+    for y in 0..height {
+        for x in 0..width {
+            let (dx, dy) = (x as i32 - 40 - 5 * frame as i32, y as i32 - height as i32 / 3);
+            let c = if y > height * 3 / 4 {
+                BARS[(x * 4 / width) as usize]
+            } else if dx * dx + dy * dy < 900 {
+                [250, 180, 40]
+            } else {
+                [90 + (y * 60 / height) as u8, 110 + (y * 60 / height) as u8, 150]
+            };
+            rgba.extend([c[0], c[1], c[2], 255]);
+        }
+    }
+    Frame { width, height, rgba }
+}
+
+fn encode(info: &VideoInfo) -> Vec<u8> {
+    let out = Shared::default();
+    let mut sink = Mp4Exporter.begin(info, Box::new(out.clone())).unwrap();
+    for frame in 0..info.frames {
+        sink.frame(&scene(info.width, info.height, frame as u32)).unwrap();
+    }
+    sink.finish().unwrap();
+    let bytes = out.0.lock().unwrap().clone();
+    bytes
+}
+
+fn file(name: &str, bytes: &[u8]) -> PathBuf {
+    let path = std::env::temp_dir().join(format!("choreo-mp4-test-{}-{name}.mp4", std::process::id()));
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+fn ffprobe(path: &Path, entries: &str) -> Option<String> {
+    let out = Command::new("ffprobe")
+        .args(["-v", "error", "-count_frames", "-show_entries", entries, "-of", "default=nk=0:nw=1"])
+        .arg(path)
+        .output();
+    let Ok(out) = out else {
+        println!("skipped: ffprobe is not installed");
+        return None;
+    };
+    assert!(out.status.success() && out.stderr.is_empty(), "{}", String::from_utf8_lossy(&out.stderr));
+    Some(String::from_utf8(out.stdout).unwrap())
+}
+
+#[test]
+fn players_see_rate_size_colours_and_provenance() {
+    for (fps, rate) in [((30, 1), "30/1"), ((30000, 1001), "30000/1001"), ((24000, 1001), "24000/1001")] {
+        let path = file(&rate.replace('/', "-"), &encode(&info(320, 180, fps, 12)));
+        let entries = "stream=codec_name,width,height,r_frame_rate,avg_frame_rate,nb_read_frames,pix_fmt,\
+                       color_range,color_space,color_transfer,color_primaries,duration_ts:format_tags=comment";
+        let Some(text) = ffprobe(&path, entries) else { return };
+        for line in [
+            "codec_name=h264",
+            "width=320",
+            "height=180",
+            "pix_fmt=yuv420p",
+            "color_range=tv",
+            "color_space=bt709",
+            "color_transfer=bt709",
+            "color_primaries=bt709",
+            &format!("r_frame_rate={rate}"),
+            &format!("avg_frame_rate={rate}"),
+            &format!("duration_ts={}", 12 * fps.1),
+            "nb_read_frames=12",
+            "TAG:comment=script: dance.rhai",
+        ] {
+            assert!(text.lines().any(|l| l == line), "no {line} in\n{text}");
+        }
+        std::fs::remove_file(path).unwrap();
+    }
+}
+
+#[test]
+fn the_index_comes_before_the_pictures_and_bytes_repeat() {
+    let bytes = encode(&info(64, 48, (30, 1), 5));
+    let place = |name: &[u8]| bytes.windows(4).position(|w| w == name).unwrap();
+    assert!(place(b"ftyp") < place(b"moov") && place(b"moov") < place(b"mdat"));
+    assert!(bytes == encode(&info(64, 48, (30, 1), 5)));
+}
+
+/// Mean error of the decoded pictures against their sources, levels of 255.
+fn decoded_error(info: &VideoInfo, shift: u32) -> Option<(f64, usize)> {
+    let bytes = encode(info);
+    let path = file(&format!("q{}x{}s{shift}", info.width, info.options.0.len()), &bytes);
+    let out = Command::new("ffmpeg")
+        .args(["-v", "error", "-i"])
+        .arg(&path)
+        .args(["-vf", "scale=in_color_matrix=bt709:flags=accurate_rnd+full_chroma_int+bilinear"])
+        .args(["-f", "rawvideo", "-pix_fmt", "rgba", "-"])
+        .output();
+    let _ = std::fs::remove_file(&path);
+    let Ok(out) = out else {
+        println!("skipped: ffmpeg is not installed");
+        return None;
+    };
+    let (w, h) = (info.width.next_multiple_of(2) as usize, info.height.next_multiple_of(2) as usize);
+    assert_eq!(out.stdout.len(), w * h * 4 * info.frames as usize);
+    let (mut sum, mut n) = (0.0, 0.0);
+    for (f, shown) in out.stdout.chunks(w * h * 4).enumerate() {
+        let source = scene(info.width, info.height, f as u32 + shift);
+        for y in 0..info.height as usize {
+            for x in 0..info.width as usize {
+                for c in 0..3 {
+                    let a = source.rgba[(y * info.width as usize + x) * 4 + c];
+                    sum += f64::from(a.abs_diff(shown[(y * w + x) * 4 + c]));
+                    n += 1.0;
+                }
+            }
+        }
+    }
+    Some((sum / n, bytes.len()))
+}
+
+#[test]
+fn decoded_pictures_have_the_source_s_colours() {
+    for (w, h) in [(320, 180), (321, 181)] {
+        let Some((error, _)) = decoded_error(&info(w, h, (30, 1), 8), 0) else { return };
+        assert!(error < 1.5, "{w}×{h}: mean error {error}");
+    }
+    // The comparison can fail: pictures two frames off are not within the bound.
+    let (error, _) = decoded_error(&info(320, 180, (30, 1), 8), 2).unwrap();
+    assert!(error > 1.5, "{error}");
+}
+
+#[test]
+fn quality_trades_size_for_error() {
+    let at = |quality: f64| {
+        let mut info = info(320, 180, (30, 1), 8);
+        info.options.0.insert("quality".into(), OptionValue::Number(quality));
+        decoded_error(&info, 0)
+    };
+    let (Some(low), Some(high)) = (at(20.0), at(95.0)) else { return };
+    assert!(low.0 > 1.3 * high.0 && low.1 * 2 < high.1, "{low:?} {high:?}");
+}
+
+#[test]
+fn sizes_out_of_range_are_refused_and_odd_ones_announced() {
+    let large = info(8000, 4000, (30, 1), 1);
+    let error = Mp4Exporter.begin(&large, Box::new(Vec::new())).err().unwrap().to_string();
+    assert!(error.starts_with("MP4: 8000×4000 is outside what the H.264 encoder takes"), "{error}");
+    let notes = Mp4Exporter.notes(&info(641, 480, (30, 1), 1));
+    assert_eq!(notes, ["MP4 needs even sizes: 641×480 becomes 642×480, the last column or row is repeated"]);
+    assert!(Mp4Exporter.notes(&info(640, 480, (30, 1), 1)).is_empty());
+    let sink = Mp4Exporter.begin(&info(64, 64, (30, 1), 1), Box::new(Vec::new())).unwrap();
+    assert!(sink.finish().unwrap_err().to_string().contains("at least one picture"));
+}

@@ -1,0 +1,123 @@
+//! Written by us, read by the `png` crate's decoder and by ffmpeg.
+
+use choreo_motion::FrameRate;
+use choreo_plugin::{Exporter, Frame, VideoInfo};
+use export_png::PngExporter;
+use std::io::Write;
+use std::sync::{Arc, Mutex};
+
+#[derive(Clone, Default)]
+struct Shared(Arc<Mutex<Vec<u8>>>);
+
+impl Write for Shared {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.lock().unwrap().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Gradients, an edge and some noise; `alpha` in the first pixel.
+fn picture(width: u32, height: u32, alpha: u8) -> Frame {
+    let mut rgba = Vec::new();
+    for y in 0..height {
+        for x in 0..width {
+            let noise = (x.wrapping_mul(2654435761) ^ y.wrapping_mul(40503)) >> 28;
+            rgba.extend([(x * 255 / width) as u8, (y * 255 / height) as u8, (noise * 16) as u8, 255]);
+        }
+    }
+    rgba[3] = alpha;
+    Frame { width, height, rgba }
+}
+
+fn info(frame: &Frame) -> VideoInfo {
+    VideoInfo {
+        width: frame.width,
+        height: frame.height,
+        fps: FrameRate { num: 30, den: 1 },
+        frames: 1,
+        provenance: vec![
+            ("Software".into(), "choreo".into()),
+            ("choreo:script".into(), "Straße.rhai".into()),
+        ],
+        options: Default::default(),
+    }
+}
+
+fn encode(frame: &Frame, info: &VideoInfo) -> Vec<u8> {
+    let out = Shared::default();
+    let mut sink = PngExporter.begin(info, Box::new(out.clone())).unwrap();
+    sink.frame(frame).unwrap();
+    sink.finish().unwrap();
+    let bytes = out.0.lock().unwrap().clone();
+    bytes
+}
+
+#[test]
+fn opaque_pictures_come_back_as_rgb_with_their_texts() {
+    for (w, h) in [(61, 37), (1, 1), (1280, 3)] {
+        let frame = picture(w, h, 255);
+        for compression in ["fast", "small"] {
+            let mut info = info(&frame);
+            let value = export_png::MANIFEST.parse_option("compression", compression).unwrap();
+            info.options.0.insert("compression".into(), value);
+            let bytes = encode(&frame, &info);
+            let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+            let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+            reader.next_frame(&mut pixels).unwrap();
+            let head = reader.info();
+            assert_eq!((head.width, head.height, head.color_type), (w, h, png::ColorType::Rgb));
+            assert!(head.srgb.is_some());
+            assert_eq!(head.uncompressed_latin1_text[0].text, "choreo");
+            assert_eq!(head.utf8_text[0].get_text().unwrap(), "Straße.rhai");
+            let expected: Vec<u8> = frame.rgba.chunks(4).flat_map(|p| p[..3].to_vec()).collect();
+            assert_eq!(pixels, expected);
+        }
+    }
+}
+
+#[test]
+fn one_clear_pixel_keeps_the_alpha_of_all() {
+    let frame = picture(20, 10, 7);
+    let bytes = encode(&frame, &info(&frame));
+    let mut reader = png::Decoder::new(std::io::Cursor::new(&bytes)).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut pixels).unwrap();
+    assert_eq!(reader.info().color_type, png::ColorType::Rgba);
+    assert_eq!(pixels, frame.rgba);
+}
+
+#[test]
+fn ffmpeg_reads_the_same_pixels() {
+    let frame = picture(64, 40, 200);
+    let bytes = encode(&frame, &info(&frame));
+    let spawned = std::process::Command::new("ffmpeg")
+        .args(["-v", "error", "-f", "png_pipe", "-i", "-", "-f", "rawvideo", "-pix_fmt", "rgba", "-"])
+        .stdin(std::process::Stdio::piped())
+        .stdout(std::process::Stdio::piped())
+        .spawn();
+    let Ok(mut ffmpeg) = spawned else {
+        println!("skipped: ffmpeg is not installed (1 case)");
+        return;
+    };
+    ffmpeg.stdin.take().unwrap().write_all(&bytes).unwrap();
+    let out = ffmpeg.wait_with_output().unwrap();
+    assert!(out.status.success());
+    assert_eq!(out.stdout, frame.rgba);
+}
+
+#[test]
+fn a_second_picture_and_none_are_refused() {
+    let frame = picture(2, 2, 255);
+    let mut sink = PngExporter.begin(&info(&frame), Box::new(Vec::new())).unwrap();
+    sink.frame(&frame).unwrap();
+    let error = sink.frame(&frame).unwrap_err().to_string();
+    assert_eq!(error, "a PNG holds one picture, and this one has it already");
+    let empty = PngExporter.begin(&info(&frame), Box::new(Vec::new())).unwrap();
+    assert_eq!(empty.finish().unwrap_err().to_string(), "a PNG needs one picture, and there was none");
+    let mut sink = PngExporter.begin(&info(&frame), Box::new(Vec::new())).unwrap();
+    let bad = Frame { width: 2, height: 2, rgba: vec![0; 15] };
+    assert_eq!(sink.frame(&bad).unwrap_err().to_string(), "a frame of 2×2 has 15 bytes, must have 16");
+}
