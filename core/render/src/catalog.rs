@@ -1,7 +1,10 @@
 //! What all frames of a stage share: every distinct primitive, material and texture once, keyed by content.
 
-use choreo_stage::{Image, Material, Primitive, Sampler, Stage};
+use crate::bounds::PrimitiveInfo;
+use crate::content::{material_hash, pixel_hash, primitive_hash};
+use choreo_stage::{AlphaMode, Asset, Image, Material, Primitive, Sampler, Shading, Stage, TextureRef};
 use glam::Affine2;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 #[derive(Clone, Debug, Default)]
@@ -23,6 +26,8 @@ pub struct CatalogPrimitive {
     pub index: u32,
     /// Content hash (first 16 bytes of BLAKE3): cache and dedup key.
     pub hash: [u8; 16],
+    /// Bounds, and what of the arrays is worth reading.
+    pub info: PrimitiveInfo,
 }
 
 impl CatalogPrimitive {
@@ -31,6 +36,8 @@ impl CatalogPrimitive {
     }
 }
 
+/// A material with its textures as catalogue ids. Textures that cannot change a pixel (the normal map of an unlit
+/// material, an emissive texture times zero) are `None` here, so no renderer uploads them.
 #[derive(Clone, Debug)]
 pub struct CatalogMaterial {
     pub material: Material,
@@ -41,6 +48,21 @@ pub struct CatalogMaterial {
     pub emissive: Option<CatalogTextureRef>,
     pub specular: Option<CatalogTextureRef>,
     pub specular_color: Option<CatalogTextureRef>,
+}
+
+impl CatalogMaterial {
+    /// In the order of the fields.
+    pub fn texture_refs(&self) -> [Option<CatalogTextureRef>; 7] {
+        [
+            self.base_color,
+            self.metallic_roughness,
+            self.normal,
+            self.occlusion,
+            self.emissive,
+            self.specular,
+            self.specular_color,
+        ]
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,8 +97,130 @@ pub struct PrimitiveEntry {
 }
 
 impl Catalog {
+    /// Every distinct primitive, material and texture of the stage's assets, in order of first use.
+    pub fn new(stage: &Stage) -> Catalog {
+        let mut builder = Builder::default();
+        let mut asset_ids: HashMap<*const Asset, u32> = HashMap::new();
+        for actor in &stage.actors {
+            let id = *asset_ids.entry(Arc::as_ptr(&actor.asset)).or_insert_with(|| {
+                let entry = builder.asset(&actor.asset);
+                builder.catalog.assets.push(entry);
+                builder.catalog.assets.len() as u32 - 1
+            });
+            builder.catalog.asset_of_actor.push(id);
+        }
+        builder.catalog
+    }
+
     pub fn entry(&self, actor: usize) -> &AssetEntry {
         &self.assets[self.asset_of_actor[actor] as usize]
+    }
+}
+
+#[derive(Default)]
+struct Builder {
+    catalog: Catalog,
+    primitives: HashMap<[u8; 16], u32>,
+    materials: HashMap<[u8; 16], u32>,
+    textures: HashMap<([u8; 16], bool), u32>,
+    /// Files share images by `Arc`: hashed once.
+    image_hashes: HashMap<*const Image, [u8; 16]>,
+}
+
+impl Builder {
+    fn asset(&mut self, asset: &Asset) -> AssetEntry {
+        let material_ids: Vec<u32> = asset.materials.iter().map(|m| self.material(asset, m)).collect();
+        let mut default_material = None;
+        let mut meshes: Vec<Option<Vec<PrimitiveEntry>>> = vec![None; asset.meshes.len()];
+        let mut entry = AssetEntry::default();
+        for instance in &asset.instances {
+            let Some(mesh) = asset.meshes.get(instance.mesh as usize) else {
+                entry.primitives.push(Vec::new());
+                continue;
+            };
+            if meshes[instance.mesh as usize].is_none() {
+                let mut ids = Vec::with_capacity(mesh.primitives.len());
+                for (index, primitive) in mesh.primitives.iter().enumerate() {
+                    let material = primitive.material.and_then(|m| material_ids.get(m as usize).copied());
+                    let material = material.unwrap_or_else(|| {
+                        *default_material.get_or_insert_with(|| self.material(asset, &Material::default()))
+                    });
+                    ids.push(PrimitiveEntry { primitive: self.primitive(mesh, index as u32), material });
+                }
+                meshes[instance.mesh as usize] = Some(ids);
+            }
+            entry.primitives.push(meshes[instance.mesh as usize].clone().unwrap_or_default());
+        }
+        entry
+    }
+
+    fn primitive(&mut self, mesh: &Arc<choreo_stage::Mesh>, index: u32) -> u32 {
+        let primitive = &mesh.primitives[index as usize];
+        let hash = primitive_hash(primitive);
+        *self.primitives.entry(hash).or_insert_with(|| {
+            let info = PrimitiveInfo::new(primitive);
+            self.catalog.primitives.push(CatalogPrimitive { mesh: mesh.clone(), index, hash, info });
+            self.catalog.primitives.len() as u32 - 1
+        })
+    }
+
+    fn material(&mut self, asset: &Asset, m: &Material) -> u32 {
+        let lit = m.shading != Shading::Unlit;
+        let metallic_roughness = m.shading == Shading::MetallicRoughness;
+        let mut texture = |t: &Option<TextureRef>, srgb, needed| {
+            t.as_ref().filter(|_| needed).and_then(|t| self.texture(asset, t, srgb))
+        };
+        let material = CatalogMaterial {
+            base_color: texture(&m.base_color_texture, true, true),
+            metallic_roughness: texture(
+                &m.metallic_roughness_texture,
+                false,
+                metallic_roughness && (m.metallic != 0.0 || m.roughness != 0.0),
+            ),
+            normal: texture(&m.normal_texture, false, lit && m.normal_scale != 0.0),
+            occlusion: texture(&m.occlusion_texture, false, lit && m.occlusion_strength != 0.0),
+            emissive: texture(&m.emissive_texture, true, lit && m.emissive != glam::Vec3::ZERO),
+            specular: texture(&m.specular_texture, false, metallic_roughness && m.specular != 0.0),
+            specular_color: texture(
+                &m.specular_color_texture,
+                true,
+                lit && m.specular_color != glam::Vec3::ZERO,
+            ),
+            material: Material {
+                // A cutoff of zero discards nothing.
+                alpha_mode: match m.alpha_mode {
+                    AlphaMode::Mask(cutoff) if !(cutoff > 0.0) => AlphaMode::Opaque,
+                    mode => mode,
+                },
+                ..m.clone()
+            },
+        };
+        let hash = material_hash(&material);
+        *self.materials.entry(hash).or_insert_with(|| {
+            self.catalog.materials.push(material);
+            self.catalog.materials.len() as u32 - 1
+        })
+    }
+
+    fn texture(&mut self, asset: &Asset, t: &TextureRef, srgb: bool) -> Option<CatalogTextureRef> {
+        let image = asset.images.get(t.image as usize)?;
+        let bytes = 4 * u64::from(image.width) * u64::from(image.height);
+        if bytes == 0 || bytes != image.rgba.len() as u64 {
+            return None;
+        }
+        let hash = *self.image_hashes.entry(Arc::as_ptr(image)).or_insert_with(|| pixel_hash(image));
+        let textures = &mut self.catalog.textures;
+        let id = *self.textures.entry((hash, srgb)).or_insert_with(|| {
+            textures.push(CatalogTexture { image: image.clone(), srgb, mipmaps: false, hash });
+            textures.len() as u32 - 1
+        });
+        textures[id as usize].mipmaps |= t.sampler.mip_linear.is_some();
+        Some(CatalogTextureRef {
+            texture: id,
+            sampler: t.sampler,
+            uv_set: t.uv_set.min(1),
+            uv_transform: t.uv_transform,
+        })
     }
 }
 

@@ -1,10 +1,16 @@
 //! Plan → recording → frame. The plan says what a frame needs and what was left out; the Vulkan renderer
 //! (`gpu`, the only place that knows ash) and its CPU twin (`cpu`, the specification of each shader) draw the same plan.
 
+pub mod bounds;
 pub mod catalog;
+pub mod content;
+mod needs;
 pub mod plan;
+mod planner;
 pub mod renderer;
+pub mod view;
 
 pub use catalog::Catalog;
 pub use plan::Plan;
+pub use planner::PlanOptions;
 pub use renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};

@@ -113,6 +113,10 @@ impl From<Topology> for TopologyKey {
 }
 
 /// Shader features: a bit set. One bit, one `@if` or override in the WGSL, one branch in the CPU twin.
+///
+/// A bit may be set where primitive or material lacks the data (`PlanOptions::force_all`). The shader then reads:
+/// uv 0, colour 1, tangent 0, joint indices 0 with weights (1,0,0,0 | 0,0,0,0), normal scale 0, cutoff 0,
+/// identity uv transforms, and a white texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Features(pub u32);
 
@@ -142,6 +146,9 @@ impl Features {
     /// Point or spot lights are in, beside directional ones.
     pub const LOCAL_LIGHTS: Features = Features(1 << 18);
 
+    pub const fn is_lit(self) -> bool {
+        self.0 & (Self::METALLIC_ROUGHNESS.0 | Self::BLINN_PHONG.0) != 0
+    }
     pub const fn has(self, other: Features) -> bool {
         self.0 & other.0 == other.0
     }

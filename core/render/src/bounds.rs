@@ -1,0 +1,215 @@
+//! Axis-aligned boxes of primitives and their posed, morphed, skinned copies: never too small, so that culling never shows.
+
+use crate::plan::Rows;
+use choreo_stage::Primitive;
+use glam::{Affine3A, Mat4, Vec3};
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    pub min: Vec3,
+    pub max: Vec3,
+}
+
+impl Aabb {
+    /// Contains nothing; the neutral element of [`Aabb::union`].
+    pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    pub fn of(points: impl IntoIterator<Item = Vec3>) -> Aabb {
+        points.into_iter().fold(Aabb::EMPTY, Aabb::with)
+    }
+
+    /// Grown to hold a point. Points that are not finite are never drawn and do not count.
+    pub fn with(self, p: Vec3) -> Aabb {
+        if p.is_finite() { Aabb { min: self.min.min(p), max: self.max.max(p) } } else { self }
+    }
+
+    pub fn union(self, other: Aabb) -> Aabb {
+        Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    pub fn is_empty(self) -> bool {
+        !(self.min.x <= self.max.x && self.min.y <= self.max.y && self.min.z <= self.max.z)
+    }
+
+    pub fn center(self) -> Vec3 {
+        (self.min + self.max) * 0.5
+    }
+
+    pub fn corners(self) -> [Vec3; 8] {
+        std::array::from_fn(|i| {
+            Vec3::new(
+                if i & 1 == 0 { self.min.x } else { self.max.x },
+                if i & 2 == 0 { self.min.y } else { self.max.y },
+                if i & 4 == 0 { self.min.z } else { self.max.z },
+            )
+        })
+    }
+
+    /// Box of the transformed box: centre moved, half extents by the absolute matrix.
+    pub fn transformed(self, rows: &Rows) -> Aabb {
+        if self.is_empty() {
+            return Aabb::EMPTY;
+        }
+        let (c, h) = (self.center(), (self.max - self.min) * 0.5);
+        let center = rows.transform_point(c);
+        let half =
+            Vec3::from_array(std::array::from_fn(|i| rows.0[i].truncate().abs().dot(h) * (1.0 + 1e-6)));
+        Aabb { min: center - half, max: center + half }
+    }
+}
+
+/// What the planner must know of a primitive beside its arrays; computed once for the catalogue.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PrimitiveInfo {
+    /// Array lengths fit together and every index is in range. Broken primitives are never drawn.
+    pub valid: bool,
+    /// Unmorphed positions in mesh space.
+    pub bounds: Aabb,
+    /// (skin joint, box of the vertices that it moves), by joint.
+    pub joint_bounds: Vec<(u16, Aabb)>,
+    /// Per morph target: box of its offsets, zero included.
+    pub morph_bounds: Vec<Aabb>,
+    /// Influences a vertex that weigh anything: 0, 4 or 8.
+    pub influences: usize,
+    /// Some vertex colour is not white.
+    pub colored: bool,
+}
+
+impl PrimitiveInfo {
+    pub fn new(p: &Primitive) -> PrimitiveInfo {
+        let n = p.positions.len();
+        let fits = |len: usize| len == 0 || len == n;
+        let valid = n > 0
+            && fits(p.normals.len())
+            && fits(p.tangents.len())
+            && p.uvs.iter().all(|u| fits(u.len()))
+            && fits(p.colors.len())
+            && matches!(p.influences, 0 | 4 | 8)
+            && p.joint_indices.len() == n * p.influences
+            && p.joint_weights.len() == n * p.influences
+            && p.morphs
+                .iter()
+                .all(|m| fits(m.positions.len()) && fits(m.normals.len()) && fits(m.tangents.len()))
+            && p.indices.iter().all(|&i| (i as usize) < n);
+        let mut info = PrimitiveInfo {
+            valid,
+            bounds: Aabb::of(p.positions.iter().copied()),
+            joint_bounds: Vec::new(),
+            morph_bounds: Vec::new(),
+            influences: 0,
+            colored: p.colors.iter().any(|&c| c != glam::Vec4::ONE),
+        };
+        if !valid {
+            return info;
+        }
+        info.morph_bounds = p
+            .morphs
+            .iter()
+            .map(|m| Aabb::of(m.positions.iter().copied().chain(std::iter::once(Vec3::ZERO))))
+            .collect();
+        if p.influences > 0 {
+            info.influences = 4;
+            let mut boxes: Vec<Aabb> = Vec::new();
+            for (v, position) in p.positions.iter().enumerate() {
+                for k in 0..p.influences {
+                    let weight = p.joint_weights[v * p.influences + k];
+                    if weight == 0.0 {
+                        continue;
+                    }
+                    if k >= 4 {
+                        info.influences = 8;
+                    }
+                    let joint = p.joint_indices[v * p.influences + k] as usize;
+                    if boxes.len() <= joint {
+                        boxes.resize(joint + 1, Aabb::EMPTY);
+                    }
+                    boxes[joint] = boxes[joint].with(*position);
+                }
+            }
+            info.joint_bounds = (0u16..).zip(boxes).filter(|(_, b)| !b.is_empty()).collect();
+        }
+        info
+    }
+
+    /// Largest skin joint in use, plus one.
+    pub fn joint_count(&self) -> usize {
+        self.joint_bounds.last().map_or(0, |(j, _)| *j as usize + 1)
+    }
+
+    /// How far active morphs can move a vertex: Σ wᵢ · box of target i.
+    pub fn morph_offset(&self, weights: &[f32]) -> Aabb {
+        let mut sum = Aabb { min: Vec3::ZERO, max: Vec3::ZERO };
+        for (b, &w) in self.morph_bounds.iter().zip(weights) {
+            let (a, b) = (b.min * w, b.max * w);
+            sum = Aabb { min: sum.min + a.min(b), max: sum.max + a.max(b) };
+        }
+        sum
+    }
+
+    /// Relative-space box of a copy with one transform.
+    pub fn posed(&self, relative_from_mesh: &Rows, morph_offset: Aabb) -> Aabb {
+        grown(self.bounds, morph_offset).transformed(relative_from_mesh)
+    }
+
+    /// Relative-space box of a skinned copy. A skinned vertex is a convex combination of its joints'
+    /// images of it, so the union of the joints' transformed boxes holds it.
+    pub fn skinned(&self, joints: &[Rows], morph_offset: Aabb) -> Aabb {
+        let mut all = Aabb::EMPTY;
+        for (joint, b) in &self.joint_bounds {
+            if let Some(rows) = joints.get(*joint as usize) {
+                all = all.union(grown(*b, morph_offset).transformed(rows));
+            }
+        }
+        all
+    }
+}
+
+fn grown(b: Aabb, by: Aabb) -> Aabb {
+    Aabb { min: b.min + by.min, max: b.max + by.max }
+}
+
+/// True where the whole box lies outside one plane of the clip volume `|x|,|y| ≤ w, 0 ≤ z ≤ w`.
+/// A box with a number that is not finite counts as visible.
+pub fn outside(b: Aabb, clip_from_relative: &Mat4) -> bool {
+    let corners = b.corners().map(|c| *clip_from_relative * c.extend(1.0));
+    if corners.iter().any(|c| !c.is_finite()) {
+        return false;
+    }
+    // Half a pixel of lines and points sticks out of their boxes; and rounding: a little wider than exact.
+    let slack = |w: f32| w.abs() * 1e-3 + 1e-6;
+    corners.iter().all(|c| c.x > c.w + slack(c.w))
+        || corners.iter().all(|c| c.x < -c.w - slack(c.w))
+        || corners.iter().all(|c| c.y > c.w + slack(c.w))
+        || corners.iter().all(|c| c.y < -c.w - slack(c.w))
+        || corners.iter().all(|c| c.z > c.w + slack(c.w))
+        || corners.iter().all(|c| c.z < -slack(c.w))
+}
+
+impl Rows {
+    pub fn from_affine(a: glam::DAffine3) -> Rows {
+        let m = a.matrix3;
+        let row =
+            |i: usize| glam::DVec4::new(m.x_axis[i], m.y_axis[i], m.z_axis[i], a.translation[i]).as_vec4();
+        Rows([row(0), row(1), row(2)])
+    }
+
+    pub fn from_affine3a(a: Affine3A) -> Rows {
+        Rows::from_affine(crate::planner::daffine(a))
+    }
+
+    pub fn transform_point(&self, p: Vec3) -> Vec3 {
+        let p = p.extend(1.0);
+        Vec3::new(self.0[0].dot(p), self.0[1].dot(p), self.0[2].dot(p))
+    }
+
+    pub fn transform_vector(&self, v: Vec3) -> Vec3 {
+        let v = v.extend(0.0);
+        Vec3::new(self.0[0].dot(v), self.0[1].dot(v), self.0[2].dot(v))
+    }
+
+    /// Determinant of the 3×3 part: negative where it mirrors.
+    pub fn determinant(&self) -> f32 {
+        let [a, b, c] = self.0.map(|r| r.truncate());
+        a.dot(b.cross(c))
+    }
+}

@@ -1,0 +1,172 @@
+//! Which shader features a draw needs, and words for those that nothing needs.
+
+use crate::catalog::{CatalogMaterial, CatalogPrimitive};
+use crate::plan::{Features, LeftOut, is_lit};
+use choreo_stage::{AlphaMode, Shading};
+use glam::{Affine2, Vec3};
+
+/// What a draw brings besides primitive and material.
+#[derive(Clone, Copy, Debug)]
+pub struct DrawNeeds {
+    pub skinned: bool,
+    pub morphed: bool,
+    pub local_lights: bool,
+}
+
+/// Only what changes a pixel. `force_all` sets every bit that leaves the pixels as they are; see [`Features`] for
+/// what a renderer then feeds to a shader whose primitive or material lacks the data.
+pub fn features(
+    primitive: &CatalogPrimitive,
+    material: &CatalogMaterial,
+    needs: DrawNeeds,
+    force_all: bool,
+) -> Features {
+    let p = primitive.primitive();
+    let m = &material.material;
+    let lit = is_lit(m.shading) && !p.normals.is_empty();
+    let mut f = Features::default();
+    let mut set = |on: bool, bit: Features| {
+        if on {
+            f = f.with(bit);
+        }
+    };
+    let metallic_roughness = lit && m.shading == Shading::MetallicRoughness;
+    // (texture, its bit, whether this kind of shading reads it)
+    let textures = [
+        (material.base_color, Features::BASE_COLOR_TEXTURE, true),
+        (material.metallic_roughness, Features::METALLIC_ROUGHNESS_TEXTURE, metallic_roughness),
+        (material.normal, Features::NORMAL_TEXTURE, lit),
+        (material.occlusion, Features::OCCLUSION_TEXTURE, lit),
+        (material.emissive, Features::EMISSIVE_TEXTURE, lit),
+        (material.specular, Features::SPECULAR_TEXTURE, metallic_roughness),
+        (material.specular_color, Features::SPECULAR_COLOR_TEXTURE, lit),
+    ];
+    for (texture, bit, read) in textures {
+        // A texture without its uvs, a normal map without tangents: out, even where everything is forced in.
+        let unusable = texture.is_some_and(|t| p.uvs[t.uv_set as usize].is_empty())
+            || (bit == Features::NORMAL_TEXTURE && texture.is_some() && p.tangents.is_empty());
+        if !read || unusable {
+            continue;
+        }
+        set(texture.is_some() || force_all, bit);
+        set(texture.is_some_and(|t| t.uv_set == 0) || force_all, Features::UV0);
+        set(texture.is_some_and(|t| t.uv_set == 1) || force_all, Features::UV1);
+        set(
+            texture.is_some_and(|t| t.uv_transform != Affine2::IDENTITY) || force_all,
+            Features::UV_TRANSFORM,
+        );
+    }
+    set(needs.skinned || force_all, Features::SKIN);
+    set((needs.skinned && primitive.info.influences == 8) || force_all, Features::SKIN_8);
+    set(needs.morphed || force_all, Features::MORPH);
+    set(primitive.info.colored || force_all, Features::VERTEX_COLOR);
+    set(metallic_roughness, Features::METALLIC_ROUGHNESS);
+    set(lit && m.shading == Shading::BlinnPhong, Features::BLINN_PHONG);
+    set(lit && (m.emissive != Vec3::ZERO || force_all), Features::EMISSIVE);
+    set(matches!(m.alpha_mode, AlphaMode::Mask(_)) || force_all, Features::ALPHA_MASK);
+    set(lit && (needs.local_lights || force_all), Features::LOCAL_LIGHTS);
+    f
+}
+
+/// Facts of a frame from which the reasons are told.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Facts {
+    /// Visible or not: some actor's mesh has a skin, morph targets, a lit material.
+    pub skins_exist: bool,
+    pub morphs_exist: bool,
+    pub lit_exist: bool,
+    pub lights_exist: bool,
+    pub lit_drawn: bool,
+    pub blended: usize,
+    pub copies: usize,
+    pub culled: usize,
+    pub hidden_actors: usize,
+    pub draws: usize,
+    pub drawn_copies: usize,
+    pub samples: u32,
+    pub post_passes: usize,
+    pub dark_lights: usize,
+}
+
+pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
+    let mut out = Vec::new();
+    let mut say = |on: bool, what: &str, why: String| {
+        if on {
+            out.push(LeftOut { what: what.into(), why });
+        }
+    };
+    let nothing_drawn_uses = |thing: &str| format!("no drawn material has {thing}");
+    if facts.hidden_actors > 0 {
+        say(true, "hidden actors", format!("{} set invisible", facts.hidden_actors));
+    }
+    if facts.culled > 0 {
+        say(
+            true,
+            "primitives outside the view",
+            format!("{} of {} have their bounds outside the frustum", facts.culled, facts.copies),
+        );
+    }
+    let skin_why = if facts.skins_exist { "no skinned mesh is in view" } else { "no mesh has a skin" };
+    say(!all.has(Features::SKIN), "skinning", skin_why.into());
+    say(
+        all.has(Features::SKIN) && !all.has(Features::SKIN_8),
+        "influences 5 to 8",
+        "no vertex is moved by more than four joints".into(),
+    );
+    let morph_why =
+        if facts.morphs_exist { "every weight in view is zero" } else { "no mesh has morph targets" };
+    say(!all.has(Features::MORPH), "morph targets", morph_why.into());
+    let unlit_why = if facts.lit_exist { "nothing lit is in view" } else { "every material is unlit" };
+    say(!facts.lit_drawn, "normals, lights and ambient light", unlit_why.into());
+    say(facts.lit_drawn && !facts.lights_exist, "lights", "none shines; ambient light only".into());
+    say(
+        facts.dark_lights > 0,
+        "dark lights",
+        format!("{} have no intensity, no colour or a value that is not finite", facts.dark_lights),
+    );
+    say(
+        facts.lit_drawn && facts.lights_exist && !all.has(Features::LOCAL_LIGHTS),
+        "distance and cone attenuation",
+        "no point or spot light shines".into(),
+    );
+    say(!all.has(Features::VERTEX_COLOR), "vertex colours", "no drawn mesh has any but white".into());
+    say(
+        !all.has(Features::UV0) && !all.has(Features::UV1),
+        "texture coordinates",
+        nothing_drawn_uses("a texture"),
+    );
+    say(
+        all.has(Features::UV0) && !all.has(Features::UV1),
+        "second texture coordinates",
+        "no drawn texture uses them".into(),
+    );
+    let textures = [
+        (Features::BASE_COLOR_TEXTURE, "base colour textures", "a base colour texture", false),
+        (Features::METALLIC_ROUGHNESS_TEXTURE, "metallic-roughness textures", "one that matters", true),
+        (Features::NORMAL_TEXTURE, "normal maps and tangents", "a normal map", true),
+        (Features::OCCLUSION_TEXTURE, "occlusion textures", "one", true),
+        (Features::EMISSIVE_TEXTURE, "emissive textures", "one that is not multiplied by zero", true),
+        (Features::SPECULAR_TEXTURE, "specular textures", "one", true),
+        (Features::SPECULAR_COLOR_TEXTURE, "specular colour textures", "one", true),
+    ];
+    for (bit, what, thing, lit_only) in textures {
+        say(!all.has(bit) && (facts.lit_drawn || !lit_only), what, nothing_drawn_uses(thing));
+    }
+    say(facts.lit_drawn && !all.has(Features::EMISSIVE), "emission", "no drawn material emits light".into());
+    say(
+        (all.has(Features::UV0) || all.has(Features::UV1)) && !all.has(Features::UV_TRANSFORM),
+        "texture transforms",
+        "all are identity".into(),
+    );
+    say(!all.has(Features::ALPHA_MASK), "alpha test", nothing_drawn_uses("an alpha cutoff"));
+    say(facts.blended == 0, "blending and sorting back to front", "everything drawn is opaque".into());
+    say(
+        facts.drawn_copies == facts.draws,
+        "instancing",
+        "no two drawn primitives are equal in shape, material and state".into(),
+    );
+    say(facts.samples == 1, "multisampling", "one sample a pixel was asked for".into());
+    say(facts.post_passes == 0, "full-screen passes and float target", "no effect is on".into());
+    say(true, "shadow maps", "no light casts shadows".into());
+    out
+}

@@ -1,0 +1,367 @@
+//! Snapshot → plan: what is in view, which pipelines and matrices it needs, in which order it is drawn.
+
+use crate::bounds::outside;
+use crate::catalog::{Catalog, PrimitiveEntry};
+use crate::needs::{DrawNeeds, Facts, features, left_out};
+use crate::plan::*;
+use crate::view::relative;
+use choreo_plugin::{Effect, OptionKind};
+use choreo_stage::{ActorState, AlphaMode, Asset, LightKind, LightState, MeshInstance, Snapshot, Stage};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3, Vec4};
+use std::sync::Arc;
+
+/// What a frame is planned for. [`PlanOptions::new`] gives the usual choices.
+#[derive(Clone)]
+pub struct PlanOptions<'a> {
+    /// Pixels.
+    pub size: [u32; 2],
+    /// 1 or 4.
+    pub samples: u32,
+    /// Effects known by name; one of the stage that is not among them is left out, and said.
+    pub effects: &'a [Arc<dyn Effect>],
+    /// Every feature in, needed or not: the pixels must stay the same (tests).
+    pub force_all: bool,
+    /// Copies outside the view are drawn too.
+    pub no_culling: bool,
+    /// One draw a copy.
+    pub no_instancing: bool,
+}
+
+impl PlanOptions<'_> {
+    pub fn new(size: [u32; 2], samples: u32) -> Self {
+        PlanOptions { size, samples, effects: &[], force_all: false, no_culling: false, no_instancing: false }
+    }
+}
+
+impl Plan {
+    /// The same input gives the same plan, bit for bit.
+    pub fn new(catalog: &Catalog, stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Plan {
+        let view = View::new(&snapshot.camera, options.size);
+        let (lights, dark_lights) = plan_lights(&snapshot.lights, &view);
+        let mut planner = Planner {
+            catalog,
+            options,
+            local_lights: lights.iter().any(|l| l.direction.w != 0.0),
+            joint_matrices: Vec::new(),
+            morphs: Vec::new(),
+            items: Vec::new(),
+            facts: Facts { lights_exist: !lights.is_empty(), dark_lights, ..Facts::default() },
+            view,
+        };
+        for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
+            planner.actor(index, &actor.asset, state);
+        }
+        planner.finish(stage, snapshot, lights)
+    }
+}
+
+/// One copy of one primitive before sorting.
+struct Item {
+    phase: Phase,
+    pipeline: PipelineKey,
+    entry: PrimitiveEntry,
+    /// Metres in front of the camera.
+    depth: f32,
+    instance: Instance,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Phase {
+    Opaque,
+    Mask,
+    Blend,
+}
+
+struct Planner<'a> {
+    catalog: &'a Catalog,
+    options: &'a PlanOptions<'a>,
+    view: View,
+    local_lights: bool,
+    joint_matrices: Vec<Rows>,
+    morphs: Vec<ActiveMorph>,
+    items: Vec<Item>,
+    facts: Facts,
+}
+
+/// Skin matrices of one (actor, skin), shared by all its primitives; in the plan only once one is in view.
+struct PosedSkin {
+    skin: u32,
+    rows: Vec<Rows>,
+    first_joint: Option<u32>,
+}
+
+impl Planner<'_> {
+    fn actor(&mut self, index: usize, asset: &Asset, state: &ActorState) {
+        if !state.visible {
+            self.facts.hidden_actors += 1;
+            return;
+        }
+        // The only place where world coordinates are subtracted.
+        let relative_from_model = DAffine3 {
+            translation: state.world_from_model.translation - self.view.position,
+            ..state.world_from_model
+        };
+        let mut skins: Vec<PosedSkin> = Vec::new();
+        let catalog = self.catalog;
+        let entry = catalog.entry(index);
+        for (i, (instance, primitives)) in asset.instances.iter().zip(&entry.primitives).enumerate() {
+            let skin = instance.skin.filter(|s| (*s as usize) < asset.skins.len()).map(|skin| {
+                skins.iter().position(|s| s.skin == skin).unwrap_or_else(|| {
+                    let rows = skin_rows(relative_from_model, asset, skin, state);
+                    skins.push(PosedSkin { skin, rows, first_joint: None });
+                    skins.len() - 1
+                })
+            });
+            let weights = state.morph_weights.get(i).unwrap_or(&instance.weights);
+            let skin = skin.map(|s| &mut skins[s]);
+            self.mesh(primitives, instance, relative_from_model, skin, weights, state);
+        }
+    }
+
+    fn mesh(
+        &mut self,
+        primitives: &[PrimitiveEntry],
+        instance: &MeshInstance,
+        relative_from_model: DAffine3,
+        mut skin: Option<&mut PosedSkin>,
+        weights: &[f32],
+        state: &ActorState,
+    ) {
+        let model_from_joint = state.model_from_joint.get(instance.joint as usize);
+        let model_from_joint = model_from_joint.copied().unwrap_or(Affine3A::IDENTITY);
+        let rigid = Rows::from_affine(relative_from_model * daffine(model_from_joint));
+        let active = |&(_, w): &(usize, &f32)| *w != 0.0 && w.is_finite();
+        let mut morph_range = None;
+        for entry in primitives {
+            let primitive = &self.catalog.primitives[entry.primitive as usize];
+            let info = &primitive.info;
+            let material = &self.catalog.materials[entry.material as usize];
+            if !info.valid || primitive.primitive().indices.is_empty() {
+                continue;
+            }
+            self.facts.copies += 1;
+            let mut posed_skin = skin.as_deref_mut().filter(|s| {
+                // A joint list shorter than the vertices' indices cannot be drawn skinned.
+                info.influences > 0 && info.joint_count() <= s.rows.len()
+            });
+            let morph_count = weights.iter().take(info.morph_bounds.len()).enumerate().filter(active).count();
+            self.facts.skins_exist |= posed_skin.is_some();
+            self.facts.morphs_exist |= !info.morph_bounds.is_empty();
+            self.facts.lit_exist |= is_lit(material.material.shading);
+
+            let offset = info.morph_offset(weights);
+            let bounds = match &posed_skin {
+                Some(s) => info.skinned(&s.rows, offset),
+                None => info.posed(&rigid, offset),
+            };
+            if !self.options.no_culling && outside(bounds, &self.view.clip_from_relative) {
+                self.facts.culled += 1;
+                continue;
+            }
+
+            let determinant = match &posed_skin {
+                // Of the first joint in use that is not flat.
+                Some(s) => {
+                    let used = info.joint_bounds.iter().map(|(j, _)| s.rows[*j as usize].determinant());
+                    used.into_iter().find(|d| *d != 0.0).unwrap_or(1.0)
+                }
+                None => rigid.determinant(),
+            };
+            let needs = DrawNeeds {
+                skinned: posed_skin.is_some(),
+                morphed: morph_count > 0,
+                local_lights: self.local_lights,
+            };
+            let key = PipelineKey {
+                features: features(primitive, material, needs, self.options.force_all),
+                topology: primitive.primitive().topology.into(),
+                double_sided: material.material.double_sided,
+                mirrored: determinant < 0.0,
+                blend: alpha_blends(material.material.alpha_mode) || state.tint.w < 1.0,
+            };
+            let lit = key.features.is_lit();
+            self.facts.lit_drawn |= lit;
+
+            let mut planned = Instance { relative_from_mesh: rigid, tint: state.tint, ..Instance::default() };
+            if let Some(s) = &mut posed_skin {
+                planned.first_joint = *s.first_joint.get_or_insert_with(|| {
+                    self.joint_matrices.extend_from_slice(&s.rows);
+                    (self.joint_matrices.len() - s.rows.len()) as u32
+                });
+            } else if self.options.force_all {
+                // A skin of one joint, on which every vertex hangs with weight one.
+                planned.first_joint = self.joint_matrices.len() as u32;
+                self.joint_matrices.push(rigid);
+            }
+            if morph_count > 0 {
+                let (first, count) = *morph_range.get_or_insert_with(|| {
+                    let first = self.morphs.len();
+                    let pairs = weights.iter().take(info.morph_bounds.len()).enumerate().filter(active);
+                    self.morphs.extend(pairs.map(|(t, w)| ActiveMorph { target: t as u32, weight: *w }));
+                    (first as u32, (self.morphs.len() - first) as u32)
+                });
+                planned.first_morph = first;
+                // Fewer targets in this primitive than in the mesh: the pairs are in target order.
+                planned.morph_count = count.min(morph_count as u32);
+            }
+            let phase = match material.material.alpha_mode {
+                _ if key.blend => Phase::Blend,
+                AlphaMode::Mask(_) => Phase::Mask,
+                _ => Phase::Opaque,
+            };
+            let depth = self.view.depth(bounds.center());
+            self.items.push(Item { phase, pipeline: key, entry: *entry, depth, instance: planned });
+        }
+    }
+
+    fn finish(mut self, stage: &Stage, snapshot: &Snapshot, lights: Vec<PlanLight>) -> Plan {
+        let state = |i: &Item| (i.phase, i.pipeline, i.entry.material, i.entry.primitive);
+        // Stable: equal keys stay in actor order.
+        self.items.sort_by_key(state);
+        let first_blended = self.items.partition_point(|i| i.phase < Phase::Blend);
+        self.items[first_blended..].sort_by(|a, b| b.depth.total_cmp(&a.depth));
+
+        let mut draws: Vec<Draw> = Vec::new();
+        let mut instances = Vec::with_capacity(self.items.len());
+        let mut previous = None;
+        let mut all = Features::default();
+        for item in &self.items {
+            all = all.with(item.pipeline.features);
+            match draws.last_mut() {
+                Some(draw) if previous == Some(state(item)) && !self.options.no_instancing => {
+                    draw.instance_count += 1;
+                }
+                _ => draws.push(Draw {
+                    pipeline: item.pipeline,
+                    primitive: item.entry.primitive,
+                    material: item.entry.material,
+                    first_instance: instances.len() as u32,
+                    instance_count: 1,
+                }),
+            }
+            previous = Some(state(item));
+            instances.push(item.instance);
+        }
+
+        let (post, unknown) = post_passes(stage, snapshot, self.options.effects);
+        let lit = self.facts.lit_drawn || self.options.force_all;
+        self.facts.blended = self.items.len() - first_blended;
+        self.facts.draws = draws.len();
+        self.facts.drawn_copies = instances.len();
+        self.facts.samples = self.options.samples;
+        self.facts.post_passes = post.len();
+        let mut left_out = left_out(all, &self.facts);
+        left_out.extend(unknown);
+        Plan {
+            size: self.options.size,
+            samples: self.options.samples,
+            view: self.view,
+            background: snapshot.background,
+            ambient_up: if lit { snapshot.ambient_up } else { Vec3::ZERO },
+            ambient_down: if lit { snapshot.ambient_down } else { Vec3::ZERO },
+            lights: if lit { lights } else { Vec::new() },
+            instances,
+            joint_matrices: self.joint_matrices,
+            morphs: self.morphs,
+            draws,
+            post,
+            left_out,
+        }
+    }
+}
+
+/// relative-from-mesh of every joint of a skin: world · model-from-joint · inverse bind (glTF 2.0 §3.7.3.3), in f64.
+fn skin_rows(relative_from_model: DAffine3, asset: &Asset, skin: u32, state: &ActorState) -> Vec<Rows> {
+    let skin = &asset.skins[skin as usize];
+    skin.joints
+        .iter()
+        .enumerate()
+        .map(|(i, joint)| {
+            let pose = state.model_from_joint.get(*joint as usize).copied().unwrap_or(Affine3A::IDENTITY);
+            let bind = skin.inverse_bind.get(i).copied().unwrap_or(glam::Mat4::IDENTITY);
+            let bind = DAffine3 {
+                matrix3: DMat3::from_cols(
+                    bind.x_axis.truncate().as_dvec3(),
+                    bind.y_axis.truncate().as_dvec3(),
+                    bind.z_axis.truncate().as_dvec3(),
+                ),
+                translation: bind.w_axis.truncate().as_dvec3(),
+            };
+            Rows::from_affine(relative_from_model * daffine(pose) * bind)
+        })
+        .collect()
+}
+
+pub(crate) fn daffine(a: Affine3A) -> DAffine3 {
+    let dvec = |v: glam::Vec3A| DVec3::new(v.x.into(), v.y.into(), v.z.into());
+    DAffine3 {
+        matrix3: DMat3::from_cols(dvec(a.matrix3.x_axis), dvec(a.matrix3.y_axis), dvec(a.matrix3.z_axis)),
+        translation: dvec(a.translation),
+    }
+}
+
+/// Lights that shine, and the number of those that do not.
+fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, usize) {
+    let mut out = Vec::with_capacity(lights.len());
+    for state in lights {
+        let light = &state.light;
+        let color = light.color * light.intensity;
+        let (kind, inner, outer) = match light.kind {
+            LightKind::Directional => (0.0, 0.0, 0.0),
+            LightKind::Point => (1.0, 0.0, 0.0),
+            LightKind::Spot { inner, outer } => (2.0, inner, outer),
+        };
+        let position = if kind == 0.0 { Vec3::ZERO } else { relative(state.position, view) };
+        let finite = color.is_finite() && position.is_finite() && state.direction.is_finite();
+        if !finite || color == Vec3::ZERO {
+            continue;
+        }
+        let inverse_range_squared =
+            light.range.filter(|r| *r > 0.0 && kind != 0.0).map_or(0.0, |r| 1.0 / (r * r));
+        // KHR_lights_punctual, "Inner and Outer Cone Angles".
+        let cone = if kind == 2.0 {
+            let (cos_inner, cos_outer) = (libm::cosf(inner), libm::cosf(outer));
+            let scale = 1.0 / (cos_inner - cos_outer).max(0.001);
+            Vec4::new(scale, -cos_outer * scale, 0.0, 0.0)
+        } else {
+            Vec4::ZERO
+        };
+        out.push(PlanLight {
+            position: position.extend(inverse_range_squared),
+            direction: state.direction.extend(kind),
+            color: color.extend(0.0),
+            cone,
+        });
+    }
+    let dark = lights.len() - out.len();
+    (out, dark)
+}
+
+/// Effects that are on, with parameters in manifest order; defaults where the script gives none.
+fn post_passes(
+    stage: &Stage,
+    snapshot: &Snapshot,
+    effects: &[Arc<dyn Effect>],
+) -> (Vec<PostPass>, Vec<LeftOut>) {
+    let mut passes = Vec::new();
+    let mut unknown = Vec::new();
+    for used in snapshot.effects.iter().filter_map(|e| stage.effects.get(*e)) {
+        let Some(effect) = effects.iter().find(|e| e.manifest().name == used.plugin) else {
+            let why = "no plugin of this name is known".into();
+            unknown.push(LeftOut { what: format!("effect \"{}\"", used.plugin), why });
+            continue;
+        };
+        let mut parameters = [0.0; 8];
+        for (slot, option) in parameters.iter_mut().zip(effect.manifest().options) {
+            let given = used.parameters.iter().rev().find(|(name, _)| name == option.name);
+            *slot = match (given, &option.kind) {
+                (Some((_, value)), _) => *value as f32,
+                (None, OptionKind::Number { default, .. }) => *default as f32,
+                (None, OptionKind::Bool { default }) => f32::from(u8::from(*default)),
+                (None, OptionKind::Text { .. }) => 0.0,
+            };
+        }
+        passes.push(PostPass { effect: used.plugin.clone(), parameters });
+    }
+    (passes, unknown)
+}

@@ -1,0 +1,190 @@
+//! Scenes made by hand for the tests of plan and renderers.
+#![allow(dead_code)]
+
+use choreo_motion::{Skeleton, Time, Transform};
+use choreo_render::{Catalog, Plan, PlanOptions};
+use choreo_stage::*;
+use glam::{Affine3A, DAffine3, DVec3, Mat4, Vec2, Vec3, Vec4};
+use std::sync::Arc;
+
+/// A stage with its snapshot, built actor by actor.
+pub struct Scene {
+    pub stage: Stage,
+    pub snapshot: Snapshot,
+}
+
+impl Scene {
+    /// An orthographic camera at z = 10 looking along −Z on a view `height` metres high; black background, no light.
+    pub fn ortho(height: f32) -> Scene {
+        let camera = CameraState {
+            camera: None,
+            world_from_view: DAffine3::from_translation(DVec3::new(0.0, 0.0, 10.0)),
+            projection: Projection::Orthographic { height, near: 0.1, far: 100.0 },
+        };
+        Scene::with_camera(camera)
+    }
+
+    /// A perspective camera at z = `distance`.
+    pub fn perspective(yfov: f32, distance: f64) -> Scene {
+        let camera = CameraState {
+            camera: None,
+            world_from_view: DAffine3::from_translation(DVec3::new(0.0, 0.0, distance)),
+            projection: Projection::Perspective { yfov, near: 0.1, far: None },
+        };
+        Scene::with_camera(camera)
+    }
+
+    pub fn with_camera(camera: CameraState) -> Scene {
+        Scene {
+            stage: Stage::default(),
+            snapshot: Snapshot {
+                time: Time::ZERO,
+                actors: Vec::new(),
+                camera,
+                lights: Vec::new(),
+                background: Background::Color(Vec4::new(0.0, 0.0, 0.0, 1.0)),
+                ambient_up: Vec3::ZERO,
+                ambient_down: Vec3::ZERO,
+                effects: Vec::new(),
+            },
+        }
+    }
+
+    pub fn add(&mut self, asset: &Arc<Asset>, world_from_model: DAffine3) -> usize {
+        self.stage.actors.push(Actor {
+            name: format!("actor{}", self.stage.actors.len()),
+            asset: asset.clone(),
+            transform: Placement::default(),
+            parent: None,
+            face: None,
+            layers: Vec::new(),
+            channels: Vec::new(),
+            look_at: Vec::new(),
+            visible: true,
+            tint: Vec4::ONE,
+            morphs: Vec::new(),
+            file_lights: false,
+        });
+        let mut model_from_joint: Vec<Affine3A> = Vec::new();
+        for (parent, rest) in asset.skeleton.parents().iter().zip(asset.skeleton.rest()) {
+            let local = rest.to_affine();
+            model_from_joint.push(parent.map_or(local, |p| model_from_joint[p as usize] * local));
+        }
+        self.snapshot.actors.push(ActorState {
+            visible: true,
+            world_from_model,
+            model_from_joint,
+            morph_weights: asset.instances.iter().map(|i| i.weights.clone()).collect(),
+            tint: Vec4::ONE,
+        });
+        self.stage.actors.len() - 1
+    }
+
+    pub fn at(&mut self, asset: &Arc<Asset>, x: f64, y: f64, z: f64) -> usize {
+        self.add(asset, DAffine3::from_translation(DVec3::new(x, y, z)))
+    }
+
+    pub fn sun(&mut self, direction: Vec3, color: Vec3, intensity: f32) {
+        let light = Light { kind: LightKind::Directional, color, intensity, range: None };
+        self.snapshot.lights.push(LightState {
+            light,
+            position: DVec3::ZERO,
+            direction: direction.normalize(),
+        });
+    }
+
+    pub fn catalog(&self) -> Arc<Catalog> {
+        Arc::new(Catalog::new(&self.stage))
+    }
+
+    pub fn plan(&self, options: &PlanOptions) -> (Arc<Catalog>, Plan) {
+        let catalog = self.catalog();
+        let plan = Plan::new(&catalog, &self.stage, &self.snapshot, options);
+        (catalog, plan)
+    }
+}
+
+/// A quad in the z = 0 plane facing +Z, uv (0,0) at its top left.
+pub fn quad(half_width: f32, half_height: f32) -> Primitive {
+    let (w, h) = (half_width, half_height);
+    Primitive {
+        indices: vec![0, 1, 2, 0, 2, 3],
+        positions: vec![
+            Vec3::new(-w, -h, 0.0),
+            Vec3::new(w, -h, 0.0),
+            Vec3::new(w, h, 0.0),
+            Vec3::new(-w, h, 0.0),
+        ],
+        normals: vec![Vec3::Z; 4],
+        uvs: [vec![Vec2::new(0.0, 1.0), Vec2::new(1.0, 1.0), Vec2::new(1.0, 0.0), Vec2::ZERO], vec![]],
+        material: Some(0),
+        ..Primitive::default()
+    }
+}
+
+pub fn triangle(a: Vec3, b: Vec3, c: Vec3) -> Primitive {
+    Primitive {
+        indices: vec![0, 1, 2],
+        positions: vec![a, b, c],
+        normals: vec![Vec3::Z; 3],
+        material: Some(0),
+        ..Primitive::default()
+    }
+}
+
+pub fn unlit(color: Vec4) -> Material {
+    Material { shading: Shading::Unlit, base_color: color, ..Material::default() }
+}
+
+/// White, dielectric, rough: Lambert plus a little specular.
+pub fn matte(color: Vec4) -> Material {
+    Material { base_color: color, metallic: 0.0, ..Material::default() }
+}
+
+/// One mesh on one joint.
+pub fn asset(primitives: Vec<Primitive>, materials: Vec<Material>, images: Vec<Arc<Image>>) -> Arc<Asset> {
+    let morph_targets = primitives.iter().map(|p| p.morphs.len()).max().unwrap_or(0);
+    let skeleton = Skeleton::new(vec!["root".into()], vec![None], vec![Transform::IDENTITY]).unwrap();
+    Arc::new(Asset {
+        name: "test".into(),
+        skeleton: Arc::new(skeleton),
+        meshes: vec![Arc::new(Mesh { primitives, morph_targets, ..Mesh::default() })],
+        instances: vec![MeshInstance { joint: 0, mesh: 0, skin: None, weights: vec![0.0; morph_targets] }],
+        materials,
+        images,
+        ..Asset::default()
+    })
+}
+
+/// The same on a skin of two joints: the root and one a metre above it.
+pub fn skinned_asset(mut primitives: Vec<Primitive>, materials: Vec<Material>) -> Arc<Asset> {
+    for p in &mut primitives {
+        p.influences = 4;
+        for position in &p.positions {
+            p.joint_indices.extend([0, 1, 0, 0]);
+            let upper = if position.y > 0.0 { 1.0 } else { 0.0 };
+            p.joint_weights.extend([1.0 - upper, upper, 0.0, 0.0]);
+        }
+    }
+    let up = Transform { translation: Vec3::Y, ..Transform::IDENTITY };
+    let skeleton =
+        Skeleton::new(vec!["root".into(), "top".into()], vec![None, Some(0)], vec![Transform::IDENTITY, up])
+            .unwrap();
+    let mut a = (*asset(primitives, materials, vec![])).clone();
+    a.skeleton = Arc::new(skeleton);
+    a.skins = vec![Skin {
+        joints: vec![0, 1],
+        inverse_bind: vec![Mat4::IDENTITY, Mat4::from_translation(-Vec3::Y)],
+    }];
+    a.instances[0].skin = Some(0);
+    Arc::new(a)
+}
+
+pub fn texture(image: u32) -> TextureRef {
+    TextureRef { image, sampler: Sampler::default(), uv_set: 0, uv_transform: glam::Affine2::IDENTITY }
+}
+
+pub fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Image> {
+    let rgba = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| texel(x, y));
+    Arc::new(Image { name: String::new(), width, height, rgba: rgba.collect() })
+}
