@@ -4,9 +4,11 @@
 //! sampled at any time, without a cache, in any order.
 
 use crate::Time;
+use crate::timeline::find_interval;
+use crate::tracks::Tracks;
 use glam::Quat;
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use thiserror::Error;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -75,6 +77,12 @@ pub struct Clip {
     pub duration: Time,
     joint_count: usize,
     curves: Arc<[Curve]>,
+    /// Packed at the first sampling, shared by clones.
+    tracks: Arc<OnceLock<Tracks>>,
+    /// Joints with a transform curve, one bit each.
+    animated: Arc<[u64]>,
+    /// (joint, curve), sorted.
+    weight_curves: Arc<[(u32, u32)]>,
 }
 
 /// Morph targets that one curve may drive; a file that says more is refused.
@@ -100,12 +108,43 @@ impl Clip {
                 .map_err(|what| ClipError::Curve { curve: index, joint: place.0, path: place.1, what })?;
         }
         let duration = curves.iter().filter_map(|c| c.times.last()).max().copied().unwrap_or(Time::ZERO);
-        Ok(Clip { name, duration: duration.max(Time::ZERO), joint_count, curves: curves.into() })
+        Ok(Clip::from_checked(name, duration.max(Time::ZERO), joint_count, curves))
+    }
+
+    /// Curves that are known to be sound.
+    fn from_checked(name: String, duration: Time, joint_count: usize, curves: Vec<Curve>) -> Clip {
+        let mut animated = vec![0u64; joint_count.div_ceil(64)];
+        let mut weight_curves = Vec::new();
+        for (index, curve) in curves.iter().enumerate() {
+            match curve.path {
+                Path::Weights(_) => weight_curves.push((curve.joint, index as u32)),
+                _ => animated[curve.joint as usize / 64] |= 1 << (curve.joint % 64),
+            }
+        }
+        weight_curves.sort_unstable();
+        Clip {
+            name,
+            duration,
+            joint_count,
+            curves: curves.into(),
+            tracks: Arc::default(),
+            animated: animated.into(),
+            weight_curves: weight_curves.into(),
+        }
     }
 
     /// The same clip with other curves, which are known to be sound.
     pub(crate) fn with_curves(&self, joint_count: usize, curves: Vec<Curve>) -> Clip {
-        Clip { name: self.name.clone(), duration: self.duration, joint_count, curves: curves.into() }
+        Clip::from_checked(self.name.clone(), self.duration, joint_count, curves)
+    }
+
+    /// Lays the keys out for sampling, which else happens when the clip is first sampled.
+    pub fn prepare(&self) {
+        self.tracks();
+    }
+
+    pub(crate) fn tracks(&self) -> &Tracks {
+        self.tracks.get_or_init(|| Tracks::pack(self.joint_count, &self.curves))
     }
 
     /// The authored curves, as checked.
@@ -120,15 +159,16 @@ impl Clip {
 
     /// Whether any translation, rotation or scale curve moves this joint.
     pub fn animates(&self, joint: u32) -> bool {
-        self.curves.iter().any(|c| c.joint == joint && !matches!(c.path, Path::Weights(_)))
+        self.animated.get(joint as usize / 64).is_some_and(|bits| bits >> (joint % 64) & 1 == 1)
     }
 
     /// Morph weights of the mesh at `joint` at a time. False, and `out` untouched, where the clip does not
     /// drive them. Where the counts differ the shorter one counts.
     pub fn sample_weights(&self, joint: u32, time: Time, out: &mut [f32]) -> bool {
-        let found = self.curves.iter().find(|c| c.joint == joint && matches!(c.path, Path::Weights(_)));
-        let Some(curve) = found else { return false };
-        crate::sample::curve_at(curve, time, out);
+        let at = self.weight_curves.partition_point(|(j, _)| *j < joint);
+        let Some((_, curve)) = self.weight_curves.get(at).filter(|(j, _)| *j == joint) else { return false };
+        let curve = &self.curves[*curve as usize];
+        crate::sample::curve_between(curve, find_interval(&curve.times, time), out);
         true
     }
 }

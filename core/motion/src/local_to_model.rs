@@ -1,6 +1,8 @@
 //! From local transforms to model space, parents first.
 
-use crate::{Pose, Skeleton};
+use crate::blend::{dot, lerp, nlerp_unscaled};
+use crate::simd::{F8, Kernel, Level, dispatch};
+use crate::{LANES, Pose, PoseBlock, Skeleton};
 use glam::Affine3A;
 
 /// `model_from_joint[i] = model_from_joint[parent(i)] * pose[i]`.
@@ -15,28 +17,158 @@ pub struct LocalToModel<'a> {
 impl LocalToModel<'_> {
     pub fn check(&self) -> Result<(), String> {
         let joints = self.skeleton.len();
-        if self.pose.len() != joints {
-            return Err(format!(
-                "`LocalToModel.pose` has {} joints, the skeleton has {joints}",
-                self.pose.len()
-            ));
+        let (pose, out) = (self.pose.len(), self.model_from_joint.len());
+        if pose != joints {
+            return Err(format!("`LocalToModel.pose` has {pose} joints, the skeleton has {joints}"));
         }
-        if self.model_from_joint.len() != joints {
+        if out != joints {
             return Err(format!(
-                "`LocalToModel.model_from_joint` holds {}, the skeleton has {joints} joints",
-                self.model_from_joint.len()
+                "`LocalToModel.model_from_joint` holds {out}, the skeleton has {joints} joints"
             ));
         }
         Ok(())
     }
 
     pub fn run(&mut self) {
-        for (joint, parent) in self.skeleton.parents().iter().enumerate() {
-            let local = self.pose.get(joint).to_affine();
-            self.model_from_joint[joint] = match parent {
-                Some(parent) => self.model_from_joint[*parent as usize] * local,
-                None => local,
-            };
+        self.run_on(Level::best());
+    }
+
+    /// The same bits at any level; for tests and benchmarks.
+    pub fn run_on(&mut self, level: Level) {
+        dispatch(
+            level,
+            Matrices {
+                parents: self.skeleton.parents(),
+                locals: One(self.pose.blocks()),
+                out: self.model_from_joint,
+            },
+        );
+    }
+}
+
+/// Where a kernel takes the local transforms of eight joints from.
+pub(crate) trait Locals {
+    /// Translation, rotation (of any length but zero), scale (`None` = exactly 1).
+    fn get<F: F8>(&self, block: usize) -> ([F; 3], [F; 4], Option<[F; 3]>);
+    fn blocks(&self) -> usize;
+}
+
+/// A pose as it is.
+pub(crate) struct One<'a>(pub &'a [PoseBlock]);
+
+impl Locals for One<'_> {
+    #[inline(always)]
+    fn get<F: F8>(&self, block: usize) -> ([F; 3], [F; 4], Option<[F; 3]>) {
+        let a = &self.0[block];
+        let (t, r, s) = (a.translation.each_ref(), a.rotation.each_ref(), a.scale.each_ref());
+        (t.map(F::load), r.map(F::load), Some(s.map(F::load)))
+    }
+    #[inline(always)]
+    fn blocks(&self) -> usize {
+        self.0.len()
+    }
+}
+
+/// Two poses blended on the way, as [`crate::Blend`] does.
+pub(crate) struct Two<'a> {
+    pub a: &'a [PoseBlock],
+    pub b: &'a [PoseBlock],
+    pub weight: f32,
+    /// Scales are not read, they are 1.
+    pub unit_scale: bool,
+}
+
+impl Locals for Two<'_> {
+    #[inline(always)]
+    fn get<F: F8>(&self, block: usize) -> ([F; 3], [F; 4], Option<[F; 3]>) {
+        let (a, b, w) = (&self.a[block], &self.b[block], F::splat(self.weight));
+        let mix = |i: usize| lerp(F::load(&a.translation[i]), F::load(&b.translation[i]), w);
+        let translation = [mix(0), mix(1), mix(2)];
+        let rotation =
+            nlerp_unscaled(a.rotation.each_ref().map(F::load), b.rotation.each_ref().map(F::load), w);
+        let mix = |i: usize| lerp(F::load(&a.scale[i]), F::load(&b.scale[i]), w);
+        let scale = if self.unit_scale { None } else { Some([mix(0), mix(1), mix(2)]) };
+        (translation, rotation, scale)
+    }
+    #[inline(always)]
+    fn blocks(&self) -> usize {
+        self.a.len().min(self.b.len())
+    }
+}
+
+pub(crate) struct Matrices<'a, L> {
+    pub parents: &'a [Option<u32>],
+    pub locals: L,
+    pub out: &'a mut [Affine3A],
+}
+
+impl<L: Locals> Kernel for Matrices<'_, L> {
+    #[inline(always)]
+    fn run<F: F8>(self) {
+        let joints = self.parents.len().min(self.out.len());
+        let out = columns_mut(&mut self.out[..joints]);
+        for block in 0..self.locals.blocks().min(joints.div_ceil(LANES)) {
+            let (translation, rotation, scale) = self.locals.get::<F>(block);
+            let [c0, c1, c2] = rotation_columns(rotation, scale);
+            let c01 = F::column_pairs(c0, c1);
+            let c23 = F::column_pairs(c2, translation);
+            let first = block * LANES;
+            for lane in 0..LANES.min(joints - first) {
+                let joint = first + lane;
+                let (mut a, mut b) = (c01[lane], c23[lane]);
+                if let Some(parent) = self.parents[joint] {
+                    // A skeleton's parents come first.
+                    let p = out[parent as usize];
+                    let [px, py, pz] = [0, 4, 8].map(|i| F::both(&[p[i], p[i + 1], p[i + 2], p[i + 3]]));
+                    let pt = F::upper(&[p[12], p[13], p[14], p[15]]);
+                    let product = |m: F| {
+                        let x = px.mul(m.spread::<0>());
+                        x.add(py.mul(m.spread::<1>())).add(pz.mul(m.spread::<2>()))
+                    };
+                    (a, b) = (product(a), product(b).add(pt));
+                }
+                let (low, high) = out[joint].split_at_mut(8);
+                if let (Ok(low), Ok(high)) = (low.try_into(), high.try_into()) {
+                    a.store_halves(low);
+                    b.store_halves(high);
+                }
+            }
         }
     }
+}
+
+/// Columns of R·S, component rows, from a quaternion of any length: 2/|q|² takes the place of normalising.
+#[inline(always)]
+fn rotation_columns<F: F8>(q: [F; 4], scale: Option<[F; 3]>) -> [[F; 3]; 3] {
+    let one = F::splat(1.0);
+    let [x, y, z, w] = q;
+    let k = F::splat(2.0).div(dot(q, q));
+    let (x2, y2, z2) = (x.mul(k), y.mul(k), z.mul(k));
+    let (xx, xy, xz) = (x.mul(x2), x.mul(y2), x.mul(z2));
+    let (yy, yz, zz) = (y.mul(y2), y.mul(z2), z.mul(z2));
+    let (wx, wy, wz) = (w.mul(x2), w.mul(y2), w.mul(z2));
+    let columns = [
+        [one.sub(yy.add(zz)), xy.add(wz), xz.sub(wy)],
+        [xy.sub(wz), one.sub(xx.add(zz)), yz.add(wx)],
+        [xz.add(wy), yz.sub(wx), one.sub(xx.add(yy))],
+    ];
+    match scale {
+        None => columns,
+        Some([sx, sy, sz]) => {
+            let [a, b, c] = columns;
+            [a.map(|v| v.mul(sx)), b.map(|v| v.mul(sy)), c.map(|v| v.mul(sz))]
+        }
+    }
+}
+
+const _: () = assert!(size_of::<Affine3A>() == 64 && align_of::<Affine3A>() == 16);
+const _: () = assert!(std::mem::offset_of!(Affine3A, translation) == 48);
+
+/// The matrices as four columns of four floats.
+#[inline(always)]
+fn columns_mut(matrices: &mut [Affine3A]) -> &mut [[f32; 16]] {
+    // SAFETY: `Affine3A` is `repr(C)`: three `Vec3A` columns and a translation, 64 bytes as asserted above, and a
+    // `Vec3A` is three floats in 16 bytes. The fourth may be padding where glam runs without SSE: any bits may be
+    // written there, and the kernel reads only columns that it wrote itself.
+    unsafe { std::slice::from_raw_parts_mut(matrices.as_mut_ptr().cast(), matrices.len()) }
 }

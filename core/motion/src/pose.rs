@@ -7,7 +7,7 @@ use glam::{Quat, Vec3};
 pub const LANES: usize = 8;
 
 /// One float of each of eight joints.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(32))]
 pub struct Lane(pub [f32; LANES]);
 
@@ -110,6 +110,29 @@ impl Pose {
         self.blocks.clear();
         self.blocks.extend_from_slice(&other.blocks);
         self.len = other.len;
+    }
+
+    /// Translations, rotations, scales of a pose of as many joints, those that are asked for.
+    pub(crate) fn copy_channels(&mut self, other: &Pose, channels: [bool; 3]) {
+        if channels == [false; 3] {
+            return;
+        }
+        for (to, from) in self.blocks.iter_mut().zip(&other.blocks) {
+            if channels[0] {
+                to.translation = from.translation;
+            }
+            if channels[1] {
+                to.rotation = from.rotation;
+            }
+            if channels[2] {
+                to.scale = from.scale;
+            }
+        }
+    }
+
+    /// Whether no joint is scaled.
+    pub(crate) fn unit_scale(&self) -> bool {
+        self.blocks.iter().all(|block| block.scale == [Lane::splat(1.0); 3])
     }
 
     /// The joints' transforms in order.

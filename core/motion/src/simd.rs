@@ -1,0 +1,294 @@
+//! Eight floats at a time: one set of kernels, two ways to run them, the same bits.
+//!
+//! A kernel is written once over [`F8`]. [`Level::Portable`] computes on arrays, [`Level::Avx2`] on AVX registers;
+//! both do the same IEEE operations in the same order, without fused multiply-add, so that every machine gives the
+//! same bits. (The arrays alone, compiled for AVX2, were tried: the compiler vectorised the arithmetic, but not the
+//! shuffles of the matrix kernel, which then took twice the time.)
+
+use crate::{LANES, Lane};
+
+/// How kernels run. The result is the same, bit for bit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    Portable,
+    /// Falls back to `Portable` where the processor lacks it.
+    Avx2,
+}
+
+impl Level {
+    /// The fastest that this machine has.
+    pub fn best() -> Level {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            return Level::Avx2;
+        }
+        Level::Portable
+    }
+}
+
+/// Work that is compiled for each level. `run` must be `#[inline(always)]`, with all that it calls, to be so.
+pub(crate) trait Kernel {
+    fn run<F: F8>(self);
+}
+
+#[inline]
+pub(crate) fn dispatch<K: Kernel>(level: Level, kernel: K) {
+    #[cfg(target_arch = "x86_64")]
+    if level == Level::Avx2 && std::arch::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2, as just asked.
+        return unsafe { run_avx2(kernel) };
+    }
+    let _ = level;
+    kernel.run::<Array>();
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn run_avx2<K: Kernel>(kernel: K) {
+    kernel.run::<avx::Avx>();
+}
+
+/// Eight floats; for matrices, two halves of four.
+pub(crate) trait F8: Copy {
+    fn load(lane: &Lane) -> Self;
+    fn store(self, lane: &mut Lane);
+    fn splat(v: f32) -> Self;
+    fn add(self, b: Self) -> Self;
+    fn sub(self, b: Self) -> Self;
+    fn mul(self, b: Self) -> Self;
+    fn div(self, b: Self) -> Self;
+    fn sqrt(self) -> Self;
+    /// `-self` in the lanes where `by` has its sign bit set.
+    fn flipped_by(self, by: Self) -> Self;
+    /// All bits set where equal.
+    fn equals(self, b: Self) -> Self;
+    /// All bits set where less; not where NaN.
+    fn less(self, b: Self) -> Self;
+    /// `yes` in the lanes where the mask has its sign bit set.
+    fn select(mask: Self, yes: Self, no: Self) -> Self;
+
+    /// The same four floats in both halves.
+    fn both(half: &[f32; 4]) -> Self;
+    /// Zeros, then the four floats.
+    fn upper(half: &[f32; 4]) -> Self;
+    /// Each half filled with its component I.
+    fn spread<const I: usize>(self) -> Self;
+    /// The four floats of both halves.
+    fn store_halves(self, out: &mut [f32; 8]);
+    /// From component rows of two matrix columns, the columns side by side, one pair a joint:
+    /// `(ax ay az az | bx by bz bz)`.
+    fn column_pairs(a: [Self; 3], b: [Self; 3]) -> [Self; LANES];
+}
+
+/// The specification of [`F8`]: plain arrays.
+#[derive(Clone, Copy)]
+pub(crate) struct Array([f32; LANES]);
+
+impl Array {
+    #[inline(always)]
+    fn map2(self, b: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        Array(std::array::from_fn(|i| f(self.0[i], b.0[i])))
+    }
+}
+
+fn mask_of(set: bool) -> f32 {
+    f32::from_bits(if set { u32::MAX } else { 0 })
+}
+
+impl F8 for Array {
+    #[inline(always)]
+    fn load(lane: &Lane) -> Self {
+        Array(lane.0)
+    }
+    #[inline(always)]
+    fn store(self, lane: &mut Lane) {
+        lane.0 = self.0;
+    }
+    #[inline(always)]
+    fn splat(v: f32) -> Self {
+        Array([v; LANES])
+    }
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        self.map2(b, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        self.map2(b, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn mul(self, b: Self) -> Self {
+        self.map2(b, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn div(self, b: Self) -> Self {
+        self.map2(b, |a, b| a / b)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Array(self.0.map(f32::sqrt))
+    }
+    #[inline(always)]
+    fn flipped_by(self, by: Self) -> Self {
+        self.map2(by, |a, b| f32::from_bits(a.to_bits() ^ (b.to_bits() & (1 << 31))))
+    }
+    #[inline(always)]
+    fn equals(self, b: Self) -> Self {
+        self.map2(b, |a, b| mask_of(a == b))
+    }
+    #[inline(always)]
+    fn less(self, b: Self) -> Self {
+        self.map2(b, |a, b| mask_of(a < b))
+    }
+    #[inline(always)]
+    fn select(mask: Self, yes: Self, no: Self) -> Self {
+        Array(std::array::from_fn(|i| if mask.0[i].is_sign_negative() { yes.0[i] } else { no.0[i] }))
+    }
+    #[inline(always)]
+    fn both(half: &[f32; 4]) -> Self {
+        let [a, b, c, d] = *half;
+        Array([a, b, c, d, a, b, c, d])
+    }
+    #[inline(always)]
+    fn upper(half: &[f32; 4]) -> Self {
+        let [a, b, c, d] = *half;
+        Array([0.0, 0.0, 0.0, 0.0, a, b, c, d])
+    }
+    #[inline(always)]
+    fn spread<const I: usize>(self) -> Self {
+        let (a, b) = (self.0[I], self.0[4 + I]);
+        Array([a, a, a, a, b, b, b, b])
+    }
+    #[inline(always)]
+    fn store_halves(self, out: &mut [f32; 8]) {
+        *out = self.0;
+    }
+    #[inline(always)]
+    fn column_pairs(a: [Self; 3], b: [Self; 3]) -> [Self; LANES] {
+        std::array::from_fn(|i| {
+            let ([ax, ay, az], [bx, by, bz]) = (a.map(|r| r.0[i]), b.map(|r| r.0[i]));
+            Array([ax, ay, az, az, bx, by, bz, bz])
+        })
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx {
+    use super::{F8, LANES, Lane};
+    use std::arch::x86_64::*;
+
+    /// Only ever made inside `run_avx2`, which is entered after asking the processor: that is what makes each
+    /// `unsafe` below sound, all of which only call AVX intrinsics on values, or load and store whole references.
+    #[derive(Clone, Copy)]
+    pub(crate) struct Avx(__m256);
+
+    impl F8 for Avx {
+        #[inline(always)]
+        fn load(lane: &Lane) -> Self {
+            // A `Lane` is 32 bytes, 32-byte aligned.
+            Avx(unsafe { _mm256_load_ps(lane.0.as_ptr()) })
+        }
+        #[inline(always)]
+        fn store(self, lane: &mut Lane) {
+            unsafe { _mm256_store_ps(lane.0.as_mut_ptr(), self.0) }
+        }
+        #[inline(always)]
+        fn splat(v: f32) -> Self {
+            Avx(unsafe { _mm256_set1_ps(v) })
+        }
+        #[inline(always)]
+        fn add(self, b: Self) -> Self {
+            Avx(unsafe { _mm256_add_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn sub(self, b: Self) -> Self {
+            Avx(unsafe { _mm256_sub_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn mul(self, b: Self) -> Self {
+            Avx(unsafe { _mm256_mul_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn div(self, b: Self) -> Self {
+            Avx(unsafe { _mm256_div_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            Avx(unsafe { _mm256_sqrt_ps(self.0) })
+        }
+        #[inline(always)]
+        fn flipped_by(self, by: Self) -> Self {
+            Avx(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(by.0, _mm256_set1_ps(-0.0))) })
+        }
+        #[inline(always)]
+        fn equals(self, b: Self) -> Self {
+            Avx(unsafe { _mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn less(self, b: Self) -> Self {
+            Avx(unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn select(mask: Self, yes: Self, no: Self) -> Self {
+            Avx(unsafe { _mm256_blendv_ps(no.0, yes.0, mask.0) })
+        }
+        #[inline(always)]
+        fn both(half: &[f32; 4]) -> Self {
+            Avx(unsafe {
+                let half = _mm_loadu_ps(half.as_ptr());
+                _mm256_set_m128(half, half)
+            })
+        }
+        #[inline(always)]
+        fn upper(half: &[f32; 4]) -> Self {
+            Avx(unsafe {
+                let both = Self::both(half).0;
+                _mm256_blend_ps::<0xF0>(_mm256_setzero_ps(), both)
+            })
+        }
+        #[inline(always)]
+        fn spread<const I: usize>(self) -> Self {
+            Avx(unsafe {
+                match I {
+                    0 => _mm256_permute_ps::<0x00>(self.0),
+                    1 => _mm256_permute_ps::<0x55>(self.0),
+                    2 => _mm256_permute_ps::<0xAA>(self.0),
+                    _ => _mm256_permute_ps::<0xFF>(self.0),
+                }
+            })
+        }
+        #[inline(always)]
+        fn store_halves(self, out: &mut [f32; 8]) {
+            unsafe { _mm256_storeu_ps(out.as_mut_ptr(), self.0) }
+        }
+        #[inline(always)]
+        fn column_pairs(a: [Self; 3], b: [Self; 3]) -> [Self; LANES] {
+            unsafe {
+                let mut low = [_mm256_setzero_ps(); 3];
+                let mut high = low;
+                for c in 0..3 {
+                    low[c] = _mm256_permute2f128_ps::<0x20>(a[c].0, b[c].0);
+                    high[c] = _mm256_permute2f128_ps::<0x31>(a[c].0, b[c].0);
+                }
+                let [a0, a1, a2, a3] = columns(low);
+                let [a4, a5, a6, a7] = columns(high);
+                [a0, a1, a2, a3, a4, a5, a6, a7].map(Avx)
+            }
+        }
+    }
+
+    /// Rows x, y, z of four joints in each half, to a column x y z z of each.
+    #[inline(always)]
+    unsafe fn columns([x, y, z]: [__m256; 3]) -> [__m256; 4] {
+        unsafe {
+            let low = _mm256_unpacklo_ps(x, y);
+            let high = _mm256_unpackhi_ps(x, y);
+            [
+                _mm256_shuffle_ps::<0b00_00_01_00>(low, z),
+                _mm256_shuffle_ps::<0b01_01_11_10>(low, z),
+                _mm256_shuffle_ps::<0b10_10_01_00>(high, z),
+                _mm256_shuffle_ps::<0b11_11_11_10>(high, z),
+            ]
+        }
+    }
+}
