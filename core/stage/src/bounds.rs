@@ -123,7 +123,10 @@ impl InstanceBounds {
         };
         let skin = instance.skin.and_then(|s| asset.skins.get(s as usize));
         let mut slots: Vec<(u32, Mat4)> = match skin {
-            Some(skin) => skin.joints.iter().copied().zip(skin.inverse_bind.iter().copied()).collect(),
+            Some(skin) => {
+                let inverse_bind = |i: usize| skin.inverse_bind.get(i).copied().unwrap_or(Mat4::IDENTITY);
+                skin.joints.iter().enumerate().map(|(i, joint)| (*joint, inverse_bind(i))).collect()
+            }
             None => Vec::new(),
         };
         // Primitives without influences are rigid, in a skinned instance too.
@@ -176,18 +179,25 @@ impl InstanceBounds {
         let mut bounds = Aabb::EMPTY;
         for part in &self.parts {
             let Some(model_from_joint) = model_from_joint.get(part.joint as usize) else { continue };
-            let mut reach = part.reach;
-            for (offset, weight) in part.morphs.iter().zip(morph_weights) {
-                let (a, b) = (offset.min * *weight, offset.max * *weight);
-                reach.min += a.min(b);
-                reach.max += a.max(b);
-            }
-            let moved = reach.transformed(model_from_joint);
+            let moved = part.morphed(morph_weights).transformed(model_from_joint);
             if moved.min.is_finite() && moved.max.is_finite() {
                 bounds = bounds.union(moved);
             }
         }
         bounds
+    }
+}
+
+impl BoundsPart {
+    /// The reach with these morph weights, in the joint's space.
+    pub fn morphed(&self, morph_weights: &[f32]) -> Aabb {
+        let mut reach = self.reach;
+        for (offset, weight) in self.morphs.iter().zip(morph_weights) {
+            let (a, b) = (offset.min * *weight, offset.max * *weight);
+            reach.min += a.min(b);
+            reach.max += a.max(b);
+        }
+        reach
     }
 }
 

@@ -1,7 +1,7 @@
 //! What is computed from an asset once, when first asked for, and then shared by every actor cast from it.
 
 use crate::{Aabb, Asset, InstanceBounds};
-use choreo_motion::Skeleton;
+use choreo_motion::{Pose, Skeleton};
 use glam::Affine3A;
 use std::sync::OnceLock;
 
@@ -9,6 +9,7 @@ use std::sync::OnceLock;
 /// whoever changes an asset in place after asking for its bounds must reset this field.
 #[derive(Default)]
 pub struct Derived {
+    rest_pose: OnceLock<Pose>,
     rest_model_from_joint: OnceLock<Vec<Affine3A>>,
     instance_bounds: OnceLock<Vec<InstanceBounds>>,
     rest_bounds: OnceLock<Aabb>,
@@ -28,6 +29,11 @@ impl std::fmt::Debug for Derived {
 }
 
 impl Asset {
+    /// The skeleton's rest pose.
+    pub fn rest_pose(&self) -> &Pose {
+        self.derived.rest_pose.get_or_init(|| Pose::rest(&self.skeleton))
+    }
+
     /// model-from-joint of every joint in rest pose.
     pub fn rest_model_from_joint(&self) -> &[Affine3A] {
         self.derived.rest_model_from_joint.get_or_init(|| model_from_rest(&self.skeleton))

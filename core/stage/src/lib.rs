@@ -5,15 +5,30 @@
 
 pub mod asset;
 pub mod bounds;
+pub mod build;
+mod camera;
+mod channels;
+pub mod check;
 pub mod derived;
+pub mod evaluate;
+mod framing;
 pub mod hash;
+mod lights;
+mod look_at;
+mod order;
+mod pose;
 pub mod posed_mesh;
 pub mod snapshot;
 pub mod stage;
+mod timeline;
 
 pub use asset::*;
 pub use bounds::{Aabb, BoundsPart, DAabb, InstanceBounds};
 pub use derived::Derived;
+pub use evaluate::Evaluator;
 pub use hash::ContentHash;
+pub use lights::default_sun;
+pub use look_at::LOOK_AT_LIMIT_RAD;
+pub use posed_mesh::{PosedInstance, PosedPrimitive, posed_meshes, posed_meshes_in};
 pub use snapshot::*;
 pub use stage::*;

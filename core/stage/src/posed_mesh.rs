@@ -97,8 +97,8 @@ impl Carriers {
         };
         let skin = instance.skin.and_then(|s| asset.skins.get(s as usize));
         let skin = skin.map_or(Vec::new(), |skin| {
-            let matrices = skin.joints.iter().zip(&skin.inverse_bind);
-            matrices.map(|(j, inverse_bind)| DMat4::from(joint(*j)) * inverse_bind.as_dmat4()).collect()
+            let inverse_bind = |i: usize| skin.inverse_bind.get(i).map_or(DMat4::IDENTITY, |m| m.as_dmat4());
+            skin.joints.iter().enumerate().map(|(i, j)| DMat4::from(joint(*j)) * inverse_bind(i)).collect()
         });
         Carriers { skin, rigid: joint(instance.joint) }
     }

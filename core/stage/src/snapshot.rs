@@ -4,7 +4,7 @@ use crate::{Background, Light, Projection};
 use choreo_motion::Time;
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Snapshot {
     pub time: Time,
     /// Index-aligned with `Stage::actors`.
@@ -24,14 +24,15 @@ pub struct Snapshot {
 pub struct ActorState {
     pub visible: bool,
     pub world_from_model: DAffine3,
-    /// One per joint of the asset's skeleton.
+    /// One per joint of the asset's skeleton. Empty, like the weights, where the actor is invisible and nothing seen hangs on
+    /// its joints.
     pub model_from_joint: Vec<Affine3A>,
     /// One list per mesh instance of the asset; empty lists where the mesh has no morph targets.
     pub morph_weights: Vec<Vec<f32>>,
     pub tint: Vec4,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CameraState {
     /// Index into `Stage::cameras`; `None` = the framing camera of a stage without any.
     pub camera: Option<usize>,

@@ -1,13 +1,13 @@
 //! The stage as a script leaves it: who is there, what plays when, from where it is seen.
 
-use crate::{Asset, Light, Projection, Snapshot};
+use crate::{Asset, Light, Projection};
 pub use choreo_motion::Repeat;
 use choreo_motion::{Clip, FrameRate, Interpolation, Time};
 use glam::{DQuat, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 use thiserror::Error;
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Stage {
     pub settings: Settings,
     pub actors: Vec<Actor>,
@@ -44,6 +44,13 @@ pub enum Background {
     Gradient { top: Vec3, bottom: Vec3 },
 }
 
+impl Default for Background {
+    /// Black.
+    fn default() -> Self {
+        Background::Color(Vec4::new(0.0, 0.0, 0.0, 1.0))
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Settings {
@@ -68,11 +75,12 @@ pub struct Actor {
     pub asset: Arc<Asset>,
     pub transform: Placement,
     pub parent: Option<Attachment>,
-    /// Turned (about +Y) to face this actor's position.
+    /// Turned about its parent's +Y so that +Z points to where this actor stands; its own rotation comes first.
     pub face: Option<usize>,
     pub layers: Vec<Layer>,
     pub channels: Vec<Channel>,
     pub look_at: Vec<LookAt>,
+    /// An actor is seen where it and all that it is attached to are visible.
     pub visible: bool,
     /// Multiplies every base colour, linear.
     pub tint: Vec4,
@@ -118,7 +126,8 @@ pub struct Cue {
     /// Bound to the actor's own skeleton (see `bind_clip`).
     pub clip: Arc<Clip>,
     pub start: Time,
-    /// On the base layer: the pose is held after it. On upper layers: faded out (over `fade_out`) by then. `None` = until the next cue or for ever.
+    /// On the base layer: the pose is held from here on, where no cue follows at once (one that does fades in over the
+    /// playing clip). On upper layers: faded out (over `fade_out`) by then. `None` = until the next cue or for ever.
     pub end: Option<Time>,
     pub fade_in: Time,
     pub fade_out: Time,
@@ -128,6 +137,7 @@ pub struct Cue {
     /// The part of the clip that is played.
     pub trim: (Time, Time),
     pub repeat: Repeat,
+    /// 0..=1, times the fades. The first cue of the base layer always has all the weight.
     pub weight: f32,
 }
 
@@ -179,13 +189,15 @@ impl Property {
     }
 }
 
-/// A joint turned towards a target.
+/// A joint turned towards a target: the direction that is the model's +Z in rest pose (glTF characters face +Z) is turned,
+/// on the shortest way from the clip's pose, to point at it. See [`crate::LOOK_AT_LIMIT_RAD`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct LookAt {
     pub joint: u32,
     pub target: Target,
     pub start: Time,
     pub end: Option<Time>,
+    /// In after `start` and out before `end`, eased.
     pub fade: Time,
     pub weight: f32,
 }
@@ -216,11 +228,13 @@ pub enum Rig {
     Fixed { position: DVec3, rotation: DQuat, look_at: Option<Target> },
     /// Stands at target + offset (world axes) and looks at the target.
     Follow { target: Target, offset: DVec3 },
-    /// Circles the target: angles in radians at time 0, radians a second.
+    /// Circles the target: angles in radians at time 0, radians a second. Azimuth 0 stands at +Z (before a glTF
+    /// character's face), π/2 at +X; elevation π/2 looks straight down.
     Orbit { target: Target, distance: f64, elevation: f64, azimuth: f64, speed: f64 },
     /// The camera of an actor's file.
     File { actor: usize, camera: u32 },
-    /// Fits everything visible at the given time, from an azimuth and elevation in radians.
+    /// Stands still and fits everything that is visible at some time of the stage's length, from an azimuth and
+    /// elevation in radians, as `Orbit` counts them.
     Frame { azimuth: f64, elevation: f64 },
 }
 
@@ -325,29 +339,16 @@ pub enum StageError {
     /// A script callback failed; the text is complete, with file and line.
     #[error("{0}")]
     Hook(String),
+    /// An actor and those between it and itself.
     #[error("actor \"{0}\" is attached to itself, through {1}")]
     Cycle(String, String),
-}
-
-impl Default for Stage {
-    fn default() -> Self {
-        Stage {
-            settings: Settings::default(),
-            actors: Vec::new(),
-            cameras: Vec::new(),
-            cuts: Vec::new(),
-            lights: Vec::new(),
-            effects: Vec::new(),
-            hooks: Vec::new(),
-            warnings: Vec::new(),
-        }
-    }
-}
-
-impl Stage {
-    /// Everything at a time. A stage with no camera is framed as `Rig::Frame`; one with no light of
-    /// its own or of its files (and anything lit in it) gets a key sun.
-    pub fn at(&self, _time: Time) -> Result<Snapshot, StageError> {
-        unreachable!("written next")
-    }
+    /// An actor and the one it faces.
+    #[error(
+        "actor \"{0}\" cannot face \"{1}\": where \"{1}\" stands depends on how \"{0}\" is turned; \
+         turn \"{0}\" by hand, or face something that it does not carry"
+    )]
+    FacingCycle(String, String),
+    /// Something that no frame can be made of: NaN, an index out of range, keys out of order.
+    #[error("{place}: {what}")]
+    Bad { place: String, what: String },
 }

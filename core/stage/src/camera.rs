@@ -1,0 +1,155 @@
+//! Which camera is on, where it stands and what it sees.
+
+use crate::channels::{keyed, vec3};
+use crate::evaluate::{rotation_of, target_position, world_from_attachment};
+use crate::framing::Framings;
+use crate::*;
+use choreo_motion::Time;
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+
+/// A camera that looks at something must not clip it away, however small the scene: the near plane is at most this share of
+/// the way there. Reversed-Z float depth makes near planes cheap.
+const NEAR_OF_DISTANCE: f64 = 0.01;
+
+/// The camera cut to last, else the first, else none.
+pub(crate) fn on_at(stage: &Stage, time: Time) -> Option<usize> {
+    let begun = stage.cuts.partition_point(|cut| cut.at <= time);
+    let cut = stage.cuts[..begun].last().map(|cut| cut.camera);
+    cut.or((!stage.cameras.is_empty()).then_some(0)).filter(|c| *c < stage.cameras.len())
+}
+
+pub(crate) fn evaluate(
+    stage: &Stage,
+    framings: &Framings,
+    edits: &FrameEdits,
+    time: Time,
+    index: Option<usize>,
+    actors: &[ActorState],
+) -> Result<CameraState, StageError> {
+    let Some((index, camera)) = index.and_then(|i| Some((i, stage.cameras.get(i)?))) else {
+        let (azimuth, elevation) = crate::framing::DEFAULT_VIEW;
+        return framings.camera(stage, None, azimuth, elevation, Projection::default());
+    };
+    let projection = keyed_projection(camera, time);
+    let moved_to = edits.cameras.iter().rev().find(|(c, _)| *c == index).map(|(_, position)| *position);
+    let keyed_position = keyed(&camera.channels, Property::Translation, time).map(vec3);
+    let target = |target: &Target| target_position(stage, actors, target).unwrap_or(DVec3::ZERO);
+    let state = |position: DVec3, rotation: DQuat, projection: Projection| CameraState {
+        camera: Some(index),
+        world_from_view: DAffine3::from_rotation_translation(rotation, position),
+        projection,
+    };
+    let looking = |position: DVec3, at: DVec3, fallback: DQuat| {
+        let rotation = look_rotation(at - position).unwrap_or(fallback);
+        state(position, rotation, near_limited(projection, (at - position).length()))
+    };
+    Ok(match &camera.rig {
+        Rig::Fixed { position, rotation, look_at } => {
+            let position = moved_to.or(keyed_position).unwrap_or(*position);
+            let keyed_rotation = keyed(&camera.channels, Property::Rotation, time).map(DQuat::from_array);
+            let rotation = keyed_rotation.unwrap_or(*rotation).normalize();
+            match look_at {
+                Some(look_at) => looking(position, target(look_at), rotation),
+                None => state(position, rotation, projection),
+            }
+        }
+        Rig::Follow { target: followed, offset } => {
+            let at = target(followed);
+            let position = moved_to.unwrap_or(at + keyed_position.unwrap_or(*offset));
+            looking(position, at, DQuat::IDENTITY)
+        }
+        Rig::Orbit { target: center, distance, elevation, azimuth, speed } => {
+            let at = target(center);
+            let rotation = orbit_rotation(azimuth + speed * time.as_secs(), *elevation);
+            match moved_to {
+                Some(position) => looking(position, at, rotation),
+                None => state(
+                    at + rotation * DVec3::new(0.0, 0.0, *distance),
+                    rotation,
+                    near_limited(projection, *distance),
+                ),
+            }
+        }
+        Rig::File { actor, camera } => {
+            let of_file = stage.actors.get(*actor).and_then(|a| a.asset.cameras.get(*camera as usize));
+            let Some(of_file) = of_file else {
+                return Err(StageError::Bad {
+                    place: format!("camera \"{}\"", stage.cameras[index].name),
+                    what: format!("actor {actor} has no camera {camera} in its file"),
+                });
+            };
+            let at = Attachment { actor: *actor, joint: Some(of_file.joint) };
+            let world_from_camera = world_from_attachment(stage, actors, &at);
+            let position = moved_to.unwrap_or(world_from_camera.translation);
+            let scale = libm::cbrt(actors[*actor].world_from_model.matrix3.determinant().abs()) as f32;
+            let keys_fov = stage.cameras[index].channels.iter().any(|c| c.property == Property::FieldOfView);
+            let projection = match (of_file.projection, projection) {
+                // A script may key the angle of a file's camera.
+                (Projection::Perspective { near, far, .. }, Projection::Perspective { yfov, .. })
+                    if keys_fov =>
+                {
+                    Projection::Perspective { yfov, near, far }
+                }
+                (of_file, _) => of_file,
+            };
+            state(position, rotation_of(&world_from_camera.matrix3), scaled(projection, scale))
+        }
+        Rig::Frame { azimuth, elevation } => {
+            let mut framed = framings.camera(stage, Some(index), *azimuth, *elevation, projection)?;
+            if let Some(position) = moved_to {
+                framed.world_from_view.translation = position;
+            }
+            framed
+        }
+    })
+}
+
+/// A file's distances are in its own units; an actor's scale changes them (glTF ignores only the scale of nodes).
+fn scaled(projection: Projection, scale: f32) -> Projection {
+    if !(scale.is_finite() && scale > 0.0) {
+        return projection;
+    }
+    match projection {
+        Projection::Perspective { yfov, near, far } => {
+            Projection::Perspective { yfov, near: near * scale, far: far.map(|far| far * scale) }
+        }
+        Projection::Orthographic { height, near, far } => {
+            Projection::Orthographic { height: height * scale, near: near * scale, far: far * scale }
+        }
+    }
+}
+
+fn keyed_projection(camera: &Camera, time: Time) -> Projection {
+    match (camera.projection, keyed(&camera.channels, Property::FieldOfView, time)) {
+        // Splines overshoot; a view of nothing or of more than half the world has no matrix.
+        (Projection::Perspective { near, far, .. }, Some(v)) => {
+            Projection::Perspective { yfov: (v[0] as f32).clamp(1e-3, 3.1), near, far }
+        }
+        (projection, _) => projection,
+    }
+}
+
+fn near_limited(projection: Projection, distance: f64) -> Projection {
+    match projection {
+        Projection::Perspective { yfov, near, far } if distance > 0.0 => {
+            let near = near.min((distance * NEAR_OF_DISTANCE) as f32).max(f32::MIN_POSITIVE);
+            Projection::Perspective { yfov, near, far }
+        }
+        projection => projection,
+    }
+}
+
+/// Looks along a direction, +Y up. Straight down, −Z is up in the picture; straight up, +Z: what a camera tilting from before
+/// a character comes to. `None` where there is no direction.
+pub(crate) fn look_rotation(way: DVec3) -> Option<DQuat> {
+    let back = -way.try_normalize()?;
+    let right = DVec3::Y.cross(back);
+    let right = if right.length() < 1e-9 { DVec3::X } else { right.normalize() };
+    let rotation = DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back));
+    rotation.is_finite().then(|| rotation.normalize())
+}
+
+/// From above and around, without a pole: at elevation π/2 the picture's up is where the camera came from.
+pub(crate) fn orbit_rotation(azimuth: f64, elevation: f64) -> DQuat {
+    DQuat::from_rotation_y(azimuth) * DQuat::from_rotation_x(-elevation)
+}

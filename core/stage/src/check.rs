@@ -1,0 +1,326 @@
+//! What a stage must be for frames to be made of it. `Stage::at` itself is lenient: it leaves out what does not exist.
+
+use crate::order::{self, Order};
+use crate::*;
+use choreo_motion::{Interpolation, Playback, Time};
+
+/// Everything wrong with one stage, by place.
+struct Checker<'a> {
+    stage: &'a Stage,
+    problems: Vec<StageError>,
+}
+
+impl Stage {
+    /// All problems at once; empty where every frame can be made. Hooks are not run.
+    pub fn check(&self) -> Vec<StageError> {
+        let mut checker = Checker { stage: self, problems: Vec::new() };
+        checker.settings();
+        for (index, actor) in self.actors.iter().enumerate() {
+            checker.actor(index, actor);
+        }
+        if let Err(cycle) = order::find(self, &mut Order::default()) {
+            checker.problems.push(cycle);
+        }
+        for camera in &self.cameras {
+            checker.camera(camera);
+        }
+        checker.cuts();
+        for light in &self.lights {
+            checker.light(light);
+        }
+        for effect in &self.effects {
+            let place = format!("effect \"{}\"", effect.plugin);
+            for (name, value) in &effect.parameters {
+                checker.need(value.is_finite(), &place, || format!("\"{name}\" is {value}, must be finite"));
+            }
+            checker.span(&place, effect.start, effect.end);
+        }
+        checker.problems
+    }
+}
+
+impl Checker<'_> {
+    fn need(&mut self, fine: bool, place: &str, what: impl FnOnce() -> String) {
+        if !fine {
+            self.problems.push(StageError::Bad { place: place.to_string(), what: what() });
+        }
+    }
+
+    fn index(&mut self, place: &str, what: &str, index: usize, count: usize) {
+        self.need(index < count, place, || format!("{what} {index} does not exist, there are {count}"));
+    }
+
+    fn span(&mut self, place: &str, start: Time, end: Option<Time>) {
+        if let Some(end) = end {
+            self.need(start <= end, place, || {
+                format!("ends at {} s, before it starts at {} s", end.as_secs(), start.as_secs())
+            });
+        }
+    }
+
+    fn settings(&mut self) {
+        let Settings { size, fps, length, background, ambient_up, ambient_down, samples } =
+            &self.stage.settings;
+        let place = "settings";
+        let sizes = 1..=16384;
+        self.need(size.iter().all(|n| sizes.contains(n)), place, || {
+            format!("size is {} x {} pixels, each must be 1 to 16384", size[0], size[1])
+        });
+        self.need(fps.num > 0 && fps.den > 0, place, || {
+            format!("fps is {}/{}, must be positive", fps.num, fps.den)
+        });
+        self.need(*length >= Time::ZERO, place, || format!("length is {} s, must be ≥ 0", length.as_secs()));
+        let finite = match background {
+            Background::Color(color) => color.is_finite(),
+            Background::Gradient { top, bottom } => top.is_finite() && bottom.is_finite(),
+        };
+        self.need(finite, place, || "background is not finite".to_string());
+        self.need(ambient_up.is_finite() && ambient_down.is_finite(), place, || {
+            "ambient light is not finite".to_string()
+        });
+        self.need(matches!(samples, None | Some(1 | 4)), place, || {
+            format!("samples is {}, must be 1 or 4", samples.unwrap_or(0))
+        });
+    }
+
+    fn actor(&mut self, index: usize, actor: &Actor) {
+        let place = format!("actor \"{}\"", actor.name);
+        let joints = actor.asset.skeleton.len();
+        let actors = self.stage.actors.len();
+        let Placement { translation, rotation, scale } = actor.transform;
+        self.need(translation.is_finite(), &place, || {
+            format!("translation is {translation}, must be finite")
+        });
+        self.need(scale.is_finite(), &place, || format!("scale is {scale}, must be finite"));
+        self.need((rotation.length() - 1.0).abs() < 1e-3, &place, || {
+            format!("rotation has length {}, must be 1", rotation.length())
+        });
+        self.need(actor.tint.is_finite(), &place, || format!("tint is {}, must be finite", actor.tint));
+        if let Some(parent) = &actor.parent {
+            self.attachment(&place, parent);
+        }
+        if let Some(face) = actor.face {
+            self.index(&place, "faces an actor that", face, actors);
+            self.need(face != index, &place, || "faces itself".to_string());
+        }
+        for (l, layer) in actor.layers.iter().enumerate() {
+            if let Some(mask) = &layer.mask {
+                let place = format!("{place}, layer {l}");
+                self.need(mask.len() == joints, &place, || {
+                    format!("the mask has {} weights, the skeleton {joints} joints", mask.len())
+                });
+                self.need(mask.iter().all(|w| (0.0..=1.0).contains(w)), &place, || {
+                    "the mask has a weight outside 0..=1".to_string()
+                });
+            }
+            for (c, cue) in layer.cues.iter().enumerate() {
+                let place = format!("{place}, layer {l}, cue {c} (\"{}\")", cue.clip.name);
+                self.cue(&place, cue, joints);
+                let sorted = c == 0 || layer.cues[c - 1].start <= cue.start;
+                self.need(sorted, &place, || "starts before the cue before it; sort by start".to_string());
+            }
+        }
+        for look in &actor.look_at {
+            let place = format!("{place}, look_at");
+            self.index(&place, "joint", look.joint as usize, joints);
+            self.target(&place, &look.target);
+            self.span(&place, look.start, look.end);
+            self.need((0.0..=1.0).contains(&look.weight), &place, || {
+                format!("weight is {}, must be 0..=1", look.weight)
+            });
+            self.need(look.fade >= Time::ZERO, &place, || "fade is negative".to_string());
+        }
+        for (instance, target, weight) in &actor.morphs {
+            self.morph(&place, &actor.asset, *instance, *target);
+            self.need(weight.is_finite(), &place, || format!("morph weight is {weight}, must be finite"));
+        }
+        for channel in &actor.channels {
+            let fits = match channel.property {
+                Property::Translation
+                | Property::Rotation
+                | Property::Scale
+                | Property::Visible
+                | Property::Tint => true,
+                Property::Morph { instance, target } => {
+                    self.morph(&place, &actor.asset, instance, target);
+                    true
+                }
+                Property::FieldOfView | Property::Intensity | Property::Color => false,
+            };
+            self.channel(&place, channel, fits);
+        }
+    }
+
+    fn cue(&mut self, place: &str, cue: &Cue, joints: usize) {
+        let playback = Playback { speed: cue.speed, trim: cue.trim, repeat: cue.repeat };
+        if let Err(what) = playback.check() {
+            self.need(false, place, || what);
+        }
+        self.need(cue.clip.joint_count() == joints, place, || {
+            format!(
+                "the clip is for a skeleton of {} joints, the actor's has {joints}; bind it first",
+                cue.clip.joint_count()
+            )
+        });
+        self.need((0.0..=1.0).contains(&cue.weight), place, || {
+            format!("weight is {}, must be 0..=1", cue.weight)
+        });
+        let fades = [cue.fade_in, cue.fade_out];
+        self.need(fades.iter().all(|f| *f >= Time::ZERO), place, || "a fade is negative".to_string());
+        self.span(place, cue.start, cue.end);
+    }
+
+    fn morph(&mut self, place: &str, asset: &Asset, instance: u32, target: u32) {
+        self.index(place, "mesh instance", instance as usize, asset.instances.len());
+        let mesh = asset.instances.get(instance as usize).and_then(|i| asset.meshes.get(i.mesh as usize));
+        if let Some(mesh) = mesh {
+            self.index(place, "morph target", target as usize, mesh.morph_targets);
+        }
+    }
+
+    fn attachment(&mut self, place: &str, at: &Attachment) {
+        self.index(place, "is attached to an actor that", at.actor, self.stage.actors.len());
+        if let (Some(parent), Some(joint)) = (self.stage.actors.get(at.actor), at.joint) {
+            let joints = parent.asset.skeleton.len();
+            self.index(place, "is attached to a joint that", joint as usize, joints);
+        }
+    }
+
+    fn target(&mut self, place: &str, target: &Target) {
+        match *target {
+            Target::Point(point) => {
+                self.need(point.is_finite(), place, || format!("the target is {point}, must be finite"));
+            }
+            Target::Actor(actor) => self.index(place, "target actor", actor, self.stage.actors.len()),
+            Target::Joint { actor, joint } => {
+                self.attachment(place, &Attachment { actor, joint: Some(joint) });
+            }
+        }
+    }
+
+    fn channel(&mut self, place: &str, channel: &Channel, fits: bool) {
+        let place = format!("{place}, keys of {:?}", channel.property);
+        self.need(fits, &place, || "this property cannot be keyed here".to_string());
+        self.need(!channel.times.is_empty(), &place, || "there are no keys".to_string());
+        let sorted = channel.times.windows(2).all(|w| w[0] < w[1]);
+        self.need(sorted, &place, || "key times must increase".to_string());
+        let tangents = if channel.interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+        let wanted = channel.times.len() * channel.property.width() * tangents;
+        self.need(channel.values.len() == wanted, &place, || {
+            format!("{} keys need {wanted} numbers, there are {}", channel.times.len(), channel.values.len())
+        });
+        self.need(channel.values.iter().all(|v| v.is_finite()), &place, || {
+            "a key holds a number that is not finite".to_string()
+        });
+    }
+
+    fn camera(&mut self, camera: &Camera) {
+        let place = format!("camera \"{}\"", camera.name);
+        match camera.projection {
+            Projection::Perspective { yfov, near, far } => {
+                self.need(yfov > 0.0 && yfov < std::f32::consts::PI, &place, || {
+                    format!("field of view is {yfov} rad, must be above 0 and below π")
+                });
+                self.need(near > 0.0 && near.is_finite(), &place, || {
+                    format!("near plane is at {near} m, must be above 0")
+                });
+                self.need(far.is_none_or(|far| far > near), &place, || {
+                    "the far plane must lie behind the near plane".to_string()
+                });
+            }
+            Projection::Orthographic { height, near, far } => {
+                self.need(height > 0.0 && height.is_finite(), &place, || {
+                    format!("height is {height} m, must be above 0")
+                });
+                self.need(near < far && near.is_finite() && far.is_finite(), &place, || {
+                    format!("planes are at {near} m and {far} m, must be finite and in this order")
+                });
+            }
+        }
+        let numbers = match &camera.rig {
+            Rig::Fixed { position, rotation, look_at } => {
+                if let Some(target) = look_at {
+                    self.target(&place, target);
+                }
+                self.need((rotation.length() - 1.0).abs() < 1e-3, &place, || {
+                    format!("rotation has length {}, must be 1", rotation.length())
+                });
+                position.is_finite()
+            }
+            Rig::Follow { target, offset } => {
+                self.target(&place, target);
+                offset.is_finite()
+            }
+            Rig::Orbit { target, distance, elevation, azimuth, speed } => {
+                self.target(&place, target);
+                [distance, elevation, azimuth, speed].iter().all(|v| v.is_finite())
+            }
+            Rig::File { actor, camera } => {
+                self.index(&place, "actor", *actor, self.stage.actors.len());
+                if let Some(actor) = self.stage.actors.get(*actor) {
+                    self.index(&place, "camera of the file", *camera as usize, actor.asset.cameras.len());
+                }
+                true
+            }
+            Rig::Frame { azimuth, elevation } => azimuth.is_finite() && elevation.is_finite(),
+        };
+        self.need(numbers, &place, || "its place is not finite".to_string());
+        let perspective = matches!(camera.projection, Projection::Perspective { .. });
+        for channel in &camera.channels {
+            let fits = match (channel.property, &camera.rig) {
+                (Property::FieldOfView, _) => perspective,
+                (Property::Translation, Rig::Fixed { .. } | Rig::Follow { .. }) => true,
+                (Property::Rotation, Rig::Fixed { look_at, .. }) => look_at.is_none(),
+                _ => false,
+            };
+            self.channel(&place, channel, fits);
+        }
+    }
+
+    fn cuts(&mut self) {
+        for (index, cut) in self.stage.cuts.iter().enumerate() {
+            let place = format!("cut {index} at {} s", cut.at.as_secs());
+            self.index(&place, "camera", cut.camera, self.stage.cameras.len());
+            let sorted = index == 0 || self.stage.cuts[index - 1].at <= cut.at;
+            self.need(sorted, &place, || "comes before the cut before it; sort by time".to_string());
+        }
+    }
+
+    fn light(&mut self, light: &StageLight) {
+        let place = format!("light \"{}\"", light.name);
+        let Light { kind, color, intensity, range } = light.light;
+        self.need(color.is_finite() && color.min_element() >= 0.0, &place, || {
+            format!("colour is {color}, must be finite and ≥ 0")
+        });
+        self.need(intensity.is_finite() && intensity >= 0.0, &place, || {
+            format!("intensity is {intensity}, must be finite and ≥ 0")
+        });
+        self.need(range.is_none_or(|r| r > 0.0), &place, || "range must be above 0".to_string());
+        if let LightKind::Spot { inner, outer } = kind {
+            let fine = 0.0 <= inner && inner < outer && outer <= std::f32::consts::FRAC_PI_2 + 1e-6;
+            self.need(fine, &place, || {
+                format!("cone is {inner} to {outer} rad, must be 0 ≤ inner < outer ≤ π/2")
+            });
+        }
+        self.need(light.position.is_finite(), &place, || "its place is not finite".to_string());
+        if kind != LightKind::Point {
+            self.need((light.direction.length() - 1.0).abs() < 1e-3, &place, || {
+                format!("direction has length {}, must be 1", light.direction.length())
+            });
+        }
+        if let Some(parent) = &light.parent {
+            self.attachment(&place, parent);
+        }
+        for channel in &light.channels {
+            let fits = matches!(
+                channel.property,
+                Property::Translation
+                    | Property::Rotation
+                    | Property::Intensity
+                    | Property::Color
+                    | Property::Visible
+            );
+            self.channel(&place, channel, fits);
+        }
+    }
+}

@@ -1,0 +1,380 @@
+//! `Stage::at`: from the timeline to a snapshot.
+//!
+//! In this order: keyed properties, hooks, visibility, which poses are needed at all, poses, places in the world, look-ats,
+//! places again where a look-at has moved something, lights, camera.
+
+use crate::framing::Framings;
+use crate::order::{self, Order, Step};
+use crate::pose::{self, PoseScratch};
+use crate::*;
+use choreo_motion::Time;
+use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Vec3, Vec4};
+use std::sync::Arc;
+
+impl Stage {
+    /// Everything at a time. A stage with no camera is framed as `Rig::Frame`; one with no light of
+    /// its own or of its files gets a key sun.
+    ///
+    /// A function of the time alone: any order, any thread, the same bits. For many frames use an [`Evaluator`], which keeps
+    /// its buffers, and what a framing camera has found out, from one to the next.
+    ///
+    /// ```
+    /// # use choreo_stage::*; use choreo_motion::Time; use std::sync::Arc;
+    /// let mut stage = Stage::default();
+    /// let anna = stage.cast("anna", Arc::new(Asset::default()));
+    /// stage.actors[anna].transform.translation.x = 2.0;
+    /// let snapshot = stage.at(Time::from_secs(1.5)).unwrap();
+    /// assert_eq!(snapshot.actors[anna].world_from_model.translation.x, 2.0);
+    /// ```
+    pub fn at(&self, time: Time) -> Result<Snapshot, StageError> {
+        let mut snapshot = Snapshot::default();
+        evaluate(self, &Framings::new(self), &mut Scratch::default(), time, &mut snapshot)?;
+        Ok(snapshot)
+    }
+}
+
+/// Evaluates one stage at many times without allocating anew. Clones share what a framing camera has found out, so one a
+/// thread is cheap.
+#[derive(Clone, Debug)]
+pub struct Evaluator {
+    stage: Arc<Stage>,
+    framings: Arc<Framings>,
+    scratch: Scratch,
+}
+
+impl Evaluator {
+    pub fn new(stage: Arc<Stage>) -> Evaluator {
+        let framings = Arc::new(Framings::new(&stage));
+        Evaluator { stage, framings, scratch: Scratch::default() }
+    }
+
+    pub fn stage(&self) -> &Arc<Stage> {
+        &self.stage
+    }
+
+    /// The same bits as [`Stage::at`].
+    pub fn at(&mut self, time: Time) -> Result<Snapshot, StageError> {
+        let mut snapshot = Snapshot::default();
+        self.at_into(time, &mut snapshot)?;
+        Ok(snapshot)
+    }
+
+    /// As `at`, reusing a snapshot's memory. After an error the snapshot is half filled.
+    pub fn at_into(&mut self, time: Time, snapshot: &mut Snapshot) -> Result<(), StageError> {
+        evaluate(&self.stage, &self.framings, &mut self.scratch, time, snapshot)
+    }
+
+    /// How many poses the last evaluation took.
+    pub fn poses(&self) -> usize {
+        self.scratch.poses
+    }
+}
+
+/// Buffers; what is in them on entry does not matter.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Scratch {
+    order: Order,
+    pose: PoseScratch,
+    placements: Vec<Placement>,
+    /// World frame that an actor's placement is in.
+    world_from_parent: Vec<DAffine3>,
+    needs: Vec<Need>,
+    work: Vec<usize>,
+    /// (actor, place in `edits.actors`) of edits that change poses, sorted.
+    pose_edits: Vec<(usize, usize)>,
+    pub(crate) edits: FrameEdits,
+    aims: Vec<look_at::Aim>,
+    poses: usize,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Need {
+    /// Its place in the world counts for something.
+    world: bool,
+    pose: bool,
+}
+
+fn evaluate(
+    stage: &Stage,
+    framings: &Framings,
+    scratch: &mut Scratch,
+    time: Time,
+    out: &mut Snapshot,
+) -> Result<(), StageError> {
+    let camera = camera::on_at(stage, time);
+    evaluate_actors(stage, scratch, time, camera, out)?;
+    out.time = time;
+    out.background = stage.settings.background;
+    let ambient = (stage.settings.ambient_up, stage.settings.ambient_down);
+    (out.ambient_up, out.ambient_down) = scratch.edits.ambient.unwrap_or(ambient);
+    out.effects.clear();
+    let on = |e: &EffectUse| e.start <= time && e.end.is_none_or(|end| time < end);
+    out.effects.extend(stage.effects.iter().enumerate().filter(|(_, e)| on(e)).map(|(i, _)| i));
+    lights::evaluate(stage, &scratch.edits, time, &out.actors, &mut out.lights);
+    out.camera = camera::evaluate(stage, framings, &scratch.edits, time, camera, &out.actors)?;
+    Ok(())
+}
+
+/// All of the snapshot's actors. `camera`: whose targets must be known.
+pub(crate) fn evaluate_actors(
+    stage: &Stage,
+    scratch: &mut Scratch,
+    time: Time,
+    camera: Option<usize>,
+    out: &mut Snapshot,
+) -> Result<(), StageError> {
+    order::find(stage, &mut scratch.order)?;
+    out.actors.truncate(stage.actors.len());
+    out.actors.resize_with(stage.actors.len(), ActorState::default);
+    scratch.placements.clear();
+    for (actor, state) in stage.actors.iter().zip(&mut out.actors) {
+        let (placement, visible, tint) = pose::keyed_placement(actor, time);
+        scratch.placements.push(placement);
+        (state.visible, state.tint) = (visible, tint);
+    }
+    run_hooks(stage, scratch, time, &mut out.actors)?;
+    for step in &scratch.order.steps {
+        // Parents come first.
+        if let Step::Position(a) = *step
+            && let Some(parent) = stage.actors[a].parent
+        {
+            out.actors[a].visible &= out.actors.get(parent.actor).is_none_or(|p| p.visible);
+        }
+    }
+    find_needs(stage, scratch, time, camera, &out.actors);
+    scratch.poses = 0;
+    for (index, (actor, state)) in stage.actors.iter().zip(&mut out.actors).enumerate() {
+        if !scratch.needs[index].pose {
+            state.model_from_joint.clear();
+            state.morph_weights.clear();
+            continue;
+        }
+        scratch.poses += 1;
+        let first = scratch.pose_edits.partition_point(|(a, _)| *a < index);
+        let edits = scratch.pose_edits[first..].iter().take_while(|(a, _)| *a == index);
+        let edits = edits.map(|(_, place)| &scratch.edits.actors[*place]);
+        let (joints, weights) = (&mut state.model_from_joint, &mut state.morph_weights);
+        pose::pose_actor(actor, time, edits, &mut scratch.pose, joints, weights);
+    }
+    place_actors(stage, scratch, &mut out.actors);
+    look_at::find_aims(stage, time, &out.actors, &mut scratch.aims);
+    if !scratch.aims.is_empty() {
+        for aim in &scratch.aims {
+            look_at::turn(stage, aim, &mut out.actors[aim.actor]);
+        }
+        let turned = |a: usize| scratch.aims.iter().any(|aim| aim.actor == a);
+        if stage.actors.iter().any(|a| a.parent.is_some_and(|p| p.joint.is_some() && turned(p.actor))) {
+            place_actors(stage, scratch, &mut out.actors);
+        }
+    }
+    Ok(())
+}
+
+fn run_hooks(
+    stage: &Stage,
+    scratch: &mut Scratch,
+    time: Time,
+    actors: &mut [ActorState],
+) -> Result<(), StageError> {
+    let edits = &mut scratch.edits;
+    edits.actors.clear();
+    edits.cameras.clear();
+    edits.lights.clear();
+    edits.ambient = None;
+    for hook in &stage.hooks {
+        hook.run(time, edits)?;
+    }
+    scratch.pose_edits.clear();
+    for (place, edit) in scratch.edits.actors.iter().enumerate() {
+        let index = edit.actor();
+        let (Some(placement), Some(state)) = (scratch.placements.get_mut(index), actors.get_mut(index))
+        else {
+            continue;
+        };
+        match *edit {
+            ActorEdit::MoveTo { translation, .. } => placement.translation = translation,
+            ActorEdit::MoveBy { offset, .. } => placement.translation += offset,
+            ActorEdit::Turn { rotation, .. } => {
+                placement.rotation = (rotation * placement.rotation).normalize();
+            }
+            ActorEdit::Scale { factor, .. } => placement.scale *= factor,
+            ActorEdit::Visible { visible, .. } => state.visible = visible,
+            ActorEdit::Tint { tint, .. } => state.tint = tint,
+            ActorEdit::Morph { .. } | ActorEdit::TurnJoint { .. } => scratch.pose_edits.push((index, place)),
+        }
+    }
+    scratch.pose_edits.sort_unstable();
+    Ok(())
+}
+
+/// An invisible actor is posed only where something visible, the camera, a light or a look-at hangs on one of its joints.
+fn find_needs(
+    stage: &Stage,
+    scratch: &mut Scratch,
+    time: Time,
+    camera: Option<usize>,
+    actors: &[ActorState],
+) {
+    let (needs, work) = (&mut scratch.needs, &mut scratch.work);
+    needs.clear();
+    needs.resize(stage.actors.len(), Need::default());
+    work.clear();
+    let mut want = |work: &mut Vec<usize>, actor: usize, pose: bool| {
+        if let Some(need) = needs.get_mut(actor) {
+            let before = *need;
+            *need = Need { world: true, pose: need.pose || pose };
+            if *need != before {
+                work.push(actor);
+            }
+        }
+    };
+    let want_target = |target: &Target| match *target {
+        Target::Point(_) => None,
+        Target::Actor(actor) => Some((actor, false)),
+        Target::Joint { actor, .. } => Some((actor, true)),
+    };
+    for (index, state) in actors.iter().enumerate() {
+        if state.visible {
+            want(work, index, true);
+        }
+    }
+    for parent in stage.lights.iter().filter_map(|light| light.parent) {
+        want(work, parent.actor, parent.joint.is_some());
+    }
+    if let Some(camera) = camera.and_then(|c| stage.cameras.get(c)) {
+        let target = match &camera.rig {
+            Rig::Fixed { look_at, .. } => look_at.as_ref().and_then(want_target),
+            Rig::Follow { target, .. } | Rig::Orbit { target, .. } => want_target(target),
+            Rig::File { actor, .. } => Some((*actor, true)),
+            Rig::Frame { .. } => None,
+        };
+        if let Some((actor, pose)) = target {
+            want(work, actor, pose);
+        }
+    }
+    while let Some(index) = work.pop() {
+        let actor = &stage.actors[index];
+        if let Some(parent) = actor.parent {
+            want(work, parent.actor, parent.joint.is_some());
+        }
+        if let Some(face) = actor.face {
+            want(work, face, false);
+        }
+        for look in &actor.look_at {
+            if look_at::share(look, time) > 0.0
+                && let Some((actor, pose)) = want_target(&look.target)
+            {
+                want(work, actor, pose);
+            }
+        }
+    }
+}
+
+fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState]) {
+    scratch.world_from_parent.clear();
+    scratch.world_from_parent.resize(actors.len(), DAffine3::IDENTITY);
+    for step in &scratch.order.steps {
+        match *step {
+            Step::Position(a) => {
+                let frame = stage.actors[a].parent.map(|p| world_from_attachment(stage, actors, &p));
+                let frame = frame.unwrap_or(DAffine3::IDENTITY);
+                scratch.world_from_parent[a] = frame;
+                actors[a].world_from_model.translation =
+                    frame.transform_point3(scratch.placements[a].translation);
+            }
+            Step::World(a) => {
+                let frame = scratch.world_from_parent[a];
+                let Placement { translation, mut rotation, scale } = scratch.placements[a];
+                if let Some(other) = stage.actors[a].face.and_then(|f| actors.get(f)) {
+                    let way = other.world_from_model.translation - actors[a].world_from_model.translation;
+                    rotation = facing(&frame, way) * rotation;
+                }
+                let parent_from_model =
+                    DAffine3::from_scale_rotation_translation(scale, rotation, translation);
+                actors[a].world_from_model = frame * parent_from_model;
+            }
+        }
+    }
+}
+
+/// The turn about +Y of a frame that brings its +Z towards a world direction; none where that goes straight up or nowhere.
+fn facing(world_from_frame: &DAffine3, world_way: DVec3) -> DQuat {
+    let way = world_from_frame.matrix3.inverse() * world_way;
+    let yaw = libm::atan2(way.x, way.z);
+    if (way.x == 0.0 && way.z == 0.0) || !yaw.is_finite() {
+        return DQuat::IDENTITY;
+    }
+    DQuat::from_rotation_y(yaw)
+}
+
+/// World from the space of an actor or one of its joints. Of a joint that is not posed: as at rest.
+pub(crate) fn world_from_attachment(stage: &Stage, actors: &[ActorState], at: &Attachment) -> DAffine3 {
+    let Some(state) = actors.get(at.actor) else { return DAffine3::IDENTITY };
+    match at.joint {
+        None => state.world_from_model,
+        Some(joint) => state.world_from_model * model_from_joint(stage, actors, at.actor, joint),
+    }
+}
+
+fn model_from_joint(stage: &Stage, actors: &[ActorState], actor: usize, joint: u32) -> DAffine3 {
+    let posed = &actors[actor].model_from_joint;
+    let all = if posed.is_empty() { stage.actors[actor].asset.rest_model_from_joint() } else { posed };
+    all.get(joint as usize).map_or(DAffine3::IDENTITY, widen)
+}
+
+pub(crate) fn widen(a: &Affine3A) -> DAffine3 {
+    DAffine3 { matrix3: Mat3::from(a.matrix3).as_dmat3(), translation: Vec3::from(a.translation).as_dvec3() }
+}
+
+/// Where a target is; `None` for actors and joints that do not exist and for places that are not finite.
+pub(crate) fn target_position(stage: &Stage, actors: &[ActorState], target: &Target) -> Option<DVec3> {
+    let at = match *target {
+        Target::Point(point) => point,
+        Target::Actor(actor) => {
+            let middle = stage.actors.get(actor)?.asset.rest_bounds().center();
+            actors.get(actor)?.world_from_model.transform_point3(middle.as_dvec3())
+        }
+        Target::Joint { actor, joint } => {
+            stage.actors.get(actor)?;
+            world_from_attachment(stage, actors, &Attachment { actor, joint: Some(joint) }).translation
+        }
+    };
+    at.is_finite().then_some(at)
+}
+
+/// The rotation of an affine map without its scale and shear: −Z is kept, then +Y as well as can be. Finite for any map.
+pub(crate) fn rotation_of(matrix: &DMat3) -> DQuat {
+    let back = matrix.z_axis.try_normalize().unwrap_or(DVec3::Z);
+    let up = matrix.y_axis;
+    let right = up.cross(back).try_normalize().unwrap_or_else(|| back.any_orthonormal_vector());
+    // A mirrored map shows a mirrored world to a camera; the camera itself cannot mirror.
+    DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize()
+}
+
+impl ActorEdit {
+    /// The actor that is changed.
+    pub fn actor(&self) -> usize {
+        match *self {
+            ActorEdit::MoveTo { actor, .. }
+            | ActorEdit::MoveBy { actor, .. }
+            | ActorEdit::Turn { actor, .. }
+            | ActorEdit::Scale { actor, .. }
+            | ActorEdit::Visible { actor, .. }
+            | ActorEdit::Tint { actor, .. }
+            | ActorEdit::Morph { actor, .. }
+            | ActorEdit::TurnJoint { actor, .. } => actor,
+        }
+    }
+}
+
+impl Default for ActorState {
+    fn default() -> Self {
+        ActorState {
+            visible: false,
+            world_from_model: DAffine3::IDENTITY,
+            model_from_joint: Vec::new(),
+            morph_weights: Vec::new(),
+            tint: Vec4::ONE,
+        }
+    }
+}

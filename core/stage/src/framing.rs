@@ -1,0 +1,125 @@
+//! The camera that fits everything in.
+//!
+//! It stands still for the whole length, so that a character who walks is in the picture from the first step to the last. The
+//! boxes of all visible actors are taken at some times of the stage, once; then a camera costs a few projected corners a frame.
+
+use crate::camera::orbit_rotation;
+use crate::evaluate::{Scratch, evaluate_actors, widen};
+use crate::*;
+use choreo_motion::Time;
+use glam::{DAffine3, DQuat, DVec3};
+use std::sync::OnceLock;
+
+/// Poses that framing may cost, and between how many times of the stage they are shared out.
+const MAX_POSES: usize = 2000;
+const TIMES: std::ops::RangeInclusive<usize> = 6..=48;
+/// Picture left free on each side, of its half.
+const MARGIN: f64 = 0.06;
+/// Azimuth and elevation for a stage without a camera: from the front, a little from the right and above.
+pub(crate) const DEFAULT_VIEW: (f64, f64) = (0.45, 0.18);
+/// Without anything to see: the room of one person.
+const EMPTY_ROOM: (DVec3, DVec3) = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 2.0, 1.0));
+
+/// What the cameras of one stage have found out: one slot a camera, the last for the stage without any.
+#[derive(Debug)]
+pub(crate) struct Framings(Vec<OnceLock<Result<Vec<DAabb>, StageError>>>);
+
+impl Framings {
+    pub fn new(stage: &Stage) -> Framings {
+        Framings((0..=stage.cameras.len()).map(|_| OnceLock::new()).collect())
+    }
+
+    pub fn camera(
+        &self,
+        stage: &Stage,
+        index: Option<usize>,
+        azimuth: f64,
+        elevation: f64,
+        projection: Projection,
+    ) -> Result<CameraState, StageError> {
+        let rotation = orbit_rotation(azimuth, elevation);
+        let slot = &self.0[index.unwrap_or(self.0.len() - 1)];
+        let boxes = slot.get_or_init(|| visible_boxes(stage, rotation)).as_ref().map_err(Clone::clone)?;
+        let [width, height] = stage.settings.size.map(|n| f64::from(n.max(1)));
+        let (position, projection) = fit(boxes, width / height, projection);
+        let world_from_view = DAffine3::from_rotation_translation(rotation, rotation * position);
+        Ok(CameraState { camera: index, world_from_view, projection })
+    }
+}
+
+/// Boxes in the axes of the view (right, up, back) of what is visible at some times, one an actor and time.
+fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, StageError> {
+    let axes_from_world = DAffine3::from_quat(world_from_axes.inverse());
+    let intervals = (MAX_POSES / stage.actors.len().max(1)).clamp(*TIMES.start(), *TIMES.end());
+    // More than two looks a frame show nothing new.
+    let length = stage.settings.length.max(Time::ZERO);
+    let intervals = intervals.min((length.as_secs() * 48.0) as usize).max(1);
+    let mut boxes = Vec::new();
+    let (mut scratch, mut snapshot) = (Scratch::default(), Snapshot::default());
+    for i in 0..=intervals {
+        let time = Time((i128::from(length.0) * i as i128 / intervals as i128) as i64);
+        evaluate_actors(stage, &mut scratch, time, None, &mut snapshot)?;
+        for (actor, state) in stage.actors.iter().zip(&snapshot.actors).filter(|(_, s)| s.visible) {
+            let mut bounds = DAabb::EMPTY;
+            let axes_from_model = axes_from_world * state.world_from_model;
+            for (index, reach) in actor.asset.instance_bounds().iter().enumerate() {
+                let weights = state.morph_weights.get(index).map_or(&[][..], Vec::as_slice);
+                for part in &reach.parts {
+                    let Some(joint) = state.model_from_joint.get(part.joint as usize) else { continue };
+                    bounds.add_box(&(axes_from_model * widen(joint)), &part.morphed(weights));
+                }
+            }
+            if !bounds.is_empty() {
+                boxes.push(bounds);
+            }
+        }
+        if length == Time::ZERO {
+            break;
+        }
+    }
+    if boxes.is_empty() {
+        let mut room = DAabb::EMPTY;
+        let (min, max) = (EMPTY_ROOM.0.as_vec3(), EMPTY_ROOM.1.as_vec3());
+        room.add_box(&axes_from_world, &Aabb { min, max });
+        boxes.push(room);
+    }
+    Ok(boxes)
+}
+
+/// Position in the axes of the view, and the projection with a near plane before everything.
+///
+/// A point (x, y, z) is in the picture of a camera at (cx, cy, cz) looking along −z where |x − cx| ≤ tx (cz − z), so
+/// cx + tx cz ≥ max(x + tx z) and −cx + tx cz ≥ max(−x + tx z): the closest camera solves both with equality.
+fn fit(boxes: &[DAabb], aspect: f64, projection: Projection) -> (DVec3, Projection) {
+    let all = boxes.iter().fold(DAabb::EMPTY, |a, b| DAabb { min: a.min.min(b.min), max: a.max.max(b.max) });
+    // Something to stand off from where all is one point.
+    let size = (all.max - all.min).length().max(1e-6);
+    match projection {
+        Projection::Perspective { yfov, .. } => {
+            let ty = libm::tan(f64::from(yfov) / 2.0) * (1.0 - MARGIN);
+            let tx = libm::tan(f64::from(yfov) / 2.0) * aspect * (1.0 - MARGIN);
+            let mut right = f64::NEG_INFINITY;
+            let (mut left, mut up, mut down) = (right, right, right);
+            for b in boxes {
+                // The nearest face decides: t z is largest there.
+                right = right.max(b.max.x + tx * b.max.z);
+                left = left.max(-b.min.x + tx * b.max.z);
+                up = up.max(b.max.y + ty * b.max.z);
+                down = down.max(-b.min.y + ty * b.max.z);
+            }
+            let z = ((right + left) / (2.0 * tx)).max((up + down) / (2.0 * ty)).max(all.max.z + size * 0.01);
+            let position = DVec3::new((right - left) / 2.0, (up - down) / 2.0, z);
+            // Half the free way: what moves between the looked-at times stays in.
+            let near = ((z - all.max.z) * 0.5).min((z - all.min.z) * 0.05).max(1e-9);
+            (position, Projection::Perspective { yfov, near: near as f32, far: None })
+        }
+        Projection::Orthographic { .. } => {
+            let middle = (all.min + all.max) * 0.5;
+            let extent = all.max - all.min;
+            let height = extent.y.max(extent.x / aspect).max(1e-6) / (1.0 - MARGIN);
+            let position = DVec3::new(middle.x, middle.y, all.max.z + size);
+            let far = extent.z + 2.0 * size;
+            (position, Projection::Orthographic { height: height as f32, near: 0.0, far: far as f32 })
+        }
+    }
+}

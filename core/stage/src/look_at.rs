@@ -1,0 +1,126 @@
+//! Joints turned towards targets, after everything else has been posed and placed.
+
+use crate::evaluate::target_position;
+use crate::timeline::{eased, fraction};
+use crate::{ActorState, Ease, LookAt, Stage};
+use choreo_motion::Time;
+use glam::{Affine3A, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
+
+/// A joint turns at most this far from its clip's pose, 80°: a head's reach. Beyond it the turn fades out again until the
+/// target is straight behind, so that one that passes behind does not whip the head from one shoulder to the other.
+pub const LOOK_AT_LIMIT_RAD: f64 = 80.0 * std::f64::consts::PI / 180.0;
+
+/// A look-at that counts now. Targets are taken where they are before any look-at, so that two characters can look at each
+/// other's heads, and one at a thing in its own hand.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Aim {
+    pub actor: usize,
+    joint: u32,
+    world_target: DVec3,
+    share: f64,
+}
+
+pub(crate) fn find_aims(stage: &Stage, time: Time, actors: &[ActorState], aims: &mut Vec<Aim>) {
+    aims.clear();
+    for (index, (actor, state)) in stage.actors.iter().zip(actors).enumerate() {
+        for look in &actor.look_at {
+            let share = share(look, time);
+            // Also leaves out actors that are not posed.
+            if share > 0.0
+                && (look.joint as usize) < state.model_from_joint.len()
+                && let Some(world_target) = target_position(stage, actors, &look.target)
+            {
+                aims.push(Aim { actor: index, joint: look.joint, world_target, share: share.into() });
+            }
+        }
+    }
+}
+
+/// Weight with fades, 0..=1; 0 outside `start..end`.
+pub(crate) fn share(look: &LookAt, time: Time) -> f32 {
+    if time < look.start || look.end.is_some_and(|end| time >= end) {
+        return 0.0;
+    }
+    let fade_in = eased(Ease::Smooth, fraction(time - look.start, look.fade));
+    let fade_out = look.end.map_or(1.0, |end| eased(Ease::Smooth, fraction(end - time, look.fade)));
+    (look.weight * fade_in * fade_out).clamp(0.0, 1.0)
+}
+
+/// Turns a joint and all below it about the joint's place.
+pub(crate) fn turn(stage: &Stage, aim: &Aim, state: &mut ActorState) {
+    let skeleton = &stage.actors[aim.actor].asset.skeleton;
+    let rest = stage.actors[aim.actor].asset.rest_model_from_joint();
+    let joint = aim.joint as usize;
+    let model_from_joint = state.model_from_joint[joint];
+    let pivot = Vec3::from(model_from_joint.translation);
+    let target = state.world_from_model.inverse().transform_point3(aim.world_target);
+    let forward = forward_in_joint(&rest[joint]);
+    let now = Vec3::from(model_from_joint.matrix3 * forward).as_dvec3();
+    let Some(turn) = turn_towards(now, target - pivot.as_dvec3(), aim.share) else { return };
+    let turn = Mat3A::from(Mat3::from_quat(turn.as_quat()));
+    let pivot = Vec3A::from(pivot);
+    // Children come after their parents.
+    let mut turned = vec![false; skeleton.len()];
+    turned[joint] = true;
+    for (index, parent) in skeleton.parents().iter().enumerate().skip(joint) {
+        if index != joint {
+            turned[index] = parent.is_some_and(|p| turned[p as usize]);
+        }
+        if turned[index] {
+            let m = &mut state.model_from_joint[index];
+            *m = Affine3A { matrix3: turn * m.matrix3, translation: pivot + turn * (m.translation - pivot) };
+        }
+    }
+}
+
+/// The direction in a joint's space that is the model's +Z at rest; +Z where the rest pose is flat.
+fn forward_in_joint(rest_model_from_joint: &Affine3A) -> Vec3A {
+    let forward = rest_model_from_joint.matrix3.inverse() * Vec3A::Z;
+    if forward.is_finite() { forward.normalize_or(Vec3A::Z) } else { Vec3A::Z }
+}
+
+/// The rotation from one direction towards another, limited, times a share. `None` where there is nothing to turn: the
+/// target is in the joint, straight ahead or straight behind, or not finite.
+fn turn_towards(now: DVec3, way: DVec3, share: f64) -> Option<DQuat> {
+    let (now, way) = (now.try_normalize()?, way.try_normalize()?);
+    let cross = now.cross(way);
+    let axis = cross.try_normalize()?;
+    let angle = libm::atan2(cross.length(), now.dot(way));
+    let limited = if angle <= LOOK_AT_LIMIT_RAD {
+        angle
+    } else {
+        LOOK_AT_LIMIT_RAD * (std::f64::consts::PI - angle) / (std::f64::consts::PI - LOOK_AT_LIMIT_RAD)
+    };
+    let turn = DQuat::from_axis_angle(axis, limited * share);
+    turn.is_finite().then_some(turn)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn angle_after(degrees: f64) -> f64 {
+        let way = DVec3::new(libm::sin(degrees.to_radians()), 0.0, libm::cos(degrees.to_radians()));
+        let turn = turn_towards(DVec3::Z, way * 3.0, 1.0).unwrap_or(DQuat::IDENTITY);
+        let after = turn * DVec3::Z;
+        libm::atan2(after.x, after.z).to_degrees()
+    }
+
+    #[test]
+    fn turns_all_the_way_up_to_the_limit_then_gives_up_gently() {
+        for degrees in [0.0, 1e-6, 10.0, -45.0, 80.0] {
+            assert!((angle_after(degrees) - degrees).abs() < 1e-9, "{degrees}: {}", angle_after(degrees));
+        }
+        assert!((angle_after(130.0) - 40.0).abs() < 1e-9);
+        assert!(angle_after(179.999).abs() < 0.01 && angle_after(-179.999).abs() < 0.01);
+        assert!(angle_after(180.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn targets_in_the_joint_or_at_no_place_turn_nothing() {
+        assert!(turn_towards(DVec3::Z, DVec3::ZERO, 1.0).is_none());
+        assert!(turn_towards(DVec3::ZERO, DVec3::X, 1.0).is_none());
+        assert!(turn_towards(DVec3::Z, DVec3::NAN, 1.0).is_none());
+        assert!(turn_towards(DVec3::Z, DVec3::splat(f64::INFINITY), 1.0).is_none());
+    }
+}

@@ -1,0 +1,168 @@
+//! One actor's pose at a time: layers of clips, then hook edits, then model space.
+
+use crate::timeline::{self, Voice};
+use crate::{Actor, ActorEdit, Asset, Layer, MeshInstance, Property, channels};
+use choreo_motion::{BlendOnto, Clip, LocalToModel, Pose, Sample, Time};
+use glam::Affine3A;
+
+/// Buffers of [`pose_actor`]; what is in them on entry does not matter.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct PoseScratch {
+    pose: Pose,
+    over: Pose,
+    voices: Vec<Voice>,
+    weights: Vec<f32>,
+}
+
+/// Fills `model_from_joint` and `morph_weights` of an actor. A function of the actor, the time and the edits alone: actors can
+/// be posed in any order and on any threads. `edits` are those of this actor, in order.
+pub(crate) fn pose_actor<'e>(
+    actor: &Actor,
+    time: Time,
+    edits: impl Iterator<Item = &'e ActorEdit> + Clone,
+    scratch: &mut PoseScratch,
+    model_from_joint: &mut Vec<Affine3A>,
+    morph_weights: &mut Vec<Vec<f32>>,
+) {
+    let asset = &*actor.asset;
+    scratch.pose.copy_from(asset.rest_pose());
+    start_weights(asset, morph_weights);
+    for (index, layer) in actor.layers.iter().enumerate() {
+        if index == 0 {
+            timeline::base_voices(layer, time, &mut scratch.voices);
+        } else {
+            timeline::upper_voices(layer, time, &mut scratch.voices);
+        }
+        for (place, voice) in scratch.voices.iter().enumerate() {
+            let clip = &*layer.cues[voice.cue].clip;
+            let first = index == 0 && place == 0;
+            let voice = BlendedVoice { clip, time: voice.clip_time, weight: voice.weight, first };
+            voice.blend_pose(asset, layer, index == 0, &mut scratch.pose, &mut scratch.over);
+            voice.blend_weights(asset, layer, index == 0, &mut scratch.weights, morph_weights);
+        }
+    }
+    set_weights(actor, time, edits.clone(), morph_weights);
+    for edit in edits {
+        if let ActorEdit::TurnJoint { joint, rotation, .. } = edit
+            && (*joint as usize) < scratch.pose.len()
+        {
+            let mut transform = scratch.pose.get(*joint as usize);
+            transform.rotation = (transform.rotation * *rotation).normalize();
+            scratch.pose.set(*joint as usize, transform);
+        }
+    }
+    model_from_joint.clear();
+    model_from_joint.resize(asset.skeleton.len(), Affine3A::IDENTITY);
+    LocalToModel { skeleton: &asset.skeleton, pose: &scratch.pose, model_from_joint }.run();
+}
+
+struct BlendedVoice<'a> {
+    clip: &'a Clip,
+    time: Time,
+    weight: f32,
+    /// Nothing lies under it but the rest pose.
+    first: bool,
+}
+
+impl BlendedVoice<'_> {
+    /// What a clip does not animate is at rest on the base layer, and as the layers below have it on upper ones.
+    fn blend_pose(&self, asset: &Asset, layer: &Layer, base: bool, pose: &mut Pose, over: &mut Pose) {
+        let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
+        if self.first && mask.is_none() {
+            Sample { clip: self.clip, time: self.time, pose }.run();
+            return;
+        }
+        over.copy_from(if base { asset.rest_pose() } else { pose });
+        Sample { clip: self.clip, time: self.time, pose: over }.run();
+        BlendOnto { pose, to: over, weight: self.weight, mask }.run();
+    }
+
+    fn blend_weights(
+        &self,
+        asset: &Asset,
+        layer: &Layer,
+        base: bool,
+        over: &mut Vec<f32>,
+        weights: &mut [Vec<f32>],
+    ) {
+        for (instance, weights) in asset.instances.iter().zip(weights) {
+            if weights.is_empty() {
+                continue;
+            }
+            over.clear();
+            if base {
+                over.extend(rest_weights(instance, weights.len()));
+            } else {
+                over.extend_from_slice(weights);
+            }
+            self.clip.sample_weights(instance.joint, self.time, over);
+            let mask = layer.mask.as_ref();
+            let masked = mask.map_or(1.0, |m| m.get(instance.joint as usize).copied().unwrap_or(0.0));
+            let share = self.weight * masked;
+            for (weight, over) in weights.iter_mut().zip(over.iter()) {
+                *weight = if share == 1.0 { *over } else { *weight + (*over - *weight) * share };
+            }
+        }
+    }
+}
+
+fn rest_weights(instance: &MeshInstance, count: usize) -> impl Iterator<Item = f32> + '_ {
+    instance.weights.iter().copied().chain(std::iter::repeat(0.0)).take(count)
+}
+
+fn start_weights(asset: &Asset, morph_weights: &mut Vec<Vec<f32>>) {
+    morph_weights.resize_with(asset.instances.len(), Vec::new);
+    for (instance, weights) in asset.instances.iter().zip(morph_weights) {
+        let count = asset.meshes.get(instance.mesh as usize).map_or(0, |mesh| mesh.morph_targets);
+        weights.clear();
+        weights.extend(rest_weights(instance, count));
+    }
+}
+
+/// Over the clips': the script's fixed weights, then keyed ones, then those of hooks.
+fn set_weights<'e>(
+    actor: &Actor,
+    time: Time,
+    edits: impl Iterator<Item = &'e ActorEdit>,
+    morph_weights: &mut [Vec<f32>],
+) {
+    let mut set = |instance: u32, target: u32, weight: f32| {
+        let weights = morph_weights.get_mut(instance as usize);
+        if let Some(slot) = weights.and_then(|w| w.get_mut(target as usize)) {
+            *slot = weight;
+        }
+    };
+    for (instance, target, weight) in &actor.morphs {
+        set(*instance, *target, *weight);
+    }
+    for channel in &actor.channels {
+        if let Property::Morph { instance, target } = channel.property
+            && let Some(v) = channel.at(time)
+        {
+            set(instance, target, v[0] as f32);
+        }
+    }
+    for edit in edits {
+        if let ActorEdit::Morph { instance, target, weight, .. } = edit {
+            set(*instance, *target, *weight);
+        }
+    }
+}
+
+/// Placement, visibility and tint of an actor as keyed, before hooks.
+pub(crate) fn keyed_placement(actor: &Actor, time: Time) -> (crate::Placement, bool, glam::Vec4) {
+    let mut placement = actor.transform;
+    let (mut visible, mut tint) = (actor.visible, actor.tint);
+    for channel in &actor.channels {
+        let Some(v) = channel.at(time) else { continue };
+        match channel.property {
+            Property::Translation => placement.translation = channels::vec3(v),
+            Property::Rotation => placement.rotation = glam::DQuat::from_array(v),
+            Property::Scale => placement.scale = channels::vec3(v),
+            Property::Visible => visible = v[0] >= 0.5,
+            Property::Tint => tint = glam::DVec4::from_array(v).as_vec4(),
+            _ => {}
+        }
+    }
+    (placement, visible, tint)
+}

@@ -1,0 +1,103 @@
+//! Which clips of a layer are heard at a time, at which clip time and with what weight.
+
+use crate::{Cue, Ease, Layer};
+use choreo_motion::{Playback, Repeat, Time};
+
+/// A cue that counts now. Blended in order: each over what came before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Voice {
+    /// Index into `Layer::cues`.
+    pub cue: usize,
+    pub clip_time: Time,
+    /// 0 < weight ≤ 1.
+    pub weight: f32,
+}
+
+/// The base layer: a fold over the cues begun by now. What a later cue covers entirely is left out; before the first cue
+/// its first pose stands, and after an `end` with nothing that follows at once the pose reached there is held.
+pub(crate) fn base_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
+    voices.clear();
+    let cues = &layer.cues;
+    let begun = cues.partition_point(|cue| cue.start <= time);
+    if begun == 0 {
+        if let Some(first) = cues.first() {
+            voices.push(Voice { cue: 0, clip_time: clip_time(first, Time::ZERO, false), weight: 1.0 });
+        }
+        return;
+    }
+    for index in (0..begun).rev() {
+        let cue = &cues[index];
+        let weight = if index == 0 { 1.0 } else { faded_in(cue, time) * cue.weight };
+        if weight > 0.0 {
+            // A cue that follows at once takes over a playing clip, not a frozen one.
+            let held_from = cue.end.filter(|end| cues.get(index + 1).is_none_or(|next| next.start > *end));
+            let held = held_from.is_some_and(|end| time >= end);
+            let until = held_from.map_or(time, |end| end.min(time));
+            voices.push(Voice { cue: index, clip_time: clip_time(cue, until - cue.start, held), weight });
+        }
+        if weight >= 1.0 {
+            break;
+        }
+    }
+    voices.reverse();
+}
+
+/// An upper layer: cues are heard from their start to their end and fade in and out. A cue without an end, or with one where
+/// the next begins, hands over to the next: its share goes down as the next one's goes up, without a dip between.
+pub(crate) fn upper_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
+    voices.clear();
+    let cues = &layer.cues;
+    let begun = cues.partition_point(|cue| cue.start <= time);
+    for (index, cue) in cues[..begun].iter().enumerate() {
+        let mut weight = faded_in(cue, time) * cue.weight;
+        let next = cues.get(index + 1).filter(|next| cue.end.is_none_or(|end| end == next.start));
+        if let Some(next) = next {
+            if next.start <= time {
+                let fade = faded_in(next, time);
+                let over = fade * next.weight;
+                if fade >= 1.0 || over >= 1.0 {
+                    continue;
+                }
+                // Its share under the next is weight · (1 − over); it must be weight · (1 − fade).
+                weight *= (1.0 - fade) / (1.0 - over);
+            }
+        } else if let Some(end) = cue.end {
+            if time >= end {
+                continue;
+            }
+            weight *= eased(cue.ease, fraction(end - time, cue.fade_out));
+        }
+        if weight > 0.0 {
+            let clip_time = clip_time(cue, time - cue.start, false);
+            voices.push(Voice { cue: index, clip_time, weight });
+        }
+    }
+}
+
+fn clip_time(cue: &Cue, elapsed: Time, held: bool) -> Time {
+    let playback = Playback { speed: cue.speed, trim: cue.trim, repeat: cue.repeat };
+    let at = playback.clip_time(elapsed);
+    let (first, last) = if cue.speed < 0.0 { (cue.trim.1, cue.trim.0) } else { cue.trim };
+    // Held after whole rounds: the pose of the moment before, which is the last, not the first of the round that never came.
+    if held && at == first && elapsed > Time::ZERO && cue.repeat == Repeat::Loop && cue.speed != 0.0 {
+        last
+    } else {
+        at
+    }
+}
+
+fn faded_in(cue: &Cue, time: Time) -> f32 {
+    eased(cue.ease, fraction(time - cue.start, cue.fade_in))
+}
+
+/// `elapsed / span` in 0..=1; 1 where there is no span.
+pub(crate) fn fraction(elapsed: Time, span: Time) -> f32 {
+    if span <= Time::ZERO { 1.0 } else { elapsed.fraction(Time::ZERO, span).clamp(0.0, 1.0) }
+}
+
+pub(crate) fn eased(ease: Ease, w: f32) -> f32 {
+    match ease {
+        Ease::Linear => w,
+        Ease::Smooth => w * w * (3.0 - 2.0 * w),
+    }
+}
