@@ -1,1 +1,158 @@
+//! glTF 2.0 and GLB into an [`Asset`]. What it reads, limits and options: README.md.
 
+mod accessor;
+mod animations;
+mod container;
+mod extensions;
+mod file;
+mod images;
+mod locate;
+mod materials;
+mod meshes;
+mod nodes;
+mod normals;
+mod objects;
+mod problem;
+mod skinning;
+mod tangents;
+mod topology;
+mod uri;
+
+use choreo_plugin::{
+    Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionKind, OptionSpec, Source,
+};
+use choreo_stage::Asset;
+use choreo_stage::asset::Image;
+use file::File;
+use problem::{Problem, Result};
+use serde_json::Value;
+use std::sync::Arc;
+
+static MANIFEST: Manifest = Manifest {
+    name: "gltf",
+    version: env!("CARGO_PKG_VERSION"),
+    about: "glTF 2.0, binary or JSON: meshes, skins, morph targets, clips, materials, cameras, lights",
+    extensions: &["glb", "gltf", "vrm", "vrma"],
+    magic: &[container::GLB_MAGIC],
+    options: &[OptionSpec {
+        name: "scene",
+        about: "which scene of the file, counted from 0; -1 is the one the file names",
+        kind: OptionKind::Number { default: -1.0, min: -1.0, max: 65535.0 },
+    }],
+};
+
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GltfImporter;
+
+impl GltfImporter {
+    pub fn new() -> GltfImporter {
+        GltfImporter
+    }
+}
+
+impl Importer for GltfImporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    /// GLB by its magic; JSON by `asset.version`. Broken JSON is claimed where the name says glTF, so
+    /// that the message is about what is broken.
+    fn claim(&self, source: &Source) -> u8 {
+        let bytes = source.bytes.as_slice();
+        if bytes.starts_with(container::GLB_MAGIC) {
+            return 95;
+        }
+        let named = MANIFEST.extensions.contains(&source.extension().as_str());
+        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
+        if !text.starts_with(b"{") {
+            return if named { 20 } else { 0 };
+        }
+        match serde_json::from_slice::<Probe>(text) {
+            Ok(probe) if probe.is_gltf() => 95,
+            Ok(_) => 0,
+            Err(_) if named => 50,
+            Err(_) => 0,
+        }
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        files: &dyn Files,
+        needs: Needs,
+        options: &ImportOptions,
+    ) -> std::result::Result<Asset, ImportError> {
+        import(source, files, needs, options).map_err(|p| p.in_file(&source.name))
+    }
+}
+
+/// Just enough of a JSON file to see whether it is glTF; `gltf::json::Root` is too strict for that.
+struct Probe(Option<Value>);
+
+impl Probe {
+    fn is_gltf(&self) -> bool {
+        self.0.as_ref().and_then(|a| a.get("version")).is_some_and(Value::is_string)
+    }
+}
+
+impl<'de> serde::Deserialize<'de> for Probe {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        #[derive(serde::Deserialize)]
+        struct Top {
+            asset: Option<Value>,
+        }
+        Top::deserialize(deserializer).map(|t| Probe(t.asset))
+    }
+}
+
+fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+    let container = container::split(&source.bytes)?;
+    let (root, pointer_channels) = container::parse(&container)?;
+    let file = File::new(root, &container, files);
+    extensions::check(&file, needs, pointer_channels)?;
+
+    let scene = options.number("scene").filter(|s| *s >= 0.0).map(|s| s as usize);
+    let tree = nodes::read(&file, scene)?;
+    let mut table = images::ImageTable::default();
+    let materials = materials::read(&file, &mut table, needs.textures)?;
+
+    // Pictures take as long as everything else together: they are decoded beside it.
+    let entries = table.entries;
+    let (images, rest) = std::thread::scope(|scope| {
+        let pictures =
+            scope.spawn(|| entries.iter().map(|e| e.decode()).collect::<Result<Vec<Arc<Image>>>>());
+        let rest = decode(&file, &tree, needs, &materials);
+        let images = pictures.join().unwrap_or_else(|_| {
+            Err(Problem::new("images", "the picture decoder failed").hint("convert the textures to PNG"))
+        });
+        (images, rest)
+    });
+    drop(entries);
+    let mut asset = rest?;
+    asset.name = source.name.clone();
+    asset.images = images?;
+    asset.materials = materials;
+    asset.skeleton = Arc::new(tree.skeleton);
+    asset.warnings = file.into_warnings();
+    Ok(asset)
+}
+
+fn decode(
+    file: &File<'_>,
+    tree: &nodes::Tree,
+    needs: Needs,
+    materials: &[choreo_stage::asset::Material],
+) -> Result<Asset> {
+    let mut asset = Asset::default();
+    if needs.geometry {
+        asset.skins = objects::skins(file, tree)?;
+        asset.meshes = meshes::read(file, materials)?;
+        asset.instances = meshes::instances(file, tree, &asset.meshes, &asset.skins)?;
+    }
+    asset.cameras = objects::cameras(file, tree)?;
+    asset.lights = objects::lights(file, tree)?;
+    if needs.clips {
+        asset.clips = animations::read(file, tree)?;
+    }
+    Ok(asset)
+}

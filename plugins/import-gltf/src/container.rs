@@ -1,0 +1,208 @@
+//! GLB and JSON: from bytes to the checked outer shape of a file (glTF 2.0 §4, GLB).
+
+use crate::locate::element_at;
+use crate::problem::{Problem, Result};
+use gltf::json::Root;
+
+pub const GLB_MAGIC: &[u8] = b"glTF";
+const HEADER_BYTES: usize = 12;
+const CHUNK_HEADER_BYTES: usize = 8;
+const CHUNK_JSON: u32 = 0x4E4F_534A;
+const CHUNK_BIN: u32 = 0x004E_4942;
+
+pub struct Container<'a> {
+    pub json: &'a [u8],
+    /// Where the JSON starts in the file, for messages.
+    pub json_offset: usize,
+    pub bin: Option<&'a [u8]>,
+    pub warnings: Vec<(String, String)>,
+}
+
+pub fn split(bytes: &[u8]) -> Result<Container<'_>> {
+    if !bytes.starts_with(GLB_MAGIC) {
+        let json = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+        let json_offset = bytes.len() - json.len();
+        return Ok(Container { json, json_offset, bin: None, warnings: Vec::new() });
+    }
+    let word = |at: usize| -> Result<u32> {
+        bytes
+            .get(at..at + 4)
+            .and_then(|b| b.first_chunk::<4>())
+            .map(|b| u32::from_le_bytes(*b))
+            .ok_or_else(|| truncated(format!("byte {at}"), bytes.len(), at + 4))
+    };
+    let version = word(4)?;
+    if version != 2 {
+        return Err(Problem::new("byte 4", format!("GLB version {version} is not supported, only 2"))
+            .hint("convert the file to glTF 2.0"));
+    }
+    let mut warnings = Vec::new();
+    let total = word(8)? as usize;
+    if total > bytes.len() {
+        return Err(truncated("byte 8".into(), bytes.len(), total));
+    }
+    if total < bytes.len() {
+        let extra = bytes.len() - total;
+        warnings
+            .push((format!("byte {total}"), format!("{extra} bytes after the end of the GLB are ignored")));
+    }
+    let (mut json, mut bin) = (None, None);
+    let mut at = HEADER_BYTES;
+    while at + CHUNK_HEADER_BYTES <= total {
+        let length = word(at)? as usize;
+        let kind = word(at + 4)?;
+        let start = at + CHUNK_HEADER_BYTES;
+        let Some(chunk) = bytes[..total].get(start..start.saturating_add(length)) else {
+            return Err(Problem::new(
+                format!("byte {at}"),
+                format!("a chunk says it has {length} bytes, but only {} are left", total - start),
+            )
+            .hint("the file is damaged or was cut off; fetch or export it again"));
+        };
+        match kind {
+            CHUNK_JSON if json.is_none() => json = Some((chunk, start)),
+            CHUNK_BIN if bin.is_none() => bin = Some(chunk),
+            _ => warnings
+                .push((format!("byte {at}"), format!("chunk of unknown type {kind:#010x} is ignored"))),
+        }
+        // Chunks are padded to 4 bytes; writers that forget it are common, so the length alone counts.
+        at = start + length;
+    }
+    match json {
+        Some((json, json_offset)) => Ok(Container { json, json_offset, bin, warnings }),
+        None => Err(Problem::new(format!("byte {HEADER_BYTES}"), "the GLB has no JSON chunk")),
+    }
+}
+
+fn truncated(place: String, have: usize, need: usize) -> Problem {
+    Problem::new(place, format!("the GLB should have {need} bytes or more, but the file ends after {have}"))
+        .hint("the file was cut off; fetch or export it again")
+}
+
+/// Typed JSON. `KHR_animation_pointer` channels have no target node, which the typed form cannot hold:
+/// they are taken out first and counted.
+pub fn parse(container: &Container<'_>) -> Result<(Root, usize)> {
+    let first = serde_json::from_slice::<Root>(container.json);
+    let error = match first {
+        Ok(root) => return Ok((root, 0)),
+        Err(e) => e,
+    };
+    if error.is_data()
+        && let Ok(mut value) = serde_json::from_slice::<serde_json::Value>(container.json)
+    {
+        let removed = remove_pointer_channels(&mut value);
+        if removed > 0
+            && let Ok(root) = serde_json::from_value::<Root>(value)
+        {
+            return Ok((root, removed));
+        }
+    }
+    let offset = byte_offset(container.json, error.line(), error.column());
+    let element = element_at(container.json, offset);
+    let at_byte = container.json_offset + offset;
+    let place =
+        if element.is_empty() { format!("byte {at_byte}") } else { format!("{element} (byte {at_byte})") };
+    // serde_json's text ends in " at line L column C", which the place says better.
+    let full = error.to_string();
+    let what = full.rsplit_once(" at line ").map_or(full.as_str(), |(w, _)| w);
+    let problem = Problem::new(place, format!("not valid glTF JSON: {what}"));
+    Err(if error.is_eof() { problem.hint("the file was cut off; fetch or export it again") } else { problem })
+}
+
+fn remove_pointer_channels(value: &mut serde_json::Value) -> usize {
+    let mut removed = 0;
+    let animations = value.get_mut("animations").and_then(|a| a.as_array_mut());
+    for animation in animations.into_iter().flatten() {
+        if let Some(channels) = animation.get_mut("channels").and_then(|c| c.as_array_mut()) {
+            let before = channels.len();
+            channels.retain(|c| c.get("target").is_none_or(|t| t.get("node").is_some()));
+            removed += before - channels.len();
+        }
+    }
+    removed
+}
+
+fn byte_offset(json: &[u8], line: usize, column: usize) -> usize {
+    let mut start = 0;
+    for _ in 1..line {
+        match json[start..].iter().position(|b| *b == b'\n') {
+            Some(n) => start += n + 1,
+            None => break,
+        }
+    }
+    (start + column.saturating_sub(1)).min(json.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn glb(json: &str, bin: &[u8]) -> Vec<u8> {
+        let mut out = GLB_MAGIC.to_vec();
+        let total = 12 + 8 + json.len() + 8 + bin.len();
+        for word in [2, total as u32, json.len() as u32, CHUNK_JSON] {
+            out.extend(word.to_le_bytes());
+        }
+        out.extend(json.as_bytes());
+        out.extend((bin.len() as u32).to_le_bytes());
+        out.extend(CHUNK_BIN.to_le_bytes());
+        out.extend(bin);
+        out
+    }
+
+    #[test]
+    fn glb_is_split() {
+        let bytes = glb("{} ", &[1, 2, 3]);
+        let c = split(&bytes).unwrap();
+        assert_eq!((c.json, c.bin, c.json_offset), (&b"{} "[..], Some(&[1u8, 2, 3][..]), 20));
+        assert!(c.warnings.is_empty());
+    }
+
+    #[test]
+    fn lying_lengths() {
+        let good = glb("{} ", &[1, 2, 3]);
+        let patched = |at: usize, v: u32| {
+            let mut b = good.clone();
+            b[at..at + 4].copy_from_slice(&v.to_le_bytes());
+            b
+        };
+        let text = |b: Vec<u8>| split(&b).err().map(|p| format!("{}: {}", p.place, p.what)).unwrap();
+        assert_eq!(
+            text(patched(8, 1000)),
+            "byte 8: the GLB should have 1000 bytes or more, but the file ends after 34"
+        );
+        assert_eq!(
+            text(patched(12, u32::MAX)),
+            "byte 12: a chunk says it has 4294967295 bytes, but only 14 are left"
+        );
+        assert_eq!(text(patched(4, 1)), "byte 4: GLB version 1 is not supported, only 2");
+        assert_eq!(
+            text(good[..10].to_vec()),
+            "byte 8: the GLB should have 12 bytes or more, but the file ends after 10"
+        );
+        let mut longer = good.clone();
+        longer.extend([0; 7]);
+        assert_eq!(split(&longer).unwrap().warnings.len(), 1);
+    }
+
+    #[test]
+    fn json_errors_name_the_element() {
+        let json =
+            br#"{"asset":{"version":"2.0"},"accessors":[{"count":1,"componentType":5126,"type":"VEC3"},
+            {"count":-5,"componentType":5126,"type":"VEC3"}]}"#;
+        let p = parse(&split(json).unwrap()).unwrap_err();
+        assert!(p.place.starts_with("accessors[1].count (byte "), "{p:?}");
+        assert_eq!(p.what, "not valid glTF JSON: invalid value: integer `-5`, expected u64");
+    }
+
+    #[test]
+    fn pointer_channels_are_taken_out() {
+        let json = br#"{"asset":{"version":"2.0"},"animations":[{"samplers":[{"input":0,"output":1}],"channels":[
+            {"sampler":0,"target":{"node":0,"path":"scale"}},
+            {"sampler":0,"target":{"path":"pointer","extensions":{"KHR_animation_pointer":{"pointer":"/x"}}}}]}],
+            "meshes":[{"primitives":[],"extras":{"targetNames":["a"]}}]}"#;
+        let (root, removed) = parse(&split(json).unwrap()).unwrap();
+        assert_eq!((removed, root.animations[0].channels.len()), (1, 1));
+        assert!(root.meshes[0].extras.is_some());
+    }
+}

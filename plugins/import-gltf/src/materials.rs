@@ -1,0 +1,268 @@
+//! Materials and textures (glTF 2.0 §3.8, §3.9 and the KHR_materials extensions).
+
+use crate::file::File;
+use crate::images::ImageTable;
+use crate::problem::{Problem, Result, element};
+use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
+use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
+use gltf::json;
+use gltf::json::extensions::texture::TextureTransform;
+use gltf::json::validation::Checked;
+use json::texture::{MagFilter, MinFilter, WrappingMode};
+
+/// Reflectance at normal incidence of a dielectric with index 1.5 (glTF 2.0 Appendix B.2.2).
+const DIELECTRIC_F0: f32 = 0.04;
+
+pub fn read<'a>(file: &'a File<'_>, images: &mut ImageTable<'a>, textures: bool) -> Result<Vec<Material>> {
+    let mut out = Vec::with_capacity(file.root.materials.len());
+    for (index, material) in file.root.materials.iter().enumerate() {
+        let place = format!("materials[{index}]");
+        let mut reader = Reader { file, images, textures, place: &place };
+        let material = reader.material(material)?;
+        if !all_finite(&material) {
+            return Err(Problem::new(place, "has a factor that is not finite"));
+        }
+        out.push(material);
+    }
+    Ok(out)
+}
+
+struct Reader<'a, 'b, 'f> {
+    file: &'a File<'f>,
+    images: &'b mut ImageTable<'a>,
+    textures: bool,
+    place: &'b str,
+}
+
+/// A texture reference of any kind, before it is looked up.
+struct Use<'u> {
+    slot: &'static str,
+    texture: usize,
+    uv_set: u32,
+    transform: Option<&'u TextureTransform>,
+}
+
+fn info<'u>(slot: &'static str, info: &'u json::texture::Info) -> Use<'u> {
+    Use {
+        slot,
+        texture: info.index.value(),
+        uv_set: info.tex_coord,
+        transform: info.extensions.as_ref().and_then(|e| e.texture_transform.as_ref()),
+    }
+}
+
+impl<'a> Reader<'a, '_, '_> {
+    fn material(&mut self, m: &json::Material) -> Result<Material> {
+        let pbr = &m.pbr_metallic_roughness;
+        let mut out = Material {
+            name: m.name.clone().unwrap_or_default(),
+            base_color: Vec4::from(pbr.base_color_factor.0),
+            base_color_texture: self
+                .optional(pbr.base_color_texture.as_ref().map(|t| info("baseColorTexture", t)))?,
+            metallic: pbr.metallic_factor.0.clamp(0.0, 1.0),
+            roughness: pbr.roughness_factor.0.clamp(0.0, 1.0),
+            metallic_roughness_texture: self.optional(
+                pbr.metallic_roughness_texture.as_ref().map(|t| info("metallicRoughnessTexture", t)),
+            )?,
+            emissive: Vec3::from(m.emissive_factor.0),
+            emissive_texture: self
+                .optional(m.emissive_texture.as_ref().map(|t| info("emissiveTexture", t)))?,
+            double_sided: m.double_sided,
+            ..Material::default()
+        };
+        if let Some(t) = &m.normal_texture {
+            let transform = loose_transform(t.extensions.as_ref().map(|e| &e.others));
+            out.normal_scale = t.scale;
+            out.normal_texture = self.texture(Use {
+                slot: "normalTexture",
+                texture: t.index.value(),
+                uv_set: t.tex_coord,
+                transform: transform.as_ref(),
+            })?;
+        }
+        if let Some(t) = &m.occlusion_texture {
+            let transform = loose_transform(t.extensions.as_ref().map(|e| &e.others));
+            out.occlusion_strength = t.strength.0.clamp(0.0, 1.0);
+            out.occlusion_texture = self.texture(Use {
+                slot: "occlusionTexture",
+                texture: t.index.value(),
+                uv_set: t.tex_coord,
+                transform: transform.as_ref(),
+            })?;
+        }
+        out.alpha_mode = match m.alpha_mode {
+            Checked::Valid(json::material::AlphaMode::Opaque) => AlphaMode::Opaque,
+            Checked::Valid(json::material::AlphaMode::Mask) => {
+                AlphaMode::Mask(m.alpha_cutoff.map_or(0.5, |c| c.0))
+            }
+            Checked::Valid(json::material::AlphaMode::Blend) => AlphaMode::Blend,
+            Checked::Invalid => {
+                self.file.warn(self.place, "has an unknown alphaMode; OPAQUE is used");
+                AlphaMode::Opaque
+            }
+        };
+        if let Some(extensions) = &m.extensions {
+            self.extensions(extensions, &mut out)?;
+        }
+        Ok(out)
+    }
+
+    fn extensions(&mut self, e: &json::extensions::material::Material, out: &mut Material) -> Result<()> {
+        if let Some(s) = &e.specular {
+            out.specular = s.specular_factor.0.clamp(0.0, 1.0);
+            out.specular_color = Vec3::from(s.specular_color_factor.0).max(Vec3::ZERO);
+            out.specular_texture =
+                self.optional(s.specular_texture.as_ref().map(|t| info("specularTexture", t)))?;
+            out.specular_color_texture =
+                self.optional(s.specular_color_texture.as_ref().map(|t| info("specularColorTexture", t)))?;
+        }
+        if let Some(s) = &e.pbr_specular_glossiness {
+            // Reflectance kept exactly: F0 = 0.04 · specular_color, and a dielectric has F0 = specularFactor.
+            // What is lost is a glossiness that varies over the texture.
+            out.metallic = 0.0;
+            out.metallic_roughness_texture = None;
+            out.roughness = (1.0 - s.glossiness_factor.0).clamp(0.0, 1.0);
+            out.base_color = Vec4::from(s.diffuse_factor.0);
+            out.base_color_texture =
+                self.optional(s.diffuse_texture.as_ref().map(|t| info("diffuseTexture", t)))?;
+            out.specular = 1.0;
+            out.specular_color = Vec3::from(s.specular_factor.0).max(Vec3::ZERO) / DIELECTRIC_F0;
+            out.specular_color_texture = self.optional(
+                s.specular_glossiness_texture.as_ref().map(|t| info("specularGlossinessTexture", t)),
+            )?;
+            self.file.warn(self.place, "KHR_materials_pbrSpecularGlossiness is converted to metallic-roughness; the alpha of its texture (glossiness) is not used");
+        }
+        if let Some(s) = &e.emissive_strength {
+            out.emissive *= s.emissive_strength.0.max(0.0);
+        }
+        if e.unlit.is_some() {
+            out.shading = Shading::Unlit;
+        }
+        Ok(())
+    }
+
+    fn optional(&mut self, texture: Option<Use<'_>>) -> Result<Option<TextureRef>> {
+        texture.map_or(Ok(None), |t| self.texture(t))
+    }
+
+    fn texture(&mut self, usage: Use<'_>) -> Result<Option<TextureRef>> {
+        if !self.textures {
+            return Ok(None);
+        }
+        let file = self.file;
+        let place = format!("{}.{}", self.place, usage.slot);
+        let texture = element(&file.root.textures, usage.texture, "textures", || place.clone())?;
+        let uv_set = usage.transform.and_then(|t| t.tex_coord).unwrap_or(usage.uv_set);
+        let Ok(uv_set @ 0..=1) = u8::try_from(uv_set) else {
+            file.warn(
+                place,
+                format!(
+                    "uses TEXCOORD_{uv_set}; only sets 0 and 1 are supported, so this texture is left out"
+                ),
+            );
+            return Ok(None);
+        };
+        let webp = texture
+            .extensions
+            .as_ref()
+            .and_then(|e| e.others.get("EXT_texture_webp"))
+            .and_then(|e| e.get("source"))
+            .and_then(|s| s.as_u64());
+        let source = match (texture.source.value(), webp) {
+            (_, Some(webp)) => webp as usize,
+            // The typed form's mark for "no source".
+            (source, None) if source == u32::MAX as usize => {
+                file.warn(
+                    place,
+                    format!("textures[{}] has no image of a supported kind; it is left out", usage.texture),
+                );
+                return Ok(None);
+            }
+            (source, None) => source,
+        };
+        let sampler = match texture.sampler {
+            Some(index) => {
+                let user = || format!("textures[{}].sampler", usage.texture);
+                sampler(element(&file.root.samplers, index.value(), "samplers", user)?)
+            }
+            None => Sampler::default(),
+        };
+        let user = format!("textures[{}].source", usage.texture);
+        let image = self.images.index_of(file, source, &user)?;
+        let uv_transform = usage.transform.map_or(Affine2::IDENTITY, uv_transform);
+        if !uv_transform.is_finite() {
+            return Err(Problem::new(place, "has a KHR_texture_transform that is not finite"));
+        }
+        Ok(Some(TextureRef { image, sampler, uv_set, uv_transform }))
+    }
+}
+
+/// Normal and occlusion textures keep the extension untyped.
+fn loose_transform(others: Option<&serde_json::Map<String, serde_json::Value>>) -> Option<TextureTransform> {
+    serde_json::from_value(others?.get("KHR_texture_transform")?.clone()).ok()
+}
+
+/// KHR_texture_transform: offset · rotation · scale. With v pointing down, "counter-clockwise" as seen
+/// takes +u towards −v.
+fn uv_transform(t: &TextureTransform) -> Affine2 {
+    let (sin, cos) = (libm::sinf(t.rotation.0), libm::cosf(t.rotation.0));
+    let rotation = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));
+    let scale = Vec2::from(t.scale.0);
+    let matrix = Mat2::from_cols(rotation.x_axis * scale.x, rotation.y_axis * scale.y);
+    Affine2 { matrix2: matrix, translation: Vec2::from(t.offset.0) }
+}
+
+fn sampler(s: &json::texture::Sampler) -> Sampler {
+    let wrap = |w: Checked<WrappingMode>| match w {
+        Checked::Valid(WrappingMode::ClampToEdge) => Wrap::ClampToEdge,
+        Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::MirroredRepeat,
+        Checked::Valid(WrappingMode::Repeat) | Checked::Invalid => Wrap::Repeat,
+    };
+    let (min_linear, mip_linear) = match s.min_filter {
+        Some(Checked::Valid(MinFilter::Nearest)) => (false, None),
+        Some(Checked::Valid(MinFilter::Linear)) => (true, None),
+        Some(Checked::Valid(MinFilter::NearestMipmapNearest)) => (false, Some(false)),
+        Some(Checked::Valid(MinFilter::LinearMipmapNearest)) => (true, Some(false)),
+        Some(Checked::Valid(MinFilter::NearestMipmapLinear)) => (false, Some(true)),
+        Some(Checked::Valid(MinFilter::LinearMipmapLinear)) | Some(Checked::Invalid) | None => {
+            (true, Some(true))
+        }
+    };
+    Sampler {
+        wrap_u: wrap(s.wrap_s),
+        wrap_v: wrap(s.wrap_t),
+        mag_linear: !matches!(s.mag_filter, Some(Checked::Valid(MagFilter::Nearest))),
+        min_linear,
+        mip_linear,
+    }
+}
+
+fn all_finite(m: &Material) -> bool {
+    let cutoff = if let AlphaMode::Mask(c) = m.alpha_mode { c } else { 0.0 };
+    m.base_color.is_finite()
+        && m.emissive.is_finite()
+        && m.specular_color.is_finite()
+        && [m.metallic, m.roughness, m.normal_scale, m.occlusion_strength, m.specular, cutoff]
+            .iter()
+            .all(|v| v.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn uv_rotation_takes_u_up() {
+        let t = TextureTransform {
+            rotation: json::extensions::texture::TextureTransformRotation(std::f32::consts::FRAC_PI_2),
+            offset: json::extensions::texture::TextureTransformOffset([0.25, 0.5]),
+            scale: json::extensions::texture::TextureTransformScale([2.0, 3.0]),
+            ..Default::default()
+        };
+        let m = uv_transform(&t);
+        let close = |a: Vec2, b: Vec2| assert!((a - b).length() < 1e-6, "{a} {b}");
+        close(m.transform_point2(Vec2::ZERO), Vec2::new(0.25, 0.5));
+        close(m.transform_point2(Vec2::X), Vec2::new(0.25, -1.5));
+        close(m.transform_point2(Vec2::Y), Vec2::new(3.25, 0.5));
+    }
+}

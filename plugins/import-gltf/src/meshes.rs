@@ -1,0 +1,339 @@
+//! Meshes and their instances (glTF 2.0 §3.7).
+
+use crate::accessor::Integers;
+use crate::file::File;
+use crate::nodes::Tree;
+use crate::problem::{Problem, Result, element};
+use crate::{normals, skinning, tangents, topology};
+use choreo_stage::asset::{Material, Mesh, MeshInstance, MorphTarget, Primitive, Skin, Topology};
+use glam::{Vec2, Vec3, Vec4};
+use gltf::json;
+use gltf::json::mesh::Semantic;
+use gltf::json::validation::Checked;
+use std::sync::Arc;
+
+/// Number of morph targets of a mesh, from the JSON alone.
+pub fn morph_count(file: &File<'_>, mesh: usize, user: impl Fn() -> String) -> Result<usize> {
+    let mesh = element(&file.root.meshes, mesh, "meshes", user)?;
+    Ok(mesh.primitives.iter().map(|p| p.targets.as_ref().map_or(0, Vec::len)).max().unwrap_or(0))
+}
+
+pub fn read(file: &File<'_>, materials: &[Material]) -> Result<Vec<Arc<Mesh>>> {
+    (0..file.root.meshes.len()).map(|index| Ok(Arc::new(mesh(file, index, materials)?))).collect()
+}
+
+fn mesh(file: &File<'_>, index: usize, materials: &[Material]) -> Result<Mesh> {
+    let json = &file.root.meshes[index];
+    let morph_targets = morph_count(file, index, || format!("meshes[{index}]"))?;
+    let mut primitives = Vec::with_capacity(json.primitives.len());
+    for (number, primitive) in json.primitives.iter().enumerate() {
+        let place = || format!("meshes[{index}].primitives[{number}]");
+        if let Some(mut read) = read_primitive(file, primitive, materials, &place)? {
+            if read.morphs.len() < morph_targets {
+                file.warn(
+                    place(),
+                    format!("has {} of the mesh's {morph_targets} morph targets", read.morphs.len()),
+                );
+                read.morphs.resize(morph_targets, MorphTarget::default());
+            }
+            primitives.push(read);
+        }
+    }
+    Ok(Mesh {
+        name: json.name.clone().unwrap_or_else(|| format!("mesh {index}")),
+        primitives,
+        morph_targets,
+        morph_names: morph_names(json, morph_targets),
+    })
+}
+
+/// `extras.targetNames`, which most writers use; "target N" for those without.
+fn morph_names(json: &json::Mesh, count: usize) -> Vec<String> {
+    let extras = json.extras.as_ref().and_then(|e| serde_json::from_str::<serde_json::Value>(e.get()).ok());
+    let listed = extras.as_ref().and_then(|e| e.get("targetNames")).and_then(|n| n.as_array());
+    (0..count)
+        .map(|i| match listed.and_then(|l| l.get(i)).and_then(|n| n.as_str()) {
+            Some(name) => name.to_string(),
+            None => format!("target {i}"),
+        })
+        .collect()
+}
+
+struct Attributes<'a, 'f> {
+    file: &'a File<'f>,
+    json: &'a json::mesh::Primitive,
+    place: &'a dyn Fn() -> String,
+}
+
+impl Attributes<'_, '_> {
+    fn find(&self, semantic: Semantic) -> Option<usize> {
+        self.json.attributes.get(&Checked::Valid(semantic)).map(|i| i.value())
+    }
+
+    /// `vertices` elements of an attribute, or none where the primitive lacks it.
+    fn floats<const N: usize>(
+        &self,
+        semantic: Semantic,
+        integers: Integers,
+        vertices: usize,
+    ) -> Result<Vec<[f32; N]>> {
+        match self.find(semantic.clone()) {
+            None => Ok(Vec::new()),
+            Some(accessor) => self.sized(accessor, &semantic.to_string(), integers, vertices),
+        }
+    }
+
+    fn sized<const N: usize>(
+        &self,
+        accessor: usize,
+        name: &str,
+        integers: Integers,
+        vertices: usize,
+    ) -> Result<Vec<[f32; N]>> {
+        let user = || format!("{}.{name}", (self.place)());
+        let values = self.file.floats::<N>(accessor, integers).map_err(|p| p.used_by(user()))?;
+        if values.len() != vertices {
+            let what =
+                format!("accessors[{accessor}] has {} elements for {vertices} positions", values.len());
+            return Err(Problem::new(user(), what));
+        }
+        Ok(values)
+    }
+}
+
+fn read_primitive(
+    file: &File<'_>,
+    json: &json::mesh::Primitive,
+    materials: &[Material],
+    place: &dyn Fn() -> String,
+) -> Result<Option<Primitive>> {
+    let attributes = Attributes { file, json, place };
+    let Some(accessor) = attributes.find(Semantic::Positions) else {
+        file.warn(place(), "has no POSITION; it is left out");
+        return Ok(None);
+    };
+    let vertices = file.count(accessor).map_err(|p| p.used_by(format!("{}.POSITION", place())))? as usize;
+    let positions = attributes.sized::<3>(accessor, "POSITION", Integers::AsFlagged, vertices)?;
+    if positions.is_empty() {
+        file.warn(place(), "has no vertices; it is left out");
+        return Ok(None);
+    }
+    let material = json.material.map(|m| m.value());
+    if let Some(m) = material {
+        element(materials, m, "materials", || format!("{}.material", place()))?;
+    }
+    let (topology, indices) = indices(file, json, vertices, place)?;
+    let mut out = Primitive {
+        topology,
+        indices,
+        positions: vectors(positions, Vec3::from),
+        normals: vectors(attributes.floats(Semantic::Normals, Integers::AsFlagged, vertices)?, Vec3::from),
+        uvs: [uvs(&attributes, 0, vertices)?, uvs(&attributes, 1, vertices)?],
+        colors: colors(&attributes, vertices)?,
+        morphs: morphs(&attributes, vertices)?,
+        material: material.map(|m| m as u32),
+        ..Primitive::default()
+    };
+    skinning::read(file, json, place, &mut out)?;
+    finish_normals(file, &mut out, place)?;
+    let normal_map = material.and_then(|m| materials[m].normal_texture.as_ref());
+    if let (Some(texture), Topology::Triangles) = (normal_map, topology) {
+        finish_tangents(&attributes, &mut out, usize::from(texture.uv_set), vertices)?;
+    }
+    Ok(Some(out))
+}
+
+fn vectors<const N: usize, V>(from: Vec<[f32; N]>, to: impl Fn([f32; N]) -> V) -> Vec<V> {
+    from.into_iter().map(to).collect()
+}
+
+fn uvs(attributes: &Attributes<'_, '_>, set: u32, vertices: usize) -> Result<Vec<Vec2>> {
+    Ok(vectors(attributes.floats(Semantic::TexCoords(set), Integers::AsFlagged, vertices)?, Vec2::from))
+}
+
+fn colors(attributes: &Attributes<'_, '_>, vertices: usize) -> Result<Vec<Vec4>> {
+    let Some(accessor) = attributes.find(Semantic::Colors(0)) else { return Ok(Vec::new()) };
+    let clamp = |c: Vec4| c.clamp(Vec4::ZERO, Vec4::ONE);
+    if attributes.file.width(accessor) == Some(3) {
+        let rgb = attributes.sized::<3>(accessor, "COLOR_0", Integers::Normalized, vertices)?;
+        return Ok(vectors(rgb, |c| clamp(Vec3::from(c).extend(1.0))));
+    }
+    let rgba = attributes.sized::<4>(accessor, "COLOR_0", Integers::Normalized, vertices)?;
+    Ok(vectors(rgba, |c| clamp(Vec4::from(c))))
+}
+
+fn morphs(attributes: &Attributes<'_, '_>, vertices: usize) -> Result<Vec<MorphTarget>> {
+    let mut out = Vec::new();
+    for (number, target) in attributes.json.targets.iter().flatten().enumerate() {
+        let read = |accessor: Option<json::Index<json::Accessor>>, name: &str| -> Result<Vec<Vec3>> {
+            let Some(accessor) = accessor else { return Ok(Vec::new()) };
+            let name = format!("targets[{number}].{name}");
+            let offsets = attributes.sized::<3>(accessor.value(), &name, Integers::AsFlagged, vertices)?;
+            Ok(vectors(offsets, Vec3::from))
+        };
+        out.push(MorphTarget {
+            positions: read(target.positions, "POSITION")?,
+            normals: read(target.normals, "NORMAL")?,
+            tangents: read(target.tangents, "TANGENT")?,
+        });
+    }
+    Ok(out)
+}
+
+fn indices(
+    file: &File<'_>,
+    json: &json::mesh::Primitive,
+    vertices: usize,
+    place: &dyn Fn() -> String,
+) -> Result<(Topology, Vec<u32>)> {
+    let Checked::Valid(mode) = json.mode else {
+        return Err(Problem::new(place(), "has an unknown mode").hint("glTF knows modes 0 to 6"));
+    };
+    let charge = |n: usize| file.charge(n as u64, 12).map_err(|what| Problem::new(place(), what));
+    let listed = match json.indices {
+        Some(accessor) => {
+            let user = || format!("{}.indices", place());
+            let read = file.integers::<1>(accessor.value()).map_err(|p| p.used_by(user()))?.into_flattened();
+            if let Some(at) = read.iter().position(|i| *i as usize >= vertices) {
+                return Err(Problem::new(
+                    format!("{} (accessors[{}])", user(), accessor.value()),
+                    format!("element {at} is vertex {}, but there are {vertices} vertices", read[at]),
+                ));
+            }
+            read
+        }
+        None => (0..vertices as u32).collect(),
+    };
+    // Strips and fans become up to three times as long.
+    charge(listed.len())?;
+    let (topology, list, rest) = topology::to_list(mode, listed);
+    if rest > 0 {
+        file.warn(place(), format!("{rest} indices at the end make no whole line or triangle"));
+    }
+    Ok((topology, list))
+}
+
+fn finish_normals(file: &File<'_>, out: &mut Primitive, place: &dyn Fn() -> String) -> Result<()> {
+    if out.normals.is_empty() {
+        if out.topology == Topology::Triangles {
+            charge_split(file, out, place)?;
+            normals::flat(out);
+        }
+        return Ok(());
+    }
+    let mut zero = 0;
+    for normal in &mut out.normals {
+        *normal = match normal.try_normalize() {
+            Some(n) => n,
+            None => {
+                zero += 1;
+                Vec3::Y
+            }
+        };
+    }
+    if zero > 0 {
+        file.warn(place(), format!("{zero} normals have length 0; +Y is used"));
+    }
+    Ok(())
+}
+
+fn finish_tangents(
+    attributes: &Attributes<'_, '_>,
+    out: &mut Primitive,
+    uv_set: usize,
+    vertices: usize,
+) -> Result<()> {
+    // Flat normals split vertices: tangents of the file no longer fit (and §3.7.2.1 says to ignore them).
+    let of_file = match out.positions.len() == vertices && attributes.find(Semantic::Normals).is_some() {
+        true => attributes.floats::<4>(Semantic::Tangents, Integers::AsFlagged, vertices)?,
+        false => Vec::new(),
+    };
+    if !of_file.is_empty() {
+        out.tangents = vectors(of_file, |t| {
+            let t = Vec4::from(t);
+            let direction = t.truncate().try_normalize().unwrap_or(Vec3::X);
+            direction.extend(if t.w < 0.0 { -1.0 } else { 1.0 })
+        });
+        return Ok(());
+    }
+    if out.uvs[uv_set].is_empty() {
+        let what = format!("has a normal map but no TEXCOORD_{uv_set}; the map has no effect");
+        attributes.file.warn((attributes.place)(), what);
+        return Ok(());
+    }
+    charge_split(attributes.file, out, attributes.place)?;
+    let made = tangents::corner_tangents(&out.indices, &out.positions, &out.normals, &out.uvs[uv_set]);
+    normals::apply_tangents(out, &made);
+    Ok(())
+}
+
+/// Splitting makes at most one vertex a corner.
+fn charge_split(file: &File<'_>, out: &Primitive, place: &dyn Fn() -> String) -> Result<()> {
+    let lists = |l: usize| if l == 0 { 0 } else { 12 };
+    let morphs: usize = out
+        .morphs
+        .iter()
+        .map(|m| lists(m.positions.len()) + lists(m.normals.len()) + lists(m.tangents.len()))
+        .sum();
+    file.charge(out.indices.len() as u64, 72 + out.influences * 6 + morphs)
+        .map_err(|what| Problem::new(place(), what))
+}
+
+/// What of the shown nodes carries meshes.
+pub fn instances(
+    file: &File<'_>,
+    tree: &Tree,
+    meshes: &[Arc<Mesh>],
+    skins: &[Skin],
+) -> Result<Vec<MeshInstance>> {
+    // The highest joint each mesh names, found once: many nodes can share a mesh.
+    let highest: Vec<Option<u16>> = meshes
+        .iter()
+        .map(|m| m.primitives.iter().flat_map(|p| p.joint_indices.iter().copied()).max())
+        .collect();
+    let mut out = Vec::new();
+    for (joint, node) in tree.node_of_joint[..tree.shown].iter().enumerate() {
+        let json = &file.root.nodes[*node];
+        let Some(index) = json.mesh.map(|m| m.value()) else { continue };
+        let place = || format!("nodes[{node}]");
+        let mesh = element(meshes, index, "meshes", || format!("nodes[{node}].mesh"))?;
+        let skin = json.skin.map(|s| s.value());
+        if let Some(s) = skin {
+            let skin = element(skins, s, "skins", || format!("nodes[{node}].skin"))?;
+            if let Some(highest) = highest[index].filter(|h| usize::from(*h) >= skin.joints.len()) {
+                return Err(Problem::new(
+                    place(),
+                    format!(
+                        "meshes[{index}] uses joint {highest}, but skins[{s}] has {} joints",
+                        skin.joints.len()
+                    ),
+                ));
+            }
+            if mesh.primitives.iter().any(|p| p.influences == 0) {
+                file.warn(
+                    place(),
+                    format!("has skins[{s}], but meshes[{index}] has vertices without joints"),
+                );
+            }
+        }
+        let given = json.weights.as_ref().or(file.root.meshes[index].weights.as_ref());
+        let mut weights = given.cloned().unwrap_or_default();
+        if given.is_some() && weights.len() != mesh.morph_targets {
+            file.warn(
+                place(),
+                format!("has {} weights for {} morph targets", weights.len(), mesh.morph_targets),
+            );
+        }
+        if weights.iter().any(|w| !w.is_finite()) {
+            return Err(Problem::new(place(), "has morph weights that are not finite"));
+        }
+        weights.resize(mesh.morph_targets, 0.0);
+        out.push(MeshInstance {
+            joint: joint as u32,
+            mesh: index as u32,
+            skin: skin.map(|s| s as u32),
+            weights,
+        });
+    }
+    Ok(out)
+}

@@ -1,0 +1,294 @@
+//! The node tree of one scene as a skeleton (glTF 2.0 §3.5).
+
+use crate::file::File;
+use crate::problem::{Problem, Result, element};
+use choreo_motion::{Skeleton, Transform};
+use glam::{DMat3, DQuat, DVec3, Quat, Vec3};
+use gltf::json::scene::Node;
+
+/// Largest difference of a decomposed matrix from the original, relative to its largest column.
+const SHEAR_TOLERANCE: f64 = 1e-4;
+
+pub struct Tree {
+    pub skeleton: Skeleton,
+    /// Joint of each node of the file; `None` outside the scene.
+    pub joint_of_node: Vec<Option<u32>>,
+    /// Node of each joint.
+    pub node_of_joint: Vec<usize>,
+    /// Joints from here on do not belong to the scene: skins need their transforms, nothing on them is shown.
+    pub shown: usize,
+}
+
+pub fn read(file: &File<'_>, scene: Option<usize>) -> Result<Tree> {
+    let nodes = &file.root.nodes;
+    let parents = parents(nodes)?;
+    let roots = scene_roots(file, scene, &parents)?;
+
+    let mut tree = Walk {
+        nodes,
+        joint_of_node: vec![None; nodes.len()],
+        node_of_joint: Vec::new(),
+        parent_of_joint: Vec::new(),
+    };
+    for root in roots {
+        tree.add(root);
+    }
+    let shown = tree.node_of_joint.len();
+    for joint in skin_joints_outside(file, &tree)? {
+        let mut root = joint;
+        while let Some(parent) = parents[root] {
+            root = parent;
+        }
+        file.warn(
+            format!("nodes[{joint}]"),
+            "is a skin joint outside the scene; its tree is read as joints but not shown",
+        );
+        tree.add(root);
+    }
+    let left_out = tree.joint_of_node.iter().filter(|j| j.is_none()).count();
+    if let Some(first) = tree.joint_of_node.iter().position(Option::is_none) {
+        file.warn(
+            format!("nodes[{first}]"),
+            format!(
+                "{left_out} of {} nodes are not part of the scene and were left out, this one first",
+                nodes.len()
+            ),
+        );
+    }
+
+    let mut names = Vec::new();
+    let mut rest = Vec::new();
+    for node in &tree.node_of_joint {
+        names.push(nodes[*node].name.clone().unwrap_or_else(|| format!("node {node}")));
+        rest.push(transform(file, *node)?);
+    }
+    let skeleton =
+        Skeleton::new(names, tree.parent_of_joint, rest).map_err(|e| Problem::new("nodes", e.to_string()))?;
+    Ok(Tree { skeleton, joint_of_node: tree.joint_of_node, node_of_joint: tree.node_of_joint, shown })
+}
+
+struct Walk<'a> {
+    nodes: &'a [Node],
+    joint_of_node: Vec<Option<u32>>,
+    node_of_joint: Vec<usize>,
+    parent_of_joint: Vec<Option<u32>>,
+}
+
+impl Walk<'_> {
+    /// Depth first with its own stack: a file can nest deeper than the machine's stack reaches.
+    fn add(&mut self, root: usize) {
+        let mut stack = vec![(root, None)];
+        while let Some((node, parent)) = stack.pop() {
+            if self.joint_of_node[node].is_some() {
+                continue;
+            }
+            let joint = self.node_of_joint.len() as u32;
+            self.joint_of_node[node] = Some(joint);
+            self.node_of_joint.push(node);
+            self.parent_of_joint.push(parent);
+            let children = self.nodes[node].children.as_deref().unwrap_or_default();
+            stack.extend(children.iter().rev().map(|c| (c.value(), Some(joint))));
+        }
+    }
+}
+
+/// The parent of each node; no node has two, and none is its own ancestor.
+fn parents(nodes: &[Node]) -> Result<Vec<Option<usize>>> {
+    let mut parents: Vec<Option<usize>> = vec![None; nodes.len()];
+    for (index, node) in nodes.iter().enumerate() {
+        for child in node.children.iter().flatten() {
+            element(nodes, child.value(), "nodes", || format!("nodes[{index}].children"))?;
+            if let Some(other) = parents[child.value()].replace(index) {
+                return Err(Problem::new(
+                    format!("nodes[{}]", child.value()),
+                    format!("has two parents, nodes[{other}] and nodes[{index}]; a node may have one"),
+                ));
+            }
+        }
+    }
+    // Walk up from each node; a walk that meets its own mark has found a cycle.
+    let mut mark = vec![usize::MAX; nodes.len()];
+    for start in 0..nodes.len() {
+        let mut at = start;
+        while mark[at] == usize::MAX {
+            mark[at] = start;
+            match parents[at] {
+                Some(parent) => at = parent,
+                None => break,
+            }
+        }
+        if mark[at] == start && parents[at].is_some() {
+            return Err(Problem::new(
+                format!("nodes[{at}]"),
+                "is its own ancestor: the node tree has a cycle",
+            ));
+        }
+    }
+    Ok(parents)
+}
+
+fn scene_roots(file: &File<'_>, scene: Option<usize>, parents: &[Option<usize>]) -> Result<Vec<usize>> {
+    let root = &file.root;
+    let index = match (scene, root.scene) {
+        (Some(asked), _) => asked,
+        (None, Some(own)) => own.value(),
+        (None, None) if !root.scenes.is_empty() => 0,
+        // No scene: everything that has no parent.
+        (None, None) => return Ok((0..parents.len()).filter(|n| parents[*n].is_none()).collect()),
+    };
+    let listed = &element(&root.scenes, index, "scenes", || "scene".into())?.nodes;
+    let place = || format!("scenes[{index}].nodes");
+    let mut roots: Vec<usize> = Vec::new();
+    let mut seen = vec![false; parents.len()];
+    for node in listed.iter().map(|n| n.value()) {
+        element(&root.nodes, node, "nodes", place)?;
+        if std::mem::replace(&mut seen[node], true) {
+            file.warn(place(), format!("lists nodes[{node}] twice; it is shown once"));
+            continue;
+        }
+        roots.push(node);
+    }
+    // A listed node whose ancestor is listed too is shown as that one's descendant.
+    roots.retain(|node| {
+        let mut at = *node;
+        while let Some(parent) = parents[at] {
+            if seen[parent] {
+                file.warn(place(), format!("lists nodes[{node}] and its ancestor nodes[{parent}]"));
+                return false;
+            }
+            at = parent;
+        }
+        if let Some(parent) = parents[*node] {
+            file.warn(
+                place(),
+                format!("nodes[{node}] is a root of the scene; its parent nodes[{parent}] is left out"),
+            );
+        }
+        true
+    });
+    Ok(roots)
+}
+
+fn skin_joints_outside(file: &File<'_>, tree: &Walk<'_>) -> Result<Vec<usize>> {
+    let mut outside = Vec::new();
+    for node in &tree.node_of_joint {
+        let Some(skin) = file.root.nodes[*node].skin else { continue };
+        let place = || format!("nodes[{node}].skin");
+        for joint in &element(&file.root.skins, skin.value(), "skins", place)?.joints {
+            let place = || format!("skins[{}].joints", skin.value());
+            element(&file.root.nodes, joint.value(), "nodes", place)?;
+            if tree.joint_of_node[joint.value()].is_none() && outside.is_empty() {
+                // One joint brings its whole tree; a skin has one tree (glTF 2.0 §3.7.3.2).
+                outside.push(joint.value());
+            }
+        }
+    }
+    Ok(outside)
+}
+
+fn transform(file: &File<'_>, index: usize) -> Result<Transform> {
+    let node = &file.root.nodes[index];
+    let place = || format!("nodes[{index}]");
+    let not_finite = |what: &str| Problem::new(place(), format!("{what} is not finite"));
+    if let Some(m) = node.matrix {
+        if m.iter().any(|v| !v.is_finite()) {
+            return Err(not_finite("matrix"));
+        }
+        if [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0] {
+            file.warn(place(), "the matrix has a fourth row other than 0 0 0 1, which is ignored");
+        }
+        let (transform, error) = decompose(&m);
+        if error > SHEAR_TOLERANCE {
+            file.warn(place(), format!("the matrix is sheared; the nearest translation, rotation and scale differ from it by {:.1} %", error * 100.0));
+        }
+        return Ok(transform);
+    }
+    let translation = Vec3::from(node.translation.unwrap_or_default());
+    let scale = Vec3::from(node.scale.unwrap_or([1.0; 3]));
+    let rotation = node.rotation.map_or(Quat::IDENTITY, |r| Quat::from_array(r.0));
+    if !translation.is_finite() || !scale.is_finite() || !rotation.is_finite() {
+        return Err(not_finite("translation, rotation or scale"));
+    }
+    let length = rotation.length();
+    let rotation = if length < 1e-6 || !length.is_finite() {
+        file.warn(place(), "the rotation has length 0; no rotation is used");
+        Quat::IDENTITY
+    } else {
+        if (length - 1.0).abs() > 0.01 {
+            file.warn(place(), format!("the rotation has length {length}, not 1; it is normalised"));
+        }
+        rotation * (1.0 / length)
+    };
+    Ok(Transform { translation, rotation, scale })
+}
+
+/// Translation, rotation, scale of a column-major matrix, and how far (relative) they are from it.
+/// In f64; columns of length zero (flattened models) get a rotation that fits the others.
+fn decompose(m: &[f32; 16]) -> (Transform, f64) {
+    let column = |c: usize| DVec3::new(m[c * 4].into(), m[c * 4 + 1].into(), m[c * 4 + 2].into());
+    let columns = [column(0), column(1), column(2)];
+    let largest = columns.iter().map(|c| c.length()).fold(0.0, f64::max);
+    if largest == 0.0 {
+        let transform =
+            Transform { translation: column(3).as_vec3(), rotation: Quat::IDENTITY, scale: Vec3::ZERO };
+        return (transform, 0.0);
+    }
+    let axis = |c: DVec3| (c.length() > largest * 1e-9).then(|| c.normalize());
+    // Gram–Schmidt, x first; a missing axis is the cross product of the others.
+    let [ax, ay, az] = columns.map(axis);
+    let x = ax.unwrap_or_else(|| match (ay, az) {
+        (Some(y), Some(z)) => y.cross(z).normalize_or(y.any_orthonormal_vector()),
+        (Some(y), None) => y.any_orthonormal_vector(),
+        (_, Some(z)) => z.any_orthonormal_vector(),
+        _ => DVec3::X,
+    });
+    let y = match (ay, az) {
+        (Some(y), _) => (y - x * x.dot(y)).normalize_or(x.any_orthonormal_vector()),
+        (None, Some(z)) => z.cross(x).normalize_or(x.any_orthonormal_vector()),
+        _ => x.any_orthonormal_vector(),
+    };
+    let z = x.cross(y);
+    // Scale as the length of each column, signed along its axis; a mirror goes to x as in `Transform::from_matrix`.
+    let mut scale = DVec3::new(columns[0].length(), columns[1].length(), columns[2].length());
+    let mut rotation = DMat3::from_cols(x, y, z);
+    if columns[2].dot(z) < 0.0 {
+        scale.x = -scale.x;
+        rotation = DMat3::from_cols(-x, y, -z);
+    }
+    let error =
+        (0..3).map(|c| (rotation.col(c) * scale[c] - columns[c]).length() / largest).fold(0.0, f64::max);
+    let rotation = DQuat::from_mat3(&rotation).normalize();
+    let transform = Transform {
+        translation: column(3).as_vec3(),
+        rotation: rotation.as_quat().normalize(),
+        scale: scale.as_vec3(),
+    };
+    (transform, error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Mat4;
+
+    #[test]
+    fn matrices_come_back() {
+        let rotation = Quat::from_xyzw(0.1, -0.7, 0.3, 0.5).normalize();
+        for scale in
+            [Vec3::ONE, Vec3::new(2.0, 0.5, 9.0), Vec3::new(-1.0, 2.0, 3.0), Vec3::new(0.0, 1.0, 1.0)]
+        {
+            let m = Mat4::from_scale_rotation_translation(scale, rotation, Vec3::new(1.0, 2.0, 3.0));
+            let (t, error) = decompose(&m.to_cols_array());
+            let back = Mat4::from(t.to_affine());
+            assert!(back.abs_diff_eq(m, 3e-6), "{scale}: {back} {m}");
+            assert!(error < 1e-6);
+        }
+        let mirrored = Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0));
+        assert!(Mat4::from(decompose(&mirrored.to_cols_array()).0.to_affine()).abs_diff_eq(mirrored, 1e-6));
+        let zero = decompose(&[0.0; 16]);
+        assert_eq!((zero.0.scale, zero.1), (Vec3::ZERO, 0.0));
+        let mut sheared = Mat4::IDENTITY;
+        sheared.y_axis.x = 0.5;
+        assert!(decompose(&sheared.to_cols_array()).1 > 0.1);
+    }
+}

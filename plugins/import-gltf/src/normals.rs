@@ -1,0 +1,113 @@
+//! Flat normals where a file has none, and splitting of vertices that need several values.
+
+use choreo_stage::asset::Primitive;
+use glam::{Vec3, Vec4};
+use std::collections::HashMap;
+
+/// Gives each corner of the index list its own value of one attribute. A vertex keeps its place for the
+/// first value it gets; further values get copies appended, so that the file's vertex order stays.
+/// `store` writes a value to a vertex.
+pub fn split_corners<K: std::hash::Hash + Eq, V: Copy>(
+    primitive: &mut Primitive,
+    value_of_corner: impl Fn(usize) -> V,
+    key: impl Fn(V) -> K,
+    store: impl Fn(&mut Primitive, usize, V),
+) {
+    // Only looked up, never walked: the map's order reaches nothing.
+    let mut vertex_of: HashMap<(u32, K), u32> = HashMap::new();
+    let mut taken = vec![false; primitive.positions.len()];
+    for corner in 0..primitive.indices.len() {
+        let vertex = primitive.indices[corner];
+        let value = value_of_corner(corner);
+        let first = !std::mem::replace(&mut taken[vertex as usize], true);
+        let split = *vertex_of.entry((vertex, key(value))).or_insert_with(|| {
+            let to = if first { vertex } else { copy_vertex(primitive, vertex as usize) };
+            store(primitive, to as usize, value);
+            to
+        });
+        primitive.indices[corner] = split;
+    }
+}
+
+/// Appends a copy of a vertex with everything it has.
+fn copy_vertex(p: &mut Primitive, vertex: usize) -> u32 {
+    fn copy<T: Copy>(list: &mut Vec<T>, from: usize, width: usize) {
+        if !list.is_empty() {
+            list.extend_from_within(from * width..(from + 1) * width);
+        }
+    }
+    let new = p.positions.len() as u32;
+    copy(&mut p.positions, vertex, 1);
+    copy(&mut p.normals, vertex, 1);
+    copy(&mut p.tangents, vertex, 1);
+    copy(&mut p.uvs[0], vertex, 1);
+    copy(&mut p.uvs[1], vertex, 1);
+    copy(&mut p.colors, vertex, 1);
+    copy(&mut p.joint_indices, vertex, p.influences);
+    copy(&mut p.joint_weights, vertex, p.influences);
+    for morph in &mut p.morphs {
+        copy(&mut morph.positions, vertex, 1);
+        copy(&mut morph.normals, vertex, 1);
+        copy(&mut morph.tangents, vertex, 1);
+    }
+    new
+}
+
+/// glTF 2.0 §3.7.2.1: without normals, a client must compute flat ones.
+pub fn flat(p: &mut Primitive) {
+    let face_normals: Vec<Vec3> = p
+        .indices
+        .chunks_exact(3)
+        .map(|t| {
+            let [a, b, c] = [t[0], t[1], t[2]].map(|i| p.positions[i as usize].as_dvec3());
+            // A triangle without area is not seen; any unit vector does.
+            (b - a).cross(c - a).normalize_or(glam::DVec3::Y).as_vec3().normalize_or(Vec3::Y)
+        })
+        .collect();
+    p.normals = vec![Vec3::Y; p.positions.len()];
+    split_corners(
+        p,
+        |corner| face_normals[corner / 3],
+        |n| n.to_array().map(f32::to_bits),
+        |p, vertex, n| p.normals[vertex] = n,
+    );
+}
+
+/// Writes one tangent a corner into the vertices.
+pub fn apply_tangents(p: &mut Primitive, tangents: &[Vec4]) {
+    p.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); p.positions.len()];
+    split_corners(
+        p,
+        |corner| tangents[corner],
+        |t| t.to_array().map(f32::to_bits),
+        |p, vertex, t| p.tangents[vertex] = t,
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec2;
+
+    /// Two triangles that meet at a right angle share an edge: two vertices are copied.
+    #[test]
+    fn an_edge_is_split() {
+        let mut p = Primitive {
+            indices: vec![0, 1, 2, 0, 3, 1],
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z],
+            influences: 4,
+            joint_indices: (0..16).collect(),
+            joint_weights: vec![0.25; 16],
+            uvs: [vec![Vec2::X, Vec2::Y, Vec2::ONE, Vec2::ZERO], Vec::new()],
+            ..Primitive::default()
+        };
+        flat(&mut p);
+        assert_eq!(p.positions, [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z, Vec3::ZERO, Vec3::X]);
+        assert_eq!(p.indices, [0, 1, 2, 4, 3, 5]);
+        assert_eq!(p.normals, [Vec3::Z, Vec3::Z, Vec3::Z, Vec3::Y, Vec3::Y, Vec3::Y]);
+        assert_eq!(p.uvs[0][4..], [Vec2::X, Vec2::Y]);
+        assert!(p.uvs[1].is_empty());
+        assert_eq!(p.joint_indices[16..], [0, 1, 2, 3, 4, 5, 6, 7]);
+        assert_eq!(p.joint_weights.len(), 24);
+    }
+}

@@ -1,0 +1,61 @@
+//! Shared by the tests: the folder of sample files, and importing from it.
+#![allow(dead_code)]
+
+use choreo_plugin::{Files, ImportError, ImportOptions, Importer, Needs, Source};
+use choreo_stage::Asset;
+use import_gltf::GltfImporter;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// `$CHOREO_ASSETS`, or `../shared/assets` beside the workspace; `None` (and a line that says so) where missing.
+pub fn assets(cases: usize) -> Option<PathBuf> {
+    let folder = match std::env::var_os("CHOREO_ASSETS") {
+        Some(folder) => PathBuf::from(folder),
+        None => Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets"),
+    };
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    eprintln!("skipped {cases} cases: no sample files at {} ($CHOREO_ASSETS)", folder.display());
+    None
+}
+
+pub struct Folder(pub PathBuf);
+
+impl Files for Folder {
+    fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
+        std::fs::read(self.0.join(relative)).map(Arc::new).map_err(|e| e.to_string())
+    }
+}
+
+/// No further files.
+pub struct Nothing;
+
+impl Files for Nothing {
+    fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
+        Err(format!("\"{relative}\": file not found"))
+    }
+}
+
+pub fn source(name: &str, bytes: Vec<u8>) -> Source {
+    Source { name: name.to_string(), bytes: Arc::new(bytes) }
+}
+
+pub fn import_path(path: &Path) -> Result<Asset, ImportError> {
+    let name = path.file_name().unwrap().to_string_lossy();
+    let folder = Folder(path.parent().unwrap().to_path_buf());
+    let source = source(&name, std::fs::read(path).unwrap());
+    GltfImporter::new().import(&source, &folder, Needs::ALL, &ImportOptions::default())
+}
+
+/// Imports a file without companions.
+pub fn import_bytes(name: &str, bytes: Vec<u8>) -> Result<Asset, ImportError> {
+    GltfImporter::new().import(&source(name, bytes), &Nothing, Needs::ALL, &ImportOptions::default())
+}
+
+pub fn error_text(result: Result<Asset, ImportError>) -> String {
+    match result {
+        Ok(_) => "no error".to_string(),
+        Err(e) => e.to_string(),
+    }
+}
