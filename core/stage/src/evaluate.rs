@@ -84,6 +84,7 @@ pub(crate) struct Scratch {
     pose_edits: Vec<(usize, usize)>,
     pub(crate) edits: FrameEdits,
     aims: Vec<look_at::Aim>,
+    turned: Vec<bool>,
     poses: usize,
 }
 
@@ -160,7 +161,7 @@ pub(crate) fn evaluate_actors(
     look_at::find_aims(stage, time, &out.actors, &mut scratch.aims);
     if !scratch.aims.is_empty() {
         for aim in &scratch.aims {
-            look_at::turn(stage, aim, &mut out.actors[aim.actor]);
+            look_at::turn(stage, aim, &mut out.actors[aim.actor], &mut scratch.turned);
         }
         let turned = |a: usize| scratch.aims.iter().any(|aim| aim.actor == a);
         if stage.actors.iter().any(|a| a.parent.is_some_and(|p| p.joint.is_some() && turned(p.actor))) {

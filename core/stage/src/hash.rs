@@ -453,6 +453,37 @@ impl Stage {
     }
 }
 
+impl Snapshot {
+    /// Every bit of it: two evaluations of one stage at one time must agree, wherever they ran.
+    pub fn content_hash(&self) -> ContentHash {
+        hash_of(|w| {
+            let Snapshot { time, actors, camera, lights, background, ambient_up, ambient_down, effects } =
+                self;
+            w.time(*time);
+            w.list(actors, |w, actor| {
+                let ActorState { visible, world_from_model, model_from_joint, morph_weights, tint } = actor;
+                w.flag(*visible);
+                world_from_model.to_cols_array().into_iter().for_each(|v| w.f64(v));
+                w.list(model_from_joint, |w, m| m.to_cols_array().into_iter().for_each(|v| w.f32(v)));
+                w.list(morph_weights, |w, weights| w.f32s(weights));
+                w.vec4(*tint);
+            });
+            w.option(&camera.camera, |w, index| w.count(*index));
+            camera.world_from_view.to_cols_array().into_iter().for_each(|v| w.f64(v));
+            w.projection(&camera.projection);
+            w.list(lights, |w, light| {
+                w.light(&light.light);
+                w.dvec3(light.position);
+                w.vec3(light.direction);
+            });
+            w.background(background);
+            w.vec3(*ambient_up);
+            w.vec3(*ambient_down);
+            w.list(effects, |w, effect| w.count(*effect));
+        })
+    }
+}
+
 impl Writer {
     fn settings(&mut self, settings: &Settings) {
         let Settings { size, fps, length, background, ambient_up, ambient_down, samples } = settings;
@@ -460,6 +491,13 @@ impl Writer {
             self.u32(v);
         }
         self.time(*length);
+        self.background(background);
+        self.vec3(*ambient_up);
+        self.vec3(*ambient_down);
+        self.option(samples, |w, n| w.u32(*n));
+    }
+
+    fn background(&mut self, background: &Background) {
         match background {
             Background::Color(color) => {
                 self.tag(0);
@@ -471,9 +509,6 @@ impl Writer {
                 self.vec3(*bottom);
             }
         }
-        self.vec3(*ambient_up);
-        self.vec3(*ambient_down);
-        self.option(samples, |w, n| w.u32(*n));
     }
 
     fn cue(&mut self, cue: &Cue) {

@@ -47,7 +47,7 @@ pub(crate) fn share(look: &LookAt, time: Time) -> f32 {
 }
 
 /// Turns a joint and all below it about the joint's place.
-pub(crate) fn turn(stage: &Stage, aim: &Aim, state: &mut ActorState) {
+pub(crate) fn turn(stage: &Stage, aim: &Aim, state: &mut ActorState, turned: &mut Vec<bool>) {
     let skeleton = &stage.actors[aim.actor].asset.skeleton;
     let rest = stage.actors[aim.actor].asset.rest_model_from_joint();
     let joint = aim.joint as usize;
@@ -60,7 +60,8 @@ pub(crate) fn turn(stage: &Stage, aim: &Aim, state: &mut ActorState) {
     let turn = Mat3A::from(Mat3::from_quat(turn.as_quat()));
     let pivot = Vec3A::from(pivot);
     // Children come after their parents.
-    let mut turned = vec![false; skeleton.len()];
+    turned.clear();
+    turned.resize(skeleton.len(), false);
     turned[joint] = true;
     for (index, parent) in skeleton.parents().iter().enumerate().skip(joint) {
         if index != joint {

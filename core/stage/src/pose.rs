@@ -2,7 +2,7 @@
 
 use crate::timeline::{self, Voice};
 use crate::{Actor, ActorEdit, Asset, Layer, MeshInstance, Property, channels};
-use choreo_motion::{BlendOnto, Clip, LocalToModel, Pose, Sample, Time};
+use choreo_motion::{BlendOnto, Clip, Crossfade, LocalToModel, Pose, Sample, Time};
 use glam::Affine3A;
 
 /// Buffers of [`pose_actor`]; what is in them on entry does not matter.
@@ -10,6 +10,7 @@ use glam::Affine3A;
 pub(crate) struct PoseScratch {
     pose: Pose,
     over: Pose,
+    pair: [Pose; 2],
     voices: Vec<Voice>,
     weights: Vec<f32>,
 }
@@ -25,35 +26,84 @@ pub(crate) fn pose_actor<'e>(
     morph_weights: &mut Vec<Vec<f32>>,
 ) {
     let asset = &*actor.asset;
-    scratch.pose.copy_from(asset.rest_pose());
+    let joints = asset.skeleton.len();
+    model_from_joint.clear();
+    model_from_joint.resize(joints, Affine3A::IDENTITY);
     start_weights(asset, morph_weights);
+    let turned = edits.clone().any(|edit| matches!(edit, ActorEdit::TurnJoint { .. }));
+    let mut in_model_space = false;
+    scratch.pose.copy_from(asset.rest_pose());
     for (index, layer) in actor.layers.iter().enumerate() {
-        if index == 0 {
+        let base = index == 0;
+        if base {
             timeline::base_voices(layer, time, &mut scratch.voices);
         } else {
             timeline::upper_voices(layer, time, &mut scratch.voices);
         }
-        for (place, voice) in scratch.voices.iter().enumerate() {
-            let clip = &*layer.cues[voice.cue].clip;
-            let first = index == 0 && place == 0;
-            let voice = BlendedVoice { clip, time: voice.clip_time, weight: voice.weight, first };
-            voice.blend_pose(asset, layer, index == 0, &mut scratch.pose, &mut scratch.over);
-            voice.blend_weights(asset, layer, index == 0, &mut scratch.weights, morph_weights);
+        // A clip for another skeleton says nothing about this one; `Stage::check` names it.
+        scratch.voices.retain(|voice| layer.cues[voice.cue].clip.joint_count() == joints);
+        let blended = |(place, voice): (usize, &Voice)| BlendedVoice {
+            clip: &layer.cues[voice.cue].clip,
+            time: voice.clip_time,
+            weight: voice.weight,
+            first: base && place == 0,
+        };
+        if let [from, to] = &scratch.voices[..]
+            && base
+            && actor.layers.len() == 1
+            && layer.mask.is_none()
+            && !turned
+        {
+            // What most frames with more than one clip are: a crossfade and nothing else, fused.
+            let [from, to] = [blended((0, from)), blended((1, to))];
+            crossfade(asset, &from, &to, &mut scratch.pair, model_from_joint);
+            in_model_space = true;
+        } else {
+            for voice in scratch.voices.iter().enumerate().map(blended) {
+                voice.blend_pose(asset, layer, base, &mut scratch.pose, &mut scratch.over);
+            }
+        }
+        for voice in scratch.voices.iter().enumerate().map(blended) {
+            voice.blend_weights(asset, layer, base, &mut scratch.weights, morph_weights);
         }
     }
     set_weights(actor, time, edits.clone(), morph_weights);
     for edit in edits {
         if let ActorEdit::TurnJoint { joint, rotation, .. } = edit
-            && (*joint as usize) < scratch.pose.len()
+            && (*joint as usize) < joints
         {
             let mut transform = scratch.pose.get(*joint as usize);
             transform.rotation = (transform.rotation * *rotation).normalize();
             scratch.pose.set(*joint as usize, transform);
         }
     }
-    model_from_joint.clear();
-    model_from_joint.resize(asset.skeleton.len(), Affine3A::IDENTITY);
-    LocalToModel { skeleton: &asset.skeleton, pose: &scratch.pose, model_from_joint }.run();
+    if !in_model_space {
+        LocalToModel { skeleton: &asset.skeleton, pose: &scratch.pose, model_from_joint }.run();
+    }
+}
+
+fn crossfade(
+    asset: &Asset,
+    from: &BlendedVoice,
+    to: &BlendedVoice,
+    scratch: &mut [Pose; 2],
+    model_from_joint: &mut [Affine3A],
+) {
+    for pose in scratch.iter_mut().filter(|pose| pose.len() != asset.skeleton.len()) {
+        pose.copy_from(asset.rest_pose());
+    }
+    Crossfade {
+        skeleton: &asset.skeleton,
+        rest: asset.rest_pose(),
+        from: from.clip,
+        from_time: from.time,
+        to: to.clip,
+        to_time: to.time,
+        weight: to.weight,
+        scratch,
+        model_from_joint,
+    }
+    .run();
 }
 
 struct BlendedVoice<'a> {
