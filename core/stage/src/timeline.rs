@@ -101,3 +101,48 @@ pub(crate) fn eased(ease: Ease, w: f32) -> f32 {
         Ease::Smooth => w * w * (3.0 - 2.0 * w),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_motion::Clip;
+    use std::sync::Arc;
+
+    fn layer(starts_and_fades: &[(f64, f64)]) -> Layer {
+        let clip = Arc::new(Clip::new("clip".into(), 0, vec![]).unwrap());
+        let mut layer = Layer::default();
+        for (start, fade) in starts_and_fades {
+            let (start, fade_in) = (Time::from_secs(*start), Time::from_secs(*fade));
+            layer.add(Cue { start, fade_in, ..Cue::new(clip.clone()) });
+        }
+        layer
+    }
+
+    fn heard(voices: impl Fn(&Layer, Time, &mut Vec<Voice>), layer: &Layer, t: f64) -> Vec<usize> {
+        let mut out = Vec::new();
+        voices(layer, Time::from_secs(t), &mut out);
+        out.iter().map(|v| v.cue).collect()
+    }
+
+    #[test]
+    fn covered_cues_are_not_heard() {
+        let layer = layer(&[(0.0, 0.0), (1.0, 0.5), (2.0, 0.0), (3.0, 1.0)]);
+        let cases: [(f64, &[usize]); 7] = [
+            (-1.0, &[0]),
+            (0.5, &[0]),
+            (1.25, &[0, 1]),
+            (1.5, &[1]),
+            (2.0, &[2]),
+            (3.5, &[2, 3]),
+            (4.0, &[3]),
+        ];
+        for (t, expected) in cases {
+            assert_eq!(heard(base_voices, &layer, t), expected, "at {t} s");
+        }
+        // A cue at weight zero, at the very start of its fade, is not heard either.
+        assert_eq!(heard(base_voices, &layer, 1.0), [0]);
+        assert_eq!(heard(upper_voices, &layer, -1.0), [0usize; 0]);
+        assert_eq!(heard(upper_voices, &layer, 3.5), [2, 3]);
+        assert_eq!(heard(upper_voices, &layer, 4.0), [3]);
+    }
+}
