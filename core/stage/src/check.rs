@@ -100,7 +100,7 @@ impl Checker<'_> {
             self.attachment(&place, parent);
         }
         if let Some(face) = actor.face {
-            self.index(&place, "faces an actor that", face, actors);
+            self.index(&place, "faced actor", face, actors);
             self.need(face != index, &place, || "faces itself".to_string());
         }
         for (l, layer) in actor.layers.iter().enumerate() {
@@ -179,10 +179,10 @@ impl Checker<'_> {
     }
 
     fn attachment(&mut self, place: &str, at: &Attachment) {
-        self.index(place, "is attached to an actor that", at.actor, self.stage.actors.len());
+        self.index(place, "parent actor", at.actor, self.stage.actors.len());
         if let (Some(parent), Some(joint)) = (self.stage.actors.get(at.actor), at.joint) {
             let joints = parent.asset.skeleton.len();
-            self.index(place, "is attached to a joint that", joint as usize, joints);
+            self.index(place, "parent joint", joint as usize, joints);
         }
     }
 
@@ -193,7 +193,10 @@ impl Checker<'_> {
             }
             Target::Actor(actor) => self.index(place, "target actor", actor, self.stage.actors.len()),
             Target::Joint { actor, joint } => {
-                self.attachment(place, &Attachment { actor, joint: Some(joint) });
+                self.index(place, "target actor", actor, self.stage.actors.len());
+                if let Some(actor) = self.stage.actors.get(actor) {
+                    self.index(place, "target joint", joint as usize, actor.asset.skeleton.len());
+                }
             }
         }
     }

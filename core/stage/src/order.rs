@@ -52,7 +52,7 @@ pub(crate) fn find(stage: &Stage, order: &mut Order) -> Result<(), StageError> {
         for need in [a, b].into_iter().flatten() {
             match order.state[need] {
                 0 => order.stack.push(need),
-                1 => return Err(cycle(stage, need)),
+                1 => return Err(cycle(stage, order, need)),
                 _ => {}
             }
         }
@@ -71,49 +71,35 @@ fn needs(stage: &Stage, node: usize) -> [Option<usize>; 2] {
     }
 }
 
-/// Walks from a node that is known to reach itself; depth-first search has found that one is on the way.
-fn cycle(stage: &Stage, start: usize) -> StageError {
-    let name = |node: usize| stage.actors[node / 2].name.clone();
-    // By parents alone first: at most as many steps as there are actors.
-    for node in 0..stage.actors.len() {
-        let mut through = Vec::new();
-        let mut at = node;
-        for _ in 0..stage.actors.len() {
-            let Some(parent) = stage.actors[at].parent.map(|p| p.actor).filter(|p| *p < stage.actors.len())
-            else {
-                break;
-            };
-            if parent == node {
-                let through =
-                    if through.is_empty() { "nothing else".to_string() } else { through.join(", ") };
-                return StageError::Cycle(stage.actors[node].name.clone(), through);
-            }
-            through.push(format!("\"{}\"", stage.actors[parent].name));
-            at = parent;
+/// Names the cycle that depth-first search has met: it is on the stack, from the node that is needed again upwards.
+fn cycle(stage: &Stage, order: &Order, again: usize) -> StageError {
+    // A node may lie on the stack several times; its last place is the one that was entered.
+    let from = order.stack.iter().rposition(|node| *node == again).unwrap_or(0);
+    let mut seen = vec![false; order.state.len()];
+    let entered = order.stack[from..].iter().rev().copied();
+    let mut path: Vec<usize> = entered
+        .filter(|node| order.state[*node] == 1 && !std::mem::replace(&mut seen[*node], true))
+        .collect();
+    path.reverse();
+    let name = |actor: usize| stage.actors[actor].name.clone();
+    for (place, node) in path.iter().enumerate() {
+        let next = path[(place + 1) % path.len()];
+        // A world transform needs another actor's position only to face it.
+        if !node.is_multiple_of(2) && next.is_multiple_of(2) && next / 2 != node / 2 {
+            return StageError::FacingCycle(name(node / 2), name(next / 2));
         }
     }
-    // Else some actor on the way faces another whose place depends on it.
-    let faces = |a: usize| stage.actors[a].face.filter(|f| *f < stage.actors.len());
-    for (index, actor) in stage.actors.iter().enumerate() {
-        if let Some(face) = faces(index)
-            && reaches(stage, 2 * face, 2 * index + 1)
-        {
-            return StageError::FacingCycle(actor.name.clone(), stage.actors[face].name.clone());
-        }
+    let mut actors: Vec<usize> = path.iter().map(|node| node / 2).collect();
+    actors.dedup();
+    if actors.len() > 1 && actors.first() == actors.last() {
+        actors.pop();
     }
-    StageError::Cycle(name(start), "others".to_string())
-}
-
-fn reaches(stage: &Stage, from: usize, to: usize) -> bool {
-    let mut seen = vec![false; 2 * stage.actors.len()];
-    let mut stack = vec![from];
-    while let Some(node) = stack.pop() {
-        if node == to {
-            return true;
-        }
-        if !std::mem::replace(&mut seen[node], true) {
-            stack.extend(needs(stage, node).into_iter().flatten());
-        }
+    let first = (0..actors.len()).min_by_key(|i| actors[*i]).unwrap_or(0);
+    actors.rotate_left(first);
+    let mut through: Vec<String> = actors[1..].iter().take(8).map(|a| format!("\"{}\"", name(*a))).collect();
+    if actors.len() > 9 {
+        through.push(format!("and {} more", actors.len() - 9));
     }
-    false
+    let through = if through.is_empty() { "nothing else".to_string() } else { through.join(", ") };
+    StageError::Cycle(name(actors[0]), through)
 }
