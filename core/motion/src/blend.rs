@@ -4,7 +4,7 @@
 //! speed that slerp would keep: the weight is eased anyway, both go along the same arc and agree at 0, ½ and 1.
 //! `tests/blend.rs` measures what nlerp differs from slerp by: NLERP_TABLE.
 
-use crate::simd::{F8, Kernel, Level, dispatch};
+use crate::simd::{F8, Kernel, Level, dispatch, load4};
 use crate::{LANES, Lane, Pose, PoseBlock};
 
 /// `out = from` at weight 0, `to` at weight 1 (exactly), joint by joint. All poses have equally many joints.
@@ -100,18 +100,19 @@ impl Kernel for BlendBlocks<'_> {
 #[inline(always)]
 fn blend_block<F: F8>(a: &mut PoseBlock, b: &PoseBlock, w: F) {
     let (from, to) = (w.equals(F::splat(0.0)), w.equals(F::splat(1.0)));
-    let exact_ends = |x: F, y: F, mixed: F| F::select(from, x, F::select(to, y, mixed));
-    let vectors = a.translation.iter_mut().zip(&b.translation).chain(a.scale.iter_mut().zip(&b.scale));
-    for (a, b) in vectors {
-        let (x, y) = (F::load(a), F::load(b));
-        exact_ends(x, y, lerp(x, y, w)).store(a);
+    for i in 0..3 {
+        let (x, y) = (F::load(&a.translation[i]), F::load(&b.translation[i]));
+        F::select(from, x, F::select(to, y, lerp(x, y, w))).store(&mut a.translation[i]);
+        let (x, y) = (F::load(&a.scale[i]), F::load(&b.scale[i]));
+        F::select(from, x, F::select(to, y, lerp(x, y, w))).store(&mut a.scale[i]);
     }
-    let p = a.rotation.each_ref().map(F::load);
-    let q = b.rotation.each_ref().map(F::load);
+    let p: [F; 4] = load4(&a.rotation);
+    let q = load4(&b.rotation);
     let mixed = nlerp_unscaled(p, q, w);
     let k = F::splat(1.0).div(dot(mixed, mixed).sqrt());
     for i in 0..4 {
-        exact_ends(p[i], q[i], mixed[i].mul(k)).store(&mut a.rotation[i]);
+        let blended = mixed[i].mul(k);
+        F::select(from, p[i], F::select(to, q[i], blended)).store(&mut a.rotation[i]);
     }
 }
 
@@ -129,5 +130,9 @@ pub(crate) fn dot<F: F8>(a: [F; 4], b: [F; 4]) -> F {
 #[inline(always)]
 pub(crate) fn nlerp_unscaled<F: F8>(p: [F; 4], q: [F; 4], w: F) -> [F; 4] {
     let sign = dot(p, q);
-    [0, 1, 2, 3].map(|i| lerp(p[i], q[i].flipped_by(sign), w))
+    let mut out = p;
+    for i in 0..4 {
+        out[i] = lerp(p[i], q[i].flipped_by(sign), w);
+    }
+    out
 }

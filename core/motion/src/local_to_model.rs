@@ -1,8 +1,8 @@
 //! From local transforms to model space, parents first.
 
 use crate::blend::{dot, lerp, nlerp_unscaled};
-use crate::simd::{F8, Kernel, Level, dispatch};
-use crate::{LANES, Pose, PoseBlock, Skeleton};
+use crate::simd::{F8, Kernel, Level, dispatch, load3, load4};
+use crate::{LANES, Lane, Pose, PoseBlock, Skeleton};
 use glam::Affine3A;
 
 /// `model_from_joint[i] = model_from_joint[parent(i)] * pose[i]`.
@@ -60,8 +60,7 @@ impl Locals for One<'_> {
     #[inline(always)]
     fn get<F: F8>(&self, block: usize) -> ([F; 3], [F; 4], Option<[F; 3]>) {
         let a = &self.0[block];
-        let (t, r, s) = (a.translation.each_ref(), a.rotation.each_ref(), a.scale.each_ref());
-        (t.map(F::load), r.map(F::load), Some(s.map(F::load)))
+        (load3(&a.translation), load4(&a.rotation), Some(load3(&a.scale)))
     }
     #[inline(always)]
     fn blocks(&self) -> usize {
@@ -82,12 +81,9 @@ impl Locals for Two<'_> {
     #[inline(always)]
     fn get<F: F8>(&self, block: usize) -> ([F; 3], [F; 4], Option<[F; 3]>) {
         let (a, b, w) = (&self.a[block], &self.b[block], F::splat(self.weight));
-        let mix = |i: usize| lerp(F::load(&a.translation[i]), F::load(&b.translation[i]), w);
-        let translation = [mix(0), mix(1), mix(2)];
-        let rotation =
-            nlerp_unscaled(a.rotation.each_ref().map(F::load), b.rotation.each_ref().map(F::load), w);
-        let mix = |i: usize| lerp(F::load(&a.scale[i]), F::load(&b.scale[i]), w);
-        let scale = if self.unit_scale { None } else { Some([mix(0), mix(1), mix(2)]) };
+        let translation = lerp3(&a.translation, &b.translation, w);
+        let rotation = nlerp_unscaled(load4(&a.rotation), load4(&b.rotation), w);
+        let scale = if self.unit_scale { None } else { Some(lerp3(&a.scale, &b.scale, w)) };
         (translation, rotation, scale)
     }
     #[inline(always)]
@@ -119,13 +115,12 @@ impl<L: Locals> Kernel for Matrices<'_, L> {
                 if let Some(parent) = self.parents[joint] {
                     // A skeleton's parents come first.
                     let p = out[parent as usize];
-                    let [px, py, pz] = [0, 4, 8].map(|i| F::both(&[p[i], p[i + 1], p[i + 2], p[i + 3]]));
+                    let px = F::both(&[p[0], p[1], p[2], p[3]]);
+                    let py = F::both(&[p[4], p[5], p[6], p[7]]);
+                    let pz = F::both(&[p[8], p[9], p[10], p[11]]);
                     let pt = F::upper(&[p[12], p[13], p[14], p[15]]);
-                    let product = |m: F| {
-                        let x = px.mul(m.spread::<0>());
-                        x.add(py.mul(m.spread::<1>())).add(pz.mul(m.spread::<2>()))
-                    };
-                    (a, b) = (product(a), product(b).add(pt));
+                    a = turned([px, py, pz], a);
+                    b = turned([px, py, pz], b).add(pt);
                 }
                 let (low, high) = out[joint].split_at_mut(8);
                 if let (Ok(low), Ok(high)) = (low.try_into(), high.try_into()) {
@@ -135,6 +130,12 @@ impl<L: Locals> Kernel for Matrices<'_, L> {
             }
         }
     }
+}
+
+#[inline(always)]
+fn lerp3<F: F8>(a: &[Lane; 3], b: &[Lane; 3], w: F) -> [F; 3] {
+    let (a, b) = (load3(a), load3(b));
+    [lerp(a[0], b[0], w), lerp(a[1], b[1], w), lerp(a[2], b[2], w)]
 }
 
 /// Columns of R·S, component rows, from a quaternion of any length: 2/|q|² takes the place of normalising.
@@ -156,9 +157,20 @@ fn rotation_columns<F: F8>(q: [F; 4], scale: Option<[F; 3]>) -> [[F; 3]; 3] {
         None => columns,
         Some([sx, sy, sz]) => {
             let [a, b, c] = columns;
-            [a.map(|v| v.mul(sx)), b.map(|v| v.mul(sy)), c.map(|v| v.mul(sz))]
+            [
+                [a[0].mul(sx), a[1].mul(sx), a[2].mul(sx)],
+                [b[0].mul(sy), b[1].mul(sy), b[2].mul(sy)],
+                [c[0].mul(sz), c[1].mul(sz), c[2].mul(sz)],
+            ]
         }
     }
+}
+
+/// A 3×3 matrix, its columns in both halves, times two columns.
+#[inline(always)]
+fn turned<F: F8>([x, y, z]: [F; 3], columns: F) -> F {
+    let first = x.mul(columns.spread::<0>()).add(y.mul(columns.spread::<1>()));
+    first.add(z.mul(columns.spread::<2>()))
 }
 
 const _: () = assert!(size_of::<Affine3A>() == 64 && align_of::<Affine3A>() == 16);

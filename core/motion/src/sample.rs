@@ -1,6 +1,7 @@
 //! Sampling: a clip at a time, into a pose.
 
-use crate::simd::{F8, Kernel, Level, dispatch};
+use crate::blend::{dot, lerp};
+use crate::simd::{F8, Kernel, Level, dispatch, load4};
 use crate::slerp::{MAX_TERMS, Series, weights_at};
 use crate::timeline::Interval;
 use crate::tracks::{Channel, Column, Constant, Group, Rows, Single, Tracks};
@@ -61,7 +62,7 @@ impl Kernel for SampleTracks<'_> {
 fn sample<F: F8>(tracks: &Tracks, curves: &[Curve], time: Time, blocks: &mut [PoseBlock]) {
     for Constant { column, rows } in &tracks.constants {
         if let Some(block) = blocks.get_mut(column.block as usize) {
-            write::<F>(column, block, rows.each_ref().map(F::load));
+            write::<F>(column, block, load4(rows));
         }
     }
     let mut batch = Batch::default();
@@ -107,8 +108,8 @@ fn step<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
         let (values, rest) = row.split_at(column.channel.width());
         row = rest;
         if let Some(block) = blocks.get_mut(column.block as usize) {
-            let last = &values[values.len() - 1];
-            write(column, block, [&values[0], &values[1], &values[2], last].map(F::load));
+            let last = F::load(&values[values.len() - 1]);
+            write(column, block, [F::load(&values[0]), F::load(&values[1]), F::load(&values[2]), last]);
         }
     }
 }
@@ -117,8 +118,7 @@ fn step<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
 fn linear<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
     let (mut a, mut b) = (rows.at(at.key), rows.at(at.next));
     let t = F::splat(at.fraction);
-    let terms = rows.columns.iter().map(|c| c.terms).max().unwrap_or(0);
-    let series = Series::new(at.fraction, terms);
+    let series = Series::new(at.fraction, rows.terms);
     for column in &rows.columns {
         if column.channel == Channel::Rotation {
             let (Some((ka, rest_a)), Some((kb, rest_b))) =
@@ -129,8 +129,11 @@ fn linear<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
             (a, b) = (rest_a, rest_b);
             let Some(block) = blocks.get_mut(column.block as usize) else { continue };
             let (wa, wb) = series.weights(F::load(&ka[4]), column.terms);
-            let mix = |i: usize| F::load(&ka[i]).mul(wa).add(F::load(&kb[i]).mul(wb));
-            write(column, block, [mix(0), mix(1), mix(2), mix(3)]);
+            let mut values = [wa; 4];
+            for (value, (a, b)) in values.iter_mut().zip(ka.iter().zip(kb)) {
+                *value = F::load(a).mul(wa).add(F::load(b).mul(wb));
+            }
+            write(column, block, values);
         } else {
             let (Some((ka, rest_a)), Some((kb, rest_b))) =
                 (a.split_first_chunk::<3>(), b.split_first_chunk::<3>())
@@ -139,12 +142,11 @@ fn linear<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
             };
             (a, b) = (rest_a, rest_b);
             let Some(block) = blocks.get_mut(column.block as usize) else { continue };
-            let mix = |i: usize| {
-                let from = F::load(&ka[i]);
-                from.add(F::load(&kb[i]).sub(from).mul(t))
-            };
-            let z = mix(2);
-            write(column, block, [mix(0), mix(1), z, z]);
+            let mut values = [t; 4];
+            for (value, (a, b)) in values.iter_mut().zip(ka.iter().zip(kb)) {
+                *value = lerp(F::load(a), F::load(b), t);
+            }
+            write(column, block, values);
         }
     }
 }
@@ -161,22 +163,24 @@ fn hermite(at: Interval) -> [f32; 4] {
 fn cubic<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
     let len = rows.row_len;
     let (a, b) = (&rows.lanes[at.key * 3 * len..][..3 * len], &rows.lanes[at.next * 3 * len..][..3 * len]);
-    let weights = hermite(at).map(F::splat);
+    let w = hermite(at);
+    let weights = [F::splat(w[0]), F::splat(w[1]), F::splat(w[2]), F::splat(w[3])];
     let mut from = 0;
     for column in &rows.columns {
         let width = column.channel.width();
         let start = from;
         from += width;
         let Some(block) = blocks.get_mut(column.block as usize) else { continue };
-        let key = |i: usize| F::load(&a[len + start + i.min(width - 1)]);
-        let mix = |i: usize| {
-            let at = start + i.min(width - 1);
-            let value = key(i).mul(weights[0]).add(F::load(&a[2 * len + at]).mul(weights[1]));
-            value.add(F::load(&b[at]).mul(weights[2])).add(F::load(&b[len + at]).mul(weights[3]))
-        };
-        let mut values = [mix(0), mix(1), mix(2), mix(3)];
+        let mut keys = [weights[0]; 4];
+        let mut values = keys;
+        for i in 0..width {
+            let at = start + i;
+            keys[i] = F::load(&a[len + at]);
+            let value = keys[i].mul(weights[0]).add(F::load(&a[2 * len + at]).mul(weights[1]));
+            values[i] = value.add(F::load(&b[at]).mul(weights[2])).add(F::load(&b[len + at]).mul(weights[3]));
+        }
         if column.channel == Channel::Rotation {
-            values = normalized(values, [key(0), key(1), key(2), key(3)]);
+            values = normalized(values, keys);
         }
         write(column, block, values);
     }
@@ -185,7 +189,7 @@ fn cubic<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
 /// At unit length; `otherwise` where the length is zero or beyond f32: opposite keys without tangents meet in zero.
 #[inline(always)]
 fn normalized<F: F8>(q: [F; 4], otherwise: [F; 4]) -> [F; 4] {
-    let square = q[0].mul(q[0]).add(q[1].mul(q[1])).add(q[2].mul(q[2]).add(q[3].mul(q[3])));
+    let square = dot(q, q);
     let usable = F::splat(1e-30).less(square);
     let k = F::splat(1.0).div(square.sqrt());
     let mut out = otherwise;
@@ -243,19 +247,19 @@ impl Batch {
         if self.count == 0 {
             return;
         }
-        let (a, b) = (self.a.each_ref().map(F::load), self.b.each_ref().map(F::load));
-        let dot = a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]).add(a[3].mul(b[3])));
+        let (a, b) = (load4::<F>(&self.a), load4::<F>(&self.b));
+        let cos = dot(a, b);
         // 1 − cos from the chord: near zero the dot product has lost it.
         let mut square = F::splat(0.0);
         for i in 0..4 {
-            let chord = a[i].sub(b[i].flipped_by(dot));
+            let chord = a[i].sub(b[i].flipped_by(cos));
             square = square.add(chord.mul(chord));
         }
         let d = square.mul(F::splat(0.5));
         let (wa, wb) = weights_at::<F>(F::load(&self.fraction), d, self.terms.min(MAX_TERMS));
         let mut out = [Lane::splat(0.0); 4];
         for i in 0..4 {
-            a[i].mul(wa).add(b[i].flipped_by(dot).mul(wb)).store(&mut out[i]);
+            a[i].mul(wa).add(b[i].flipped_by(cos).mul(wb)).store(&mut out[i]);
         }
         for lane in 0..self.count {
             put(blocks, self.joints[lane], Channel::Rotation, out.map(|row| row.0[lane]));

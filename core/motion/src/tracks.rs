@@ -80,6 +80,8 @@ pub(crate) struct Rows {
     /// angle to the next key. Cubic: all in-tangents, then all values, then all out-tangents.
     pub row_len: usize,
     pub lanes: Vec<Lane>,
+    /// The most that a column needs.
+    pub terms: usize,
 }
 
 /// A curve on its own: index into the clip's curves.
@@ -298,7 +300,9 @@ fn linear_rows(keys: usize, columns: &[(Column, Lanes)]) -> Rows {
 
 impl Rows {
     fn with_columns(columns: &[(Column, Lanes)]) -> Rows {
-        Rows { columns: columns.iter().map(|(column, _)| *column).collect(), row_len: 0, lanes: Vec::new() }
+        let columns: Vec<Column> = columns.iter().map(|(column, _)| *column).collect();
+        let terms = columns.iter().map(|c| c.terms).max().unwrap_or(0);
+        Rows { columns, row_len: 0, lanes: Vec::new(), terms }
     }
 }
 

@@ -1,0 +1,322 @@
+//! `cargo bench -p choreo-motion`: what the table in the design document measures, for us.
+//!
+//! A 67-joint skeleton of the shape of a Mixamo character and two 15 s clips, made here. Times are CPU time of the
+//! thread, medians over many runs, one core. The fastest run is printed beside, since other work on the machine
+//! shares caches and memory with this. Errors are those of the same clips against f64.
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use choreo_motion::{
+    Clip, Crossfade, Curve, FrameRate, Interpolation, Level, LocalToModel, Path, Pose, Sample, Skeleton,
+    Skin, Time, Transform,
+};
+use glam::{Affine3A, DQuat, DVec3, Quat, Vec3};
+use std::sync::Arc;
+use support::Random;
+
+const JOINTS: usize = 67;
+const SECS: f64 = 15.0;
+
+fn main() {
+    // `cargo test --benches` passes `--test`: then one quick round only.
+    let quick = std::env::args().any(|a| a == "--test");
+    let skeleton = character();
+    println!("level: {:?}; {JOINTS} joints; ns a character, median (fastest)\n", Level::best());
+    println!("crossfade: sample + sample + blend + local-to-model");
+    println!("{:<44}{:>15}{:>15}{:>15}{:>12}", "clips", "one, hot", "1,000", "10,000", "error, mm");
+    let sets = [
+        ("rotations 30 Hz, hips move, rest constant", clips(&skeleton, Style::Typical)),
+        ("all T, R, S move, 30 Hz", clips(&skeleton, Style::All)),
+        ("sparse: rotations, own key times a joint", clips(&skeleton, Style::Sparse)),
+    ];
+    for (name, clips) in &sets {
+        let [hot, thousand, ten] =
+            [1, 1_000, 10_000].map(|n| crossfades(&skeleton, clips, n, Level::best(), quick));
+        let error = worst_error_mm(&skeleton, clips);
+        println!("{name:<44}{hot:>15}{thousand:>15}{ten:>15}{error:>12.5}");
+    }
+    let portable = crossfades(&skeleton, &sets[0].1, 1, Level::Portable, quick);
+    println!("{:<44}{portable:>15}", "the first, portable level");
+
+    println!("\none sample of a 15 s clip");
+    println!("{:<44}{:>15}{:>15}", "clip", "next frame", "random seek");
+    for (name, clips) in &sets {
+        let [next, random] = [false, true].map(|random| samples(&clips[0], random, quick));
+        println!("{name:<44}{next:>15}{random:>15}");
+    }
+
+    println!("\nlocal-to-model alone: {}", local_to_model(&skeleton, quick));
+    for influences in [4, 8] {
+        let figure = skinning(influences, quick);
+        println!("skinning, {influences} influences, position + normal: {figure} ns a vertex");
+    }
+}
+
+/// CPU time of this thread in nanoseconds.
+#[cfg(unix)]
+fn thread_nanos() -> f64 {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    now.tv_sec as f64 * 1e9 + now.tv_nsec as f64
+}
+
+#[cfg(not(unix))]
+fn thread_nanos() -> f64 {
+    use std::{sync::OnceLock, time::Instant};
+    static START: OnceLock<Instant> = OnceLock::new();
+    START.get_or_init(Instant::now).elapsed().as_nanos() as f64
+}
+
+/// "median (fastest)" of the time that one of `items` takes.
+fn measure(items: usize, quick: bool, mut round: impl FnMut()) -> String {
+    round();
+    let start = thread_nanos();
+    round();
+    // Runs of at least 0.2 ms, 40 to 2000 of them in about half a second.
+    let once = (thread_nanos() - start).max(100.0);
+    let repeat = (200_000.0 / once).ceil() as usize;
+    let runs = if quick { 1 } else { (500_000_000.0 / (once * repeat as f64)).clamp(40.0, 2000.0) as usize };
+    let mut times: Vec<f64> = (0..runs)
+        .map(|_| {
+            let start = thread_nanos();
+            (0..repeat).for_each(|_| round());
+            (thread_nanos() - start) / (items * repeat) as f64
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    let digits = if times[0] < 20.0 { 2 } else { 0 };
+    format!("{:.digits$} ({:.digits$})", times[runs / 2], times[0])
+}
+
+/// Hips, spine, head, arms with five fingers of four joints, legs: parents as in a Mixamo character.
+fn character() -> Skeleton {
+    let mut parents: Vec<Option<u32>> = vec![None];
+    let chain = |parents: &mut Vec<Option<u32>>, root: u32, length: usize| {
+        let mut parent = root;
+        for _ in 0..length {
+            parents.push(Some(parent));
+            parent = parents.len() as u32 - 1;
+        }
+        parent
+    };
+    let chest = chain(&mut parents, 0, 3);
+    chain(&mut parents, chest, 3);
+    for _ in 0..2 {
+        let hand = chain(&mut parents, chest, 4);
+        (0..5).for_each(|_| _ = chain(&mut parents, hand, 4));
+    }
+    for _ in 0..2 {
+        chain(&mut parents, 0, 5);
+    }
+    chain(&mut parents, chest, 2);
+    assert_eq!(parents.len(), JOINTS);
+    let mut random = Random(1);
+    let rest = parents
+        .iter()
+        .map(|parent| Transform {
+            translation: if parent.is_some() { Vec3::new(0.0, 0.12, 0.02) } else { Vec3::Y },
+            rotation: Quat::from_array(random.rotation()),
+            scale: Vec3::ONE,
+        })
+        .collect();
+    Skeleton::new((0..JOINTS).map(|i| format!("j{i}")).collect(), parents, rest).unwrap()
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Style {
+    Typical,
+    All,
+    Sparse,
+}
+
+/// Two clips of smooth motion (a few harmonics a joint) at 30 Hz, or with ten to forty keys a joint.
+fn clips(skeleton: &Skeleton, style: Style) -> [Clip; 2] {
+    let thirty: Arc<[Time]> = {
+        let rate = FrameRate { num: 30, den: 1 };
+        (0..=(SECS * 30.0) as i64).map(|frame| rate.time_of(frame)).collect()
+    };
+    [11, 12].map(|seed| {
+        let mut random = Random(seed);
+        let mut curves = Vec::new();
+        for (joint, rest) in skeleton.rest().iter().enumerate() {
+            let mut times = Arc::clone(&thirty);
+            if style == Style::Sparse {
+                let mut secs: Vec<f64> = (0..10 + random.below(30))
+                    .map(|_| f64::from(random.signed() + 1.0) * 0.5 * SECS)
+                    .collect();
+                secs.extend([0.0, SECS]);
+                secs.sort_by(f64::total_cmp);
+                times = secs.into_iter().map(Time::from_secs).collect();
+            }
+            let joint = joint as u32;
+            let [a, b, c] = [0; 3].map(|_| random.rotation());
+            let mut add = |path, values: &dyn Fn(f64) -> Vec<f32>| {
+                let values = times.iter().flat_map(|t| values(t.as_secs())).collect();
+                let interpolation = Interpolation::Linear;
+                curves.push(Curve { joint, path, interpolation, times: times.clone(), values });
+            };
+            let wave = |t: f64, k: [f32; 4]| {
+                (t * (2.0 + f64::from(k[0])) + 6.0 * f64::from(k[1])).sin() as f32 * 0.5
+                    + (t * (7.0 + f64::from(k[2])) + 6.0 * f64::from(k[3])).sin() as f32 * 0.1
+            };
+            add(Path::Rotation, &|t| {
+                let turn = Quat::from_euler(glam::EulerRot::XYZ, wave(t, a), wave(t, b), wave(t, c));
+                (rest.rotation * turn).to_array().to_vec()
+            });
+            let moving = style == Style::All;
+            add(Path::Translation, &|t| {
+                let sway = if moving || joint == 0 { 0.1 } else { 0.0 };
+                let offset = Vec3::new(wave(t, b), wave(t, c), wave(t, a)) * sway;
+                (rest.translation + offset).to_array().to_vec()
+            });
+            add(Path::Scale, &|t| {
+                let sway = if moving { 0.02 } else { 0.0 };
+                (Vec3::ONE + Vec3::splat(wave(t, a) * sway)).to_array().to_vec()
+            });
+        }
+        Clip::new("bench".into(), JOINTS, curves).unwrap()
+    })
+}
+
+fn crossfades(skeleton: &Skeleton, clips: &[Clip; 2], count: usize, level: Level, quick: bool) -> String {
+    let rest = Pose::rest(skeleton);
+    let mut scratch = [rest.clone(), rest.clone()];
+    let mut random = Random(5);
+    let duration = clips[0].duration.0 as usize;
+    let mut characters: Vec<(Time, Time, f32)> = (0..count)
+        .map(|_| {
+            let [a, b] = [0; 2].map(|_| Time(random.below(duration) as i64));
+            (a, b, 0.5 + 0.45 * random.signed())
+        })
+        .collect();
+    let mut out = vec![Affine3A::IDENTITY; JOINTS * count];
+    measure(count, quick, || {
+        for ((a, b, weight), matrices) in characters.iter_mut().zip(out.chunks_exact_mut(JOINTS)) {
+            // The next frame at 60 Hz.
+            *a = (*a + Time(11_760_000)).wrapped(clips[0].duration);
+            *b = (*b + Time(11_760_000)).wrapped(clips[1].duration);
+            Crossfade {
+                skeleton,
+                rest: &rest,
+                from: &clips[0],
+                from_time: *a,
+                to: &clips[1],
+                to_time: *b,
+                weight: *weight,
+                scratch: &mut scratch,
+                model_from_joint: matrices,
+            }
+            .run_on(level);
+        }
+        std::hint::black_box(&mut out);
+    })
+}
+
+fn samples(clip: &Clip, random: bool, quick: bool) -> String {
+    let mut pose = Pose::identity(JOINTS);
+    let mut numbers = Random(9);
+    let times: Vec<Time> = (0..2_000)
+        .map(|i| match random {
+            true => Time(numbers.below(clip.duration.0 as usize) as i64),
+            false => Time(i * 11_760_000).wrapped(clip.duration),
+        })
+        .collect();
+    measure(times.len(), quick, || {
+        for &time in &times {
+            Sample { clip, time, pose: &mut pose }.run();
+            std::hint::black_box(&mut pose);
+        }
+    })
+}
+
+fn local_to_model(skeleton: &Skeleton, quick: bool) -> String {
+    let pose = Pose::rest(skeleton);
+    let mut out = vec![Affine3A::IDENTITY; JOINTS];
+    measure(1, quick, || {
+        LocalToModel { skeleton, pose: &pose, model_from_joint: &mut out }.run();
+        std::hint::black_box(&mut out);
+    })
+}
+
+fn skinning(influences: usize, quick: bool) -> String {
+    const VERTICES: usize = 10_000;
+    let mut random = Random(21);
+    let mut vector = |_| Vec3::new(random.signed(), random.signed(), random.signed() + 1.5);
+    let positions: Vec<Vec3> = (0..VERTICES).map(&mut vector).collect();
+    let normals: Vec<Vec3> = (0..VERTICES).map(|i| vector(i).normalize()).collect();
+    let matrices: Vec<Affine3A> = (0..JOINTS)
+        .map(|_| Affine3A::from_rotation_translation(Quat::from_array(random.rotation()), Vec3::ONE))
+        .collect();
+    let joint_indices: Vec<u16> = (0..VERTICES * influences).map(|_| random.below(JOINTS) as u16).collect();
+    let joint_weights = vec![1.0 / influences as f32; VERTICES * influences];
+    let (mut out_positions, mut out_normals) = (positions.clone(), normals.clone());
+    measure(VERTICES, quick, || {
+        Skin {
+            matrices: &matrices,
+            influences,
+            joint_indices: &joint_indices,
+            joint_weights: &joint_weights,
+            positions: &positions,
+            normals: &normals,
+            out_positions: &mut out_positions,
+            out_normals: &mut out_normals,
+        }
+        .run();
+        std::hint::black_box((&mut out_positions, &mut out_normals));
+    })
+}
+
+/// Worst distance of a joint's origin in model space from an f64 evaluation of the same keys (slerp) and the same blend.
+fn worst_error_mm(skeleton: &Skeleton, clips: &[Clip; 2]) -> f64 {
+    let rest = Pose::rest(skeleton);
+    let mut scratch = [rest.clone(), rest.clone()];
+    let mut out = vec![Affine3A::IDENTITY; JOINTS];
+    let mut random = Random(77);
+    let mut worst = 0.0f64;
+    for _ in 0..500 {
+        let [a, b] = [0; 2].map(|_| Time(random.below(clips[0].duration.0 as usize) as i64));
+        let weight = (random.signed() + 1.0) / 2.0;
+        Crossfade {
+            skeleton,
+            rest: &rest,
+            from: &clips[0],
+            from_time: a,
+            to: &clips[1],
+            to_time: b,
+            weight,
+            scratch: &mut scratch,
+            model_from_joint: &mut out,
+        }
+        .run();
+        let (a, b) = (locals64(&clips[0], a), locals64(&clips[1], b));
+        let weight = f64::from(weight);
+        let blended: Vec<_> = a
+            .iter()
+            .zip(&b)
+            .map(|((ta, ra, sa), (tb, rb, sb))| {
+                let rb = if ra.dot(*rb) < 0.0 { -*rb } else { *rb };
+                let rotation = (*ra * (1.0 - weight) + rb * weight).normalize();
+                (ta.lerp(*tb, weight), rotation, sa.lerp(*sb, weight))
+            })
+            .collect();
+        for (got, wanted) in out.iter().zip(support::model64(skeleton, &blended)) {
+            worst = worst.max(got.translation.as_dvec3().distance(wanted.translation) * 1000.0);
+        }
+    }
+    worst
+}
+
+fn locals64(clip: &Clip, time: Time) -> Vec<(DVec3, DQuat, DVec3)> {
+    let mut locals = vec![(DVec3::ZERO, DQuat::IDENTITY, DVec3::ONE); clip.joint_count()];
+    for curve in clip.curves() {
+        let value = support::evaluate(curve, time);
+        let local = &mut locals[curve.joint as usize];
+        match curve.path {
+            Path::Translation => local.0 = DVec3::from_slice(&value),
+            Path::Rotation => local.1 = DQuat::from_slice(&value),
+            Path::Scale => local.2 = DVec3::from_slice(&value),
+            Path::Weights(_) => {}
+        }
+    }
+    locals
+}
