@@ -8,6 +8,9 @@ use choreo_stage::asset::{AlphaMode, LightKind, Projection, Shading, Topology};
 /// Vertices, triangles, primitives, nodes, skin joints, images in use.
 type Counts = [usize; 6];
 
+/// Clip name, seconds.
+type Duration = (&'static str, f64);
+
 fn counts(asset: &Asset) -> Counts {
     let primitives = || asset.meshes.iter().flat_map(|m| &m.primitives);
     [
@@ -24,7 +27,7 @@ fn counts(asset: &Asset) -> Counts {
 /// primitives; Cameras has no normals, and flat ones need two more vertices; RobotExpressive has two
 /// skins; one image of TextureTransformMultiTest and Godette is used by no supported texture; one node
 /// of debug_robot is outside its scene.
-const FILES: &[(&str, Counts, &[(&str, f64)])] = &[
+const FILES: &[(&str, Counts, &[Duration])] = &[
     ("gltf/AlphaBlendModeTest.glb", [137, 61, 9, 9, 0, 4], &[]),
     ("gltf/AnimatedMorphCube.glb", [24, 12, 1, 1, 0, 0], &[("Square", 4.2)]),
     ("gltf/AnimatedTriangle.gltf", [3, 1, 1, 1, 0, 0], &[("animation 0", 1.0)]),

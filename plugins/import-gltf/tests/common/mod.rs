@@ -1,6 +1,8 @@
 //! Shared by the tests: the folder of sample files, and importing from it.
 #![allow(dead_code)]
 
+pub mod sample;
+
 use choreo_plugin::{Files, ImportError, ImportOptions, Importer, Needs, Source};
 use choreo_stage::Asset;
 use import_gltf::GltfImporter;
@@ -58,4 +60,29 @@ pub fn error_text(result: Result<Asset, ImportError>) -> String {
         Ok(_) => "no error".to_string(),
         Err(e) => e.to_string(),
     }
+}
+
+/// A GLB with its JSON and its binary chunk changed.
+pub fn edited(glb: &[u8], edit: impl FnOnce(&mut serde_json::Value, &mut Vec<u8>)) -> Vec<u8> {
+    let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
+    let json_end = 20 + word(12);
+    let mut json = serde_json::from_slice(&glb[20..json_end]).unwrap();
+    let mut bin = if json_end < glb.len() { glb[json_end + 8..].to_vec() } else { Vec::new() };
+    edit(&mut json, &mut bin);
+    glb_of(&json, &bin)
+}
+
+pub fn glb_of(json: &serde_json::Value, bin: &[u8]) -> Vec<u8> {
+    let mut text = serde_json::to_vec(json).unwrap();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let mut out = b"glTF".to_vec();
+    let total = 12 + 8 + text.len() + 8 + bin.len();
+    for word in [2, total as u32, text.len() as u32, 0x4E4F_534A] {
+        out.extend(word.to_le_bytes());
+    }
+    out.extend(&text);
+    out.extend((bin.len() as u32).to_le_bytes());
+    out.extend(0x004E_4942u32.to_le_bytes());
+    out.extend(bin);
+    out
 }
