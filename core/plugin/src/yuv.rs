@@ -21,29 +21,24 @@ pub struct Yuv420 {
     pub v: Vec<u8>,
     // One row pair, channels apart, so that the compiler turns the loops below into SIMD.
     rows: [[Vec<i16>; 3]; 2],
+    sums: Vec<i16>,
+    halves: [Vec<i16>; 3],
 }
 
-/// Weights of r, g, b in 1/2^15 of the output's range; products of two i16 summed in i32 are one `pmaddwd` on x86.
+/// Weights of r, g, b in 1/2^15 of the output's range. Products of two i16 summed in i32 are one `pmaddwd` on x86, so
+/// these are constants of that type.
 struct Weights {
-    y: [i32; 3],
-    u: [i32; 3],
-    v: [i32; 3],
+    y: [i16; 3],
+    u: [i16; 3],
+    v: [i16; 3],
 }
 
-impl Matrix {
-    fn weights(self) -> Weights {
-        // round(32768 × coefficient × 219/255) for luma and × 224/255 for chroma; each chroma row sums to 0, so that
-        // grey stays grey, and luma to 28142, so that white is 235.
-        match self {
-            Matrix::Bt709 => {
-                Weights { y: [5983, 20127, 2032], u: [-3298, -11094, 14392], v: [14392, -13073, -1319] }
-            }
-            Matrix::Bt601 => {
-                Weights { y: [8415, 16519, 3208], u: [-4857, -9535, 14392], v: [14392, -12051, -2341] }
-            }
-        }
-    }
-}
+// round(32768 × coefficient × 219/255) for luma and × 224/255 for chroma; each chroma row sums to 0, so that grey stays
+// grey, and luma to 28142, so that white is 235.
+const BT709: Weights =
+    Weights { y: [5983, 20127, 2032], u: [-3298, -11094, 14392], v: [14392, -13073, -1319] };
+const BT601: Weights =
+    Weights { y: [8415, 16519, 3208], u: [-4857, -9535, 14392], v: [14392, -12051, -2341] };
 
 impl Yuv420 {
     /// `rgba` holds `width × height` pixels (both at least 1; rows beyond its end are left as they were).
@@ -55,7 +50,39 @@ impl Yuv420 {
         self.y.resize(self.width * self.height, 16);
         self.u.resize(cw * ch, 128);
         self.v.resize(cw * ch, 128);
-        let w = matrix.weights();
+        match matrix {
+            Matrix::Bt601 => self.rows(
+                rgba,
+                width,
+                height,
+                |r, y| luma_row(r, BT601.y, y),
+                |s, u, v| {
+                    chroma_row(s, BT601.u, u);
+                    chroma_row(s, BT601.v, v);
+                },
+            ),
+            Matrix::Bt709 => self.rows(
+                rgba,
+                width,
+                height,
+                |r, y| luma_row(r, BT709.y, y),
+                |s, u, v| {
+                    chroma_row(s, BT709.u, u);
+                    chroma_row(s, BT709.v, v);
+                },
+            ),
+        }
+    }
+
+    fn rows(
+        &mut self,
+        rgba: &[u8],
+        width: usize,
+        height: usize,
+        luma: impl Fn(&[Vec<i16>; 3], &mut [u8]),
+        chroma: impl Fn(&[Vec<i16>; 3], &mut [u8], &mut [u8]),
+    ) {
+        let (cw, ch) = (self.width.div_ceil(2), self.height.div_ceil(2));
         for cy in 0..ch {
             for half in 0..2 {
                 // An odd last row pairs with itself.
@@ -64,17 +91,16 @@ impl Yuv420 {
                 split_row(pixels, self.width, &mut self.rows[half]);
                 let out = 2 * cy + half;
                 if let Some(y) = self.y.get_mut(out * self.width..(out + 1) * self.width) {
-                    luma_row(&self.rows[half], &w.y, y);
+                    luma(&self.rows[half], y);
                 }
             }
-            let (upper, lower) = self.rows.split_at_mut(1);
-            for (a, b) in upper[0].iter_mut().zip(&lower[0]) {
-                for (a, b) in a.iter_mut().zip(b) {
-                    *a += *b;
-                }
+            let [upper, lower] = &self.rows;
+            for ((upper, lower), out) in upper.iter().zip(lower).zip(&mut self.halves) {
+                out.resize(cw, 0);
+                halve(upper, lower, &mut self.sums, out);
             }
             let span = cy * cw..(cy + 1) * cw;
-            chroma_row(&self.rows[0], &w, &mut self.u[span.clone()], &mut self.v[span]);
+            chroma(&self.halves, &mut self.u[span.clone()], &mut self.v[span]);
         }
     }
 }
@@ -86,9 +112,11 @@ fn split_row(pixels: &[u8], padded: usize, out: &mut [Vec<i16>; 3]) {
         plane.resize(padded, 0);
     }
     for (((p, r), g), b) in pixels.as_chunks::<4>().0.iter().zip(&mut *r).zip(&mut *g).zip(&mut *b) {
-        *r = i16::from(p[0]);
-        *g = i16::from(p[1]);
-        *b = i16::from(p[2]);
+        // Shifts of whole pixels: four at once in SIMD registers, where single bytes would be gathered.
+        let p = u32::from_le_bytes(*p) as i32;
+        *r = (p & 255) as i16;
+        *g = (p >> 8 & 255) as i16;
+        *b = (p >> 16 & 255) as i16;
     }
     if padded > width && width > 0 {
         for plane in [r, g, b] {
@@ -97,29 +125,41 @@ fn split_row(pixels: &[u8], padded: usize, out: &mut [Vec<i16>; 3]) {
     }
 }
 
-fn luma_row([r, g, b]: &[Vec<i16>; 3], w: &[i32; 3], out: &mut [u8]) {
+/// Two rows added and filtered [1 2 1] at every second column: 8 times the mean. The edges repeat their last column.
+fn halve(upper: &[i16], lower: &[i16], sums: &mut Vec<i16>, out: &mut [i16]) {
+    sums.clear();
+    sums.extend(upper.iter().zip(lower).map(|(a, b)| a + b));
+    let (Some(&first), Some(&last)) = (sums.first(), sums.last()) else { return };
+    if sums.len() % 2 == 1 {
+        sums.push(last);
+    }
+    let pairs = sums.as_chunks::<2>().0;
+    out[0] = 3 * first + pairs[0][1];
+    for ((out, before), here) in out[1..].iter_mut().zip(pairs).zip(&pairs[1..]) {
+        *out = before[1] + 2 * here[0] + here[1];
+    }
+}
+
+#[inline(always)]
+fn luma_row([r, g, b]: &[Vec<i16>; 3], w: [i16; 3], out: &mut [u8]) {
     for (((y, &r), &g), &b) in out.iter_mut().zip(r).zip(g).zip(b) {
-        let sum = i32::from(r) * w[0] + i32::from(g) * w[1] + i32::from(b) * w[2];
+        let sum = product(r, w[0]) + product(g, w[1]) + product(b, w[2]);
         *y = ((sum + (16 << 15) + (1 << 14)) >> 15) as u8;
     }
 }
 
-/// `sums` are two rows added (0..=510); the horizontal filter adds another factor of 4.
-fn chroma_row(sums: &[Vec<i16>; 3], w: &Weights, u: &mut [u8], v: &mut [u8]) {
-    const HALF: i32 = (128 << 18) + (1 << 17);
-    let width = sums[0].len();
-    let mut put = |cx: usize, left: usize, middle: usize, right: usize| {
-        let at = |s: &[i16]| i32::from(s[left]) + 2 * i32::from(s[middle]) + i32::from(s[right]);
-        let (r, g, b) = (at(&sums[0]), at(&sums[1]), at(&sums[2]));
-        u[cx] = ((r * w.u[0] + g * w.u[1] + b * w.u[2] + HALF) >> 18) as u8;
-        v[cx] = ((r * w.v[0] + g * w.v[1] + b * w.v[2] + HALF) >> 18) as u8;
-    };
-    // The edges repeat their last column; between them nothing is out of range.
-    put(0, 0, 0, 1.min(width - 1));
-    let inner = width.saturating_sub(1) / 2;
-    for cx in 1..=inner {
-        put(cx, 2 * cx - 1, 2 * cx, (2 * cx + 1).min(width - 1));
+/// `halves` are 8 times the mean.
+#[inline(always)]
+fn chroma_row([r, g, b]: &[Vec<i16>; 3], w: [i16; 3], out: &mut [u8]) {
+    for (((c, &r), &g), &b) in out.iter_mut().zip(r).zip(g).zip(b) {
+        let sum = product(r, w[0]) + product(g, w[1]) + product(b, w[2]);
+        *c = ((sum + (128 << 18) + (1 << 17)) >> 18) as u8;
     }
+}
+
+#[inline(always)]
+fn product(a: i16, b: i16) -> i32 {
+    i32::from(a) * i32::from(b)
 }
 
 #[cfg(test)]

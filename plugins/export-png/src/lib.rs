@@ -2,6 +2,7 @@
 
 use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, OptionKind, OptionSpec, VideoInfo};
 use std::io::Write;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 pub static MANIFEST: Manifest = Manifest {
     name: "png",
@@ -73,10 +74,12 @@ impl FrameSink for PngSink {
                 encoder.add_itxt_chunk(keyword.clone(), text.clone()).map_err(convert)?;
             }
         }
-        let rgb = opaque_rgb(&frame.rgba);
-        encoder.set_color(if rgb.is_some() { png::ColorType::Rgb } else { png::ColorType::Rgba });
+        let mut rgb = spare().pop().unwrap_or_default();
+        let opaque = opaque_rgb(&frame.rgba, &mut rgb);
+        encoder.set_color(if opaque { png::ColorType::Rgb } else { png::ColorType::Rgba });
         let mut writer = encoder.write_header().map_err(convert)?;
-        writer.write_image_data(rgb.as_deref().unwrap_or(&frame.rgba)).map_err(convert)?;
+        writer.write_image_data(if opaque { &rgb } else { &frame.rgba }).map_err(convert)?;
+        spare().push(rgb);
         writer.finish().map_err(convert)
     }
 
@@ -88,17 +91,27 @@ impl FrameSink for PngSink {
     }
 }
 
-/// The pixels without alpha where all of it is 255.
-fn opaque_rgb(rgba: &[u8]) -> Option<Vec<u8>> {
+/// Buffers of pictures written before: taking fresh pages from the system costs more than filling them. As many as there
+/// were pictures written at once.
+fn spare() -> MutexGuard<'static, Vec<Vec<u8>>> {
+    static SPARE: Mutex<Vec<Vec<u8>>> = Mutex::new(Vec::new());
+    SPARE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Fills `rgb` with the pixels without alpha and says true, where all alpha is 255.
+fn opaque_rgb(rgba: &[u8], rgb: &mut Vec<u8>) -> bool {
     let pixels = rgba.as_chunks::<4>().0;
-    if pixels.iter().fold(255, |all, p| all & p[3]) != 255 {
-        return None;
+    rgb.resize(pixels.len() * 3, 0);
+    // By rows of 4 kB: what the test has read is still in the cache for the copy.
+    for (out, part) in rgb.chunks_mut(3 * 1024).zip(pixels.chunks(1024)) {
+        if part.iter().fold(u32::MAX, |all, p| all & u32::from_le_bytes(*p)) >> 24 != 255 {
+            return false;
+        }
+        for (out, p) in out.as_chunks_mut::<3>().0.iter_mut().zip(part) {
+            *out = [p[0], p[1], p[2]];
+        }
     }
-    let mut rgb = vec![0; pixels.len() * 3];
-    for (out, p) in rgb.as_chunks_mut::<3>().0.iter_mut().zip(pixels) {
-        *out = [p[0], p[1], p[2]];
-    }
-    Some(rgb)
+    true
 }
 
 fn convert(error: png::EncodingError) -> ExportError {
