@@ -1,1 +1,136 @@
+//! A character made by code: a ball-jointed figure with a handful of clips, so that a first scene needs no file.
 
+mod body;
+mod cast;
+mod clips;
+mod color;
+mod field;
+mod figure;
+mod keys;
+mod pose;
+mod rig;
+mod skin;
+
+use choreo_plugin::{
+    Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionKind, OptionSpec, Source,
+};
+use choreo_stage::{Asset, Material, MeshInstance};
+use glam::{Vec3, Vec4};
+use std::sync::Arc;
+
+/// Written in place of a file name: `load("choreo:mannequin")`.
+pub const SOURCE_NAME: &str = "choreo:mannequin";
+
+const HEIGHT: (f64, f64, f64) = (1.75, 0.3, 10.0);
+
+static MANIFEST: Manifest = Manifest {
+    name: "mannequin",
+    version: env!("CARGO_PKG_VERSION"),
+    about: "the built-in character and its clips: load(\"choreo:mannequin\")",
+    extensions: &[],
+    magic: &[],
+    options: &[
+        OptionSpec {
+            name: "color",
+            about: "of the body: \"#rrggbb\" or a name",
+            kind: OptionKind::Text { default: "ivory", one_of: &[] },
+        },
+        OptionSpec {
+            name: "accent",
+            about: "of the joints: \"#rrggbb\" or a name",
+            kind: OptionKind::Text { default: "graphite", one_of: &[] },
+        },
+        OptionSpec {
+            name: "eyes",
+            about: "of the light in the visor: \"#rrggbb\" or a name",
+            kind: OptionKind::Text { default: "aqua", one_of: &[] },
+        },
+        OptionSpec {
+            name: "height",
+            about: "metres; walking speed grows with it",
+            kind: OptionKind::Number { default: HEIGHT.0, min: HEIGHT.1, max: HEIGHT.2 },
+        },
+    ],
+};
+
+pub struct Mannequin;
+
+impl Importer for Mannequin {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    fn claim(&self, source: &Source) -> u8 {
+        if source.name == SOURCE_NAME { 100 } else { 0 }
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        _files: &dyn Files,
+        needs: Needs,
+        options: &ImportOptions,
+    ) -> Result<Asset, ImportError> {
+        let refuse = |place: &str, what: String, hint: Option<String>| ImportError {
+            file: source.name.clone(),
+            place: place.into(),
+            what,
+            hint,
+        };
+        let color = |option: &str, default: &str| {
+            let text = options.text(option).unwrap_or(default);
+            color::linear(text).ok_or_else(|| {
+                refuse(
+                    &format!("option \"{option}\""),
+                    format!("unknown colour \"{text}\""),
+                    Some(format!("write \"#rrggbb\" or one of {}", color::names())),
+                )
+            })
+        };
+        let height = options.number("height").unwrap_or(HEIGHT.0);
+        if !(HEIGHT.1..=HEIGHT.2).contains(&height) {
+            let what = format!("height is {height}, must be {} to {} metres", HEIGHT.1, HEIGHT.2);
+            return Err(refuse("option \"height\"", what, None));
+        }
+        let scale = height as f32 / rig::REST_HEIGHT;
+        let joints = rig::joints();
+        let internal = |what: String| refuse("", what, None);
+        let skeleton = rig::skeleton(&joints, scale).map_err(|e| internal(e.to_string()))?;
+        let mut asset = Asset { name: source.name.clone(), skeleton: Arc::new(skeleton), ..Asset::default() };
+        let looks = [color("color", "ivory")?, color("accent", "graphite")?, color("eyes", "aqua")?];
+        if needs.geometry {
+            asset.meshes.push(Arc::new(body::mesh(scale)));
+            asset.skins.push(body::skin(&joints, scale));
+            asset.instances.push(MeshInstance { joint: 0, mesh: 0, skin: Some(0), weights: Vec::new() });
+            asset.materials = materials(looks).into();
+        }
+        if needs.clips {
+            for movement in clips::movements() {
+                let clip = clips::clip(&movement, &joints, scale).map_err(|e| internal(e.to_string()))?;
+                asset.clips.push(Arc::new(clip));
+            }
+        }
+        Ok(asset)
+    }
+}
+
+/// In the order of the material numbers in `figure`.
+fn materials([body, accent, eyes]: [Vec3; 3]) -> [Material; 4] {
+    let plastic = |name: &str, color: Vec3, roughness: f32| Material {
+        name: name.into(),
+        base_color: color.extend(1.0),
+        metallic: 0.0,
+        roughness,
+        ..Material::default()
+    };
+    [
+        plastic("body", body, 0.42),
+        plastic("joints", accent, 0.55),
+        plastic("visor", Vec3::splat(0.006), 0.12),
+        Material {
+            emissive: eyes * 1.6,
+            base_color: Vec4::new(0.0, 0.0, 0.0, 1.0),
+            ..plastic("eyes", eyes, 0.5)
+        },
+    ]
+}

@@ -1,0 +1,113 @@
+//! Wave, bow, jump: from standing at ease, and back.
+
+use crate::keys::{ease, keys, sin};
+use crate::pose::{Pose, turn};
+use glam::vec3;
+
+/// Three swings of the right hand, the body answering.
+pub fn wave(t: f32) -> Pose {
+    let mut pose = Pose::default();
+    // The body leads, the arm follows, the hand comes last.
+    let body = keys(t, &[(0.0, 0.0), (0.45, 1.0), (2.15, 1.0), (2.85, 0.0)]);
+    let up = keys(t, &[(0.05, 0.0), (0.18, -0.04), (0.70, 1.05), (0.85, 1.0), (2.15, 1.0), (2.85, 0.0)]);
+    let swinging = ease(t, 0.45, 0.8) * (1.0 - ease(t, 2.0, 2.4));
+    let swing = sin((t - 0.6) / 0.5) * swinging;
+    let hand = sin((t - 0.68) / 0.5) * swinging;
+    pose.hips += vec3(0.022 * body, -0.004 * body, 0.0);
+    pose.pelvis = turn(0.0, 2.0 * body, -2.0 * body);
+    pose.spine = turn(1.0 - 2.5 * body, -5.0 * body, 6.0 * body + 1.2 * swing);
+    pose.head = turn(2.0 - 4.0 * body, -3.0 * body, -6.0 * body + 2.0 * hand);
+    let arm = &mut pose.arms[1];
+    arm.raise += 88.0 * up + 4.0 * swing;
+    arm.flex += 18.0 * up;
+    arm.twist += -92.0 * up;
+    arm.elbow += (84.0 + 20.0 * swing) * up;
+    arm.pronate += -6.0 * up;
+    arm.wrist -= 4.0 * up;
+    arm.tilt = 18.0 * hand;
+    arm.curl = 0.22 - 0.20 * up;
+    arm.lift = 3.0 * up;
+    let other = &mut pose.arms[0];
+    other.raise += 3.0 * body;
+    other.elbow += 6.0 * body;
+    pose
+}
+
+/// The right hand comes to the chest, the left opens to the side, the body folds at the hips.
+pub fn bow(t: f32) -> Pose {
+    let mut pose = Pose::default();
+    let down = keys(t, &[(0.15, 0.0), (0.35, -0.06), (1.25, 1.0), (1.95, 1.0), (2.95, -0.02), (3.35, 0.0)]);
+    let head = keys(t, &[(0.2, 0.0), (1.15, 1.0), (2.1, 1.05), (3.2, 0.0)]);
+    let arms = keys(t, &[(0.0, 0.0), (0.75, 1.0), (2.2, 1.0), (3.2, 0.0)]);
+    pose.hips += vec3(0.0, -0.028 * down, -0.105 * down);
+    pose.pelvis = turn(30.0 * down, 0.0, 0.0);
+    pose.spine = turn(1.0 + 26.0 * down, 0.0, 0.0);
+    pose.head = turn(2.0 + 62.0 * head, 0.0, 0.0);
+    let right = &mut pose.arms[1];
+    right.raise += -2.0 * arms;
+    right.flex += 26.0 * arms;
+    right.twist += 58.0 * arms;
+    right.elbow += 88.0 * arms;
+    right.pronate += 10.0 * arms;
+    right.wrist += 6.0 * arms;
+    right.curl = 0.22 - 0.10 * arms;
+    let left = &mut pose.arms[0];
+    left.raise += 44.0 * arms;
+    left.flex += -14.0 * arms;
+    left.twist += -24.0 * arms;
+    left.elbow += 6.0 * arms;
+    left.pronate += -40.0 * arms;
+    left.wrist += -8.0 * keys(t, &[(0.3, 0.0), (1.0, 1.0), (2.4, 1.0), (3.3, 0.0)]);
+    left.curl = 0.22 - 0.12 * arms;
+    pose
+}
+
+const LEAVE: f32 = 0.62;
+const LAND: f32 = 1.12;
+
+/// Crouch, half a second in the air (30 cm, as gravity has it), and a soft landing.
+pub fn jump(t: f32) -> Pose {
+    let mut pose = Pose::default();
+    let air = t.clamp(LEAVE, LAND) - LEAVE;
+    let flight = 0.5 * 9.81 * air * (LAND - LEAVE - air);
+    let crouch = keys(
+        t,
+        &[
+            (0.0, 0.0),
+            (0.38, 1.0),
+            (0.46, 0.95),
+            (LEAVE, -0.22),
+            (0.87, -0.1),
+            (LAND, 0.0),
+            (1.30, 0.82),
+            (1.70, 0.0),
+        ],
+    );
+    let air_borne = ease(t, 0.56, 0.72) * (1.0 - ease(t, 0.98, 1.13));
+    let tuck = keys(t, &[(LEAVE, 0.0), (0.87, 1.0), (LAND, 0.0)]);
+    pose.hips += vec3(0.0, flight - 0.20 * crouch - 0.006, -0.06 * crouch.max(0.0));
+    pose.pelvis = turn(24.0 * crouch - 4.0 * air_borne, 0.0, 0.0);
+    pose.spine = turn(1.0 + 20.0 * crouch - 8.0 * air_borne, 0.0, 0.0);
+    pose.head = turn(2.0 + 6.0 * crouch - 10.0 * air_borne, 0.0, 0.0);
+    let arms = keys(
+        t,
+        &[(0.0, 0.0), (0.36, -1.0), (0.70, 1.0), (0.90, 1.04), (1.18, 0.25), (1.32, -0.25), (1.72, 0.0)],
+    );
+    for arm in &mut pose.arms {
+        arm.flex += if arms < 0.0 { 46.0 * arms } else { 128.0 * arms };
+        arm.raise += 16.0 * arms.abs();
+        arm.elbow += 18.0 * arms.abs() * if arms < 0.0 { 0.6 } else { 1.0 };
+        arm.curl = 0.22 - 0.16 * arms.max(0.0);
+        arm.lift = 5.0 * arms.max(0.0);
+    }
+    // Heels leave first and come down last; the toes point in the air.
+    let heel = keys(t, &[(0.46, 0.0), (LEAVE, 52.0), (0.78, 40.0), (LAND, 22.0), (1.24, 0.0)]);
+    for foot in &mut pose.feet {
+        foot.pitch = heel;
+        foot.lift = flight + 0.05 * tuck;
+        foot.z -= 0.04 * tuck;
+        foot.toes = 1.0 - air_borne;
+        foot.knee = 4.0 * crouch.max(0.0);
+    }
+    pose
+}

@@ -1,0 +1,75 @@
+//! The clips: functions from time to [`Pose`], sampled at 30 Hz into curves.
+
+mod calm;
+mod dance;
+mod gait;
+mod gestures;
+
+use crate::pose::{Pose, joint_rotations};
+use crate::rig::{self, Joint};
+use choreo_motion::{Clip, ClipError, Curve, Interpolation, Path, Time};
+use glam::Quat;
+
+/// A movement: its last pose is its first, so every clip loops.
+pub struct Movement {
+    pub name: &'static str,
+    pub about: &'static str,
+    pub duration_secs: f32,
+    /// Metres a second at which the floor passes under the feet, for a figure of 1.75 m.
+    pub speed: f32,
+    pub pose: fn(f32) -> Pose,
+}
+
+pub const KEYS_PER_SECOND: f32 = 30.0;
+
+pub fn movements() -> Vec<Movement> {
+    let at = |name, about, duration_secs, pose| Movement { name, about, duration_secs, speed: 0.0, pose };
+    vec![
+        at("Idle", "stands, breathes, shifts the weight", 6.0, calm::idle),
+        Movement { speed: gait::WALK.speed, ..at("Walk", "in place", gait::WALK.period, gait::walk) },
+        Movement { speed: gait::RUN.speed, ..at("Run", "in place", gait::RUN.period, gait::run) },
+        at("Wave", "raises the right hand and waves", 3.0, gestures::wave),
+        at("Dance_Groove", "two-step and hips, 120 beats a minute", 8.0, dance::groove),
+        at("Dance_Spin", "winds up and turns once to the left", 3.0, dance::spin),
+        at("Bow", "a deep bow", 3.5, gestures::bow),
+        at("Jump", "a jump for joy on the spot", 1.8, gestures::jump),
+    ]
+}
+
+fn curve(joint: usize, path: Path, times: &[Time], keys: Vec<Vec<f32>>) -> Curve {
+    // A joint that stands still needs one key, which still holds it there against other layers.
+    let still = keys.iter().all(|k| k.iter().zip(&keys[0]).all(|(a, b)| (a - b).abs() < 1e-6));
+    let count = if still { 1 } else { keys.len() };
+    Curve {
+        joint: joint as u32,
+        path,
+        interpolation: Interpolation::Linear,
+        times: times[..count].to_vec(),
+        values: keys[..count].concat(),
+    }
+}
+
+pub fn clip(movement: &Movement, joints: &[Joint], scale: f32) -> Result<Clip, ClipError> {
+    let intervals = (movement.duration_secs * KEYS_PER_SECOND).round() as usize;
+    let mut times = Vec::new();
+    let mut hips = Vec::new();
+    let mut turns: Vec<Vec<Quat>> = vec![Vec::new(); joints.len()];
+    for i in 0..=intervals {
+        let secs = movement.duration_secs * i as f32 / intervals as f32;
+        times.push(Time::from_secs(f64::from(secs)));
+        // The last key is the first one's copy: no rounding at the seam.
+        let secs = if i == intervals { 0.0 } else { secs };
+        let authored = (movement.pose)(secs).solve(joints);
+        hips.push((authored.hips * scale).to_array().to_vec());
+        for (list, q) in turns.iter_mut().zip(joint_rotations(joints, &authored)) {
+            let near = list.last().is_none_or(|last: &Quat| last.dot(q) >= 0.0);
+            list.push(if near { q } else { -q });
+        }
+    }
+    let mut curves = vec![curve(rig::HIPS, Path::Translation, &times, hips)];
+    for (joint, list) in turns.into_iter().enumerate() {
+        let keys = list.into_iter().map(|q| q.to_array().to_vec()).collect();
+        curves.push(curve(joint, Path::Rotation, &times, keys));
+    }
+    Clip::new(movement.name.into(), joints.len(), curves)
+}

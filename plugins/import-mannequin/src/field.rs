@@ -1,0 +1,60 @@
+//! Signed distance fields that the body parts are shaped from: negative inside, metres.
+//!
+//! Blends after Quilez, "Smooth minimum" (polynomial, quadratic): exact away from the seam, rounded over
+//! about `k` metres at it.
+
+use glam::{Vec3, vec3};
+
+pub fn sphere(p: Vec3, at: Vec3, radius: f32) -> f32 {
+    (p - at).length() - radius
+}
+
+/// First-order distance `k0 (k0 − 1) / k1` (Quilez, "Ellipsoid SDF"): right sign everywhere, near the surface right
+/// to second order.
+pub fn ellipsoid(p: Vec3, at: Vec3, radii: Vec3) -> f32 {
+    let q = p - at;
+    let k0 = (q / radii).length();
+    let k1 = (q / (radii * radii)).length();
+    if k1 < 1e-6 { -radii.min_element() } else { k0 * (k0 - 1.0) / k1 }
+}
+
+/// A ball of radius `ra` at `a` hulled with one of radius `rb` at `b`, as distance to the nearest of the balls
+/// between them: exact where the radii are equal, a bound elsewhere.
+pub fn taper(p: Vec3, a: Vec3, ra: f32, b: Vec3, rb: f32) -> f32 {
+    let ab = b - a;
+    let h = ((p - a).dot(ab) / ab.length_squared()).clamp(0.0, 1.0);
+    (p - a - ab * h).length() - (ra + (rb - ra) * h)
+}
+
+/// A box with rounded edges; `half` includes the rounding.
+pub fn rounded_box(p: Vec3, at: Vec3, half: Vec3, rounding: f32) -> f32 {
+    let q = (p - at).abs() - (half - rounding);
+    q.max(Vec3::ZERO).length() + q.max_element().min(0.0) - rounding
+}
+
+/// Everything below the plane through `at` is inside.
+pub fn below(p: Vec3, at: Vec3, up: Vec3) -> f32 {
+    (p - at).dot(up)
+}
+
+pub fn join(a: f32, b: f32, k: f32) -> f32 {
+    let h = (k - (a - b).abs()).max(0.0) / k;
+    a.min(b) - h * h * k * 0.25
+}
+
+pub fn cut(a: f32, b: f32, k: f32) -> f32 {
+    common(a, -b, k)
+}
+
+pub fn common(a: f32, b: f32, k: f32) -> f32 {
+    let h = (k - (a - b).abs()).max(0.0) / k;
+    a.max(b) + h * h * k * 0.25
+}
+
+/// The field's direction of growth, by central differences over 0.2 mm.
+pub fn gradient(field: &dyn Fn(Vec3) -> f32, p: Vec3) -> Vec3 {
+    const H: f32 = 2e-4;
+    let d = |e: Vec3| field(p + e) - field(p - e);
+    let g = vec3(d(Vec3::X * H), d(Vec3::Y * H), d(Vec3::Z * H));
+    g.try_normalize().unwrap_or(Vec3::Y)
+}

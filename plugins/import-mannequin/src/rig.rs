@@ -1,0 +1,192 @@
+//! The skeleton: 55 joints under mixamorig names, a T-pose that faces +Z with its feet on y = 0.
+//!
+//! Joint axes follow the mixamorig convention (Y along the bone, arms with Z out of the palm, legs with Z
+//! forward), so that clips authored on that rig can be copied joint by joint.
+
+use choreo_motion::{Skeleton, SkeletonError, Transform};
+use glam::{Mat3, Quat, Vec3, vec3};
+
+pub const HIPS: usize = 0;
+pub const SPINE: usize = 1;
+pub const SPINE1: usize = 2;
+pub const SPINE2: usize = 3;
+pub const NECK: usize = 4;
+pub const HEAD: usize = 5;
+const ARMS: usize = 7;
+const JOINTS_PER_ARM: usize = 19;
+const LEGS: usize = ARMS + 2 * JOINTS_PER_ARM;
+const JOINTS_PER_LEG: usize = 5;
+pub const JOINT_COUNT: usize = LEGS + 2 * JOINTS_PER_LEG;
+
+/// Length of the thigh and of the shin, metres.
+pub const LEG_SEGMENT: f32 = 0.415;
+pub const ANKLE_HEIGHT: f32 = 0.085;
+/// Height of the toe joint, and of its distance in front of the ankle.
+pub const BALL_HEIGHT: f32 = 0.022;
+pub const BALL_AHEAD: f32 = 0.125;
+/// Where the heel touches the floor, behind the ankle.
+pub const HEEL_BEHIND: f32 = 0.045;
+pub const HIP_WIDTH: f32 = 0.095;
+pub const REST_HEIGHT: f32 = 1.75;
+
+/// Side 0 is the left, at +X.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    Left = 0,
+    Right = 1,
+}
+
+impl Side {
+    pub const BOTH: [Side; 2] = [Side::Left, Side::Right];
+    /// +1 left, −1 right.
+    pub fn sign(self) -> f32 {
+        if self == Side::Left { 1.0 } else { -1.0 }
+    }
+    pub fn shoulder(self) -> usize {
+        ARMS + JOINTS_PER_ARM * self as usize
+    }
+    pub fn arm(self) -> usize {
+        self.shoulder() + 1
+    }
+    pub fn fore_arm(self) -> usize {
+        self.shoulder() + 2
+    }
+    pub fn hand(self) -> usize {
+        self.shoulder() + 3
+    }
+    /// Finger 0 is the thumb, segment 0 the knuckle.
+    pub fn finger(self, finger: usize, segment: usize) -> usize {
+        self.shoulder() + 4 + 3 * finger + segment
+    }
+    pub fn up_leg(self) -> usize {
+        LEGS + JOINTS_PER_LEG * self as usize
+    }
+    pub fn leg(self) -> usize {
+        self.up_leg() + 1
+    }
+    pub fn foot(self) -> usize {
+        self.up_leg() + 2
+    }
+    pub fn toe_base(self) -> usize {
+        self.up_leg() + 3
+    }
+}
+
+pub struct Joint {
+    pub name: String,
+    pub parent: Option<usize>,
+    /// Rest position in model space, metres.
+    pub at: Vec3,
+    /// model-from-joint rotation at rest.
+    pub axes: Quat,
+}
+
+/// Knuckle, direction and segment lengths of the left fingers, thumb first.
+pub const FINGERS: [(&str, Vec3, Vec3, [f32; 3]); 5] = [
+    ("Thumb", vec3(0.747, 1.411, 0.020), vec3(0.72, -0.22, 0.66), [0.038, 0.032, 0.027]),
+    ("Index", vec3(0.812, 1.421, 0.020), vec3(0.997, 0.0, 0.07), [0.038, 0.025, 0.021]),
+    ("Middle", vec3(0.817, 1.423, -0.002), vec3(1.0, 0.0, 0.0), [0.042, 0.028, 0.022]),
+    ("Ring", vec3(0.811, 1.421, -0.023), vec3(0.998, 0.0, -0.06), [0.039, 0.026, 0.021]),
+    ("Pinky", vec3(0.800, 1.417, -0.042), vec3(0.99, 0.0, -0.13), [0.031, 0.021, 0.018]),
+];
+
+/// Rotation whose Y axis is `y` and whose X axis is as near to `x` as can be.
+fn axes(y: Vec3, x: Vec3) -> Quat {
+    let y = y.normalize();
+    let z = x.cross(y).normalize();
+    Quat::from_mat3(&Mat3::from_cols(y.cross(z), y, z))
+}
+
+/// All joints, parents first.
+pub fn joints() -> Vec<Joint> {
+    let mut list: Vec<Joint> = Vec::with_capacity(JOINT_COUNT);
+    let mut add = |name: String, parent: Option<usize>, at: Vec3, axes: Quat| {
+        list.push(Joint { name: format!("mixamorig:{name}"), parent, at, axes });
+    };
+    let trunk = [
+        ("Hips", vec3(0.0, 0.96, 0.0)),
+        ("Spine", vec3(0.0, 1.05, -0.008)),
+        ("Spine1", vec3(0.0, 1.15, -0.012)),
+        ("Spine2", vec3(0.0, 1.26, -0.012)),
+        ("Neck", vec3(0.0, 1.465, -0.015)),
+        ("Head", vec3(0.0, 1.55, -0.002)),
+        ("HeadTop_End", vec3(0.0, 1.75, 0.0)),
+    ];
+    for (i, (name, at)) in trunk.into_iter().enumerate() {
+        add(name.into(), i.checked_sub(1), at, Quat::IDENTITY);
+    }
+    for side in Side::BOTH {
+        let (word, s) = (if side == Side::Left { "Left" } else { "Right" }, side.sign());
+        let mirrored = |v: Vec3| vec3(s * v.x, v.y, v.z);
+        // Y towards the finger tips, Z out of the palm, which looks down.
+        let along = axes(vec3(s, 0.0, 0.0), vec3(0.0, 0.0, -s));
+        let chain = [
+            ("Shoulder", SPINE2, vec3(0.035, 1.425, -0.012)),
+            ("Arm", side.shoulder(), vec3(0.178, 1.42, -0.012)),
+            ("ForeArm", side.arm(), vec3(0.460, 1.42, -0.012)),
+            ("Hand", side.fore_arm(), vec3(0.712, 1.42, -0.012)),
+        ];
+        for (name, parent, at) in chain {
+            add(format!("{word}{name}"), Some(parent), mirrored(at), along);
+        }
+        for (finger, (name, knuckle, direction, lengths)) in FINGERS.into_iter().enumerate() {
+            let direction = mirrored(direction.normalize());
+            let mut at = mirrored(knuckle);
+            for (segment, length) in lengths.into_iter().enumerate() {
+                let parent = if segment == 0 { side.hand() } else { side.finger(finger, segment - 1) };
+                add(
+                    format!("{word}Hand{name}{}", segment + 1),
+                    Some(parent),
+                    at,
+                    axes(direction, vec3(0.0, 0.0, -s)),
+                );
+                at += direction * length;
+            }
+        }
+    }
+    for side in Side::BOTH {
+        let (word, s) = (if side == Side::Left { "Left" } else { "Right" }, side.sign());
+        let x = s * HIP_WIDTH;
+        let knee = ANKLE_HEIGHT + LEG_SEGMENT;
+        let ankle = vec3(x, ANKLE_HEIGHT, 0.0);
+        let ball = vec3(x, BALL_HEIGHT, BALL_AHEAD);
+        let down = axes(Vec3::NEG_Y, Vec3::NEG_X);
+        let ahead = axes(Vec3::Z, Vec3::NEG_X);
+        let chain = [
+            ("UpLeg", HIPS, vec3(x, knee + LEG_SEGMENT, 0.0), down),
+            ("Leg", side.up_leg(), vec3(x, knee, 0.0), down),
+            ("Foot", side.leg(), ankle, axes(ball - ankle, Vec3::NEG_X)),
+            ("ToeBase", side.foot(), ball, ahead),
+            ("Toe_End", side.toe_base(), vec3(x, BALL_HEIGHT, 0.205), ahead),
+        ];
+        for (name, parent, at, axes) in chain {
+            add(format!("{word}{name}"), Some(parent), at, axes);
+        }
+    }
+    list
+}
+
+/// Rest rotation of each joint in its parent.
+pub fn rest_rotation(joints: &[Joint], joint: usize) -> Quat {
+    match joints[joint].parent {
+        Some(parent) => joints[parent].axes.conjugate() * joints[joint].axes,
+        None => joints[joint].axes,
+    }
+}
+
+/// The same as the stage wants it, scaled.
+pub fn skeleton(joints: &[Joint], scale: f32) -> Result<Skeleton, SkeletonError> {
+    let rest = (0..joints.len()).map(|i| {
+        let joint = &joints[i];
+        let translation = match joint.parent {
+            Some(parent) => joints[parent].axes.conjugate() * (joint.at - joints[parent].at),
+            None => joint.at,
+        };
+        Transform { translation: translation * scale, rotation: rest_rotation(joints, i), scale: Vec3::ONE }
+    });
+    Skeleton::new(
+        joints.iter().map(|j| j.name.clone()).collect(),
+        joints.iter().map(|j| j.parent.map(|p| p as u32)).collect(),
+        rest.collect(),
+    )
+}
