@@ -9,13 +9,14 @@ use crate::pose::{Pose, joint_rotations};
 use crate::rig::{self, Joint};
 use choreo_motion::{Clip, ClipError, Curve, Interpolation, Path, Time};
 use glam::Quat;
+use std::sync::Arc;
 
 /// A movement: its last pose is its first, so every clip loops.
 pub struct Movement {
     pub name: &'static str,
-    pub about: &'static str,
     pub duration_secs: f32,
     /// Metres a second at which the floor passes under the feet, for a figure of 1.75 m.
+    #[cfg_attr(not(test), expect(dead_code, reason = "said in the README, checked by the tests"))]
     pub speed: f32,
     pub pose: fn(f32) -> Pose,
 }
@@ -23,29 +24,29 @@ pub struct Movement {
 pub const KEYS_PER_SECOND: f32 = 30.0;
 
 pub fn movements() -> Vec<Movement> {
-    let at = |name, about, duration_secs, pose| Movement { name, about, duration_secs, speed: 0.0, pose };
+    let at = |name, duration_secs, pose| Movement { name, duration_secs, speed: 0.0, pose };
     vec![
-        at("Idle", "stands, breathes, shifts the weight", 6.0, calm::idle),
-        Movement { speed: gait::WALK.speed, ..at("Walk", "in place", gait::WALK.period, gait::walk) },
-        Movement { speed: gait::RUN.speed, ..at("Run", "in place", gait::RUN.period, gait::run) },
-        at("Wave", "raises the right hand and waves", 3.0, gestures::wave),
-        at("Dance_Groove", "two-step and hips, 120 beats a minute", 8.0, dance::groove),
-        at("Dance_Spin", "winds up and turns once to the left", 3.0, dance::spin),
-        at("Bow", "a deep bow", 3.5, gestures::bow),
-        at("Jump", "a jump for joy on the spot", 1.8, gestures::jump),
+        at("Idle", 6.0, calm::idle),
+        Movement { speed: gait::WALK.speed, ..at("Walk", gait::WALK.period, gait::walk) },
+        Movement { speed: gait::RUN.speed, ..at("Run", gait::RUN.period, gait::run) },
+        at("Wave", 3.0, gestures::wave),
+        at("Dance_Groove", 8.0, dance::groove),
+        at("Dance_Spin", 3.0, dance::spin),
+        at("Bow", 3.5, gestures::bow),
+        at("Jump", 1.8, gestures::jump),
     ]
 }
 
-fn curve(joint: usize, path: Path, times: &[Time], keys: Vec<Vec<f32>>) -> Curve {
+fn curve(joint: usize, path: Path, times: &Arc<[Time]>, keys: Vec<Vec<f32>>) -> Curve {
     // A joint that stands still needs one key, which still holds it there against other layers.
     let still = keys.iter().all(|k| k.iter().zip(&keys[0]).all(|(a, b)| (a - b).abs() < 1e-6));
-    let count = if still { 1 } else { keys.len() };
+    let (times, keys) = if still { (times[..1].into(), &keys[..1]) } else { (times.clone(), &keys[..]) };
     Curve {
         joint: joint as u32,
         path,
         interpolation: Interpolation::Linear,
-        times: times[..count].to_vec(),
-        values: keys[..count].concat(),
+        times,
+        values: keys.concat().into(),
     }
 }
 
@@ -66,6 +67,7 @@ pub fn clip(movement: &Movement, joints: &[Joint], scale: f32) -> Result<Clip, C
             list.push(if near { q } else { -q });
         }
     }
+    let times: Arc<[Time]> = times.into();
     let mut curves = vec![curve(rig::HIPS, Path::Translation, &times, hips)];
     for (joint, list) in turns.into_iter().enumerate() {
         let keys = list.into_iter().map(|q| q.to_array().to_vec()).collect();
