@@ -13,6 +13,8 @@ use std::sync::OnceLock;
 /// Poses that framing may cost, and between how many times of the stage they are shared out.
 const MAX_POSES: usize = 2000;
 const TIMES: std::ops::RangeInclusive<usize> = 6..=48;
+/// Actors at most this share as high as they are wide are ground, which need not be seen to its edges.
+const FLAT: f32 = 0.01;
 /// Picture left free on each side, of its half.
 const MARGIN: f64 = 0.06;
 /// Azimuth and elevation for a stage without a camera: from the front, a little from the right and above.
@@ -54,7 +56,7 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
     // More than two looks a frame show nothing new.
     let length = stage.settings.length.max(Time::ZERO);
     let intervals = intervals.min((length.as_secs() * 48.0) as usize).max(1);
-    let mut boxes = Vec::new();
+    let (mut boxes, mut ground) = (Vec::new(), Vec::new());
     let (mut scratch, mut snapshot) = (Scratch::default(), Snapshot::default());
     for i in 0..=intervals {
         let time = Time((i128::from(length.0) * i as i128 / intervals as i128) as i64);
@@ -70,12 +72,15 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
                 }
             }
             if !bounds.is_empty() {
-                boxes.push(bounds);
+                (if is_flat(&actor.asset) { &mut ground } else { &mut boxes }).push(bounds);
             }
         }
         if length == Time::ZERO {
             break;
         }
+    }
+    if boxes.is_empty() {
+        boxes = ground;
     }
     if boxes.is_empty() {
         let mut room = DAabb::EMPTY;
@@ -84,6 +89,12 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
         boxes.push(room);
     }
     Ok(boxes)
+}
+
+fn is_flat(asset: &Asset) -> bool {
+    let bounds = asset.rest_bounds();
+    let size = bounds.max - bounds.min;
+    !bounds.is_empty() && size.y <= FLAT * size.x.max(size.z)
 }
 
 /// Position in the axes of the view, and the projection with a near plane before everything.
@@ -109,8 +120,8 @@ fn fit(boxes: &[DAabb], aspect: f64, projection: Projection) -> (DVec3, Projecti
             }
             let z = ((right + left) / (2.0 * tx)).max((up + down) / (2.0 * ty)).max(all.max.z + size * 0.01);
             let position = DVec3::new((right - left) / 2.0, (up - down) / 2.0, z);
-            // Half the free way: what moves between the looked-at times stays in.
-            let near = ((z - all.max.z) * 0.5).min((z - all.min.z) * 0.05).max(1e-9);
+            // Well before everything: what moves between the looked-at times stays in, and so does the ground.
+            let near = ((z - all.max.z) * 0.5).min((z - all.min.z) * 0.01).max(1e-9);
             (position, Projection::Perspective { yfov, near: near as f32, far: None })
         }
         Projection::Orthographic { .. } => {

@@ -6,12 +6,12 @@ use crate::*;
 use choreo_motion::Time;
 use glam::{DQuat, DVec3, Vec3};
 
-/// The sun of a stage without lights: from over the left shoulder of a camera in front. Its 1.5 lux on white make 1.5/π = 0.48,
-/// with the default ambient's 0.45 from above 0.93: bright, and nothing diffuse clips.
+/// The sun of a stage without lights: from over the left shoulder of a camera in front. A white surface facing a light of
+/// intensity 1 is 1, so this one makes 0.5, and with the default ambient's 0.45 from above 0.95: bright, and nothing diffuse clips.
 pub fn default_sun() -> LightState {
     let color = Vec3::new(1.0, 0.95, 0.88);
     LightState {
-        light: Light { kind: LightKind::Directional, color, intensity: 1.5, range: None },
+        light: Light { kind: LightKind::Directional, color, intensity: 0.5, range: None },
         position: DVec3::ZERO,
         direction: Vec3::new(0.48, -0.72, -0.504).normalize(),
     }

@@ -234,7 +234,7 @@ pub enum Rig {
     /// The camera of an actor's file.
     File { actor: usize, camera: u32 },
     /// Stands still and fits everything that is visible at some time of the stage's length, from an azimuth and
-    /// elevation in radians, as `Orbit` counts them.
+    /// elevation in radians, as `Orbit` counts them. Flat ground is left out where there is anything else.
     Frame { azimuth: f64, elevation: f64 },
 }
 

@@ -3,8 +3,9 @@
 mod support;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::*;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::sync::Arc;
 use support::*;
 
 fn eye(snapshot: &Snapshot) -> DVec3 {
@@ -231,6 +232,21 @@ fn a_walker_stays_in_the_picture_and_the_camera_still() {
     // Framed at the first frame only, she would have left: the same camera for a stage of no length.
     stage.settings.length = Time::ZERO;
     assert!(projected(&stage, 3.9).0.max_element() > 1.0);
+}
+
+#[test]
+fn the_ground_need_not_be_seen_to_its_edges() {
+    let mut stage = Stage::default();
+    stage.cast("anna", figure());
+    let without = stage.at(Time::ZERO).unwrap().camera;
+    let mut asset = (*stick()).clone();
+    let plane = box_primitive(Vec3::new(-50.0, 0.0, -50.0), Vec3::new(50.0, 0.0, 50.0));
+    asset.meshes[0] = Arc::new(Mesh { primitives: vec![plane], ..Mesh::default() });
+    stage.cast("floor", Arc::new(asset));
+    assert_eq!(stage.at(Time::ZERO).unwrap().camera, without);
+    // Alone it is what there is to see.
+    stage.actors[0].visible = false;
+    assert!(eye(&stage.at(Time::ZERO).unwrap()).length() > 50.0);
 }
 
 #[test]

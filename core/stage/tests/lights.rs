@@ -39,9 +39,9 @@ fn a_stage_without_light_gets_a_sun_and_one_with_any_does_not() {
 
 #[test]
 fn the_default_sun_and_ambient_leave_white_below_one() {
-    // Lambert at normal incidence (albedo / π), and all of the ambient from above.
+    // Facing it, and all of the ambient from above.
     let LightState { light, direction, .. } = default_sun();
-    let lit = light.color * light.intensity / std::f32::consts::PI + Settings::default().ambient_up;
+    let lit = light.color * light.intensity + Settings::default().ambient_up;
     assert!(lit.max_element() < 1.0 && lit.max_element() > 0.85, "{lit}");
     assert!(light.color.x > light.color.y && light.color.y > light.color.z, "warm");
     assert!((direction.length() - 1.0).abs() < 1e-6 && direction.y < -0.5);
