@@ -132,7 +132,10 @@ pub fn press(field: &dyn Fn(Vec3) -> f32, lens: &Lens) -> Surface {
     put(0.0, 0.0, -4.0 * lens.rise, 0.0);
     let n = lens.sectors as u32;
     let last = out.positions.len() as u32 - 1;
-    out.normals[last as usize] = Vec3::NEG_Z;
+    // The back, never seen, looks back.
+    for normal in out.normals.iter_mut().rev().take(1 + lens.sectors) {
+        normal.z = -normal.z.abs();
+    }
     let at = |ring: usize, s: u32| 1 + ring as u32 * n + s % n;
     for s in 0..n {
         out.indices.extend([0, at(0, s), at(0, s + 1)]);

@@ -29,7 +29,7 @@ pub enum Skinning {
 }
 
 pub struct Part {
-    #[cfg_attr(not(test), expect(dead_code, reason = "names the part in a failed test"))]
+    #[expect(dead_code, reason = "says what the part is")]
     pub name: &'static str,
     pub material: u32,
     /// Modelled on the left, also wanted on the right.

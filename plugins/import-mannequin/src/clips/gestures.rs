@@ -83,22 +83,25 @@ pub fn jump(t: f32) -> Pose {
             (1.70, 0.0),
         ],
     );
-    let air_borne = ease(t, 0.56, 0.72) * (1.0 - ease(t, 0.98, 1.13));
+    let air_borne = ease(t, 0.60, 0.76) * (1.0 - ease(t, 0.94, LAND - 0.03));
     let tuck = keys(t, &[(LEAVE, 0.0), (0.87, 1.0), (LAND, 0.0)]);
     pose.hips += vec3(0.0, flight - 0.20 * crouch - 0.006, -0.06 * crouch.max(0.0));
     pose.pelvis = turn(24.0 * crouch - 4.0 * air_borne, 0.0, 0.0);
     pose.spine = turn(1.0 + 20.0 * crouch - 8.0 * air_borne, 0.0, 0.0);
     pose.head = turn(2.0 + 6.0 * crouch - 10.0 * air_borne, 0.0, 0.0);
-    let arms = keys(
+    let flex = keys(
         t,
-        &[(0.0, 0.0), (0.36, -1.0), (0.70, 1.0), (0.90, 1.04), (1.18, 0.25), (1.32, -0.25), (1.72, 0.0)],
+        &[(0.0, 0.0), (0.33, -46.0), (0.78, 122.0), (0.92, 132.0), (1.20, 30.0), (1.36, -10.0), (1.74, 0.0)],
     );
+    let open = keys(t, &[(0.0, 0.0), (0.36, 14.0), (0.56, 8.0), (0.80, 18.0), (1.20, 8.0), (1.74, 0.0)]);
+    let bend = keys(t, &[(0.0, 0.0), (0.36, 8.0), (0.56, 26.0), (0.84, 12.0), (1.20, 20.0), (1.74, 0.0)]);
+    let reach = keys(t, &[(0.40, 0.0), (0.76, 1.0), (0.95, 1.0), (1.30, 0.0)]);
     for arm in &mut pose.arms {
-        arm.flex += if arms < 0.0 { 46.0 * arms } else { 128.0 * arms };
-        arm.raise += 16.0 * arms.abs();
-        arm.elbow += 18.0 * arms.abs() * if arms < 0.0 { 0.6 } else { 1.0 };
-        arm.curl = 0.22 - 0.16 * arms.max(0.0);
-        arm.lift = 5.0 * arms.max(0.0);
+        arm.flex += flex;
+        arm.raise += open;
+        arm.elbow += bend;
+        arm.curl = 0.22 - 0.16 * reach;
+        arm.lift = 5.0 * reach;
     }
     // Heels leave first and come down last; the toes point in the air.
     let heel = keys(t, &[(0.46, 0.0), (LEAVE, 52.0), (0.78, 40.0), (LAND, 22.0), (1.24, 0.0)]);

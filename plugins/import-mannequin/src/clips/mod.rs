@@ -15,20 +15,17 @@ use std::sync::Arc;
 pub struct Movement {
     pub name: &'static str,
     pub duration_secs: f32,
-    /// Metres a second at which the floor passes under the feet, for a figure of 1.75 m.
-    #[cfg_attr(not(test), expect(dead_code, reason = "said in the README, checked by the tests"))]
-    pub speed: f32,
     pub pose: fn(f32) -> Pose,
 }
 
 pub const KEYS_PER_SECOND: f32 = 30.0;
 
 pub fn movements() -> Vec<Movement> {
-    let at = |name, duration_secs, pose| Movement { name, duration_secs, speed: 0.0, pose };
+    let at = |name, duration_secs, pose| Movement { name, duration_secs, pose };
     vec![
         at("Idle", 6.0, calm::idle),
-        Movement { speed: gait::WALK.speed, ..at("Walk", gait::WALK.period, gait::walk) },
-        Movement { speed: gait::RUN.speed, ..at("Run", gait::RUN.period, gait::run) },
+        at("Walk", gait::WALK.period, gait::walk),
+        at("Run", gait::RUN.period, gait::run),
         at("Wave", 3.0, gestures::wave),
         at("Dance_Groove", 8.0, dance::groove),
         at("Dance_Spin", 3.0, dance::spin),
