@@ -1,8 +1,10 @@
 //! Blending two poses.
 //!
-//! Translations and scales: lerp. Rotations: shortest-arc nlerp, `normalize(a + (±b − a) w)`. A blend has no authored
-//! speed that slerp would keep: the weight is eased anyway, both go along the same arc and agree at 0, ½ and 1.
-//! `tests/blend.rs` measures what nlerp differs from slerp by: NLERP_TABLE.
+//! Translations and scales: lerp. Rotations: shortest-arc nlerp, `normalize(a + (±b − a) w)`. Both go along the same
+//! arc and agree at 0, ½ and 1; nlerp is at most 0.01° from slerp for rotations 20° apart, 0.11° at 45°, 0.9° at 90°,
+//! 8.1° at 180° (`tests/jobs.rs` measures it). A blend has no authored speed that slerp would keep, and its weight is
+//! eased anyway, so that the difference is another easing; slerp would need the 26-term series here, since two poses
+//! may be any angle apart, and cost three times as much.
 
 use crate::simd::{F8, Kernel, Level, dispatch, load4};
 use crate::{LANES, Lane, Pose, PoseBlock};

@@ -88,6 +88,9 @@ pub struct Clip {
 /// Morph targets that one curve may drive; a file that says more is refused.
 pub const MAX_WEIGHTS: u32 = 65_536;
 
+/// The largest number a key may hold, so that interpolation stays within f32.
+pub const MAX_KEY: f32 = 1e15;
+
 impl Clip {
     /// Checks the curves against a skeleton of `joint_count` joints: lengths, order, finiteness, unit rotations (renormalised).
     pub fn new(name: String, joint_count: usize, mut curves: Vec<Curve>) -> Result<Clip, ClipError> {
@@ -210,6 +213,9 @@ fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), String> {
     let stride = curve.stride();
     if let Some(at) = curve.values.iter().position(|v| !v.is_finite()) {
         return Err(format!("key {} holds {}, must be finite", at / stride, curve.values[at]));
+    }
+    if let Some(at) = curve.values.iter().position(|v| v.abs() > MAX_KEY) {
+        return Err(format!("key {} holds {}, at most ±{MAX_KEY} is allowed", at / stride, curve.values[at]));
     }
     if curve.path == Path::Rotation {
         let value_at = if curve.interpolation == Interpolation::CubicSpline { 4 } else { 0 };

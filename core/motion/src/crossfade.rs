@@ -1,8 +1,8 @@
 //! Two clips at two times, blended, to model space, in one go.
 
 use crate::local_to_model::{Matrices, Two};
-use crate::sample::SampleTracks;
-use crate::simd::{Level, dispatch};
+use crate::sample::sample;
+use crate::simd::{F8, Kernel, Level, dispatch};
 use crate::{Clip, LocalToModel, Pose, Sample, Skeleton, Time};
 use glam::Affine3A;
 
@@ -61,16 +61,38 @@ impl Crossfade<'_> {
                 .run_on(level);
             return;
         }
+        let (from, to) = (self.from.tracks(), self.to.tracks());
         let unit_scale =
-            self.rest.unit_scale() && self.from.tracks().unit_scale && self.to.tracks().unit_scale;
-        let plays = [(self.from, self.from_time), (self.to, self.to_time)];
-        for ((clip, time), pose) in plays.into_iter().zip(self.scratch.iter_mut()) {
-            let tracks = clip.tracks();
-            pose.copy_channels(self.rest, tracks.covers.map(|covered| !covered));
-            dispatch(level, SampleTracks { tracks, curves: clip.curves(), time, blocks: pose.blocks_mut() });
+            from.unit_scale && to.unit_scale && (from.covers[2] && to.covers[2] || self.rest.unit_scale());
+        let covers = [from.covers, to.covers];
+        for (pose, covers) in self.scratch.iter_mut().zip(covers) {
+            pose.copy_channels(self.rest, covers.map(|covered| !covered));
         }
-        let [a, b] = &*self.scratch;
-        let locals = Two { a: a.blocks(), b: b.blocks(), weight: self.weight, unit_scale };
-        dispatch(level, Matrices { parents: self.skeleton.parents(), locals, out: self.model_from_joint });
+        dispatch(level, Fused { job: self, unit_scale });
+    }
+}
+
+struct Fused<'a, 'b> {
+    job: &'b mut Crossfade<'a>,
+    unit_scale: bool,
+}
+
+impl Kernel for Fused<'_, '_> {
+    #[inline(always)]
+    fn run<F: F8>(self) {
+        let Fused { job, unit_scale } = self;
+        // The matrices of the next character are seldom in the cache: by the time they are written they are.
+        for matrix in job.model_from_joint.iter() {
+            F::prefetch(matrix);
+        }
+        let [a, b] = &mut *job.scratch;
+        for (clip, time, pose) in [(job.from, job.from_time, &mut *a), (job.to, job.to_time, &mut *b)] {
+            let tracks = clip.tracks();
+            let constants = if unit_scale { tracks.unscaled_constants() } else { &tracks.constants };
+            sample::<F>(tracks, constants, clip.curves(), time, pose.blocks_mut());
+        }
+        let locals = Two { a: a.blocks(), b: b.blocks(), weight: job.weight, unit_scale };
+        let by_depth = job.skeleton.by_depth();
+        Matrices { by_depth, locals, out: &mut *job.model_from_joint }.compute::<F>();
     }
 }

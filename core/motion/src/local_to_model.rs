@@ -38,7 +38,7 @@ impl LocalToModel<'_> {
         dispatch(
             level,
             Matrices {
-                parents: self.skeleton.parents(),
+                by_depth: self.skeleton.by_depth(),
                 locals: One(self.pose.blocks()),
                 out: self.model_from_joint,
             },
@@ -93,44 +93,50 @@ impl Locals for Two<'_> {
 }
 
 pub(crate) struct Matrices<'a, L> {
-    pub parents: &'a [Option<u32>],
+    /// See [`Skeleton::by_depth`].
+    pub by_depth: &'a [[u32; 2]],
     pub locals: L,
+    /// One a joint; what is too few or too many is left out.
     pub out: &'a mut [Affine3A],
 }
 
 impl<L: Locals> Kernel for Matrices<'_, L> {
     #[inline(always)]
     fn run<F: F8>(self) {
-        let joints = self.parents.len().min(self.out.len());
-        let out = columns_mut(&mut self.out[..joints]);
-        for block in 0..self.locals.blocks().min(joints.div_ceil(LANES)) {
+        self.compute::<F>();
+    }
+}
+
+impl<L: Locals> Matrices<'_, L> {
+    #[inline(always)]
+    pub fn compute<F: F8>(self) {
+        let out = columns_mut(self.out);
+        // Local matrices first, eight at a time, then each times its parent's: taking the joints by depth here made
+        // the whole a third faster than going down chain by chain in one pass.
+        for (block, out) in out.chunks_mut(LANES).enumerate().take(self.locals.blocks()) {
             let (translation, rotation, scale) = self.locals.get::<F>(block);
             let [c0, c1, c2] = rotation_columns(rotation, scale);
-            let c01 = F::column_pairs(c0, c1);
-            let c23 = F::column_pairs(c2, translation);
-            let first = block * LANES;
-            for lane in 0..LANES.min(joints - first) {
-                let joint = first + lane;
-                let (mut a, mut b) = (c01[lane], c23[lane]);
-                if let Some(parent) = self.parents[joint] {
-                    // A skeleton's parents come first.
-                    let p = out[parent as usize];
-                    let px = F::both(&[p[0], p[1], p[2], p[3]]);
-                    let py = F::both(&[p[4], p[5], p[6], p[7]]);
-                    let pz = F::both(&[p[8], p[9], p[10], p[11]]);
-                    let pt = F::upper(&[p[12], p[13], p[14], p[15]]);
-                    a = turned([px, py, pz], a);
-                    b = turned([px, py, pz], b).add(pt);
-                }
-                let (low, high) = out[joint].split_at_mut(8);
-                if let (Ok(low), Ok(high)) = (low.try_into(), high.try_into()) {
-                    a.store_halves(low);
-                    b.store_halves(high);
-                }
+            for (out, pair) in out.iter_mut().zip(F::column_pairs(c0, c1)) {
+                pair.store_halves(&mut out.0);
             }
+            for (out, pair) in out.iter_mut().zip(F::column_pairs(c2, translation)) {
+                pair.store_halves(&mut out.1);
+            }
+        }
+        for [joint, parent] in self.by_depth {
+            let Some(Columns([c0, c1], [c2, translation])) = out.get(*parent as usize) else { return };
+            let parent = [F::both(c0), F::both(c1), F::both(c2)];
+            let translation = F::upper(translation);
+            let Some(own) = out.get_mut(*joint as usize) else { return };
+            turned(parent, F::load_halves(&own.0)).store_halves(&mut own.0);
+            turned(parent, F::load_halves(&own.1)).add(translation).store_halves(&mut own.1);
         }
     }
 }
+
+/// A matrix as four columns of four floats, two by two.
+#[repr(C)]
+struct Columns([[f32; 4]; 2], [[f32; 4]; 2]);
 
 #[inline(always)]
 fn lerp3<F: F8>(a: &[Lane; 3], b: &[Lane; 3], w: F) -> [F; 3] {
@@ -174,11 +180,10 @@ fn turned<F: F8>([x, y, z]: [F; 3], columns: F) -> F {
 }
 
 const _: () = assert!(size_of::<Affine3A>() == 64 && align_of::<Affine3A>() == 16);
-const _: () = assert!(std::mem::offset_of!(Affine3A, translation) == 48);
+const _: () = assert!(size_of::<Columns>() == 64 && std::mem::offset_of!(Affine3A, translation) == 48);
 
-/// The matrices as four columns of four floats.
 #[inline(always)]
-fn columns_mut(matrices: &mut [Affine3A]) -> &mut [[f32; 16]] {
+fn columns_mut(matrices: &mut [Affine3A]) -> &mut [Columns] {
     // SAFETY: `Affine3A` is `repr(C)`: three `Vec3A` columns and a translation, 64 bytes as asserted above, and a
     // `Vec3A` is three floats in 16 bytes. The fourth may be padding where glam runs without SSE: any bits may be
     // written there, and the kernel reads only columns that it wrote itself.

@@ -132,7 +132,9 @@ impl Pose {
 
     /// Whether no joint is scaled.
     pub(crate) fn unit_scale(&self) -> bool {
-        self.blocks.iter().all(|block| block.scale == [Lane::splat(1.0); 3])
+        // Without early exits, so that it is vectorised.
+        let odd = |lane: &Lane| lane.0.iter().fold(false, |odd, v| odd | (*v != 1.0));
+        !self.blocks.iter().flat_map(|block| &block.scale).fold(false, |any, lane| any | odd(lane))
     }
 
     /// The joints' transforms in order.

@@ -44,23 +44,29 @@ impl Sample<'_> {
     }
 }
 
-pub(crate) struct SampleTracks<'a> {
-    pub tracks: &'a Tracks,
-    pub curves: &'a [Curve],
-    pub time: Time,
-    pub blocks: &'a mut [PoseBlock],
+struct SampleTracks<'a> {
+    tracks: &'a Tracks,
+    curves: &'a [Curve],
+    time: Time,
+    blocks: &'a mut [PoseBlock],
 }
 
 impl Kernel for SampleTracks<'_> {
     #[inline(always)]
     fn run<F: F8>(self) {
-        sample::<F>(self.tracks, self.curves, self.time, self.blocks);
+        sample::<F>(self.tracks, &self.tracks.constants, self.curves, self.time, self.blocks);
     }
 }
 
 #[inline(always)]
-fn sample<F: F8>(tracks: &Tracks, curves: &[Curve], time: Time, blocks: &mut [PoseBlock]) {
-    for Constant { column, rows } in &tracks.constants {
+pub(crate) fn sample<F: F8>(
+    tracks: &Tracks,
+    constants: &[Constant],
+    curves: &[Curve],
+    time: Time,
+    blocks: &mut [PoseBlock],
+) {
+    for Constant { column, rows } in constants {
         if let Some(block) = blocks.get_mut(column.block as usize) {
             write::<F>(column, block, load4(rows));
         }
@@ -154,7 +160,7 @@ fn linear<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
 /// glTF 2.0 Appendix C.4: weights of value, out-tangent, next in-tangent, next value; tangents are per second.
 #[inline(always)]
 fn hermite(at: Interval) -> [f32; 4] {
-    let (t, span) = (at.fraction, at.span_secs);
+    let (t, span) = (at.fraction, at.span.as_secs() as f32);
     let (t2, t3) = (t * t, t * t * t);
     [2.0 * t3 - 3.0 * t2 + 1.0, span * (t3 - 2.0 * t2 + t), span * (t3 - t2), 3.0 * t2 - 2.0 * t3]
 }

@@ -6,6 +6,7 @@
 //! shuffles of the matrix kernel, which then took twice the time.)
 
 use crate::{LANES, Lane};
+use glam::{Affine3A, Vec3A};
 
 /// How kernels run. The result is the same, bit for bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,10 +75,20 @@ pub(crate) trait F8: Copy {
     /// Each half filled with its component I.
     fn spread<const I: usize>(self) -> Self;
     /// The four floats of both halves.
-    fn store_halves(self, out: &mut [f32; 8]);
+    fn store_halves(self, out: &mut [[f32; 4]; 2]);
+    fn load_halves(halves: &[[f32; 4]; 2]) -> Self;
     /// From component rows of two matrix columns, the columns side by side, one pair a joint:
     /// `(ax ay az az | bx by bz bz)`.
     fn column_pairs(a: [Self; 3], b: [Self; 3]) -> [Self; LANES];
+    /// The inverse: component rows of both columns; the fourth components are dropped.
+    fn component_rows(pairs: [Self; LANES]) -> [[Self; 3]; 2];
+    /// A matrix: its first two columns, its third and the translation. The fourth components may hold anything.
+    fn of_matrix(matrix: &Affine3A) -> [Self; 2];
+    /// Component rows of eight points.
+    fn load_points(points: &[[f32; 3]; LANES]) -> [Self; 3];
+    fn store_points(rows: [Self; 3], points: &mut [[f32; 3]; LANES]);
+    /// Asks for a matrix that will soon be written.
+    fn prefetch(_matrix: &Affine3A) {}
 }
 
 /// Three rows. Kernels call functions like this one rather than `map` with a closure: a closure that is not inlined is
@@ -173,8 +184,14 @@ impl F8 for Array {
         Array([a, a, a, a, b, b, b, b])
     }
     #[inline(always)]
-    fn store_halves(self, out: &mut [f32; 8]) {
-        *out = self.0;
+    fn store_halves(self, out: &mut [[f32; 4]; 2]) {
+        let [a, b, c, d, e, f, g, h] = self.0;
+        *out = [[a, b, c, d], [e, f, g, h]];
+    }
+    #[inline(always)]
+    fn load_halves([low, high]: &[[f32; 4]; 2]) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (*low, *high);
+        Array([a, b, c, d, e, f, g, h])
     }
     #[inline(always)]
     fn column_pairs(a: [Self; 3], b: [Self; 3]) -> [Self; LANES] {
@@ -183,11 +200,33 @@ impl F8 for Array {
             Array([ax, ay, az, az, bx, by, bz, bz])
         })
     }
+    #[inline(always)]
+    fn component_rows(pairs: [Self; LANES]) -> [[Self; 3]; 2] {
+        let row = |component: usize| Array(std::array::from_fn(|i| pairs[i].0[component]));
+        [[row(0), row(1), row(2)], [row(4), row(5), row(6)]]
+    }
+    #[inline(always)]
+    fn of_matrix(matrix: &Affine3A) -> [Self; 2] {
+        let pair = |a: Vec3A, b: Vec3A| Array([a.x, a.y, a.z, 0.0, b.x, b.y, b.z, 0.0]);
+        let m = &matrix.matrix3;
+        [pair(m.x_axis, m.y_axis), pair(m.z_axis, matrix.translation)]
+    }
+    #[inline(always)]
+    fn load_points(points: &[[f32; 3]; LANES]) -> [Self; 3] {
+        std::array::from_fn(|component| Array(std::array::from_fn(|i| points[i][component])))
+    }
+    #[inline(always)]
+    fn store_points(rows: [Self; 3], points: &mut [[f32; 3]; LANES]) {
+        for (i, point) in points.iter_mut().enumerate() {
+            *point = [rows[0].0[i], rows[1].0[i], rows[2].0[i]];
+        }
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
 mod avx {
     use super::{F8, LANES, Lane};
+    use glam::Affine3A;
     use std::arch::x86_64::*;
 
     /// Only ever made inside `run_avx2`, which is entered after asking the processor: that is what makes each
@@ -271,8 +310,12 @@ mod avx {
             })
         }
         #[inline(always)]
-        fn store_halves(self, out: &mut [f32; 8]) {
-            unsafe { _mm256_storeu_ps(out.as_mut_ptr(), self.0) }
+        fn store_halves(self, out: &mut [[f32; 4]; 2]) {
+            unsafe { _mm256_storeu_ps(out.as_mut_ptr().cast(), self.0) }
+        }
+        #[inline(always)]
+        fn load_halves(halves: &[[f32; 4]; 2]) -> Self {
+            Avx(unsafe { _mm256_loadu_ps(halves.as_ptr().cast()) })
         }
         #[inline(always)]
         fn column_pairs(a: [Self; 3], b: [Self; 3]) -> [Self; LANES] {
@@ -287,6 +330,76 @@ mod avx {
                 let [a4, a5, a6, a7] = columns(high);
                 [Avx(a0), Avx(a1), Avx(a2), Avx(a3), Avx(a4), Avx(a5), Avx(a6), Avx(a7)]
             }
+        }
+        #[inline(always)]
+        fn component_rows(p: [Self; LANES]) -> [[Self; 3]; 2] {
+            unsafe {
+                let low = rows([p[0].0, p[1].0, p[2].0, p[3].0]);
+                let high = rows([p[4].0, p[5].0, p[6].0, p[7].0]);
+                let (mut a, mut b) = ([p[0]; 3], [p[0]; 3]);
+                for c in 0..3 {
+                    a[c] = Avx(_mm256_permute2f128_ps::<0x20>(low[c], high[c]));
+                    b[c] = Avx(_mm256_permute2f128_ps::<0x31>(low[c], high[c]));
+                }
+                [a, b]
+            }
+        }
+        #[inline(always)]
+        fn of_matrix(matrix: &Affine3A) -> [Self; 2] {
+            // On x86-64 a `Vec3A` is an SSE register: four floats, none of them padding.
+            let from: *const f32 = std::ptr::from_ref(matrix).cast();
+            unsafe { [Avx(_mm256_loadu_ps(from)), Avx(_mm256_loadu_ps(from.add(8)))] }
+        }
+        #[inline(always)]
+        fn load_points(points: &[[f32; 3]; LANES]) -> [Self; 3] {
+            // The 24 floats as six quarters of eight points; then the shuffles of Intel's "3D Vector Normalization
+            // Using 256-Bit AVX" (S. Kaufmann, 2011).
+            let from: *const f32 = points.as_ptr().cast();
+            unsafe {
+                let m03 = _mm256_loadu2_m128(from.add(12), from);
+                let m14 = _mm256_loadu2_m128(from.add(16), from.add(4));
+                let m25 = _mm256_loadu2_m128(from.add(20), from.add(8));
+                let xy = _mm256_shuffle_ps::<0b10_01_11_10>(m14, m25);
+                let yz = _mm256_shuffle_ps::<0b01_00_10_01>(m03, m14);
+                [
+                    Avx(_mm256_shuffle_ps::<0b10_00_11_00>(m03, xy)),
+                    Avx(_mm256_shuffle_ps::<0b11_01_10_00>(yz, xy)),
+                    Avx(_mm256_shuffle_ps::<0b11_00_11_01>(yz, m25)),
+                ]
+            }
+        }
+        #[inline(always)]
+        fn store_points([x, y, z]: [Self; 3], points: &mut [[f32; 3]; LANES]) {
+            let to: *mut f32 = points.as_mut_ptr().cast();
+            unsafe {
+                let xy = _mm256_shuffle_ps::<0b10_00_10_00>(x.0, y.0);
+                let yz = _mm256_shuffle_ps::<0b11_01_11_01>(y.0, z.0);
+                let zx = _mm256_shuffle_ps::<0b11_01_10_00>(z.0, x.0);
+                let m03 = _mm256_shuffle_ps::<0b10_00_10_00>(xy, zx);
+                let m14 = _mm256_shuffle_ps::<0b11_01_10_00>(yz, xy);
+                let m25 = _mm256_shuffle_ps::<0b11_01_11_01>(zx, yz);
+                _mm256_storeu2_m128(to.add(12), to, m03);
+                _mm256_storeu2_m128(to.add(16), to.add(4), m14);
+                _mm256_storeu2_m128(to.add(20), to.add(8), m25);
+            }
+        }
+        #[inline(always)]
+        fn prefetch(matrix: &Affine3A) {
+            unsafe { _mm_prefetch::<_MM_HINT_ET0>(std::ptr::from_ref(matrix).cast()) }
+        }
+    }
+
+    /// Component rows of four column pairs, in each half.
+    #[inline(always)]
+    unsafe fn rows([a, b, c, d]: [__m256; 4]) -> [__m256; 3] {
+        unsafe {
+            let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
+            let (ab_z, cd_z) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d));
+            [
+                _mm256_shuffle_ps::<0b01_00_01_00>(ab, cd),
+                _mm256_shuffle_ps::<0b11_10_11_10>(ab, cd),
+                _mm256_shuffle_ps::<0b01_00_01_00>(ab_z, cd_z),
+            ]
         }
     }
 

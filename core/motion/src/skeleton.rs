@@ -9,6 +9,8 @@ pub struct Skeleton {
     names: Vec<String>,
     parents: Vec<Option<u32>>,
     rest: Vec<Transform>,
+    /// (joint, parent) of all joints but roots, by depth.
+    by_depth: Vec<[u32; 2]>,
 }
 
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -47,7 +49,8 @@ impl Skeleton {
                 return Err(SkeletonError::NotFinite { joint, name: names[joint].clone() });
             }
         }
-        Ok(Skeleton { names, parents, rest })
+        let by_depth = by_depth(&parents);
+        Ok(Skeleton { names, parents, rest, by_depth })
     }
 
     pub fn len(&self) -> usize {
@@ -66,6 +69,12 @@ impl Skeleton {
         &self.rest
     }
 
+    /// (joint, parent) of all joints but roots, parents still before children, neighbours mostly unrelated: a processor
+    /// that works ahead need not wait for the parent as it does along a chain.
+    pub(crate) fn by_depth(&self) -> &[[u32; 2]] {
+        &self.by_depth
+    }
+
     /// Index of the joint with this exact name, else of the only joint whose [`plain_name`] matches.
     pub fn find(&self, name: &str) -> Option<usize> {
         if let Some(i) = self.names.iter().position(|n| n == name) {
@@ -78,6 +87,17 @@ impl Skeleton {
             _ => None,
         }
     }
+}
+
+fn by_depth(parents: &[Option<u32>]) -> Vec<[u32; 2]> {
+    let mut depths: Vec<u32> = Vec::with_capacity(parents.len());
+    for parent in parents {
+        depths.push(parent.map_or(0, |p| depths[p as usize] + 1));
+    }
+    let pairs = (0u32..).zip(parents).filter_map(|(joint, parent)| parent.map(|p| [joint, p]));
+    let mut pairs: Vec<[u32; 2]> = pairs.collect();
+    pairs.sort_by_key(|[joint, _]| depths[*joint as usize]);
+    pairs
 }
 
 /// A joint name without namespace prefixes: `mixamorig:Hips`, `mixamorig1:Hips`, `mixamorigHips` and `Armature|Hips` are `hips`.

@@ -1,6 +1,8 @@
 //! Skinning and morphing on the CPU.
 
-use glam::{Affine3A, Mat3A, Mat4, Vec3, Vec3A};
+use crate::LANES;
+use crate::simd::{F8, Kernel, Level, dispatch};
+use glam::{Affine3A, Mat4, Vec3};
 
 /// Skin matrices: `out[i] = model_from_joint[joints[i]] * inverse_bind[i]`, model from the mesh at bind time.
 pub struct SkinMatrices<'a> {
@@ -98,32 +100,135 @@ impl Skin<'_> {
         Ok(())
     }
 
+    /// Panics where a joint index is out of range, which `check` finds.
     pub fn run(&mut self) {
-        for vertex in 0..self.positions.len() {
-            let at = vertex * self.influences;
-            let mut m = Affine3A { matrix3: Mat3A::ZERO, translation: Vec3A::ZERO };
-            for i in at..at + self.influences {
-                let w = self.joint_weights[i];
-                let joint = &self.matrices[usize::from(self.joint_indices[i])];
-                m.matrix3 += joint.matrix3 * w;
-                m.translation += joint.translation * w;
-            }
-            self.out_positions[vertex] = m.transform_point3(self.positions[vertex]);
-            if let Some(normal) = self.normals.get(vertex) {
-                self.out_normals[vertex] = transform_normal(&m.matrix3, *normal);
+        self.run_on(Level::best());
+    }
+
+    /// The same bits at any level; for tests and benchmarks.
+    pub fn run_on(&mut self, level: Level) {
+        dispatch(level, SkinVertices(self));
+    }
+}
+
+struct SkinVertices<'a, 'b>(&'b mut Skin<'a>);
+
+impl Kernel for SkinVertices<'_, '_> {
+    #[inline(always)]
+    fn run<F: F8>(self) {
+        let job = self.0;
+        let positions: &[[f32; 3]] = bytemuck::cast_slice(job.positions);
+        let normals: &[[f32; 3]] = bytemuck::cast_slice(job.normals);
+        let out_positions: &mut [[f32; 3]] = bytemuck::cast_slice_mut(job.out_positions);
+        let out_normals: &mut [[f32; 3]] = bytemuck::cast_slice_mut(job.out_normals);
+        for first in (0..positions.len()).step_by(LANES) {
+            let count = LANES.min(positions.len() - first);
+            let range = first * job.influences..(first + count) * job.influences;
+            let joints = &job.joint_indices[range.clone()];
+            let matrices = blended::<F>(job.matrices, job.influences, joints, &job.joint_weights[range]);
+            let points = eight::<F>(&positions[first..]);
+            put_eight(transformed(&matrices, points), &mut out_positions[first..]);
+            if !normals.is_empty() {
+                let normals = eight::<F>(&normals[first..]);
+                put_eight(transformed_normals(&matrices, normals), &mut out_normals[first..]);
             }
         }
     }
 }
 
-/// The normal through the cofactor matrix, unit; unchanged where it collapses.
-fn transform_normal(m: &Mat3A, normal: Vec3) -> Vec3 {
-    let (x, y, z) = (m.x_axis, m.y_axis, m.z_axis);
-    let n = y.cross(z) * normal.x + z.cross(x) * normal.y + x.cross(y) * normal.z;
+/// Component rows of four matrix columns of eight vertices.
+type Rows<F> = [[F; 3]; 4];
+
+/// Weighted sums of matrices, for up to eight vertices.
+#[inline(always)]
+fn blended<F: F8>(matrices: &[Affine3A], influences: usize, joints: &[u16], weights: &[f32]) -> Rows<F> {
+    let zero = F::splat(0.0);
+    let (mut c01, mut c23) = ([zero; LANES], [zero; LANES]);
+    if influences > 0 {
+        let vertices = joints.chunks_exact(influences).zip(weights.chunks_exact(influences));
+        for (vertex, (joints, weights)) in vertices.enumerate().take(LANES) {
+            let (mut a, mut b) = (zero, zero);
+            for (joint, weight) in joints.iter().zip(weights) {
+                let [x, y] = F::of_matrix(&matrices[usize::from(*joint)]);
+                let weight = F::splat(*weight);
+                a = a.add(x.mul(weight));
+                b = b.add(y.mul(weight));
+            }
+            c01[vertex] = a;
+            c23[vertex] = b;
+        }
+    }
+    let ([c0, c1], [c2, c3]) = (F::component_rows(c01), F::component_rows(c23));
+    [c0, c1, c2, c3]
+}
+
+/// The first eight points, fewer at the end of the list.
+#[inline(always)]
+fn eight<F: F8>(points: &[[f32; 3]]) -> [F; 3] {
+    match points.first_chunk::<LANES>() {
+        Some(points) => F::load_points(points),
+        None => {
+            let mut padded = [[0.0; 3]; LANES];
+            padded[..points.len()].copy_from_slice(points);
+            F::load_points(&padded)
+        }
+    }
+}
+
+#[inline(always)]
+fn put_eight<F: F8>(rows: [F; 3], points: &mut [[f32; 3]]) {
+    match points.first_chunk_mut::<LANES>() {
+        Some(points) => F::store_points(rows, points),
+        None => {
+            let mut padded = [[0.0; 3]; LANES];
+            F::store_points(rows, &mut padded);
+            let count = points.len();
+            points.copy_from_slice(&padded[..count]);
+        }
+    }
+}
+
+#[inline(always)]
+fn transformed<F: F8>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3]) -> [F; 3] {
+    let mut out = [x; 3];
+    for i in 0..3 {
+        out[i] = c0[i].mul(x).add(c1[i].mul(y)).add(c2[i].mul(z)).add(c3[i]);
+    }
+    out
+}
+
+/// Through the cofactors, at unit length; unchanged where they collapse.
+#[inline(always)]
+fn transformed_normals<F: F8>([c0, c1, c2, _]: &Rows<F>, normals: [F; 3]) -> [F; 3] {
+    let [x, y, z] = normals;
+    let (a, b, c) = (cross(c1, c2), cross(c2, c0), cross(c0, c1));
     // The inverse transpose is cofactors / determinant: a mirroring matrix turns the cofactors round.
-    let sign = if x.dot(y.cross(z)) < 0.0 { -1.0 } else { 1.0 };
-    let length = n.length();
-    if length > 0.0 && length.is_finite() { Vec3::from(n * (sign / length)) } else { normal }
+    let determinant = dot3(c0, &a);
+    let mut n = normals;
+    for i in 0..3 {
+        n[i] = a[i].mul(x).add(b[i].mul(y)).add(c[i].mul(z)).flipped_by(determinant);
+    }
+    let square = dot3(&n, &n);
+    let k = F::splat(1.0).div(square.sqrt());
+    let (some, finite) = (F::splat(0.0).less(square), square.less(F::splat(f32::MAX)));
+    for i in 0..3 {
+        n[i] = F::select(finite, F::select(some, n[i].mul(k), normals[i]), normals[i]);
+    }
+    n
+}
+
+#[inline(always)]
+fn cross<F: F8>(a: &[F; 3], b: &[F; 3]) -> [F; 3] {
+    [
+        a[1].mul(b[2]).sub(a[2].mul(b[1])),
+        a[2].mul(b[0]).sub(a[0].mul(b[2])),
+        a[0].mul(b[1]).sub(a[1].mul(b[0])),
+    ]
+}
+
+#[inline(always)]
+fn dot3<F: F8>(a: &[F; 3], b: &[F; 3]) -> F {
+    a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }
 
 /// Adds weighted morph targets: `values[i] += Σ weight * target[i]`; an empty target changes nothing.

@@ -17,11 +17,13 @@ impl Time {
         Time((secs * Self::TICKS_PER_SECOND as f64).round() as i64)
     }
 
+    #[inline(always)]
     pub fn as_secs(self) -> f64 {
         self.0 as f64 / Self::TICKS_PER_SECOND as f64
     }
 
     /// `(self - from) / (to - from)` as f32, computed from exact integer differences; 0 where the span is empty.
+    #[inline(always)]
     pub fn fraction(self, from: Time, to: Time) -> f32 {
         let span = to.0.saturating_sub(from.0);
         if span <= 0 {

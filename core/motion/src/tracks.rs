@@ -103,6 +103,7 @@ pub(crate) struct Group {
 
 #[derive(Debug, Default)]
 pub(crate) struct Tracks {
+    /// Translations, rotations, scales.
     pub constants: Vec<Constant>,
     pub groups: Vec<Group>,
     /// Whether every joint has a curve, by channel.
@@ -117,10 +118,16 @@ const WORTH_A_COLUMN: usize = 4;
 type Lanes<'a> = [Option<&'a Curve>; LANES];
 
 impl Tracks {
+    /// All but scales.
+    pub fn unscaled_constants(&self) -> &[Constant] {
+        let scales = self.constants.partition_point(|c| c.column.channel != Channel::Scale);
+        &self.constants[..scales]
+    }
+
     pub fn pack(joint_count: usize, curves: &[Curve]) -> Tracks {
         let mut driven = [0usize; 3];
         let mut unit_scale = true;
-        let mut constants: BTreeMap<(u32, Channel), Lanes> = BTreeMap::new();
+        let mut constants: BTreeMap<(Channel, u32), Lanes> = BTreeMap::new();
         let mut groups: BTreeMap<&[Time], Vec<usize>> = BTreeMap::new();
         for (index, curve) in curves.iter().enumerate() {
             let Some(channel) = Channel::of(curve.path) else { continue };
@@ -130,7 +137,7 @@ impl Tracks {
                 unit_scale &= constant && key_value(curve, 0)[..3] == [1.0; 3];
             }
             if constant {
-                let lanes = constants.entry((curve.joint / LANES as u32, channel)).or_default();
+                let lanes = constants.entry((channel, curve.joint / LANES as u32)).or_default();
                 lanes[curve.joint as usize % LANES] = Some(curve);
             } else {
                 groups.entry(&curve.times).or_default().push(index);
@@ -139,7 +146,7 @@ impl Tracks {
         Tracks {
             constants: constants
                 .into_iter()
-                .map(|((block, channel), lanes)| Constant {
+                .map(|((channel, block), lanes)| Constant {
                     column: column(joint_count, block, channel, &lanes),
                     rows: gather(channel, &lanes, |curve| key_value(curve, 0)),
                 })
