@@ -2,7 +2,7 @@
 
 use crate::accessor::Integers;
 use crate::file::File;
-use crate::meshes::morph_count;
+use crate::meshes::morph_counts;
 use crate::nodes::Tree;
 use crate::problem::{Problem, Result, element};
 use choreo_motion::{Clip, ClipError, Curve, Interpolation, Path, Time};
@@ -16,9 +16,10 @@ pub const MAX_KEY_SECS: f32 = 1e7;
 
 pub fn read(file: &File<'_>, tree: &Tree) -> Result<Vec<Arc<Clip>>> {
     let mut times = BTreeMap::new();
+    let morphs = morph_counts(file);
     let mut clips = Vec::with_capacity(file.root.animations.len());
     for index in 0..file.root.animations.len() {
-        clips.push(Arc::new(clip(file, tree, index, &mut times)?));
+        clips.push(Arc::new(clip(file, tree, index, &morphs, &mut times)?));
     }
     Ok(clips)
 }
@@ -30,14 +31,20 @@ struct Keys {
     kept: Option<Vec<usize>>,
 }
 
-fn clip(file: &File<'_>, tree: &Tree, index: usize, cache: &mut BTreeMap<usize, Keys>) -> Result<Clip> {
+fn clip(
+    file: &File<'_>,
+    tree: &Tree,
+    index: usize,
+    morphs: &[usize],
+    cache: &mut BTreeMap<usize, Keys>,
+) -> Result<Clip> {
     let animation = &file.root.animations[index];
     let mut curves = Vec::with_capacity(animation.channels.len());
     let mut channel_of_curve = Vec::with_capacity(animation.channels.len());
     let mut targets = HashSet::new();
     for (number, channel) in animation.channels.iter().enumerate() {
         let place = || format!("animations[{index}].channels[{number}]");
-        let Some((joint, path)) = target(file, tree, channel, &place)? else { continue };
+        let Some((joint, path)) = target(file, tree, channel, morphs, &place)? else { continue };
         if !targets.insert((joint, std::mem::discriminant(&path))) {
             file.warn(place(), "animates the same property as an earlier channel; it is left out");
             continue;
@@ -59,6 +66,7 @@ fn target(
     file: &File<'_>,
     tree: &Tree,
     channel: &animation::Channel,
+    morphs: &[usize],
     place: &dyn Fn() -> String,
 ) -> Result<Option<(u32, Path)>> {
     let node = channel.target.node.value();
@@ -72,7 +80,7 @@ fn target(
         Checked::Valid(Property::Rotation) => Path::Rotation,
         Checked::Valid(Property::Scale) => Path::Scale,
         Checked::Valid(Property::MorphTargetWeights) => match node_json.mesh {
-            Some(mesh) => match morph_count(file, mesh.value(), place)? {
+            Some(mesh) => match *element(morphs, mesh.value(), "meshes", || format!("nodes[{node}].mesh"))? {
                 0 => {
                     file.warn(
                         place(),

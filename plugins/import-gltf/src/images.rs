@@ -5,10 +5,13 @@ use crate::problem::{Problem, Result, element};
 use choreo_stage::asset::Image;
 use image::{ImageFormat, ImageReader};
 use std::io::Cursor;
-use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 
 pub const MAX_IMAGE_SIDE: u32 = 16384;
 pub const MAX_IMAGE_PIXELS: u64 = 64 << 20;
+/// Pictures decoded at once; each can take a gigabyte while it is decoded.
+const MAX_WORKERS: usize = 4;
 
 /// Images in the order in which materials ask for them.
 #[derive(Default)]
@@ -117,9 +120,37 @@ fn examine<'a>(file: &File<'_>, index: usize, bytes: Slice<'a>) -> Result<Encode
         ))
         .hint("make the texture smaller"));
     }
-    // 16 bytes a pixel: a 16-bit RGBA picture beside its 8-bit conversion, and the decoder's own rows.
     file.charge(pixels, 4).map_err(fail)?;
     Ok(Encoded { file_image: index, name, format, width, height, bytes })
+}
+
+/// Decodes pictures on threads of their own while `rest` runs here.
+pub fn decode_beside<R>(entries: &[Encoded<'_>], rest: impl FnOnce() -> R) -> (Result<Vec<Arc<Image>>>, R) {
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let next = AtomicUsize::new(0);
+    let slots: Vec<OnceLock<Result<Arc<Image>>>> = entries.iter().map(|_| OnceLock::new()).collect();
+    let work = || {
+        loop {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            let (Some(entry), Some(slot)) = (entries.get(at), slots.get(at)) else { return };
+            // Each number is given out once, so the slot is empty.
+            let _ = slot.set(entry.decode());
+        }
+    };
+    let rest = std::thread::scope(|scope| {
+        let workers: Vec<_> =
+            (0..cores.min(MAX_WORKERS).min(entries.len())).map(|_| scope.spawn(work)).collect();
+        let rest = rest();
+        // A decoder that panics leaves its slot empty, which is reported below.
+        workers.into_iter().for_each(|w| drop(w.join()));
+        rest
+    });
+    let failed = |entry: &Encoded<'_>| {
+        Err(Problem::new(format!("images[{}]", entry.file_image), "the picture decoder failed")
+            .hint("convert the picture to PNG"))
+    };
+    let images = slots.into_iter().zip(entries).map(|(s, e)| s.into_inner().unwrap_or_else(|| failed(e)));
+    (images.collect(), rest)
 }
 
 impl Encoded<'_> {
@@ -135,6 +166,7 @@ impl Encoded<'_> {
         let mut limits = image::Limits::default();
         limits.max_image_width = Some(MAX_IMAGE_SIDE);
         limits.max_image_height = Some(MAX_IMAGE_SIDE);
+        // A 16-bit RGBA picture and the decoder's own rows.
         limits.max_alloc = Some(MAX_IMAGE_PIXELS * 16);
         reader.limits(limits);
         let decoded = reader.decode().map_err(|e| fail(e.to_string()))?;

@@ -22,9 +22,8 @@ use choreo_plugin::{
     Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionKind, OptionSpec, Source,
 };
 use choreo_stage::Asset;
-use choreo_stage::asset::Image;
 use file::File;
-use problem::{Problem, Result};
+use problem::Result;
 use serde_json::Value;
 use std::sync::Arc;
 
@@ -117,17 +116,8 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     let materials = materials::read(&file, &mut table, needs.textures)?;
 
     // Pictures take as long as everything else together: they are decoded beside it.
-    let entries = table.entries;
-    let (images, rest) = std::thread::scope(|scope| {
-        let pictures =
-            scope.spawn(|| entries.iter().map(|e| e.decode()).collect::<Result<Vec<Arc<Image>>>>());
-        let rest = decode(&file, &tree, needs, &materials);
-        let images = pictures.join().unwrap_or_else(|_| {
-            Err(Problem::new("images", "the picture decoder failed").hint("convert the textures to PNG"))
-        });
-        (images, rest)
-    });
-    drop(entries);
+    let (images, rest) = images::decode_beside(&table.entries, || decode(&file, &tree, needs, &materials));
+    drop(table);
     let mut asset = rest?;
     asset.name = source.name.clone();
     asset.images = images?;

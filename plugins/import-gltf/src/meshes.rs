@@ -12,19 +12,19 @@ use gltf::json::mesh::Semantic;
 use gltf::json::validation::Checked;
 use std::sync::Arc;
 
-/// Number of morph targets of a mesh, from the JSON alone.
-pub fn morph_count(file: &File<'_>, mesh: usize, user: impl Fn() -> String) -> Result<usize> {
-    let mesh = element(&file.root.meshes, mesh, "meshes", user)?;
-    Ok(mesh.primitives.iter().map(|p| p.targets.as_ref().map_or(0, Vec::len)).max().unwrap_or(0))
+/// Number of morph targets of each mesh, from the JSON alone.
+pub fn morph_counts(file: &File<'_>) -> Vec<usize> {
+    let targets = |p: &json::mesh::Primitive| p.targets.as_ref().map_or(0, Vec::len);
+    file.root.meshes.iter().map(|m| m.primitives.iter().map(targets).max().unwrap_or(0)).collect()
 }
 
 pub fn read(file: &File<'_>, materials: &[Material]) -> Result<Vec<Arc<Mesh>>> {
-    (0..file.root.meshes.len()).map(|index| Ok(Arc::new(mesh(file, index, materials)?))).collect()
+    let counts = morph_counts(file).into_iter().enumerate();
+    counts.map(|(index, morphs)| Ok(Arc::new(mesh(file, index, morphs, materials)?))).collect()
 }
 
-fn mesh(file: &File<'_>, index: usize, materials: &[Material]) -> Result<Mesh> {
+fn mesh(file: &File<'_>, index: usize, morph_targets: usize, materials: &[Material]) -> Result<Mesh> {
     let json = &file.root.meshes[index];
-    let morph_targets = morph_count(file, index, || format!("meshes[{index}]"))?;
     let mut primitives = Vec::with_capacity(json.primitives.len());
     for (number, primitive) in json.primitives.iter().enumerate() {
         let place = || format!("meshes[{index}].primitives[{number}]");
@@ -34,6 +34,8 @@ fn mesh(file: &File<'_>, index: usize, materials: &[Material]) -> Result<Mesh> {
                     place(),
                     format!("has {} of the mesh's {morph_targets} morph targets", read.morphs.len()),
                 );
+                file.charge(morph_targets as u64, size_of::<MorphTarget>())
+                    .map_err(|what| Problem::new(place(), what))?;
                 read.morphs.resize(morph_targets, MorphTarget::default());
             }
             primitives.push(read);
@@ -327,6 +329,7 @@ pub fn instances(
         if weights.iter().any(|w| !w.is_finite()) {
             return Err(Problem::new(place(), "has morph weights that are not finite"));
         }
+        file.charge(mesh.morph_targets as u64, 4).map_err(|what| Problem::new(place(), what))?;
         weights.resize(mesh.morph_targets, 0.0);
         out.push(MeshInstance {
             joint: joint as u32,

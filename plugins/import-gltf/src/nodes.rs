@@ -35,6 +35,9 @@ pub fn read(file: &File<'_>, scene: Option<usize>) -> Result<Tree> {
     }
     let shown = tree.node_of_joint.len();
     for joint in skin_joints_outside(file, &tree)? {
+        if tree.joint_of_node[joint].is_some() {
+            continue;
+        }
         let mut root = joint;
         while let Some(parent) = parents[root] {
             root = parent;
@@ -148,21 +151,21 @@ fn scene_roots(file: &File<'_>, scene: Option<usize>, parents: &[Option<usize>])
         }
         roots.push(node);
     }
-    // A listed node whose ancestor is listed too is shown as that one's descendant.
+    // A listed node whose ancestor is listed too is shown as that one's descendant. `clear` marks what is
+    // known to have no listed ancestor, so that long shared branches are walked once.
+    let mut clear = vec![false; parents.len()];
     roots.retain(|node| {
-        let mut at = *node;
-        while let Some(parent) = parents[at] {
-            if seen[parent] {
-                file.warn(place(), format!("lists nodes[{node}] and its ancestor nodes[{parent}]"));
-                return false;
-            }
-            at = parent;
+        let above = |n: usize| std::iter::successors(parents[n], |at| parents[*at]);
+        if let Some(listed) = above(*node).take_while(|at| !clear[*at]).find(|at| seen[*at]) {
+            file.warn(place(), format!("lists nodes[{node}] and its ancestor nodes[{listed}]"));
+            return false;
         }
+        let fresh: Vec<usize> = above(*node).take_while(|at| !clear[*at]).collect();
+        fresh.into_iter().for_each(|at| clear[at] = true);
         if let Some(parent) = parents[*node] {
-            file.warn(
-                place(),
-                format!("nodes[{node}] is a root of the scene; its parent nodes[{parent}] is left out"),
-            );
+            let what =
+                format!("nodes[{node}] is a root of the scene; its parent nodes[{parent}] is left out");
+            file.warn(place(), what);
         }
         true
     });
@@ -171,15 +174,22 @@ fn scene_roots(file: &File<'_>, scene: Option<usize>, parents: &[Option<usize>])
 
 fn skin_joints_outside(file: &File<'_>, tree: &Walk<'_>) -> Result<Vec<usize>> {
     let mut outside = Vec::new();
+    let mut done = vec![false; file.root.skins.len()];
     for node in &tree.node_of_joint {
         let Some(skin) = file.root.nodes[*node].skin else { continue };
         let place = || format!("nodes[{node}].skin");
-        for joint in &element(&file.root.skins, skin.value(), "skins", place)?.joints {
+        let joints = &element(&file.root.skins, skin.value(), "skins", place)?.joints;
+        if std::mem::replace(&mut done[skin.value()], true) {
+            continue;
+        }
+        let mut brought = false;
+        for joint in joints {
             let place = || format!("skins[{}].joints", skin.value());
             element(&file.root.nodes, joint.value(), "nodes", place)?;
-            if tree.joint_of_node[joint.value()].is_none() && outside.is_empty() {
+            if tree.joint_of_node[joint.value()].is_none() && !brought {
                 // One joint brings its whole tree; a skin has one tree (glTF 2.0 §3.7.3.2).
                 outside.push(joint.value());
+                brought = true;
             }
         }
     }

@@ -122,6 +122,12 @@ fn punctual(
 /// All skins of the file. Joints outside the scene make a skin unusable: such skins are empty, and nothing shown uses them.
 pub fn skins(file: &File<'_>, tree: &Tree) -> Result<Vec<Skin>> {
     let mut out = Vec::with_capacity(file.root.skins.len());
+    let mut user = vec![None; file.root.skins.len()];
+    for node in &tree.node_of_joint[..tree.shown] {
+        if let Some(slot) = file.root.nodes[*node].skin.and_then(|s| user.get_mut(s.value())) {
+            *slot = Some(*node);
+        }
+    }
     for (index, skin) in file.root.skins.iter().enumerate() {
         let place = || format!("skins[{index}]");
         let mut joints = Vec::with_capacity(skin.joints.len());
@@ -130,10 +136,7 @@ pub fn skins(file: &File<'_>, tree: &Tree) -> Result<Vec<Skin>> {
             joints.extend(tree.joint_of_node[node.value()]);
         }
         if joints.len() < skin.joints.len() {
-            let used = tree.node_of_joint[..tree.shown]
-                .iter()
-                .find(|n| file.root.nodes[**n].skin.is_some_and(|s| s.value() == index));
-            if let Some(node) = used {
+            if let Some(node) = user[index] {
                 return Err(Problem::new(
                     place(),
                     format!("is used by nodes[{node}], but not all of its joints are in one tree"),
