@@ -1,10 +1,11 @@
 //! The camera that fits everything in.
 //!
 //! It stands still for the whole length, so that a character who walks is in the picture from the first step to the last. The
-//! boxes of all visible actors are taken at some times of the stage, once; then a camera costs a few projected corners a frame.
+//! outlines of all visible actors are taken at some times of the stage, once; then a camera costs a few projected corners a frame.
 
 use crate::camera::orbit_rotation;
 use crate::evaluate::{Scratch, evaluate_actors, widen};
+use crate::posed_mesh::Carriers;
 use crate::*;
 use choreo_motion::Time;
 use glam::{DAffine3, DQuat, DVec3};
@@ -65,6 +66,11 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
             let mut bounds = DAabb::EMPTY;
             let axes_from_model = axes_from_world * state.world_from_model;
             for (index, reach) in actor.asset.instance_bounds().iter().enumerate() {
+                if !reach.outline.is_empty() {
+                    let mesh_instance = &actor.asset.instances[index];
+                    add_outline(&mut bounds, &actor.asset, mesh_instance, reach, state, &axes_from_model);
+                    continue;
+                }
                 let weights = state.morph_weights.get(index).map_or(&[][..], Vec::as_slice);
                 for part in &reach.parts {
                     let Some(joint) = state.model_from_joint.get(part.joint as usize) else { continue };
@@ -89,6 +95,25 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
         boxes.push(room);
     }
     Ok(boxes)
+}
+
+/// The posed vertices of the outline.
+fn add_outline(
+    bounds: &mut DAabb,
+    asset: &Asset,
+    instance: &MeshInstance,
+    reach: &InstanceBounds,
+    state: &ActorState,
+    axes_from_model: &DAffine3,
+) {
+    let Some(mesh) = asset.meshes.get(instance.mesh as usize) else { return };
+    let carriers = Carriers::new(asset, instance, &state.model_from_joint);
+    for (primitive, vertex) in &reach.outline {
+        let (primitive, vertex) = (&mesh.primitives[*primitive as usize], *vertex as usize);
+        let in_model =
+            carriers.at_vertex(primitive, vertex).transform_point3(primitive.positions[vertex].as_dvec3());
+        bounds.add(axes_from_model.transform_point3(in_model));
+    }
 }
 
 fn is_flat(asset: &Asset) -> bool {
