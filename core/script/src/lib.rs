@@ -1,1 +1,36 @@
+//! The Rhai API: a script is run once and leaves a [`choreo_stage::Stage`]; its errors say where, what and what to do.
+//!
+//! ```text
+//! script.rhai ─► engine (sandbox) ─► api (tables of functions) ─► build (drafts) ─► finish ─► Stage
+//!                                     └ loader ─► importer plugins                    └ check ─► warnings
+//! ```
+//! The only crate that knows Rhai. What a script can call is listed in `API.md`, made from the tables in [`api`].
 
+mod api;
+mod build;
+mod call;
+mod check;
+mod color;
+mod diagnostic;
+mod engine;
+mod errors;
+mod finish;
+mod folders;
+mod hook;
+mod limits;
+mod loader;
+mod modules;
+mod reference;
+mod run;
+mod shapes;
+mod suggest;
+mod value;
+
+pub use build::Parameter;
+pub use diagnostic::{Diagnostic, Severity};
+pub use folders::{Folders, LoadError};
+pub use limits::Limits;
+pub use loader::{BUILT_IN, Loader, check_options};
+pub use reference::reference;
+pub use run::{Script, ScriptOptions, run_file, run_text};
+pub use suggest::{closest, did_you_mean};

@@ -1,0 +1,545 @@
+//! Actors: assets on stage, where they stand and what they hold.
+
+use super::keys;
+use crate::build::{ActorDraft, Chain, CueDraft, room};
+use crate::call::{ApiError, Call, Def, Gives, Reply, rgb, unknown};
+use crate::hook;
+use crate::suggest::list;
+use crate::value::*;
+use choreo_motion::Time;
+use choreo_stage::*;
+use glam::{DQuat, DVec3, Vec4};
+use rhai::Dynamic;
+
+const THIS: Gives = Gives::Itself;
+
+pub const DEFS: &[Def] = &[
+    Def::new(
+        Kind::None,
+        "cast",
+        "name, asset",
+        Gives::A(Kind::Actor),
+        "Puts an asset on stage under a name of its own.",
+        cast,
+    ),
+    Def::new(Kind::Actor, "at", "x, y, z | point", THIS, "Stands there, in metres, +y up.", at).in_frames(),
+    Def::new(Kind::Actor, "move_by", "x, y, z | offset", THIS, "Moved by so much.", move_by).in_frames(),
+    Def::new(
+        Kind::Actor,
+        "turn",
+        "degrees",
+        THIS,
+        "Turned about the vertical, counter-clockwise from above.",
+        turn,
+    )
+    .in_frames(),
+    Def::new(Kind::Actor, "rotate", "x, y, z", THIS, "Turned about x, then y, then z, in degrees.", rotate)
+        .in_frames(),
+    Def::new(Kind::Actor, "scale", "factor | x, y, z", THIS, "Made larger or smaller.", scale).in_frames(),
+    Def::new(
+        Kind::Actor,
+        "face",
+        "actor_or_point",
+        THIS,
+        "Turned about the vertical to face an actor, wherever it stands, or a point.",
+        face,
+    ),
+    Def::new(
+        Kind::Actor,
+        "attach",
+        "actor_or_joint",
+        THIS,
+        "Moves with another actor, or with a joint of it: a sword in a hand.",
+        attach,
+    ),
+    Def::new(Kind::Actor, "hide", "", THIS, "Not seen.", hide).in_frames(),
+    Def::new(Kind::Actor, "show", "", THIS, "Seen again.", show).in_frames(),
+    Def::new(Kind::Actor, "tint", "color", THIS, "Multiplies every color of the actor.", tint).in_frames(),
+    Def::new(
+        Kind::Actor,
+        "morph",
+        "name, weight",
+        THIS,
+        "Sets a morph target, over what clips do to it.",
+        morph,
+    )
+    .in_frames(),
+    Def::new(
+        Kind::Actor,
+        "file_lights",
+        "on",
+        THIS,
+        "Whether the lights of the actor's file shine.",
+        file_lights,
+    ),
+    Def::new(
+        Kind::Actor,
+        "key",
+        "property, keys, how? | property, name, keys, how?",
+        THIS,
+        "Keys [[time, value], …] of \"position\", \"rotation\" (degrees about y, or [x, y, z]), \"scale\", \"visible\", \"tint\" or \"morph\" with its name; how: \"linear\", \"step\", \"smooth\" (rests at each key) or \"cubic\" (runs through them).",
+        key,
+    ),
+    Def::new(
+        Kind::Actor,
+        "joint",
+        "name",
+        Gives::A(Kind::Joint),
+        "A joint, to look at, attach to or turn.",
+        joint,
+    )
+    .in_frames(),
+    Def::new(Kind::Actor, "joints", "", Gives::Value("array of texts"), "Names of the joints.", joints),
+    Def::new(
+        Kind::Actor,
+        "look_at",
+        "target, options?",
+        Gives::A(Kind::Look),
+        "Turns the head towards an actor, joint or point; options: joint, weight.",
+        look_at,
+    ),
+    Def::new(
+        Kind::Actor,
+        "play",
+        "clip, options?",
+        Gives::A(Kind::Cue),
+        "Plays a clip, from time 0 unless .from says otherwise; options as for then.",
+        play,
+    ),
+    Def::new(
+        Kind::Actor,
+        "camera",
+        "name_or_index?",
+        Gives::A(Kind::Camera),
+        "A camera of the actor's file, moving with the actor.",
+        super::camera::of_actor,
+    ),
+    Def::new(Kind::Look, "from", "time", THIS, "When the look begins.", look_from),
+    Def::new(Kind::Look, "until", "time", THIS, "When the look is over.", look_until),
+    Def::new(
+        Kind::Look,
+        "fade",
+        "seconds",
+        THIS,
+        "How long the head takes to turn there and back.",
+        look_fade,
+    ),
+    Def::new(
+        Kind::Look,
+        "weight",
+        "weight",
+        THIS,
+        "How far it turns: 0 not at all, 1 all the way.",
+        look_weight,
+    ),
+    Def::new(
+        Kind::Joint,
+        "turn",
+        "degrees",
+        THIS,
+        "Turned about its own y axis, after its clip.",
+        joint_turn,
+    )
+    .in_frames(),
+    Def::new(
+        Kind::Joint,
+        "rotate",
+        "x, y, z",
+        THIS,
+        "Turned about its own x, then y, then z axis, after its clip, in degrees.",
+        joint_rotate,
+    )
+    .in_frames(),
+    Def::new(Kind::Joint, "name", "", Gives::Value("text"), "Name of the joint.", joint_name).in_frames(),
+];
+
+fn cast(c: &mut Call) -> Reply {
+    let name = c.text(0)?;
+    let Some(asset) = c.value(1).try_cast::<AssetRef>() else {
+        return Err(c.wrong(1, "an Asset, from load(…) or shape(…)"));
+    };
+    let mut build = c.build();
+    room(build.actors.len(), "actors", &c.shared.limits)?;
+    if let Some(before) = build.actors.iter().find(|a| a.actor.name == name) {
+        return Err(ApiError::new(format!(
+            "cast: there is an actor \"{name}\" already, from line {}",
+            before.at.line
+        ))
+        .focus(name)
+        .hint("give each actor a name of its own"));
+    }
+    let actor = Actor {
+        name,
+        asset: asset.asset.clone(),
+        transform: Placement::default(),
+        parent: None,
+        face: None,
+        layers: Vec::new(),
+        channels: Vec::new(),
+        look_at: Vec::new(),
+        visible: true,
+        tint: Vec4::ONE,
+        morphs: Vec::new(),
+        file_lights: true,
+    };
+    let id = build.actors.len();
+    build.actors.push(ActorDraft { actor, at: c.place.clone(), placed: false, face_point: None });
+    Ok(Dynamic::from(ActorRef { id, asset: asset.asset }))
+}
+
+/// Changes the draft while the stage is built, or notes an edit of the frame.
+fn change(c: &Call, edit: impl FnOnce(usize) -> ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
+    let this: ActorRef = c.this()?;
+    if c.in_frame {
+        hook::edit(|e| e.actors.push(edit(this.id)));
+    } else {
+        draft(c.build().actor(this.id)?);
+    }
+    c.itself()
+}
+
+fn at(c: &mut Call) -> Reply {
+    let p = c.point(0)?;
+    change(
+        c,
+        |actor| ActorEdit::MoveTo { actor, translation: p },
+        |d| {
+            d.actor.transform.translation = p;
+            d.placed = true;
+        },
+    )
+}
+
+fn move_by(c: &mut Call) -> Reply {
+    let offset = c.point(0)?;
+    change(
+        c,
+        |actor| ActorEdit::MoveBy { actor, offset },
+        |d| {
+            d.actor.transform.translation += offset;
+            d.placed = true;
+        },
+    )
+}
+
+fn turned(c: &Call, rotation: DQuat) -> Reply {
+    change(
+        c,
+        |actor| ActorEdit::Turn { actor, rotation },
+        |d| d.actor.transform.rotation = (rotation * d.actor.transform.rotation).normalize(),
+    )
+}
+
+fn turn(c: &mut Call) -> Reply {
+    let degrees = c.number(0)?;
+    turned(c, DQuat::from_rotation_y(radians(degrees)))
+}
+
+fn rotate(c: &mut Call) -> Reply {
+    let rotation = euler(DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?));
+    turned(c, rotation)
+}
+
+/// Whole turns first, so that large angles lose no precision in the sine.
+pub fn radians(degrees: f64) -> f64 {
+    (degrees % 360.0).to_radians()
+}
+
+/// About x, then y, then z (fixed axes), in degrees.
+pub fn euler(degrees: DVec3) -> DQuat {
+    DQuat::from_rotation_z(radians(degrees.z))
+        * DQuat::from_rotation_y(radians(degrees.y))
+        * DQuat::from_rotation_x(radians(degrees.x))
+}
+
+fn scale(c: &mut Call) -> Reply {
+    let factor = if c.len() == 1 { DVec3::splat(c.number(0)?) } else { c.point(0)? };
+    let allowed = |v: f64| (1e-6..=1e6).contains(&v.abs());
+    if !factor.to_array().into_iter().all(allowed) {
+        return Err(ApiError::new(format!(
+            "scale: factor must be from 0.000001 to 1000000 (or mirrored, negative), got {factor}"
+        ))
+        .hint("use .hide() for what must not be seen"));
+    }
+    change(c, |actor| ActorEdit::Scale { actor, factor }, |d| d.actor.transform.scale = factor)
+}
+
+fn face(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let target = c.target(0)?;
+    let mut build = c.build();
+    let draft = build.actor(this.id)?;
+    draft.actor.face = None;
+    draft.face_point = None;
+    match target {
+        Target::Actor(other) if other == this.id => {
+            return Err(ApiError::new("face: an actor cannot face itself"));
+        }
+        Target::Actor(other) | Target::Joint { actor: other, .. } => draft.actor.face = Some(other),
+        Target::Point(p) => draft.face_point = Some(p),
+    }
+    drop(build);
+    c.itself()
+}
+
+fn attach(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let parent = attachment(c, 0)?;
+    if parent.actor == this.id {
+        return Err(ApiError::new("attach: an actor cannot be attached to itself"));
+    }
+    let mut build = c.build();
+    let draft = build.actor(this.id)?;
+    draft.actor.parent = Some(parent);
+    draft.placed = true;
+    drop(build);
+    c.itself()
+}
+
+pub fn attachment(c: &Call, i: usize) -> Result<Attachment, ApiError> {
+    let value = c.value(i);
+    if let Some(actor) = value.read_lock::<ActorRef>() {
+        return Ok(Attachment { actor: actor.id, joint: None });
+    }
+    if let Some(joint) = value.read_lock::<JointRef>() {
+        return Ok(Attachment { actor: joint.actor, joint: Some(joint.joint) });
+    }
+    Err(c.wrong(i, "an Actor or a Joint"))
+}
+
+fn visible(c: &Call, visible: bool) -> Reply {
+    change(c, |actor| ActorEdit::Visible { actor, visible }, |d| d.actor.visible = visible)
+}
+
+fn hide(c: &mut Call) -> Reply {
+    visible(c, false)
+}
+
+fn show(c: &mut Call) -> Reply {
+    visible(c, true)
+}
+
+fn tint(c: &mut Call) -> Reply {
+    let tint = c.color(0)?;
+    change(c, |actor| ActorEdit::Tint { actor, tint }, |d| d.actor.tint = tint)
+}
+
+/// Every (mesh instance, target) with this name, or the one target with this number in every instance.
+pub fn morph_targets(asset: &Asset, wanted: &Dynamic, label: &str) -> Result<Vec<(u32, u32)>, ApiError> {
+    let mesh = |i: &MeshInstance| asset.meshes.get(i.mesh as usize);
+    let mut found = Vec::new();
+    let mut names: Vec<&str> = Vec::new();
+    for (instance, i) in asset.instances.iter().enumerate() {
+        let Some(mesh) = mesh(i) else { continue };
+        names.extend(mesh.morph_names.iter().map(String::as_str));
+        let targets: Vec<usize> = if let Ok(n) = wanted.as_int() {
+            usize::try_from(n).ok().filter(|n| *n < mesh.morph_targets).into_iter().collect()
+        } else {
+            let name = crate::call::text(wanted, label)?;
+            (0..mesh.morph_names.len()).filter(|t| mesh.morph_names[*t] == name).collect()
+        };
+        found.extend(targets.into_iter().map(|t| (instance as u32, t as u32)));
+    }
+    if !found.is_empty() {
+        return Ok(found);
+    }
+    names.sort_unstable();
+    names.dedup();
+    let wanted = wanted.to_string();
+    if asset.instances.iter().filter_map(mesh).all(|m| m.morph_targets == 0) {
+        return Err(ApiError::new(format!("{label}: \"{}\" has no morph targets", asset.name)).focus(wanted));
+    }
+    Err(unknown("morph target", &wanted, &format!(" in \"{}\"", asset.name), names))
+}
+
+fn morph(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let weight = c.number_in(1, -1000.0, 1000.0)? as f32;
+    let targets = morph_targets(&this.asset, &c.value(0), &c.label(0))?;
+    if c.in_frame {
+        hook::edit(|e| {
+            e.actors.extend(targets.iter().map(|(instance, target)| ActorEdit::Morph {
+                actor: this.id,
+                instance: *instance,
+                target: *target,
+                weight,
+            }));
+        });
+        return c.itself();
+    }
+    let mut build = c.build();
+    let draft = build.actor(this.id)?;
+    draft.actor.morphs.retain(|(i, t, _)| !targets.contains(&(*i, *t)));
+    draft.actor.morphs.extend(targets.into_iter().map(|(i, t)| (i, t, weight)));
+    drop(build);
+    c.itself()
+}
+
+fn file_lights(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let on = c.value(0).as_bool().map_err(|_| c.wrong(0, "true or false"))?;
+    c.build().actor(this.id)?.actor.file_lights = on;
+    c.itself()
+}
+
+fn key(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let channels = keys::read(c, keys::Owner::Actor(&this.asset))?;
+    let mut build = c.build();
+    let draft = build.actor(this.id)?;
+    draft.placed |= channels.iter().any(|ch| ch.property == Property::Translation);
+    keys::replace(&mut draft.actor.channels, channels);
+    drop(build);
+    c.itself()
+}
+
+pub fn find_joint(asset: &Asset, name: &str) -> Result<u32, ApiError> {
+    if let Some(joint) = asset.skeleton.find(name) {
+        return Ok(joint as u32);
+    }
+    let names: Vec<&str> = asset.skeleton.names().iter().map(String::as_str).collect();
+    Err(unknown("joint", name, &format!(" in skeleton \"{}\"", asset.name), names))
+}
+
+fn joint(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let joint = find_joint(&this.asset, &c.text(0)?)?;
+    Ok(Dynamic::from(JointRef { actor: this.id, joint, asset: this.asset }))
+}
+
+fn joints(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    Ok(Dynamic::from_array(this.asset.skeleton.names().iter().map(|n| Dynamic::from(n.clone())).collect()))
+}
+
+fn look_at(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let target = c.target(0)?;
+    let o = c.options(1, &["joint", "weight"])?;
+    let weight = o.number_in("weight", 0.0, 1.0)?.unwrap_or(1.0) as f32;
+    let joint = match o.text("joint")? {
+        Some(name) => find_joint(&this.asset, &name)?,
+        None => this.asset.skeleton.find("Head").map(|j| j as u32).ok_or_else(|| {
+            let names = this.asset.skeleton.names().iter().map(String::as_str);
+            ApiError::new(format!("look_at: \"{}\" has no joint \"Head\" to turn", this.asset.name))
+                .hint(format!("name another, #{{ joint: … }}: {}", list(names, 24)))
+        })?,
+    };
+    if target == (Target::Joint { actor: this.id, joint }) {
+        return Err(ApiError::new("look_at: a joint cannot look at itself"));
+    }
+    let mut build = c.build();
+    let draft = build.actor(this.id)?;
+    room(draft.actor.look_at.len(), "looks of one actor", &c.shared.limits)?;
+    let fade = Time::from_secs(0.3);
+    draft.actor.look_at.push(LookAt { joint, target, start: Time::ZERO, end: None, fade, weight });
+    Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))
+}
+
+fn look(c: &Call, change: impl FnOnce(&mut LookAt) -> Result<(), ApiError>) -> Reply {
+    let this: LookRef = c.this()?;
+    if let Some(look) = c.build().actor(this.actor)?.actor.look_at.get_mut(this.index) {
+        change(look)?;
+    }
+    c.itself()
+}
+
+fn look_from(c: &mut Call) -> Reply {
+    let t = c.time(0)?;
+    look(c, |l| {
+        l.start = t;
+        Ok(())
+    })
+}
+
+fn look_until(c: &mut Call) -> Reply {
+    let t = c.time(0)?;
+    look(c, |l| {
+        if t < l.start {
+            return Err(before_start("until", t, l.start));
+        }
+        l.end = Some(t);
+        Ok(())
+    })
+}
+
+pub fn before_start(name: &str, t: Time, start: Time) -> ApiError {
+    ApiError::new(format!("{name}: {} s is before the start, {} s", t.as_secs(), start.as_secs()))
+}
+
+fn look_fade(c: &mut Call) -> Reply {
+    let t = c.duration(0)?;
+    look(c, |l| {
+        l.fade = t;
+        Ok(())
+    })
+}
+
+fn look_weight(c: &mut Call) -> Reply {
+    let w = c.number_in(0, 0.0, 1.0)? as f32;
+    look(c, |l| {
+        l.weight = w;
+        Ok(())
+    })
+}
+
+fn play(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let clip = super::cue::bound_clip(c, 0, &this.asset)?;
+    let chain = c.build().chains.len();
+    room(c.build().cues.len(), "cues", &c.shared.limits)?;
+    let mut cue = CueDraft {
+        chain,
+        clip,
+        at: c.place.clone(),
+        after: None,
+        start: None,
+        until: None,
+        fade_in: Time::ZERO,
+        fade_out: None,
+        ease: Ease::Linear,
+        speed: 1.0,
+        reverse: false,
+        trim: None,
+        repeat: None,
+        weight: 1.0,
+        followed: false,
+    };
+    super::cue::read_options(c, 1, &mut cue)?;
+    let mut build = c.build();
+    build.chains.push(Chain { actor: this.id, mask: None });
+    build.cues.push(cue);
+    Ok(Dynamic::from(CueRef(build.cues.len() - 1)))
+}
+
+fn joint_edit(c: &Call, rotation: DQuat) -> Reply {
+    let this: JointRef = c.this()?;
+    if !c.in_frame {
+        return Err(ApiError::new(format!("{} of a joint works inside on_frame only", c.def.name))
+            .hint("on_frame(|t| actor.joint(\"…\").turn(10.0 * sin(t)))"));
+    }
+    let rotation = rotation.as_quat().normalize();
+    hook::edit(|e| e.actors.push(ActorEdit::TurnJoint { actor: this.actor, joint: this.joint, rotation }));
+    c.itself()
+}
+
+fn joint_turn(c: &mut Call) -> Reply {
+    let degrees = c.number(0)?;
+    joint_edit(c, DQuat::from_rotation_y(radians(degrees)))
+}
+
+fn joint_rotate(c: &mut Call) -> Reply {
+    let degrees = DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?);
+    joint_edit(c, euler(degrees))
+}
+
+fn joint_name(c: &mut Call) -> Reply {
+    let this: JointRef = c.this()?;
+    let name = this.asset.skeleton.names().get(this.joint as usize).cloned().unwrap_or_default();
+    Ok(Dynamic::from(name))
+}
+
+/// Linear RGB of a color argument.
+pub fn rgb_arg(c: &Call, i: usize) -> Result<glam::Vec3, ApiError> {
+    c.color(i).map(rgb)
+}

@@ -1,0 +1,291 @@
+//! Cameras: from where the stage is seen, and when.
+
+use super::actor::{euler, radians};
+use super::keys;
+use crate::build::{CameraDraft, room};
+use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
+use crate::hook;
+use crate::value::*;
+use choreo_motion::Time;
+use choreo_stage::{Asset, Property, Rig};
+use glam::{DQuat, DVec3};
+use rhai::Dynamic;
+
+const THIS: Gives = Gives::Itself;
+
+pub const DEFS: &[Def] = &[
+    Def::new(
+        Kind::None,
+        "camera",
+        "name",
+        Gives::A(Kind::Camera),
+        "A new camera. The first is on until a cut; without .at, .follow or .orbit it frames everything.",
+        camera,
+    ),
+    Def::new(Kind::Camera, "at", "x, y, z | point", THIS, "Stands there.", at).in_frames(),
+    Def::new(
+        Kind::Camera,
+        "look_at",
+        "target",
+        THIS,
+        "Looks at an actor, a joint or a point, wherever it moves.",
+        look_at,
+    ),
+    Def::new(
+        Kind::Camera,
+        "turn",
+        "degrees",
+        THIS,
+        "Turned about the vertical, counter-clockwise; at 0 it looks along -z.",
+        turn,
+    ),
+    Def::new(Kind::Camera, "rotate", "x, y, z", THIS, "Turned about x, then y, then z, in degrees.", rotate),
+    Def::new(
+        Kind::Camera,
+        "follow",
+        "target, offset",
+        THIS,
+        "Moves with a target, [x, y, z] away from it, and looks at it.",
+        follow,
+    ),
+    Def::new(
+        Kind::Camera,
+        "orbit",
+        "target, options?",
+        THIS,
+        "Circles a target; distance in metres, elevation and azimuth in degrees, speed in degrees a second.",
+        orbit,
+    ),
+    Def::new(
+        Kind::Camera,
+        "frame",
+        "options?",
+        THIS,
+        "Fits everything seen into the picture, from azimuth and elevation in degrees.",
+        frame,
+    ),
+    Def::new(Kind::Camera, "fov", "degrees", THIS, "Vertical angle of view.", fov),
+    Def::new(
+        Kind::Camera,
+        "ortho",
+        "height",
+        THIS,
+        "No perspective; the picture is that many metres high.",
+        ortho,
+    ),
+    Def::new(Kind::Camera, "near", "metres", THIS, "Nothing nearer is seen.", near),
+    Def::new(Kind::Camera, "far", "metres", THIS, "Nothing farther is seen.", far),
+    Def::new(Kind::Camera, "cut", "time", THIS, "This camera is on from then.", cut),
+    Def::new(
+        Kind::Camera,
+        "key",
+        "property, keys, how?",
+        THIS,
+        "Keys [[time, value], …] of \"position\", \"rotation\" or \"fov\", as for actors.",
+        key,
+    ),
+];
+
+fn draft(c: &Call, name: String) -> CameraDraft {
+    CameraDraft {
+        name,
+        at: c.place.clone(),
+        perspective: None,
+        ortho: None,
+        near: 0.05,
+        far: None,
+        rig: None,
+        position: None,
+        rotation: DQuat::IDENTITY,
+        look_at: None,
+        channels: Vec::new(),
+    }
+}
+
+fn camera(c: &mut Call) -> Reply {
+    let name = c.text(0)?;
+    let mut build = c.build();
+    room(build.cameras.len(), "cameras", &c.shared.limits)?;
+    if let Some(before) = build.cameras.iter().find(|k| k.name == name) {
+        return Err(ApiError::new(format!(
+            "camera: there is a camera \"{name}\" already, from line {}",
+            before.at.line
+        ))
+        .focus(name)
+        .hint("keep it in a variable: let wide = camera(\"wide\");"));
+    }
+    build.cameras.push(draft(c, name));
+    Ok(Dynamic::from(CameraRef(build.cameras.len() - 1)))
+}
+
+fn change(c: &Call, change: impl FnOnce(&mut CameraDraft)) -> Reply {
+    let this: CameraRef = c.this()?;
+    change(c.build().camera(this.0)?);
+    c.itself()
+}
+
+fn at(c: &mut Call) -> Reply {
+    let p = c.point(0)?;
+    if c.in_frame {
+        let this: CameraRef = c.this()?;
+        hook::edit(|e| e.cameras.push((this.0, p)));
+        return c.itself();
+    }
+    change(c, |k| k.position = Some(p))
+}
+
+fn look_at(c: &mut Call) -> Reply {
+    let target = c.target(0)?;
+    change(c, |k| k.look_at = Some(target))
+}
+
+fn turn(c: &mut Call) -> Reply {
+    let turn = DQuat::from_rotation_y(radians(c.number(0)?));
+    change(c, |k| k.rotation = (turn * k.rotation).normalize())
+}
+
+fn rotate(c: &mut Call) -> Reply {
+    let turn = euler(DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?));
+    change(c, |k| k.rotation = (turn * k.rotation).normalize())
+}
+
+fn follow(c: &mut Call) -> Reply {
+    let target = c.target(0)?;
+    let offset = crate::call::point(&c.value(1), &c.label(1))?;
+    if offset.length() < 1e-9 {
+        return Err(ApiError::new("follow: offset must not be zero, the camera would stand in its target"));
+    }
+    change(c, |k| k.rig = Some(Rig::Follow { target, offset }))
+}
+
+fn orbit(c: &mut Call) -> Reply {
+    let target = c.target(0)?;
+    let o = c.options(1, &["distance", "elevation", "azimuth", "speed"])?;
+    let rig = Rig::Orbit {
+        target,
+        distance: o.number_in("distance", 0.001, 1e9)?.unwrap_or(4.0),
+        elevation: o.number_in("elevation", -89.0, 89.0)?.unwrap_or(15.0).to_radians(),
+        azimuth: radians(o.number("azimuth")?.unwrap_or(0.0)),
+        speed: o.number_in("speed", -36_000.0, 36_000.0)?.unwrap_or(20.0).to_radians(),
+    };
+    change(c, |k| k.rig = Some(rig))
+}
+
+fn frame(c: &mut Call) -> Reply {
+    let o = c.options(0, &["azimuth", "elevation"])?;
+    let rig = Rig::Frame {
+        azimuth: radians(o.number("azimuth")?.unwrap_or(DEFAULT_AZIMUTH)),
+        elevation: o.number_in("elevation", -89.0, 89.0)?.unwrap_or(DEFAULT_ELEVATION).to_radians(),
+    };
+    change(c, |k| k.rig = Some(rig))
+}
+
+/// Degrees: a little from the side and above, where a character shows its shape.
+pub const DEFAULT_AZIMUTH: f64 = 25.0;
+pub const DEFAULT_ELEVATION: f64 = 10.0;
+
+fn fov(c: &mut Call) -> Reply {
+    let yfov = keys::fov(&c.value(0), &c.label(0))? as f32;
+    change(c, |k| {
+        k.perspective = Some(yfov);
+        k.ortho = None;
+    })
+}
+
+fn ortho(c: &mut Call) -> Reply {
+    let height = c.number_in(0, 1e-6, 1e9)? as f32;
+    change(c, |k| {
+        k.ortho = Some(height);
+        k.perspective = None;
+    })
+}
+
+fn near(c: &mut Call) -> Reply {
+    let near = c.number_in(0, 1e-6, 1e9)? as f32;
+    change(c, |k| k.near = near)
+}
+
+fn far(c: &mut Call) -> Reply {
+    let far = c.number_in(0, 1e-5, 1e15)? as f32;
+    change(c, |k| k.far = Some(far))
+}
+
+fn cut(c: &mut Call) -> Reply {
+    let this: CameraRef = c.this()?;
+    let t: Time = c.time(0)?;
+    let place = c.place.clone();
+    let mut build = c.build();
+    room(build.cuts.len(), "cuts", &c.shared.limits)?;
+    build.camera(this.0)?;
+    build.cuts.push((t, this.0, place));
+    drop(build);
+    c.itself()
+}
+
+fn key(c: &mut Call) -> Reply {
+    let channels = keys::read(c, keys::Owner::Camera)?;
+    change(c, |k| {
+        if k.position.is_none() && channels.iter().any(|ch| ch.property == Property::Translation) {
+            k.position = Some(DVec3::ZERO);
+        }
+        keys::replace(&mut k.channels, channels);
+    })
+}
+
+fn find_camera(c: &Call, asset: &Asset) -> Result<u32, ApiError> {
+    let names = || asset.cameras.iter().map(|k| k.name.as_str()).collect::<Vec<_>>();
+    if asset.cameras.is_empty() {
+        return Err(ApiError::new(format!("camera: \"{}\" has no camera", asset.name)));
+    }
+    if c.len() == 0 {
+        return match asset.cameras.len() {
+            1 => Ok(0),
+            n => Err(ApiError::new(format!("camera: \"{}\" has {n} cameras: name one", asset.name))
+                .hint(crate::suggest::list(names(), 24))),
+        };
+    }
+    if let Ok(index) = c.value(0).as_int() {
+        let found = u32::try_from(index).ok().filter(|i| (*i as usize) < asset.cameras.len());
+        let n = asset.cameras.len();
+        return found.ok_or_else(|| {
+            ApiError::new(format!("camera {index} of \"{}\": it has {n}, from 0", asset.name))
+        });
+    }
+    let name = c.text(0)?;
+    let found = asset.cameras.iter().position(|k| k.name == name);
+    found
+        .map(|i| i as u32)
+        .ok_or_else(|| unknown("camera", &name, &format!(" in \"{}\"", asset.name), names()))
+}
+
+fn file_camera(c: &Call, actor: usize, camera: u32) -> Reply {
+    let mut build = c.build();
+    room(build.cameras.len(), "cameras", &c.shared.limits)?;
+    let owner = build.actor(actor)?;
+    let file = owner.actor.asset.cameras.get(camera as usize).map(|k| k.name.clone()).unwrap_or_default();
+    let name = format!("{} {file}", owner.actor.name);
+    if let Some(again) = build.cameras.iter().position(|k| k.rig == Some(Rig::File { actor, camera })) {
+        return Ok(Dynamic::from(CameraRef(again)));
+    }
+    let mut k = draft(c, name);
+    k.rig = Some(Rig::File { actor, camera });
+    build.cameras.push(k);
+    Ok(Dynamic::from(CameraRef(build.cameras.len() - 1)))
+}
+
+pub fn of_actor(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let camera = find_camera(c, &this.asset)?;
+    file_camera(c, this.id, camera)
+}
+
+pub fn of_asset(c: &mut Call) -> Reply {
+    let this: AssetRef = c.this()?;
+    let camera = find_camera(c, &this.asset)?;
+    let actor = c.build().actors.iter().position(|a| std::sync::Arc::ptr_eq(&a.actor.asset, &this.asset));
+    let actor = actor.ok_or_else(|| {
+        ApiError::new(format!("camera: no actor is cast from \"{}\" yet", this.asset.name))
+            .hint("cast it first: its camera moves with the actor")
+    })?;
+    file_camera(c, actor, camera)
+}

@@ -1,0 +1,250 @@
+//! `.key("position", [[t, value], …], how)`: keyed properties.
+
+use super::actor::{euler, morph_targets};
+use crate::call::{ApiError, Call, color, describe, number, numbers, one_of, rgb, time, wrong};
+use crate::limits::raise_hint;
+use choreo_motion::{Interpolation, Time};
+use choreo_stage::{Asset, Channel, Property};
+use glam::{DQuat, DVec3};
+use rhai::Dynamic;
+
+/// Whose property is keyed.
+pub enum Owner<'a> {
+    Actor(&'a Asset),
+    Camera,
+    Light,
+}
+
+const HOW: &[&str] = &["linear", "step", "smooth", "cubic"];
+
+/// The channels of a `.key(property, [name,] keys, how?)` call.
+pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
+    let allowed: &[&'static str] = match owner {
+        Owner::Actor(_) => &["position", "rotation", "scale", "visible", "tint", "morph"],
+        Owner::Camera => &["position", "rotation", "fov"],
+        Owner::Light => &["position", "intensity", "color"],
+    };
+    let name = one_of(&c.value(0), "key: property", allowed)?;
+    let mut next = 1;
+    let mut targets = Vec::new();
+    if name == "morph" {
+        let Owner::Actor(asset) = owner else {
+            return Err(ApiError::new("key: only actors have morph targets"));
+        };
+        targets = morph_targets(asset, &c.value(1), "key: name")?;
+        next = 2;
+    }
+    if next >= c.len() {
+        return Err(ApiError::new("key: write key(\"morph\", name, keys)"));
+    }
+    let how = match c.len() > next + 1 {
+        true => one_of(&c.value(next + 1), "key: how", HOW)?,
+        false => "linear",
+    };
+    let keys = read_keys(c, next)?;
+    let values = |read: &dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError>| {
+        keys.iter()
+            .enumerate()
+            .map(|(i, (_, v))| read(v, &format!("key: value of key {i}")))
+            .collect::<Result<Vec<_>, _>>()
+    };
+    let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
+    let one = |property, values: Vec<Vec<f64>>| vec![channel(property, how, &times, &values)];
+    Ok(match name {
+        "position" => one(Property::Translation, values(&three)?),
+        "scale" => one(Property::Scale, values(&factors)?),
+        "tint" => one(Property::Tint, values(&|v, l| Ok(color(v, l)?.to_array().map(f64::from).to_vec()))?),
+        "color" => {
+            one(Property::Color, values(&|v, l| Ok(rgb(color(v, l)?).to_array().map(f64::from).to_vec()))?)
+        }
+        "fov" => one(Property::FieldOfView, values(&|v, l| Ok(vec![fov(v, l)?]))?),
+        "intensity" => one(
+            Property::Intensity,
+            values(&|v, l| {
+                let n = number(v, l)?;
+                if n < 0.0 {
+                    Err(ApiError::new(format!("{l} must not be negative, got {n}")))
+                } else {
+                    Ok(vec![n])
+                }
+            })?,
+        ),
+        // A visible thing appears at its key, whatever `how` says.
+        "visible" => {
+            let on = values(&|v, l| {
+                v.as_bool().map(|b| vec![f64::from(u8::from(b))]).map_err(|_| wrong(v, l, "true or false"))
+            })?;
+            vec![channel(Property::Visible, "step", &times, &on)]
+        }
+        "rotation" => vec![rotation(c, how, &times, &values(&angles)?)?],
+        _ => {
+            let weights = values(&|v, l| Ok(vec![number(v, l)?]))?;
+            let channel =
+                |(instance, target)| channel(Property::Morph { instance, target }, how, &times, &weights);
+            targets.into_iter().map(channel).collect()
+        }
+    })
+}
+
+/// Later keys of a property replace earlier ones.
+pub fn replace(channels: &mut Vec<Channel>, new: Vec<Channel>) {
+    for channel in new {
+        channels.retain(|c| c.property != channel.property);
+        channels.push(channel);
+    }
+}
+
+fn read_keys(c: &Call, i: usize) -> Result<Vec<(Time, Dynamic)>, ApiError> {
+    let value = c.value(i);
+    let Some(rows) = value.read_lock::<rhai::Array>() else {
+        return Err(c.wrong(i, "an array of keys, [[time, value], …]"));
+    };
+    if rows.is_empty() {
+        return Err(ApiError::new("key: there must be at least one key, [[time, value], …]"));
+    }
+    count(c, rows.len())?;
+    let mut keys: Vec<(Time, Dynamic)> = Vec::with_capacity(rows.len());
+    for (n, row) in rows.iter().enumerate() {
+        let pair = row.flatten_clone().try_cast::<rhai::Array>().filter(|p| p.len() == 2);
+        let Some(pair) = pair else {
+            return Err(ApiError::new(format!("key: key {n} must be [time, value], got {}", describe(row))));
+        };
+        let t = time(&pair[0], &format!("key: time of key {n}"))?;
+        if keys.last().is_some_and(|(before, _)| *before >= t) {
+            return Err(ApiError::new(format!(
+                "key: times must increase, but key {n} at {} s follows one at {} s",
+                t.as_secs(),
+                keys[n - 1].0.as_secs()
+            )));
+        }
+        keys.push((t, pair[1].flatten_clone()));
+    }
+    Ok(keys)
+}
+
+fn count(c: &Call, more: usize) -> Result<(), ApiError> {
+    let mut build = c.build();
+    build.keys += more as u64;
+    if build.keys > c.shared.limits.keys {
+        return Err(
+            ApiError::new("key: too many keys on this stage").hint(raise_hint("keys", c.shared.limits.keys))
+        );
+    }
+    Ok(())
+}
+
+fn three(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
+    crate::call::point(v, label).map(|p| p.to_array().to_vec())
+}
+
+fn factors(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
+    match numbers(v).filter(|n| n.len() == 3) {
+        Some(three) => Ok(three),
+        None => number(v, label).map(|n| vec![n; 3]).map_err(|_| wrong(v, label, "a number or [x, y, z]")),
+    }
+}
+
+fn angles(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
+    match numbers(v).filter(|n| n.len() == 3) {
+        Some(three) => Ok(three),
+        None => number(v, label)
+            .map(|y| vec![0.0, y, 0.0])
+            .map_err(|_| wrong(v, label, "degrees about y, or [x, y, z] in degrees")),
+    }
+}
+
+pub fn fov(v: &Dynamic, label: &str) -> Result<f64, ApiError> {
+    crate::call::number_in(v, label, 0.1, 179.0).map(f64::to_radians)
+}
+
+/// Tangents per second at a key: zero for "smooth", of the parabola through the neighbours for "cubic"
+/// (finite differences weighted by the spans, as in non-uniform Catmull–Rom splines), zero at the ends.
+fn tangent(how: &str, times: &[Time], values: &[Vec<f64>], i: usize, component: usize) -> f64 {
+    if how == "smooth" || i == 0 || i + 1 == times.len() {
+        return 0.0;
+    }
+    let at = |k: usize| (times[k].as_secs(), values[k][component]);
+    let ((t0, v0), (t1, v1), (t2, v2)) = (at(i - 1), at(i), at(i + 1));
+    let (left, right) = (t1 - t0, t2 - t1);
+    ((v1 - v0) / left * right + (v2 - v1) / right * left) / (left + right)
+}
+
+fn channel(property: Property, how: &str, times: &[Time], values: &[Vec<f64>]) -> Channel {
+    let interpolation = match how {
+        "step" => Interpolation::Step,
+        "linear" => Interpolation::Linear,
+        _ => Interpolation::CubicSpline,
+    };
+    let mut flat = Vec::new();
+    for (i, value) in values.iter().enumerate() {
+        if interpolation == Interpolation::CubicSpline {
+            let tangents: Vec<f64> = (0..value.len()).map(|n| tangent(how, times, values, i, n)).collect();
+            flat.extend_from_slice(&tangents);
+            flat.extend_from_slice(value);
+            flat.extend_from_slice(&tangents);
+        } else {
+            flat.extend_from_slice(value);
+        }
+    }
+    Channel { property, interpolation, times: times.to_vec(), values: flat }
+}
+
+/// Angles become quaternion keys so close to each other that the shortest arc between two is the way that the
+/// angles take: 0 to 360 degrees is a whole turn. About one axis that is exact; else keys at every 5 degrees.
+fn rotation(c: &Call, how: &str, times: &[Time], degrees: &[Vec<f64>]) -> Result<Channel, ApiError> {
+    const LARGEST_STEP: f64 = 120.0;
+    const SMALL_STEP: f64 = 5.0;
+    if degrees.iter().flatten().any(|d| d.abs() > 1e9) {
+        return Err(ApiError::new("key: angles must be within ±1e9 degrees"));
+    }
+    let quat = |d: [f64; 3]| euler(DVec3::from_array(d)).to_array();
+    let one_axis = (0..3).filter(|n| degrees.iter().any(|d| d[*n] != 0.0)).count() <= 1;
+    let mut out_times = vec![times[0]];
+    let mut out = vec![quat([degrees[0][0], degrees[0][1], degrees[0][2]])];
+    for i in 1..times.len() {
+        let widest = (0..3).map(|n| (degrees[i][n] - degrees[i - 1][n]).abs()).fold(0.0, f64::max);
+        let step = if how == "linear" && one_axis { LARGEST_STEP } else { SMALL_STEP };
+        // Cubics may swing further than their ends are apart: at least a few keys.
+        let least = if matches!(how, "smooth" | "cubic") { 16.0 } else { 1.0 };
+        let steps = if how == "step" { 1.0 } else { libm::ceil(widest / step).max(least) };
+        count(c, steps.min(1e9) as usize)?;
+        let span = times[i] - times[i - 1];
+        for s in 1..=steps as i64 {
+            let w = s as f64 / steps;
+            let value = std::array::from_fn(|n| between(how, times, degrees, i, n, w));
+            let t = if s as f64 == steps { times[i] } else { times[i - 1] + span.scaled(w) };
+            if t > out_times[out_times.len() - 1] {
+                out_times.push(t);
+                out.push(quat(value));
+            }
+        }
+    }
+    // Neighbours in the same half space, so that blending components takes the short way too.
+    for i in 1..out.len() {
+        let before = DQuat::from_array(out[i - 1]);
+        if before.dot(DQuat::from_array(out[i])) < 0.0 {
+            out[i] = out[i].map(|v| -v);
+        }
+    }
+    let interpolation = if how == "step" { Interpolation::Step } else { Interpolation::Linear };
+    let values = out.into_iter().flatten().collect();
+    Ok(Channel { property: Property::Rotation, interpolation, times: out_times, values })
+}
+
+/// Component `n` of the angles between keys `i - 1` and `i`, at weight `w`: cubic Hermite, or a straight line.
+fn between(how: &str, times: &[Time], values: &[Vec<f64>], i: usize, n: usize, w: f64) -> f64 {
+    let (a, b) = (values[i - 1][n], values[i][n]);
+    match how {
+        "step" => b,
+        "linear" => a + (b - a) * w,
+        _ => {
+            let span = (times[i] - times[i - 1]).as_secs();
+            let (ma, mb) = (tangent(how, times, values, i - 1, n), tangent(how, times, values, i, n));
+            let (w2, w3) = (w * w, w * w * w);
+            (2.0 * w3 - 3.0 * w2 + 1.0) * a
+                + (w3 - 2.0 * w2 + w) * span * ma
+                + (3.0 * w2 - 2.0 * w3) * b
+                + (w3 - w2) * span * mb
+        }
+    }
+}

@@ -1,0 +1,252 @@
+//! Lights: sun, point, spot, and what comes from everywhere.
+
+use super::actor::{attachment, rgb_arg};
+use super::keys;
+use crate::build::room;
+use crate::call::{ApiError, Call, Def, Gives, Options, Reply, color, number_in, numbers, rgb};
+use crate::color::kelvin;
+use crate::diagnostic::Severity;
+use crate::hook;
+use crate::value::*;
+use choreo_stage::{Light, LightEdit, LightKind, StageLight, Target};
+use glam::{DVec3, Vec3};
+use rhai::{Dynamic, Map};
+
+const THIS: Gives = Gives::Itself;
+
+pub const DEFS: &[Def] = &[
+    Def::new(
+        Kind::None,
+        "sun",
+        "options?",
+        Gives::A(Kind::Light),
+        "Light from afar: direction it shines in, color or kelvin, intensity (lux, 3 by default).",
+        sun,
+    ),
+    Def::new(
+        Kind::None,
+        "point",
+        "options?",
+        Gives::A(Kind::Light),
+        "A lamp: position, color or kelvin, intensity (candela, 20 by default), range in metres.",
+        point,
+    ),
+    Def::new(
+        Kind::None,
+        "spot",
+        "options?",
+        Gives::A(Kind::Light),
+        "A spotlight: position, direction or look_at (a point), inner and outer half angles in degrees, color or kelvin, intensity, range.",
+        spot,
+    ),
+    Def::new(
+        Kind::None,
+        "ambient",
+        "color, strength? | options",
+        Gives::Nothing,
+        "Light from everywhere: one color, or #{ up, down } from above and below, times strength.",
+        ambient,
+    )
+    .in_frames(),
+    Def::new(Kind::Light, "at", "x, y, z | point", THIS, "Stands there.", at).in_frames(),
+    Def::new(Kind::Light, "intensity", "value", THIS, "How strong it shines.", intensity).in_frames(),
+    Def::new(Kind::Light, "color", "color", THIS, "Its color.", set_color).in_frames(),
+    Def::new(
+        Kind::Light,
+        "attach",
+        "actor_or_joint",
+        THIS,
+        "Moves with an actor or a joint; position and direction are then in its space.",
+        attach,
+    ),
+    Def::new(
+        Kind::Light,
+        "key",
+        "property, keys, how?",
+        THIS,
+        "Keys [[time, value], …] of \"intensity\", \"color\" or \"position\", as for actors.",
+        key,
+    ),
+];
+
+/// Colour, kelvin and intensity, which all lights have.
+fn common(o: &Options, intensity: f64) -> Result<(Vec3, f32), ApiError> {
+    let color = o.color("color")?.map(rgb);
+    let warm = o.number_in("kelvin", 1667.0, 25_000.0)?.map(kelvin);
+    if color.is_some() && warm.is_some() {
+        return Err(ApiError::new(format!("{}: give color or kelvin, not both", o.function)));
+    }
+    let intensity = o.number_in("intensity", 0.0, 1e9)?.unwrap_or(intensity) as f32;
+    Ok((color.or(warm).unwrap_or(Vec3::ONE), intensity))
+}
+
+fn add(c: &Call, o: &Options, light: Light, position: DVec3, direction: Vec3) -> Reply {
+    let mut build = c.build();
+    room(build.lights.len(), "lights", &c.shared.limits)?;
+    let number = build.lights.len() + 1;
+    let name = o.text("name")?.unwrap_or_else(|| format!("{} {number}", o.function));
+    build.lights.push(StageLight { name, light, position, direction, parent: None, channels: Vec::new() });
+    Ok(Dynamic::from(LightRef(build.lights.len() - 1)))
+}
+
+fn shadow(c: &Call, o: &Options) -> Result<(), ApiError> {
+    if o.flag("shadow")? == Some(true) {
+        let error = ApiError::new(format!(
+            "{}: shadow is not drawn by this version; the light shines without",
+            c.def.name
+        ));
+        c.shared.note(Severity::Warning, &c.place, &error.focus("shadow"));
+    }
+    Ok(())
+}
+
+fn sun(c: &mut Call) -> Reply {
+    let o = c.options(0, &["direction", "color", "kelvin", "intensity", "shadow", "name"])?;
+    let direction = match o.get("direction") {
+        Some(v) => Call::direction(&v, "sun: direction")?,
+        None => DVec3::new(-1.0, -2.0, -1.5).normalize(),
+    };
+    let (color, intensity) = common(&o, 3.0)?;
+    shadow(c, &o)?;
+    let light = Light { kind: LightKind::Directional, color, intensity, range: None };
+    add(c, &o, light, DVec3::ZERO, direction.as_vec3().normalize())
+}
+
+fn range(o: &Options) -> Result<Option<f32>, ApiError> {
+    Ok(o.number_in("range", 1e-3, 1e9)?.map(|r| r as f32))
+}
+
+fn point(c: &mut Call) -> Reply {
+    let o = c.options(0, &["position", "color", "kelvin", "intensity", "range", "shadow", "name"])?;
+    let position = o.point("position")?.unwrap_or(DVec3::new(0.0, 3.0, 2.0));
+    let (color, intensity) = common(&o, 20.0)?;
+    shadow(c, &o)?;
+    let light = Light { kind: LightKind::Point, color, intensity, range: range(&o)? };
+    add(c, &o, light, position, Vec3::NEG_Y)
+}
+
+fn spot(c: &mut Call) -> Reply {
+    let o = c.options(
+        0,
+        &[
+            "position",
+            "direction",
+            "look_at",
+            "inner",
+            "outer",
+            "color",
+            "kelvin",
+            "intensity",
+            "range",
+            "shadow",
+            "name",
+        ],
+    )?;
+    let position = o.point("position")?.unwrap_or(DVec3::new(0.0, 4.0, 3.0));
+    let direction = match (o.get("direction"), o.target("look_at")?) {
+        (Some(_), Some(_)) => return Err(ApiError::new("spot: give direction or look_at, not both")),
+        (Some(v), None) => Call::direction(&v, "spot: direction")?,
+        (None, Some(Target::Point(p))) if (p - position).length() > 1e-9 => (p - position).normalize(),
+        (None, Some(Target::Point(_))) => {
+            return Err(ApiError::new("spot: look_at is where the light stands"));
+        }
+        (None, Some(_)) => {
+            return Err(ApiError::new("spot: look_at must be a point, [x, y, z]")
+                .hint("to follow an actor, attach the light: spot(#{ … }).attach(actor)"));
+        }
+        (None, None) => (DVec3::new(0.0, 1.0, 0.0) - position).normalize_or(DVec3::NEG_Y),
+    };
+    let outer = o.number_in("outer", 0.1, 90.0)?.unwrap_or(30.0);
+    let inner = o.number_in("inner", 0.0, 90.0)?.unwrap_or(outer * 0.8);
+    if inner >= outer {
+        return Err(ApiError::new(format!("spot: inner must be less than outer, got {inner} and {outer}")));
+    }
+    let (color, intensity) = common(&o, 60.0)?;
+    shadow(c, &o)?;
+    let kind = LightKind::Spot { inner: inner.to_radians() as f32, outer: outer.to_radians() as f32 };
+    let light = Light { kind, color, intensity, range: range(&o)? };
+    add(c, &o, light, position, direction.as_vec3().normalize())
+}
+
+/// Up and down, from a color, a number (white), or `#{ up, down, strength }`.
+pub fn read_ambient(v: &Dynamic, label: &str) -> Result<(Vec3, Vec3), ApiError> {
+    if let Some(map) = v.read_lock::<Map>() {
+        let o = Options { function: label.to_string(), map: map.clone() };
+        o.check(&["up", "down", "color", "strength"])?;
+        let strength = o.number_in("strength", 0.0, 1000.0)?.unwrap_or(1.0) as f32;
+        let all = o.color("color")?.map(rgb);
+        let up = o.color("up")?.map(rgb).or(all);
+        let down = o.color("down")?.map(rgb).or(all);
+        return match (up.or(down), down.or(up)) {
+            (Some(up), Some(down)) => Ok((up * strength, down * strength)),
+            _ => Err(ApiError::new(format!("{label}: give color, or up and down"))),
+        };
+    }
+    if v.is_string() || numbers(v).is_some() {
+        let rgb = rgb(color(v, label)?);
+        return Ok((rgb, rgb));
+    }
+    let strength = number_in(v, label, 0.0, 1000.0).map_err(|e| {
+        if v.is_int() || v.is_float() {
+            e
+        } else {
+            crate::call::wrong(v, label, "a color, a strength, or #{ up, down }")
+        }
+    })?;
+    Ok((Vec3::splat(strength as f32), Vec3::splat(strength as f32)))
+}
+
+fn ambient(c: &mut Call) -> Reply {
+    let (mut up, mut down) = read_ambient(&c.value(0), "ambient")?;
+    if c.len() > 1 {
+        let strength = c.number_in(1, 0.0, 1000.0)? as f32;
+        up *= strength;
+        down *= strength;
+    }
+    if c.in_frame {
+        hook::edit(|e| e.ambient = Some((up, down)));
+        return Ok(Dynamic::UNIT);
+    }
+    let mut build = c.build();
+    (build.settings.ambient_up, build.settings.ambient_down) = (up, down);
+    Ok(Dynamic::UNIT)
+}
+
+fn change(c: &Call, edit: impl FnOnce(usize) -> LightEdit, change: impl FnOnce(&mut StageLight)) -> Reply {
+    let this: LightRef = c.this()?;
+    if c.in_frame {
+        hook::edit(|e| e.lights.push(edit(this.0)));
+    } else {
+        change(c.build().light(this.0)?);
+    }
+    c.itself()
+}
+
+fn at(c: &mut Call) -> Reply {
+    let position = c.point(0)?;
+    change(c, |light| LightEdit::MoveTo { light, position }, |l| l.position = position)
+}
+
+fn intensity(c: &mut Call) -> Reply {
+    let intensity = c.number_in(0, 0.0, 1e9)? as f32;
+    change(c, |light| LightEdit::Intensity { light, intensity }, |l| l.light.intensity = intensity)
+}
+
+fn set_color(c: &mut Call) -> Reply {
+    let color = rgb_arg(c, 0)?;
+    change(c, |light| LightEdit::Color { light, color }, |l| l.light.color = color)
+}
+
+fn attach(c: &mut Call) -> Reply {
+    let this: LightRef = c.this()?;
+    let parent = attachment(c, 0)?;
+    c.build().light(this.0)?.parent = Some(parent);
+    c.itself()
+}
+
+fn key(c: &mut Call) -> Reply {
+    let this: LightRef = c.this()?;
+    let channels = keys::read(c, keys::Owner::Light)?;
+    keys::replace(&mut c.build().light(this.0)?.channels, channels);
+    c.itself()
+}

@@ -1,0 +1,28 @@
+//! The functions and methods of the script, as tables.
+
+pub mod actor;
+pub mod asset;
+pub mod camera;
+pub mod cue;
+pub mod effect;
+pub mod keys;
+pub mod light;
+pub mod maths;
+pub mod stage;
+
+use crate::call::Def;
+
+/// Every function and method, in the order of the reference.
+pub const TABLES: &[(&str, &[Def])] = &[
+    ("The stage", stage::DEFS),
+    ("Assets and clips", asset::DEFS),
+    ("Actors", actor::DEFS),
+    ("Cues: what plays when", cue::DEFS),
+    ("Cameras", camera::DEFS),
+    ("Lights", light::DEFS),
+    ("Effects", effect::DEFS),
+];
+
+pub fn all() -> impl Iterator<Item = &'static Def> {
+    TABLES.iter().flat_map(|(_, defs)| defs.iter())
+}

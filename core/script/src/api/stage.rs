@@ -1,0 +1,252 @@
+//! `stage`, `f`, `param`, `on_frame`, `print`.
+
+use crate::build::{Parameter, room};
+use crate::call::{ApiError, Call, Def, Gives, Reply, color, numbers, point, rgb, wrong};
+use crate::hook::{HookDraft, own_captures};
+use crate::value::Kind;
+use choreo_motion::{FrameRate, Time};
+use choreo_stage::Background;
+use rhai::{Dynamic, FnPtr, Map};
+
+pub const DEFS: &[Def] = &[
+    Def::new(
+        Kind::None,
+        "stage",
+        "options",
+        Gives::Nothing,
+        "Sets size [width, height], fps, length, background (color or #{ top, bottom }), ambient (color, strength or #{ up, down }), samples (1 or 4).",
+        stage,
+    ),
+    Def::new(
+        Kind::None,
+        "f",
+        "frame",
+        Gives::Value("float"),
+        "The time of a frame, in seconds, at the stage's fps.",
+        frame,
+    )
+    .in_frames(),
+    Def::new(
+        Kind::None,
+        "param",
+        "name, default, about?",
+        Gives::Value("like the default"),
+        "A parameter of the script: the default, or what --set name=value gives, of the same type.",
+        param,
+    ),
+    Def::new(
+        Kind::None,
+        "on_frame",
+        "callback",
+        Gives::Nothing,
+        "Calls |t| … for every frame, t in seconds; what it does to handles holds for that frame only.",
+        on_frame,
+    ),
+];
+
+fn stage(c: &mut Call) -> Reply {
+    let o = c.options(0, &["size", "fps", "length", "background", "ambient", "samples"])?;
+    if let Some(before) = &c.build().settings_at {
+        return Err(ApiError::new(format!("stage: already called in line {}", before.line))
+            .hint("call it once, first"));
+    }
+    let mut s = c.build().settings.clone();
+    if let Some(size) = o.get("size") {
+        let sides = numbers(&size).filter(|n| n.len() == 2);
+        let sides = sides.filter(|n| n.iter().all(|v| v.fract() == 0.0 && (1.0..=16384.0).contains(v)));
+        let sides = sides
+            .ok_or_else(|| wrong(&size, "stage: size", "[width, height], whole numbers from 1 to 16384"))?;
+        s.size = [sides[0] as u32, sides[1] as u32];
+    }
+    let mut length = None;
+    if let Some(fps) = o.number("fps")? {
+        s.fps = FrameRate::from_fps(fps)
+            .ok_or_else(|| ApiError::new(format!("stage: fps must be from 0.001 to 1000, got {fps}")))?;
+        // The frames of `stage(#{ fps: 25, length: f(50) })` are counted before the call: they are counted again.
+        let own_length = o.number("length").ok().flatten();
+        let changed = s.fps != c.build_fps();
+        let used = c.build().frames_used.clone().filter(|_| changed);
+        match used {
+            Some((_, 1, frame, time)) if own_length == Some(time) => {
+                length = Some(Time::from_secs(seconds(s.fps, frame)))
+            }
+            Some((place, ..)) => {
+                return Err(ApiError::new(format!(
+                    "stage: fps cannot change after f(…) in line {} has counted frames",
+                    place.line
+                ))
+                .hint("call stage(…) first"));
+            }
+            None => {}
+        }
+    }
+    if let Some(length) = length.or(o.duration("length")?) {
+        if length == Time::ZERO {
+            return Err(ApiError::new("stage: length must be above 0 s"));
+        }
+        s.length = length;
+    }
+    if let Some(background) = o.get("background") {
+        s.background = read_background(&background)?;
+    }
+    if let Some(ambient) = o.get("ambient") {
+        (s.ambient_up, s.ambient_down) = super::light::read_ambient(&ambient, "stage: ambient")?;
+    }
+    if let Some(samples) = o.number("samples")? {
+        if samples != 1.0 && samples != 4.0 {
+            return Err(ApiError::new(format!("stage: samples must be 1 or 4, got {samples}")));
+        }
+        s.samples = Some(samples as u32);
+    }
+    let place = c.place.clone();
+    let mut build = c.build();
+    build.settings = s;
+    build.settings_at = Some(place);
+    Ok(Dynamic::UNIT)
+}
+
+fn read_background(v: &Dynamic) -> Result<Background, ApiError> {
+    let Some(map) = v.read_lock::<Map>() else {
+        return color(v, "stage: background").map(Background::Color);
+    };
+    let o = crate::call::Options { function: "stage: background".into(), map: map.clone() };
+    o.check(&["top", "bottom"])?;
+    match (o.color("top")?, o.color("bottom")?) {
+        (Some(top), Some(bottom)) => Ok(Background::Gradient { top: rgb(top), bottom: rgb(bottom) }),
+        _ => Err(ApiError::new("stage: background needs both colors, #{ top, bottom }")),
+    }
+}
+
+fn frame(c: &mut Call) -> Reply {
+    let n = c.number_in(0, -1e9, 1e9)?;
+    if c.in_frame {
+        // The rate is fixed by then.
+        let rate = c.build_fps();
+        return Ok(Dynamic::from_float(seconds(rate, n)));
+    }
+    let place = c.place.clone();
+    let mut build = c.build();
+    let time = seconds(build.settings.fps, n);
+    let (place, count) = build.frames_used.take().map_or((place, 0), |(first, count, ..)| (first, count));
+    build.frames_used = Some((place, count + 1, n, time));
+    Ok(Dynamic::from_float(time))
+}
+
+fn seconds(rate: FrameRate, frame: f64) -> f64 {
+    if frame.fract() == 0.0 {
+        return rate.time_of(frame as i64).as_secs();
+    }
+    frame * f64::from(rate.den) / f64::from(rate.num)
+}
+
+fn param(c: &mut Call) -> Reply {
+    let name = c.text(0)?;
+    let valid = name.starts_with(|ch: char| ch.is_ascii_alphabetic() || ch == '_')
+        && name.chars().all(|ch| ch.is_ascii_alphanumeric() || ch == '_' || ch == '-');
+    if !valid {
+        return Err(ApiError::new(format!(
+            "param: name must be letters, digits, _ or -, starting with a letter, got \"{name}\""
+        )));
+    }
+    let about = if c.len() > 2 { c.text(2)? } else { String::new() };
+    let default = c.value(1);
+    let kind = kind_of_parameter(&default)
+        .ok_or_else(|| c.wrong(1, "a number, true or false, text or an array of numbers"))?;
+    if let Some(before) = c.build().parameters.iter().find(|p| p.name == name) {
+        return Err(ApiError::new(format!("param: \"{name}\" is already declared in line {}", before.line)));
+    }
+    room(c.build().parameters.len(), "parameters", &c.shared.limits)?;
+    let given = c.shared.set.iter().rev().find(|(n, _)| *n == name).map(|(_, v)| v.clone());
+    let value = match &given {
+        None => default.clone(),
+        Some(text) => parse_parameter(kind, text).ok_or_else(|| {
+            ApiError::new(format!("param: --set {name}={text} is not {}", kind_in_words(kind)))
+                .hint(format!("the default is {}", show(&default)))
+        })?,
+    };
+    let line = c.place.line;
+    let parameter = Parameter { name, kind, default: show(&default), value: show(&value), about, line };
+    c.build().parameters.push(parameter);
+    Ok(value)
+}
+
+fn kind_of_parameter(v: &Dynamic) -> Option<&'static str> {
+    if v.is_int() {
+        Some("int")
+    } else if v.is_float() {
+        Some("float")
+    } else if v.is_bool() {
+        Some("bool")
+    } else if v.is_string() {
+        Some("text")
+    } else if v.is_array() && numbers(v).is_some() {
+        Some("numbers")
+    } else {
+        None
+    }
+}
+
+fn kind_in_words(kind: &str) -> &'static str {
+    match kind {
+        "int" => "a whole number",
+        "float" => "a number",
+        "bool" => "true or false",
+        "numbers" => "numbers like 1,2.5,3",
+        _ => "text",
+    }
+}
+
+fn parse_parameter(kind: &str, text: &str) -> Option<Dynamic> {
+    let number = |t: &str| t.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+    match kind {
+        "int" => text.trim().parse::<i64>().ok().map(Dynamic::from_int),
+        "float" => number(text).map(Dynamic::from_float),
+        "bool" => text.trim().parse::<bool>().ok().map(Dynamic::from_bool),
+        "numbers" => {
+            let inside = text.trim().trim_start_matches('[').trim_end_matches(']');
+            let values: Option<Vec<f64>> = inside.split(',').map(number).collect();
+            values.map(|v| Dynamic::from_array(v.into_iter().map(Dynamic::from_float).collect()))
+        }
+        _ => Some(Dynamic::from(text.to_string())),
+    }
+}
+
+fn show(v: &Dynamic) -> String {
+    match numbers(v) {
+        Some(values) => values.iter().map(f64::to_string).collect::<Vec<_>>().join(","),
+        None => v.to_string(),
+    }
+}
+
+fn on_frame(c: &mut Call) -> Reply {
+    let Some(callback) = c.value(0).try_cast::<FnPtr>() else {
+        return Err(c.wrong(0, "a function of the time, |t| …"));
+    };
+    room(c.build().hooks.len(), "on_frame callbacks", &c.shared.limits)?;
+    let callback = own_captures(&callback)?;
+    #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
+    let context = {
+        let mut context = c.context.store_data();
+        context.global.num_operations = Default::default();
+        context
+    };
+    let at = c.place.clone();
+    c.build().hooks.push(HookDraft { callback, context, at });
+    Ok(Dynamic::UNIT)
+}
+
+impl Call<'_, '_> {
+    pub fn build_fps(&self) -> FrameRate {
+        self.build().settings.fps
+    }
+
+    /// A direction: any length but zero.
+    pub fn direction(v: &Dynamic, label: &str) -> Result<glam::DVec3, ApiError> {
+        let d = point(v, label)?;
+        let length = d.length();
+        if length < 1e-9 {
+            return Err(ApiError::new(format!("{label} must not be zero")));
+        }
+        Ok(d / length)
+    }
+}

@@ -1,0 +1,214 @@
+//! The stage while the script runs: drafts, whose references and times are settled at the end.
+
+use crate::call::{ApiError, Place};
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::limits::{Limits, raise_hint};
+use crate::loader::Loader;
+use choreo_motion::{Clip, Time};
+use choreo_stage::*;
+use glam::{DQuat, DVec3};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+/// What all calls of one script share.
+pub struct Shared {
+    pub build: Mutex<Build>,
+    pub loader: Loader,
+    pub limits: Limits,
+    /// `--set`, in order.
+    pub set: Vec<(String, String)>,
+    /// Text of the script and its modules by the name shown in messages.
+    pub sources: Mutex<BTreeMap<String, Arc<str>>>,
+    /// Functions that the script defines, with their number of arguments.
+    pub functions: Mutex<Vec<(String, usize)>>,
+    /// Time to stop; moved on by what loading takes.
+    pub deadline: Mutex<Option<Instant>>,
+}
+
+impl Shared {
+    pub fn source_line(&self, file: &str, line: usize) -> String {
+        let sources = self.sources.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = sources.get(file).cloned();
+        text.and_then(|t| t.lines().nth(line.checked_sub(1)?).map(str::to_string)).unwrap_or_default()
+    }
+
+    /// A diagnostic at a place; the column moves to the string literal that is to blame, where the line has it.
+    pub fn diagnose(&self, severity: Severity, place: &Place, error: &ApiError) -> Diagnostic {
+        let source_line = self.source_line(&place.file, place.line);
+        let mut column = place.column;
+        if let Some(focus) = error.focus.as_ref().filter(|f| !f.is_empty()) {
+            let from: usize = source_line.chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
+            let rest = source_line.get(from..).unwrap_or("");
+            let quoted = format!("\"{focus}\"");
+            let at = rest.find(&quoted).or_else(|| find_word(rest, focus));
+            if let Some(at) = at {
+                column += rest[..at].chars().count();
+            }
+        }
+        Diagnostic {
+            severity,
+            file: place.file.clone(),
+            line: place.line,
+            column,
+            source_line,
+            message: error.message.clone(),
+            hint: error.hint.clone(),
+        }
+    }
+
+    pub fn note(&self, severity: Severity, place: &Place, error: &ApiError) {
+        if error.silent {
+            return;
+        }
+        let diagnostic = self.diagnose(severity, place, error);
+        self.build.lock().unwrap_or_else(PoisonError::into_inner).note(diagnostic);
+    }
+}
+
+/// Start of `word` in `text` where it is not part of a longer word: a key of an object map.
+fn find_word(text: &str, word: &str) -> Option<usize> {
+    let part = |c: char| c.is_alphanumeric() || c == '_';
+    text.match_indices(word).map(|(i, _)| i).find(|i| {
+        !text[..*i].chars().next_back().is_some_and(part)
+            && !text[i + word.len()..].chars().next().is_some_and(part)
+    })
+}
+
+#[derive(Default)]
+pub struct Build {
+    pub settings: Settings,
+    /// Where `stage(…)` was called.
+    pub settings_at: Option<Place>,
+    /// Where a frame number was first turned into a time, how often that was done, and the last such frame and time.
+    pub frames_used: Option<(Place, u64, f64, f64)>,
+    pub actors: Vec<ActorDraft>,
+    pub chains: Vec<Chain>,
+    pub cues: Vec<CueDraft>,
+    pub cameras: Vec<CameraDraft>,
+    pub cuts: Vec<(Time, usize, Place)>,
+    pub lights: Vec<StageLight>,
+    pub effects: Vec<EffectUse>,
+    pub hooks: Vec<crate::hook::HookDraft>,
+    pub keys: u64,
+    pub parameters: Vec<Parameter>,
+    pub printed: Vec<String>,
+    pub diagnostics: Vec<Diagnostic>,
+    /// Diagnostics beyond the most that are kept.
+    pub more: usize,
+    /// Clips bound to another skeleton, by the addresses of clip and skeleton; the values keep both alive.
+    pub bound: BTreeMap<(usize, usize), (Arc<Clip>, Arc<Clip>, Arc<Asset>)>,
+    pub shapes: BTreeMap<String, Arc<Asset>>,
+}
+
+/// A parameter that the script declares with `param(…)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    pub name: String,
+    /// "int", "float", "bool", "text" or "numbers".
+    pub kind: &'static str,
+    pub default: String,
+    pub value: String,
+    pub about: String,
+    pub line: usize,
+}
+
+pub struct ActorDraft {
+    pub actor: Actor,
+    pub at: Place,
+    /// Placed by `.at`, `.attach` or a key.
+    pub placed: bool,
+    /// Turned to this point at the end, when the position is known.
+    pub face_point: Option<DVec3>,
+}
+
+/// A `play` and what follows it by `then`.
+pub struct Chain {
+    pub actor: usize,
+    /// A layer of its own, with these joint weights.
+    pub mask: Option<Vec<f32>>,
+}
+
+pub struct CueDraft {
+    pub chain: usize,
+    pub clip: Arc<Clip>,
+    pub at: Place,
+    /// The cue before it in the chain.
+    pub after: Option<usize>,
+    pub start: Option<Time>,
+    pub until: Option<Time>,
+    pub fade_in: Time,
+    pub fade_out: Option<Time>,
+    pub ease: Ease,
+    /// Above 0.
+    pub speed: f64,
+    pub reverse: bool,
+    pub trim: Option<(Time, Time)>,
+    pub repeat: Option<Repeat>,
+    pub weight: f32,
+    /// Set on cues that another follows: then they play once where nothing else is said.
+    pub followed: bool,
+}
+
+pub struct CameraDraft {
+    pub name: String,
+    pub at: Place,
+    pub perspective: Option<f32>,
+    pub ortho: Option<f32>,
+    pub near: f32,
+    pub far: Option<f32>,
+    pub rig: Option<Rig>,
+    pub position: Option<DVec3>,
+    pub rotation: DQuat,
+    pub look_at: Option<Target>,
+    pub channels: Vec<Channel>,
+}
+
+impl Build {
+    pub fn note(&mut self, diagnostic: Diagnostic) {
+        const MOST: usize = 50;
+        if self.diagnostics.contains(&diagnostic) {
+            return;
+        }
+        if self.diagnostics.len() >= MOST {
+            self.more += 1;
+            return;
+        }
+        self.diagnostics.push(diagnostic);
+    }
+
+    pub fn has_errors(&self) -> bool {
+        self.diagnostics.iter().any(|d| d.severity == Severity::Error)
+    }
+
+    /// Joint mask etc. are looked up in the actor's own asset.
+    pub fn actor(&mut self, id: usize) -> Result<&mut ActorDraft, ApiError> {
+        // Handles of another run cannot get here; checked all the same, so that nothing can panic.
+        self.actors.get_mut(id).ok_or_else(|| ApiError::new("this actor is not on this stage"))
+    }
+
+    pub fn cue(&mut self, id: usize) -> Result<&mut CueDraft, ApiError> {
+        self.cues.get_mut(id).ok_or_else(|| ApiError::new("this cue is not on this stage"))
+    }
+
+    pub fn camera(&mut self, id: usize) -> Result<&mut CameraDraft, ApiError> {
+        self.cameras.get_mut(id).ok_or_else(|| ApiError::new("this camera is not on this stage"))
+    }
+
+    pub fn light(&mut self, id: usize) -> Result<&mut StageLight, ApiError> {
+        self.lights.get_mut(id).ok_or_else(|| ApiError::new("this light is not on this stage"))
+    }
+
+    pub fn effect(&mut self, id: usize) -> Result<&mut EffectUse, ApiError> {
+        self.effects.get_mut(id).ok_or_else(|| ApiError::new("this effect is not on this stage"))
+    }
+}
+
+/// Refuses one more than the limit allows.
+pub fn room(count: usize, what: &str, limits: &Limits) -> Result<(), ApiError> {
+    if (count as u64) < limits.things {
+        return Ok(());
+    }
+    Err(ApiError::new(format!("too many {what}: this would be number {}", count + 1))
+        .hint(raise_hint("things", limits.things)))
+}

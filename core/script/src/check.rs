@@ -1,0 +1,104 @@
+//! What can be told of a script without drawing: not wrong, but hardly meant.
+
+use crate::api::cue;
+use crate::build::Build;
+use crate::call::{ApiError, Place};
+use crate::diagnostic::Severity;
+use choreo_motion::Time;
+use choreo_stage::Repeat;
+
+/// Looks through the drafts.
+pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
+    let mut warn =
+        |place: &Place, text: String| notes.push((Severity::Warning, place.clone(), ApiError::new(text)));
+    cues(build, &mut warn);
+    unplaced(build, &mut warn);
+    for (i, (at, camera, place)) in build.cuts.iter().enumerate() {
+        if *at >= build.settings.length {
+            let end = build.settings.length.as_secs();
+            warn(place, format!("this cut at {} s comes after the end of the stage, {end} s", at.as_secs()));
+        }
+        if build.cuts[..i].iter().any(|(t, k, _)| t == at && k != camera) {
+            warn(place, format!("two cameras are cut to at {} s; this one wins", at.as_secs()));
+        }
+    }
+}
+
+fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
+    let times = cue::all_times(build);
+    for (id, draft) in build.cues.iter().enumerate() {
+        let name = &draft.clip.name;
+        let (start, end) = times[id];
+        let length = draft.length();
+        let chain = &build.chains[draft.chain];
+        let repeat = draft.repeats(chain.mask.is_some());
+        if let (Repeat::Once, Some(until)) = (repeat, draft.until)
+            && until - start > length
+            && length > Time::ZERO
+        {
+            let text = format!(
+                "clip \"{name}\" is played once and takes {} s, but its cue lasts {} s: the last pose is held",
+                length.as_secs(),
+                (until - start).as_secs()
+            );
+            warn(&draft.at, text);
+        }
+        if let Some(end) = end
+            && draft.fade_in > end - start
+            && end > start
+        {
+            let text = format!(
+                "clip \"{name}\" fades in over {} s, but its cue lasts {} s: it is never fully seen",
+                draft.fade_in.as_secs(),
+                (end - start).as_secs()
+            );
+            warn(&draft.at, text);
+        }
+        if start >= build.settings.length {
+            let at = build.settings.length.as_secs();
+            warn(
+                &draft.at,
+                format!(
+                    "clip \"{name}\" starts at {} s, after the end of the stage, {at} s",
+                    start.as_secs()
+                ),
+            );
+        }
+        if draft.clip.duration == Time::ZERO {
+            warn(&draft.at, format!("clip \"{name}\" has no length: it is a pose"));
+        }
+    }
+    // Two chains of one actor on the base layer that begin together: the later one hides the earlier.
+    let mut begins: std::collections::BTreeMap<(usize, Time), usize> = std::collections::BTreeMap::new();
+    for (id, draft) in build.cues.iter().enumerate() {
+        let chain = &build.chains[draft.chain];
+        if chain.mask.is_some() {
+            continue;
+        }
+        if let Some(first) = begins.insert((chain.actor, times[id].0), id) {
+            let hidden = &build.cues[first];
+            let text = format!(
+                "clip \"{}\" is never seen: \"{}\" starts at the same time, {} s; use .from, or .on(\"Spine..\") for a layer",
+                hidden.clip.name,
+                draft.clip.name,
+                times[id].0.as_secs()
+            );
+            warn(&hidden.at, text);
+        }
+    }
+}
+
+/// Several actors in one place were not meant to be there.
+fn unplaced(build: &Build, warn: &mut impl FnMut(&Place, String)) {
+    let nowhere: Vec<_> = build.actors.iter().filter(|a| !a.placed).collect();
+    if nowhere.len() < 2 {
+        return;
+    }
+    let names: Vec<&str> = nowhere.iter().map(|a| a.actor.name.as_str()).collect();
+    let text = format!(
+        "{} actors stand in the same place, the origin: {}; place them with .at(x, y, z)",
+        names.len(),
+        crate::suggest::list(names.iter().copied(), 8)
+    );
+    warn(&nowhere[1].at, text);
+}

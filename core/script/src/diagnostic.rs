@@ -1,0 +1,135 @@
+//! What is wrong with a script, where, and what to do.
+
+use std::fmt;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Severity {
+    Error,
+    Warning,
+}
+
+/// Printed as
+/// ```text
+/// walk.rhai:12:9: unknown joint "LeftHnd" in skeleton "hero"; did you mean "LeftHand"?
+///     anna.look_at(boris.joint("LeftHnd"));
+///                              ^
+///     hint: joints: Hips, Spine, …
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    pub severity: Severity,
+    /// As the user wrote it; empty where no file is to blame (the command line).
+    pub file: String,
+    /// From 1; 0 = the file as a whole.
+    pub line: usize,
+    /// In characters, from 1; 0 = the line as a whole.
+    pub column: usize,
+    pub source_line: String,
+    pub message: String,
+    pub hint: Option<String>,
+}
+
+impl Diagnostic {
+    pub fn error(message: impl Into<String>) -> Diagnostic {
+        Diagnostic {
+            severity: Severity::Error,
+            file: String::new(),
+            line: 0,
+            column: 0,
+            source_line: String::new(),
+            message: message.into(),
+            hint: None,
+        }
+    }
+
+    pub fn warning(message: impl Into<String>) -> Diagnostic {
+        Diagnostic { severity: Severity::Warning, ..Diagnostic::error(message) }
+    }
+
+    pub fn in_file(mut self, file: impl Into<String>) -> Diagnostic {
+        self.file = file.into();
+        self
+    }
+
+    pub fn with_hint(mut self, hint: impl Into<String>) -> Diagnostic {
+        self.hint = Some(hint.into());
+        self
+    }
+}
+
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.file.is_empty() {
+            write!(f, "{}:", self.file)?;
+            if self.line > 0 {
+                write!(f, "{}:", self.line)?;
+                if self.column > 0 {
+                    write!(f, "{}:", self.column)?;
+                }
+            }
+            write!(f, " ")?;
+        }
+        if self.severity == Severity::Warning {
+            write!(f, "warning: ")?;
+        }
+        write!(f, "{}", self.message)?;
+        if self.line > 0 && !self.source_line.trim().is_empty() {
+            let (shown, before) = excerpt(&self.source_line, self.column);
+            write!(f, "\n    {shown}")?;
+            if self.column > 0 {
+                write!(f, "\n    {}^", " ".repeat(before))?;
+            }
+        }
+        if let Some(hint) = &self.hint {
+            write!(f, "\n    hint: {hint}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Diagnostic {}
+
+/// The part of a line to show, and how many characters of it come before the column. Indentation is dropped,
+/// tabs become blanks, and of a very long line only the surroundings of the column are kept.
+fn excerpt(line: &str, column: usize) -> (String, usize) {
+    const WIDTH: usize = 160;
+    let chars: Vec<char> = line.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let indent = chars.iter().take_while(|c| **c == ' ').count();
+    let at = column.saturating_sub(1).min(chars.len());
+    let mut start = indent.min(at);
+    if at - start > WIDTH - 40 {
+        start = at - (WIDTH - 40);
+    }
+    let end = chars.len().min(start + WIDTH);
+    let shown: String = chars[start..end].iter().collect();
+    (shown.trim_end().to_string(), at - start)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_caret_stands_below_the_column() {
+        let d = Diagnostic {
+            severity: Severity::Error,
+            file: "walk.rhai".into(),
+            line: 12,
+            column: 9,
+            source_line: "    let x = hoo;".into(),
+            message: "unknown variable \"hoo\"".into(),
+            hint: Some("did you mean \"hero\"?".into()),
+        };
+        assert_eq!(
+            d.to_string(),
+            "walk.rhai:12:9: unknown variable \"hoo\"\n    let x = hoo;\n        ^\n    hint: did you mean \"hero\"?"
+        );
+    }
+
+    #[test]
+    fn a_very_long_line_is_cut_around_the_column() {
+        let line = "x".repeat(5000);
+        let (shown, before) = excerpt(&line, 3000);
+        assert_eq!((shown.len(), before), (160, 120));
+    }
+}

@@ -1,0 +1,249 @@
+//! The sandbox: an interpreter with the API registered, every limit set and nothing that waits or tells the time.
+
+use crate::api;
+use crate::build::Shared;
+use crate::call::{Call, Def, Gives, Place, dead, is_dead, type_id};
+use crate::diagnostic::Severity;
+use crate::errors::{Thrown, throw};
+use crate::hook;
+use crate::modules::Modules;
+use crate::value::*;
+use rhai::packages::*;
+use rhai::{Dynamic, Engine, EvalAltResult, NativeCallContext, Scope, Token};
+use std::any::TypeId;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Names that a script cannot use, and why.
+pub const REFUSED: &[(&str, &str)] = &[
+    ("eval", "a script is what its file says"),
+    ("sleep", "a script only describes the scene; times are given to .from, .until and .key"),
+    ("timestamp", "the same script must give the same scene at any time"),
+    ("**", "write pow(x, y), which gives the same result on every machine"),
+];
+
+/// Constants that every script and module sees.
+pub fn constants() -> Scope<'static> {
+    let mut scope = Scope::new();
+    scope.push_constant("PI", std::f64::consts::PI).push_constant("TAU", std::f64::consts::TAU);
+    scope
+}
+
+pub const CONSTANTS: &[(&str, &str)] = &[("PI", "3.14159…, half a turn in radians"), ("TAU", "2 PI, a turn")];
+
+pub fn engine(shared: &Arc<Shared>) -> Engine {
+    let mut engine = Engine::new_raw();
+    // Rhai's standard packages but mathematics, which is ours, and time, which is nobody's.
+    for package in [
+        CorePackage::new().as_shared_module(),
+        LogicPackage::new().as_shared_module(),
+        BitFieldPackage::new().as_shared_module(),
+        BasicArrayPackage::new().as_shared_module(),
+        BasicBlobPackage::new().as_shared_module(),
+        BasicMapPackage::new().as_shared_module(),
+        MoreStringPackage::new().as_shared_module(),
+    ] {
+        engine.register_global_module(package);
+    }
+    let mut globals = rhai::Module::new();
+    for (name, _, value) in constants().iter() {
+        globals.set_var(name, value);
+    }
+    engine.register_global_module(globals.into());
+    restrict(&mut engine, shared);
+    capture_output(&mut engine, shared);
+    allow_keywords_as_methods(&mut engine);
+    engine.set_module_resolver(Modules::new(shared.clone()));
+    register_types(&mut engine);
+    api::maths::register(&mut engine);
+    for def in api::all() {
+        register(&mut engine, shared, def);
+    }
+    engine
+}
+
+fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
+    let limits = &shared.limits;
+    for (name, _) in REFUSED {
+        engine.disable_symbol(*name);
+    }
+    // Function pointers reach functions whose names are disabled: `Fn("sleep").call(9e9)`.
+    let refuse = |name: &str| throw(crate::errors::refused(name), Place::default());
+    engine.register_fn("sleep", move |_: i64| -> Result<(), Box<EvalAltResult>> { Err(refuse("sleep")) });
+    engine.register_fn("sleep", move |_: f64| -> Result<(), Box<EvalAltResult>> { Err(refuse("sleep")) });
+    engine.set_strict_variables(true);
+    engine.set_allow_shadowing(true);
+    let size = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
+    // Steps are counted by `on_progress`, which knows whether a frame is being made.
+    engine.set_max_operations(0);
+    engine.set_max_call_levels(size(limits.call_levels));
+    engine.set_max_string_size(size(limits.string));
+    engine.set_max_array_size(size(limits.array));
+    engine.set_max_map_size(size(limits.map));
+    engine.set_max_variables(size(limits.variables));
+    engine.set_max_functions(size(limits.functions));
+    engine.set_max_modules(size(limits.modules));
+    // Deeper expressions could use up a thread's stack.
+    engine.set_max_expr_depths(64, 48);
+    let watched = Arc::downgrade(shared);
+    let (operations, frame_operations, memory) = (limits.operations, limits.frame_operations, limits.memory);
+    engine.on_progress(move |steps| {
+        if hook::in_frame() {
+            return (steps > frame_operations).then(|| "frame_operations".into());
+        }
+        if steps > operations {
+            return Some("operations".into());
+        }
+        // A single step may copy a large array, so the clock is read often; the memory is dearer to ask for.
+        if steps & 0xff == 0
+            && let Some(shared) = watched.upgrade()
+        {
+            let deadline = *shared.deadline.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            if deadline.is_some_and(|d| Instant::now() > d) {
+                return Some("seconds".into());
+            }
+        }
+        if steps & 0x3ff == 0 && memory_in_use().is_some_and(|m| m > memory) {
+            return Some("memory".into());
+        }
+        None
+    });
+}
+
+/// Bytes of memory that this process holds, where the system tells at little cost (Linux).
+fn memory_in_use() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/statm").ok()?;
+    let pages: u64 = text.split(' ').nth(1)?.parse().ok()?;
+    // 4 KiB is the smallest page: where pages are larger, the limit comes late rather than early.
+    Some(pages * 4096)
+}
+
+fn capture_output(engine: &mut Engine, shared: &Arc<Shared>) {
+    // Lines beyond these are dropped: a loop that prints must not fill the memory.
+    const MOST: usize = 10_000;
+    let keep = |shared: &std::sync::Weak<Shared>, line: String| {
+        if let Some(shared) = shared.upgrade() {
+            let mut build = shared.build.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            if build.printed.len() < MOST {
+                build.printed.push(line);
+            }
+        }
+    };
+    let weak = Arc::downgrade(shared);
+    engine.on_print(move |text| keep(&weak, text.to_string()));
+    let weak = Arc::downgrade(shared);
+    engine.on_debug(move |text, file, at| {
+        let line = at.line().unwrap_or(0);
+        keep(&weak, format!("{}:{line}: {text}", file.unwrap_or("")));
+    });
+}
+
+/// After a dot, Rhai's keywords are method names: `.loop()`, `.until(3.0)`.
+fn allow_keywords_as_methods(engine: &mut Engine) {
+    let after_dot = AtomicBool::new(false);
+    #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
+    engine.on_parse_token(move |token, _, _| {
+        let was_dot = after_dot.swap(matches!(token, Token::Period | Token::Elvis), Ordering::Relaxed);
+        if !was_dot {
+            return token;
+        }
+        let word = match &token {
+            Token::Reserved(word) => word.to_string(),
+            // `call` and its like keep their meaning; literals and symbols have no letters.
+            token if token.is_standard_keyword() => token.literal_syntax().to_string(),
+            _ => return token,
+        };
+        let is_method = api::all().any(|def| def.on != Kind::None && def.name == word);
+        if is_method { Token::Identifier(Box::new(word.as_str().into())) } else { token }
+    });
+}
+
+fn register_types(engine: &mut Engine) {
+    engine.register_type_with_name::<AssetRef>(Kind::Asset.name());
+    engine.register_type_with_name::<ClipRef>(Kind::Clip.name());
+    engine.register_type_with_name::<ActorRef>(Kind::Actor.name());
+    engine.register_type_with_name::<JointRef>(Kind::Joint.name());
+    engine.register_type_with_name::<CueRef>(Kind::Cue.name());
+    engine.register_type_with_name::<LookRef>(Kind::Look.name());
+    engine.register_type_with_name::<CameraRef>(Kind::Camera.name());
+    engine.register_type_with_name::<LightRef>(Kind::Light.name());
+    engine.register_type_with_name::<EffectRef>(Kind::Effect.name());
+}
+
+fn register(engine: &mut Engine, shared: &Arc<Shared>, def: &'static Def) {
+    let counts: BTreeSet<usize> = def.forms().iter().map(Vec::len).collect();
+    for count in counts {
+        let mut types = Vec::new();
+        if def.on != Kind::None {
+            types.push(type_id(def.on));
+        }
+        types.extend(std::iter::repeat_n(TypeId::of::<Dynamic>(), count));
+        // The engine lives as long as the hooks on the stage, which hold what is shared.
+        let shared = Arc::downgrade(shared);
+        engine.register_raw_fn(def.name, types, move |context, args| match shared.upgrade() {
+            Some(shared) => dispatch(&shared, def, &context, args),
+            None => Ok(Dynamic::UNIT),
+        });
+    }
+}
+
+fn dispatch(
+    shared: &Arc<Shared>,
+    def: &'static Def,
+    context: &NativeCallContext,
+    args: &mut [&mut Dynamic],
+) -> Result<Dynamic, Box<EvalAltResult>> {
+    let at = context.call_position();
+    let place = Place {
+        file: context.call_source().unwrap_or_default().to_string(),
+        line: at.line().unwrap_or(0),
+        column: at.position().unwrap_or(0),
+    };
+    let in_frame = hook::in_frame();
+    if in_frame && !def.frame {
+        return Err(throw(not_in_frames(def), place));
+    }
+    let stand_in = match def.gives {
+        Gives::Nothing => Some(Dynamic::UNIT),
+        Gives::Itself => Some(args[0].flatten_clone()),
+        Gives::A(kind) => Some(dead(kind)),
+        Gives::Value(_) => None,
+    };
+    if !in_frame && args.iter().any(|a| is_dead(a)) {
+        let mut silent = crate::call::ApiError::new("");
+        silent.silent = true;
+        return stand_in.ok_or_else(|| throw(silent, place));
+    }
+    let mut call = Call { shared, def, args, place: place.clone(), in_frame, context };
+    match (def.run)(&mut call) {
+        Ok(value) => Ok(value),
+        Err(error) => match stand_in {
+            Some(value) if !in_frame => {
+                shared.note(Severity::Error, &place, &error);
+                Ok(value)
+            }
+            _ => Err(Box::new(EvalAltResult::ErrorRuntime(Dynamic::from(Thrown { error, place }), at))),
+        },
+    }
+}
+
+fn not_in_frames(def: &Def) -> crate::call::ApiError {
+    let name = match def.on {
+        Kind::None => def.name.to_string(),
+        kind => format!("{}.{}", kind.name(), def.name),
+    };
+    let others: Vec<&str> =
+        api::all().filter(|d| d.on == def.on && d.frame && d.on != Kind::None).map(|d| d.name).collect();
+    crate::call::ApiError::new(format!("{name} cannot be used inside on_frame")).hint(
+        match others.as_slice() {
+            [] => "it builds the stage, once; call it before on_frame".to_string(),
+            some => format!(
+                "it builds the stage, once; what {} can change per frame: {}",
+                def.on.name(),
+                some.join(", ")
+            ),
+        },
+    )
+}

@@ -1,0 +1,347 @@
+//! The interpreter's errors in the words of this program.
+
+use crate::api;
+use crate::build::Shared;
+use crate::call::{ApiError, Def, Place};
+use crate::engine::REFUSED;
+use crate::limits::raise_hint;
+use crate::suggest::{closest, did_you_mean, list};
+use crate::value::Kind;
+use rhai::{Dynamic, EvalAltResult, LexError, ParseErrorType, Position};
+use std::collections::BTreeSet;
+use std::sync::PoisonError;
+
+/// What an API error is to the interpreter.
+#[derive(Clone, Debug)]
+pub struct Thrown {
+    pub error: ApiError,
+    pub place: Place,
+}
+
+pub fn throw(error: ApiError, place: Place) -> Box<EvalAltResult> {
+    Box::new(EvalAltResult::ErrorRuntime(Dynamic::from(Thrown { error, place }), Position::NONE))
+}
+
+pub fn refused(name: &str) -> ApiError {
+    let why = REFUSED.iter().find(|(n, _)| *n == name).map_or("", |(_, why)| why);
+    ApiError::new(format!("\"{name}\" cannot be used in a script: {why}"))
+}
+
+/// Where and what. `file`: the script that ran.
+pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, ApiError) {
+    let place = |at: Position| Place {
+        file: file.to_string(),
+        line: at.line().unwrap_or(0),
+        column: at.position().unwrap_or(0),
+    };
+    let plain = |text: String, at: Position| (place(at), ApiError::new(text));
+    match error {
+        EvalAltResult::ErrorInFunctionCall(_, source, inner, at) => {
+            let file = if source.is_empty() { file } else { source };
+            let (mut inside, error) = explain(inner, file, shared);
+            if inside.line == 0 {
+                inside = place(*at);
+            }
+            (inside, error)
+        }
+        EvalAltResult::ErrorInModule(source, inner, at) => {
+            let file = if source.is_empty() { file } else { source };
+            let (inside, error) = explain(inner, file, shared);
+            if inside.line == 0 { (place(*at), error) } else { (inside, error) }
+        }
+        EvalAltResult::ErrorRuntime(value, at) => runtime(value, place(*at)),
+        EvalAltResult::ErrorParsing(kind, at) => (place(*at), parsing(kind, &place(*at), shared)),
+        EvalAltResult::ErrorVariableNotFound(name, at) => {
+            (place(*at), unknown_variable(name, &place(*at), shared))
+        }
+        EvalAltResult::ErrorFunctionNotFound(signature, at) => {
+            (place(*at), unknown_function(signature, shared))
+        }
+        EvalAltResult::ErrorModuleNotFound(name, at) => plain(format!("unknown module \"{name}\""), *at),
+        EvalAltResult::ErrorTerminated(limit, at) => (place(*at), limit_reached(limit, shared)),
+        EvalAltResult::ErrorStackOverflow(at) => {
+            let levels = shared.limits.call_levels;
+            let error =
+                ApiError::new("functions call each other too deeply; does one call itself without end?")
+                    .hint(raise_hint("call_levels", format!("{levels} levels")));
+            (place(*at), error)
+        }
+        EvalAltResult::ErrorDataTooLarge(what, at) => (place(*at), too_large(what, shared)),
+        EvalAltResult::ErrorTooManyVariables(at) => {
+            let error = ApiError::new("too many variables at once")
+                .hint(raise_hint("variables", shared.limits.variables));
+            (place(*at), error)
+        }
+        EvalAltResult::ErrorTooManyModules(at) => {
+            let error =
+                ApiError::new("too many imported files").hint(raise_hint("modules", shared.limits.modules));
+            (place(*at), error)
+        }
+        EvalAltResult::ErrorMismatchDataType(wanted, got, at) => {
+            plain(format!("{} is needed here, got {}", type_word(wanted), type_word(got)), *at)
+        }
+        EvalAltResult::ErrorPropertyNotFound(name, at) => plain(format!("unknown property \"{name}\""), *at),
+        EvalAltResult::ErrorDotExpr(text, at) => {
+            // `Unknown property 'foo' - a getter is not registered for type 'Actor'`.
+            let mut quoted = text.split('\'').skip(1).step_by(2);
+            match (quoted.next(), quoted.next()) {
+                (Some(name), Some(kind)) => (place(*at), unknown_member(name, kind)),
+                _ => plain(text.clone(), *at),
+            }
+        }
+        EvalAltResult::ErrorIndexingType(kind, at) => {
+            plain(format!("{} cannot be indexed with []", a_type_word(kind)), *at)
+        }
+        EvalAltResult::ErrorArrayBounds(len, index, at) => {
+            plain(format!("index {index} is outside this array, which has {len} elements"), *at)
+        }
+        EvalAltResult::ErrorStringBounds(len, index, at) => {
+            plain(format!("index {index} is outside this text, which has {len} characters"), *at)
+        }
+        EvalAltResult::ErrorFor(at) => {
+            plain("only arrays, ranges, maps and texts can be gone through with for".to_string(), *at)
+        }
+        other => {
+            let at = other.position();
+            let mut bare = clone_without_position(other);
+            if let Some((text, _)) = bare.split_once(" (line ") {
+                bare = text.to_string();
+            }
+            plain(lower_first(&bare), at)
+        }
+    }
+}
+
+fn clone_without_position(error: &EvalAltResult) -> String {
+    error.to_string()
+}
+
+fn runtime(value: &Dynamic, place: Place) -> (Place, ApiError) {
+    if let Some(thrown) = value.read_lock::<Thrown>() {
+        let own = thrown.place.line > 0;
+        return (if own { thrown.place.clone() } else { place }, thrown.error.clone());
+    }
+    let text = match value.clone().into_string() {
+        Ok(text) if !text.is_empty() => text,
+        _ if value.is_unit() => "the script gave up (throw)".to_string(),
+        _ => format!("the script gave up: {value}"),
+    };
+    (place, ApiError::new(text))
+}
+
+fn limit_reached(limit: &Dynamic, shared: &Shared) -> ApiError {
+    let name = limit.clone().into_string().unwrap_or_default();
+    let limits = &shared.limits;
+    match name.as_str() {
+        "frame_operations" => {
+            ApiError::new("this on_frame callback takes too many steps; does a loop never end?")
+                .hint(raise_hint(&name, format!("{} steps a call", limits.frame_operations)))
+        }
+        "seconds" => ApiError::new("the script takes too long; does a loop never end?")
+            .hint(raise_hint(&name, format!("{} s", limits.seconds))),
+        "memory" => ApiError::new("the script uses too much memory")
+            .hint(raise_hint(&name, format!("{} bytes", limits.memory))),
+        _ => ApiError::new("the script takes too many steps; does a loop never end?")
+            .hint(raise_hint("operations", format!("{} steps", limits.operations))),
+    }
+}
+
+fn too_large(what: &str, shared: &Shared) -> ApiError {
+    let limits = &shared.limits;
+    let lower = what.to_lowercase();
+    if lower.contains("string") {
+        ApiError::new("this text grows too long")
+            .hint(raise_hint("string", format!("{} bytes", limits.string)))
+    } else if lower.contains("map") {
+        ApiError::new("this object map grows too large")
+            .hint(raise_hint("map", format!("{} entries", limits.map)))
+    } else {
+        ApiError::new("this array grows too large")
+            .hint(raise_hint("array", format!("{} elements", limits.array)))
+    }
+}
+
+fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
+    let word_refused = |word: &str| REFUSED.iter().any(|(n, _)| *n == word);
+    match kind {
+        ParseErrorType::VariableUndefined(name) => unknown_variable(name, place, shared),
+        ParseErrorType::ModuleUndefined(name) => ApiError::new(format!("unknown module \"{name}\""))
+            .hint(format!("write import \"file\" as {name}; before it is used")),
+        ParseErrorType::Reserved(word) if word_refused(word) => refused(word),
+        ParseErrorType::BadInput(LexError::ImproperSymbol(word, _)) if word_refused(word) => refused(word),
+        ParseErrorType::Reserved(word) => {
+            ApiError::new(format!("\"{word}\" is a reserved word and cannot be a name"))
+        }
+        ParseErrorType::UnexpectedEOF => ApiError::new("the script ends too early; is a bracket left open?"),
+        ParseErrorType::BadInput(LexError::UnterminatedString) => {
+            ApiError::new("this text has no closing quote")
+        }
+        ParseErrorType::ExprTooDeep => {
+            ApiError::new("this expression is nested too deeply").hint("give its parts names with let")
+        }
+        ParseErrorType::TooManyFunctions => ApiError::new("too many functions in one file")
+            .hint(raise_hint("functions", shared.limits.functions)),
+        ParseErrorType::LiteralTooLarge(what, _) => too_large(what, shared),
+        ParseErrorType::MissingToken(token, why) => {
+            ApiError::new(format!("expected {} {}", quote(token), why.trim()))
+        }
+        ParseErrorType::AssignmentToConstant(name) => {
+            ApiError::new(format!("\"{name}\" is a constant and cannot be changed"))
+        }
+        other => ApiError::new(lower_first(&other.to_string())),
+    }
+}
+
+fn quote(token: &str) -> String {
+    if token.chars().all(|c| c.is_ascii_punctuation()) { format!("\"{token}\"") } else { token.to_string() }
+}
+
+fn unknown_variable(name: &str, place: &Place, shared: &Shared) -> ApiError {
+    let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
+    let text = sources.get(&place.file).cloned().unwrap_or_default();
+    drop(sources);
+    let mut known = declared(&text, place.line);
+    let below = declared(&text, usize::MAX);
+    known.extend(["PI".to_string(), "TAU".to_string()]);
+    let error = ApiError::new(format!(
+        "unknown variable \"{name}\"{}",
+        did_you_mean(name, known.iter().map(String::as_str).filter(|k| *k != name))
+    ));
+    if known.contains(name) {
+        return error.hint("a function sees its parameters only: pass it as one");
+    }
+    if below.contains(name) {
+        return error.hint("it is declared further down: move that line up");
+    }
+    if api::all().any(|d| d.name == name && d.on == Kind::None) {
+        return error.hint(format!("{name} is a function: write {name}(…)"));
+    }
+    error
+}
+
+/// Names that the lines up to `line` declare: a rough reading of the text, for suggestions only.
+fn declared(text: &str, line: usize) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    for row in text.lines().take(line) {
+        let code = row.split("//").next().unwrap_or("");
+        let words: Vec<&str> = code.split(|c: char| !(c.is_alphanumeric() || c == '_')).collect();
+        let words: Vec<&str> = words.into_iter().filter(|w| !w.is_empty()).collect();
+        for pair in words.windows(2) {
+            if matches!(pair[0], "let" | "const" | "for" | "as") {
+                names.insert(pair[1].to_string());
+            }
+        }
+        if let Some((_, parameters)) = code.split_once("fn ").and_then(|(_, f)| f.split_once('(')) {
+            let parameters = parameters.split(')').next().unwrap_or("");
+            names.extend(parameters.split(',').map(|p| p.trim().to_string()).filter(|p| !p.is_empty()));
+        }
+    }
+    names
+}
+
+/// `signature`: `name (type, type)`.
+fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
+    let (name, types) = signature.split_once(" (").unwrap_or((signature, ")"));
+    let types = types.trim_end_matches(')').replace("&str | ImmutableString | String", "text");
+    let types: Vec<&str> = types.split(", ").filter(|t| !t.is_empty()).collect();
+    let got = || types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
+    if !name.starts_with(|c: char| c.is_alphabetic() || c == '_') {
+        let what = match types.as_slice() {
+            [a] => format!("{name} {}", type_word(a)),
+            [a, b] => format!("{} {name} {}", type_word(a), type_word(b)),
+            _ => signature.to_string(),
+        };
+        return ApiError::new(format!("cannot compute {what}"));
+    }
+    let same: Vec<&Def> = api::all().filter(|d| d.name == name).collect();
+    let receiver = types.first().and_then(|t| Kind::from_name(t));
+    if let Some(kind) = receiver {
+        if let Some(def) = same.iter().find(|d| d.on == kind) {
+            return ApiError::new(format!("write {}, not {} arguments", def.usage(), types.len() - 1))
+                .hint(format!("{}.{}: {}", kind.name(), def.name, def.about));
+        }
+        return unknown_member(name, kind.name());
+    }
+    if let Some(def) = same.iter().find(|d| d.on == Kind::None) {
+        return ApiError::new(format!("write {}, not {} arguments", def.usage(), types.len()))
+            .hint(format!("{}: {}", def.name, def.about));
+    }
+    if let Some((_, args, about)) = api::maths::FUNCTIONS.iter().find(|f| f.0 == name) {
+        return ApiError::new(format!("write {name}({args}) with numbers, not {name}({})", got()))
+            .hint(format!("{name}: {about}"));
+    }
+    if let Some(def) = same.first() {
+        let kinds: Vec<&str> = same.iter().map(|d| d.on.name()).collect();
+        return ApiError::new(format!(
+            "{name} is a method of {}, not of {}",
+            kinds.join(", "),
+            match types.first() {
+                Some(t) => type_word(t),
+                None => "nothing".to_string(),
+            }
+        ))
+        .hint(format!("write x.{}", def.usage()));
+    }
+    let own = shared.functions.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    if let Some((_, count)) = own.iter().find(|(n, _)| n == name) {
+        return ApiError::new(format!("{name} takes {count} arguments, not {}", types.len()));
+    }
+    let globals = api::all().filter(|d| d.on == Kind::None).map(|d| d.name);
+    let known: Vec<&str> = globals
+        .chain(api::maths::FUNCTIONS.iter().map(|f| f.0))
+        .chain(own.iter().map(|(n, _)| n.as_str()))
+        .collect();
+    ApiError::new(format!("unknown function \"{name}\"{}", did_you_mean(name, known.iter().copied())))
+        .hint(format!("called with ({})", got()))
+}
+
+fn unknown_member(name: &str, kind: &str) -> ApiError {
+    let Some(on) = Kind::from_name(kind) else {
+        return ApiError::new(format!("{} has no \"{name}\"", a_type_word(kind)));
+    };
+    let methods: Vec<&str> = api::all().filter(|d| d.on == on).map(|d| d.name).collect();
+    if methods.contains(&name) {
+        return ApiError::new(format!("{name} is a method of {kind}: write .{name}(…)"));
+    }
+    let others: Vec<&str> =
+        api::all().filter(|d| d.name == name && d.on != Kind::None).map(|d| d.on.name()).collect();
+    let suggestion = match closest(name, methods.iter().copied()) {
+        Some(close) => format!("; did you mean \"{close}\"?"),
+        None if !others.is_empty() => format!("; it is a method of {}", others.join(", ")),
+        None => String::new(),
+    };
+    ApiError::new(format!("{kind} has no method \"{name}\"{suggestion}"))
+        .hint(format!("methods of {kind}: {}", list(methods, 40)))
+}
+
+/// A type in the words of scripts.
+fn type_word(rust: &str) -> String {
+    match rust {
+        "i64" | "int" => "int",
+        "f64" | "float" => "float",
+        "()" => "nothing",
+        "string" | "text" | "ImmutableString" | "&str" => "text",
+        "array" => "array",
+        "map" => "object map",
+        "Fn" => "function",
+        other => other.rsplit("::").next().unwrap_or(other),
+    }
+    .to_string()
+}
+
+fn a_type_word(rust: &str) -> String {
+    let word = type_word(rust);
+    let article =
+        if word.starts_with(['A', 'E', 'I', 'O', 'U', 'a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };
+    format!("{article} {word}")
+}
+
+fn lower_first(text: &str) -> String {
+    let mut chars = text.chars();
+    match chars.next() {
+        Some(c) if !text.chars().nth(1).is_some_and(char::is_uppercase) => {
+            c.to_lowercase().chain(chars).collect()
+        }
+        _ => text.to_string(),
+    }
+}

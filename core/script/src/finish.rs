@@ -1,0 +1,225 @@
+//! From drafts to a stage: times, positions and references are settled, mistakes that no single call shows are found.
+
+use crate::api::camera::{DEFAULT_AZIMUTH, DEFAULT_ELEVATION};
+use crate::api::cue;
+use crate::build::{ActorDraft, Build, CameraDraft, Shared};
+use crate::call::{ApiError, Place};
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::hook::{HookDraft, ScriptHook};
+use choreo_motion::Time;
+use choreo_stage::*;
+use glam::{DQuat, DVec3};
+use rhai::Engine;
+use std::sync::{Arc, PoisonError};
+
+/// Empties the build into a stage; what is wrong is noted among the build's diagnostics.
+pub fn finish(shared: &Arc<Shared>, engine: &Arc<Engine>, identity: &str) -> Stage {
+    let mut stage = Stage::default();
+    let mut notes: Vec<(Severity, Place, ApiError)> = Vec::new();
+    let hooks;
+    {
+        let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
+        stage.settings = build.settings.clone();
+        crate::check::before(&build, &mut notes);
+        let layers = layers(&build, &mut notes);
+        cycles(&build, &mut notes);
+        stage.actors = std::mem::take(&mut build.actors).into_iter().zip(layers).map(actor).collect();
+        stage.cameras =
+            std::mem::take(&mut build.cameras).into_iter().map(|draft| camera(draft, &mut notes)).collect();
+        let mut cuts = std::mem::take(&mut build.cuts);
+        cuts.sort_by_key(|(at, _, _)| *at);
+        stage.cuts = cuts.into_iter().map(|(at, camera, _)| Cut { at, camera }).collect();
+        stage.lights = std::mem::take(&mut build.lights);
+        stage.effects = std::mem::take(&mut build.effects);
+        hooks = std::mem::take(&mut build.hooks);
+        build.bound.clear();
+        build.shapes.clear();
+        build.cues.clear();
+        build.chains.clear();
+    }
+    for (severity, place, error) in notes {
+        shared.note(severity, &place, &error);
+    }
+    add_hooks(&mut stage, hooks, shared, engine, identity);
+    let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
+    if !build.has_errors() {
+        for problem in stage.check() {
+            build.note(Diagnostic::error(problem.to_string()));
+        }
+    }
+    stage
+}
+
+/// Every hook runs once at time 0: its mistakes are found now, not in the middle of a render.
+fn add_hooks(
+    stage: &mut Stage,
+    hooks: Vec<HookDraft>,
+    shared: &Arc<Shared>,
+    engine: &Arc<Engine>,
+    identity: &str,
+) {
+    for draft in hooks {
+        let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, identity);
+        if let Err(diagnostics) = hook.try_at(Time::ZERO) {
+            let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
+            for diagnostic in diagnostics {
+                build.note(diagnostic);
+            }
+        }
+        stage.hooks.push(Arc::new(hook));
+    }
+}
+
+/// The layers of every actor: the base first, then each chain with a mask, in the order of the script.
+fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Vec<Vec<Layer>> {
+    let times = cue::all_times(build);
+    let mut layers: Vec<Vec<Layer>> = build.actors.iter().map(|_| vec![Layer::default()]).collect();
+    // Layer of each chain, within its actor.
+    let mut slots = Vec::with_capacity(build.chains.len());
+    for chain in &build.chains {
+        let of_actor = &mut layers[chain.actor];
+        slots.push(match &chain.mask {
+            None => 0,
+            Some(mask) => {
+                of_actor.push(Layer { mask: Some(Arc::new(mask.clone())), cues: Vec::new() });
+                of_actor.len() - 1
+            }
+        });
+    }
+    // Where a cue of the chain takes over, the one before it is over.
+    let mut taken_over: Vec<Option<Time>> = vec![None; build.cues.len()];
+    for (id, draft) in build.cues.iter().enumerate() {
+        if let (Some(before), None) = (draft.after, draft.start) {
+            taken_over[before] = Some(times[id].0);
+        }
+    }
+    for (id, draft) in build.cues.iter().enumerate() {
+        let chain = &build.chains[draft.chain];
+        let layer = chain.mask.is_some();
+        let (start, end) = times[id];
+        if let Some(until) = draft.until
+            && until <= start
+        {
+            let error = ApiError::new(format!(
+                "clip \"{}\" would end at {} s, before it starts at {} s",
+                draft.clip.name,
+                until.as_secs(),
+                start.as_secs()
+            ));
+            notes.push((Severity::Error, draft.at.clone(), error));
+            continue;
+        }
+        let repeat = draft.repeats(layer);
+        // On the base layer the last pose of a clip played once is held anyway.
+        let natural = layer || draft.until.is_some();
+        layers[chain.actor][slots[draft.chain]].cues.push(Cue {
+            clip: draft.clip.clone(),
+            start,
+            end: taken_over[id].or(if natural { end } else { None }),
+            fade_in: draft.fade_in,
+            fade_out: draft.fade_out.unwrap_or(if layer { draft.fade_in } else { Time::ZERO }),
+            ease: draft.ease,
+            speed: if draft.reverse { -draft.speed } else { draft.speed },
+            trim: draft.part(),
+            repeat,
+            weight: draft.weight,
+        });
+    }
+    for of_actor in &mut layers {
+        for layer in of_actor.iter_mut() {
+            layer.cues.sort_by_key(|c| c.start);
+        }
+        if of_actor.len() == 1 && of_actor[0].cues.is_empty() {
+            of_actor.clear();
+        }
+    }
+    layers
+}
+
+fn actor((draft, layers): (ActorDraft, Vec<Layer>)) -> Actor {
+    let mut actor = draft.actor;
+    actor.layers = layers;
+    if let Some(point) = draft.face_point {
+        let d = point - actor.transform.translation;
+        if DVec3::new(d.x, 0.0, d.z).length() > 1e-9 {
+            // Characters look along +z.
+            let yaw = DQuat::from_rotation_y(libm::atan2(d.x, d.z));
+            actor.transform.rotation = (yaw * actor.transform.rotation).normalize();
+        }
+    }
+    actor
+}
+
+fn camera(draft: CameraDraft, notes: &mut Vec<(Severity, Place, ApiError)>) -> Camera {
+    let projection = match draft.ortho {
+        Some(height) => {
+            // A far plane is needed to map depth; this one is beyond any stage.
+            Projection::Orthographic { height, near: draft.near, far: draft.far.unwrap_or(10_000.0) }
+        }
+        None => {
+            let Projection::Perspective { yfov, .. } = Projection::default() else {
+                unreachable!("the default camera has perspective")
+            };
+            Projection::Perspective {
+                yfov: draft.perspective.unwrap_or(yfov),
+                near: draft.near,
+                far: draft.far,
+            }
+        }
+    };
+    let mut note = |text: String| notes.push((Severity::Error, draft.at.clone(), ApiError::new(text)));
+    let name = &draft.name;
+    if let Some(far) = draft.far
+        && far <= draft.near
+    {
+        note(format!("camera \"{name}\": far must be more than near, got {far} and {}", draft.near));
+    }
+    let keyed = |property| draft.channels.iter().any(|c: &Channel| c.property == property);
+    if draft.ortho.is_some() && keyed(Property::FieldOfView) {
+        note(format!("camera \"{name}\" has no perspective, so its fov cannot be keyed"));
+    }
+    let placed = draft.position.is_some() || draft.look_at.is_some() || draft.rotation != DQuat::IDENTITY;
+    let fixed = draft.rig.is_none()
+        && (placed || !draft.channels.iter().all(|c| c.property == Property::FieldOfView));
+    if keyed(Property::Rotation) && (!fixed || draft.look_at.is_some()) {
+        note(format!("camera \"{name}\" looks at its target, so its rotation cannot be keyed"));
+    }
+    let follows = matches!(draft.rig, Some(Rig::Follow { .. }));
+    if keyed(Property::Translation) && !fixed && !follows {
+        note(format!("camera \"{name}\" moves by itself, so its position cannot be keyed"));
+    }
+    if draft.rig.is_some() && placed {
+        note(format!("camera \"{name}\" cannot both stand somewhere and follow, orbit or frame"));
+    }
+    let rig = draft.rig.unwrap_or(if fixed {
+        // Where a person would stand to look at another.
+        let position = draft.position.unwrap_or(DVec3::new(0.0, 1.6, 5.0));
+        Rig::Fixed { position, rotation: draft.rotation, look_at: draft.look_at }
+    } else {
+        Rig::Frame { azimuth: DEFAULT_AZIMUTH.to_radians(), elevation: DEFAULT_ELEVATION.to_radians() }
+    });
+    Camera { name: draft.name, projection, rig, channels: draft.channels }
+}
+
+/// Actors attached to themselves by way of others.
+fn cycles(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
+    let mut seen = vec![0usize; build.actors.len()];
+    for first in 0..build.actors.len() {
+        let mut at = first;
+        // Marks of this walk; earlier marks lead to no new cycle.
+        while seen[at] == 0 {
+            seen[at] = first + 1;
+            match &build.actors[at].actor.parent {
+                Some(parent) => at = parent.actor,
+                None => break,
+            }
+            if seen[at] == first + 1 {
+                let draft = &build.actors[at];
+                let through = draft.actor.parent.map_or("", |p| build.actors[p.actor].actor.name.as_str());
+                let text =
+                    format!("actor \"{}\" is attached to itself, by way of \"{through}\"", draft.actor.name);
+                notes.push((Severity::Error, draft.at.clone(), ApiError::new(text)));
+            }
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! `on_frame` callbacks: closures of the script run as pure functions of the time.
+
+use crate::build::Shared;
+use crate::call::{ApiError, Place};
+use crate::diagnostic::Severity;
+use crate::errors;
+use choreo_motion::Time;
+use choreo_stage::{FrameEdits, FrameHook, StageError};
+#[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
+use rhai::NativeCallContextStore;
+use rhai::{Dynamic, Engine, FnPtr};
+use std::cell::RefCell;
+use std::sync::Arc;
+
+thread_local! {
+    /// The edits of the callback that runs on this thread. Handle methods find them here, since a method is one
+    /// function whether it is called while the stage is built or for a frame, and frames run on many threads.
+    static FRAME: RefCell<Option<FrameEdits>> = const { RefCell::new(None) };
+}
+
+pub fn in_frame() -> bool {
+    FRAME.with_borrow(Option::is_some)
+}
+
+/// Notes an edit of the frame being made.
+pub fn edit(change: impl FnOnce(&mut FrameEdits)) {
+    FRAME.with_borrow_mut(|frame| {
+        if let Some(edits) = frame {
+            change(edits);
+        }
+    });
+}
+
+/// A callback and where it was given.
+#[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
+pub struct HookDraft {
+    pub callback: FnPtr,
+    pub context: NativeCallContextStore,
+    pub at: Place,
+}
+
+#[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
+pub struct ScriptHook {
+    engine: Arc<Engine>,
+    callback: FnPtr,
+    context: NativeCallContextStore,
+    at: Place,
+    shared: Arc<Shared>,
+    identity: String,
+}
+
+impl std::fmt::Debug for ScriptHook {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "ScriptHook({}:{}:{})", self.at.file, self.at.line, self.at.column)
+    }
+}
+
+impl ScriptHook {
+    /// `script`: tells this script, its parameters and files from others.
+    pub fn new(engine: Arc<Engine>, shared: Arc<Shared>, draft: HookDraft, script: &str) -> ScriptHook {
+        let HookDraft { callback, context, at } = draft;
+        // Captured values follow from the script too, unless they are its own constants: all are in its hash.
+        let identity = format!("{script} {}:{}", at.line, at.column);
+        ScriptHook { engine, callback, context, at, shared, identity }
+    }
+
+    /// Runs the callback; the error as an interpreter error.
+    fn call(&self, time: Time, edits: &mut FrameEdits) -> Result<(), Box<rhai::EvalAltResult>> {
+        #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
+        let context = self.context.create_context(&self.engine);
+        FRAME.with_borrow_mut(|frame| *frame = Some(std::mem::take(edits)));
+        let result = self.callback.call_raw(&context, None, [Dynamic::from_float(time.as_secs())]);
+        if let Some(after) = FRAME.with_borrow_mut(Option::take) {
+            *edits = after;
+        }
+        result.map(|_| ())
+    }
+
+    pub fn try_at(&self, time: Time) -> Result<(), Vec<crate::Diagnostic>> {
+        self.call(time, &mut FrameEdits::default()).map_err(|e| self.explain(&e))
+    }
+
+    fn explain(&self, error: &rhai::EvalAltResult) -> Vec<crate::Diagnostic> {
+        let (mut place, error) = errors::explain(error, &self.at.file, &self.shared);
+        if place.line == 0 {
+            place = self.at.clone();
+        }
+        vec![self.shared.diagnose(Severity::Error, &place, &error)]
+    }
+}
+
+impl FrameHook for ScriptHook {
+    fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
+        self.call(time, edits).map_err(|e| {
+            let texts: Vec<String> = self.explain(&e).iter().map(ToString::to_string).collect();
+            StageError::Hook(texts.join("\n"))
+        })
+    }
+
+    fn identity(&self) -> String {
+        self.identity.clone()
+    }
+}
+
+/// The callback with everything that it captured made its own: a captured variable is shared between its calls, and
+/// one that a call changed would make the next frame depend on this one.
+pub fn own_captures(callback: &FnPtr) -> Result<FnPtr, ApiError> {
+    let mut own = callback.clone();
+    let mut left = MOST_CAPTURED;
+    let curry = callback.curry().iter().map(|v| deep(v, 0, &mut left)).collect::<Result<Vec<_>, _>>()?;
+    own.set_curry(curry);
+    Ok(own)
+}
+
+const MOST_CAPTURED: usize = 100_000;
+
+fn deep(value: &Dynamic, depth: usize, left: &mut usize) -> Result<Dynamic, ApiError> {
+    // A closure that captures the variable it is stored in would never end.
+    const DEEPEST: usize = 32;
+    *left = left.saturating_sub(1);
+    if depth > DEEPEST || *left == 0 {
+        return Err(ApiError::new("on_frame: the callback captures too much").hint(format!(
+            "at most {MOST_CAPTURED} values, {DEEPEST} levels deep; does a captured variable hold the callback itself?"
+        )));
+    }
+    let flat = value.flatten_clone();
+    if let Some(array) = flat.read_lock::<rhai::Array>() {
+        let own = array.iter().map(|v| deep(v, depth + 1, left)).collect::<Result<rhai::Array, _>>()?;
+        return Ok(Dynamic::from_array(own));
+    }
+    if let Some(map) = flat.read_lock::<rhai::Map>() {
+        let own: Result<rhai::Map, ApiError> =
+            map.iter().map(|(k, v)| Ok((k.clone(), deep(v, depth + 1, left)?))).collect();
+        return Ok(Dynamic::from_map(own?));
+    }
+    if let Some(pointer) = flat.read_lock::<FnPtr>() {
+        let mut own = pointer.clone();
+        let curry =
+            pointer.curry().iter().map(|v| deep(v, depth + 1, left)).collect::<Result<Vec<_>, _>>()?;
+        own.set_curry(curry);
+        return Ok(Dynamic::from(own));
+    }
+    Ok(flat)
+}

@@ -1,0 +1,116 @@
+//! `import "steps" as steps;`: other scripts, from the script's own folder only.
+
+use crate::build::Shared;
+use crate::call::{ApiError, Place};
+use crate::engine::constants;
+use crate::errors::throw;
+use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Shared as RhaiShared};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+pub struct Modules {
+    shared: Weak<Shared>,
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    loaded: BTreeMap<PathBuf, RhaiShared<Module>>,
+    /// Being evaluated now, outermost first: importing one of these again would never end.
+    open: Vec<(PathBuf, String)>,
+    /// Canonical folder of each module by the name in messages.
+    folders: BTreeMap<String, PathBuf>,
+}
+
+impl Modules {
+    pub fn new(shared: Arc<Shared>) -> Modules {
+        // Weak: the engine belongs to what is shared by way of the hooks' contexts.
+        Modules { shared: Arc::downgrade(&shared), state: Mutex::default() }
+    }
+
+    fn state(&self) -> std::sync::MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl ModuleResolver for Modules {
+    fn resolve(
+        &self,
+        engine: &Engine,
+        source: Option<&str>,
+        path: &str,
+        at: Position,
+    ) -> Result<RhaiShared<Module>, Box<EvalAltResult>> {
+        let place = Place {
+            file: source.unwrap_or_default().to_string(),
+            line: at.line().unwrap_or(0),
+            column: at.position().unwrap_or(0),
+        };
+        let fail = |error: ApiError| throw(error.focus(path), place.clone());
+        let Some(shared) = self.shared.upgrade() else {
+            return Err(fail(ApiError::new("modules cannot be imported inside on_frame")));
+        };
+        let name = if path.ends_with(".rhai") { path.to_string() } else { format!("{path}.rhai") };
+        let folders = shared.loader.folders().base_only();
+        let start = source.and_then(|s| self.state().folders.get(s).cloned());
+        let found = folders.find(start.as_deref(), &name).map_err(|e| {
+            let mut error = ApiError::new(e.message);
+            error.hint = e.hint.map(|_| "modules are imported from the script's own folder only".to_string());
+            fail(error)
+        })?;
+        if let Some(module) = self.state().loaded.get(&found.path) {
+            return Ok(module.clone());
+        }
+        if let Some(first) = self.state().open.iter().position(|(p, _)| *p == found.path) {
+            let mut chain: Vec<String> = self.state().open[first..].iter().map(|(_, n)| n.clone()).collect();
+            chain.push(name.clone());
+            return Err(fail(ApiError::new(format!(
+                "modules import each other in a circle: {}",
+                chain.join(" → ")
+            ))));
+        }
+        let text = read_text(&shared, &found, &name).map_err(fail)?;
+        shared
+            .sources
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .insert(name.clone(), text.as_str().into());
+        if let Some(folder) = found.path.parent() {
+            self.state().folders.insert(name.clone(), folder.to_path_buf());
+        }
+        let mut ast = engine
+            .compile_with_scope(&constants(), &text)
+            .map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
+        ast.set_source(name.as_str());
+        self.state().open.push((found.path.clone(), name.clone()));
+        let module = Module::eval_ast_as_new(constants(), &ast, engine);
+        self.state().open.pop();
+        let module: RhaiShared<Module> =
+            module.map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e, at)))?.into();
+        self.state().loaded.insert(found.path, module.clone());
+        Ok(module)
+    }
+}
+
+/// Reads a script: UTF-8, of a size that a person could have written.
+pub fn read_text(shared: &Shared, found: &crate::folders::Found, name: &str) -> Result<String, ApiError> {
+    const LARGEST: usize = 4 << 20;
+    let bytes = shared
+        .loader
+        .folders()
+        .read(found, name)
+        .map_err(|e| ApiError { hint: e.hint, ..ApiError::new(e.message) })?;
+    if bytes.len() > LARGEST {
+        return Err(ApiError::new(format!(
+            "\"{name}\" has {} bytes; a script may have {LARGEST}",
+            bytes.len()
+        )));
+    }
+    shared.loader.note_used(&found.path, &bytes);
+    String::from_utf8(bytes).map_err(|e| {
+        let good = &e.as_bytes()[..e.utf8_error().valid_up_to()];
+        let line = good.iter().filter(|b| **b == b'\n').count() + 1;
+        ApiError::new(format!("\"{name}\" is not a text file: line {line} is not UTF-8"))
+    })
+}

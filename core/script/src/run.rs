@@ -1,0 +1,234 @@
+//! From a script file to a stage.
+
+use crate::build::{Build, Parameter, Shared};
+use crate::call::{ApiError, Place};
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::engine;
+use crate::errors;
+use crate::finish::finish;
+use crate::folders::{Folders, LoadError};
+use crate::limits::Limits;
+use crate::loader::Loader;
+use crate::modules::read_text;
+use crate::suggest::{did_you_mean, list};
+use choreo_plugin::{Needs, Registry};
+use choreo_stage::Stage;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct ScriptOptions {
+    /// Folders besides the script's own in which `load` looks, in order.
+    pub search_paths: Vec<PathBuf>,
+    /// `--set name=value`; of equal names the last counts.
+    pub set: Vec<(String, String)>,
+    pub limits: Limits,
+    /// What the caller will use of the assets.
+    pub needs: Needs,
+}
+
+impl Default for ScriptOptions {
+    fn default() -> Self {
+        ScriptOptions {
+            search_paths: Vec::new(),
+            set: Vec::new(),
+            limits: Limits::default(),
+            needs: Needs::ALL,
+        }
+    }
+}
+
+/// What a script made.
+#[derive(Clone, Debug)]
+pub struct Script {
+    pub stage: Stage,
+    /// Canonical paths of all that was read, the script included; sorted.
+    pub files_used: Vec<PathBuf>,
+    /// Of the script's text, its parameters and the content of all files used.
+    pub script_hash: [u8; 32],
+    pub warnings: Vec<Diagnostic>,
+    /// In the order of the script.
+    pub parameters: Vec<Parameter>,
+    /// Lines of `print` and `debug`.
+    pub printed: Vec<String>,
+}
+
+/// Runs a script file. The errors are all that could be found in one run, in the order of their finding.
+pub fn run_file(
+    path: &Path,
+    registry: &Registry,
+    options: &ScriptOptions,
+) -> Result<Script, Vec<Diagnostic>> {
+    let shown = path.display().to_string();
+    let fail = |e: LoadError| {
+        let mut d = Diagnostic::error(e.message);
+        d.hint = e.hint;
+        vec![d]
+    };
+    let Some(name) = path.file_name().map(|n| n.to_string_lossy().into_owned()) else {
+        return Err(vec![Diagnostic::error(format!("\"{shown}\" is not a script file"))]);
+    };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let folders = Folders::new(folder, &options.search_paths, options.limits.file).map_err(fail)?;
+    // The script itself may be a link to elsewhere: the user named it. What it loads may not.
+    let text = {
+        let canonical = path
+            .canonicalize()
+            .map_err(|e| vec![Diagnostic::error(format!("cannot read script \"{shown}\": {e}"))])?;
+        if !canonical.is_file() {
+            return Err(vec![Diagnostic::error(format!("cannot read script \"{shown}\": it is not a file"))]);
+        }
+        let shared = new_shared(folders, registry, options);
+        let found = crate::folders::Found { path: canonical };
+        let text = read_text(&shared, &found, &name).map_err(|e| {
+            let mut d = Diagnostic::error(e.message);
+            d.hint = e.hint;
+            vec![d]
+        })?;
+        (text, shared)
+    };
+    run(&shown, text.0, text.1)
+}
+
+/// Runs a script given as text; files are looked for in `base_dir`.
+pub fn run_text(
+    name: &str,
+    text: &str,
+    base_dir: &Path,
+    registry: &Registry,
+    options: &ScriptOptions,
+) -> Result<Script, Vec<Diagnostic>> {
+    let folders = Folders::new(base_dir, &options.search_paths, options.limits.file).map_err(|e| {
+        let mut d = Diagnostic::error(e.message);
+        d.hint = e.hint;
+        vec![d]
+    })?;
+    run(name, text.to_string(), new_shared(folders, registry, options))
+}
+
+fn new_shared(folders: Folders, registry: &Registry, options: &ScriptOptions) -> Arc<Shared> {
+    Arc::new(Shared {
+        build: Mutex::new(Build::default()),
+        loader: Loader::new(registry, folders, options.needs),
+        limits: options.limits.clone(),
+        set: options.set.clone(),
+        sources: Mutex::default(),
+        functions: Mutex::default(),
+        deadline: Mutex::default(),
+    })
+}
+
+/// On a thread of its own: its stack is known to hold the deepest calls and expressions that the limits allow,
+/// whatever thread this is called on.
+fn run(name: &str, text: String, shared: Arc<Shared>) -> Result<Script, Vec<Diagnostic>> {
+    const STACK: usize = 64 << 20;
+    let name = name.to_string();
+    let worker = std::thread::Builder::new().name("script".into()).stack_size(STACK);
+    let started = worker.spawn(move || run_here(&name, &text, &shared));
+    match started.map(std::thread::JoinHandle::join) {
+        Ok(Ok(result)) => result,
+        Ok(Err(panic)) => std::panic::resume_unwind(panic),
+        Err(e) => Err(vec![Diagnostic::error(format!("cannot start a thread for the script: {e}"))]),
+    }
+}
+
+fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<Diagnostic>> {
+    shared.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
+    let engine = Arc::new(engine::engine(shared));
+    let failed = |error: &rhai::EvalAltResult| {
+        let (place, error) = errors::explain(error, name, shared);
+        shared.note(Severity::Error, &place, &error);
+    };
+    match engine.compile_with_scope(&engine::constants(), text) {
+        Err(e) => failed(&e.into()),
+        Ok(mut ast) => {
+            ast.set_source(name);
+            *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) =
+                ast.iter_functions().map(|f| (f.name.to_string(), f.params.len())).collect();
+            let limit = Duration::try_from_secs_f64(shared.limits.seconds).unwrap_or(Duration::MAX);
+            *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) =
+                Instant::now().checked_add(limit);
+            let result = engine.run_ast_with_scope(&mut engine::constants(), &ast);
+            *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = None;
+            if let Err(e) = result {
+                failed(&e);
+            } else {
+                unknown_set_names(shared);
+            }
+        }
+    }
+    let script_hash = hash(text, shared);
+    let identity = hex(&script_hash);
+    let stage = finish(shared, &engine, &identity);
+    let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
+    let diagnostics = std::mem::take(&mut build.diagnostics);
+    if diagnostics.iter().any(|d| d.severity == Severity::Error) {
+        let mut errors: Vec<Diagnostic> =
+            diagnostics.into_iter().filter(|d| d.severity == Severity::Error).collect();
+        if build.more > 0 {
+            errors.push(Diagnostic::error(format!("and {} more", build.more)));
+        }
+        return Err(errors);
+    }
+    let mut stage = stage;
+    stage.warnings.extend(diagnostics.iter().map(ToString::to_string));
+    Ok(Script {
+        stage,
+        files_used: shared.loader.used().into_keys().collect(),
+        script_hash,
+        warnings: diagnostics,
+        parameters: std::mem::take(&mut build.parameters),
+        printed: std::mem::take(&mut build.printed),
+    })
+}
+
+/// Names given with `--set` that no `param` asked for.
+fn unknown_set_names(shared: &Shared) {
+    let known: Vec<String> = {
+        let build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
+        build.parameters.iter().map(|p| p.name.clone()).collect()
+    };
+    let names = || known.iter().map(String::as_str);
+    for (name, _) in &shared.set {
+        if known.contains(name) {
+            continue;
+        }
+        let error = ApiError::new(format!(
+            "--set: this script has no parameter \"{name}\"{}",
+            did_you_mean(name, names())
+        ))
+        .hint(match known.as_slice() {
+            [] => "it declares none; param(\"name\", default) declares one".to_string(),
+            _ => format!("parameters: {}", list(names(), 30)),
+        });
+        shared.note(Severity::Error, &Place::default(), &error);
+    }
+}
+
+fn hash(text: &str, shared: &Shared) -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    let mut add = |bytes: &[u8]| {
+        hasher.update(&(bytes.len() as u64).to_le_bytes());
+        hasher.update(bytes);
+    };
+    add(text.as_bytes());
+    {
+        let build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
+        for p in &build.parameters {
+            add(p.name.as_bytes());
+            add(p.value.as_bytes());
+        }
+    }
+    // Sorted by content: where the files lie does not matter.
+    let mut files: Vec<[u8; 32]> = shared.loader.used().into_values().collect();
+    files.sort_unstable();
+    for file in files {
+        add(&file);
+    }
+    *hasher.finalize().as_bytes()
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}

@@ -1,0 +1,104 @@
+//! What a script holds in its variables: handles onto the stage being built.
+//!
+//! A handle made by a call that failed is dead: whatever is done with it is skipped without a word, so that one
+//! wrong name is one message and the script goes on to its next mistake.
+
+use choreo_motion::Clip;
+use choreo_stage::Asset;
+use std::sync::Arc;
+
+/// Index of a dead handle.
+pub const DEAD: usize = usize::MAX;
+
+#[derive(Clone, Debug)]
+pub struct AssetRef {
+    pub asset: Arc<Asset>,
+    pub dead: bool,
+}
+
+#[derive(Clone, Debug)]
+pub struct ClipRef {
+    pub clip: Arc<Clip>,
+    pub asset: Arc<Asset>,
+    pub dead: bool,
+}
+
+#[derive(Clone, Debug)]
+pub struct ActorRef {
+    pub id: usize,
+    pub asset: Arc<Asset>,
+}
+
+#[derive(Clone, Debug)]
+pub struct JointRef {
+    pub actor: usize,
+    pub joint: u32,
+    pub asset: Arc<Asset>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct CueRef(pub usize);
+
+#[derive(Clone, Copy, Debug)]
+pub struct LookRef {
+    pub actor: usize,
+    pub index: usize,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct CameraRef(pub usize);
+
+#[derive(Clone, Copy, Debug)]
+pub struct LightRef(pub usize);
+
+#[derive(Clone, Copy, Debug)]
+pub struct EffectRef(pub usize);
+
+/// The types of handles, by the names that scripts and messages use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// No receiver: a function.
+    None,
+    Asset,
+    Clip,
+    Actor,
+    Joint,
+    Cue,
+    Look,
+    Camera,
+    Light,
+    Effect,
+}
+
+impl Kind {
+    pub const HANDLES: [Kind; 9] = [
+        Kind::Asset,
+        Kind::Clip,
+        Kind::Actor,
+        Kind::Joint,
+        Kind::Cue,
+        Kind::Look,
+        Kind::Camera,
+        Kind::Light,
+        Kind::Effect,
+    ];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::None => "",
+            Kind::Asset => "Asset",
+            Kind::Clip => "Clip",
+            Kind::Actor => "Actor",
+            Kind::Joint => "Joint",
+            Kind::Cue => "Cue",
+            Kind::Look => "Look",
+            Kind::Camera => "Camera",
+            Kind::Light => "Light",
+            Kind::Effect => "Effect",
+        }
+    }
+
+    pub fn from_name(name: &str) -> Option<Kind> {
+        Kind::HANDLES.into_iter().find(|k| k.name() == name)
+    }
+}

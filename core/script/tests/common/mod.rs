@@ -1,0 +1,193 @@
+//! A registry with an importer and an effect made for these tests, and folders of files for scripts.
+
+#![allow(dead_code, reason = "each test file uses a part")]
+
+use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time, Transform};
+use choreo_plugin::*;
+use choreo_script::{Diagnostic, Script, ScriptOptions, run_file, run_text};
+use choreo_stage::{Asset, AssetCamera, Mesh, MeshInstance, MorphTarget, Primitive, Projection, Topology};
+use glam::{Vec2, Vec3, Vec4};
+use std::path::{Path as FilePath, PathBuf};
+use std::sync::Arc;
+
+static TOY: Manifest = Manifest {
+    name: "toy",
+    version: "1",
+    about: "five joints and three clips",
+    extensions: &["toy"],
+    magic: &[],
+    options: &[
+        OptionSpec {
+            name: "height",
+            about: "in metres",
+            kind: OptionKind::Number { default: 1.8, min: 0.1, max: 10.0 },
+        },
+        OptionSpec {
+            name: "color",
+            about: "of the shirt",
+            kind: OptionKind::Text { default: "red", one_of: &["red", "teal"] },
+        },
+    ],
+};
+
+pub struct Toy;
+
+pub const JOINTS: [&str; 5] = ["Hips", "Spine", "Head", "LeftHand", "RightHand"];
+
+impl Importer for Toy {
+    fn manifest(&self) -> &Manifest {
+        &TOY
+    }
+    fn claim(&self, source: &Source) -> u8 {
+        if source.name == "choreo:toy" || source.extension() == "toy" { 50 } else { 0 }
+    }
+    /// The file's text gives a prefix for joint names; `other` makes joints that no one else has.
+    fn import(
+        &self,
+        source: &Source,
+        files: &dyn Files,
+        _: Needs,
+        _: &ImportOptions,
+    ) -> Result<Asset, ImportError> {
+        let text = String::from_utf8_lossy(&source.bytes).trim().to_string();
+        if text == "broken" {
+            return Err(ImportError {
+                file: source.name.clone(),
+                place: "byte 0".into(),
+                what: "this is broken".into(),
+                hint: Some("mend it".into()),
+            });
+        }
+        if let Some(beside) = text.strip_prefix("beside ") {
+            files.read(beside).map_err(|what| ImportError {
+                file: source.name.clone(),
+                place: "images[0]".into(),
+                what,
+                hint: None,
+            })?;
+        }
+        let prefix = if text.starts_with("mixamorig:") || text == "other_" { text.as_str() } else { "" };
+        let names = JOINTS.iter().map(|n| format!("{prefix}{n}")).collect();
+        let parents = vec![None, Some(0), Some(1), Some(1), Some(1)];
+        let rest = vec![Transform { translation: Vec3::Y * 0.5, ..Transform::IDENTITY }; 5];
+        let clip = |name: &str, secs: f64| {
+            let curve = Curve {
+                joint: 1,
+                path: Path::Translation,
+                interpolation: Interpolation::Linear,
+                times: Arc::from(vec![Time::ZERO, Time::from_secs(secs)]),
+                values: Arc::from(vec![0.0, 0.5, 0.0, 1.0, 0.5, 0.0]),
+            };
+            Arc::new(Clip::new(name.into(), 5, vec![curve]).unwrap())
+        };
+        let primitive = Primitive {
+            topology: Topology::Triangles,
+            indices: vec![0, 1, 2],
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            normals: vec![Vec3::Z; 3],
+            morphs: vec![MorphTarget { positions: vec![Vec3::Z; 3], ..MorphTarget::default() }],
+            ..Primitive::default()
+        };
+        let mesh = Mesh {
+            name: "body".into(),
+            primitives: vec![primitive],
+            morph_targets: 1,
+            morph_names: vec!["smile".into()],
+        };
+        Ok(Asset {
+            skeleton: Arc::new(Skeleton::new(names, parents, rest).unwrap()),
+            meshes: vec![Arc::new(mesh)],
+            instances: vec![MeshInstance { joint: 0, mesh: 0, skin: None, weights: vec![0.0] }],
+            cameras: vec![AssetCamera { name: "eye".into(), joint: 2, projection: Projection::default() }],
+            clips: vec![clip("Walk", 1.0), clip("Run", 0.8), clip("Wave", 2.0)],
+            ..Asset::default()
+        })
+    }
+}
+
+static GLOW: Manifest = Manifest {
+    name: "glow",
+    version: "1",
+    about: "for tests",
+    extensions: &[],
+    magic: &[],
+    options: &[OptionSpec {
+        name: "strength",
+        about: "how much",
+        kind: OptionKind::Number { default: 0.5, min: 0.0, max: 1.0 },
+    }],
+};
+
+pub struct Glow;
+
+impl Effect for Glow {
+    fn manifest(&self) -> &Manifest {
+        &GLOW
+    }
+    fn wgsl(&self) -> &'static str {
+        ""
+    }
+    fn cpu(&self, color: Vec4, _: Vec2, _: &[f32; 8]) -> Vec4 {
+        color
+    }
+}
+
+pub fn registry() -> Registry {
+    let mut registry = Registry::default();
+    registry.add_importer(Toy);
+    registry.add_effect(Glow);
+    registry
+}
+
+/// A folder of its own with these files, removed at the end.
+pub struct Folder(pub tempfile::TempDir);
+
+impl Folder {
+    pub fn new(files: &[(&str, &str)]) -> Folder {
+        let dir = tempfile::tempdir().unwrap();
+        for (name, text) in files {
+            let path = dir.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, text).unwrap();
+        }
+        Folder(dir)
+    }
+    pub fn path(&self) -> &FilePath {
+        self.0.path()
+    }
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.path().join(name)
+    }
+    pub fn run(&self, name: &str) -> Result<Script, Vec<Diagnostic>> {
+        run_file(&self.file(name), &registry(), &ScriptOptions::default())
+    }
+    pub fn run_text(&self, text: &str, options: &ScriptOptions) -> Result<Script, Vec<Diagnostic>> {
+        run_text("t.rhai", text, self.path(), &registry(), options)
+    }
+}
+
+/// The files that most tests use.
+pub fn assets() -> Folder {
+    Folder::new(&[
+        ("hero.toy", ""),
+        ("moves.toy", "mixamorig:"),
+        ("alien.toy", "other_"),
+        ("broken.toy", "broken"),
+        ("textured.toy", "beside ../secret.png"),
+        ("models/knight.toy", ""),
+        ("notes.txt", "nothing"),
+    ])
+}
+
+pub fn run(text: &str) -> Result<Script, Vec<Diagnostic>> {
+    assets().run_text(text, &ScriptOptions::default())
+}
+
+/// The script, or a panic with its messages.
+pub fn good(text: &str) -> Script {
+    run(text).unwrap_or_else(|e| panic!("{}", show(&e)))
+}
+
+pub fn show(diagnostics: &[Diagnostic]) -> String {
+    diagnostics.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+}

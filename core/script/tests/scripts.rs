@@ -1,0 +1,301 @@
+//! Scripts and the stages that they leave.
+
+mod common;
+
+use choreo_motion::Time;
+use choreo_stage::*;
+use common::*;
+use glam::{DQuat, DVec3, Vec3};
+
+/// DESIGN.md's example in the terms of the test importer.
+const EXAMPLE: &str = r#"
+stage(#{ size: [1280, 720], fps: 30, length: 8.0 });
+
+let hero  = load("hero.toy");
+let moves = load("moves.toy");
+let anna  = cast("anna", hero).at(-1.0, 0.0, 0.0);
+let boris = cast("boris", hero).at(1.0, 0.0, 0.0).face(anna);
+
+anna.play(hero.clip("Walk")).until(3.0)
+    .then(hero.clip("Run"), #{ fade: 0.4, speed: 1.1 }).until(6.0)
+    .then(hero.clip("Wave"), #{ fade: 0.3 });
+anna.play(moves.clip("Wave")).from(2.5).on("Spine..").fade(0.3);
+boris.play(hero.clip("Wave")).loop();
+boris.look_at(anna.joint("Head")).from(1.0);
+
+camera("wide").at(0.0, 1.6, 6.0).look_at(anna);
+camera("close").follow(anna.joint("Head"), [0.0, 0.0, 1.2]).cut(4.0);
+sun(#{ direction: [-1.0, -2.0, -1.0] });
+effect("glow").set("strength", 0.2);
+on_frame(|t| boris.turn(10.0 * sin(t)));
+"#;
+
+fn secs(t: f64) -> Time {
+    Time::from_secs(t)
+}
+
+#[test]
+fn the_example_makes_the_stage_that_it_reads_as() {
+    let script = good(EXAMPLE);
+    let s = &script.stage;
+    assert_eq!((s.settings.size, s.settings.length), ([1280, 720], secs(8.0)));
+    assert_eq!(s.actors.len(), 2);
+    assert!(std::sync::Arc::ptr_eq(&s.actors[0].asset, &s.actors[1].asset));
+    let base = &s.actors[0].layers[0].cues;
+    let times: Vec<_> = base.iter().map(|c| (c.start, c.end, c.fade_in)).collect();
+    assert_eq!(
+        times,
+        [
+            (secs(0.0), Some(secs(3.0)), secs(0.0)),
+            (secs(3.0), Some(secs(6.0)), secs(0.4)),
+            (secs(6.0), None, secs(0.3))
+        ]
+    );
+    assert!((base[1].speed, base[2].repeat) == (1.1, Repeat::Loop));
+    let layer = &s.actors[0].layers[1];
+    assert_eq!(layer.mask.as_ref().unwrap().as_slice(), [0.0, 1.0, 1.0, 1.0, 1.0]);
+    let wave = &layer.cues[0];
+    assert_eq!((wave.start, wave.end, wave.repeat), (secs(2.5), Some(secs(4.5)), Repeat::Once));
+    assert_eq!((wave.fade_in, wave.fade_out), (secs(0.3), secs(0.3)));
+    assert_eq!(s.actors[1].face, Some(0));
+    assert_eq!(s.actors[1].look_at[0].target, Target::Joint { actor: 0, joint: 2 });
+    assert_eq!(s.cuts, [Cut { at: secs(4.0), camera: 1 }]);
+    assert_eq!(s.effects[0].parameters, [("strength".to_string(), 0.2)]);
+    assert!(script.warnings.is_empty(), "{}", show(&script.warnings));
+    let shot = s.at(secs(3.2)).unwrap();
+    assert_eq!(shot.actors.len(), 2);
+}
+
+#[test]
+fn the_same_script_gives_the_same_stage() {
+    let (a, b) = (good(EXAMPLE), good(EXAMPLE));
+    assert_eq!(a.stage.content_hash(), b.stage.content_hash());
+    assert_eq!(a.script_hash, b.script_hash);
+    // And another one another.
+    for (from, to) in [("until(6.0)", "until(6.1)"), ("10.0 * sin", "11.0 * sin"), ("0.2", "0.3")] {
+        let c = good(&EXAMPLE.replace(from, to));
+        assert_ne!(a.stage.content_hash(), c.stage.content_hash(), "{from} to {to}");
+    }
+}
+
+#[test]
+fn hooks_are_functions_of_the_time_alone() {
+    let script = good(
+        r#"
+        let a = cast("a", load("hero.toy"));
+        let n = 0;
+        let lamp = sun();
+        on_frame(|t| { n += 1; a.at(n, t, 0); lamp.intensity(t * 2); a.joint("Head").turn(n); });
+    "#,
+    );
+    let run = |t: f64| {
+        let mut edits = FrameEdits::default();
+        script.stage.hooks[0].run(secs(t), &mut edits).unwrap();
+        (edits.actors, edits.lights)
+    };
+    let first = run(1.5);
+    run(0.25);
+    assert_eq!(run(1.5), first, "a captured variable must not carry over from frame to frame");
+    assert_eq!(first.0[0], ActorEdit::MoveTo { actor: 0, translation: DVec3::new(1.0, 1.5, 0.0) });
+    assert_eq!(first.1, [LightEdit::Intensity { light: 0, intensity: 3.0 }]);
+    // From many threads at once.
+    std::thread::scope(|s| {
+        for _ in 0..4 {
+            s.spawn(|| (0..50).for_each(|_| assert_eq!(run(1.5), first)));
+        }
+    });
+}
+
+#[test]
+fn a_cue_without_until_ends_with_its_clip_and_fades_while_moving() {
+    let s = good(
+        r#"let h = load("hero.toy"); let a = cast("a", h);
+           a.play(h.clip("Walk")).then(h.clip("Wave"), #{ fade: 0.25 }).speed(2).then(h.clip(1)).loop();"#,
+    )
+    .stage;
+    let cues = &s.actors[0].layers[0].cues;
+    // Walk takes 1 s; Wave comes in 0.25 s before its end and takes 1 s at double speed.
+    let times: Vec<_> = cues.iter().map(|c| (c.start, c.repeat)).collect();
+    assert_eq!(times, [(secs(0.0), Repeat::Once), (secs(0.75), Repeat::Once), (secs(1.75), Repeat::Loop)]);
+}
+
+#[test]
+fn frames_are_times() {
+    let s = good(
+        r#"stage(#{ fps: 23.976, length: f(48) }); camera("c").cut(f(24)); camera("d").cut(f(12) + f(0.5));"#,
+    );
+    assert!(s.warnings.is_empty());
+    let s = s.stage;
+    assert_eq!(s.cuts[1].at, s.settings.fps.time_of(24));
+    assert_eq!(s.cuts[0].at.0, s.settings.fps.time_of(25).0 / 2);
+}
+
+#[test]
+fn stage_length_counts_frames_of_its_own_fps() {
+    let s = good(r#"stage(#{ fps: 25, length: f(50) });"#).stage;
+    assert_eq!(s.settings.length, secs(2.0));
+}
+
+#[test]
+fn rotation_keys_take_the_long_way_that_the_angles_say() {
+    let s = good(r#"let a = cast("a", load("hero.toy")); a.key("rotation", [[0, 0], [4, 360]]);"#).stage;
+    for (t, degrees) in [(0.0, 0.0f64), (1.0, 90.0), (2.0, 180.0), (3.5, 315.0)] {
+        let at = s.at(secs(t)).unwrap().actors[0].world_from_model;
+        let expected = DQuat::from_rotation_y(degrees.to_radians()) * DVec3::Z;
+        assert!(at.transform_vector3(DVec3::Z).abs_diff_eq(expected, 1e-6), "at {t} s");
+    }
+}
+
+#[test]
+fn transforms_do_what_they_say() {
+    let s = good(
+        r##"let h = load("hero.toy");
+           let a = cast("a", h).at(1, 2, 3).turn(90).scale(2).tint("#ff0000").hide();
+           let b = cast("b", h).at([4, 0, 0]).face([4, 0, -5]).morph("smile", 0.5).attach(a.joint("LeftHand"));
+           let c = cast("c", h).move_by(0, 1, 0).rotate(90, 0, 90);"##,
+    )
+    .stage;
+    let a = &s.actors[0];
+    assert!((a.transform.rotation * DVec3::Z).abs_diff_eq(DVec3::X, 1e-12));
+    assert_eq!((a.transform.scale, a.visible, a.tint.x, a.tint.y), (DVec3::splat(2.0), false, 1.0, 0.0));
+    let b = &s.actors[1];
+    assert!((b.transform.rotation * DVec3::Z).abs_diff_eq(DVec3::NEG_Z, 1e-12));
+    assert_eq!(b.parent, Some(Attachment { actor: 0, joint: Some(3) }));
+    assert_eq!(b.morphs, [(0, 0, 0.5)]);
+    // About x first: y goes to z and stays; z goes to -y, and that about z to x.
+    let c = s.actors[2].transform.rotation;
+    assert!((c * DVec3::Y).abs_diff_eq(DVec3::Z, 1e-12) && (c * DVec3::Z).abs_diff_eq(DVec3::X, 1e-12));
+}
+
+#[test]
+fn lights_and_backgrounds() {
+    let s = good(
+        r##"stage(#{ background: #{ top: "#000", bottom: [1, 1, 1] }, ambient: 0.5, samples: 4 });
+            sun(#{ direction: [0, -2, 0], kelvin: 6500 });
+            spot(#{ position: [0, 3, 0], look_at: [0, 0, 0], outer: 20 }).key("intensity", [[0, 0], [1, 50]], "smooth");
+            point(#{ color: "orange", range: 5 });
+            ambient(#{ up: "white", down: "black" }, 2);"##,
+    )
+    .stage;
+    assert_eq!(s.settings.background, Background::Gradient { top: Vec3::ZERO, bottom: Vec3::ONE });
+    assert_eq!((s.settings.ambient_up, s.settings.ambient_down), (Vec3::splat(2.0), Vec3::ZERO));
+    assert_eq!(s.lights[0].direction, Vec3::NEG_Y);
+    assert!(s.lights[1].direction.abs_diff_eq(Vec3::NEG_Y, 1e-6));
+    assert_eq!(s.lights.len(), 3);
+    assert!(s.at(secs(0.5)).unwrap().lights.iter().any(|l| (l.light.intensity - 25.0).abs() < 1e-3));
+}
+
+#[test]
+fn parameters_take_values_of_their_type() {
+    let text = r#"
+        let n = param("count", 3, "how many");
+        let size = param("size", 1.5);
+        let name = param("name", "anna");
+        let at = param("at", [1, 2, 3]);
+        let on = param("on", true);
+        for i in 0..n { cast(name + i, load("hero.toy")).at(at).scale(size).move_by(i, 0, 0); }
+        print(`${on}`);
+    "#;
+    let set = |pairs: &[(&str, &str)]| choreo_script::ScriptOptions {
+        set: pairs.iter().map(|(a, b)| (a.to_string(), b.to_string())).collect(),
+        ..Default::default()
+    };
+    let s = assets().run_text(text, &set(&[])).unwrap();
+    assert_eq!(s.stage.actors.len(), 3);
+    assert_eq!(s.parameters[0].about, "how many");
+    let pairs = [("count", "2"), ("size", "2"), ("name", "eva"), ("at", "0,5,0"), ("on", "false")];
+    let s = assets().run_text(text, &set(&pairs)).unwrap();
+    assert_eq!(s.stage.actors.len(), 2);
+    assert_eq!(s.stage.actors[0].name, "eva0");
+    assert_eq!(s.stage.actors[0].transform.translation, DVec3::new(0.0, 5.0, 0.0));
+    assert_eq!((s.parameters[3].value.as_str(), s.printed[0].as_str()), ("0,5,0", "false"));
+    let error = |pairs| show(&assets().run_text(text, &set(pairs)).unwrap_err());
+    assert_eq!(
+        error(&[("count", "2.5")]).lines().next().unwrap(),
+        "t.rhai:2:17: param: --set count=2.5 is not a whole number"
+    );
+    assert_eq!(
+        error(&[("cuont", "2")]),
+        "--set: this script has no parameter \"cuont\"; did you mean \"count\"?\n    hint: parameters: count, size, name, at, on"
+    );
+}
+
+#[test]
+fn modules_come_from_the_folder_of_the_script() {
+    let folder = Folder::new(&[
+        ("hero.toy", ""),
+        (
+            "main.rhai",
+            r#"import "lib/steps" as steps;
+               const SPEED = 2.0;
+               let h = load("hero.toy");
+               let a = steps::walker("a", h);
+               on_frame(|t| a.turn(steps::swing(t)));
+               steps::spin(a);"#,
+        ),
+        (
+            "lib/steps.rhai",
+            r#"import "more" as more;
+               fn walker(name, asset) { let a = cast(name, asset); a.play(asset.clip("Walk")); a }
+               fn swing(t) { more::twice(t) * sin(PI / 2) }
+               fn spin(a) { on_frame(|t| a.turn(more_turn(t))); }
+               fn more_turn(t) { t }"#,
+        ),
+        ("lib/more.rhai", "fn twice(x) { 2 * x }"),
+    ]);
+    let s = folder.run("main.rhai").unwrap_or_else(|e| panic!("{}", show(&e)));
+    assert_eq!(s.files_used.len(), 4);
+    let mut edits = FrameEdits::default();
+    for hook in &s.stage.hooks {
+        hook.run(secs(45.0), &mut edits).unwrap();
+    }
+    let turn =
+        |degrees: f64| ActorEdit::Turn { actor: 0, rotation: DQuat::from_rotation_y(degrees.to_radians()) };
+    assert_eq!(edits.actors, [turn(90.0), turn(45.0)]);
+}
+
+#[test]
+fn equal_files_are_read_once_and_files_of_the_asset_are_used() {
+    let folder = Folder::new(&[("hero.toy", "beside skin.png"), ("skin.png", "x")]);
+    let s = folder
+        .run_text(
+            r#"let a = cast("a", load("hero.toy")).at(0,0,0); let b = cast("b", load("./hero.toy")).at(1,0,0);
+               let c = cast("c", load("hero.toy", #{ height: 2 })).at(2,0,0);
+               let d = cast("d", load("choreo:toy", #{ color: "teal" })).at(3,0,0);"#,
+            &Default::default(),
+        )
+        .unwrap_or_else(|e| panic!("{}", show(&e)));
+    let same =
+        |i: usize, j: usize| std::sync::Arc::ptr_eq(&s.stage.actors[i].asset, &s.stage.actors[j].asset);
+    assert!(same(0, 1) && !same(0, 2) && !same(0, 3));
+    assert_eq!(s.files_used.len(), 2);
+}
+
+#[test]
+fn cameras_of_files_and_shapes() {
+    let s = good(
+        r#"let h = load("hero.toy"); let a = cast("a", h).at(1, 0, 0);
+           a.camera("eye").cut(1); h.camera().cut(2);
+           camera("top").at(0, 5, 0).rotate(-90, 0, 0).ortho(4).far(20).cut(0);
+           cast("floor", shape("plane", #{ size: 4, color: "tan", checker: "brown" })).at(0, 0, 0);
+           cast("ball", shape("sphere", #{ size: [1, 2, 1] })).at(0, 0, 2);"#,
+    )
+    .stage;
+    assert_eq!(s.cameras.len(), 2);
+    assert_eq!(s.cameras[0].rig, Rig::File { actor: 0, camera: 0 });
+    assert_eq!(s.cameras[1].projection, Projection::Orthographic { height: 4.0, near: 0.05, far: 20.0 });
+    assert_eq!(s.actors[1].asset.images.len(), 1);
+}
+
+#[test]
+fn arrays_of_numbers_strings_and_loops_work_as_in_rhai() {
+    let s = good(
+        r#"let names = ["a", "b", "c"];
+           for (name, i) in names { cast(name, load("hero.toy")).at(i * 2.5, 0, -i); }
+           let x = if names.len() > 2 { max(3, 2.5) } else { 0 };
+           print(x); print(round(2.5)); print(pow(2, 10)); print(to_int(7.9)); print("abc".len());
+           print(rand("seed") == rand("seed")); print(parse_int("12") + 1); print(clamp(5, 0, 1));"#,
+    );
+    assert_eq!(s.stage.actors.len(), 3);
+    assert_eq!(s.printed, ["3.0", "3.0", "1024.0", "7", "3", "true", "13", "1.0"]);
+}
