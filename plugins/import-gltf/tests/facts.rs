@@ -166,3 +166,25 @@ fn materials() {
     assert!(moved.clone().any(|t| t.uv_transform != glam::Affine2::IDENTITY));
     assert!(moved.clone().any(|t| t.uv_set == 1));
 }
+
+/// TextureTransformMultiTest shows beside each transformed quad one whose uvs have the transform in them
+/// (a little off, by 0.006). The rotation's direction is a known trap: the specification's own listing had it wrong.
+#[test]
+fn texture_transforms_turn_the_right_way() {
+    let Some(folder) = common::assets(1) else { return };
+    let asset = common::import_path(&folder.join("gltf/TextureTransformMultiTest.glb")).unwrap();
+    for (moved, sample) in [(0, 2), (1, 2), (5, 7), (6, 7), (17, 19), (18, 19)] {
+        let (a, b) = (&asset.meshes[moved].primitives[0], &asset.meshes[sample].primitives[0]);
+        let material = &asset.materials[a.material.unwrap() as usize];
+        let texture = material.emissive_texture.as_ref().or(material.base_color_texture.as_ref()).unwrap();
+        assert_eq!(a.positions, b.positions);
+        let mut worst = (0.0f32, 0.0f32);
+        for (uv, truth) in a.uvs[usize::from(texture.uv_set)].iter().zip(&b.uvs[0]) {
+            let there = (texture.uv_transform.transform_point2(*uv) - *truth).abs().max_element();
+            let back = texture.uv_transform.inverse().transform_point2(*uv);
+            worst = (worst.0.max(there), worst.1.max((back - *truth).abs().max_element()));
+        }
+        assert!(worst.0 < 0.01, "mesh {moved}: {worst:?}");
+        assert!(worst.1 > 0.1, "the opposite way must be seen");
+    }
+}
