@@ -4,6 +4,8 @@
 pub mod bounds;
 pub mod catalog;
 pub mod content;
+pub mod cpu;
+pub mod mip;
 mod needs;
 pub mod plan;
 mod planner;
@@ -11,6 +13,7 @@ pub mod renderer;
 pub mod view;
 
 pub use catalog::Catalog;
+pub use cpu::CpuRenderer;
 pub use plan::Plan;
 pub use planner::PlanOptions;
 pub use renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};

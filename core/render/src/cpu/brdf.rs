@@ -1,0 +1,95 @@
+//! Twin of brdf.wgsl: shading formulas, four pixels at once.
+//!
+//! choreo's light convention: radiance out = π · f · colour · intensity · NL, so that a white diffuse surface facing a
+//! directional light of intensity 1 is 1. The functions here return π · f.
+
+use super::lanes::{F4, V3};
+use crate::plan::PlanLight;
+use glam::Vec3;
+
+pub struct Surface {
+    pub diffuse: V3,
+    pub f0: V3,
+    pub f90: F4,
+    pub roughness: F4,
+}
+
+/// glTF 2.0 Appendix B.3 with KHR_materials_specular: c_diff = base · (1 − metallic),
+/// F0 = mix(min(0.04 · specular_color, 1) · specular, base, metallic), F90 = mix(specular, 1, metallic).
+/// Roughness below 0.045 would make highlights smaller than f32 resolves.
+pub fn surface_of(base: V3, metallic: F4, roughness: F4, specular: F4, specular_color: V3) -> Surface {
+    let tint = specular_color * F4::splat(0.04);
+    let tint = V3 { x: tint.x.min(F4::ONE), y: tint.y.min(F4::ONE), z: tint.z.min(F4::ONE) };
+    Surface {
+        diffuse: base * (F4::ONE - metallic),
+        f0: (tint * specular).mix(base, metallic),
+        f90: specular.mix(F4::ONE, metallic),
+        roughness: roughness.max(F4::splat(0.045)),
+    }
+}
+
+/// c_diff · (1 − max F) + F · V · D (times π). D: GGX (Walter 2007, eq. 33) with α = roughness². V: Smith's
+/// height-correlated G / (4 NL NV) (Heitz 2014, eq. 99). F: Schlick 1994. glTF 2.0 Appendix B.3.
+pub fn reflect_light(s: &Surface, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> V3 {
+    let h = (l + v).unit();
+    let nh = n.dot(h).clamp(0.0, 1.0);
+    let vh = v.dot(h).clamp(0.0, 1.0);
+    let alpha = s.roughness * s.roughness;
+    let a2 = alpha * alpha;
+    let d = nh * nh * (a2 - F4::ONE) + F4::ONE;
+    let distribution = a2 / (d * d);
+    let rest = F4::ONE - a2;
+    let visibility = F4::splat(0.5) / (nl * (nv * nv * rest + a2).sqrt() + nv * (nl * nl * rest + a2).sqrt());
+    let x = F4::ONE - vh;
+    let x2 = x * x;
+    let pow5 = x2 * x2 * x;
+    let f90 = V3 { x: s.f90, y: s.f90, z: s.f90 };
+    let fresnel = s.f0 + (f90 - s.f0) * pow5;
+    let share = F4::ONE - fresnel.max_component();
+    s.diffuse * share + fresnel * (visibility * distribution)
+}
+
+/// The environment's BRDF, second half of the split sum: Karis, "Physically Based Shading on Mobile", 2014.
+/// His fit has F90 = 1; here it scales the second term, so that `specular` 0 reflects nothing.
+pub fn ambient_specular(f0: V3, f90: F4, roughness: F4, nv: F4) -> V3 {
+    let x = F4::ONE - roughness;
+    let y = roughness * -0.0275 + 0.0425;
+    let z = roughness * -0.572 + 1.04;
+    let w = roughness * 0.022 - 0.04;
+    let a = (x * x).min((nv * -9.28).map(libm::exp2f)) * x + y;
+    let (scale, bias) = (a * -1.04 + z, f90 * (a * 1.04 + w));
+    f0 * scale + V3 { x: bias, y: bias, z: bias }
+}
+
+/// Lambert + Blinn–Phong normalised by (s + 8) / 8 (Akenine-Möller et al., Real-Time Rendering, 3rd ed., eq. 7.48;
+/// times π, half vector not multiplied by NL again): base + specular · (s + 8)/8 · NH^s.
+pub fn reflect_light_blinn_phong(base: V3, specular: V3, shininess: f32, n: V3, v: V3, l: V3) -> V3 {
+    let nh = n.dot((l + v).unit()).clamp(0.0, 1.0);
+    let power = nh.map(|x| libm::powf(x, shininess));
+    base + specular * (power * ((shininess + 8.0) * 0.125))
+}
+
+/// Hemisphere light: mix(down, up, n.y · ½ + ½).
+pub fn ambient(up: Vec3, down: Vec3, n: V3) -> V3 {
+    V3::splat(down).mix(V3::splat(up), n.y * 0.5 + 0.5)
+}
+
+/// KHR_lights_punctual: direction to the light and its strength; inverse square, window max(1 − (d/range)⁴, 0), and
+/// the squared cone falloff clamp(cos · scale + offset).
+pub fn incoming(light: &PlanLight, relative: V3) -> (V3, F4) {
+    let shines = V3::splat(light.direction.truncate());
+    if light.direction.w == 0.0 {
+        return (-shines, F4::ONE);
+    }
+    let offset = V3::splat(light.position.truncate()) - relative;
+    let d2 = offset.dot(offset).max(F4::splat(1e-8));
+    let to_light = offset * (F4::ONE / d2.sqrt());
+    let x = d2 * light.position.w;
+    let mut strength = (F4::ONE - x * x).clamp(0.0, 1.0) / d2;
+    if light.direction.w == 2.0 {
+        let cos = -shines.dot(to_light);
+        let cone = (cos * light.cone.x + light.cone.y).clamp(0.0, 1.0);
+        strength *= cone * cone;
+    }
+    (to_light, strength)
+}

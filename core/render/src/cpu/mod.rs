@@ -1,0 +1,291 @@
+//! The CPU renderer: what each shader means, and what draws where no Vulkan driver is.
+//!
+//! vertex.rs, brdf.rs and shade.rs are the twins of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs do
+//! what Vulkan leaves to the device. Tiles are independent of each other: any number of threads gives the same bits.
+
+mod brdf;
+mod lanes;
+mod raster;
+mod setup;
+mod shade;
+mod target;
+mod texture;
+mod tile;
+mod vertex;
+
+use crate::catalog::Catalog;
+use crate::plan::{Features, Plan};
+use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
+use choreo_plugin::{Effect, Frame};
+use choreo_stage::Background;
+use glam::Vec4;
+use raster::{TILE_HEIGHT, TILE_WIDTH};
+use rayon::prelude::*;
+use setup::Assembly;
+use shade::{Fragment, ShadeMaterial};
+use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
+use target::{Float, Srgb8, Target};
+use texture::Texture;
+use tile::{Batch, Phase, Tile, TileBuffers, TriangleId};
+use vertex::VertexStage;
+
+/// Largest width and height, in pixels.
+pub const MAX_SIZE: u32 = 16384;
+
+/// Frames are drawn when they are collected, by all threads of the current rayon pool.
+pub struct CpuRenderer {
+    device: DeviceInfo,
+    effects: Vec<Arc<dyn Effect>>,
+    catalog: Arc<Catalog>,
+    materials: Vec<ShadeMaterial>,
+    textures: HashMap<TextureKey, Arc<Texture>>,
+    submitted: VecDeque<Plan>,
+}
+
+/// Content, whether sRGB, whether with mipmaps.
+type TextureKey = ([u8; 16], bool, bool);
+
+impl CpuRenderer {
+    pub fn new(effects: &[Arc<dyn Effect>]) -> CpuRenderer {
+        CpuRenderer {
+            device: DeviceInfo {
+                kind: DeviceKind::CpuTwin,
+                name: "choreo CPU renderer".into(),
+                driver: format!("choreo {}", env!("CARGO_PKG_VERSION")),
+            },
+            effects: effects.to_vec(),
+            catalog: Arc::default(),
+            materials: Vec::new(),
+            textures: HashMap::new(),
+            submitted: VecDeque::new(),
+        }
+    }
+
+    fn check(&self, plan: &Plan) -> Result<(), RenderError> {
+        for (what, value) in [("picture width", plan.size[0]), ("picture height", plan.size[1])] {
+            if value == 0 || value > MAX_SIZE {
+                let (value, limit) = (u64::from(value), u64::from(MAX_SIZE));
+                return Err(RenderError::Limit { what: what.into(), value, limit });
+            }
+        }
+        if !matches!(plan.samples, 1 | 4) {
+            let value = u64::from(plan.samples);
+            return Err(RenderError::Limit { what: "samples a pixel (1 or 4)".into(), value, limit: 4 });
+        }
+        let c = &self.catalog;
+        let foreign = plan.draws.iter().any(|d| {
+            d.primitive as usize >= c.primitives.len()
+                || d.material as usize >= c.materials.len()
+                || (d.first_instance as usize + d.instance_count as usize) > plan.instances.len()
+        });
+        if foreign {
+            return Err(RenderError::Usage(
+                "the plan was made from another catalogue than the loaded one".into(),
+            ));
+        }
+        for pass in &plan.post {
+            self.effect(&pass.effect)?;
+        }
+        Ok(())
+    }
+
+    fn effect(&self, name: &str) -> Result<&Arc<dyn Effect>, RenderError> {
+        self.effects
+            .iter()
+            .find(|e| e.manifest().name == name)
+            .ok_or_else(|| RenderError::Usage(format!("the renderer was made without the effect \"{name}\"")))
+    }
+
+    fn batches<'a>(&'a self, plan: &'a Plan) -> Vec<Batch<'a>> {
+        let copies: Vec<(usize, usize)> = plan
+            .draws
+            .iter()
+            .enumerate()
+            .flat_map(|(d, draw)| {
+                (0..draw.instance_count).map(move |i| (d, (draw.first_instance + i) as usize))
+            })
+            .collect();
+        copies
+            .par_iter()
+            .map(|&(draw, instance)| {
+                let draw = &plan.draws[draw];
+                let primitive = self.catalog.primitives[draw.primitive as usize].primitive();
+                let features = draw.pipeline.features;
+                let instance = &plan.instances[instance];
+                let vertices = VertexStage {
+                    primitive,
+                    features,
+                    instance,
+                    joint_matrices: &plan.joint_matrices,
+                    morphs: &plan.morphs,
+                    clip_from_relative: &plan.view.clip_from_relative,
+                }
+                .run();
+                let triangles = Assembly {
+                    vertices: &vertices,
+                    indices: &primitive.indices,
+                    pipeline: draw.pipeline,
+                    size: plan.size,
+                }
+                .run();
+                Batch {
+                    fragment: Fragment {
+                        plan,
+                        features,
+                        blend: draw.pipeline.blend,
+                        double_sided: draw.pipeline.double_sided,
+                        tint: instance.tint,
+                        primitive,
+                        material: &self.materials[draw.material as usize],
+                    },
+                    phase: match draw.pipeline {
+                        k if k.blend => Phase::Blend,
+                        k if k.features.has(Features::ALPHA_MASK) => Phase::Mask,
+                        _ => Phase::Opaque,
+                    },
+                    vertices,
+                    triangles,
+                }
+            })
+            .collect()
+    }
+
+    fn draw<T: Target, const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {
+        let mut post = Vec::with_capacity(plan.post.len());
+        for pass in &plan.post {
+            post.push((self.effect(&pass.effect)?.clone(), pass.parameters));
+        }
+        let batches = self.batches(plan);
+        let spans: Vec<Vec<[u16; 4]>> = batches
+            .par_iter()
+            .map(|b| b.triangles.iter().map(|t| tiles_of(t, plan.size)).collect())
+            .collect();
+        // Bands of tiles that each batch touches, so that a band skips most of a crowd.
+        let bands: Vec<[u16; 2]> = spans
+            .iter()
+            .map(|s| s.iter().fold([u16::MAX, 0], |[low, high], s| [low.min(s[1]), high.max(s[3])]))
+            .collect();
+
+        let width = plan.size[0] as usize;
+        let columns = width.div_ceil(TILE_WIDTH as usize);
+        let stride = width * 4;
+        frame.rgba.par_chunks_mut(stride * TILE_HEIGHT as usize).enumerate().for_each_init(
+            || (TileBuffers::<T>::new(S), vec![Vec::<TriangleId>::new(); columns]),
+            |(buffers, lists), (band, pixels)| {
+                for list in lists.iter_mut() {
+                    list.clear();
+                }
+                for (b, spans) in spans.iter().enumerate() {
+                    if !(bands[b][0]..bands[b][1]).contains(&(band as u16)) {
+                        continue;
+                    }
+                    for (i, [x0, y0, x1, y1]) in spans.iter().enumerate() {
+                        if (*y0..*y1).contains(&(band as u16)) {
+                            for list in &mut lists[*x0 as usize..*x1 as usize] {
+                                list.push([b as u32, i as u32]);
+                            }
+                        }
+                    }
+                }
+                let y = band * TILE_HEIGHT as usize;
+                let background = std::array::from_fn(|row| row_color(plan, y + row));
+                for (column, list) in lists.iter().enumerate() {
+                    let x = column * TILE_WIDTH as usize;
+                    let tile = Tile {
+                        batches: &batches,
+                        list,
+                        at: [x as i32, y as i32],
+                        size: [(width - x).min(TILE_WIDTH as usize), pixels.len() / stride],
+                        picture: plan.size,
+                        background,
+                        post: &post,
+                    };
+                    tile.draw::<T, S>(buffers, &mut pixels[x * 4..], stride);
+                }
+            },
+        );
+        Ok(())
+    }
+}
+
+/// Tiles that a triangle's pixels lie in: [x0, y0, x1, y1), in tiles.
+fn tiles_of(t: &setup::Triangle, size: [u32; 2]) -> [u16; 4] {
+    let [x0, y0, x1, y1] = t.pixels();
+    let [w, h] = size.map(|s| s as i32);
+    let up = |v: i32, tile: i32| ((v + tile - 1) / tile) as u16;
+    [
+        (x0.clamp(0, w - 1) / TILE_WIDTH) as u16,
+        (y0.clamp(0, h - 1) / TILE_HEIGHT) as u16,
+        up(x1.clamp(0, w), TILE_WIDTH),
+        up(y1.clamp(0, h), TILE_HEIGHT),
+    ]
+}
+
+/// Twin of background.wgsl: mix(top, bottom, (y + ½) / height), linear.
+fn row_color(plan: &Plan, y: usize) -> Vec4 {
+    match plan.background {
+        Background::Color(c) => c,
+        Background::Gradient { top, bottom } => {
+            let t = (y as f32 + 0.5) / plan.size[1] as f32;
+            (top * (1.0 - t) + bottom * t).extend(1.0)
+        }
+    }
+}
+
+impl Renderer for CpuRenderer {
+    fn device(&self) -> &DeviceInfo {
+        &self.device
+    }
+
+    fn frames_in_flight(&self) -> usize {
+        2
+    }
+
+    fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError> {
+        let old = std::mem::take(&mut self.textures);
+        let keys: Vec<TextureKey> = catalog.textures.iter().map(|t| (t.hash, t.srgb, t.mipmaps)).collect();
+        let textures: Vec<Arc<Texture>> = keys
+            .par_iter()
+            .zip(&catalog.textures)
+            .map(|(key, t)| old.get(key).cloned().unwrap_or_else(|| Arc::new(Texture::new(t))))
+            .collect();
+        self.materials = catalog
+            .materials
+            .iter()
+            .map(|m| ShadeMaterial {
+                factors: m.clone(),
+                textures: m.texture_refs().map(|t| t.map(|t| textures[t.texture as usize].clone())),
+            })
+            .collect();
+        self.textures = keys.into_iter().zip(textures).collect();
+        self.catalog = catalog;
+        Ok(())
+    }
+
+    fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
+        if self.submitted.len() >= self.frames_in_flight() {
+            return Err(RenderError::Usage("two frames are submitted: collect one first".into()));
+        }
+        self.check(&plan)?;
+        self.submitted.push_back(plan);
+        Ok(())
+    }
+
+    fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
+        let plan = self
+            .submitted
+            .pop_front()
+            .ok_or_else(|| RenderError::Usage("no frame is submitted: nothing to collect".into()))?;
+        let mut frame = reuse.unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
+        [frame.width, frame.height] = plan.size;
+        frame.rgba.resize(plan.size[0] as usize * plan.size[1] as usize * 4, 0);
+        match (plan.samples, plan.post.is_empty()) {
+            (1, true) => self.draw::<Srgb8, 1>(&plan, &mut frame)?,
+            (1, false) => self.draw::<Float, 1>(&plan, &mut frame)?,
+            (_, true) => self.draw::<Srgb8, 4>(&plan, &mut frame)?,
+            (_, false) => self.draw::<Float, 4>(&plan, &mut frame)?,
+        }
+        Ok(frame)
+    }
+}

@@ -1,0 +1,213 @@
+//! Twin of scene.wgsl: the fragment shader, a 2×2 quad at a time, linear colour out.
+
+use super::brdf::*;
+use super::lanes::{F4, V3, Weights};
+use super::texture::Texture;
+use super::vertex::Vertex;
+use crate::catalog::{CatalogMaterial, CatalogTextureRef};
+use crate::plan::{Features, Plan};
+use choreo_stage::{AlphaMode, Primitive};
+use glam::{Affine2, Vec2, Vec3, Vec4};
+use std::sync::Arc;
+
+/// A material with its textures at hand.
+pub struct ShadeMaterial {
+    pub factors: CatalogMaterial,
+    /// In the order of `CatalogMaterial::texture_refs`.
+    pub textures: [Option<Arc<Texture>>; 7],
+}
+
+/// Everything a quad needs beside its weights.
+pub struct Fragment<'a> {
+    pub plan: &'a Plan,
+    pub features: Features,
+    pub blend: bool,
+    pub double_sided: bool,
+    pub tint: Vec4,
+    pub primitive: &'a Primitive,
+    pub material: &'a ShadeMaterial,
+}
+
+/// Linear RGBA of four pixels, and which of them the alpha test keeps.
+pub struct Shaded {
+    pub rgba: [F4; 4],
+    pub kept: [bool; 4],
+}
+
+impl Shaded {
+    #[inline(always)]
+    pub fn pixel(&self, i: usize) -> Vec4 {
+        Vec4::new(self.rgba[0].0[i], self.rgba[1].0[i], self.rgba[2].0[i], self.rgba[3].0[i])
+    }
+}
+
+struct Quad<'a> {
+    weights: &'a Weights,
+    uvs: [[F4; 2]; 2],
+}
+
+impl Fragment<'_> {
+    pub fn shade(&self, vertices: &[Vertex], ids: [u32; 3], front: bool, weights: &Weights) -> Shaded {
+        let f = self.features;
+        let m = &self.material.factors.material;
+        let refs = self.material.factors.texture_refs();
+        let quad = self.quad(ids, weights);
+        let texture = |slot: usize, bit: Features| {
+            if !f.has(bit) {
+                return None;
+            }
+            self.sample(&quad, refs[slot].as_ref(), self.material.textures[slot].as_deref())
+        };
+
+        let base = m.base_color * self.tint;
+        let mut rgba = [base.x, base.y, base.z, base.w].map(F4::splat);
+        if f.has(Features::VERTEX_COLOR) && !self.primitive.colors.is_empty() {
+            let [a, b, c] = ids.map(|i| self.primitive.colors[i as usize].to_array());
+            for (i, out) in rgba.iter_mut().enumerate() {
+                *out *= quad.weights.scalar(a[i], b[i], c[i]);
+            }
+        }
+        if let Some(texel) = texture(0, Features::BASE_COLOR_TEXTURE) {
+            for (out, t) in rgba.iter_mut().zip(texel) {
+                *out *= t;
+            }
+        }
+        let mut kept = [true; 4];
+        if f.has(Features::ALPHA_MASK)
+            && let AlphaMode::Mask(cutoff) = m.alpha_mode
+        {
+            kept = rgba[3].0.map(|a| a >= cutoff);
+            if kept == [false; 4] {
+                return Shaded { rgba, kept };
+            }
+        }
+        let alpha = if self.blend { rgba[3] } else { F4::ONE };
+        if !f.is_lit() {
+            return Shaded { rgba: [rgba[0], rgba[1], rgba[2], alpha], kept };
+        }
+
+        let base = V3 { x: rgba[0], y: rgba[1], z: rgba[2] };
+        let n = self.normal(vertices, ids, front, &quad, texture(2, Features::NORMAL_TEXTURE));
+        let [a, b, c] = ids.map(|i| vertices[i as usize].relative);
+        let relative = weights.vec3([a, b, c]);
+        let eye = self.plan.view.eye;
+        let v = (V3::splat(eye.truncate()) - relative * F4::splat(eye.w)).unit();
+        let mut specular_color = V3::splat(m.specular_color);
+        if let Some([r, g, b, _]) = texture(6, Features::SPECULAR_COLOR_TEXTURE) {
+            specular_color = specular_color * V3 { x: r, y: g, z: b };
+        }
+        let mut occlusion = F4::ONE;
+        if let Some([r, ..]) = texture(3, Features::OCCLUSION_TEXTURE) {
+            occlusion = F4::ONE + (r - F4::ONE) * m.occlusion_strength;
+        }
+
+        let (up, down) = (self.plan.ambient_up, self.plan.ambient_down);
+        let dark = up == Vec3::ZERO && down == Vec3::ZERO;
+        let mut color;
+        if f.has(Features::METALLIC_ROUGHNESS) {
+            let (mut metallic, mut roughness) = (F4::splat(m.metallic), F4::splat(m.roughness));
+            if let Some([_, g, b, _]) = texture(1, Features::METALLIC_ROUGHNESS_TEXTURE) {
+                roughness *= g;
+                metallic *= b;
+            }
+            let mut specular = F4::splat(m.specular);
+            if let Some([.., a]) = texture(5, Features::SPECULAR_TEXTURE) {
+                specular *= a;
+            }
+            let s = surface_of(base, metallic, roughness, specular, specular_color);
+            let nv = n.dot(v).clamp(0.001, 1.0);
+            color = V3::splat(Vec3::ZERO);
+            if !dark {
+                let mirrored = n * (n.dot(v) * 2.0) - v;
+                let reflected = ambient(up, down, mirrored) * ambient_specular(s.f0, s.f90, s.roughness, nv);
+                color = (s.diffuse * ambient(up, down, n) + reflected) * occlusion;
+            }
+            self.lights(relative, n, &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
+        } else {
+            color = base * ambient(up, down, n) * occlusion;
+            self.lights(relative, n, &mut color, |l, _| {
+                reflect_light_blinn_phong(base, specular_color, m.shininess, n, v, l)
+            });
+        }
+        if f.has(Features::EMISSIVE) {
+            let mut emissive = V3::splat(m.emissive);
+            if let Some([r, g, b, _]) = texture(4, Features::EMISSIVE_TEXTURE) {
+                emissive = emissive * V3 { x: r, y: g, z: b };
+            }
+            color = color + emissive;
+        }
+        Shaded { rgba: [color.x, color.y, color.z, alpha], kept }
+    }
+
+    #[inline(always)]
+    fn lights(&self, relative: V3, n: V3, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
+        for light in &self.plan.lights {
+            let (l, strength) = incoming(light, relative);
+            let nl = n.dot(l).clamp(0.0, 1.0);
+            if !(nl * strength).any_positive() {
+                continue;
+            }
+            let lit = reflect(l, nl) * V3::splat(light.color.truncate()) * (nl * strength);
+            // Where the light is behind the surface the division by NL in V means nothing.
+            let seen = |c: F4| F4(std::array::from_fn(|i| if nl.0[i] > 0.0 { c.0[i] } else { 0.0 }));
+            *color = *color + V3 { x: seen(lit.x), y: seen(lit.y), z: seen(lit.z) };
+        }
+    }
+
+    /// Interpolated normal, or the normal map's as MikkTSpace has it: x·T + y·(N × T · sign) + z·N of the interpolated
+    /// vectors, made neither orthogonal nor unit before; the result is normalised. Turned on back faces.
+    fn normal(
+        &self,
+        vertices: &[Vertex],
+        ids: [u32; 3],
+        front: bool,
+        quad: &Quad,
+        map: Option<[F4; 4]>,
+    ) -> V3 {
+        let interpolated = quad.weights.vec3(ids.map(|i| vertices[i as usize].normal));
+        let mut n = match map {
+            Some([x, y, z, _]) => {
+                let t = ids.map(|i| vertices[i as usize].tangent);
+                let tangent = quad.weights.vec3(t.map(|t| t.truncate()));
+                let sign = quad.weights.scalar(t[0].w, t[1].w, t[2].w);
+                let bitangent = interpolated.cross(tangent) * sign;
+                let scale = self.material.factors.material.normal_scale;
+                let (x, y) = ((x * 2.0 - F4::ONE) * scale, (y * 2.0 - F4::ONE) * scale);
+                (tangent * x + bitangent * y + interpolated * (z * 2.0 - F4::ONE)).unit()
+            }
+            None => interpolated.unit(),
+        };
+        if self.double_sided && !front {
+            n = -n;
+        }
+        n
+    }
+
+    fn quad<'a>(&self, ids: [u32; 3], weights: &'a Weights) -> Quad<'a> {
+        let mut uvs = [[F4::ZERO; 2]; 2];
+        for (set, bit) in [Features::UV0, Features::UV1].into_iter().enumerate() {
+            let list = &self.primitive.uvs[set];
+            if self.features.has(bit) && !list.is_empty() {
+                uvs[set] = weights.vec2(ids.map(|i| list[i as usize]));
+            }
+        }
+        Quad { weights, uvs }
+    }
+
+    /// `None` where the material has no such texture: white.
+    fn sample(
+        &self,
+        quad: &Quad,
+        reference: Option<&CatalogTextureRef>,
+        texture: Option<&Texture>,
+    ) -> Option<[F4; 4]> {
+        let (r, texture) = (reference?, texture?);
+        let mut uv = quad.uvs[r.uv_set as usize & 1];
+        if self.features.has(Features::UV_TRANSFORM) && r.uv_transform != Affine2::IDENTITY {
+            let Affine2 { matrix2: m, translation: Vec2 { x, y } } = r.uv_transform;
+            let [u, v] = uv;
+            uv = [u * m.x_axis.x + v * m.y_axis.x + x, u * m.x_axis.y + v * m.y_axis.y + y];
+        }
+        Some(texture.sample(&r.sampler, uv))
+    }
+}

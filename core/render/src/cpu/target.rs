@@ -1,0 +1,90 @@
+//! What a sample of the colour target holds: 8 bits in sRGB, or floats where full-screen passes follow.
+
+use crate::mip::{linear_to_srgb8, srgb_to_linear_table};
+use glam::Vec4;
+
+/// Colours go in and out as linear RGBA.
+pub trait Target: Copy + PartialEq + Send + Sync {
+    fn encode(linear: Vec4) -> Self;
+    fn decode(self) -> Vec4;
+
+    /// Source-over with straight alpha; the target's alpha becomes its coverage.
+    fn blended(self, source: Vec4) -> Self {
+        let source = Self::fragment(source);
+        let (below, a) = (self.decode(), source.w);
+        let rgb = source.truncate() * a + below.truncate() * (1.0 - a);
+        Self::encode(rgb.extend(a + below.w * (1.0 - a)))
+    }
+
+    /// What the finished picture shows.
+    fn bytes(self) -> [u8; 4];
+
+    /// Mean of the samples in linear light.
+    #[inline]
+    fn resolved(samples: &[Self]) -> Self {
+        let first = samples[0];
+        if samples.iter().all(|s| *s == first) {
+            return first;
+        }
+        let sum = samples.iter().fold(Vec4::ZERO, |sum, s| sum + s.decode());
+        Self::encode(sum * (1.0 / samples.len() as f32))
+    }
+
+    /// Fragment colours are clamped before they are blended into fixed-point targets (Vulkan 1.3, "Blending").
+    fn fragment(source: Vec4) -> Vec4;
+}
+
+/// As VK_FORMAT_R8G8B8A8_SRGB: colour encoded, alpha linear.
+#[derive(Clone, Copy, PartialEq)]
+pub struct Srgb8(pub [u8; 4]);
+
+impl Target for Srgb8 {
+    #[inline]
+    fn encode(c: Vec4) -> Srgb8 {
+        let alpha = if c.w > 0.0 { c.w.min(1.0) } else { 0.0 };
+        Srgb8([linear_to_srgb8(c.x), linear_to_srgb8(c.y), linear_to_srgb8(c.z), (alpha * 255.0 + 0.5) as u8])
+    }
+
+    #[inline]
+    fn decode(self) -> Vec4 {
+        let table = srgb_to_linear_table();
+        let [r, g, b, a] = self.0.map(usize::from);
+        Vec4::new(table[r], table[g], table[b], a as f32 * (1.0 / 255.0))
+    }
+
+    #[inline]
+    fn fragment(source: Vec4) -> Vec4 {
+        source.clamp(Vec4::ZERO, Vec4::ONE)
+    }
+
+    #[inline]
+    fn bytes(self) -> [u8; 4] {
+        self.0
+    }
+}
+
+/// As VK_FORMAT_R16G16B16A16_SFLOAT, without its rounding (relative 2⁻¹¹, below one 8-bit step).
+#[derive(Clone, Copy, PartialEq)]
+pub struct Float(pub Vec4);
+
+impl Target for Float {
+    #[inline]
+    fn encode(c: Vec4) -> Float {
+        // The largest half; NaN becomes 0.
+        let limit = |v: f32| if v.is_nan() { 0.0 } else { v.clamp(-65504.0, 65504.0) };
+        Float(Vec4::new(limit(c.x), limit(c.y), limit(c.z), limit(c.w)))
+    }
+    #[inline]
+    fn decode(self) -> Vec4 {
+        self.0
+    }
+    #[inline]
+    fn fragment(source: Vec4) -> Vec4 {
+        source
+    }
+
+    #[inline]
+    fn bytes(self) -> [u8; 4] {
+        Srgb8::encode(self.0).0
+    }
+}

@@ -1,0 +1,229 @@
+//! One tile: opaque triangles into a visibility buffer, each visible one shaded once a pixel, then masked and blended
+//! ones in order, then samples resolved. The same picture as drawing one after the other, without shading what is hidden.
+
+use super::lanes::{F4, Weights};
+use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
+use super::setup::Triangle;
+use super::shade::{Fragment, Shaded};
+use super::target::Target;
+use super::vertex::Vertex;
+use choreo_plugin::Effect;
+use glam::{Vec2, Vec4};
+use std::sync::Arc;
+
+/// One drawn copy: its triangles on screen and what shades them.
+pub struct Batch<'a> {
+    pub fragment: Fragment<'a>,
+    pub phase: Phase,
+    pub vertices: Vec<Vertex>,
+    pub triangles: Vec<Triangle>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    Opaque,
+    Mask,
+    Blend,
+}
+
+/// (batch, triangle of it), in drawing order.
+pub type TriangleId = [u32; 2];
+
+const NONE: u32 = u32::MAX;
+
+/// Sample arrays of one tile; reused.
+pub struct TileBuffers<T> {
+    depth: Vec<f32>,
+    /// Position in the tile's triangle list.
+    visible: Vec<u32>,
+    color: Vec<T>,
+    /// Of the triangle being drawn (mask, blend): a bit a sample that passed the depth test, and its depth.
+    passed: Vec<u8>,
+    passed_depth: Vec<f32>,
+}
+
+impl<T: Target> TileBuffers<T> {
+    pub fn new(samples: usize) -> Self {
+        TileBuffers {
+            depth: vec![0.0; TILE_PIXELS * samples],
+            visible: vec![NONE; TILE_PIXELS * samples],
+            color: vec![T::encode(Vec4::ZERO); TILE_PIXELS * samples],
+            passed: vec![0; TILE_PIXELS],
+            passed_depth: vec![0.0; TILE_PIXELS * samples],
+        }
+    }
+}
+
+pub struct Tile<'a, 'b> {
+    pub batches: &'a [Batch<'b>],
+    pub list: &'a [TriangleId],
+    /// First pixel.
+    pub at: [i32; 2],
+    /// Pixels of the picture that lie in this tile.
+    pub size: [usize; 2],
+    pub picture: [u32; 2],
+    /// Linear RGBA of each row.
+    pub background: [Vec4; TILE_HEIGHT as usize],
+    pub post: &'a [(Arc<dyn Effect>, [f32; 8])],
+}
+
+impl Tile<'_, '_> {
+    /// `rows` starts at the tile's first pixel; rows are `stride` bytes apart.
+    pub fn draw<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, rows: &mut [u8], stride: usize) {
+        for (row, background) in self.background.iter().enumerate() {
+            let first = row * TILE_WIDTH as usize * S;
+            b.color[first..first + TILE_WIDTH as usize * S].fill(T::encode(*background));
+        }
+        if !self.list.is_empty() {
+            b.depth.fill(0.0);
+            let phase = |id: &TriangleId| self.batches[id[0] as usize].phase;
+            let opaque = self.list.iter().take_while(|id| phase(id) == Phase::Opaque).count();
+            if opaque > 0 {
+                b.visible.fill(NONE);
+                for (i, id) in self.list[..opaque].iter().enumerate() {
+                    self.opaque::<T, S>(b, self.triangle(id), i as u32);
+                }
+                self.shade_visible::<T, S>(b);
+            }
+            for id in &self.list[opaque..] {
+                self.forward::<T, S>(b, id);
+            }
+        }
+        self.finish::<T, S>(b, rows, stride);
+    }
+
+    fn triangle(&self, id: &TriangleId) -> &Triangle {
+        &self.batches[id[0] as usize].triangles[id[1] as usize]
+    }
+
+    /// Reversed Z: nearer is greater; of equal depths the first drawn stays.
+    fn opaque<T, const S: usize>(&self, b: &mut TileBuffers<T>, t: &Triangle, id: u32) {
+        let (depth, visible) = (&mut b.depth[..], &mut b.visible[..]);
+        cover::<S>(t, self.at, |index, covered, z| {
+            let depth: &mut [f32; 4] = (&mut depth[index..index + 4]).try_into().expect("four samples");
+            let visible: &mut [u32; 4] = (&mut visible[index..index + 4]).try_into().expect("four samples");
+            for i in 0..4 {
+                let nearer = covered[i] & (z[i] > depth[i]);
+                depth[i] = if nearer { z[i] } else { depth[i] };
+                visible[i] = if nearer { id } else { visible[i] };
+            }
+        });
+    }
+
+    fn shade_visible<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>) {
+        for qy in 0..self.size[1].div_ceil(2) {
+            for qx in 0..self.size[0].div_ceil(2) {
+                let first = quad_samples::<S>(qx, qy);
+                let mut ids = [[NONE; S]; 4];
+                for (ids, first) in ids.iter_mut().zip(first) {
+                    ids.copy_from_slice(&b.visible[first..first + S]);
+                }
+                while let Some(&id) = ids.iter().flatten().find(|id| **id != NONE) {
+                    let shaded = self.shade(&self.list[id as usize], qx, qy);
+                    for (pixel, (ids, first)) in ids.iter_mut().zip(first).enumerate() {
+                        if !ids.contains(&id) {
+                            continue;
+                        }
+                        let color = T::encode(shaded.pixel(pixel));
+                        for (s, sample) in ids.iter_mut().enumerate() {
+                            if *sample == id {
+                                b.color[first + s] = color;
+                                *sample = NONE;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// One triangle after the other: alpha test before the depth is written, or blending without writing it.
+    fn forward<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, id: &TriangleId) {
+        let t = self.triangle(id);
+        let blend = self.batches[id[0] as usize].phase == Phase::Blend;
+        let (depth, passed, passed_depth) = (&b.depth[..], &mut b.passed[..], &mut b.passed_depth[..]);
+        let mut any = false;
+        cover::<S>(t, self.at, |index, covered, z| {
+            for i in 0..4 {
+                if covered[i] && z[i] > depth[index + i] {
+                    any = true;
+                    passed[(index + i) / S] |= 1 << ((index + i) % S);
+                    passed_depth[index + i] = z[i];
+                }
+            }
+        });
+        if !any {
+            return;
+        }
+        let [x0, y0, x1, y1] = t.pixels();
+        let range = |low: i32, high: i32, at: i32, size: i32| {
+            ((low - at).max(0) as usize / 2, ((high - at).clamp(0, size) as usize).div_ceil(2))
+        };
+        let (qx0, qx1) = range(x0, x1, self.at[0], TILE_WIDTH);
+        let (qy0, qy1) = range(y0, y1, self.at[1], TILE_HEIGHT);
+        for qy in qy0..qy1 {
+            for qx in qx0..qx1 {
+                let first = quad_samples::<S>(qx, qy);
+                let masks = first.map(|f| std::mem::take(&mut b.passed[f / S]));
+                if masks == [0; 4] {
+                    continue;
+                }
+                let shaded = self.shade(id, qx, qy);
+                for pixel in (0..4).filter(|p| shaded.kept[*p]) {
+                    let color = shaded.pixel(pixel);
+                    for s in (0..S).filter(|s| masks[pixel] & (1 << s) != 0) {
+                        let at = first[pixel] + s;
+                        if blend {
+                            b.color[at] = b.color[at].blended(color);
+                        } else {
+                            b.color[at] = T::encode(color);
+                            b.depth[at] = b.passed_depth[at];
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Attributes at the centres of a quad's pixels, inside the triangle or not.
+    fn shade(&self, id: &TriangleId, qx: usize, qy: usize) -> Shaded {
+        let batch = &self.batches[id[0] as usize];
+        let t = &batch.triangles[id[1] as usize];
+        let px = (self.at[0] + 2 * qx as i32 - t.origin[0]) as f32 + 0.5;
+        let py = (self.at[1] + 2 * qy as i32 - t.origin[1]) as f32 + 0.5;
+        let x = F4([px, px + 1.0, px, px + 1.0]);
+        let y = F4([py, py, py + 1.0, py + 1.0]);
+        let e = t.edges.map(|[a, b, c]| x * a + y * b + F4::splat(c));
+        let scale = F4::ONE / (e[0] + e[1] + e[2]);
+        let weights = Weights(e.map(|e| e * scale));
+        batch.fragment.shade(&batch.vertices, t.vertices, t.front, &weights)
+    }
+
+    fn finish<T: Target, const S: usize>(&self, b: &TileBuffers<T>, rows: &mut [u8], stride: usize) {
+        let size = Vec2::new(self.picture[0] as f32, self.picture[1] as f32);
+        for y in 0..self.size[1] {
+            let first = y * TILE_WIDTH as usize * S;
+            let samples = &b.color[first..first + self.size[0] * S];
+            let row = &mut rows[y * stride..y * stride + self.size[0] * 4];
+            for (x, (out, samples)) in row.chunks_exact_mut(4).zip(samples.chunks_exact(S)).enumerate() {
+                let mut resolved = T::resolved(samples);
+                if !self.post.is_empty() {
+                    let pixel = Vec2::new((self.at[0] + x as i32) as f32, (self.at[1] + y as i32) as f32);
+                    let uv = (pixel + 0.5) / size;
+                    for (effect, parameters) in self.post {
+                        resolved = T::encode(effect.cpu(resolved.decode(), uv, parameters));
+                    }
+                }
+                out.copy_from_slice(&resolved.bytes());
+            }
+        }
+    }
+}
+
+/// First sample of each of a quad's pixels: top left, top right, bottom left, bottom right.
+#[inline(always)]
+fn quad_samples<const S: usize>(qx: usize, qy: usize) -> [usize; 4] {
+    let width = TILE_WIDTH as usize;
+    let first = (2 * qy * width + 2 * qx) * S;
+    [first, first + S, first + width * S, first + (width + 1) * S]
+}
