@@ -81,10 +81,6 @@ impl Kernel for Fused<'_, '_> {
     #[inline(always)]
     fn run<F: F8>(self) {
         let Fused { job, unit_scale } = self;
-        // The matrices of the next character are seldom in the cache: by the time they are written they are.
-        for matrix in job.model_from_joint.iter() {
-            F::prefetch(matrix);
-        }
         let [a, b] = &mut *job.scratch;
         for (clip, time, pose) in [(job.from, job.from_time, &mut *a), (job.to, job.to_time, &mut *b)] {
             let tracks = clip.tracks();

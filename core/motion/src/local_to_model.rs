@@ -110,20 +110,32 @@ impl<L: Locals> Kernel for Matrices<'_, L> {
 impl<L: Locals> Matrices<'_, L> {
     #[inline(always)]
     pub fn compute<F: F8>(self) {
-        let out = columns_mut(self.out);
+        let Matrices { by_depth, locals, out } = self;
+        let out = columns_mut(out);
         // Local matrices first, eight at a time, then each times its parent's: taking the joints by depth here made
         // the whole a third faster than going down chain by chain in one pass.
-        for (block, out) in out.chunks_mut(LANES).enumerate().take(self.locals.blocks()) {
-            let (translation, rotation, scale) = self.locals.get::<F>(block);
-            let [c0, c1, c2] = rotation_columns(rotation, scale);
-            for (out, pair) in out.iter_mut().zip(F::column_pairs(c0, c1)) {
-                pair.store_halves(&mut out.0);
+        let (full, rest) = out.as_chunks_mut::<LANES>();
+        let blocks = locals.blocks();
+        for (block, out) in full.iter_mut().enumerate().take(blocks) {
+            let ([c0, c1, c2], translation) = local_columns::<F>(&locals, block);
+            let pairs = F::column_pairs(c0, c1);
+            for i in 0..LANES {
+                pairs[i].store_halves(&mut out[i].0);
             }
-            for (out, pair) in out.iter_mut().zip(F::column_pairs(c2, translation)) {
-                pair.store_halves(&mut out.1);
+            let pairs = F::column_pairs(c2, translation);
+            for i in 0..LANES {
+                pairs[i].store_halves(&mut out[i].1);
             }
         }
-        for [joint, parent] in self.by_depth {
+        if full.len() < blocks {
+            let ([c0, c1, c2], translation) = local_columns::<F>(&locals, full.len());
+            let (low, high) = (F::column_pairs(c0, c1), F::column_pairs(c2, translation));
+            for (i, out) in rest.iter_mut().enumerate() {
+                low[i].store_halves(&mut out.0);
+                high[i].store_halves(&mut out.1);
+            }
+        }
+        for [joint, parent] in by_depth {
             let Some(Columns([c0, c1], [c2, translation])) = out.get(*parent as usize) else { return };
             let parent = [F::both(c0), F::both(c1), F::both(c2)];
             let translation = F::upper(translation);
@@ -132,6 +144,13 @@ impl<L: Locals> Matrices<'_, L> {
             turned(parent, F::load_halves(&own.1)).add(translation).store_halves(&mut own.1);
         }
     }
+}
+
+/// Component rows of the columns of R·S, and of the translation.
+#[inline(always)]
+fn local_columns<F: F8>(locals: &impl Locals, block: usize) -> ([[F; 3]; 3], [F; 3]) {
+    let (translation, rotation, scale) = locals.get::<F>(block);
+    (rotation_columns(rotation, scale), translation)
 }
 
 /// A matrix as four columns of four floats, two by two.

@@ -87,8 +87,6 @@ pub(crate) trait F8: Copy {
     /// Component rows of eight points.
     fn load_points(points: &[[f32; 3]; LANES]) -> [Self; 3];
     fn store_points(rows: [Self; 3], points: &mut [[f32; 3]; LANES]);
-    /// Asks for a matrix that will soon be written.
-    fn prefetch(_matrix: &Affine3A) {}
 }
 
 /// Three rows. Kernels call functions like this one rather than `map` with a closure: a closure that is not inlined is
@@ -382,10 +380,6 @@ mod avx {
                 _mm256_storeu2_m128(to.add(16), to.add(4), m14);
                 _mm256_storeu2_m128(to.add(20), to.add(8), m25);
             }
-        }
-        #[inline(always)]
-        fn prefetch(matrix: &Affine3A) {
-            unsafe { _mm_prefetch::<_MM_HINT_ET0>(std::ptr::from_ref(matrix).cast()) }
         }
     }
 

@@ -2,7 +2,7 @@
 
 mod support;
 
-use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time, Transform, bind_clip};
+use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Path, Skeleton, Time, Transform, bind_clip};
 use std::sync::Arc;
 use support::*;
 
@@ -125,4 +125,44 @@ fn binding_to_the_same_names_changes_nothing() {
     let clip = Clip::new("same".into(), 3, curves).unwrap();
     let (bound, unmatched) = bind_clip(&clip, &skeleton, &skeleton);
     assert_eq!((bound.curves(), unmatched.len()), (clip.curves(), 0));
+}
+
+#[test]
+fn baking_states_its_error() {
+    let thirty = FrameRate { num: 30, den: 1 };
+    // A key between two frames is cut off: the triangle's tip at 0.51 s, between frames 15 (0.5 s) and 16 (0.5333 s).
+    let tip = curve(
+        0,
+        Path::Translation,
+        LINEAR,
+        &[0.0, 0.51, 1.0],
+        &[0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
+    );
+    let clip = Clip::new("tip".into(), 1, vec![tip]).unwrap();
+    let (baked, error) = clip.baked(thirty).unwrap();
+    assert_eq!(baked.curves()[0].times.len(), 31);
+    assert_eq!((baked.duration, baked.curves()[0].times[30]), (clip.duration, clip.duration));
+    let (a, b) = (0.5 / 0.51, (1.0 - 16.0 / 30.0) / 0.49);
+    let wanted = 1.0 - (a + (b - a) * 0.01 * 30.0);
+    assert!((error.translation_m - wanted).abs() < 1e-6, "{error:?} {wanted}");
+    assert_eq!((error.rotation_rad, error.scale), (0.0, 0.0));
+    // A turn at constant speed loses nothing; steps and weights stay as they are.
+    let turn = curve(0, Path::Rotation, LINEAR, &[0.0, 1.0], &[0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    let steps = curve(0, Path::Scale, Interpolation::Step, &[0.0, 0.4], &[1.0, 1.0, 1.0, 2.0, 2.0, 2.0]);
+    let clip = Clip::new("turn".into(), 1, vec![turn, steps.clone()]).unwrap();
+    let (baked, error) = clip.baked(thirty).unwrap();
+    assert!(error.rotation_rad < 1e-6 && error.scale == 0.0, "{error:?}");
+    assert_eq!(baked.curves()[1], steps);
+}
+
+#[test]
+fn baking_too_much_is_refused() {
+    let long = curve(0, Path::Scale, LINEAR, &[0.0, 1e6], &[1.0; 6]);
+    let clip = Clip::new("long".into(), 1, vec![long]).unwrap();
+    let refused = clip.baked(FrameRate { num: 60, den: 1 }).unwrap_err().to_string();
+    assert_eq!(
+        refused,
+        "baking the clip \"long\" at 60 frames/s makes 180000003 numbers, at most 67108864 are allowed; \
+         choose a lower rate"
+    );
 }
