@@ -228,6 +228,10 @@ fn hooks_edit_after_keys_and_in_order() {
     assert_eq!(snapshot.ambient_up, glam::Vec3::ONE);
     let hand = v(0.3 + 0.6 * 1f64.cos(), 1.4 + 0.6 * 1f64.sin(), 0.0);
     close(joint_world(&snapshot, a, HAND), v(0.5, 0.5 + 2.0 * hand.y, -2.0 * hand.x), 1e-6);
+    // Turned about the parent's axes, after its own rotation: an actor tipped on its back has +Z up, and keeps it up.
+    stage.actors[a].transform.rotation = DQuat::from_rotation_x(-FRAC_PI_2);
+    close(facing(&stage.at(secs(0.5)).unwrap(), a), v(0.0, 2.0, 0.0), 1e-12);
+    stage.actors[a].transform.rotation = DQuat::IDENTITY;
     stage.hooks.push(Arc::new(Hook(|_, edits| {
         edits.actors.push(ActorEdit::MoveTo { actor: 0, translation: v(7.0, 0.0, 0.0) });
         edits.actors.push(ActorEdit::MoveBy { actor: 0, offset: v(0.0, 0.0, 1.0) });
