@@ -72,7 +72,7 @@ fn chest(p: Vec3) -> f32 {
     let ribs = ellipsoid(q, vec3(0.0, 1.290, -0.010), vec3(0.136, 0.170, 0.098));
     let breast = ellipsoid(q, vec3(0.063, 1.322, 0.048), vec3(0.074, 0.056, 0.042));
     let yoke = taper(q, vec3(0.0, 1.418, -0.022), 0.062, vec3(0.142, 1.406, -0.014), 0.046);
-    let collar = taper(q, vec3(0.0, 1.400, -0.022), 0.068, vec3(0.0, 1.462, -0.020), 0.036);
+    let collar = taper(q, vec3(0.0, 1.400, -0.022), 0.068, vec3(0.0, 1.474, -0.020), 0.038);
     let blade = ellipsoid(q, vec3(0.072, 1.350, -0.068), vec3(0.062, 0.085, 0.034));
     let solid = join(join(join(ribs, yoke, 0.06), breast, 0.035), blade, 0.04);
     let solid = join(solid, collar, 0.045);
@@ -99,8 +99,8 @@ fn bump(x: f32) -> f32 {
 
 fn pelvis(p: Vec3) -> f32 {
     let q = folded(p);
-    let bowl = ellipsoid(q, vec3(0.0, 0.990, -0.004), vec3(0.142, 0.090, 0.096));
-    let flank = ellipsoid(q, vec3(0.100, 0.955, -0.008), vec3(0.066, 0.072, 0.084));
+    let bowl = ellipsoid(q, vec3(0.0, 0.992, -0.004), vec3(0.130, 0.098, 0.092));
+    let flank = ellipsoid(q, vec3(0.098, 0.950, -0.008), vec3(0.066, 0.074, 0.084));
     let seat = ellipsoid(q, vec3(0.068, 0.918, -0.048), vec3(0.072, 0.074, 0.064));
     let fork = ellipsoid(q, vec3(0.0, 0.905, 0.002), vec3(0.062, 0.078, 0.078));
     let solid = join(join(join(bowl, flank, 0.05), seat, 0.05), fork, 0.05);

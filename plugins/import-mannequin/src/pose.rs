@@ -111,7 +111,7 @@ impl Default for Pose {
     fn default() -> Pose {
         let foot = Foot { x: 0.105, z: 0.0, lift: 0.0, out: 8.0, pitch: 0.0, toes: 1.0, knee: 0.0 };
         Pose {
-            hips: vec3(0.0, -0.005, 0.0),
+            hips: vec3(0.0, -0.001, 0.0),
             pelvis: Turn::default(),
             spine: turn(1.0, 0.0, 0.0),
             head: turn(2.0, 0.0, 0.0),

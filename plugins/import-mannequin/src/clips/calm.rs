@@ -12,7 +12,7 @@ pub fn idle(t: f32) -> Pose {
     // Longer on each leg than between them.
     let shift = sin(phase) + 0.18 * sin(3.0 * phase);
     pose.hips +=
-        vec3(0.026 * shift, -0.004 - 0.003 * shift * shift + 0.002 * breath, 0.004 * sin(2.0 * phase));
+        vec3(0.026 * shift, -0.002 - 0.003 * shift * shift + 0.002 * breath, 0.004 * sin(2.0 * phase));
     pose.pelvis = turn(-1.0, 2.5 * shift, -2.2 * shift);
     pose.spine = turn(1.5 - 1.6 * breath, -3.0 * shift, 3.0 * shift);
     pose.head = turn(2.0 - 1.0 * breath, 4.0 * sin(phase - 0.08), 1.2 * sin(phase - 0.05));

@@ -168,7 +168,7 @@ pub fn spin(t: f32) -> Pose {
             (2.9, 0.0),
         ],
     );
-    pose.hips = vec3(-0.015 * over - 0.105 * show, -0.008 - 0.060 * knees, -0.012 * (1.0 - over));
+    pose.hips = vec3(-0.015 * over - 0.105 * show, -0.004 - 0.060 * knees, -0.012 * (1.0 - over));
     pose.pelvis = turn(3.0 * knees, -16.0 * wind - 8.0 * show, 5.0 * show);
     pose.spine = turn(1.0 + 2.0 * knees - 5.0 * show, -26.0 * wind + 12.0 * show, 3.0 * turning - 9.0 * show);
     // Spotting: the eyes stay on the audience, then the head whips round before the body.
