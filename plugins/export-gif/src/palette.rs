@@ -138,9 +138,9 @@ fn median_cut(cells: &mut [Cell], colors: usize) -> Vec<[u8; 3]> {
             (n + f64::from(c.count), s + f64::from(c.count) * f64::from(c.color[axis]))
         });
         let (mut n, mut s, mut best) = (0.0, 0.0, (f64::NEG_INFINITY, 1));
-        for i in 0..part.len() - 1 {
-            n += f64::from(part[i].count);
-            s += f64::from(part[i].count) * f64::from(part[i].color[axis]);
+        for (i, cell) in part[..part.len() - 1].iter().enumerate() {
+            n += f64::from(cell.count);
+            s += f64::from(cell.count) * f64::from(cell.color[axis]);
             let gain = s * s / n + (total.1 - s) * (total.1 - s) / (total.0 - n);
             if gain > best.0 {
                 best = (gain, i + 1);

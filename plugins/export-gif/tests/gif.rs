@@ -46,8 +46,7 @@ fn encode(frames: &[Frame], fps: FrameRate) -> Vec<u8> {
         sink.frame(frame).unwrap();
     }
     sink.finish().unwrap();
-    let bytes = out.0.lock().unwrap().clone();
-    bytes
+    out.0.lock().unwrap().clone()
 }
 
 /// Canvases as a player shows them, and delays.

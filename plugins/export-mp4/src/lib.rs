@@ -61,7 +61,7 @@ impl Exporter for Mp4Exporter {
         let (width, height) = padded(info);
         let (long, short) = (width.max(height), width.min(height));
         // The encoder's own limits (H.264 level 5.2); it refuses less than one macroblock.
-        if long > 3840 || short > 2160 || short < 16 {
+        if long > 3840 || !(16..=2160).contains(&short) {
             return Err(ExportError::Format(format!(
                 "MP4: {}×{} is outside what the H.264 encoder takes, 16×16 to 3840×2160 (or upright); \
                  pipe larger videos: -o - | ffmpeg -i - …",

@@ -54,8 +54,7 @@ fn encode(info: &VideoInfo) -> Vec<u8> {
         sink.frame(&scene(info.width, info.height, frame as u32)).unwrap();
     }
     sink.finish().unwrap();
-    let bytes = out.0.lock().unwrap().clone();
-    bytes
+    out.0.lock().unwrap().clone()
 }
 
 fn file(name: &str, bytes: &[u8]) -> PathBuf {

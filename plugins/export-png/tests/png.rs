@@ -51,8 +51,7 @@ fn encode(frame: &Frame, info: &VideoInfo) -> Vec<u8> {
     let mut sink = PngExporter.begin(info, Box::new(out.clone())).unwrap();
     sink.frame(frame).unwrap();
     sink.finish().unwrap();
-    let bytes = out.0.lock().unwrap().clone();
-    bytes
+    out.0.lock().unwrap().clone()
 }
 
 #[test]

@@ -45,8 +45,7 @@ fn encode(width: u32, height: u32) -> Vec<u8> {
         sink.frame(&bars(width, height, frame)).unwrap();
     }
     sink.finish().unwrap();
-    let bytes = out.0.lock().unwrap().clone();
-    bytes
+    out.0.lock().unwrap().clone()
 }
 
 #[test]

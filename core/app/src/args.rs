@@ -1,0 +1,175 @@
+//! The command line as clap reads it.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+pub const EXIT_CODES: &str = "\
+Exit codes:
+  0    done
+  1    the script, model or another input is wrong
+  2    the command line is wrong
+  3    the output cannot be written
+  4    no device can render it
+  130  interrupted (Ctrl-C or SIGTERM)
+  141  the reader of standard output has gone
+
+A result appears whole or not at all: files are written beside their place as NAME.part and renamed when complete.";
+
+/// Turns a script and a folder of ready-made characters and clips into an animated scene.
+#[derive(Parser, Debug)]
+#[command(name = "choreo", version, after_help = EXIT_CODES, disable_help_subcommand = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+pub enum Command {
+    /// Render a script, or a model file as it is, to video or pictures
+    #[command(after_help = EXIT_CODES)]
+    Render(RenderArgs),
+    /// Find everything that can be found without drawing
+    Check(CheckArgs),
+    /// What is in a model file; how a picture or video was made
+    Info(InfoArgs),
+    /// What a scene needs, what was left out, and why
+    Explain(ExplainArgs),
+    /// Every actor's joints in world space at one time
+    Pose(PoseArgs),
+    /// The importers, effects and exporters that this program has
+    Plugins(PluginsArgs),
+}
+
+/// What is put on stage.
+#[derive(Args, Debug)]
+pub struct SceneArgs {
+    /// A script (.rhai), or a model file to be framed, lit and played with no script
+    #[arg(value_name = "SCRIPT|MODEL")]
+    pub input: PathBuf,
+    /// A parameter of the script, read there with param("NAME"); repeatable
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Model files: the clip to play (default: the first)
+    #[arg(long, value_name = "NAME")]
+    pub clip: Option<String>,
+    /// A further folder in which load(…) looks for files; repeatable
+    #[arg(long = "search", value_name = "DIR")]
+    pub search: Vec<PathBuf>,
+    /// Raise a limit of the script; repeatable
+    #[arg(long = "limit", value_name = "NAME=NUMBER")]
+    pub limit: Vec<String>,
+}
+
+#[derive(Args, Debug)]
+pub struct RenderArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// out.mp4, out.gif, out.y4m, out.png (one picture), frames/%04d.png, or - for y4m on standard output
+    #[arg(short, long, value_name = "FILE")]
+    pub output: String,
+    /// Which frames: 0..120 (120 not included), 0..=119, 30.., or one number
+    #[arg(long, value_name = "RANGE", conflicts_with = "at", allow_hyphen_values = true)]
+    pub frames: Option<String>,
+    /// One picture at this time in seconds
+    #[arg(long, value_name = "SECS", allow_hyphen_values = true)]
+    pub at: Option<String>,
+    /// Pixels, as 1280x720
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    /// Frames a second; 23.976, 29.97 and 59.94 mean the NTSC rates
+    #[arg(long, value_name = "RATE")]
+    pub fps: Option<String>,
+    /// auto: Vulkan where a driver works, else the CPU renderer
+    #[arg(long, value_enum, default_value_t = Device::Auto)]
+    pub device: Device,
+    /// Samples a pixel for smooth edges (default: the script's, else 4)
+    #[arg(long, value_name = "1|4")]
+    pub samples: Option<String>,
+    /// An option of the output format (see `choreo plugins`); repeatable
+    #[arg(long = "export", value_name = "NAME=VALUE")]
+    pub export: Vec<String>,
+    /// Threads at most (default: one for each core)
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<String>,
+    /// No progress bar, no summary
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// The summary, or what went wrong, as JSON on standard output (standard error for -o -)
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Device {
+    Auto,
+    Vulkan,
+    Cpu,
+}
+
+#[derive(Args, Debug)]
+pub struct CheckArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct InfoArgs {
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+    /// The joints as a tree
+    #[arg(long)]
+    pub joints: bool,
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct ExplainArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The time to look at, in seconds
+    #[arg(long, value_name = "SECS", default_value = "0", allow_hyphen_values = true)]
+    pub at: String,
+    /// Pixels, as 1280x720
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    #[arg(long, value_name = "1|4")]
+    pub samples: Option<String>,
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct PoseArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Seconds
+    #[arg(long, value_name = "SECS", default_value = "0", allow_hyphen_values = true)]
+    pub at: String,
+    /// Also write the posed meshes, skinned and morphed, in the file's own vertex order
+    #[arg(long, value_name = "FILE.obj")]
+    pub mesh: Option<PathBuf>,
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct PluginsArgs {
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Command {
+    pub fn json(&self) -> bool {
+        match self {
+            Command::Render(a) => a.json,
+            Command::Check(a) => a.json,
+            Command::Info(a) => a.json,
+            Command::Explain(a) => a.json,
+            Command::Pose(a) => a.json,
+            Command::Plugins(a) => a.json,
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! Which renderer draws: Vulkan where a driver works, else our own on the CPU.
+
+use crate::args::Device;
+use crate::failure::Failure;
+use crate::pipeline::render_failure;
+use choreo_plugin::Effect;
+use choreo_render::cpu::CpuRenderer;
+use choreo_render::{DeviceInfo, DeviceKind, RenderError, Renderer};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+pub struct Started {
+    pub renderer: Box<dyn Renderer>,
+    /// Why it is not a faster one.
+    pub note: Option<String>,
+}
+
+/// A renderer on its way.
+pub struct Starting(JoinHandle<Result<Started, Failure>>);
+
+pub fn start(device: Device, jobs: Option<usize>, effects: &[Arc<dyn Effect>]) -> Starting {
+    if let Some(jobs) = jobs {
+        // The CPU renderer's threads. Fails only where the pool runs already; it does not yet.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global();
+    }
+    let effects = effects.to_vec();
+    Starting(std::thread::spawn(move || open(device, effects)))
+}
+
+impl Starting {
+    pub fn wait(self) -> Result<Started, Failure> {
+        self.0.join().unwrap_or_else(|_| Err(Failure::Device("the renderer failed to start".into())))
+    }
+}
+
+fn open(device: Device, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failure> {
+    let cpu = |note| Ok(Started { renderer: Box::new(CpuRenderer::new(&effects)), note });
+    // The Vulkan renderer is not part of the program yet.
+    match device {
+        Device::Vulkan => {
+            Err(render_failure(RenderError::NoVulkan { why: "this build draws on the CPU only".into() }))
+        }
+        Device::Cpu | Device::Auto => cpu(None),
+    }
+}
+
+/// Four, for smooth edges, on every device: README.md of this crate has the figures.
+pub fn default_samples(device: &DeviceInfo) -> u32 {
+    match device.kind {
+        DeviceKind::VulkanGpu | DeviceKind::VulkanCpu | DeviceKind::CpuTwin => 4,
+    }
+}
+
+pub fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}

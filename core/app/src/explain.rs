@@ -1,0 +1,118 @@
+//! `choreo explain`: what one frame of a scene needs, what was left out, and why.
+
+use crate::args::ExplainArgs;
+use crate::failure::{Failure, print, print_json};
+use crate::{ranges, registry, scene};
+use choreo_render::{Catalog, Plan, PlanOptions};
+use choreo_stage::{Evaluator, Stage};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+pub fn run(args: ExplainArgs) -> Result<(), Failure> {
+    let at = ranges::at(&args.at)?;
+    let size = args.size.as_deref().map(ranges::size).transpose()?;
+    let samples = args.samples.as_deref().map(ranges::samples).transpose()?;
+    let registry = registry::registry();
+    let scene = scene::open(&args.scene, &registry)?;
+    let stage = &scene.stage;
+    let size = size.unwrap_or(stage.settings.size);
+    let samples = samples.or(stage.settings.samples).unwrap_or(4);
+    let catalog = Catalog::new(stage);
+    let snapshot = Evaluator::new(stage.clone()).at(at).map_err(|e| Failure::input(e.to_string()))?;
+    let options = PlanOptions { effects: registry.effects(), ..PlanOptions::new(size, samples) };
+    let plan = Plan::new(&catalog, stage, &snapshot, &options);
+    let facts = facts(stage, &catalog, &plan, at.as_secs());
+    if args.json {
+        return print_json(&facts);
+    }
+    print(&text(&facts))
+}
+
+fn facts(stage: &Stage, catalog: &Catalog, plan: &Plan, at: f64) -> Value {
+    let primitives = || catalog.primitives.iter().map(|p| p.primitive());
+    let drawn: usize = plan
+        .draws
+        .iter()
+        .map(|d| {
+            catalog.primitives[d.primitive as usize].primitive().indices.len() / 3 * d.instance_count as usize
+        })
+        .sum();
+    let mut pipelines: BTreeMap<String, usize> = BTreeMap::new();
+    for draw in &plan.draws {
+        *pipelines.entry(format!("{:?}", draw.pipeline)).or_default() += 1;
+    }
+    let texture_bytes: usize = catalog
+        .textures
+        .iter()
+        // A chain of mipmaps is a third more.
+        .map(|t| if t.mipmaps { t.image.rgba.len() / 3 * 4 } else { t.image.rgba.len() })
+        .sum();
+    json!({
+        "seconds": at,
+        "size": plan.size,
+        "samples": plan.samples,
+        "stage": {
+            "actors": stage.actors.len(),
+            "assets": catalog.assets.len(),
+            "frames": stage.settings.fps.frames_in(stage.settings.length),
+        },
+        "shared": {
+            "primitives": catalog.primitives.len(),
+            "vertices": primitives().map(|p| p.positions.len()).sum::<usize>(),
+            "materials": catalog.materials.len(),
+            "textures": catalog.textures.len(),
+            "texture_bytes": texture_bytes,
+        },
+        "frame": {
+            "draws": plan.draws.len(),
+            "copies": plan.instances.len(),
+            "primitives_drawn": drawn,
+            "pipelines": pipelines.len(),
+            "joint_matrices": plan.joint_matrices.len(),
+            "active_morphs": plan.morphs.len(),
+            "lights": plan.lights.len(),
+            "effects": plan.post.iter().map(|p| p.effect.clone()).collect::<Vec<_>>(),
+        },
+        "left_out": plan.left_out.iter().map(|l| json!({ "what": l.what, "why": l.why })).collect::<Vec<_>>(),
+    })
+}
+
+fn text(f: &Value) -> String {
+    let mut t = String::new();
+    let (stage, shared, frame) = (&f["stage"], &f["shared"], &f["frame"]);
+    let _ = writeln!(t, "at {} s, {}×{}, {} samples", f["seconds"], f["size"][0], f["size"][1], f["samples"]);
+    let _ = writeln!(
+        t,
+        "stage      {} actors from {} assets, {} frames",
+        stage["actors"], stage["assets"], stage["frames"]
+    );
+    let _ = writeln!(
+        t,
+        "uploaded   {} primitives with {} vertices, {} materials, {} textures ({:.1} MB), each once",
+        shared["primitives"],
+        shared["vertices"],
+        shared["materials"],
+        shared["textures"],
+        shared["texture_bytes"].as_f64().unwrap_or(0.0) / 1e6
+    );
+    let _ = writeln!(
+        t,
+        "drawn      {} draws of {} copies, {} triangles, {} pipelines",
+        frame["draws"], frame["copies"], frame["primitives_drawn"], frame["pipelines"]
+    );
+    let _ = writeln!(
+        t,
+        "for them   {} joint matrices, {} active morph targets, {} lights",
+        frame["joint_matrices"], frame["active_morphs"], frame["lights"]
+    );
+    for effect in frame["effects"].as_array().into_iter().flatten() {
+        let _ = writeln!(t, "effect     {}", effect.as_str().unwrap_or_default());
+    }
+    t.push_str("left out\n");
+    for out in f["left_out"].as_array().into_iter().flatten() {
+        let word = |k: &str| out[k].as_str().unwrap_or_default();
+        let _ = writeln!(t, "  {}: {}", word("what"), word("why"));
+    }
+    t
+}

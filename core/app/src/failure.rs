@@ -1,0 +1,132 @@
+//! Why a command ended without a result, and the exit code that says so.
+
+use choreo_script::{Diagnostic, Severity};
+use serde_json::json;
+
+#[derive(Debug)]
+pub enum Failure {
+    /// Script, model or another input.
+    Input(Vec<Problem>),
+    /// The command line.
+    Usage(String),
+    /// Where the result should go.
+    Output(String),
+    Device(String),
+    Interrupted,
+    /// The reader of standard output has gone.
+    ClosedPipe,
+}
+
+/// One thing that is wrong with an input.
+#[derive(Debug)]
+pub enum Problem {
+    /// Complete with its place.
+    Text(String),
+    Script(Diagnostic),
+}
+
+impl std::fmt::Display for Problem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Problem::Text(text) => f.write_str(text),
+            Problem::Script(diagnostic) => diagnostic.fmt(f),
+        }
+    }
+}
+
+impl Problem {
+    fn json(&self) -> serde_json::Value {
+        match self {
+            Problem::Text(text) => json!({ "message": text }),
+            Problem::Script(d) => json!({
+                "severity": if d.severity == Severity::Error { "error" } else { "warning" },
+                "file": d.file, "line": d.line, "column": d.column, "message": d.message, "hint": d.hint,
+            }),
+        }
+    }
+}
+
+impl Failure {
+    pub fn input(text: impl Into<String>) -> Failure {
+        Failure::Input(vec![Problem::Text(text.into())])
+    }
+
+    pub fn code(&self) -> u8 {
+        match self {
+            Failure::Input(_) => 1,
+            Failure::Usage(_) => 2,
+            Failure::Output(_) => 3,
+            Failure::Device(_) => 4,
+            Failure::Interrupted => 130,
+            // What a shell reports for a process that SIGPIPE ended.
+            Failure::ClosedPipe => 141,
+        }
+    }
+
+    /// What the user reads on standard error.
+    pub fn lines(&self) -> Vec<String> {
+        match self {
+            Failure::Input(problems) => problems.iter().map(ToString::to_string).collect(),
+            Failure::Usage(text) => vec![format!("{text}\n    see choreo --help")],
+            Failure::Output(text) | Failure::Device(text) => vec![text.clone()],
+            Failure::Interrupted => vec!["interrupted".to_string()],
+            Failure::ClosedPipe => Vec::new(),
+        }
+    }
+
+    pub fn json(&self) -> serde_json::Value {
+        let kind = match self {
+            Failure::Input(_) => "input",
+            Failure::Usage(_) => "usage",
+            Failure::Output(_) => "output",
+            Failure::Device(_) => "device",
+            Failure::Interrupted => "interrupted",
+            Failure::ClosedPipe => "closed pipe",
+        };
+        let errors: Vec<serde_json::Value> = match self {
+            Failure::Input(problems) => problems.iter().map(Problem::json).collect(),
+            other => other.lines().into_iter().map(|l| Problem::Text(l).json()).collect(),
+        };
+        json!({ "ok": false, "kind": kind, "exit_code": self.code(), "errors": errors })
+    }
+}
+
+/// Writes to standard output; a reader that has gone ends the program quietly.
+pub fn print(text: &str) -> Result<(), Failure> {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| output_error("standard output", &e))
+}
+
+pub fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
+    // `to_string_pretty` of a `Value` cannot fail: all keys are strings.
+    print(&format!("{}\n", serde_json::to_string_pretty(value).unwrap_or_default()))
+}
+
+pub fn output_error(place: &str, error: &std::io::Error) -> Failure {
+    match error.kind() {
+        std::io::ErrorKind::BrokenPipe => Failure::ClosedPipe,
+        _ => Failure::Output(format!("{place}: cannot write: {}", reason(error))),
+    }
+}
+
+/// The system's words without "(os error 2)".
+pub fn reason(error: &std::io::Error) -> String {
+    use std::io::ErrorKind::*;
+    let text = match error.kind() {
+        NotFound => "no such file or folder".to_string(),
+        PermissionDenied => "permission denied".to_string(),
+        StorageFull => "the disk is full".to_string(),
+        QuotaExceeded => "the disk quota is used up".to_string(),
+        ReadOnlyFilesystem => "the file system is read-only".to_string(),
+        IsADirectory => "it is a folder".to_string(),
+        AlreadyExists => "it exists already and is no folder".to_string(),
+        NotADirectory => "a part of the path is a file, not a folder".to_string(),
+        InvalidFilename => "the name is too long or not allowed".to_string(),
+        _ => error.to_string(),
+    };
+    match text.split_once(" (os error") {
+        Some((words, _)) => words.to_string(),
+        None => text,
+    }
+}

@@ -1,0 +1,229 @@
+//! `choreo info`: what is in a model file, or how a picture or video was made.
+
+use crate::args::InfoArgs;
+use crate::failure::{Failure, print, print_json, reason};
+use crate::{model, provenance, registry, scene};
+use choreo_plugin::{Registry, Source};
+use choreo_script::Limits;
+use choreo_stage::{Asset, LightKind, Projection};
+use serde_json::{Value, json};
+use std::fmt::Write;
+use std::io::Read;
+use std::sync::Arc;
+
+pub fn run(args: InfoArgs) -> Result<(), Failure> {
+    let registry = registry::registry();
+    model::must_be_file(&args.file)?;
+    if args.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai")) {
+        let shown = args.file.display();
+        return Err(Failure::Usage(format!(
+            "{shown} is a script; type choreo explain {shown} or choreo check {shown}"
+        )));
+    }
+    let head = head(&args)?;
+    if let Some(media) = provenance::read(&head) {
+        return print_media(&args, &media);
+    }
+    let asset = model::import(&args.file, &[], &registry, &Limits::default())?;
+    let importer = importer(&args, &registry, head);
+    let facts = facts(&asset, importer);
+    if args.json {
+        return print_json(&facts_json(&asset, &facts, args.joints));
+    }
+    print(&text(&asset, &facts, args.joints))
+}
+
+/// Enough of the file for its importer to know it and for the index of a video.
+fn head(args: &InfoArgs) -> Result<Vec<u8>, Failure> {
+    let mut head = Vec::new();
+    if model::is_built_in(&args.file) {
+        return Ok(head);
+    }
+    let failed = |e| Failure::input(format!("{}: cannot read: {}", args.file.display(), reason(&e)));
+    let file = std::fs::File::open(&args.file).map_err(failed)?;
+    file.take(16 << 20).read_to_end(&mut head).map_err(failed)?;
+    Ok(head)
+}
+
+fn importer(args: &InfoArgs, registry: &Registry, head: Vec<u8>) -> (String, String) {
+    let source = Source { name: args.file.display().to_string(), bytes: Arc::new(head) };
+    let found = registry.importer_for(&source, None);
+    found.map(|i| (i.manifest().name.to_string(), i.manifest().about.to_string())).unwrap_or_default()
+}
+
+fn print_media(args: &InfoArgs, media: &provenance::Media) -> Result<(), Failure> {
+    if args.json {
+        let made: serde_json::Map<String, Value> =
+            media.provenance.iter().map(|(k, v)| (k.clone(), v.clone().into())).collect();
+        return print_json(&json!({
+            "file": args.file.display().to_string(), "format": media.format,
+            "size": [media.width, media.height], "provenance": made,
+        }));
+    }
+    let mut text = format!("{}: {}, {}×{}\n", args.file.display(), media.format, media.width, media.height);
+    for (key, value) in &media.provenance {
+        let _ = writeln!(text, "  {:<12} {value}", key.strip_prefix("choreo:").unwrap_or(key));
+    }
+    if media.provenance.is_empty() {
+        text.push_str("  does not say how it was made\n");
+    }
+    print(&text)
+}
+
+struct Facts {
+    importer: (String, String),
+    vertices: usize,
+    triangles: usize,
+    primitives: usize,
+    image_bytes: usize,
+    /// Metres; `None` where nothing can be seen.
+    extents: Option<[[f32; 3]; 2]>,
+}
+
+fn facts(asset: &Asset, importer: (String, String)) -> Facts {
+    let primitives = || asset.meshes.iter().flat_map(|m| &m.primitives);
+    let triangle = |p: &&choreo_stage::Primitive| p.topology == choreo_stage::Topology::Triangles;
+    let bounds = asset.rest_bounds();
+    Facts {
+        importer,
+        vertices: primitives().map(|p| p.positions.len()).sum(),
+        triangles: primitives().filter(triangle).map(|p| p.indices.len() / 3).sum(),
+        primitives: primitives().count(),
+        image_bytes: asset.images.iter().map(|i| i.rgba.len()).sum(),
+        extents: (!bounds.is_empty()).then(|| [bounds.min.to_array(), bounds.max.to_array()]),
+    }
+}
+
+fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
+    let mut t = String::new();
+    let _ = writeln!(t, "{}: {} ({})", asset.name, facts.importer.0, facts.importer.1);
+    if let Some([min, max]) = facts.extents {
+        let size: [f32; 3] = std::array::from_fn(|i| max[i] - min[i]);
+        let _ =
+            writeln!(t, "size       {:.3} × {:.3} × {:.3} m at rest (x, y up, z)", size[0], size[1], size[2]);
+    }
+    let _ = writeln!(
+        t,
+        "meshes     {} with {} primitives, {} vertices, {} triangles",
+        asset.meshes.len(),
+        facts.primitives,
+        facts.vertices,
+        facts.triangles
+    );
+    let skins: Vec<String> = asset.skins.iter().map(|s| s.joints.len().to_string()).collect();
+    let in_skins = if skins.is_empty() { String::new() } else { format!(" ({} joints)", skins.join(", ")) };
+    let _ = writeln!(t, "joints     {} nodes, {} skins{in_skins}", asset.skeleton.len(), skins.len());
+    for mesh in asset.meshes.iter().filter(|m| m.morph_targets > 0) {
+        let names = model::list(mesh.morph_names.iter().map(String::as_str), 12);
+        let _ = writeln!(t, "morphs     {}: {} targets {names}", mesh.name, mesh.morph_targets);
+    }
+    let _ = writeln!(
+        t,
+        "materials  {}, images {} ({:.1} MB in memory)",
+        asset.materials.len(),
+        asset.images.len(),
+        facts.image_bytes as f64 / 1e6
+    );
+    for image in &asset.images {
+        let _ = writeln!(t, "  image    {} {}×{}", image.name, image.width, image.height);
+    }
+    let _ = writeln!(t, "clips      {}", asset.clips.len());
+    for clip in &asset.clips {
+        let _ = writeln!(
+            t,
+            "  {:<28} {:8.3} s, {} curves",
+            clip.name,
+            clip.duration.as_secs(),
+            clip.curves().len()
+        );
+    }
+    for camera in &asset.cameras {
+        let _ = writeln!(t, "camera     {} ({})", camera.name, projection(&camera.projection));
+    }
+    for light in &asset.lights {
+        let _ =
+            writeln!(t, "light      {} ({}, {})", light.name, kind(&light.light.kind), light.light.intensity);
+    }
+    if joints {
+        t.push_str(&tree(asset));
+    }
+    for warning in scene::texts(asset) {
+        let _ = writeln!(t, "{warning}");
+    }
+    t
+}
+
+/// Joints indented below their parents.
+fn tree(asset: &Asset) -> String {
+    let skeleton = &asset.skeleton;
+    let mut depth = vec![0usize; skeleton.len()];
+    let mut children = vec![Vec::new(); skeleton.len()];
+    let mut roots = Vec::new();
+    for (i, parent) in skeleton.parents().iter().enumerate() {
+        match parent {
+            Some(p) => {
+                depth[i] = depth[*p as usize] + 1;
+                children[*p as usize].push(i);
+            }
+            None => roots.push(i),
+        }
+    }
+    let mut text = String::from("tree\n");
+    let mut stack: Vec<usize> = roots.into_iter().rev().collect();
+    while let Some(joint) = stack.pop() {
+        // Deeper than any real skeleton, the indentation would grow quadratically.
+        let indent = "  ".repeat(depth[joint].min(40) + 1);
+        let _ = writeln!(text, "{indent}{}", skeleton.names()[joint]);
+        stack.extend(children[joint].iter().rev());
+    }
+    text
+}
+
+fn projection(p: &Projection) -> String {
+    match p {
+        Projection::Perspective { yfov, .. } => format!("perspective, {:.1}° high", yfov.to_degrees()),
+        Projection::Orthographic { height, .. } => format!("orthographic, {height} m high"),
+    }
+}
+
+fn kind(kind: &LightKind) -> &'static str {
+    match kind {
+        LightKind::Directional => "directional",
+        LightKind::Point => "point",
+        LightKind::Spot { .. } => "spot",
+    }
+}
+
+fn facts_json(asset: &Asset, facts: &Facts, joints: bool) -> Value {
+    let names = asset.skeleton.names().iter().zip(asset.skeleton.parents());
+    let list = |n: usize| (0..n).collect::<Vec<_>>();
+    let mut value = json!({
+        "file": asset.name,
+        "importer": facts.importer.0,
+        "joints": asset.skeleton.len(),
+        "skins": asset.skins.iter().map(|s| s.joints.len()).collect::<Vec<_>>(),
+        "meshes": asset.meshes.iter().map(|m| json!({
+            "name": m.name,
+            "primitives": m.primitives.len(),
+            "vertices": m.primitives.iter().map(|p| p.positions.len()).sum::<usize>(),
+            "morph_targets": m.morph_names.iter().cloned().map(Value::from)
+                .chain(list(m.morph_targets).into_iter().skip(m.morph_names.len()).map(Value::from))
+                .collect::<Vec<_>>(),
+        })).collect::<Vec<_>>(),
+        "vertices": facts.vertices,
+        "triangles": facts.triangles,
+        "materials": asset.materials.iter().map(|m| m.name.clone()).collect::<Vec<_>>(),
+        "images": asset.images.iter().map(|i| json!({ "name": i.name, "size": [i.width, i.height] })).collect::<Vec<_>>(),
+        "clips": asset.clips.iter().map(|c| json!({
+            "name": c.name, "seconds": c.duration.as_secs(), "curves": c.curves().len(),
+        })).collect::<Vec<_>>(),
+        "cameras": asset.cameras.iter().map(|c| c.name.clone()).collect::<Vec<_>>(),
+        "lights": asset.lights.iter().map(|l| json!({ "name": l.name, "kind": kind(&l.light.kind) })).collect::<Vec<_>>(),
+        "extents": facts.extents,
+        "warnings": asset.warnings.iter().map(|w| json!({ "place": w.place, "text": w.text })).collect::<Vec<_>>(),
+    });
+    if joints {
+        value["skeleton"] = names.map(|(name, parent)| json!({ "name": name, "parent": parent })).collect();
+    }
+    value
+}

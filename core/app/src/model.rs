@@ -1,0 +1,137 @@
+//! A model file in place of a script: found, imported, and put on a stage of its own.
+
+use crate::failure::{Failure, reason};
+use choreo_motion::{Clip, Time};
+use choreo_plugin::{Needs, Registry};
+use choreo_script::{BUILT_IN, Limits, LoadError, Loader, did_you_mean};
+use choreo_stage::{Asset, Cue, Repeat, Stage};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Whether the input is made by the program ("choreo:mannequin") and no file.
+pub fn is_built_in(path: &Path) -> bool {
+    path.to_str().is_some_and(|p| p.starts_with(BUILT_IN))
+}
+
+/// Says now, in one way for scripts and models, that there is no such file or that it is a folder.
+pub fn must_be_file(path: &Path) -> Result<(), Failure> {
+    let shown = path.display();
+    if is_built_in(path) {
+        return Ok(());
+    }
+    match std::fs::metadata(path) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Err(Failure::input(missing(path))),
+        Err(e) => Err(Failure::input(format!("{shown}: cannot read: {}", reason(&e)))),
+        Ok(m) if m.is_dir() => {
+            Err(Failure::input(format!("{shown}: cannot read: it is a folder, not a file{}", contents(path))))
+        }
+        Ok(m) if !m.is_file() => {
+            Err(Failure::input(format!("{shown}: cannot read: it is not a regular file")))
+        }
+        Ok(_) => Ok(()),
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn missing(path: &Path) -> String {
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        return format!("{}: no such file; the folder {} does not exist", path.display(), folder.display());
+    }
+    let names = names(folder);
+    let wanted = path.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+    let near = did_you_mean(wanted, names.iter().map(String::as_str));
+    format!("{}: no such file{near}", path.display())
+}
+
+fn contents(folder: &Path) -> String {
+    match names(folder) {
+        names if names.is_empty() => String::new(),
+        names => format!("; it holds {}", list(names.iter().map(String::as_str), 8)),
+    }
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<String> =
+        entries.filter_map(|e| e.file_name().into_string().ok()).take(10_000).collect();
+    names.sort();
+    names
+}
+
+/// Imports with the same confinement as a script's `load(…)`: the model's own folder and the search folders.
+pub fn import(
+    path: &Path,
+    search: &[PathBuf],
+    registry: &Registry,
+    limits: &Limits,
+) -> Result<Arc<Asset>, Failure> {
+    must_be_file(path)?;
+    // The loader knows the file by its name; the user, by the path typed.
+    let name = match path.to_str() {
+        Some(built_in) if is_built_in(path) => built_in,
+        _ => path.file_name().and_then(|n| n.to_str()).unwrap_or_default(),
+    };
+    let shown = path.display().to_string();
+    let problem = |e: LoadError| {
+        let text = match e.message.strip_prefix(name) {
+            Some(rest) => format!("{shown}{rest}"),
+            None => format!("{shown}: {}", e.message),
+        };
+        let hint = e.hint.map(|h| format!("\n    hint: {h}")).unwrap_or_default();
+        Failure::input(format!("{text}{hint}"))
+    };
+    let base = if is_built_in(path) { Path::new("choreo.rhai") } else { path };
+    let loader = Loader::for_file(base, search, registry, Needs::ALL, limits.file).map_err(problem)?;
+    loader.load(name, None, &Default::default()).map_err(problem)
+}
+
+/// The asset alone on stage, framed and lit by the stage's defaults, playing one clip once through.
+pub fn stage(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, Failure> {
+    let clip = match clip {
+        None => asset.clips.first().cloned(),
+        Some(name) => Some(find_clip(&asset, name)?.clone()),
+    };
+    let mut stage = Stage::default();
+    // Something that stands still is one picture.
+    stage.settings.length = stage.settings.fps.time_of(1);
+    let actor = stage.cast("model", asset);
+    if let Some(clip) = clip {
+        if clip.duration > Time::ZERO {
+            stage.settings.length = clip.duration;
+        }
+        stage.play(actor, Cue { repeat: Repeat::Once, ..Cue::new(clip) });
+    }
+    Ok(stage)
+}
+
+fn find_clip<'a>(asset: &'a Asset, name: &str) -> Result<&'a Arc<Clip>, Failure> {
+    let names = || asset.clips.iter().map(|c| c.name.as_str());
+    if let Some(clip) = asset.clips.iter().find(|c| c.name == name) {
+        return Ok(clip);
+    }
+    if asset.clips.is_empty() {
+        return Err(Failure::input(format!(
+            "{}: unknown clip \"{name}\"; the file has no clips",
+            asset.name
+        )));
+    }
+    Err(Failure::input(format!(
+        "{}: unknown clip \"{name}\"{}\n    hint: clips: {}",
+        asset.name,
+        did_you_mean(name, names()),
+        list(names(), 100)
+    )))
+}
+
+/// `a, b, c` of at most `most` names, then how many more.
+pub fn list<'a>(names: impl Iterator<Item = &'a str> + Clone, most: usize) -> String {
+    let shown: Vec<&str> = names.clone().take(most).collect();
+    match names.count() - shown.len() {
+        0 => shown.join(", "),
+        more => format!("{}, and {more} more", shown.join(", ")),
+    }
+}

@@ -1,0 +1,234 @@
+//! Where results go: one file, a numbered set, or standard output. Files appear whole or not at all: each is written
+//! beside its place as `NAME.PID.part` and renamed when complete; part files are removed on errors and signals.
+
+use crate::failure::{Failure, output_error, reason};
+use choreo_plugin::{ExportError, Exporter, Registry};
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{BufWriter, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Part files that exist now. Locked while one is made, renamed or removed, and for ever by `remove_parts`.
+static PARTS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn parts() -> std::sync::MutexGuard<'static, BTreeSet<PathBuf>> {
+    PARTS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes every part file and keeps others from making or finishing more; the program ends next.
+pub fn remove_parts() {
+    let parts = parts();
+    for part in parts.iter() {
+        let _ = std::fs::remove_file(part);
+    }
+    std::mem::forget(parts);
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Target {
+    Stdout,
+    File(PathBuf),
+    /// `frames/%04d.png`: folder, then the name around a number of `digits`.
+    Numbered {
+        folder: PathBuf,
+        before: String,
+        digits: usize,
+        after: String,
+    },
+}
+
+impl Target {
+    pub fn parse(text: &str) -> Result<Target, Failure> {
+        if text == "-" {
+            return Ok(Target::Stdout);
+        }
+        let usage = |what: String| Err(Failure::Usage(what));
+        let path = PathBuf::from(text);
+        let Some(name) = path.file_name().and_then(|n| n.to_str()).filter(|_| !text.ends_with(['/', '\\']))
+        else {
+            return usage(format!("-o \"{text}\" names no file; write out.mp4, out.png or frames/%04d.png"));
+        };
+        if let Some(at) = name.find('%') {
+            let (before, rest) = (&name[..at], &name[at + 1..]);
+            let width: String = rest.chars().take_while(char::is_ascii_digit).collect();
+            let after = rest[width.len()..].strip_prefix('d').filter(|a| !a.contains('%'));
+            let digits = if width.is_empty() { Some(1) } else { width.parse().ok() };
+            return match (after, digits) {
+                (Some(after), Some(digits)) if (1..=12).contains(&digits) => Ok(Target::Numbered {
+                    folder: path.parent().unwrap_or(Path::new("")).to_path_buf(),
+                    before: before.to_string(),
+                    digits,
+                    after: after.to_string(),
+                }),
+                _ => usage(format!("-o {text}: frame numbers are written %04d, once, in the file name")),
+            };
+        }
+        if path.is_dir() {
+            return usage(format!("{text} is a folder; for numbered pictures type -o {text}/%04d.png"));
+        }
+        Ok(Target::File(path))
+    }
+
+    /// As messages name it.
+    pub fn shown(&self) -> String {
+        match self {
+            Target::Stdout => "standard output".into(),
+            Target::File(path) => path.display().to_string(),
+            Target::Numbered { folder, before, digits, after } => {
+                folder.join(format!("{before}%0{digits}d{after}")).display().to_string()
+            }
+        }
+    }
+
+    /// The exporter for the file's extension, checked against the kind of target.
+    pub fn exporter<'r>(&self, registry: &'r Registry) -> Result<&'r Arc<dyn Exporter>, Failure> {
+        let name = match self {
+            Target::Stdout => ".y4m".to_string(),
+            Target::File(path) => path.display().to_string(),
+            Target::Numbered { after, .. } => after.clone(),
+        };
+        let Some(exporter) = registry.exporter_for(&name) else {
+            let known: Vec<String> = registry
+                .exporters()
+                .iter()
+                .flat_map(|e| e.manifest().extensions.iter().map(|x| format!(".{x}")))
+                .collect();
+            return Err(Failure::Usage(format!(
+                "-o {}: the name's extension says the format; known: {}",
+                self.shown(),
+                known.join(", ")
+            )));
+        };
+        if matches!(self, Target::Numbered { .. }) && !exporter.one_frame_per_file() {
+            return Err(Failure::Usage(format!(
+                "-o {}: a {} holds all frames, so its name needs no number",
+                self.shown(),
+                exporter.manifest().name
+            )));
+        }
+        Ok(exporter)
+    }
+
+    /// Everything that can be found before the first frame: missing folders (made for numbered sets), no permission.
+    /// Gives the folders made, innermost last.
+    pub fn prepare(&self) -> Result<Vec<PathBuf>, Failure> {
+        match self {
+            Target::Stdout if std::io::stdout().is_terminal() => Err(Failure::Usage(
+                "-o - writes video to standard output, which is a terminal; pipe it: … -o - | ffmpeg -i - out.mkv"
+                    .into(),
+            )),
+            Target::Stdout => Ok(Vec::new()),
+            Target::File(path) => {
+                let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+                match folder {
+                    Some(folder) if !folder.exists() => Err(Failure::Output(format!(
+                        "{}: cannot write: the folder {} does not exist; make it: mkdir -p {}",
+                        path.display(),
+                        folder.display(),
+                        folder.display()
+                    ))),
+                    _ => Ok(Vec::new()),
+                }
+            }
+            Target::Numbered { folder, .. } => {
+                let missing: Vec<PathBuf> = folder
+                    .ancestors()
+                    .take_while(|f| !f.as_os_str().is_empty() && !f.exists())
+                    .map(Path::to_path_buf)
+                    .collect();
+                let made: Vec<PathBuf> = missing.into_iter().rev().collect();
+                if !folder.as_os_str().is_empty() {
+                    std::fs::create_dir_all(folder)
+                        .map_err(|e| Failure::Output(format!("{}: cannot make the folder: {}", folder.display(), reason(&e))))?;
+                }
+                // Opened and removed again: tells now whether files can be made here.
+                drop(Part::create(&self.file(0))?);
+                Ok(made)
+            }
+        }
+    }
+
+    /// The file of one frame.
+    pub fn file(&self, frame: i64) -> PathBuf {
+        match self {
+            Target::Stdout => PathBuf::from("-"),
+            Target::File(path) => path.clone(),
+            Target::Numbered { folder, before, digits, after } => {
+                folder.join(format!("{before}{frame:0digits$}{after}"))
+            }
+        }
+    }
+}
+
+/// A file on its way to its place.
+#[derive(Debug)]
+pub struct Part {
+    /// Where it is written; `None` where the place is no plain file (a pipe or device) and is written directly.
+    part: Option<PathBuf>,
+    place: PathBuf,
+    shown: String,
+    file: File,
+}
+
+impl Part {
+    pub fn create(place: &Path) -> Result<Part, Failure> {
+        let shown = place.display().to_string();
+        let failed = |e: std::io::Error| output_error(&shown, &e);
+        // A link's own target is replaced, not the link.
+        let place = std::fs::canonicalize(place).unwrap_or_else(|_| place.to_path_buf());
+        if let Ok(there) = std::fs::metadata(&place) {
+            if there.is_dir() {
+                return Err(Failure::Output(format!("{shown}: cannot write: it is a folder")));
+            }
+            if !there.is_file() {
+                let file = File::options().write(true).open(&place).map_err(failed)?;
+                return Ok(Part { part: None, place, shown, file });
+            }
+            if there.permissions().readonly() {
+                return Err(Failure::Output(format!("{shown}: cannot write: the file there is read-only")));
+            }
+        }
+        let mut name = place.file_name().unwrap_or_default().to_os_string();
+        name.push(format!(".{}.part", std::process::id()));
+        let part = place.with_file_name(name);
+        let mut parts = parts();
+        let file = File::create(&part).map_err(failed)?;
+        parts.insert(part.clone());
+        Ok(Part { part: Some(part), place, shown, file })
+    }
+
+    pub fn writer(&self) -> Result<Box<dyn Write + Send>, Failure> {
+        let file = self.file.try_clone().map_err(|e| output_error(&self.shown, &e))?;
+        Ok(Box::new(BufWriter::with_capacity(1 << 16, file)))
+    }
+
+    /// Moves the finished file to its place.
+    pub fn commit(mut self) -> Result<(), Failure> {
+        let Some(part) = self.part.take() else { return Ok(()) };
+        let mut parts = parts();
+        let renamed = std::fs::rename(&part, &self.place);
+        if renamed.is_err() {
+            let _ = std::fs::remove_file(&part);
+        }
+        parts.remove(&part);
+        renamed.map_err(|e| output_error(&self.shown, &e))
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        if let Some(part) = self.part.take() {
+            let mut parts = parts();
+            let _ = std::fs::remove_file(&part);
+            parts.remove(&part);
+        }
+    }
+}
+
+pub fn export_failure(shown: &str, error: ExportError) -> Failure {
+    match error {
+        ExportError::Io(e) => output_error(shown, &e),
+        ExportError::Format(text) => Failure::Output(format!("{shown}: {text}")),
+    }
+}

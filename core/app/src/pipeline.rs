@@ -1,0 +1,156 @@
+//! Frames on their way: evaluated and planned on one thread, drawn several in flight on this one, encoded on others.
+//! Queues are short and pictures are reused, so memory does not grow with the length of the video.
+
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::progress::Progress;
+use choreo_motion::Time;
+use choreo_plugin::Frame;
+use choreo_render::{Plan, RenderError, Renderer};
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
+use std::sync::{Mutex, PoisonError};
+
+/// Plans waiting for the renderer.
+const PLANS_AHEAD: usize = 2;
+
+/// From a time to what is drawn then.
+pub type PlanAt<'a> = Box<dyn FnMut(Time) -> Result<Plan, Failure> + Send + 'a>;
+
+pub type Encode<'a> = Box<dyn FnMut(i64, &Frame) -> Result<(), Failure> + Send + 'a>;
+
+pub struct Pipeline<'a> {
+    /// Frame number and time, in the order wanted.
+    pub frames: Vec<(i64, Time)>,
+    pub plan: PlanAt<'a>,
+    pub renderer: &'a mut dyn Renderer,
+    /// One: pictures arrive in order. Several: in any order, in parallel.
+    pub encoders: Vec<Encode<'a>>,
+    pub progress: &'a Progress,
+}
+
+/// What the threads share.
+struct Shared {
+    stop: AtomicBool,
+    /// The failure of the smallest frame number, so that the same script always fails with the same words.
+    failure: Mutex<Option<(i64, Failure)>>,
+    /// Pictures whose buffers can be drawn into again.
+    spare: Mutex<Vec<Frame>>,
+}
+
+impl Shared {
+    fn fail(&self, frame: i64, failure: Failure) {
+        self.stop.store(true, Ordering::SeqCst);
+        let mut slot = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
+        if slot.as_ref().is_none_or(|(f, _)| frame < *f) {
+            *slot = Some((frame, failure));
+        }
+    }
+
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::SeqCst) || interrupt::interrupted()
+    }
+}
+
+impl Pipeline<'_> {
+    pub fn run(self) -> Result<(), Failure> {
+        let shared =
+            Shared { stop: AtomicBool::new(false), failure: Mutex::new(None), spare: Mutex::new(Vec::new()) };
+        let Pipeline { frames, plan, renderer, encoders, progress } = self;
+        let (plan_to, plans) = sync_channel(PLANS_AHEAD);
+        let (frame_to, pictures) = sync_channel(encoders.len());
+        let pictures = Mutex::new(pictures);
+        std::thread::scope(|scope| {
+            scope.spawn(|| make_plans(&shared, frames, plan, plan_to));
+            for encode in encoders {
+                scope.spawn(|| encode_pictures(&shared, &pictures, encode, progress));
+            }
+            draw(&shared, renderer, plans, frame_to);
+        });
+        if interrupt::interrupted() {
+            return Err(Failure::Interrupted);
+        }
+        let failure = shared.failure.into_inner().unwrap_or_else(PoisonError::into_inner);
+        failure.map_or(Ok(()), |(_, failure)| Err(failure))
+    }
+}
+
+fn make_plans(shared: &Shared, frames: Vec<(i64, Time)>, mut plan: PlanAt<'_>, to: SyncSender<(i64, Plan)>) {
+    for (frame, time) in frames {
+        if shared.stopped() {
+            return;
+        }
+        match plan(time) {
+            Ok(plan) => {
+                if to.send((frame, plan)).is_err() {
+                    return;
+                }
+            }
+            Err(failure) => return shared.fail(frame, failure),
+        }
+    }
+}
+
+fn draw(
+    shared: &Shared,
+    renderer: &mut dyn Renderer,
+    plans: Receiver<(i64, Plan)>,
+    to: SyncSender<(i64, Frame)>,
+) {
+    let depth = renderer.frames_in_flight().max(1);
+    let mut flying = VecDeque::with_capacity(depth);
+    let mut more = true;
+    while !shared.stopped() && (more || !flying.is_empty()) {
+        while more && flying.len() < depth {
+            // With nothing in flight there is nothing better to do than to wait for a plan.
+            let next = match flying.is_empty() {
+                true => plans.recv().map_err(|_| TryRecvError::Disconnected),
+                false => plans.try_recv(),
+            };
+            match next {
+                Ok((frame, plan)) => match renderer.submit(plan) {
+                    Ok(()) => flying.push_back(frame),
+                    Err(error) => return shared.fail(frame, render_failure(error)),
+                },
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => more = false,
+            }
+        }
+        if let Some(frame) = flying.pop_front() {
+            let reuse = shared.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
+            match renderer.collect(reuse) {
+                Ok(picture) => {
+                    if to.send((frame, picture)).is_err() {
+                        return;
+                    }
+                }
+                Err(error) => return shared.fail(frame, render_failure(error)),
+            }
+        }
+    }
+}
+
+fn encode_pictures(
+    shared: &Shared,
+    pictures: &Mutex<Receiver<(i64, Frame)>>,
+    mut encode: Encode<'_>,
+    progress: &Progress,
+) {
+    loop {
+        let next = pictures.lock().unwrap_or_else(PoisonError::into_inner).recv();
+        let Ok((frame, picture)) = next else { return };
+        // After a failure the queue is emptied, so that the renderer does not wait for a place in it.
+        if !shared.stopped() {
+            match encode(frame, &picture) {
+                Ok(()) => progress.step(),
+                Err(failure) => shared.fail(frame, failure),
+            }
+        }
+        shared.spare.lock().unwrap_or_else(PoisonError::into_inner).push(picture);
+    }
+}
+
+pub fn render_failure(error: RenderError) -> Failure {
+    Failure::Device(error.to_string())
+}

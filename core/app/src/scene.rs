@@ -1,0 +1,99 @@
+//! From SCRIPT|MODEL on the command line to a stage.
+
+use crate::args::SceneArgs;
+use crate::failure::{Failure, Problem};
+use crate::{model, ranges};
+use choreo_plugin::Registry;
+use choreo_script::{Diagnostic, Limits, ScriptOptions, Severity, run_file};
+use choreo_stage::Stage;
+use std::sync::Arc;
+
+pub struct Scene {
+    /// The file's name without folders.
+    pub name: String,
+    pub stage: Arc<Stage>,
+    pub is_script: bool,
+    /// What was guessed or left; each complete with its place.
+    pub warnings: Vec<String>,
+    /// What the script printed.
+    pub printed: Vec<String>,
+    /// Parameters that change the picture, for provenance: `set`, `clip`.
+    pub arguments: Vec<String>,
+}
+
+pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
+    let mut limits = Limits::default();
+    for limit in &args.limit {
+        limits.set(limit).map_err(|e| Failure::Usage(format!("--limit {limit}: {e}")))?;
+    }
+    let name = args.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let mut set = Vec::new();
+    for text in &args.set {
+        let (name, value) = ranges::name_value("--set", text)?;
+        set.push((name.to_string(), value.to_string()));
+    }
+    let is_script = args.input.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai"));
+    let mut arguments: Vec<String> = set.iter().map(|(n, v)| format!("--set {n}={v}")).collect();
+    if is_script {
+        if args.clip.is_some() {
+            return Err(Failure::Usage("--clip is for model files; a script says what is played".into()));
+        }
+        model::must_be_file(&args.input)?;
+        let options =
+            ScriptOptions { set, search_paths: args.search.clone(), limits, ..ScriptOptions::default() };
+        let script = run_file(&args.input, registry, &options).map_err(|d| Failure::Input(errors(d)))?;
+        let mut warnings: Vec<String> = script.warnings.iter().map(ToString::to_string).collect();
+        warnings.extend(script.stage.warnings.iter().cloned());
+        warnings.extend(asset_warnings(&script.stage));
+        return Ok(Scene {
+            name,
+            stage: Arc::new(script.stage),
+            is_script,
+            warnings,
+            printed: script.printed,
+            arguments,
+        });
+    }
+    if let Some(text) = args.set.first() {
+        return Err(Failure::Usage(format!(
+            "--set {text} is for scripts; {} is a model",
+            args.input.display()
+        )));
+    }
+    let asset = model::import(&args.input, &args.search, registry, &limits)?;
+    arguments.extend(args.clip.iter().map(|c| format!("--clip {c}")));
+    let stage = model::stage(asset, args.clip.as_deref())?;
+    let mut warnings = asset_warnings(&stage);
+    if stage.actors.iter().all(|a| a.asset.clips.is_empty()) {
+        warnings.push(format!("{}: no clips: one frame", args.input.display()));
+    }
+    Ok(Scene { name, stage: Arc::new(stage), is_script, warnings, printed: Vec::new(), arguments })
+}
+
+fn errors(mut diagnostics: Vec<Diagnostic>) -> Vec<Problem> {
+    // Errors last, next to the prompt.
+    diagnostics.sort_by_key(|d| d.severity == Severity::Error);
+    diagnostics.into_iter().map(Problem::Script).collect()
+}
+
+/// Of every asset on stage, once.
+fn asset_warnings(stage: &Stage) -> Vec<String> {
+    let mut seen = Vec::new();
+    let mut warnings = Vec::new();
+    for actor in &stage.actors {
+        if seen.iter().any(|a| Arc::ptr_eq(a, &actor.asset)) {
+            continue;
+        }
+        seen.push(actor.asset.clone());
+        warnings.extend(texts(&actor.asset));
+    }
+    warnings
+}
+
+pub fn texts(asset: &choreo_stage::Asset) -> Vec<String> {
+    let text = |w: &choreo_stage::Warning| match w.place.is_empty() {
+        true => format!("{}: warning: {}", asset.name, w.text),
+        false => format!("{}: {}: warning: {}", asset.name, w.place, w.text),
+    };
+    asset.warnings.iter().map(text).collect()
+}

@@ -1,0 +1,254 @@
+//! What the program says to bad input: exact words, exit codes, no file left behind.
+
+mod common;
+
+use common::*;
+use std::path::Path;
+
+/// Exit code and the first line on standard error; nothing new may lie in the folder.
+fn refused(folder: &Path, args: &[&str]) -> (i32, String) {
+    let before = names(folder);
+    let run = choreo(folder, args);
+    assert_eq!(names(folder), before, "{args:?} left something behind");
+    assert_eq!(run.out, "", "{args:?}");
+    (run.code, run.err.lines().next().unwrap_or_default().to_string())
+}
+
+#[test]
+fn inputs_that_are_no_inputs() {
+    let dir = folder();
+    let d = dir.path();
+    std::fs::create_dir(d.join("models")).unwrap();
+    std::fs::write(d.join("models/Fox.glb"), "x").unwrap();
+    std::fs::write(d.join("noise.glb"), (0..999u32).map(|i| ((i * i) >> 3) as u8).collect::<Vec<_>>())
+        .unwrap();
+    std::fs::write(d.join("notes.txt"), "hello").unwrap();
+    std::fs::write(d.join("empty.gltf"), "").unwrap();
+    for (input, expected) in [
+        ("trj.gltf", "trj.gltf: no such file; did you mean \"tri.gltf\"?"),
+        ("trj.rhai", "trj.rhai: no such file"),
+        ("no/such.glb", "no/such.glb: no such file; the folder no does not exist"),
+        ("models", "models: cannot read: it is a folder, not a file; it holds Fox.glb"),
+        ("notes.txt", "notes.txt: no importer knows this kind of file"),
+    ] {
+        for command in ["render", "check", "info", "explain", "pose"] {
+            let mut args = vec![command, input];
+            if command == "render" {
+                args.extend(["-o", "out.mp4"]);
+            }
+            assert_eq!(refused(d, &args), (1, expected.to_string()), "{command}");
+        }
+    }
+    for input in ["noise.glb", "models/Fox.glb", "empty.gltf"] {
+        let (code, line) = refused(d, &["info", input]);
+        assert_eq!(code, 1);
+        assert!(line.starts_with(&format!("{input}: ")), "{line}");
+    }
+}
+
+/// Every prefix of a model, and the model with each byte of its head turned: an error or a result, no panic, no hang.
+#[test]
+fn cut_and_bent_models_never_panic() {
+    let dir = folder();
+    let d = dir.path();
+    let whole = triangle(1.0).into_bytes();
+    for (i, cut) in (0..whole.len()).step_by(97).enumerate() {
+        std::fs::write(d.join("cut.gltf"), &whole[..cut]).unwrap();
+        let run = choreo(d, &["pose", "cut.gltf", "--at", "0.5"]);
+        assert_eq!(run.code, 1, "cut at {cut} was accepted");
+        let mut bent = whole.clone();
+        bent[cut] ^= 1 << (i % 7);
+        std::fs::write(d.join("bent.gltf"), &bent).unwrap();
+        let run = choreo(d, &["pose", "bent.gltf", "--at", "0.5"]);
+        assert!([0, 1].contains(&run.code), "{}", run.err);
+    }
+}
+
+#[test]
+fn unknown_clips_name_the_closest() {
+    let dir = folder();
+    let (code, line) = refused(dir.path(), &["render", "tri.gltf", "--clip", "Slde", "-o", "o.mp4"]);
+    assert_eq!((code, line.as_str()), (1, "tri.gltf: unknown clip \"Slde\"; did you mean \"Slide\"?"));
+}
+
+#[test]
+fn command_lines_that_are_wrong() {
+    let dir = folder();
+    let d = dir.path();
+    std::fs::create_dir(d.join("frames")).unwrap();
+    std::fs::write(d.join("s.rhai"), "stage(#{ length: 1.0 });").unwrap();
+    for (args, expected) in [
+        (
+            &["render", "tri.gltf", "-o", "o.mp5"][..],
+            "-o o.mp5: the name's extension says the format; known: .png, .mp4, .m4v, .gif, .y4m",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "frames"],
+            "frames is a folder; for numbered pictures type -o frames/%04d.png",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "frames/"],
+            "-o \"frames/\" names no file; write out.mp4, out.png or frames/%04d.png",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "%04d.mp4"],
+            "-o %04d.mp4: a mp4 holds all frames, so its name needs no number",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "%s.png"],
+            "-o %s.png: frame numbers are written %04d, once, in the file name",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "%d%d.png"],
+            "-o %d%d.png: frame numbers are written %04d, once, in the file name",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "o.mp4", "--frames", "0..31"],
+            "--frames 0..31: the scene has 30 frames, 0..30",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "o.mp4", "--size", "big"],
+            "--size big: write WIDTHxHEIGHT, each from 1 to 16384 pixels, as 1280x720",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "o.mp4", "--fps", "0"],
+            "--fps 0: write frames a second from 0.001 to 1000, as 30, 29.97 or 30000/1001",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "o.mp4", "--samples", "2"],
+            "--samples 2: 1 (fast) or 4 (smooth edges)",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "o.png", "--at", "soon"],
+            "--at soon: write seconds from -360000 to 360000, as 1.5",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "o.mp4", "--jobs", "0"],
+            "--jobs 0: a number of threads from 1 to 1024",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "o.mp4", "--set", "x=1"],
+            "--set x=1 is for scripts; tri.gltf is a model",
+        ),
+        (&["render", "s.rhai", "-o", "o.mp4", "--set", "x"], "--set x: write NAME=VALUE"),
+        (
+            &["render", "s.rhai", "-o", "o.mp4", "--clip", "Walk"],
+            "--clip is for model files; a script says what is played",
+        ),
+        (
+            &["render", "s.rhai", "-o", "o.png"],
+            "o.png holds one picture and the scene has 30 frames; type --at 0 for one of them, or -o o/%04d.png for all",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "o.mp4", "--export", "quality=900"],
+            "--export quality=900: quality is a number from 0 to 100, not \"900\"",
+        ),
+        (
+            &["render", "tri.gltf", "-o", "o.mp4", "--export", "qality=9"],
+            "--export qality=9: mp4 has no option \"qality\"; it knows quality, keyframes",
+        ),
+    ] {
+        assert_eq!(refused(d, args), (2, expected.to_string()), "{args:?}");
+    }
+    // What clap finds itself.
+    for args in [
+        &["render", "tri.gltf"][..],
+        &["paint"],
+        &["render", "tri.gltf", "-o", "o.mp4", "--device", "abacus"],
+    ] {
+        assert_eq!(choreo(d, args).code, 2, "{args:?}");
+    }
+}
+
+#[test]
+fn outputs_that_cannot_be() {
+    let dir = folder();
+    let d = dir.path();
+    for (output, expected) in [
+        ("no/o.mp4", "no/o.mp4: cannot write: the folder no does not exist; make it: mkdir -p no"),
+        ("tri.gltf/o.mp4", "tri.gltf/o.mp4: cannot write: a part of the path is a file, not a folder"),
+        ("tri.gltf/%04d.png", "tri.gltf: cannot make the folder: it exists already and is no folder"),
+    ] {
+        let (code, line) = refused(d, &["render", "tri.gltf", "-o", output, "--device", "cpu", "--quiet"]);
+        assert_eq!((code, line.as_str()), (3, expected));
+    }
+    let long = format!("{}.mp4", "x".repeat(300));
+    let (code, line) = refused(d, &["render", "tri.gltf", "-o", &long, "--device", "cpu", "--quiet"]);
+    assert_eq!(code, 3);
+    assert!(line.ends_with("cannot write: the name is too long or not allowed"), "{line}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_named() {
+    let dir = folder();
+    let d = dir.path();
+    for format in ["y4m", "mp4", "gif"] {
+        let name = format!("full.{format}");
+        std::os::unix::fs::symlink("/dev/full", d.join(&name)).unwrap();
+        let small = ["--device", "cpu", "--size", "320x180", "--samples", "1", "--quiet"];
+        let args: Vec<&str> = ["render", "tri.gltf", "-o", &name].into_iter().chain(small).collect();
+        let (code, line) = refused(d, &args);
+        assert_eq!((code, line), (3, format!("{name}: cannot write: the disk is full")));
+    }
+}
+
+#[test]
+fn scripts_that_are_wrong_say_where() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = &dir.path().join("inside");
+    std::fs::create_dir(d).unwrap();
+    std::fs::write(d.join("tri.gltf"), triangle(1.0)).unwrap();
+    std::fs::write(dir.path().join("outside.txt"), "secret").unwrap();
+    for (text, expected) in [
+        ("let a = lod(\"tri.gltf\");", "s.rhai:1:9: unknown function \"lod\"; did you mean \"load\"?"),
+        ("let x = 1;\nlet y = ;", "s.rhai:2:9: unexpected ';'"),
+        ("loop { }", "s.rhai:1:6: the script takes too many steps; does a loop never end?"),
+        (
+            "fn f() { f() }\nf();",
+            "s.rhai:2:1: functions call each other too deeply; does one call itself without end?",
+        ),
+        ("let s = \"x\";\nloop { s += s; }", "s.rhai:2:10: this text grows too long"),
+        (
+            "let a = load(\"../outside.txt\");",
+            "s.rhai:1:14: cannot read \"../outside.txt\": it leads out of the folders this script may read",
+        ),
+        (
+            "let a = load(\"/etc/passwd\");",
+            "s.rhai:1:14: cannot read \"/etc/passwd\": it is an absolute path",
+        ),
+        ("import \"/etc/x\" as y;", "s.rhai:1:8: cannot read \"/etc/x.rhai\": it is an absolute path"),
+        (
+            "let a = load(\"tri.gltf\");\nlet b = cast(\"b\", a);\nb.play(a.clip(\"Slid\"));",
+            "s.rhai:3:15: unknown clip \"Slid\" in \"tri.gltf\"; did you mean \"Slide\"?",
+        ),
+        (
+            "let a = load(\"tri.gltf\");\nlet b = cast(\"b\", a);\nlet j = b.joint(\"Rot\");",
+            "s.rhai:3:17: unknown joint \"Rot\" in skeleton \"tri.gltf\"; did you mean \"Root\"?",
+        ),
+    ] {
+        std::fs::write(d.join("s.rhai"), text).unwrap();
+        for args in
+            [&["check", "s.rhai"][..], &["render", "s.rhai", "-o", "o.mp4", "--device", "cpu", "--quiet"]]
+        {
+            assert_eq!(refused(d, args), (1, expected.to_string()), "{text}");
+        }
+    }
+}
+
+/// All at once, with places for machines.
+#[test]
+fn several_script_errors_are_told_together() {
+    let dir = folder();
+    let d = dir.path();
+    std::fs::write(d.join("s.rhai"), "let a = load(\"no.glb\");\nlet b = load(\"tr.gltf\");").unwrap();
+    let run = choreo(d, &["check", "s.rhai", "--json"]);
+    assert_eq!(run.code, 1);
+    let value: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    let errors = value["errors"].as_array().unwrap();
+    let at =
+        |i: usize| (errors[i]["file"].as_str(), errors[i]["line"].as_u64(), errors[i]["column"].as_u64());
+    assert_eq!(errors.len(), 2, "{value}");
+    assert_eq!((at(0), at(1)), ((Some("s.rhai"), Some(1), Some(14)), (Some("s.rhai"), Some(2), Some(14))));
+    assert!(errors[1]["message"].as_str().unwrap().contains("did you mean \"tri.gltf\"?"));
+}

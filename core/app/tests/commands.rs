@@ -1,0 +1,109 @@
+//! info, explain, check, pose and plugins on good input.
+
+mod common;
+
+use common::*;
+use serde_json::Value;
+
+fn json(folder: &std::path::Path, args: &[&str]) -> Value {
+    let run = choreo(folder, args);
+    assert_eq!(run.code, 0, "{}", run.err);
+    serde_json::from_str(&run.out).unwrap()
+}
+
+#[test]
+fn pose_gives_joints_in_the_world() {
+    let dir = folder();
+    let value = json(dir.path(), &["pose", "tri.gltf", "--at", "0.25", "--json"]);
+    let joints = value["actors"][0]["joints"].as_array().unwrap();
+    let joint = |name: &str| joints.iter().find(|j| j["name"] == name).unwrap();
+    let slider = joint("Slider");
+    let parent = slider["parent"].as_u64().unwrap() as usize;
+    assert_eq!(joints[parent]["name"], "Root");
+    let matrix: Vec<f64> =
+        slider["world_from_joint"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    // The clip moves from x = 0 to 2 in a second; the root stands half a metre up.
+    let expected = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0.5, 0.5, 0., 1.];
+    assert!(matrix.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{matrix:?}");
+}
+
+#[test]
+fn pose_writes_meshes_in_the_file_s_vertex_order() {
+    let dir = folder();
+    let run = choreo(dir.path(), &["pose", "tri.gltf", "--at", "1", "--mesh", "o.obj", "--clip", "Slide"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert_eq!(parts(dir.path()), Vec::<String>::new());
+    let obj = String::from_utf8(read(dir.path(), "o.obj")).unwrap();
+    let vertices: Vec<Vec<f64>> = obj
+        .lines()
+        .filter_map(|l| l.strip_prefix("v "))
+        .map(|l| l.split(' ').map(|n| n.parse().unwrap()).collect())
+        .collect();
+    let expected = [[3.0, 0.5, 0.0], [2.0, 1.5, 0.0], [1.0, 0.5, 0.0]];
+    assert_eq!(vertices.len(), 3);
+    for (v, e) in vertices.iter().zip(expected) {
+        assert!(v.iter().zip(e).all(|(a, b)| (a - b).abs() < 1e-6), "{vertices:?}");
+    }
+    assert!(obj.lines().any(|l| l == "f 1//1 2//2 3//3"), "{obj}");
+}
+
+#[test]
+fn info_counts_what_is_in_a_file() {
+    let dir = folder();
+    let value = json(dir.path(), &["info", "tri.gltf", "--json", "--joints"]);
+    assert_eq!(
+        (&value["vertices"], &value["triangles"], &value["joints"]),
+        (&3.into(), &1.into(), &2.into())
+    );
+    assert_eq!(value["clips"][0]["name"], "Slide");
+    assert_eq!(value["clips"][0]["seconds"], 1.0);
+    assert_eq!(value["extents"], serde_json::json!([[-1.0, 0.5, 0.0], [1.0, 1.5, 0.0]]));
+    let run = choreo(dir.path(), &["info", "tri.gltf", "--joints"]);
+    assert!(run.out.contains("\n  Root\n    Slider\n"), "{}", run.out);
+}
+
+#[test]
+fn explain_names_what_is_left_out() {
+    let dir = folder();
+    let value = json(dir.path(), &["explain", "tri.gltf", "--json"]);
+    assert_eq!(value["frame"]["draws"], 1);
+    let left: Vec<&str> =
+        value["left_out"].as_array().unwrap().iter().map(|l| l["what"].as_str().unwrap()).collect();
+    assert!(left.contains(&"skinning") && left.contains(&"morph targets"), "{left:?}");
+    assert!(choreo(dir.path(), &["explain", "tri.gltf"]).out.contains("skinning: no mesh has a skin"));
+}
+
+#[test]
+fn plugins_and_help_are_complete() {
+    let dir = folder();
+    let value = json(dir.path(), &["plugins", "--json"]);
+    let names = |kind: &str| -> Vec<String> {
+        value[kind].as_array().unwrap().iter().map(|p| p["name"].as_str().unwrap().to_string()).collect()
+    };
+    assert_eq!(names("exporters"), ["png", "mp4", "gif", "y4m"]);
+    assert!(names("importers").contains(&"gltf".into()));
+    let help = choreo(dir.path(), &["--help"]);
+    assert_eq!(help.code, 0);
+    for code in ["0    done", "1    ", "2    ", "3    ", "4    ", "130  ", "141  "] {
+        assert!(help.out.contains(code), "{}", help.out);
+    }
+}
+
+#[test]
+fn a_script_is_checked_posed_and_rendered() {
+    let dir = folder();
+    let d = dir.path();
+    let script = "stage(#{ size: [96, 54], fps: 10, length: 1.0 });\n\
+                  let tri = load(\"tri.gltf\");\n\
+                  let a = cast(\"a\", tri).at(1.0, 0.0, 0.0);\n\
+                  a.play(tri.clip(\"Slide\"));\n";
+    std::fs::write(d.join("s.rhai"), script).unwrap();
+    let run = choreo(d, &["check", "s.rhai"]);
+    assert_eq!((run.code, run.out.as_str()), (0, "s.rhai: good, 10 frames, no warnings\n"), "{}", run.err);
+    let value = json(d, &["pose", "s.rhai", "--at", "0.5", "--json"]);
+    assert_eq!(value["actors"][0]["name"], "a");
+    assert_eq!(value["actors"][0]["world_from_model"][12], 1.0);
+    let run = choreo(d, &["render", "s.rhai", "-o", "f/%d.png", "--device", "cpu", "--quiet"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert_eq!(names(&d.join("f")).len(), 10);
+}

@@ -1,0 +1,96 @@
+//! Renders that are stopped: nothing half-written stays, what was there before stays.
+#![cfg(unix)]
+
+mod common;
+
+use common::*;
+use std::io::Read;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// A folder with a model whose clip takes an hour.
+fn long_folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("long.gltf"), triangle(3600.0)).unwrap();
+    folder
+}
+
+fn start(folder: &Path, output: &str) -> Child {
+    let args = ["render", "long.gltf", "-o", output, "--device", "cpu", "--size", "160x90", "--samples", "1"];
+    command(folder, &args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !there() {
+        assert!(start.elapsed() < Duration::from_secs(60), "no {what} after a minute");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn signal(child: &Child, name: &str) {
+    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
+}
+
+#[test]
+fn signals_leave_no_part_and_the_old_file() {
+    for name in ["-INT", "-TERM"] {
+        let dir = long_folder();
+        let d = dir.path();
+        std::fs::write(d.join("o.mp4"), "old").unwrap();
+        let child = start(d, "o.mp4");
+        wait_for("part file", || !parts(d).is_empty());
+        std::thread::sleep(Duration::from_millis(100));
+        signal(&child, name);
+        let run = finished(child.wait_with_output().unwrap());
+        assert_eq!(run.code, 130, "{}", run.err);
+        assert_eq!(run.err.lines().last(), Some("interrupted"));
+        assert_eq!(names(d), ["long.gltf", "o.mp4"]);
+        assert_eq!(read(d, "o.mp4"), b"old");
+    }
+}
+
+#[test]
+fn pictures_made_before_a_signal_are_whole() {
+    let dir = long_folder();
+    let d = dir.path();
+    let child = start(d, "f/%05d.png");
+    wait_for("fifth picture", || d.join("f/00005.png").exists());
+    signal(&child, "-INT");
+    let run = finished(child.wait_with_output().unwrap());
+    assert_eq!(run.code, 130, "{}", run.err);
+    let made = names(&d.join("f"));
+    assert!(made.len() > 5 && made.iter().all(|n| n.ends_with(".png")), "{made:?}");
+    for name in made {
+        // The last chunk of a PNG: no length, "IEND", its checksum.
+        assert!(read(&d.join("f"), &name).ends_with(b"\0\0\0\0IEND\xaeB`\x82"), "{name} is cut");
+    }
+}
+
+#[test]
+fn a_reader_that_goes_away_ends_it_quietly() {
+    let dir = long_folder();
+    let mut child = start(dir.path(), "-");
+    let mut pipe = child.stdout.take().unwrap();
+    pipe.read_exact(&mut [0; 1000]).unwrap();
+    drop(pipe);
+    let run = finished(child.wait_with_output().unwrap());
+    assert_eq!(run.code, 141, "{}", run.err);
+    assert!(!run.err.contains("rror") && !run.err.contains("write"), "{}", run.err);
+}
+
+#[test]
+fn a_folder_that_vanishes_is_named() {
+    let dir = long_folder();
+    let d = dir.path();
+    std::fs::create_dir(d.join("f")).unwrap();
+    let child = start(d, "f/%05d.png");
+    wait_for("picture", || d.join("f/00001.png").exists());
+    // Files are still being added, so the first try may find it not empty.
+    wait_for("end of the folder", || std::fs::remove_dir_all(d.join("f")).is_ok());
+    let run = finished(child.wait_with_output().unwrap());
+    assert_eq!(run.code, 3, "{}", run.err);
+    let line = run.err.lines().last().unwrap_or_default();
+    assert!(line.starts_with("f/") && line.ends_with(".png: cannot write: no such file or folder"), "{line}");
+}
