@@ -6,7 +6,7 @@ use crate::simd::{F8, Kernel, Level, dispatch};
 use crate::{Clip, LocalToModel, Pose, Sample, Skeleton, Time};
 use glam::Affine3A;
 
-/// What `Sample` twice, `Blend` and `LocalToModel` do (to the rounding of f32), at about two thirds of the time: the
+/// What `Sample` twice, `Blend` and `LocalToModel` do (to the rounding of f32), but the
 /// blended pose is never written down. Made to be run over many characters with the same scratch poses.
 pub struct Crossfade<'a> {
     pub skeleton: &'a Skeleton,

@@ -49,6 +49,8 @@ fn run_avx2<K: Kernel>(kernel: K) {
     kernel.run::<avx::Avx>();
 }
 
+// AVX-512VL (the same lanes, twice the registers) was tried: no faster, sampling 10 % slower.
+
 /// Eight floats; for matrices, two halves of four.
 pub(crate) trait F8: Copy {
     fn load(lane: &Lane) -> Self;

@@ -116,6 +116,18 @@ struct SkinVertices<'a, 'b>(&'b mut Skin<'a>);
 impl Kernel for SkinVertices<'_, '_> {
     #[inline(always)]
     fn run<F: F8>(self) {
+        // Known counts are unrolled.
+        match self.0.influences {
+            4 => self.vertices::<F>(4),
+            8 => self.vertices::<F>(8),
+            influences => self.vertices::<F>(influences),
+        }
+    }
+}
+
+impl SkinVertices<'_, '_> {
+    #[inline(always)]
+    fn vertices<F: F8>(self, influences: usize) {
         let job = self.0;
         let positions: &[[f32; 3]] = bytemuck::cast_slice(job.positions);
         let normals: &[[f32; 3]] = bytemuck::cast_slice(job.normals);
@@ -123,9 +135,9 @@ impl Kernel for SkinVertices<'_, '_> {
         let out_normals: &mut [[f32; 3]] = bytemuck::cast_slice_mut(job.out_normals);
         for first in (0..positions.len()).step_by(LANES) {
             let count = LANES.min(positions.len() - first);
-            let range = first * job.influences..(first + count) * job.influences;
+            let range = first * influences..(first + count) * influences;
             let joints = &job.joint_indices[range.clone()];
-            let matrices = blended::<F>(job.matrices, job.influences, joints, &job.joint_weights[range]);
+            let matrices = blended::<F>(job.matrices, influences, joints, &job.joint_weights[range]);
             let points = eight::<F>(&positions[first..]);
             put_eight(transformed(&matrices, points), &mut out_positions[first..]);
             if !normals.is_empty() {

@@ -10,6 +10,10 @@ const CHUNK_HEADER_BYTES: usize = 8;
 const CHUNK_JSON: u32 = 0x4E4F_534A;
 const CHUNK_BIN: u32 = 0x004E_4942;
 
+/// A few bytes of JSON can become hundreds in memory: `{}` is a whole node.
+pub const MAX_JSON_OBJECTS: usize = 2 << 20;
+pub const MAX_JSON_VALUES: usize = 32 << 20;
+
 pub struct Container<'a> {
     pub json: &'a [u8],
     /// Where the JSON starts in the file, for messages.
@@ -82,6 +86,17 @@ fn truncated(place: String, have: usize, need: usize) -> Problem {
 /// Typed JSON. `KHR_animation_pointer` channels have no target node, which the typed form cannot hold:
 /// they are taken out first and counted.
 pub fn parse(container: &Container<'_>) -> Result<(Root, usize)> {
+    let count = |letter: u8| container.json.iter().filter(|b| **b == letter).count();
+    for (letters, limit, what) in
+        [(&b"{"[..], MAX_JSON_OBJECTS, "objects"), (b",[", MAX_JSON_VALUES, "values")]
+    {
+        let found: usize = letters.iter().map(|l| count(*l)).sum();
+        if found > limit {
+            let what = format!("the JSON has about {found} {what}; the limit is {limit}");
+            return Err(Problem::new(format!("byte {}", container.json_offset), what)
+                .hint("split the file, or leave out what the scene does not need"));
+        }
+    }
     let first = serde_json::from_slice::<Root>(container.json);
     let error = match first {
         Ok(root) => return Ok((root, 0)),

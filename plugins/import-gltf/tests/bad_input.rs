@@ -208,6 +208,15 @@ fn node_trees() {
 }
 
 #[test]
+fn too_many_nodes() {
+    let json = format!("{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{}{{}}]}}", "{},".repeat(3 << 20));
+    assert_eq!(
+        common::error_text(common::import_bytes("bad.gltf", json.into_bytes())),
+        "bad.gltf: byte 0: the JSON has about 3145731 objects; the limit is 2097152"
+    );
+}
+
+#[test]
 fn weights() {
     let (json, mut bin) = sample();
     bin[WEIGHTS..WEIGHTS + 16].fill(0);
