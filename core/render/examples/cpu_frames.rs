@@ -46,6 +46,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         return Err(format!("no clip {name}; there are {names:?}").into());
     }
     let mut stage = Stage::default();
+    stage.settings.size = size;
     for i in 0..grid * grid {
         let actor = stage.cast(&format!("actor{i}"), asset.clone());
         let (x, z) = (f64::from(i % grid) * 1.8, f64::from(i / grid) * -1.8);

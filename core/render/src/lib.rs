@@ -3,6 +3,7 @@
 
 pub mod bounds;
 pub mod catalog;
+pub mod compare;
 pub mod content;
 pub mod cpu;
 pub mod mip;

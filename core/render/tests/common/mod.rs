@@ -188,3 +188,42 @@ pub fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> Ar
     let rgba = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| texel(x, y));
     Arc::new(Image { name: String::new(), width, height, rgba: rgba.collect() })
 }
+
+use choreo_plugin::Frame;
+use choreo_render::{CpuRenderer, Renderer};
+
+pub fn draw(scene: &Scene, options: &PlanOptions) -> Frame {
+    let (catalog, plan) = scene.plan(options);
+    let mut renderer = CpuRenderer::new(options.effects);
+    renderer.load(catalog).unwrap();
+    renderer.submit(plan).unwrap();
+    renderer.collect(None).unwrap()
+}
+
+pub fn draw_at(scene: &Scene, size: [u32; 2], samples: u32) -> Frame {
+    draw(scene, &PlanOptions::new(size, samples))
+}
+
+pub fn pixel(f: &Frame, x: u32, y: u32) -> [u8; 4] {
+    let at = ((y * f.width + x) * 4) as usize;
+    f.rgba[at..at + 4].try_into().unwrap()
+}
+
+/// IEC 61966-2-1 in f64: the code, not rounded.
+pub fn encode(linear: f64) -> f64 {
+    let v = linear.clamp(0.0, 1.0);
+    255.0 * if v <= 0.0031308 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+}
+
+pub fn decode(code: u8) -> f64 {
+    let v = f64::from(code) / 255.0;
+    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+#[track_caller]
+pub fn assert_color(got: [u8; 4], linear: [f64; 3], what: &str) {
+    for c in 0..3 {
+        let e = encode(linear[c]);
+        assert!((f64::from(got[c]) - e).abs() <= 0.75, "{what}: channel {c} is {} instead of {e:.2}", got[c]);
+    }
+}
