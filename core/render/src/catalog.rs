@@ -189,7 +189,7 @@ impl Builder {
             material: Material {
                 // A cutoff of zero discards nothing.
                 alpha_mode: match m.alpha_mode {
-                    AlphaMode::Mask(cutoff) if !(cutoff > 0.0) => AlphaMode::Opaque,
+                    AlphaMode::Mask(cutoff) if cutoff.is_nan() || cutoff <= 0.0 => AlphaMode::Opaque,
                     mode => mode,
                 },
                 ..m.clone()

@@ -182,7 +182,7 @@ fn lines_and_points_are_a_pixel_wide() {
 
 #[test]
 fn odd_triangles_and_odd_sizes() {
-    let mut bad = quad(1.0, 1.0);
+    let mut bad = quad(2.0, 2.0);
     bad.positions.extend([Vec3::NAN, Vec3::splat(f32::INFINITY), Vec3::splat(3e38), Vec3::splat(-3e38)]);
     bad.normals.extend([Vec3::Z; 4]);
     bad.uvs[0].extend([Vec2::splat(f32::NAN); 4]);

@@ -89,18 +89,14 @@ pub fn cover<const S: usize>(t: &Triangle, tile: [i32; 2], mut hit: impl FnMut(u
                 });
                 hit(index, outside.map(|o| o >= 0), depth);
             }
-            for k in 0..3 {
-                for i in 0..4 {
-                    e[k][i] = e[k][i].wrapping_add(step_x[k]);
-                }
+            for (e, step) in e.iter_mut().zip(step_x) {
+                *e = e.map(|v| v.wrapping_add(step));
             }
             index += 4;
             x += lanes.pixels;
         }
-        for k in 0..3 {
-            for i in 0..4 {
-                row[k][i] = row[k][i].wrapping_add(step_y[k]);
-            }
+        for (e, step) in row.iter_mut().zip(step_y) {
+            *e = e.map(|v| v.wrapping_add(step));
         }
     }
 }

@@ -67,8 +67,8 @@ impl Texture {
                 let other = self.filtered(&far, sampler, linear, u.0[i], v.0[i]);
                 rgba = rgba * (1.0 - blend) + other * blend;
             }
-            for c in 0..4 {
-                out[c].0[i] = rgba.0[c];
+            for (out, c) in out.iter_mut().zip(rgba.0) {
+                out.0[i] = c;
             }
         }
         out
