@@ -45,7 +45,10 @@ fn main() {
     for frame in &frames {
         yuv.convert(&frame.rgba, width as usize, height as usize, Matrix::Bt709, true);
     }
-    println!("{n} frames of {width}×{height}; RGB to 4:2:0 {:.2} ms a frame", start.elapsed().as_secs_f64() * 1e3 / n);
+    println!(
+        "{n} frames of {width}×{height}; RGB to 4:2:0 {:.2} ms a frame",
+        start.elapsed().as_secs_f64() * 1e3 / n
+    );
     for quality in [30.0, 50.0, 60.0, 75.0, 90.0, 100.0] {
         let mut info = VideoInfo {
             width,
@@ -65,6 +68,10 @@ fn main() {
         sink.finish().unwrap();
         let (secs, bytes) = (start.elapsed().as_secs_f64(), *count.0.lock().unwrap() as f64);
         let rate = bytes * 8.0 / (n / 30.0) / 1e6;
-        println!("quality {quality:3}: {:6.2} ms a frame, {:7.0} kB, {rate:5.2} Mbit/s", secs * 1e3 / n, bytes / 1e3);
+        println!(
+            "quality {quality:3}: {:6.2} ms a frame, {:7.0} kB, {rate:5.2} Mbit/s",
+            secs * 1e3 / n,
+            bytes / 1e3
+        );
     }
 }

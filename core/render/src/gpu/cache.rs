@@ -1,0 +1,105 @@
+//! The pipeline cache on disk: a checksum, then the driver's data, whose header must name this very driver and device.
+
+use super::context::Context;
+use super::error::Named;
+use crate::RenderError;
+use ash::vk;
+use std::path::{Path, PathBuf};
+
+const CHECKSUM: usize = 32;
+
+pub struct PipelineCache {
+    pub raw: vk::PipelineCache,
+    file: Option<PathBuf>,
+}
+
+impl PipelineCache {
+    pub fn new(gpu: &Context, folder: Option<&Path>) -> Result<PipelineCache, RenderError> {
+        let p = &gpu.properties;
+        let file = folder.map(|f| {
+            f.join(format!("pipelines-{:04x}-{:04x}-{:08x}.bin", p.vendor_id, p.device_id, p.driver_version))
+        });
+        let data = file.as_ref().and_then(|f| std::fs::read(f).ok()).unwrap_or_default();
+        // A cache only saves time: one that cannot be read or is not ours counts as empty.
+        let usable = usable(&data, p.vendor_id, p.device_id, &p.pipeline_cache_uuid).unwrap_or(&[]);
+        let info = vk::PipelineCacheCreateInfo::default().initial_data(usable);
+        // SAFETY: the data was written by this driver for this device, its checksum holds; destroyed by `destroy`.
+        let raw = unsafe { gpu.device.create_pipeline_cache(&info, None) }.named("pipeline cache")?;
+        Ok(PipelineCache { raw, file })
+    }
+
+    /// Written beside and renamed. Failure to write is not the user's error: the next start is slower.
+    pub fn save(&self, gpu: &Context) {
+        let Some(file) = &self.file else { return };
+        // SAFETY: the cache belongs to this device.
+        let Ok(data) = (unsafe { gpu.device.get_pipeline_cache_data(self.raw) }) else { return };
+        let mut bytes = blake3::hash(&data).as_bytes().to_vec();
+        bytes.extend_from_slice(&data);
+        if std::fs::read(file).is_ok_and(|old| old == bytes) {
+            return;
+        }
+        let part = file.with_extension(format!("{}.part", std::process::id()));
+        let written = file
+            .parent()
+            .map_or(Ok(()), std::fs::create_dir_all)
+            .and_then(|()| std::fs::write(&part, &bytes))
+            .and_then(|()| std::fs::rename(&part, file));
+        if written.is_err() {
+            let _ = std::fs::remove_file(&part);
+        }
+    }
+
+    pub fn destroy(&mut self, gpu: &Context) {
+        // SAFETY: made from this device; no pipeline is being created.
+        unsafe { gpu.device.destroy_pipeline_cache(self.raw, None) };
+        self.raw = vk::PipelineCache::null();
+    }
+}
+
+/// The driver's data, where checksum and header (Vulkan, "Pipeline Cache Header") say that it is ours.
+fn usable<'a>(file: &'a [u8], vendor: u32, device: u32, uuid: &[u8; 16]) -> Option<&'a [u8]> {
+    let (checksum, data) = file.split_at_checked(CHECKSUM)?;
+    if blake3::hash(data).as_bytes() != checksum {
+        return None;
+    }
+    let word = |i: usize| Some(u32::from_le_bytes(data.get(i * 4..i * 4 + 4)?.try_into().ok()?));
+    let ours = word(0)? as usize <= data.len()
+        && word(1)? == vk::PipelineCacheHeaderVersion::ONE.as_raw() as u32
+        && word(2)? == vendor
+        && word(3)? == device
+        && data.get(16..32)? == uuid;
+    ours.then_some(data)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::usable;
+
+    fn file(vendor: u32, device: u32, uuid: u8) -> Vec<u8> {
+        let mut data = Vec::new();
+        for word in [32u32, 1, vendor, device] {
+            data.extend_from_slice(&word.to_le_bytes());
+        }
+        data.extend_from_slice(&[uuid; 16]);
+        data.extend_from_slice(b"pipelines");
+        let mut file = blake3::hash(&data).as_bytes().to_vec();
+        file.extend_from_slice(&data);
+        file
+    }
+
+    #[test]
+    fn only_our_own_intact_file_is_used() {
+        let ours = |file: &[u8]| usable(file, 5, 6, &[7; 16]).is_some();
+        let good = file(5, 6, 7);
+        assert!(ours(&good));
+        assert!(!ours(&file(4, 6, 7)) && !ours(&file(5, 5, 7)) && !ours(&file(5, 6, 8)), "another device");
+        for length in 0..good.len() {
+            assert!(!ours(&good[..length]), "cut at {length}");
+        }
+        for byte in 0..good.len() {
+            let mut bad = good.clone();
+            bad[byte] ^= 1;
+            assert!(!ours(&bad), "a bit flipped in byte {byte}");
+        }
+    }
+}

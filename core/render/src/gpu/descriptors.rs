@@ -1,0 +1,206 @@
+//! Descriptor set layouts, and pools that grow.
+
+use super::context::Context;
+use super::error::Named;
+use crate::RenderError;
+use crate::gpu_types::TEXTURE_SLOTS;
+use ash::vk;
+
+/// Set 0: per frame. Set 1: per material. Set 2: morph offsets of a primitive. Set 0 of a post pass.
+pub struct Layouts {
+    pub frame: vk::DescriptorSetLayout,
+    pub material: vk::DescriptorSetLayout,
+    pub morphs: vk::DescriptorSetLayout,
+    pub post: vk::DescriptorSetLayout,
+}
+
+fn create(
+    gpu: &Context,
+    name: &str,
+    bindings: &[(u32, vk::DescriptorType, vk::ShaderStageFlags)],
+) -> Result<vk::DescriptorSetLayout, RenderError> {
+    let bindings: Vec<_> = bindings
+        .iter()
+        .map(|(binding, kind, stages)| {
+            vk::DescriptorSetLayoutBinding::default()
+                .binding(*binding)
+                .descriptor_type(*kind)
+                .descriptor_count(1)
+                .stage_flags(*stages)
+        })
+        .collect();
+    let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+    // SAFETY: the device is alive; destroyed by `Layouts::destroy`.
+    let layout = unsafe { gpu.device.create_descriptor_set_layout(&info, None) }.named(name)?;
+    gpu.name(layout, name);
+    Ok(layout)
+}
+
+impl Layouts {
+    pub fn new(gpu: &Context) -> Result<Layouts, RenderError> {
+        use vk::DescriptorType as T;
+        let (vertex, fragment) = (vk::ShaderStageFlags::VERTEX, vk::ShaderStageFlags::FRAGMENT);
+        let mut layouts = Layouts {
+            frame: vk::DescriptorSetLayout::null(),
+            material: vk::DescriptorSetLayout::null(),
+            morphs: vk::DescriptorSetLayout::null(),
+            post: vk::DescriptorSetLayout::null(),
+        };
+        let mut material = vec![(0, T::UNIFORM_BUFFER, fragment)];
+        for slot in 0..TEXTURE_SLOTS as u32 {
+            material.push((1 + 2 * slot, T::SAMPLED_IMAGE, fragment));
+            material.push((2 + 2 * slot, T::SAMPLER, fragment));
+        }
+        let frame = [
+            (0, T::UNIFORM_BUFFER, vertex | fragment),
+            (1, T::STORAGE_BUFFER, vertex),
+            (2, T::STORAGE_BUFFER, vertex),
+            (3, T::STORAGE_BUFFER, vertex),
+            (4, T::UNIFORM_BUFFER, fragment),
+            (5, T::UNIFORM_BUFFER, vertex),
+        ];
+        let post = [(0, T::UNIFORM_BUFFER, fragment), (1, T::SAMPLED_IMAGE, fragment)];
+        let made = (|| {
+            layouts.frame = create(gpu, "frame set layout", &frame)?;
+            layouts.material = create(gpu, "material set layout", &material)?;
+            layouts.morphs = create(gpu, "morph set layout", &[(0, T::STORAGE_BUFFER, vertex)])?;
+            layouts.post = create(gpu, "post set layout", &post)?;
+            Ok(())
+        })();
+        match made {
+            Ok(()) => Ok(layouts),
+            Err(e) => {
+                layouts.destroy(gpu);
+                Err(e)
+            }
+        }
+    }
+
+    pub fn destroy(&mut self, gpu: &Context) {
+        for layout in [self.frame, self.material, self.morphs, self.post] {
+            // SAFETY: made from this device (or null); no pipeline or set is created from it any more.
+            unsafe { gpu.device.destroy_descriptor_set_layout(layout, None) };
+        }
+    }
+}
+
+/// A set and the pool it goes back to.
+#[derive(Clone, Copy)]
+pub struct Set {
+    pub raw: vk::DescriptorSet,
+    pool: vk::DescriptorPool,
+}
+
+#[derive(Default)]
+pub struct Pools {
+    pools: Vec<vk::DescriptorPool>,
+}
+
+const SETS_PER_POOL: u32 = 64;
+
+impl Pools {
+    pub fn allocate(
+        &mut self,
+        gpu: &Context,
+        layout: vk::DescriptorSetLayout,
+        name: &str,
+    ) -> Result<Set, RenderError> {
+        for &pool in self.pools.iter().rev() {
+            if let Ok(set) = allocate(gpu, pool, layout) {
+                gpu.name(set.raw, name);
+                return Ok(set);
+            }
+        }
+        let pool = self.grow(gpu)?;
+        let set = allocate(gpu, pool, layout).named(name)?;
+        gpu.name(set.raw, name);
+        Ok(set)
+    }
+
+    fn grow(&mut self, gpu: &Context) -> Result<vk::DescriptorPool, RenderError> {
+        let size = |ty, each: u32| vk::DescriptorPoolSize { ty, descriptor_count: each * SETS_PER_POOL };
+        // Enough of each kind for a pool full of the set that has most of it.
+        let sizes = [
+            size(vk::DescriptorType::UNIFORM_BUFFER, 3),
+            size(vk::DescriptorType::STORAGE_BUFFER, 3),
+            size(vk::DescriptorType::SAMPLED_IMAGE, TEXTURE_SLOTS as u32),
+            size(vk::DescriptorType::SAMPLER, TEXTURE_SLOTS as u32),
+        ];
+        let info = vk::DescriptorPoolCreateInfo::default()
+            .flags(vk::DescriptorPoolCreateFlags::FREE_DESCRIPTOR_SET)
+            .max_sets(SETS_PER_POOL)
+            .pool_sizes(&sizes);
+        // SAFETY: the device is alive; destroyed by `Pools::destroy`.
+        let pool = unsafe { gpu.device.create_descriptor_pool(&info, None) }.named("descriptor pool")?;
+        self.pools.push(pool);
+        Ok(pool)
+    }
+
+    /// The caller sees to it that no frame in flight uses the set.
+    pub fn free(&mut self, gpu: &Context, set: Set) {
+        // SAFETY: allocated from this pool, which allows freeing. The call cannot fail (it only returns success).
+        let _ = unsafe { gpu.device.free_descriptor_sets(set.pool, &[set.raw]) };
+    }
+
+    pub fn destroy(&mut self, gpu: &Context) {
+        for pool in self.pools.drain(..) {
+            // SAFETY: made from this device; no frame in flight uses its sets.
+            unsafe { gpu.device.destroy_descriptor_pool(pool, None) };
+        }
+    }
+}
+
+fn allocate(
+    gpu: &Context,
+    pool: vk::DescriptorPool,
+    layout: vk::DescriptorSetLayout,
+) -> Result<Set, vk::Result> {
+    let layouts = [layout];
+    let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+    // SAFETY: pool and layout belong to this device.
+    let sets = unsafe { gpu.device.allocate_descriptor_sets(&info) }?;
+    Ok(Set { raw: sets[0], pool })
+}
+
+/// One write of a whole buffer range.
+pub fn write_buffer(
+    gpu: &Context,
+    set: vk::DescriptorSet,
+    binding: u32,
+    kind: vk::DescriptorType,
+    buffer: vk::Buffer,
+    offset: u64,
+    range: u64,
+) {
+    let info = [vk::DescriptorBufferInfo { buffer, offset, range }];
+    let write = vk::WriteDescriptorSet::default()
+        .dst_set(set)
+        .dst_binding(binding)
+        .descriptor_type(kind)
+        .buffer_info(&info);
+    // SAFETY: set and buffer are alive, and no frame in flight uses the set.
+    unsafe { gpu.device.update_descriptor_sets(&[write], &[]) };
+}
+
+/// An image in shader-read layout, or a sampler.
+pub fn write_image(
+    gpu: &Context,
+    set: vk::DescriptorSet,
+    binding: u32,
+    kind: vk::DescriptorType,
+    view: vk::ImageView,
+    sampler: vk::Sampler,
+) {
+    let info = [vk::DescriptorImageInfo {
+        sampler,
+        image_view: view,
+        image_layout: vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
+    }];
+    let write = vk::WriteDescriptorSet::default()
+        .dst_set(set)
+        .dst_binding(binding)
+        .descriptor_type(kind)
+        .image_info(&info);
+    // SAFETY: set, view and sampler are alive, and no frame in flight uses the set.
+    unsafe { gpu.device.update_descriptor_sets(&[write], &[]) };
+}

@@ -1,0 +1,264 @@
+//! A recording, command by command, into a Vulkan command buffer.
+
+use super::context::Context;
+use super::descriptors::write_image;
+use super::memory::{Image, range};
+use super::pipelines::{Id, Pipelines};
+use super::resources::Resources;
+use super::slot::Slot;
+use super::targets::Targets;
+use crate::record::{Command, Recording, Target};
+use crate::{Catalog, RenderError};
+use ash::vk;
+use glam::Vec4;
+
+pub struct Execution<'a> {
+    pub gpu: &'a Context,
+    pub catalog: &'a Catalog,
+    pub resources: &'a Resources,
+    pub pipelines: &'a Pipelines,
+    pub targets: &'a Targets,
+    pub slot: &'a Slot,
+}
+
+impl Execution<'_> {
+    pub fn run(&self, recording: &Recording, ids: &[Option<Id>]) -> Result<(), RenderError> {
+        let device = &self.gpu.device;
+        let commands = self.slot.commands;
+        let missing = |what: &str| RenderError::Usage(format!("{what} was not prepared"));
+        let pipeline_of = |i: usize| {
+            let id = ids[i].as_ref();
+            id.and_then(|id| self.pipelines.get(id)).ok_or_else(|| missing("a pipeline"))
+        };
+        let mut index_count = 0;
+        for (i, command) in recording.commands.iter().enumerate() {
+            match command {
+                Command::UploadFrameData { .. } => {}
+                Command::BeginPass { target, clear, .. } => {
+                    self.begin_scene(*target, *clear);
+                    self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
+                }
+                Command::BindPipeline(_) => self.bind_pipeline(pipeline_of(i)?),
+                Command::BindMaterial { material, slots } => {
+                    let set = self.resources.material_set(*material, *slots);
+                    self.bind_set(self.pipelines.layout, 1, set.ok_or_else(|| missing("a material"))?);
+                }
+                Command::BindMesh { primitive, layout, morphs } => {
+                    let hash = self.catalog.primitives[*primitive as usize].hash;
+                    let mesh = self.resources.mesh(hash, *layout).ok_or_else(|| missing("a mesh"))?;
+                    // SAFETY: the command buffer is being recorded; the buffer outlives the frame.
+                    unsafe {
+                        device.cmd_bind_vertex_buffers(commands, 0, &[mesh.buffer.raw], &[0]);
+                        let at = mesh.indices_at;
+                        device.cmd_bind_index_buffer(commands, mesh.buffer.raw, at, mesh.index_type);
+                    }
+                    index_count = mesh.index_count;
+                    if *morphs {
+                        let set = self.resources.morph_set(hash, *layout);
+                        let set = set.ok_or_else(|| missing("a set of morph targets"))?;
+                        self.bind_set(self.pipelines.layout, 2, set);
+                    }
+                }
+                Command::Draw { first_instance, instance_count } => {
+                    // SAFETY: pipeline, sets and mesh are bound; indices were checked when the mesh was packed.
+                    unsafe {
+                        device.cmd_draw_indexed(commands, index_count, *instance_count, 0, 0, *first_instance)
+                    };
+                }
+                Command::DrawBackground => {
+                    self.bind_pipeline(pipeline_of(i)?);
+                    // SAFETY: the pipeline reads no vertices, and its one set is bound.
+                    unsafe { device.cmd_draw(commands, 3, 1, 0, 0) };
+                }
+                Command::EndPass => {
+                    // SAFETY: `BeginPass` began it.
+                    unsafe { device.cmd_end_rendering(commands) };
+                }
+                Command::PostPass { index, from, to, .. } => {
+                    self.post(pipeline_of(i)?, *index, self.targets.image(*from), *to);
+                }
+                Command::ReadBack => self.read_back(),
+            }
+        }
+        Ok(())
+    }
+
+    fn bind_pipeline(&self, pipeline: vk::Pipeline) {
+        // SAFETY: the command buffer is being recorded; the pipeline outlives the frame.
+        unsafe {
+            let bind = vk::PipelineBindPoint::GRAPHICS;
+            self.gpu.device.cmd_bind_pipeline(self.slot.commands, bind, pipeline);
+        }
+    }
+
+    fn bind_set(&self, layout: vk::PipelineLayout, index: u32, set: vk::DescriptorSet) {
+        // SAFETY: the command buffer is being recorded; the set fits the layout and outlives the frame.
+        unsafe {
+            let bind = vk::PipelineBindPoint::GRAPHICS;
+            self.gpu.device.cmd_bind_descriptor_sets(self.slot.commands, bind, layout, index, &[set], &[]);
+        }
+    }
+
+    fn barriers(&self, barriers: &[vk::ImageMemoryBarrier2<'_>]) {
+        let info = vk::DependencyInfo::default().image_memory_barriers(barriers);
+        // SAFETY: the command buffer is being recorded, outside a pass; the images are alive.
+        unsafe { self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info) };
+    }
+
+    fn begin_scene(&self, target: Target, clear: Vec4) {
+        let resolved = self.targets.image(target);
+        let multisampled = self.targets.multisampled.as_ref();
+        let mut barriers = vec![to_color(resolved)];
+        barriers.extend(multisampled.map(to_color));
+        barriers.extend(self.targets.depth.as_ref().map(to_depth));
+        self.barriers(&barriers);
+
+        let clear = vk::ClearValue { color: vk::ClearColorValue { float32: clear.to_array() } };
+        let mut color = vk::RenderingAttachmentInfo::default()
+            .image_view(multisampled.unwrap_or(resolved).view)
+            .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::CLEAR)
+            .store_op(vk::AttachmentStoreOp::STORE)
+            .clear_value(clear);
+        if multisampled.is_some() {
+            color = color
+                .store_op(vk::AttachmentStoreOp::DONT_CARE)
+                .resolve_mode(vk::ResolveModeFlags::AVERAGE)
+                .resolve_image_view(resolved.view)
+                .resolve_image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
+        }
+        // Reversed Z: 0 is infinitely far.
+        let far = vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 };
+        let depth = self.targets.depth.as_ref().map(|image| {
+            vk::RenderingAttachmentInfo::default()
+                .image_view(image.view)
+                .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+                .load_op(vk::AttachmentLoadOp::CLEAR)
+                .store_op(vk::AttachmentStoreOp::DONT_CARE)
+                .clear_value(vk::ClearValue { depth_stencil: far })
+        });
+        self.begin(&color, depth.as_ref());
+    }
+
+    fn begin(
+        &self,
+        color: &vk::RenderingAttachmentInfo<'_>,
+        depth: Option<&vk::RenderingAttachmentInfo<'_>>,
+    ) {
+        let [width, height] = self.targets.needs.size;
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let colors = [*color];
+        let mut info =
+            vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
+        if let Some(depth) = depth {
+            info = info.depth_attachment(depth);
+        }
+        let viewport =
+            vk::Viewport { width: width as f32, height: height as f32, max_depth: 1.0, ..Default::default() };
+        let commands = self.slot.commands;
+        // SAFETY: the command buffer is being recorded, outside a pass; the attachments are in the layouts named.
+        unsafe {
+            self.gpu.device.cmd_begin_rendering(commands, &info);
+            self.gpu.device.cmd_set_viewport(commands, 0, &[viewport]);
+            self.gpu.device.cmd_set_scissor(commands, 0, &[area]);
+        }
+    }
+
+    fn post(&self, pipeline: vk::Pipeline, index: usize, from: &Image, to: Target) {
+        let set = self.slot.post_sets[index].raw;
+        let sampled = vk::DescriptorType::SAMPLED_IMAGE;
+        write_image(self.gpu, set, 1, sampled, from.view, vk::Sampler::null());
+        let target = self.targets.image(to);
+        self.barriers(&[
+            color_barrier(from)
+                .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+                .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
+                .dst_stage_mask(vk::PipelineStageFlags2::FRAGMENT_SHADER)
+                .dst_access_mask(vk::AccessFlags2::SHADER_SAMPLED_READ)
+                .old_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+                .new_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL),
+            to_color(target),
+        ]);
+        let color = vk::RenderingAttachmentInfo::default()
+            .image_view(target.view)
+            .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::DONT_CARE)
+            .store_op(vk::AttachmentStoreOp::STORE);
+        self.begin(&color, None);
+        self.bind_pipeline(pipeline);
+        self.bind_set(self.pipelines.post_layout, 0, set);
+        // SAFETY: the pipeline reads no vertices, and its one set is bound.
+        unsafe {
+            self.gpu.device.cmd_draw(self.slot.commands, 3, 1, 0, 0);
+            self.gpu.device.cmd_end_rendering(self.slot.commands);
+        }
+    }
+
+    fn read_back(&self) {
+        let picture = &self.targets.picture;
+        self.barriers(&[color_barrier(picture)
+            .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+            .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::COPY)
+            .dst_access_mask(vk::AccessFlags2::TRANSFER_READ)
+            .old_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+            .new_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL)]);
+        let Some(readback) = &self.slot.readback else { return };
+        let [width, height] = self.targets.needs.size;
+        let region = [vk::BufferImageCopy::default()
+            .image_subresource(
+                vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1),
+            )
+            .image_extent(vk::Extent3D { width, height, depth: 1 })];
+        let to_host = [vk::MemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::COPY)
+            .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::HOST)
+            .dst_access_mask(vk::AccessFlags2::HOST_READ)];
+        // SAFETY: the command buffer is being recorded; the buffer holds at least one picture.
+        unsafe {
+            self.gpu.device.cmd_copy_image_to_buffer(
+                self.slot.commands,
+                picture.raw,
+                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+                readback.raw,
+                &region,
+            );
+            let info = vk::DependencyInfo::default().memory_barriers(&to_host);
+            self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info);
+        }
+    }
+}
+
+fn color_barrier(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    vk::ImageMemoryBarrier2::default().image(image.raw).subresource_range(range(vk::ImageAspectFlags::COLOR))
+}
+
+/// Contents dropped; after whatever the frame before did with it.
+fn to_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    color_barrier(image)
+        .src_stage_mask(
+            vk::PipelineStageFlags2::COPY
+                | vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT
+                | vk::PipelineStageFlags2::FRAGMENT_SHADER,
+        )
+        .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
+        .dst_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+        .dst_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE | vk::AccessFlags2::COLOR_ATTACHMENT_READ)
+        .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+}
+
+fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    let stages = vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS;
+    vk::ImageMemoryBarrier2::default()
+        .image(image.raw)
+        .subresource_range(range(vk::ImageAspectFlags::DEPTH))
+        .src_stage_mask(stages)
+        .src_access_mask(vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE)
+        .dst_stage_mask(stages)
+        .dst_access_mask(
+            vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE
+                | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ,
+        )
+        .new_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+}

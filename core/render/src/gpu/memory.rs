@@ -1,0 +1,187 @@
+//! Buffers and images with their memory.
+
+use super::context::Context;
+use super::error::Named;
+use crate::RenderError;
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+
+pub struct Buffer {
+    pub raw: vk::Buffer,
+    allocation: Option<Allocation>,
+    pub size: u64,
+}
+
+fn allocation_error(name: &str, e: gpu_allocator::AllocationError) -> RenderError {
+    RenderError::Vulkan { object: format!("memory of {name}"), result: e.to_string() }
+}
+
+impl Buffer {
+    pub fn new(
+        gpu: &Context,
+        name: &str,
+        size: u64,
+        usage: vk::BufferUsageFlags,
+        location: MemoryLocation,
+    ) -> Result<Buffer, RenderError> {
+        let size = size.max(16);
+        let info = vk::BufferCreateInfo::default().size(size).usage(usage);
+        // SAFETY: the device is alive; the buffer is freed by `destroy`.
+        let raw = unsafe { gpu.device.create_buffer(&info, None) }.named(name)?;
+        gpu.name(raw, name);
+        let mut buffer = Buffer { raw, allocation: None, size };
+        // SAFETY: the buffer was just made.
+        let requirements = unsafe { gpu.device.get_buffer_memory_requirements(raw) };
+        let bound = gpu
+            .allocator()
+            .allocate(&AllocationCreateDesc {
+                name,
+                requirements,
+                location,
+                linear: true,
+                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+            })
+            .map_err(|e| allocation_error(name, e))
+            .and_then(|a| {
+                // SAFETY: the memory was allocated for this buffer's requirements and is bound once.
+                let bound = unsafe { gpu.device.bind_buffer_memory(raw, a.memory(), a.offset()) };
+                buffer.allocation = Some(a);
+                bound.named(&format!("memory of {name}"))
+            });
+        match bound {
+            Ok(()) => Ok(buffer),
+            Err(e) => {
+                buffer.destroy(gpu);
+                Err(e)
+            }
+        }
+    }
+
+    /// The bytes of a host-visible buffer; empty where it is not mapped.
+    pub fn mapped(&self) -> &[u8] {
+        self.allocation.as_ref().and_then(|a| a.mapped_slice()).unwrap_or(&[])
+    }
+
+    pub fn mapped_mut(&mut self) -> &mut [u8] {
+        self.allocation.as_mut().and_then(|a| a.mapped_slice_mut()).unwrap_or(&mut [])
+    }
+
+    /// The caller sees to it that no frame in flight uses it.
+    pub fn destroy(&mut self, gpu: &Context) {
+        // SAFETY: made from this device, no longer used; null after the first call.
+        unsafe { gpu.device.destroy_buffer(self.raw, None) };
+        self.raw = vk::Buffer::null();
+        if let Some(a) = self.allocation.take() {
+            // Fails only for an allocation of another allocator.
+            let _ = gpu.allocator().free(a);
+        }
+    }
+}
+
+pub struct Image {
+    pub raw: vk::Image,
+    pub view: vk::ImageView,
+    allocation: Option<Allocation>,
+}
+
+pub struct ImageDesc<'a> {
+    pub name: &'a str,
+    pub width: u32,
+    pub height: u32,
+    pub levels: u32,
+    pub samples: u32,
+    pub format: vk::Format,
+    pub usage: vk::ImageUsageFlags,
+    pub aspect: vk::ImageAspectFlags,
+}
+
+impl Image {
+    pub fn new(gpu: &Context, d: &ImageDesc<'_>) -> Result<Image, RenderError> {
+        let limit = gpu.limits().max_image_dimension2_d;
+        for (what, value) in [("width", d.width), ("height", d.height)] {
+            if value > limit || value == 0 {
+                return Err(RenderError::Limit {
+                    what: format!("{what} of {}", d.name),
+                    value: value as u64,
+                    limit: limit as u64,
+                });
+            }
+        }
+        let info = vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(d.format)
+            .extent(vk::Extent3D { width: d.width, height: d.height, depth: 1 })
+            .mip_levels(d.levels)
+            .array_layers(1)
+            .samples(vk::SampleCountFlags::from_raw(d.samples))
+            .tiling(vk::ImageTiling::OPTIMAL)
+            .usage(d.usage);
+        // SAFETY: the device is alive; the image is freed by `destroy`.
+        let raw = unsafe { gpu.device.create_image(&info, None) }.named(d.name)?;
+        gpu.name(raw, d.name);
+        let mut image = Image { raw, view: vk::ImageView::null(), allocation: None };
+        match image.bind_and_view(gpu, d) {
+            Ok(()) => Ok(image),
+            Err(e) => {
+                image.destroy(gpu);
+                Err(e)
+            }
+        }
+    }
+
+    fn bind_and_view(&mut self, gpu: &Context, d: &ImageDesc<'_>) -> Result<(), RenderError> {
+        // SAFETY: the image was just made.
+        let requirements = unsafe { gpu.device.get_image_memory_requirements(self.raw) };
+        let allocation = gpu
+            .allocator()
+            .allocate(&AllocationCreateDesc {
+                name: d.name,
+                requirements,
+                location: MemoryLocation::GpuOnly,
+                linear: false,
+                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+            })
+            .map_err(|e| allocation_error(d.name, e))?;
+        // SAFETY: the memory was allocated for this image's requirements and is bound once.
+        let bound =
+            unsafe { gpu.device.bind_image_memory(self.raw, allocation.memory(), allocation.offset()) };
+        self.allocation = Some(allocation);
+        bound.named(&format!("memory of {}", d.name))?;
+        let info = vk::ImageViewCreateInfo::default()
+            .image(self.raw)
+            .view_type(vk::ImageViewType::TYPE_2D)
+            .format(d.format)
+            .subresource_range(range(d.aspect));
+        // SAFETY: the image has memory and a format that the view repeats.
+        self.view = unsafe { gpu.device.create_image_view(&info, None) }.named(d.name)?;
+        gpu.name(self.view, d.name);
+        Ok(())
+    }
+
+    /// The caller sees to it that no frame in flight uses it.
+    pub fn destroy(&mut self, gpu: &Context) {
+        // SAFETY: made from this device, no longer used; null after the first call.
+        unsafe {
+            gpu.device.destroy_image_view(self.view, None);
+            gpu.device.destroy_image(self.raw, None);
+        }
+        self.view = vk::ImageView::null();
+        self.raw = vk::Image::null();
+        if let Some(a) = self.allocation.take() {
+            // Fails only for an allocation of another allocator.
+            let _ = gpu.allocator().free(a);
+        }
+    }
+}
+
+/// All levels of the one layer.
+pub fn range(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
+    vk::ImageSubresourceRange {
+        aspect_mask: aspect,
+        base_mip_level: 0,
+        level_count: vk::REMAINING_MIP_LEVELS,
+        base_array_layer: 0,
+        layer_count: 1,
+    }
+}

@@ -1,0 +1,349 @@
+//! The Vulkan renderer: executes recordings on a Vulkan 1.3 device, without a window.
+//!
+//! Compromises, on one page: one queue, one primary command buffer a frame; targets shared by the frames in flight (the
+//! queue runs them in order anyway), everything a frame writes from the host in one mapped buffer of its own;
+//! resources are made when a frame first draws them and kept by content; `load` waits for the device.
+
+mod cache;
+mod context;
+mod descriptors;
+mod error;
+mod execute;
+mod memory;
+mod pipelines;
+mod resources;
+mod slot;
+mod targets;
+mod upload;
+
+use crate::record::{MAX_LIGHTS, Recording, record};
+use crate::shader::ShaderSources;
+use crate::{Catalog, DeviceInfo, Plan, RenderError, Renderer};
+use ash::vk;
+use choreo_plugin::{Effect, Frame};
+use context::{Context, ContextOptions};
+use descriptors::{Layouts, Pools};
+use error::Named;
+use execute::Execution;
+use pipelines::Pipelines;
+use resources::Resources;
+use slot::Slot;
+use std::collections::VecDeque;
+use std::ffi::CString;
+use std::path::PathBuf;
+use std::sync::Arc;
+use targets::{Needs, Targets};
+use upload::Uploads;
+
+#[derive(Clone, Default)]
+pub struct GpuOptions {
+    /// The Khronos layer with synchronization validation; every message becomes `RenderError::Validation`.
+    pub validation: bool,
+    /// Where the pipeline cache is kept between runs.
+    pub cache_dir: Option<PathBuf>,
+    /// WGSL modules here win over those in the program.
+    pub shader_dir: Option<PathBuf>,
+    /// Full-screen effects that plans may name.
+    pub effects: Vec<Arc<dyn Effect>>,
+    /// Part of a device's name, any case. Otherwise discrete before integrated before CPU.
+    pub device: Option<String>,
+    /// What a window system asks for beside.
+    pub instance_extensions: Vec<CString>,
+    pub device_extensions: Vec<CString>,
+}
+
+const FRAMES_IN_FLIGHT: usize = 3;
+/// A frame that takes longer is given up: a driver that hangs must not hang the program.
+const TIMEOUT_SECS: u64 = 300;
+
+pub struct VulkanRenderer {
+    gpu: Context,
+    layouts: Layouts,
+    pools: Pools,
+    pipelines: Pipelines,
+    resources: Resources,
+    targets: Option<Targets>,
+    slots: Vec<Slot>,
+    /// Indices into `slots`, the oldest first.
+    pending: VecDeque<usize>,
+    timeline: vk::Semaphore,
+    submitted: u64,
+    catalog: Arc<Catalog>,
+    last: Option<Recording>,
+}
+
+impl VulkanRenderer {
+    pub fn new(options: GpuOptions) -> Result<VulkanRenderer, RenderError> {
+        let gpu = Context::new(&ContextOptions {
+            validation: options.validation,
+            device: options.device.as_deref(),
+            instance_extensions: &options.instance_extensions,
+            device_extensions: &options.device_extensions,
+        })?;
+        let mut layouts = Layouts::new(&gpu)?;
+        let sources = ShaderSources { folder: options.shader_dir };
+        let cache_dir = options.cache_dir.as_deref();
+        let pipelines = match Pipelines::new(&gpu, &layouts, cache_dir, sources, options.effects) {
+            Ok(pipelines) => pipelines,
+            Err(e) => {
+                layouts.destroy(&gpu);
+                return Err(e);
+            }
+        };
+        let mut renderer = VulkanRenderer {
+            gpu,
+            layouts,
+            pools: Pools::default(),
+            pipelines,
+            resources: Resources::default(),
+            targets: None,
+            slots: Vec::new(),
+            pending: VecDeque::new(),
+            timeline: vk::Semaphore::null(),
+            submitted: 0,
+            catalog: Arc::default(),
+            last: None,
+        };
+        // From here on `drop` cleans up.
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        // SAFETY: the device is alive and has the feature; destroyed by `drop`.
+        renderer.timeline =
+            unsafe { renderer.gpu.device.create_semaphore(&info, None) }.named("frame timeline")?;
+        renderer.gpu.name(renderer.timeline, "frame timeline");
+        for _ in 0..FRAMES_IN_FLIGHT {
+            let slot = Slot::new(&renderer.gpu, &renderer.layouts, &mut renderer.pools)?;
+            renderer.slots.push(slot);
+        }
+        renderer.gpu.check_messages()?;
+        Ok(renderer)
+    }
+
+    /// The commands of the frame submitted last.
+    pub fn last_recording(&self) -> Option<&Recording> {
+        self.last.as_ref()
+    }
+
+    /// Pipelines made so far.
+    pub fn pipeline_count(&self) -> usize {
+        self.pipelines.count()
+    }
+
+    /// Meshes, textures and materials on the device.
+    pub fn resource_counts(&self) -> [usize; 3] {
+        self.resources.counts()
+    }
+
+    /// Outlives the renderer: what the validation layer says while it is dropped can still be read.
+    pub fn validation_messages(&self) -> Arc<std::sync::Mutex<Vec<String>>> {
+        self.gpu.messages.clone()
+    }
+
+    /// Bytes of device memory in use, by what the allocator handed out.
+    pub fn allocated_bytes(&self) -> u64 {
+        self.gpu.allocator().generate_report().total_allocated_bytes
+    }
+
+    /// Compiles the shaders again from the shader folder; on an error the last good ones stay.
+    pub fn reload_shaders(&mut self) -> Result<(), RenderError> {
+        self.wait_idle()?;
+        self.pipelines.reload(&self.gpu)?;
+        self.gpu.check_messages()
+    }
+
+    fn wait_idle(&self) -> Result<(), RenderError> {
+        self.wait_for(self.submitted)
+    }
+
+    fn wait_for(&self, value: u64) -> Result<(), RenderError> {
+        let (semaphores, values) = ([self.timeline], [value]);
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        // SAFETY: the semaphore is alive.
+        unsafe { self.gpu.device.wait_semaphores(&info, TIMEOUT_SECS * 1_000_000_000) }
+            .named(&format!("frame {value}"))
+    }
+
+    fn check(&self, plan: &Plan) -> Result<(), RenderError> {
+        let limit = self.gpu.limits().max_image_dimension2_d.min(self.gpu.limits().max_framebuffer_width);
+        for (what, value) in [("picture width", plan.size[0]), ("picture height", plan.size[1])] {
+            if value == 0 {
+                return Err(RenderError::Usage(format!("the {what} is 0")));
+            }
+            if value > limit {
+                let (value, limit) = (value as u64, limit as u64);
+                return Err(RenderError::Limit { what: what.into(), value, limit });
+            }
+        }
+        let counts = self.gpu.limits().framebuffer_color_sample_counts
+            & self.gpu.limits().framebuffer_depth_sample_counts;
+        if !plan.samples.is_power_of_two() || !counts.contains(vk::SampleCountFlags::from_raw(plan.samples)) {
+            let what = "number of samples".into();
+            return Err(RenderError::Limit { what, value: plan.samples as u64, limit: 4 });
+        }
+        if plan.lights.len() > MAX_LIGHTS {
+            let (value, limit) = (plan.lights.len() as u64, MAX_LIGHTS as u64);
+            return Err(RenderError::Limit { what: "number of lights".into(), value, limit });
+        }
+        Ok(())
+    }
+
+    fn free_slot(&self) -> Option<usize> {
+        (0..self.slots.len()).find(|s| !self.pending.contains(s))
+    }
+
+    fn prepare_targets(&mut self, recording: &Recording) -> Result<(), RenderError> {
+        let needs = Needs::of(recording);
+        if self.targets.as_ref().is_some_and(|t| t.needs == needs) {
+            return Ok(());
+        }
+        self.wait_idle()?;
+        if let Some(mut old) = self.targets.take() {
+            old.destroy(&self.gpu);
+        }
+        self.targets = Some(Targets::new(&self.gpu, needs)?);
+        Ok(())
+    }
+
+    /// Records into the slot's command buffer.
+    fn record_commands(
+        &mut self,
+        index: usize,
+        recording: &Recording,
+        ids: &[Option<pipelines::Id>],
+        uploads: Uploads,
+    ) -> Result<(), RenderError> {
+        let gpu = &self.gpu;
+        let slot = &mut self.slots[index];
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the slot's last frame is done, so its commands are not pending.
+        unsafe {
+            gpu.device
+                .reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty())
+                .named("command pool")?;
+            gpu.device.begin_command_buffer(slot.commands, &begin).named("frame commands")?;
+        }
+        if !uploads.is_empty() {
+            slot.staging = Some(uploads.record(gpu, slot.commands)?);
+        }
+        let slot = &self.slots[index];
+        let Some(targets) = &self.targets else {
+            return Err(RenderError::Usage("targets were not prepared".into()));
+        };
+        let execution = Execution {
+            gpu,
+            catalog: &self.catalog,
+            resources: &self.resources,
+            pipelines: &self.pipelines,
+            targets,
+            slot,
+        };
+        execution.run(recording, ids)?;
+        // SAFETY: recording was begun above.
+        unsafe { gpu.device.end_command_buffer(slot.commands) }.named("frame commands")
+    }
+
+    fn queue(&mut self, index: usize) -> Result<(), RenderError> {
+        let value = self.submitted + 1;
+        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(self.slots[index].commands)];
+        let signals = [vk::SemaphoreSubmitInfo::default()
+            .semaphore(self.timeline)
+            .value(value)
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let submit =
+            [vk::SubmitInfo2::default().command_buffer_infos(&commands).signal_semaphore_infos(&signals)];
+        // SAFETY: queue and semaphore belong to the device; only this renderer submits to the queue.
+        unsafe { self.gpu.device.queue_submit2(self.gpu.queue, &submit, vk::Fence::null()) }
+            .named(&format!("frame {value}"))?;
+        self.submitted = value;
+        self.slots[index].done_at = value;
+        self.pending.push_back(index);
+        Ok(())
+    }
+}
+
+impl Renderer for VulkanRenderer {
+    fn device(&self) -> &DeviceInfo {
+        &self.gpu.info
+    }
+
+    fn frames_in_flight(&self) -> usize {
+        FRAMES_IN_FLIGHT
+    }
+
+    fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError> {
+        self.wait_idle()?;
+        self.resources.retain(&self.gpu, &catalog);
+        self.catalog = catalog;
+        self.gpu.check_messages()
+    }
+
+    fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
+        let index = self.free_slot().ok_or_else(|| {
+            RenderError::Usage(format!("{FRAMES_IN_FLIGHT} frames are in flight; collect one first"))
+        })?;
+        self.check(&plan)?;
+        let recording = record(&plan);
+        let ids = pipelines::ids(&recording);
+        self.prepare_targets(&recording)?;
+        self.pipelines.prepare(&self.gpu, &ids)?;
+        let mut uploads = Uploads::default();
+        let prepared = self
+            .resources
+            .prepare(&self.gpu, &self.layouts, &self.catalog, &recording, &mut uploads)
+            .and_then(|()| {
+                let slot = &mut self.slots[index];
+                slot.write(&self.gpu, &self.layouts, &mut self.pools, &plan, &recording)
+            })
+            .and_then(|()| self.record_commands(index, &recording, &ids, uploads))
+            .and_then(|()| self.queue(index));
+        if let Err(e) = prepared {
+            // What was to be uploaded never arrived: forget everything, the next frame makes it again.
+            self.wait_idle()?;
+            self.resources.forget(&self.gpu);
+            self.slots[index].release_staging(&self.gpu);
+            return Err(e);
+        }
+        self.last = Some(recording);
+        self.gpu.check_messages()
+    }
+
+    fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
+        let index = *self
+            .pending
+            .front()
+            .ok_or_else(|| RenderError::Usage("no frame was submitted that is not yet collected".into()))?;
+        self.wait_for(self.slots[index].done_at)?;
+        self.pending.pop_front();
+        let slot = &mut self.slots[index];
+        slot.release_staging(&self.gpu);
+        let [width, height] = slot.size;
+        let bytes = width as usize * height as usize * 4;
+        let mapped = slot.readback.as_ref().and_then(|b| b.mapped().get(..bytes)).ok_or_else(|| {
+            RenderError::Vulkan { object: "read-back buffer".into(), result: "it is not mapped".into() }
+        })?;
+        let mut rgba = reuse.map(|f| f.rgba).unwrap_or_default();
+        rgba.clear();
+        rgba.extend_from_slice(mapped);
+        self.gpu.check_messages()?;
+        Ok(Frame { width, height, rgba })
+    }
+}
+
+impl Drop for VulkanRenderer {
+    fn drop(&mut self) {
+        // SAFETY: nothing else submits; an error (device lost) means that nothing runs any more.
+        let _ = unsafe { self.gpu.device.device_wait_idle() };
+        if let Some(mut targets) = self.targets.take() {
+            targets.destroy(&self.gpu);
+        }
+        for slot in &mut self.slots {
+            slot.destroy(&self.gpu);
+        }
+        self.resources.destroy(&self.gpu);
+        self.pipelines.destroy(&self.gpu);
+        self.pools.destroy(&self.gpu);
+        self.layouts.destroy(&self.gpu);
+        // SAFETY: the device is idle.
+        unsafe { self.gpu.device.destroy_semaphore(self.timeline, None) };
+    }
+}

@@ -1,0 +1,392 @@
+//! Pipelines by what they are for, made when a frame first asks, several at once.
+
+use super::cache::PipelineCache;
+use super::context::Context;
+use super::descriptors::Layouts;
+use super::error::Named;
+use super::targets::{DEPTH, format};
+use crate::RenderError;
+use crate::plan::TopologyKey;
+use crate::record::{Command, Recording, Target};
+use crate::shader::{BACKGROUND, Entry, SCENE, SceneVariant, ShaderSources, compile, switches};
+use crate::vertex::{Format, VertexLayout};
+use ash::vk;
+use choreo_plugin::Effect;
+use naga::ShaderStage;
+use rayon::prelude::*;
+use std::collections::{BTreeSet, HashMap};
+use std::path::Path;
+use std::sync::Arc;
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Id {
+    Scene { variant: SceneVariant, samples: u32, float: bool },
+    Background { samples: u32, float: bool, depth: bool },
+    Post { effect: String, float: bool },
+}
+
+pub struct Pipelines {
+    cache: PipelineCache,
+    pub layout: vk::PipelineLayout,
+    pub post_layout: vk::PipelineLayout,
+    sources: ShaderSources,
+    effects: Vec<Arc<dyn Effect>>,
+    made: HashMap<Id, vk::Pipeline>,
+}
+
+/// The pipeline of each command of a recording, in order (`None` for commands that bind none).
+pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
+    let (mut samples, mut float, mut depth) = (1, false, false);
+    let is_float = |t: &Target| matches!(t, Target::Float(_));
+    let id = |command: &Command| match command {
+        Command::BeginPass { target, samples: s, depth: d, .. } => {
+            (samples, float, depth) = (*s, is_float(target), *d);
+            None
+        }
+        Command::BindPipeline(variant) => Some(Id::Scene { variant: *variant, samples, float }),
+        Command::DrawBackground => Some(Id::Background { samples, float, depth }),
+        Command::PostPass { effect, to, .. } => {
+            Some(Id::Post { effect: effect.clone(), float: is_float(to) })
+        }
+        _ => None,
+    };
+    recording.commands.iter().map(id).collect()
+}
+
+impl Pipelines {
+    pub fn new(
+        gpu: &Context,
+        layouts: &Layouts,
+        cache_dir: Option<&Path>,
+        sources: ShaderSources,
+        effects: Vec<Arc<dyn Effect>>,
+    ) -> Result<Pipelines, RenderError> {
+        let mut pipelines = Pipelines {
+            cache: PipelineCache::new(gpu, cache_dir)?,
+            layout: vk::PipelineLayout::null(),
+            post_layout: vk::PipelineLayout::null(),
+            sources,
+            effects,
+            made: HashMap::new(),
+        };
+        let create = |name: &str, sets: &[vk::DescriptorSetLayout]| {
+            let info = vk::PipelineLayoutCreateInfo::default().set_layouts(sets);
+            // SAFETY: the set layouts belong to this device; destroyed by `destroy`.
+            let layout = unsafe { gpu.device.create_pipeline_layout(&info, None) }.named(name)?;
+            gpu.name(layout, name);
+            Ok(layout)
+        };
+        let made = (|| {
+            pipelines.layout =
+                create("scene pipeline layout", &[layouts.frame, layouts.material, layouts.morphs])?;
+            pipelines.post_layout = create("post pipeline layout", &[layouts.post])?;
+            Ok(())
+        })();
+        match made {
+            Ok(()) => Ok(pipelines),
+            Err(e) => {
+                pipelines.destroy(gpu);
+                Err(e)
+            }
+        }
+    }
+
+    pub fn get(&self, id: &Id) -> Option<vk::Pipeline> {
+        self.made.get(id).copied()
+    }
+
+    pub fn count(&self) -> usize {
+        self.made.len()
+    }
+
+    /// Makes those that are missing, on all cores.
+    pub fn prepare(&mut self, gpu: &Context, ids: &[Option<Id>]) -> Result<(), RenderError> {
+        let missing: BTreeSet<&Id> = ids.iter().flatten().filter(|id| !self.made.contains_key(id)).collect();
+        let missing: Vec<&Id> = missing.into_iter().collect();
+        let made = self.create_all(gpu, &missing)?;
+        self.made.extend(missing.into_iter().cloned().zip(made));
+        Ok(())
+    }
+
+    /// All or none: where one fails the others are destroyed again.
+    fn create_all(&self, gpu: &Context, ids: &[&Id]) -> Result<Vec<vk::Pipeline>, RenderError> {
+        let results: Vec<_> = ids.par_iter().map(|id| self.create(gpu, id)).collect();
+        let mut error = None;
+        let mut made = Vec::with_capacity(results.len());
+        for result in results {
+            match result {
+                Ok(pipeline) => made.push(pipeline),
+                Err(e) => error = Some(error.unwrap_or(e)),
+            }
+        }
+        match error {
+            None => Ok(made),
+            Some(e) => {
+                for pipeline in made {
+                    // SAFETY: just made, never bound.
+                    unsafe { gpu.device.destroy_pipeline(pipeline, None) };
+                }
+                Err(e)
+            }
+        }
+    }
+
+    /// Compiles every pipeline in use again from the shader folder; on an error the last good ones stay.
+    /// No frame may be in flight.
+    pub fn reload(&mut self, gpu: &Context) -> Result<(), RenderError> {
+        let ids: Vec<Id> = self.made.keys().cloned().collect();
+        let made = self.create_all(gpu, &ids.iter().collect::<Vec<_>>())?;
+        for (id, pipeline) in ids.into_iter().zip(made) {
+            if let Some(old) = self.made.insert(id, pipeline) {
+                // SAFETY: no frame in flight uses it.
+                unsafe { gpu.device.destroy_pipeline(old, None) };
+            }
+        }
+        Ok(())
+    }
+
+    fn create(&self, gpu: &Context, id: &Id) -> Result<vk::Pipeline, RenderError> {
+        let stages = |vs, fs| [(vs, ShaderStage::Vertex), (fs, ShaderStage::Fragment)];
+        match id {
+            Id::Scene { variant, samples, float } => {
+                let points = variant.key.topology == TopologyKey::Points;
+                let files = self.sources.files(&SCENE)?;
+                let code = compile(&files, &switches(variant), &stages("vs", "fs"), points)?;
+                let key = &variant.key;
+                self.build(
+                    gpu,
+                    &code,
+                    &State {
+                        name: format!("scene pipeline {}", switches(variant).join(" ")),
+                        layout: self.layout,
+                        vertices: Some(VertexLayout::of(key.features)),
+                        topology: match key.topology {
+                            TopologyKey::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
+                            TopologyKey::Lines => vk::PrimitiveTopology::LINE_LIST,
+                            TopologyKey::Points => vk::PrimitiveTopology::POINT_LIST,
+                        },
+                        cull: !key.double_sided && key.topology == TopologyKey::Triangles,
+                        clockwise: key.mirrored,
+                        samples: *samples,
+                        color: format_of(*float),
+                        // Reversed Z: nearer is greater.
+                        depth: Some((vk::CompareOp::GREATER, !key.blend)),
+                        blend: key.blend,
+                    },
+                )
+            }
+            Id::Background { samples, float, depth } => {
+                let files = self.sources.files(&BACKGROUND)?;
+                let code = compile(&files, &[], &stages("background_vs", "background_fs"), false)?;
+                self.build(
+                    gpu,
+                    &code,
+                    &State {
+                        name: "background pipeline".into(),
+                        samples: *samples,
+                        color: format_of(*float),
+                        // Only where the depth is still the cleared 0.
+                        depth: depth.then_some((vk::CompareOp::EQUAL, false)),
+                        ..State::full_screen(self.layout)
+                    },
+                )
+            }
+            Id::Post { effect, float } => {
+                let plugin = self.effects.iter().find(|e| e.manifest().name == effect).ok_or_else(|| {
+                    let known: Vec<_> = self.effects.iter().map(|e| e.manifest().name).collect();
+                    RenderError::Usage(format!(
+                        "the plan uses the effect \"{effect}\", which the renderer was not given; known: {}",
+                        if known.is_empty() { "none".into() } else { known.join(", ") }
+                    ))
+                })?;
+                let files = self.sources.post(effect, plugin.wgsl())?;
+                let code = compile(&files, &[], &stages("post_vs", "post_fs"), false)?;
+                self.build(
+                    gpu,
+                    &code,
+                    &State {
+                        name: format!("post pipeline {effect}"),
+                        color: format_of(*float),
+                        ..State::full_screen(self.post_layout)
+                    },
+                )
+            }
+        }
+    }
+
+    fn build(&self, gpu: &Context, code: &[Entry], state: &State) -> Result<vk::Pipeline, RenderError> {
+        let name = &state.name;
+        let mut modules = Vec::with_capacity(2);
+        let result = (|| {
+            for entry in code {
+                let info = vk::ShaderModuleCreateInfo::default().code(&entry.words);
+                // SAFETY: naga validated the module and wrote the SPIR-V; destroyed below.
+                modules.push(unsafe { gpu.device.create_shader_module(&info, None) }.named(name)?);
+            }
+            self.build_from(gpu, code, &modules, state)
+        })();
+        for module in modules {
+            // SAFETY: a pipeline does not need its modules once it is made.
+            unsafe { gpu.device.destroy_shader_module(module, None) };
+        }
+        result
+    }
+
+    fn build_from(
+        &self,
+        gpu: &Context,
+        code: &[Entry],
+        modules: &[vk::ShaderModule],
+        state: &State,
+    ) -> Result<vk::Pipeline, RenderError> {
+        let names: Vec<_> = code
+            .iter()
+            .map(|e| std::ffi::CString::new(e.name))
+            .collect::<Result<_, _>>()
+            .map_err(|e| RenderError::Usage(format!("{}: {e}", state.name)))?;
+        let kinds = [vk::ShaderStageFlags::VERTEX, vk::ShaderStageFlags::FRAGMENT];
+        let stages: Vec<_> = kinds
+            .iter()
+            .zip(modules)
+            .zip(&names)
+            .map(|((stage, module), name)| {
+                vk::PipelineShaderStageCreateInfo::default().stage(*stage).module(*module).name(name)
+            })
+            .collect();
+        let (attributes, stride) = state.vertices.map(VertexLayout::attributes).unwrap_or_default();
+        let attributes: Vec<_> = attributes
+            .iter()
+            .map(|(location, offset, format)| vk::VertexInputAttributeDescription {
+                location: *location,
+                binding: 0,
+                format: vertex_format(*format),
+                offset: *offset,
+            })
+            .collect();
+        let bindings = [vk::VertexInputBindingDescription {
+            binding: 0,
+            stride,
+            input_rate: vk::VertexInputRate::VERTEX,
+        }];
+        let mut input =
+            vk::PipelineVertexInputStateCreateInfo::default().vertex_attribute_descriptions(&attributes);
+        if state.vertices.is_some() {
+            input = input.vertex_binding_descriptions(&bindings);
+        }
+        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(state.topology);
+        let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
+        let raster = vk::PipelineRasterizationStateCreateInfo::default()
+            .cull_mode(if state.cull { vk::CullModeFlags::BACK } else { vk::CullModeFlags::NONE })
+            .front_face(if state.clockwise {
+                vk::FrontFace::CLOCKWISE
+            } else {
+                vk::FrontFace::COUNTER_CLOCKWISE
+            })
+            .line_width(1.0);
+        let multisample = vk::PipelineMultisampleStateCreateInfo::default()
+            .rasterization_samples(vk::SampleCountFlags::from_raw(state.samples));
+        let (compare, write) = state.depth.unwrap_or((vk::CompareOp::ALWAYS, false));
+        let depth = vk::PipelineDepthStencilStateCreateInfo::default()
+            .depth_test_enable(state.depth.is_some())
+            .depth_write_enable(write)
+            .depth_compare_op(compare);
+        let mut attachment =
+            vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
+        if state.blend {
+            // Source over, straight alpha.
+            attachment = attachment
+                .blend_enable(true)
+                .src_color_blend_factor(vk::BlendFactor::SRC_ALPHA)
+                .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
+                .src_alpha_blend_factor(vk::BlendFactor::ONE)
+                .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA);
+        }
+        let attachments = [attachment];
+        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
+        let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
+        let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
+        let colors = [state.color];
+        let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&colors);
+        if state.depth.is_some() {
+            rendering = rendering.depth_attachment_format(DEPTH);
+        }
+        let info = [vk::GraphicsPipelineCreateInfo::default()
+            .stages(&stages)
+            .vertex_input_state(&input)
+            .input_assembly_state(&assembly)
+            .viewport_state(&viewport)
+            .rasterization_state(&raster)
+            .multisample_state(&multisample)
+            .depth_stencil_state(&depth)
+            .color_blend_state(&blend)
+            .dynamic_state(&dynamic)
+            .layout(state.layout)
+            .push_next(&mut rendering)];
+        // SAFETY: modules, layout and cache belong to this device; the cache is synchronised by the driver.
+        let made = unsafe { gpu.device.create_graphics_pipelines(self.cache.raw, &info, None) };
+        let pipeline = made.map_err(|(_, r)| r).named(&state.name)?[0];
+        gpu.name(pipeline, &state.name);
+        Ok(pipeline)
+    }
+
+    /// No frame may be in flight.
+    pub fn destroy(&mut self, gpu: &Context) {
+        if !self.made.is_empty() {
+            self.cache.save(gpu);
+        }
+        // SAFETY: made from this device, no longer used.
+        unsafe {
+            for (_, pipeline) in self.made.drain() {
+                gpu.device.destroy_pipeline(pipeline, None);
+            }
+            gpu.device.destroy_pipeline_layout(self.layout, None);
+            gpu.device.destroy_pipeline_layout(self.post_layout, None);
+        }
+        self.cache.destroy(gpu);
+    }
+}
+
+struct State {
+    name: String,
+    layout: vk::PipelineLayout,
+    vertices: Option<VertexLayout>,
+    topology: vk::PrimitiveTopology,
+    cull: bool,
+    clockwise: bool,
+    samples: u32,
+    color: vk::Format,
+    /// Comparison and whether it writes; `None` without a depth image.
+    depth: Option<(vk::CompareOp, bool)>,
+    blend: bool,
+}
+
+impl State {
+    fn full_screen(layout: vk::PipelineLayout) -> State {
+        State {
+            name: String::new(),
+            layout,
+            vertices: None,
+            topology: vk::PrimitiveTopology::TRIANGLE_LIST,
+            cull: false,
+            clockwise: false,
+            samples: 1,
+            color: format(Target::Picture),
+            depth: None,
+            blend: false,
+        }
+    }
+}
+
+fn format_of(float: bool) -> vk::Format {
+    format(if float { Target::Float(0) } else { Target::Picture })
+}
+
+fn vertex_format(format: Format) -> vk::Format {
+    match format {
+        Format::F32x2 => vk::Format::R32G32_SFLOAT,
+        Format::F32x3 => vk::Format::R32G32B32_SFLOAT,
+        Format::Snorm16x4 => vk::Format::R16G16B16A16_SNORM,
+        Format::Unorm16x4 => vk::Format::R16G16B16A16_UNORM,
+        Format::Uint16x4 => vk::Format::R16G16B16A16_UINT,
+    }
+}

@@ -1,0 +1,381 @@
+//! Meshes, textures, samplers and materials on the device: made when a frame first needs them, kept by content.
+
+use super::context::Context;
+use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
+use super::error::Named;
+use super::memory::{Buffer, Image, ImageDesc};
+use super::upload::Uploads;
+use crate::RenderError;
+use crate::catalog::{Catalog, CatalogPrimitive};
+use crate::gpu_types::MaterialUniform;
+use crate::mip;
+use crate::record::{Command, Recording};
+use crate::vertex::{VertexLayout, pack, pack_morphs};
+use ash::vk;
+use choreo_stage::{Sampler, Wrap};
+use gpu_allocator::MemoryLocation;
+use rayon::prelude::*;
+use std::collections::hash_map::Entry;
+use std::collections::{HashMap, HashSet};
+
+type Hash = [u8; 16];
+
+pub struct Mesh {
+    pub buffer: Buffer,
+    /// Where the indices start, after the vertices.
+    pub indices_at: u64,
+    pub index_count: u32,
+    pub index_type: vk::IndexType,
+}
+
+struct Morphs {
+    buffer: Buffer,
+    set: Set,
+}
+
+struct Material {
+    uniform: Buffer,
+    set: Set,
+}
+
+/// Content, sRGB, with mipmaps.
+type TextureKey = (Hash, bool, bool);
+
+#[derive(Default)]
+pub struct Resources {
+    meshes: HashMap<(Hash, VertexLayout), Mesh>,
+    morphs: HashMap<(Hash, VertexLayout), Morphs>,
+    textures: HashMap<TextureKey, Image>,
+    samplers: HashMap<Sampler, vk::Sampler>,
+    /// By catalogue index and which texture slots the shader reads.
+    materials: HashMap<(u32, u8), Material>,
+    white: Option<Image>,
+    pools: Pools,
+}
+
+impl Resources {
+    pub fn mesh(&self, hash: Hash, layout: VertexLayout) -> Option<&Mesh> {
+        self.meshes.get(&(hash, layout))
+    }
+
+    pub fn morph_set(&self, hash: Hash, layout: VertexLayout) -> Option<vk::DescriptorSet> {
+        self.morphs.get(&(hash, layout)).map(|m| m.set.raw)
+    }
+
+    pub fn material_set(&self, material: u32, slots: u8) -> Option<vk::DescriptorSet> {
+        self.materials.get(&(material, slots)).map(|m| m.set.raw)
+    }
+
+    /// How many meshes, textures and materials are on the device.
+    pub fn counts(&self) -> [usize; 3] {
+        [self.meshes.len(), self.textures.len(), self.materials.len()]
+    }
+
+    /// Makes what the recording binds and is not there yet.
+    pub fn prepare(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        catalog: &Catalog,
+        recording: &Recording,
+        uploads: &mut Uploads,
+    ) -> Result<(), RenderError> {
+        let mut meshes = HashSet::new();
+        let mut materials = HashSet::new();
+        for command in &recording.commands {
+            match command {
+                Command::BindMaterial { material, slots }
+                    if !self.materials.contains_key(&(*material, *slots)) =>
+                {
+                    materials.insert((*material, *slots));
+                }
+                Command::BindMesh { primitive, layout, morphs } => {
+                    meshes.insert((*primitive, *layout, *morphs));
+                }
+                _ => {}
+            }
+        }
+        // Sorted: uploads in the same order in every run.
+        let mut meshes: Vec<_> = meshes.into_iter().collect();
+        meshes.sort_unstable();
+        let mut materials: Vec<_> = materials.into_iter().collect();
+        materials.sort_unstable();
+        for (primitive, layout, morphs) in meshes {
+            let entry = catalog.primitives.get(primitive as usize).ok_or_else(|| {
+                RenderError::Usage(format!(
+                    "the plan draws primitive {primitive}, which the loaded catalogue lacks"
+                ))
+            })?;
+            self.prepare_mesh(gpu, layouts, entry, layout, morphs, uploads)?;
+        }
+        self.prepare_textures(gpu, catalog, &materials, uploads)?;
+        for (material, slots) in materials {
+            self.prepare_material(gpu, layouts, catalog, material, slots, uploads)?;
+        }
+        Ok(())
+    }
+
+    fn prepare_mesh(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        entry: &CatalogPrimitive,
+        layout: VertexLayout,
+        morphs: bool,
+        uploads: &mut Uploads,
+    ) -> Result<(), RenderError> {
+        let key = (entry.hash, layout);
+        let primitive = entry.primitive();
+        if let Entry::Vacant(slot) = self.meshes.entry(key) {
+            let packed = pack(primitive, layout);
+            let indices_at = packed.vertices.len().next_multiple_of(4) as u64;
+            let mut bytes = packed.vertices;
+            bytes.resize(indices_at as usize, 0);
+            bytes.extend_from_slice(&packed.indices);
+            let usage = vk::BufferUsageFlags::VERTEX_BUFFER
+                | vk::BufferUsageFlags::INDEX_BUFFER
+                | vk::BufferUsageFlags::TRANSFER_DST;
+            let name = format!("mesh \"{}\" primitive {}", entry.mesh.name, entry.index);
+            let buffer = Buffer::new(gpu, &name, bytes.len() as u64, usage, MemoryLocation::GpuOnly)?;
+            uploads.buffer(buffer.raw, &bytes);
+            let index_type = if packed.wide_indices { vk::IndexType::UINT32 } else { vk::IndexType::UINT16 };
+            slot.insert(Mesh { buffer, indices_at, index_count: packed.index_count, index_type });
+        }
+        if morphs && !self.morphs.contains_key(&key) {
+            let bytes = pack_morphs(primitive, layout);
+            let limit = gpu.limits().max_storage_buffer_range as u64;
+            let name = format!("morph targets of mesh \"{}\" primitive {}", entry.mesh.name, entry.index);
+            if bytes.len() as u64 > limit {
+                return Err(RenderError::Limit {
+                    what: format!("size in bytes of the {name}"),
+                    value: bytes.len() as u64,
+                    limit,
+                });
+            }
+            let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
+            let mut buffer = Buffer::new(gpu, &name, bytes.len() as u64, usage, MemoryLocation::GpuOnly)?;
+            let set = match self.pools.allocate(gpu, layouts.morphs, &name) {
+                Ok(set) => set,
+                Err(e) => {
+                    buffer.destroy(gpu);
+                    return Err(e);
+                }
+            };
+            let kind = vk::DescriptorType::STORAGE_BUFFER;
+            write_buffer(gpu, set.raw, 0, kind, buffer.raw, 0, vk::WHOLE_SIZE);
+            uploads.buffer(buffer.raw, &bytes);
+            self.morphs.insert(key, Morphs { buffer, set });
+        }
+        Ok(())
+    }
+
+    fn prepare_textures(
+        &mut self,
+        gpu: &Context,
+        catalog: &Catalog,
+        materials: &[(u32, u8)],
+        uploads: &mut Uploads,
+    ) -> Result<(), RenderError> {
+        let mut wanted: Vec<u32> = Vec::new();
+        let mut white = false;
+        for (material, slots) in materials {
+            let Some(m) = catalog.materials.get(*material as usize) else {
+                return Err(RenderError::Usage(format!(
+                    "the plan uses material {material}, which the loaded catalogue lacks"
+                )));
+            };
+            for (slot, texture) in m.texture_refs().iter().enumerate() {
+                match texture {
+                    _ if slots & (1 << slot) == 0 => {}
+                    Some(t) => wanted.push(t.texture),
+                    None => white = true,
+                }
+            }
+        }
+        wanted.sort_unstable();
+        wanted.dedup();
+        wanted.retain(|t| !self.textures.contains_key(&texture_key(catalog, *t)));
+        if white && self.white.is_none() {
+            let image = texture_image(gpu, "white texture", 1, 1, 1, false)?;
+            uploads.image(image.raw, std::iter::once((1, 1, &[255u8; 4][..])));
+            self.white = Some(image);
+        }
+        let chains: Vec<_> = wanted
+            .par_iter()
+            .map(|t| {
+                let texture = &catalog.textures[*t as usize];
+                if texture.mipmaps { mip::levels_below(&texture.image, texture.srgb) } else { Vec::new() }
+            })
+            .collect();
+        for (t, chain) in wanted.iter().zip(chains) {
+            let texture = &catalog.textures[*t as usize];
+            let image = &texture.image;
+            let name = format!("texture \"{}\"", image.name);
+            let levels = 1 + chain.len() as u32;
+            let made = texture_image(gpu, &name, image.width, image.height, levels, texture.srgb)?;
+            let base = (image.width, image.height, &image.rgba[..]);
+            let below = chain.iter().map(|l| (l.width, l.height, &l.rgba[..]));
+            uploads.image(made.raw, std::iter::once(base).chain(below));
+            self.textures.insert(texture_key(catalog, *t), made);
+        }
+        Ok(())
+    }
+
+    fn prepare_material(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        catalog: &Catalog,
+        index: u32,
+        slots: u8,
+        uploads: &mut Uploads,
+    ) -> Result<(), RenderError> {
+        let material = &catalog.materials[index as usize];
+        let name = format!("material \"{}\"", material.material.name);
+        let usage = vk::BufferUsageFlags::UNIFORM_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
+        let size = size_of::<MaterialUniform>() as u64;
+        let mut uniform = Buffer::new(gpu, &name, size, usage, MemoryLocation::GpuOnly)?;
+        let set = match self.pools.allocate(gpu, layouts.material, &name) {
+            Ok(set) => set,
+            Err(e) => {
+                uniform.destroy(gpu);
+                return Err(e);
+            }
+        };
+        // In the table first, so that it is destroyed with the rest where a later step fails.
+        let raw = uniform.raw;
+        self.materials.insert((index, slots), Material { uniform, set });
+        write_buffer(gpu, set.raw, 0, vk::DescriptorType::UNIFORM_BUFFER, raw, 0, size);
+        uploads.buffer(raw, bytemuck::bytes_of(&MaterialUniform::new(material)));
+        for (slot, texture) in material.texture_refs().iter().enumerate() {
+            let binding = 1 + 2 * slot as u32;
+            let null = (vk::ImageView::null(), vk::Sampler::null());
+            if slots & (1 << slot) == 0 {
+                // Not read; but lavapipe (22.3) follows the null pointer of a sampler that was never written.
+                let sampler = self.sampler(gpu, Sampler::default())?;
+                write_image(gpu, set.raw, binding + 1, vk::DescriptorType::SAMPLER, null.0, sampler);
+                continue;
+            }
+            let (view, sampler) = match texture {
+                Some(t) => (self.textures.get(&texture_key(catalog, t.texture)).map(|i| i.view), t.sampler),
+                None => (self.white.as_ref().map(|i| i.view), Sampler::default()),
+            };
+            let view = view.ok_or_else(|| RenderError::Usage(format!("{name} lacks its texture {slot}")))?;
+            let sampler = self.sampler(gpu, sampler)?;
+            write_image(gpu, set.raw, binding, vk::DescriptorType::SAMPLED_IMAGE, view, null.1);
+            write_image(gpu, set.raw, binding + 1, vk::DescriptorType::SAMPLER, null.0, sampler);
+        }
+        Ok(())
+    }
+
+    fn sampler(&mut self, gpu: &Context, s: Sampler) -> Result<vk::Sampler, RenderError> {
+        if let Some(sampler) = self.samplers.get(&s) {
+            return Ok(*sampler);
+        }
+        let wrap = |w| match w {
+            Wrap::Repeat => vk::SamplerAddressMode::REPEAT,
+            Wrap::MirroredRepeat => vk::SamplerAddressMode::MIRRORED_REPEAT,
+            Wrap::ClampToEdge => vk::SamplerAddressMode::CLAMP_TO_EDGE,
+        };
+        let filter = |linear| if linear { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
+        let info = vk::SamplerCreateInfo::default()
+            .address_mode_u(wrap(s.wrap_u))
+            .address_mode_v(wrap(s.wrap_v))
+            .mag_filter(filter(s.mag_linear))
+            .min_filter(filter(s.min_linear))
+            .mipmap_mode(match s.mip_linear {
+                Some(true) => vk::SamplerMipmapMode::LINEAR,
+                _ => vk::SamplerMipmapMode::NEAREST,
+            })
+            // Without mipmaps: level 0 only, and still minified where the level of detail says so
+            // (Vulkan, "VkSamplerCreateInfo", the table of GL equivalents).
+            .max_lod(if s.mip_linear.is_some() { vk::LOD_CLAMP_NONE } else { 0.25 });
+        // Anisotropy stays off: the CPU twin has none, and on lavapipe a first frame with it takes seconds.
+        // SAFETY: the device is alive; destroyed by `destroy`.
+        let sampler = unsafe { gpu.device.create_sampler(&info, None) }.named("sampler")?;
+        gpu.name(sampler, &format!("{s:?}"));
+        self.samplers.insert(s, sampler);
+        Ok(sampler)
+    }
+
+    /// A new catalogue: materials go (indices change), meshes and textures stay where their content is still in use.
+    /// No frame may be in flight.
+    pub fn retain(&mut self, gpu: &Context, catalog: &Catalog) {
+        let primitives: HashSet<Hash> = catalog.primitives.iter().map(|p| p.hash).collect();
+        let textures: HashSet<TextureKey> =
+            (0..catalog.textures.len() as u32).map(|t| texture_key(catalog, t)).collect();
+        let pools = &mut self.pools;
+        for (_, mut m) in self.materials.drain() {
+            m.uniform.destroy(gpu);
+            pools.free(gpu, m.set);
+        }
+        self.meshes.retain(|(hash, _), m| {
+            let keep = primitives.contains(hash);
+            if !keep {
+                m.buffer.destroy(gpu);
+            }
+            keep
+        });
+        self.morphs.retain(|(hash, _), m| {
+            let keep = primitives.contains(hash);
+            if !keep {
+                m.buffer.destroy(gpu);
+                pools.free(gpu, m.set);
+            }
+            keep
+        });
+        self.textures.retain(|key, image| {
+            let keep = textures.contains(key);
+            if !keep {
+                image.destroy(gpu);
+            }
+            keep
+        });
+    }
+
+    /// Everything that holds uploaded bytes. No frame may be in flight.
+    pub fn forget(&mut self, gpu: &Context) {
+        self.retain(gpu, &Catalog::default());
+        if let Some(mut white) = self.white.take() {
+            white.destroy(gpu);
+        }
+    }
+
+    /// No frame may be in flight.
+    pub fn destroy(&mut self, gpu: &Context) {
+        self.forget(gpu);
+        for (_, sampler) in self.samplers.drain() {
+            // SAFETY: made from this device, no longer used.
+            unsafe { gpu.device.destroy_sampler(sampler, None) };
+        }
+        self.pools.destroy(gpu);
+    }
+}
+
+fn texture_key(catalog: &Catalog, texture: u32) -> TextureKey {
+    let t = &catalog.textures[texture as usize];
+    (t.hash, t.srgb, t.mipmaps)
+}
+
+fn texture_image(
+    gpu: &Context,
+    name: &str,
+    width: u32,
+    height: u32,
+    levels: u32,
+    srgb: bool,
+) -> Result<Image, RenderError> {
+    Image::new(
+        gpu,
+        &ImageDesc {
+            name,
+            width,
+            height,
+            levels,
+            samples: 1,
+            format: if srgb { vk::Format::R8G8B8A8_SRGB } else { vk::Format::R8G8B8A8_UNORM },
+            usage: vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST,
+            aspect: vk::ImageAspectFlags::COLOR,
+        },
+    )
+}

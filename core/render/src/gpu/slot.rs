@@ -1,0 +1,217 @@
+//! What one frame in flight owns: commands, the mapped buffer of its data, descriptor sets, the buffer it is read back from.
+
+use super::context::Context;
+use super::descriptors::{Layouts, Pools, Set, write_buffer};
+use super::error::Named;
+use super::memory::Buffer;
+use crate::gpu_types::{FrameUniform, PostUniform};
+use crate::record::{Command, MAX_LIGHTS, Recording, UNIFORM_JOINTS};
+use crate::{Plan, RenderError};
+use ash::vk;
+use choreo_stage::Background;
+use glam::{Vec2, Vec4};
+use gpu_allocator::MemoryLocation;
+
+pub struct Slot {
+    pub pool: vk::CommandPool,
+    pub commands: vk::CommandBuffer,
+    ring: Option<Buffer>,
+    pub frame_set: Set,
+    pub post_sets: Vec<Set>,
+    pub readback: Option<Buffer>,
+    /// Kept until this frame is done.
+    pub staging: Option<Buffer>,
+    pub size: [u32; 2],
+    /// Value of the timeline at which the frame is done.
+    pub done_at: u64,
+}
+
+/// Byte ranges of one frame's data in its buffer.
+struct Ranges {
+    end: u64,
+    align: u64,
+}
+
+impl Ranges {
+    fn take(&mut self, size: u64) -> u64 {
+        let at = self.end.next_multiple_of(self.align);
+        self.end = at + size;
+        at
+    }
+}
+
+impl Slot {
+    pub fn new(gpu: &Context, layouts: &Layouts, pools: &mut Pools) -> Result<Slot, RenderError> {
+        let frame_set = pools.allocate(gpu, layouts.frame, "frame set")?;
+        let info = vk::CommandPoolCreateInfo::default()
+            .flags(vk::CommandPoolCreateFlags::TRANSIENT)
+            .queue_family_index(gpu.queue_family);
+        // SAFETY: the device is alive; destroyed by `destroy`.
+        let pool = unsafe { gpu.device.create_command_pool(&info, None) }.named("command pool")?;
+        let info = vk::CommandBufferAllocateInfo::default()
+            .command_pool(pool)
+            .level(vk::CommandBufferLevel::PRIMARY)
+            .command_buffer_count(1);
+        // SAFETY: the pool was just made.
+        let commands = match unsafe { gpu.device.allocate_command_buffers(&info) } {
+            Ok(list) => list[0],
+            Err(e) => {
+                // SAFETY: the pool was just made, and is not used.
+                unsafe { gpu.device.destroy_command_pool(pool, None) };
+                return Err(e).named("command buffer");
+            }
+        };
+        gpu.name(commands, "frame commands");
+        Ok(Slot {
+            pool,
+            commands,
+            ring: None,
+            frame_set,
+            post_sets: Vec::new(),
+            readback: None,
+            staging: None,
+            size: [0; 2],
+            done_at: 0,
+        })
+    }
+
+    /// Writes the frame's data into the mapped buffer and points the descriptor sets at it.
+    pub fn write(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        pools: &mut Pools,
+        plan: &Plan,
+        recording: &Recording,
+    ) -> Result<(), RenderError> {
+        let Some(Command::UploadFrameData { instances, joints, morphs, lights }) = recording.commands.first()
+        else {
+            return Err(RenderError::Usage("a recording starts with its frame data".into()));
+        };
+        let (lit, uniform_joints) = recording.reads();
+        let limits = gpu.limits();
+        let align = limits
+            .min_uniform_buffer_offset_alignment
+            .max(limits.min_storage_buffer_offset_alignment)
+            .max(16);
+        let mut ranges = Ranges { end: 0, align };
+        let frame_at = ranges.take(size_of::<FrameUniform>() as u64);
+        let post_at: Vec<u64> =
+            plan.post.iter().map(|_| ranges.take(size_of::<PostUniform>() as u64)).collect();
+        let instance_bytes: &[u8] = bytemuck::cast_slice(&plan.instances[..*instances]);
+        let joint_bytes: &[u8] = bytemuck::cast_slice(&plan.joint_matrices[..*joints]);
+        let morph_bytes: &[u8] = bytemuck::cast_slice(&plan.morphs[..*morphs]);
+        let light_bytes: &[u8] = bytemuck::cast_slice(&plan.lights[..*lights]);
+        let instances_at = ranges.take(instance_bytes.len() as u64);
+        let morphs_at = ranges.take(morph_bytes.len() as u64);
+        // Uniform arrays have a fixed length in the shader; what lies behind the used part is never read.
+        let lights_range = if lit { (MAX_LIGHTS * size_of::<crate::plan::PlanLight>()) as u64 } else { 0 };
+        let lights_at = ranges.take(lights_range);
+        let joints_range =
+            if uniform_joints && *joints > 0 { UNIFORM_JOINTS as u64 * 48 } else { joint_bytes.len() as u64 };
+        let joints_at = ranges.take(joints_range);
+        for (what, bytes) in [("instances", instance_bytes), ("joint matrices", joint_bytes)] {
+            let limit = limits.max_storage_buffer_range as u64;
+            if bytes.len() as u64 > limit {
+                let what = format!("size in bytes of all {what}");
+                return Err(RenderError::Limit { what, value: bytes.len() as u64, limit });
+            }
+        }
+
+        if self.ring.as_ref().is_none_or(|r| r.size < ranges.end) {
+            if let Some(mut old) = self.ring.take() {
+                old.destroy(gpu);
+            }
+            let usage = vk::BufferUsageFlags::UNIFORM_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER;
+            let size = ranges.end.next_power_of_two();
+            self.ring = Some(Buffer::new(gpu, "frame data", size, usage, MemoryLocation::CpuToGpu)?);
+        }
+        let Some(ring) = &mut self.ring else { return Ok(()) };
+        let raw = ring.raw;
+        let mapped = ring.mapped_mut();
+        let mut put = |at: u64, bytes: &[u8]| {
+            mapped[at as usize..at as usize + bytes.len()].copy_from_slice(bytes);
+        };
+        put(frame_at, bytemuck::bytes_of(&frame_uniform(plan, *lights as u32)));
+        put(instances_at, instance_bytes);
+        put(joints_at, joint_bytes);
+        put(morphs_at, morph_bytes);
+        put(lights_at, light_bytes);
+        let size = Vec2::new(plan.size[0] as f32, plan.size[1] as f32);
+        for (at, pass) in post_at.iter().zip(&plan.post) {
+            let p = &pass.parameters;
+            let parameters = [Vec4::new(p[0], p[1], p[2], p[3]), Vec4::new(p[4], p[5], p[6], p[7])];
+            put(*at, bytemuck::bytes_of(&PostUniform { parameters, size, pad: Vec2::ZERO }));
+        }
+
+        use vk::DescriptorType as T;
+        let set = self.frame_set.raw;
+        write_buffer(gpu, set, 0, T::UNIFORM_BUFFER, raw, frame_at, size_of::<FrameUniform>() as u64);
+        if *instances > 0 {
+            write_buffer(gpu, set, 1, T::STORAGE_BUFFER, raw, instances_at, instance_bytes.len() as u64);
+        }
+        if *joints > 0 {
+            let (binding, kind) =
+                if uniform_joints { (5, T::UNIFORM_BUFFER) } else { (2, T::STORAGE_BUFFER) };
+            write_buffer(gpu, set, binding, kind, raw, joints_at, joints_range);
+        }
+        if *morphs > 0 {
+            write_buffer(gpu, set, 3, T::STORAGE_BUFFER, raw, morphs_at, morph_bytes.len() as u64);
+        }
+        if lit {
+            write_buffer(gpu, set, 4, T::UNIFORM_BUFFER, raw, lights_at, lights_range);
+        }
+        while self.post_sets.len() < post_at.len() {
+            self.post_sets.push(pools.allocate(gpu, layouts.post, "post set")?);
+        }
+        for (set, at) in self.post_sets.iter().zip(&post_at) {
+            write_buffer(gpu, set.raw, 0, T::UNIFORM_BUFFER, raw, *at, size_of::<PostUniform>() as u64);
+        }
+
+        let bytes = plan.size[0] as u64 * plan.size[1] as u64 * 4;
+        if self.readback.as_ref().is_none_or(|b| b.size < bytes) {
+            if let Some(mut old) = self.readback.take() {
+                old.destroy(gpu);
+            }
+            let usage = vk::BufferUsageFlags::TRANSFER_DST;
+            self.readback =
+                Some(Buffer::new(gpu, "read-back buffer", bytes, usage, MemoryLocation::GpuToCpu)?);
+        }
+        self.size = plan.size;
+        Ok(())
+    }
+
+    pub fn release_staging(&mut self, gpu: &Context) {
+        if let Some(mut staging) = self.staging.take() {
+            staging.destroy(gpu);
+        }
+    }
+
+    /// The frame must be done. Its sets go with the pools.
+    pub fn destroy(&mut self, gpu: &Context) {
+        self.release_staging(gpu);
+        for mut buffer in self.ring.take().into_iter().chain(self.readback.take()) {
+            buffer.destroy(gpu);
+        }
+        // SAFETY: made from this device; its command buffer is not pending.
+        unsafe { gpu.device.destroy_command_pool(self.pool, None) };
+    }
+}
+
+fn frame_uniform(plan: &Plan, light_count: u32) -> FrameUniform {
+    let (top, bottom) = match plan.background {
+        Background::Gradient { top, bottom } => (top, bottom),
+        Background::Color(c) => (c.truncate(), c.truncate()),
+    };
+    FrameUniform {
+        clip_from_relative: plan.view.clip_from_relative,
+        eye: plan.view.eye,
+        ambient_up: plan.ambient_up.extend(0.0),
+        ambient_down: plan.ambient_down.extend(0.0),
+        background_top: top.extend(1.0),
+        background_bottom: bottom.extend(1.0),
+        size: Vec2::new(plan.size[0] as f32, plan.size[1] as f32),
+        light_count,
+        pad: 0,
+    }
+}

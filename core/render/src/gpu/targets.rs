@@ -1,0 +1,115 @@
+//! Colour, depth and float images of one size; made again when size, samples or the need for them change.
+
+use super::context::Context;
+use super::memory::{Image, ImageDesc};
+use crate::RenderError;
+use crate::record::{Command, Recording, Target};
+use ash::vk;
+
+pub const PICTURE: vk::Format = vk::Format::R8G8B8A8_SRGB;
+pub const FLOAT: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
+pub const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
+
+pub fn format(target: Target) -> vk::Format {
+    match target {
+        Target::Picture => PICTURE,
+        Target::Float(_) => FLOAT,
+    }
+}
+
+/// What a recording needs; equal needs share the images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Needs {
+    pub size: [u32; 2],
+    pub samples: u32,
+    pub scene: Target,
+    pub depth: bool,
+    /// 0, 1 or 2.
+    pub floats: usize,
+}
+
+impl Needs {
+    pub fn of(recording: &Recording) -> Needs {
+        let mut needs =
+            Needs { size: recording.size, samples: 1, scene: Target::Picture, depth: false, floats: 0 };
+        for command in &recording.commands {
+            let float = |t: &Target| match t {
+                Target::Float(i) => *i as usize + 1,
+                Target::Picture => 0,
+            };
+            match command {
+                Command::BeginPass { target, samples, depth, .. } => {
+                    (needs.scene, needs.samples, needs.depth) = (*target, *samples, *depth);
+                    needs.floats = needs.floats.max(float(target));
+                }
+                Command::PostPass { from, to, .. } => {
+                    needs.floats = needs.floats.max(float(from)).max(float(to));
+                }
+                _ => {}
+            }
+        }
+        needs
+    }
+}
+
+pub struct Targets {
+    pub needs: Needs,
+    pub picture: Image,
+    pub floats: Vec<Image>,
+    pub depth: Option<Image>,
+    /// With more than one sample: what is drawn into, resolved into the scene's target.
+    pub multisampled: Option<Image>,
+}
+
+impl Targets {
+    pub fn new(gpu: &Context, needs: Needs) -> Result<Targets, RenderError> {
+        let image = |name: &str, format, usage, samples| {
+            let aspect =
+                if format == DEPTH { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
+            let [width, height] = needs.size;
+            Image::new(gpu, &ImageDesc { name, width, height, levels: 1, samples, format, usage, aspect })
+        };
+        use vk::ImageUsageFlags as U;
+        let picture = image("picture", PICTURE, U::COLOR_ATTACHMENT | U::TRANSFER_SRC, 1)?;
+        let mut targets = Targets { needs, picture, floats: Vec::new(), depth: None, multisampled: None };
+        let made = (|| {
+            for i in 0..needs.floats {
+                let name = format!("float target {i}");
+                targets.floats.push(image(&name, FLOAT, U::COLOR_ATTACHMENT | U::SAMPLED, 1)?);
+            }
+            if needs.depth {
+                let usage = U::DEPTH_STENCIL_ATTACHMENT;
+                targets.depth = Some(image("depth", DEPTH, usage, needs.samples)?);
+            }
+            if needs.samples > 1 {
+                let format = format(needs.scene);
+                let made = image("multisampled picture", format, U::COLOR_ATTACHMENT, needs.samples)?;
+                targets.multisampled = Some(made);
+            }
+            Ok(())
+        })();
+        match made {
+            Ok(()) => Ok(targets),
+            Err(e) => {
+                targets.destroy(gpu);
+                Err(e)
+            }
+        }
+    }
+
+    pub fn image(&self, target: Target) -> &Image {
+        match target {
+            Target::Picture => &self.picture,
+            // `Needs::of` counted them from the same recording.
+            Target::Float(i) => &self.floats[i as usize],
+        }
+    }
+
+    /// No frame may be in flight.
+    pub fn destroy(&mut self, gpu: &Context) {
+        self.picture.destroy(gpu);
+        for image in self.floats.iter_mut().chain(&mut self.depth).chain(&mut self.multisampled) {
+            image.destroy(gpu);
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! Bytes on their way to the device: collected while a frame is prepared, copied through one staging buffer at its start.
+
+use super::context::Context;
+use super::memory::{Buffer, range};
+use crate::RenderError;
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+
+#[derive(Default)]
+pub struct Uploads {
+    bytes: Vec<u8>,
+    buffers: Vec<(vk::Buffer, u64, u64)>,
+    images: Vec<ImageUpload>,
+}
+
+struct ImageUpload {
+    image: vk::Image,
+    levels: Vec<vk::BufferImageCopy>,
+}
+
+impl Uploads {
+    pub fn is_empty(&self) -> bool {
+        self.buffers.is_empty() && self.images.is_empty()
+    }
+
+    fn append(&mut self, bytes: &[u8]) -> u64 {
+        // Copies into images of 4-byte texels want offsets that are multiples of 4; 16 suits every device.
+        self.bytes.resize(self.bytes.len().next_multiple_of(16), 0);
+        let at = self.bytes.len() as u64;
+        self.bytes.extend_from_slice(bytes);
+        at
+    }
+
+    pub fn buffer(&mut self, to: vk::Buffer, bytes: &[u8]) {
+        let at = self.append(bytes);
+        self.buffers.push((to, at, bytes.len() as u64));
+    }
+
+    /// (width, height, RGBA8) of each level, the largest first.
+    pub fn image<'a>(&mut self, to: vk::Image, levels: impl Iterator<Item = (u32, u32, &'a [u8])>) {
+        let levels = levels
+            .enumerate()
+            .map(|(i, (width, height, bytes))| {
+                let at = self.append(bytes);
+                vk::BufferImageCopy::default()
+                    .buffer_offset(at)
+                    .image_subresource(
+                        vk::ImageSubresourceLayers::default()
+                            .aspect_mask(vk::ImageAspectFlags::COLOR)
+                            .mip_level(i as u32)
+                            .layer_count(1),
+                    )
+                    .image_extent(vk::Extent3D { width, height, depth: 1 })
+            })
+            .collect();
+        self.images.push(ImageUpload { image: to, levels });
+    }
+
+    /// Records the copies; the staging buffer must live until the commands have run.
+    pub fn record(self, gpu: &Context, commands: vk::CommandBuffer) -> Result<Buffer, RenderError> {
+        let mut staging = Buffer::new(
+            gpu,
+            "staging buffer",
+            self.bytes.len() as u64,
+            vk::BufferUsageFlags::TRANSFER_SRC,
+            MemoryLocation::CpuToGpu,
+        )?;
+        staging.mapped_mut()[..self.bytes.len()].copy_from_slice(&self.bytes);
+        let to_write: Vec<_> = self
+            .images
+            .iter()
+            .map(|i| {
+                vk::ImageMemoryBarrier2::default()
+                    .dst_stage_mask(vk::PipelineStageFlags2::COPY)
+                    .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+                    .new_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
+                    .image(i.image)
+                    .subresource_range(range(vk::ImageAspectFlags::COLOR))
+            })
+            .collect();
+        let to_read: Vec<_> = self
+            .images
+            .iter()
+            .map(|i| {
+                vk::ImageMemoryBarrier2::default()
+                    .src_stage_mask(vk::PipelineStageFlags2::COPY)
+                    .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+                    .dst_stage_mask(vk::PipelineStageFlags2::FRAGMENT_SHADER)
+                    .dst_access_mask(vk::AccessFlags2::SHADER_SAMPLED_READ)
+                    .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
+                    .new_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)
+                    .image(i.image)
+                    .subresource_range(range(vk::ImageAspectFlags::COLOR))
+            })
+            .collect();
+        let buffers_written = [vk::MemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::COPY)
+            .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+            .dst_stage_mask(
+                vk::PipelineStageFlags2::VERTEX_INPUT
+                    | vk::PipelineStageFlags2::VERTEX_SHADER
+                    | vk::PipelineStageFlags2::FRAGMENT_SHADER,
+            )
+            .dst_access_mask(
+                vk::AccessFlags2::VERTEX_ATTRIBUTE_READ
+                    | vk::AccessFlags2::INDEX_READ
+                    | vk::AccessFlags2::SHADER_STORAGE_READ
+                    | vk::AccessFlags2::UNIFORM_READ,
+            )];
+        // SAFETY: the command buffer is being recorded; source and targets are alive, ranges lie inside them.
+        unsafe {
+            let device = &gpu.device;
+            if !to_write.is_empty() {
+                let before = vk::DependencyInfo::default().image_memory_barriers(&to_write);
+                device.cmd_pipeline_barrier2(commands, &before);
+            }
+            for (to, at, size) in &self.buffers {
+                let region = [vk::BufferCopy { src_offset: *at, dst_offset: 0, size: *size }];
+                device.cmd_copy_buffer(commands, staging.raw, *to, &region);
+            }
+            for i in &self.images {
+                device.cmd_copy_buffer_to_image(
+                    commands,
+                    staging.raw,
+                    i.image,
+                    vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+                    &i.levels,
+                );
+            }
+            let after = vk::DependencyInfo::default()
+                .image_memory_barriers(&to_read)
+                .memory_barriers(&buffers_written);
+            device.cmd_pipeline_barrier2(commands, &after);
+        }
+        Ok(staging)
+    }
+}

@@ -1,0 +1,92 @@
+//! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shaders.rs` compares every field's offset.
+
+use crate::catalog::CatalogMaterial;
+use choreo_stage::AlphaMode;
+use glam::{Mat4, Vec2, Vec3, Vec4};
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct FrameUniform {
+    pub clip_from_relative: Mat4,
+    pub eye: Vec4,
+    pub ambient_up: Vec4,
+    pub ambient_down: Vec4,
+    pub background_top: Vec4,
+    pub background_bottom: Vec4,
+    /// Pixels.
+    pub size: Vec2,
+    pub light_count: u32,
+    pub pad: u32,
+}
+
+/// u = dot(x.xy, uv) + x.z, v = dot(y.xy, uv) + y.z; x.w = uv set.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct UvTransform {
+    pub x: Vec4,
+    pub y: Vec4,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct MaterialUniform {
+    pub base_color: Vec4,
+    pub emissive: Vec3,
+    pub alpha_cutoff: f32,
+    pub specular_color: Vec3,
+    pub specular: f32,
+    pub metallic: f32,
+    pub roughness: f32,
+    pub normal_scale: f32,
+    pub occlusion_strength: f32,
+    pub shininess: f32,
+    pub pad0: f32,
+    pub pad1: f32,
+    pub pad2: f32,
+    pub uv: [UvTransform; TEXTURE_SLOTS],
+}
+
+/// Base colour, metallic-roughness, normal, occlusion, emissive, specular, specular colour.
+pub const TEXTURE_SLOTS: usize = 7;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct PostUniform {
+    pub parameters: [Vec4; 2],
+    /// Pixels.
+    pub size: Vec2,
+    pub pad: Vec2,
+}
+
+impl MaterialUniform {
+    pub fn new(catalog: &CatalogMaterial) -> MaterialUniform {
+        let m = &catalog.material;
+        // A feature may be on where the material has no such texture (`PlanOptions::force_all`): identity then.
+        let identity = UvTransform { x: Vec4::X, y: Vec4::Y };
+        let mut uv = [identity; TEXTURE_SLOTS];
+        for (out, slot) in uv.iter_mut().zip(catalog.texture_refs()) {
+            if let Some(t) = slot {
+                let a = t.uv_transform;
+                out.x = Vec4::new(a.matrix2.x_axis.x, a.matrix2.y_axis.x, a.translation.x, t.uv_set as f32);
+                out.y = Vec4::new(a.matrix2.x_axis.y, a.matrix2.y_axis.y, a.translation.y, 0.0);
+            }
+        }
+        MaterialUniform {
+            base_color: m.base_color,
+            emissive: m.emissive,
+            alpha_cutoff: match m.alpha_mode {
+                AlphaMode::Mask(cutoff) => cutoff,
+                _ => 0.0,
+            },
+            specular_color: m.specular_color,
+            specular: m.specular,
+            metallic: m.metallic,
+            roughness: m.roughness,
+            normal_scale: if catalog.normal.is_some() { m.normal_scale } else { 0.0 },
+            occlusion_strength: m.occlusion_strength,
+            shininess: m.shininess,
+            uv,
+            ..Default::default()
+        }
+    }
+}

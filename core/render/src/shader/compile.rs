@@ -1,0 +1,123 @@
+//! Files → one module → SPIR-V. Errors name the file and line that the user wrote.
+
+use super::{SourceFile, preprocess};
+use crate::RenderError;
+use naga::back::spv;
+use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
+
+/// One entry point's SPIR-V.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    pub name: &'static str,
+    pub words: Vec<u32>,
+}
+
+/// Where the lines of the joined text come from.
+struct Lines<'a> {
+    files: &'a [SourceFile],
+    /// First line (from 0) of each file in the joined text.
+    starts: Vec<usize>,
+}
+
+impl Lines<'_> {
+    /// (file name, line from 1, the line as its author wrote it) of a line (from 1) of the joined text.
+    fn place(&self, joined_line: u32) -> (&str, usize, &str) {
+        let line = (joined_line as usize).saturating_sub(1);
+        let file = self.starts.partition_point(|s| *s <= line).saturating_sub(1);
+        let local = line - self.starts[file];
+        (&self.files[file].name, local + 1, self.files[file].text.lines().nth(local).unwrap_or(""))
+    }
+}
+
+/// Preprocesses, joins, parses and validates.
+pub fn parse(files: &[SourceFile], on: &[&str]) -> Result<(naga::Module, ModuleInfo), RenderError> {
+    let mut joined = String::new();
+    let mut starts = Vec::new();
+    let mut count = 0;
+    for file in files {
+        let text = preprocess(&file.text, on)
+            .map_err(|e| RenderError::Shader { file: format!("{}:{}", file.name, e.line), text: e.what })?;
+        starts.push(count);
+        count += text.lines().count();
+        joined.push_str(&text);
+    }
+    let lines = Lines { files, starts };
+    let module = naga::front::wgsl::parse_str(&joined)
+        .map_err(|e| shader_error(&lines, e.location(&joined), e.message(), ""))?;
+    // Naga's own limits of array sizes and nesting stay on; we use no capability beyond plain WGSL.
+    let info =
+        Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).map_err(|e| {
+            let causes = causes(e.as_inner());
+            shader_error(&lines, e.location(&joined), &e.as_inner().to_string(), &causes)
+        })?;
+    Ok((module, info))
+}
+
+/// SPIR-V of the named entry points.
+pub fn compile(
+    files: &[SourceFile],
+    on: &[&str],
+    entries: &[(&'static str, naga::ShaderStage)],
+    point_size: bool,
+) -> Result<Vec<Entry>, RenderError> {
+    let (module, info) = parse(files, on)?;
+    let mut flags = spv::WriterFlags::empty();
+    if point_size {
+        flags |= spv::WriterFlags::FORCE_POINT_SIZE;
+    }
+    let options = spv::Options {
+        lang_version: (1, 3),
+        flags,
+        // A binding that no map renames keeps its own group and number.
+        fake_missing_bindings: true,
+        // Loops run over counts that the program itself wrote.
+        force_loop_bounding: false,
+        ..Default::default()
+    };
+    entries
+        .iter()
+        .map(|(name, stage)| {
+            let pipeline = spv::PipelineOptions { shader_stage: *stage, entry_point: (*name).into() };
+            let words = spv::write_vec(&module, &info, &options, Some(&pipeline)).map_err(|e| {
+                RenderError::Shader { file: lines_name(files), text: format!("entry point {name}: {e}") }
+            })?;
+            Ok(Entry { name, words })
+        })
+        .collect()
+}
+
+fn lines_name(files: &[SourceFile]) -> String {
+    files.iter().map(|f| f.name.as_str()).collect::<Vec<_>>().join(" + ")
+}
+
+fn causes(error: &dyn std::error::Error) -> String {
+    let mut text = String::new();
+    let mut next = error.source();
+    while let Some(e) = next {
+        text.push_str(&format!("; {e}"));
+        next = e.source();
+    }
+    text
+}
+
+fn shader_error(
+    lines: &Lines<'_>,
+    location: Option<naga::SourceLocation>,
+    message: &str,
+    causes: &str,
+) -> RenderError {
+    match location {
+        Some(l) => {
+            let (file, line, code) = lines.place(l.line_number);
+            let column = l.line_position as usize;
+            RenderError::Shader {
+                file: format!("{file}:{line}:{column}"),
+                text: format!(
+                    "{message}{causes}\n  {code}\n  {}^",
+                    " ".repeat(code.chars().count().min(column.saturating_sub(1)))
+                ),
+            }
+        }
+        None => RenderError::Shader { file: lines_name(lines.files), text: format!("{message}{causes}") },
+    }
+}

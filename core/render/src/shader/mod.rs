@@ -1,0 +1,122 @@
+//! WGSL modules → SPIR-V: a line-preserving `@if` preprocessor, and naga. No Vulkan here, so that every combination
+//! of features a plan can ask for is validated without a GPU.
+
+mod compile;
+mod preprocess;
+
+pub use compile::{Entry, compile, parse};
+pub use preprocess::{PreprocessError, preprocess};
+
+use crate::RenderError;
+use crate::plan::{Features, PipelineKey};
+use std::path::PathBuf;
+
+/// Where the text of a module comes from: the program itself, or a folder for live editing (whose files win).
+#[derive(Clone, Debug, Default)]
+pub struct ShaderSources {
+    pub folder: Option<PathBuf>,
+}
+
+/// (file name, text built into the program).
+const EMBEDDED: [(&str, &str); 6] = [
+    ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
+    ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
+    ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
+    ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
+    ("background.wgsl", include_str!("../../../../shaders/background.wgsl")),
+    ("post.wgsl", include_str!("../../../../shaders/post.wgsl")),
+];
+
+/// Files that make up a shader module, in order.
+pub const SCENE: [&str; 4] = ["frame.wgsl", "brdf.wgsl", "vertex.wgsl", "scene.wgsl"];
+pub const BACKGROUND: [&str; 2] = ["frame.wgsl", "background.wgsl"];
+
+/// One file's text, before preprocessing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SourceFile {
+    pub name: String,
+    pub text: String,
+}
+
+impl ShaderSources {
+    pub fn file(&self, name: &str) -> Result<SourceFile, RenderError> {
+        if let Some(folder) = &self.folder {
+            let path = folder.join(name);
+            match std::fs::read_to_string(&path) {
+                Ok(text) => return Ok(SourceFile { name: path.display().to_string(), text }),
+                // A folder may hold only the modules that somebody is editing.
+                Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
+                Err(e) => {
+                    return Err(RenderError::Shader {
+                        file: path.display().to_string(),
+                        text: format!("cannot read: {e}"),
+                    });
+                }
+            }
+        }
+        let (_, text) = EMBEDDED.iter().find(|(n, _)| *n == name).ok_or_else(|| RenderError::Shader {
+            file: name.into(),
+            text: "no such module in the program".into(),
+        })?;
+        Ok(SourceFile { name: format!("shaders/{name}"), text: (*text).into() })
+    }
+
+    pub fn files(&self, names: &[&str]) -> Result<Vec<SourceFile>, RenderError> {
+        names.iter().map(|n| self.file(n)).collect()
+    }
+
+    /// The text that a full-screen effect is compiled from: our template, then the plugin's function.
+    pub fn post(&self, effect: &str, wgsl: &str) -> Result<Vec<SourceFile>, RenderError> {
+        Ok(vec![
+            self.file("post.wgsl")?,
+            SourceFile { name: format!("effect \"{effect}\""), text: wgsl.into() },
+        ])
+    }
+}
+
+/// What a scene shader is compiled for: the plan's key and what the recording found out beside it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct SceneVariant {
+    pub key: PipelineKey,
+    /// Some instance has a tint other than white.
+    pub tint: bool,
+    /// All joint matrices fit a uniform buffer, which is read faster than a storage buffer.
+    pub joints_uniform: bool,
+}
+
+/// Names of the switches that are on, as the modules write them.
+pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
+    let names: [(&'static str, Features); 19] = [
+        ("SKIN", Features::SKIN),
+        ("SKIN_8", Features::SKIN_8),
+        ("MORPH", Features::MORPH),
+        ("VERTEX_COLOR", Features::VERTEX_COLOR),
+        ("UV0", Features::UV0),
+        ("UV1", Features::UV1),
+        ("METALLIC_ROUGHNESS", Features::METALLIC_ROUGHNESS),
+        ("BLINN_PHONG", Features::BLINN_PHONG),
+        ("BASE_COLOR_TEXTURE", Features::BASE_COLOR_TEXTURE),
+        ("METALLIC_ROUGHNESS_TEXTURE", Features::METALLIC_ROUGHNESS_TEXTURE),
+        ("NORMAL_TEXTURE", Features::NORMAL_TEXTURE),
+        ("OCCLUSION_TEXTURE", Features::OCCLUSION_TEXTURE),
+        ("EMISSIVE", Features::EMISSIVE),
+        ("EMISSIVE_TEXTURE", Features::EMISSIVE_TEXTURE),
+        ("SPECULAR_TEXTURE", Features::SPECULAR_TEXTURE),
+        ("SPECULAR_COLOR_TEXTURE", Features::SPECULAR_COLOR_TEXTURE),
+        ("ALPHA_MASK", Features::ALPHA_MASK),
+        ("UV_TRANSFORM", Features::UV_TRANSFORM),
+        ("LOCAL_LIGHTS", Features::LOCAL_LIGHTS),
+    ];
+    let key = &variant.key;
+    let mut on: Vec<&'static str> =
+        names.iter().filter(|(_, f)| key.features.has(*f)).map(|(n, _)| *n).collect();
+    let extra = [
+        ("LIT", key.features.is_lit()),
+        ("BLEND", key.blend),
+        ("DOUBLE_SIDED", key.double_sided),
+        ("TINT", variant.tint),
+        ("JOINTS_UNIFORM", variant.joints_uniform),
+    ];
+    on.extend(extra.iter().filter(|(_, is_on)| *is_on).map(|(n, _)| *n));
+    on
+}

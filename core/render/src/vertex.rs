@@ -1,0 +1,194 @@
+//! Vertices as the GPU reads them: interleaved, only the attributes that a draw's features ask for.
+//!
+//! Positions and texture coordinates stay f32. Normals and tangents are 16-bit signed fractions (angular error below
+//! 0.003°), colours and weights 16-bit unsigned fractions (error ≤ 1/131070; the rounded weights of a vertex still sum to 1).
+
+use crate::plan::Features;
+use choreo_stage::Primitive;
+use glam::{Vec3, Vec4};
+
+/// Which attributes, in location order. A bit a location of vertex.wgsl.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct VertexLayout(pub u16);
+
+/// (location, bytes, what) of every attribute there is.
+pub const ATTRIBUTES: [(u32, u32, Format); 10] = [
+    (0, 12, Format::F32x3),
+    (1, 8, Format::Snorm16x4),
+    (2, 8, Format::Snorm16x4),
+    (3, 8, Format::F32x2),
+    (4, 8, Format::F32x2),
+    (5, 8, Format::Unorm16x4),
+    (6, 8, Format::Uint16x4),
+    (7, 8, Format::Unorm16x4),
+    (8, 8, Format::Uint16x4),
+    (9, 8, Format::Unorm16x4),
+];
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    F32x2,
+    F32x3,
+    Snorm16x4,
+    Unorm16x4,
+    Uint16x4,
+}
+
+impl VertexLayout {
+    /// The attributes that vertex.wgsl declares for these features.
+    pub fn of(features: Features) -> VertexLayout {
+        let on = [
+            true,
+            features.is_lit(),
+            features.has(Features::NORMAL_TEXTURE),
+            features.has(Features::UV0),
+            features.has(Features::UV1),
+            features.has(Features::VERTEX_COLOR),
+            features.has(Features::SKIN),
+            features.has(Features::SKIN),
+            features.has(Features::SKIN_8),
+            features.has(Features::SKIN_8),
+        ];
+        VertexLayout(on.iter().enumerate().map(|(i, on)| (*on as u16) << i).sum())
+    }
+
+    pub fn has(self, location: u32) -> bool {
+        self.0 & (1 << location) != 0
+    }
+
+    /// (location, byte offset, format) of the attributes that are in, and the stride.
+    pub fn attributes(self) -> (Vec<(u32, u32, Format)>, u32) {
+        let mut offset = 0;
+        let mut list = Vec::new();
+        for (location, size, format) in ATTRIBUTES {
+            if self.has(location) {
+                list.push((location, offset, format));
+                offset += size;
+            }
+        }
+        (list, offset)
+    }
+}
+
+/// Vertex and index bytes of one primitive.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PackedMesh {
+    pub vertices: Vec<u8>,
+    pub vertex_count: u32,
+    /// 16-bit where every index fits.
+    pub indices: Vec<u8>,
+    pub index_count: u32,
+    pub wide_indices: bool,
+}
+
+fn snorm16(v: f32) -> i16 {
+    // Ties away from zero; NaN becomes 0.
+    libm::roundf(v.clamp(-1.0, 1.0) * 32767.0) as i16
+}
+
+fn unorm16(v: f32) -> u16 {
+    libm::roundf(v.clamp(0.0, 1.0) * 65535.0) as u16
+}
+
+/// Four or eight weights in 1/65535 that sum to 65535: the largest takes the rounding of the others.
+fn weights16(weights: &[f32]) -> [u16; 8] {
+    let mut out = [0u16; 8];
+    let mut largest = 0;
+    for (i, w) in weights.iter().take(8).enumerate() {
+        out[i] = unorm16(*w);
+        if out[i] > out[largest] {
+            largest = i;
+        }
+    }
+    let others: i32 = (0..8).filter(|i| *i != largest).map(|i| out[i] as i32).sum();
+    out[largest] = (65535 - others).clamp(0, 65535) as u16;
+    out
+}
+
+pub fn pack(p: &Primitive, layout: VertexLayout) -> PackedMesh {
+    let (order, indices) = first_use_order(p);
+    let stride = layout.attributes().1 as usize;
+    let mut bytes = Vec::with_capacity(order.len() * stride);
+    let snorm4 = |v: Vec4| [v.x, v.y, v.z, v.w].map(snorm16);
+    for &v in &order {
+        let v = v as usize;
+        bytes.extend_from_slice(bytemuck::bytes_of(&p.positions[v]));
+        if layout.has(1) {
+            // Lines and points may be lit without normals: they face up.
+            let n = p.normals.get(v).copied().unwrap_or(Vec3::Y);
+            bytes.extend_from_slice(bytemuck::cast_slice(&snorm4(n.extend(0.0))));
+        }
+        if layout.has(2) {
+            let t = p.tangents.get(v).copied().unwrap_or(Vec4::ZERO);
+            bytes.extend_from_slice(bytemuck::cast_slice(&snorm4(t)));
+        }
+        for set in 0..2 {
+            if layout.has(3 + set as u32) {
+                let uv = p.uvs[set].get(v).copied().unwrap_or_default();
+                bytes.extend_from_slice(bytemuck::bytes_of(&uv));
+            }
+        }
+        if layout.has(5) {
+            let c = p.colors.get(v).copied().unwrap_or(Vec4::ONE);
+            bytes.extend_from_slice(bytemuck::cast_slice(&[c.x, c.y, c.z, c.w].map(unorm16)));
+        }
+        if layout.has(6) {
+            let at = v * p.influences..(v + 1) * p.influences;
+            let mut joints = [0u16; 8];
+            let given = p.joint_indices.get(at.clone()).unwrap_or(&[]);
+            joints[..given.len().min(8)].copy_from_slice(&given[..given.len().min(8)]);
+            let weights = weights16(p.joint_weights.get(at).unwrap_or(&[1.0]));
+            bytes.extend_from_slice(bytemuck::cast_slice(&joints[..4]));
+            bytes.extend_from_slice(bytemuck::cast_slice(&weights[..4]));
+            if layout.has(8) {
+                bytes.extend_from_slice(bytemuck::cast_slice(&joints[4..]));
+                bytes.extend_from_slice(bytemuck::cast_slice(&weights[4..]));
+            }
+        }
+    }
+    let wide_indices = order.len() > 0xffff;
+    let index_count = indices.len() as u32;
+    let indices = if wide_indices {
+        bytemuck::cast_slice(&indices).to_vec()
+    } else {
+        indices.iter().flat_map(|i| (*i as u16).to_ne_bytes()).collect()
+    };
+    PackedMesh { vertices: bytes, vertex_count: order.len() as u32, indices, index_count, wide_indices }
+}
+
+/// Offsets of all morph targets as morphs.wgsl reads them: a header, then per target `stride` lists of vectors.
+pub fn pack_morphs(p: &Primitive, layout: VertexLayout) -> Vec<u8> {
+    let (order, _) = first_use_order(p);
+    let stride = 1 + layout.has(1) as u32 + layout.has(2) as u32;
+    let mut out = Vec::with_capacity(16 + p.morphs.len() * stride as usize * order.len() * 16);
+    out.extend_from_slice(bytemuck::cast_slice(&[order.len() as u32, stride, 0, 0]));
+    for target in &p.morphs {
+        for list in [&target.positions, &target.normals, &target.tangents].into_iter().take(stride as usize) {
+            for &v in &order {
+                let offset = list.get(v as usize).copied().unwrap_or_default().extend(0.0);
+                out.extend_from_slice(bytemuck::bytes_of(&offset));
+            }
+        }
+    }
+    out
+}
+
+/// Vertices renumbered in the order in which the indices first use them (unused ones are dropped): fetches are
+/// sequential, and the driver's small post-transform cache hits more often.
+fn first_use_order(p: &Primitive) -> (Vec<u32>, Vec<u32>) {
+    let mut new_of_old = vec![u32::MAX; p.positions.len()];
+    let mut order = Vec::with_capacity(p.positions.len());
+    let indices = p
+        .indices
+        .iter()
+        .map(|&i| {
+            let slot = &mut new_of_old[i as usize];
+            if *slot == u32::MAX {
+                *slot = order.len() as u32;
+                order.push(i);
+            }
+            *slot
+        })
+        .collect();
+    (order, indices)
+}

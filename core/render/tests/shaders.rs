@@ -1,0 +1,221 @@
+//! Shaders without a GPU: every combination of features that a plan can ask for compiles, layouts equal the Rust
+//! structs field by field, mistakes point at the user's line.
+
+use choreo_render::RenderError;
+use choreo_render::gpu_types::{FrameUniform, MaterialUniform, PostUniform, UvTransform};
+use choreo_render::plan::{ActiveMorph, Features, Instance, PipelineKey, PlanLight, TopologyKey};
+use choreo_render::shader::*;
+use naga::TypeInner;
+use std::mem::offset_of;
+
+fn sources() -> ShaderSources {
+    ShaderSources::default()
+}
+
+fn key(features: Features) -> PipelineKey {
+    PipelineKey {
+        features,
+        topology: TopologyKey::Triangles,
+        double_sided: false,
+        mirrored: false,
+        blend: false,
+    }
+}
+
+/// Everything that vertex and fragment shader can be asked for, without repeating combinations of switches that
+/// never meet in one expression: all vertex inputs × shading, and all subsets of textures × shading.
+fn variants() -> Vec<SceneVariant> {
+    let shadings = [Features(0), Features::METALLIC_ROUGHNESS, Features::BLINN_PHONG];
+    let textures = [
+        Features::BASE_COLOR_TEXTURE,
+        Features::METALLIC_ROUGHNESS_TEXTURE,
+        Features::NORMAL_TEXTURE,
+        Features::OCCLUSION_TEXTURE,
+        Features::EMISSIVE_TEXTURE.with(Features::EMISSIVE),
+        Features::SPECULAR_TEXTURE,
+        Features::SPECULAR_COLOR_TEXTURE,
+    ];
+    let vertex = [
+        Features(0),
+        Features::SKIN,
+        Features::SKIN.with(Features::SKIN_8),
+        Features::MORPH,
+        Features::MORPH.with(Features::SKIN),
+        Features::MORPH.with(Features::SKIN).with(Features::SKIN_8),
+    ];
+    let mut list = Vec::new();
+    for shading in shadings {
+        for subset in 0..1u32 << textures.len() {
+            let mut features = shading;
+            for (i, t) in textures.iter().enumerate() {
+                if subset & (1 << i) != 0 {
+                    features = features.with(*t);
+                }
+            }
+            // Unlit materials have no maps but the base colour's.
+            if !shading.is_lit() && subset > 1 {
+                continue;
+            }
+            let uvs = if subset == 0 { [Features(0)].as_slice() } else { &UVS };
+            for (i, uv) in uvs.iter().enumerate() {
+                let extra = [Features(0), Features::UV_TRANSFORM, Features::ALPHA_MASK][i % 3];
+                list.push(SceneVariant {
+                    key: PipelineKey {
+                        double_sided: subset % 2 == 1,
+                        blend: subset % 3 == 1,
+                        ..key(features.with(*uv).with(extra))
+                    },
+                    tint: subset % 5 == 2,
+                    joints_uniform: false,
+                });
+            }
+        }
+        for v in vertex {
+            for rest in 0..64u32 {
+                let mut features = shading.with(v);
+                let on = |bit: u32| rest & (1 << bit) != 0;
+                if on(0) {
+                    features = features.with(Features::VERTEX_COLOR);
+                }
+                if on(1) && shading.is_lit() {
+                    features = features.with(Features::NORMAL_TEXTURE).with(Features::UV0);
+                }
+                if on(2) && shading.is_lit() {
+                    features = features.with(Features::LOCAL_LIGHTS);
+                }
+                if on(5) && shading.is_lit() {
+                    features = features.with(Features::EMISSIVE);
+                }
+                list.push(SceneVariant {
+                    key: key(features),
+                    tint: on(3),
+                    joints_uniform: on(4) && v.has(Features::SKIN),
+                });
+            }
+        }
+    }
+    list
+}
+
+const UVS: [Features; 3] = [Features::UV0, Features::UV1, Features::UV0.with(Features::UV1)];
+
+#[test]
+fn every_combination_compiles() {
+    let files = sources().files(&SCENE).unwrap();
+    let variants = variants();
+    assert!(variants.len() > 1000, "{}", variants.len());
+    let stages = [("vs", naga::ShaderStage::Vertex), ("fs", naga::ShaderStage::Fragment)];
+    for v in &variants {
+        let on = switches(v);
+        compile(&files, &on, &stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
+    }
+    let all = Features((1 << 19) - 1 - Features::BLINN_PHONG.0);
+    let all = SceneVariant { key: key(all), tint: true, joints_uniform: true };
+    compile(&files, &switches(&all), &stages, true).unwrap();
+    let files = sources().files(&BACKGROUND).unwrap();
+    parse(&files, &[]).unwrap();
+}
+
+/// Byte offsets of a WGSL struct's members and its size.
+fn layout(module: &naga::Module, name: &str) -> (Vec<(String, u32)>, u32) {
+    for (_, ty) in module.types.iter() {
+        if let (Some(n), TypeInner::Struct { members, span }) = (&ty.name, &ty.inner)
+            && n == name
+        {
+            return (members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset)).collect(), *span);
+        }
+    }
+    panic!("no struct {name} in the module");
+}
+
+fn compare(module: &naga::Module, name: &str, size: usize, fields: &[(&str, usize)]) {
+    let (members, span) = layout(module, name);
+    let rust: Vec<(String, u32)> = fields.iter().map(|(n, o)| (n.to_string(), *o as u32)).collect();
+    assert_eq!(members, rust, "struct {name}");
+    assert_eq!(span as usize, size, "size of struct {name}");
+}
+
+macro_rules! fields {
+    ($t:ty: $($f:ident),*) => { &[$((stringify!($f), offset_of!($t, $f))),*] };
+}
+
+#[test]
+fn layouts_equal_the_rust_structs() {
+    let all = Features((1 << 19) - 1 - Features::BLINN_PHONG.0);
+    let on = switches(&SceneVariant { key: key(all), tint: true, joints_uniform: false });
+    let (m, _) = parse(&sources().files(&SCENE).unwrap(), &on).unwrap();
+    let frame = fields!(FrameUniform: clip_from_relative, eye, ambient_up, ambient_down, background_top,
+        background_bottom, size, light_count, pad);
+    compare(&m, "Frame", size_of::<FrameUniform>(), frame);
+    let material = fields!(MaterialUniform: base_color, emissive, alpha_cutoff, specular_color, specular, metallic,
+        roughness, normal_scale, occlusion_strength, shininess, pad0, pad1, pad2, uv);
+    compare(&m, "Material", size_of::<MaterialUniform>(), material);
+    compare(&m, "UvTransform", size_of::<UvTransform>(), fields!(UvTransform: x, y));
+    compare(&m, "Light", size_of::<PlanLight>(), fields!(PlanLight: position, direction, color, cone));
+    compare(&m, "Rows", 48, &[("x", 0), ("y", 16), ("z", 32)]);
+    let (members, span) = layout(&m, "Instance");
+    let rust =
+        fields!(Instance: relative_from_mesh, tint, first_joint, first_morph, morph_count, _pad).iter();
+    let rust: Vec<u32> = rust.map(|(_, o)| *o as u32).collect();
+    assert_eq!(members.iter().map(|(_, o)| *o).collect::<Vec<_>>(), rust);
+    assert_eq!(span as usize, size_of::<Instance>());
+    assert_eq!(layout(&m, "ActiveMorph").1 as usize, size_of::<ActiveMorph>());
+    assert_eq!(offset_of!(ActiveMorph, weight), layout(&m, "ActiveMorph").0[1].1 as usize);
+
+    let effect =
+        "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * p[0]; }";
+    let (m, _) = parse(&sources().post("test", effect).unwrap(), &[]).unwrap();
+    compare(&m, "Post", size_of::<PostUniform>(), fields!(PostUniform: parameters, size, pad));
+}
+
+#[test]
+#[should_panic(expected = "struct Frame")]
+fn a_moved_field_is_found() {
+    let text = sources().file("frame.wgsl").unwrap().text;
+    let moved = text
+        .replace("    eye: vec4<f32>,\n", "")
+        .replace("light_count: u32,", "light_count: u32,\n eye: vec4<f32>,");
+    assert_ne!(text, moved);
+    let mut files = sources().files(&BACKGROUND).unwrap();
+    files[0].text = moved;
+    let (m, _) = parse(&files, &[]).unwrap();
+    let frame = fields!(FrameUniform: clip_from_relative, eye, ambient_up, ambient_down, background_top,
+        background_bottom, size, light_count, pad);
+    compare(&m, "Frame", size_of::<FrameUniform>(), frame);
+}
+
+#[test]
+fn mistakes_point_at_the_users_line() {
+    let message = |effect: &str| match parse(&sources().post("blur", effect).unwrap(), &[]).unwrap_err() {
+        RenderError::Shader { file, text } => format!("{file}: {text}"),
+        e => panic!("{e}"),
+    };
+    // In the template's wrapper nothing is wrong; the third line of the effect is.
+    let m = message(
+        "// blur\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    return colour;\n}\n",
+    );
+    assert!(m.starts_with("effect \"blur\":3:12: no definition in scope for identifier: `colour`"), "{m}");
+    assert!(m.contains("\n      return colour;\n             ^"), "{m}");
+    // Valid syntax, wrong type.
+    let m = message(
+        "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    return uv;\n}",
+    );
+    assert!(m.starts_with("effect \"blur\":"), "{m}");
+    // No function of that name: the template's call is what fails.
+    let m = message("fn efect() {}");
+    assert!(m.contains("effect"), "{m}");
+}
+
+#[test]
+fn a_folder_wins_and_its_mistakes_name_the_file() {
+    let folder = std::env::temp_dir().join(format!("choreo-shaders-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("background.wgsl"), "fn x() -> f32 {\n  retrun 1.0;\n}\n").unwrap();
+    let sources = ShaderSources { folder: Some(folder.clone()) };
+    let files = sources.files(&BACKGROUND).unwrap();
+    let error = parse(&files, &[]).unwrap_err().to_string();
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert!(error.contains("background.wgsl:2:"), "{error}");
+    // The other module still is the program's own.
+    assert_eq!(files[0].name, "shaders/frame.wgsl");
+}

@@ -1,0 +1,90 @@
+// Shading formulas. choreo's light convention: radiance = π · f · colour · intensity · NL, so that a white diffuse
+// surface facing a directional light of intensity 1 is 1; the functions below return π · f.
+
+fn unit(v: vec3<f32>) -> vec3<f32> {
+    // A zero vector (a degenerate normal) stays zero instead of turning into NaN.
+    return v * inverseSqrt(max(dot(v, v), 1e-20));
+}
+
+@if(METALLIC_ROUGHNESS)
+struct Surface {
+    diffuse: vec3<f32>,
+    f0: vec3<f32>,
+    f90: f32,
+    roughness: f32,
+}
+
+// glTF 2.0 Appendix B.3 and KHR_materials_specular.
+fn surface_of(base: vec3<f32>, metallic: f32, roughness: f32, specular: f32, specular_color: vec3<f32>) -> Surface {
+    let dielectric = min(0.04 * specular_color, vec3(1.0)) * specular;
+    return Surface(
+        base * (1.0 - metallic),
+        mix(dielectric, base, metallic),
+        mix(specular, 1.0, metallic),
+        max(roughness, 0.045),
+    );
+}
+
+// Diffuse + GGX with Smith's height-correlated visibility (Heitz 2014) and Schlick's Fresnel, times π.
+fn reflect_light(s: Surface, n: vec3<f32>, v: vec3<f32>, l: vec3<f32>, nv: f32, nl: f32) -> vec3<f32> {
+    let h = unit(l + v);
+    let nh = clamp(dot(n, h), 0.0, 1.0);
+    let vh = clamp(dot(v, h), 0.0, 1.0);
+    let alpha = s.roughness * s.roughness;
+    let a2 = alpha * alpha;
+    let d = nh * nh * (a2 - 1.0) + 1.0;
+    let distribution = a2 / (d * d);
+    let visibility = 0.5 / (nl * sqrt(nv * nv * (1.0 - a2) + a2) + nv * sqrt(nl * nl * (1.0 - a2) + a2));
+    let x = 1.0 - vh;
+    let x2 = x * x;
+    let fresnel = s.f0 + (vec3(s.f90) - s.f0) * (x2 * x2 * x);
+    let share = 1.0 - max(fresnel.x, max(fresnel.y, fresnel.z));
+    return s.diffuse * share + fresnel * (visibility * distribution);
+}
+
+// "Physically Based Shading on Mobile" (Karis 2014): the split-sum's second half.
+fn ambient_specular(f0: vec3<f32>, f90: f32, roughness: f32, nv: f32) -> vec3<f32> {
+    let r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
+    let a = min(r.x * r.x, exp2(-9.28 * nv)) * r.x + r.y;
+    return f0 * (-1.04 * a + r.z) + vec3(f90 * (1.04 * a + r.w));
+}
+@end
+
+@if(BLINN_PHONG)
+// Lambert + normalised Blinn–Phong, times π.
+fn reflect_light(base: vec3<f32>, specular: vec3<f32>, n: vec3<f32>, v: vec3<f32>, l: vec3<f32>) -> vec3<f32> {
+    let nh = clamp(dot(n, unit(l + v)), 0.0, 1.0);
+    return base + specular * ((material.shininess + 8.0) * 0.125 * pow(nh, material.shininess));
+}
+@end
+
+@if(LIT)
+fn ambient(n: vec3<f32>) -> vec3<f32> {
+    return mix(frame.ambient_down.xyz, frame.ambient_up.xyz, n.y * 0.5 + 0.5);
+}
+@end
+
+@if(LOCAL_LIGHTS)
+struct Incoming {
+    // To the light, unit.
+    direction: vec3<f32>,
+    color: vec3<f32>,
+}
+
+// KHR_lights_punctual: inverse square, window at the range, cone.
+fn incoming(light: Light, relative: vec3<f32>) -> Incoming {
+    if (light.direction.w == 0.0) {
+        return Incoming(-light.direction.xyz, light.color.xyz);
+    }
+    let offset = light.position.xyz - relative;
+    let d2 = max(dot(offset, offset), 1e-8);
+    let to_light = offset * inverseSqrt(d2);
+    let x = d2 * light.position.w;
+    var strength = clamp(1.0 - x * x, 0.0, 1.0) / d2;
+    if (light.direction.w == 2.0) {
+        let cone = clamp(dot(-light.direction.xyz, to_light) * light.cone.x + light.cone.y, 0.0, 1.0);
+        strength *= cone * cone;
+    }
+    return Incoming(to_light, light.color.xyz * strength);
+}
+@end

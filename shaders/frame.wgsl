@@ -1,0 +1,105 @@
+// What every shader of the scene reads. Layouts are compared with the Rust structs (gpu_types.rs, plan.rs) by a test.
+// Lines such as `@if(SKIN) …` are kept only where the plan asks for the feature; see shaders.rs.
+
+struct Frame {
+    clip_from_relative: mat4x4<f32>,
+    // Perspective: w = 1, xyz = 0, the eye. Orthographic: w = 0, xyz = direction to the viewer.
+    eye: vec4<f32>,
+    ambient_up: vec4<f32>,
+    ambient_down: vec4<f32>,
+    background_top: vec4<f32>,
+    background_bottom: vec4<f32>,
+    // Pixels.
+    size: vec2<f32>,
+    light_count: u32,
+    pad: u32,
+}
+
+// relative-from-mesh, three rows of an affine 3×4 matrix.
+struct Rows {
+    x: vec4<f32>,
+    y: vec4<f32>,
+    z: vec4<f32>,
+}
+
+struct Light {
+    // xyz position, w = 1/range² or 0
+    position: vec4<f32>,
+    // xyz unit direction in which it shines, w = 0 directional, 1 point, 2 spot
+    direction: vec4<f32>,
+    color: vec4<f32>,
+    // x = angle scale, y = angle offset
+    cone: vec4<f32>,
+}
+
+struct Instance {
+    relative_from_mesh: Rows,
+    tint: vec4<f32>,
+    first_joint: u32,
+    first_morph: u32,
+    morph_count: u32,
+    pad: u32,
+}
+
+struct ActiveMorph {
+    target_index: u32,
+    weight: f32,
+}
+
+// u = dot(x.xy, uv) + x.z, v = dot(y.xy, uv) + y.z; x.w = uv set
+struct UvTransform {
+    x: vec4<f32>,
+    y: vec4<f32>,
+}
+
+struct Material {
+    base_color: vec4<f32>,
+    emissive: vec3<f32>,
+    alpha_cutoff: f32,
+    specular_color: vec3<f32>,
+    specular: f32,
+    metallic: f32,
+    roughness: f32,
+    normal_scale: f32,
+    occlusion_strength: f32,
+    shininess: f32,
+    pad0: f32,
+    pad1: f32,
+    pad2: f32,
+    // base colour, metallic-roughness, normal, occlusion, emissive, specular, specular colour
+    uv: array<UvTransform, 7>,
+}
+
+// Offsets of one primitive: for each target, `stride` lists of vertex_count vectors: positions, normals, tangents.
+struct Morphs {
+    vertex_count: u32,
+    stride: u32,
+    pad0: u32,
+    pad1: u32,
+    offsets: array<vec4<f32>>,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> instances: array<Instance>;
+@if(SKIN && !JOINTS_UNIFORM) @group(0) @binding(2) var<storage, read> joints: array<Rows>;
+@if(SKIN && JOINTS_UNIFORM) @group(0) @binding(5) var<uniform> joints: array<Rows, 1365>;
+@if(MORPH) @group(0) @binding(3) var<storage, read> active_morphs: array<ActiveMorph>;
+@if(LIT) @group(0) @binding(4) var<uniform> lights: array<Light, 256>;
+
+@group(1) @binding(0) var<uniform> material: Material;
+@if(BASE_COLOR_TEXTURE) @group(1) @binding(1) var base_color_texture: texture_2d<f32>;
+@if(BASE_COLOR_TEXTURE) @group(1) @binding(2) var base_color_sampler: sampler;
+@if(METALLIC_ROUGHNESS_TEXTURE) @group(1) @binding(3) var metallic_roughness_texture: texture_2d<f32>;
+@if(METALLIC_ROUGHNESS_TEXTURE) @group(1) @binding(4) var metallic_roughness_sampler: sampler;
+@if(NORMAL_TEXTURE) @group(1) @binding(5) var normal_texture: texture_2d<f32>;
+@if(NORMAL_TEXTURE) @group(1) @binding(6) var normal_sampler: sampler;
+@if(OCCLUSION_TEXTURE) @group(1) @binding(7) var occlusion_texture: texture_2d<f32>;
+@if(OCCLUSION_TEXTURE) @group(1) @binding(8) var occlusion_sampler: sampler;
+@if(EMISSIVE_TEXTURE) @group(1) @binding(9) var emissive_texture: texture_2d<f32>;
+@if(EMISSIVE_TEXTURE) @group(1) @binding(10) var emissive_sampler: sampler;
+@if(SPECULAR_TEXTURE) @group(1) @binding(11) var specular_texture: texture_2d<f32>;
+@if(SPECULAR_TEXTURE) @group(1) @binding(12) var specular_sampler: sampler;
+@if(SPECULAR_COLOR_TEXTURE) @group(1) @binding(13) var specular_color_texture: texture_2d<f32>;
+@if(SPECULAR_COLOR_TEXTURE) @group(1) @binding(14) var specular_color_sampler: sampler;
+
+@if(MORPH) @group(2) @binding(0) var<storage, read> morphs: Morphs;
