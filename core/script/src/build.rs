@@ -96,9 +96,16 @@ pub struct Build {
     pub diagnostics: Vec<Diagnostic>,
     /// Diagnostics beyond the most that are kept.
     pub more: usize,
-    /// Clips bound to another skeleton, by the addresses of clip and skeleton; the values keep both alive.
-    pub bound: BTreeMap<(usize, usize), (Arc<Clip>, Arc<Clip>, Arc<Asset>)>,
+    /// Clips bound to another skeleton, by the addresses of clip and asset.
+    pub bound: BTreeMap<(usize, usize), Bound>,
     pub shapes: BTreeMap<String, Arc<Asset>>,
+}
+
+/// A bound clip, and what it was made of: kept alive, so that the addresses stay theirs.
+pub struct Bound {
+    pub clip: Arc<Clip>,
+    pub _from: Arc<Clip>,
+    pub _onto: Arc<Asset>,
 }
 
 /// A parameter that the script declares with `param(…)`.
@@ -209,6 +216,7 @@ pub fn room(count: usize, what: &str, limits: &Limits) -> Result<(), ApiError> {
     if (count as u64) < limits.things {
         return Ok(());
     }
-    Err(ApiError::new(format!("too many {what}: this would be number {}", count + 1))
-        .hint(raise_hint("things", limits.things)))
+    let error = ApiError::new(format!("too many {what}: this would be number {}", count + 1))
+        .hint(raise_hint("things", limits.things));
+    Err(ApiError { fatal: true, ..error })
 }

@@ -94,11 +94,13 @@ pub struct ApiError {
     pub focus: Option<String>,
     /// Follows from an error already noted: not shown.
     pub silent: bool,
+    /// Ends the script at once, where going on would only repeat it.
+    pub fatal: bool,
 }
 
 impl ApiError {
     pub fn new(message: impl Into<String>) -> ApiError {
-        ApiError { message: message.into(), hint: None, focus: None, silent: false }
+        ApiError { message: message.into(), hint: None, focus: None, silent: false, fatal: false }
     }
     pub fn hint(mut self, hint: impl Into<String>) -> ApiError {
         self.hint = Some(hint.into());

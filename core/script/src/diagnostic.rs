@@ -72,7 +72,7 @@ impl fmt::Display for Diagnostic {
         if self.severity == Severity::Warning {
             write!(f, "warning: ")?;
         }
-        write!(f, "{}", self.message)?;
+        write!(f, "{}", printable(&self.message))?;
         if self.line > 0 && !self.source_line.trim().is_empty() {
             let (shown, before) = excerpt(&self.source_line, self.column);
             write!(f, "\n    {shown}")?;
@@ -81,13 +81,18 @@ impl fmt::Display for Diagnostic {
             }
         }
         if let Some(hint) = &self.hint {
-            write!(f, "\n    hint: {hint}")?;
+            write!(f, "\n    hint: {}", printable(hint))?;
         }
         Ok(())
     }
 }
 
 impl std::error::Error for Diagnostic {}
+
+/// Without what would steer a terminal: names in messages come from files and scripts.
+fn printable(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
+}
 
 /// The part of a line to show, and how many characters of it come before the column. Indentation is dropped,
 /// tabs become blanks, and of a very long line only the surroundings of the column are kept.

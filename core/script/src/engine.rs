@@ -13,7 +13,7 @@ use rhai::{Dynamic, Engine, EvalAltResult, NativeCallContext, Scope, Token};
 use std::any::TypeId;
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::Instant;
 
 /// Names that a script cannot use, and why.
@@ -140,13 +140,25 @@ fn capture_output(engine: &mut Engine, shared: &Arc<Shared>) {
     });
 }
 
-/// After a dot, Rhai's keywords are method names: `.loop()`, `.until(3.0)`.
+/// After a dot, Rhai's keywords are method names: `.loop()`, `.until(3.0)`; and `until` is a key of object maps.
 fn allow_keywords_as_methods(engine: &mut Engine) {
-    let after_dot = AtomicBool::new(false);
+    const OTHER: u8 = 0;
+    const DOT: u8 = 1;
+    const LIST: u8 = 2;
+    let before = AtomicU8::new(OTHER);
     #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
     engine.on_parse_token(move |token, _, _| {
-        let was_dot = after_dot.swap(matches!(token, Token::Period | Token::Elvis), Ordering::Relaxed);
-        if !was_dot {
+        let now = match token {
+            Token::Period | Token::Elvis => DOT,
+            Token::MapStart | Token::Comma => LIST,
+            _ => OTHER,
+        };
+        let was = before.swap(now, Ordering::Relaxed);
+        // `until` only ends a `do { … }`, so after a comma it is a key: `#{ fade: 0.4, until: 3.0 }`.
+        if was == LIST && token == Token::Until {
+            return Token::Identifier(Box::new("until".into()));
+        }
+        if was != DOT {
             return token;
         }
         let word = match &token {
@@ -212,15 +224,14 @@ fn dispatch(
         Gives::Value(_) => None,
     };
     if !in_frame && args.iter().any(|a| is_dead(a)) {
-        let mut silent = crate::call::ApiError::new("");
-        silent.silent = true;
+        let silent = crate::call::ApiError { silent: true, ..crate::call::ApiError::new("") };
         return stand_in.ok_or_else(|| throw(silent, place));
     }
     let mut call = Call { shared, def, args, place: place.clone(), in_frame, context };
     match (def.run)(&mut call) {
         Ok(value) => Ok(value),
         Err(error) => match stand_in {
-            Some(value) if !in_frame => {
+            Some(value) if !in_frame && !error.fatal => {
                 shared.note(Severity::Error, &place, &error);
                 Ok(value)
             }

@@ -103,17 +103,13 @@ pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, Ap
         }
         other => {
             let at = other.position();
-            let mut bare = clone_without_position(other);
+            let mut bare = other.to_string();
             if let Some((text, _)) = bare.split_once(" (line ") {
                 bare = text.to_string();
             }
             plain(lower_first(&bare), at)
         }
     }
-}
-
-fn clone_without_position(error: &EvalAltResult) -> String {
-    error.to_string()
 }
 
 fn runtime(value: &Dynamic, place: Place) -> (Place, ApiError) {
@@ -167,11 +163,16 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
         ParseErrorType::VariableUndefined(name) => unknown_variable(name, place, shared),
         ParseErrorType::ModuleUndefined(name) => ApiError::new(format!("unknown module \"{name}\""))
             .hint(format!("write import \"file\" as {name}; before it is used")),
-        ParseErrorType::Reserved(word) if word_refused(word) => refused(word),
+        ParseErrorType::Reserved(word) | ParseErrorType::UnknownOperator(word) if word_refused(word) => {
+            refused(word)
+        }
         ParseErrorType::BadInput(LexError::ImproperSymbol(word, _)) if word_refused(word) => refused(word),
         ParseErrorType::Reserved(word) => {
             ApiError::new(format!("\"{word}\" is a reserved word and cannot be a name"))
         }
+        // What Rhai says of a keyword in the place of a key, wherever it stands.
+        ParseErrorType::PropertyExpected => ApiError::new("expected the name of a property")
+            .hint("words of the language, like if or loop, are none unless quoted: #{ \"loop\": 1 }"),
         ParseErrorType::UnexpectedEOF => ApiError::new("the script ends too early; is a bracket left open?"),
         ParseErrorType::BadInput(LexError::UnterminatedString) => {
             ApiError::new("this text has no closing quote")
@@ -245,6 +246,10 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
     let types = types.trim_end_matches(')').replace("&str | ImmutableString | String", "text");
     let types: Vec<&str> = types.split(", ").filter(|t| !t.is_empty()).collect();
     let got = || types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
+    if name.starts_with("anon$") {
+        return ApiError::new("this function takes another number of arguments than it is called with")
+            .hint(format!("it is called with ({}); an on_frame callback takes the time, |t| …", got()));
+    }
     if !name.starts_with(|c: char| c.is_alphabetic() || c == '_') {
         let what = match types.as_slice() {
             [a] => format!("{name} {}", type_word(a)),
@@ -253,17 +258,20 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
         };
         return ApiError::new(format!("cannot compute {what}"));
     }
+    if REFUSED.iter().any(|(n, _)| *n == name) {
+        return refused(name);
+    }
     let same: Vec<&Def> = api::all().filter(|d| d.name == name).collect();
     let receiver = types.first().and_then(|t| Kind::from_name(t));
     if let Some(kind) = receiver {
         if let Some(def) = same.iter().find(|d| d.on == kind) {
-            return ApiError::new(format!("write {}, not {} arguments", def.usage(), types.len() - 1))
+            return ApiError::new(format!("write {}, not with {}", def.usage(), arguments(types.len() - 1)))
                 .hint(format!("{}.{}: {}", kind.name(), def.name, def.about));
         }
         return unknown_member(name, kind.name());
     }
     if let Some(def) = same.iter().find(|d| d.on == Kind::None) {
-        return ApiError::new(format!("write {}, not {} arguments", def.usage(), types.len()))
+        return ApiError::new(format!("write {}, not with {}", def.usage(), arguments(types.len())))
             .hint(format!("{}: {}", def.name, def.about));
     }
     if let Some((_, args, about)) = api::maths::FUNCTIONS.iter().find(|f| f.0 == name) {
@@ -284,7 +292,7 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
     }
     let own = shared.functions.lock().unwrap_or_else(PoisonError::into_inner).clone();
     if let Some((_, count)) = own.iter().find(|(n, _)| n == name) {
-        return ApiError::new(format!("{name} takes {count} arguments, not {}", types.len()));
+        return ApiError::new(format!("{name} takes {}, not {}", arguments(*count), types.len()));
     }
     let globals = api::all().filter(|d| d.on == Kind::None).map(|d| d.name);
     let known: Vec<&str> = globals
@@ -293,6 +301,10 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
         .collect();
     ApiError::new(format!("unknown function \"{name}\"{}", did_you_mean(name, known.iter().copied())))
         .hint(format!("called with ({})", got()))
+}
+
+fn arguments(count: usize) -> String {
+    if count == 1 { "1 argument".to_string() } else { format!("{count} arguments") }
 }
 
 fn unknown_member(name: &str, kind: &str) -> ApiError {

@@ -59,11 +59,14 @@ impl ModuleResolver for Modules {
             error.hint = e.hint.map(|_| "modules are imported from the script's own folder only".to_string());
             fail(error)
         })?;
-        if let Some(module) = self.state().loaded.get(&found.path) {
-            return Ok(module.clone());
+        // The lock is given back before each use: a guard in an `if let` would live through its body.
+        let loaded = self.state().loaded.get(&found.path).cloned();
+        if let Some(module) = loaded {
+            return Ok(module);
         }
-        if let Some(first) = self.state().open.iter().position(|(p, _)| *p == found.path) {
-            let mut chain: Vec<String> = self.state().open[first..].iter().map(|(_, n)| n.clone()).collect();
+        let open = self.state().open.clone();
+        if let Some(first) = open.iter().position(|(p, _)| *p == found.path) {
+            let mut chain: Vec<String> = open[first..].iter().map(|(_, n)| n.clone()).collect();
             chain.push(name.clone());
             return Err(fail(ApiError::new(format!(
                 "modules import each other in a circle: {}",

@@ -37,7 +37,7 @@ pub fn closest<'a>(wanted: &str, known: impl IntoIterator<Item = &'a str>) -> Op
             continue;
         }
         let mut d = distance(wanted, name);
-        let limit = (wanted.chars().count().max(name.chars().count()) / 3).max(1);
+        let limit = wanted.chars().count().max(name.chars().count()) / 3;
         let other = name.to_ascii_lowercase();
         let inside =
             lower.len() >= 3 && other.len() >= 3 && (other.contains(&lower) || lower.contains(&other));
@@ -86,5 +86,6 @@ mod tests {
         assert_eq!(closest("walking", known), Some("Walking_A"));
         assert_eq!(closest("Dance", known), None);
         assert_eq!(closest("", known), None);
+        assert_eq!(closest("x", ["f"]), None);
     }
 }

@@ -1,6 +1,6 @@
 //! Cues: clips placed on an actor's timeline.
 
-use crate::build::{Build, CueDraft, room};
+use crate::build::{Bound, Build, CueDraft, room};
 use crate::call::{ApiError, Call, Def, Gives, Reply, describe};
 use crate::diagnostic::Severity;
 use crate::suggest::list;
@@ -106,8 +106,8 @@ pub fn bound_clip(c: &Call, i: usize, asset: &Arc<Asset>) -> Result<Arc<Clip>, A
         return Ok(given.clip);
     }
     let key = (Arc::as_ptr(&given.clip) as usize, Arc::as_ptr(asset) as usize);
-    if let Some((bound, _, _)) = c.build().bound.get(&key) {
-        return Ok(bound.clone());
+    if let Some(bound) = c.build().bound.get(&key) {
+        return Ok(bound.clip.clone());
     }
     let (bound, missing) = bind_clip(&given.clip, &given.asset.skeleton, &asset.skeleton);
     let what = || format!("clip \"{}\" of \"{}\" on \"{}\"", given.clip.name, given.asset.name, asset.name);
@@ -131,7 +131,7 @@ pub fn bound_clip(c: &Call, i: usize, asset: &Arc<Asset>) -> Result<Arc<Clip>, A
         c.shared.note(Severity::Warning, &c.place, &ApiError::new(text));
     }
     let bound = Arc::new(bound);
-    c.build().bound.insert(key, (bound.clone(), given.clip, asset.clone()));
+    c.build().bound.insert(key, Bound { clip: bound.clone(), _from: given.clip, _onto: asset.clone() });
     Ok(bound)
 }
 

@@ -17,6 +17,9 @@ pub enum Owner<'a> {
 
 const HOW: &[&str] = &["linear", "step", "smooth", "cubic"];
 
+/// Reads the value of one key; the text is its label in messages.
+type Reader<'a> = dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError> + 'a;
+
 /// The channels of a `.key(property, [name,] keys, how?)` call.
 pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
     let allowed: &[&'static str] = match owner {
@@ -42,7 +45,7 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
         false => "linear",
     };
     let keys = read_keys(c, next)?;
-    let values = |read: &dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError>| {
+    let values = |read: &Reader| {
         keys.iter()
             .enumerate()
             .map(|(i, (_, v))| read(v, &format!("key: value of key {i}")))

@@ -1,0 +1,121 @@
+//! What a script can reach and use up, beyond what `wrong/` shows.
+
+mod common;
+
+use choreo_script::{Limits, ScriptOptions};
+use common::*;
+
+#[cfg(unix)]
+#[test]
+fn links_out_of_the_folder_are_refused() {
+    let outside = Folder::new(&[("secret.toy", ""), ("secret.rhai", "fn a() {}")]);
+    let inside = assets();
+    std::os::unix::fs::symlink(outside.file("secret.toy"), inside.file("link.toy")).unwrap();
+    std::os::unix::fs::symlink(outside.path(), inside.file("door")).unwrap();
+    std::os::unix::fs::symlink(inside.file("hero.toy"), inside.file("good.toy")).unwrap();
+    let error = |text: &str| inside.run_text(text, &ScriptOptions::default()).unwrap_err()[0].message.clone();
+    let refused = "it is a link that leads out of the folders this script may read";
+    assert_eq!(error(r#"load("link.toy");"#), format!("cannot read \"link.toy\": {refused}"));
+    assert_eq!(error(r#"load("door/secret.toy");"#), format!("cannot read \"door/secret.toy\": {refused}"));
+    assert_eq!(
+        error(r#"import "door/secret" as s;"#),
+        format!("cannot read \"door/secret.rhai\": {refused}")
+    );
+    // Names behind the door are not told either.
+    assert!(!error(r#"load("door/secre.toy");"#).contains("secret"));
+    assert!(inside.run_text(r#"load("good.toy");"#, &ScriptOptions::default()).is_ok());
+    // With the folder given, the link is fine; modules still come from the script's own folder only.
+    let options = ScriptOptions { search_paths: vec![outside.path().into()], ..ScriptOptions::default() };
+    assert!(inside.run_text(r#"load("link.toy"); load("secret.toy");"#, &options).is_ok());
+    assert!(inside.run_text(r#"import "secret" as s;"#, &options).is_err());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_in_place_of_a_file_does_not_hang() {
+    let folder = assets();
+    let made = std::process::Command::new("mkfifo").arg(folder.file("pipe.toy")).status();
+    if !made.is_ok_and(|s| s.success()) {
+        println!("skipped 1 case: no mkfifo here");
+        return;
+    }
+    let errors = folder.run_text(r#"load("pipe.toy");"#, &ScriptOptions::default()).unwrap_err();
+    assert_eq!(errors[0].message, "cannot read \"pipe.toy\": it is not a regular file");
+}
+
+#[test]
+fn limits_are_set_by_name() {
+    let mut limits = Limits::default();
+    limits.set("operations=5").unwrap();
+    limits.set("seconds=0.5").unwrap();
+    assert_eq!((limits.operations, limits.seconds), (5, 0.5));
+    assert_eq!(
+        limits.set("oparations=5").unwrap_err(),
+        "unknown limit \"oparations\"; did you mean \"operations\"?; known limits: operations, frame_operations, \
+         call_levels, string, array, map, variables, functions, modules, seconds, things, keys, file, memory"
+    );
+    assert_eq!(limits.set("things=0").unwrap_err(), "limit things takes a whole number above 0, not \"0\"");
+    assert_eq!(limits.set("things").unwrap_err(), "a limit is written NAME=NUMBER, not \"things\"");
+}
+
+#[test]
+fn the_clock_stops_what_the_steps_do_not() {
+    let limits = Limits { seconds: 0.05, operations: u64::MAX, ..Limits::default() };
+    let options = ScriptOptions { limits, ..ScriptOptions::default() };
+    let errors = assets().run_text("let n = 0; while true { n += 1; }", &options).unwrap_err();
+    assert_eq!(errors[0].message, "the script takes too long; does a loop never end?");
+}
+
+#[test]
+fn too_large_files_are_refused() {
+    let folder = Folder::new(&[("big.toy", &"x".repeat(2000))]);
+    let limits = Limits { file: 1000, ..Limits::default() };
+    let options = ScriptOptions { limits, ..ScriptOptions::default() };
+    let errors = folder.run_text(r#"load("big.toy");"#, &options).unwrap_err();
+    assert_eq!(errors[0].message, "cannot read \"big.toy\": it is too large");
+}
+
+#[test]
+fn script_files_that_are_none() {
+    let folder = Folder::new(&[("binary.rhai", "")]);
+    std::fs::write(folder.file("binary.rhai"), b"let x = 1;\n\xff\xfe").unwrap();
+    let message = |name: &str| {
+        folder.run(name).unwrap_err()[0].to_string().replace(&folder.path().display().to_string(), "FOLDER")
+    };
+    assert_eq!(message("binary.rhai"), "\"binary.rhai\" is not a text file: line 2 is not UTF-8");
+    assert_eq!(
+        message("none.rhai"),
+        "cannot read script \"FOLDER/none.rhai\": No such file or directory (os error 2)"
+    );
+    std::fs::create_dir(folder.file("dir.rhai")).unwrap();
+    assert_eq!(message("dir.rhai"), "cannot read script \"FOLDER/dir.rhai\": it is not a file");
+}
+
+#[test]
+fn check_tells_what_is_hardly_meant() {
+    let script = good(
+        r#"stage(#{ length: 4 });
+           let h = load("hero.toy");
+           let a = cast("a", h);
+           let b = cast("b", h);
+           a.play(h.clip("Walk")).once().until(3);
+           a.play(h.clip("Run")).from(5);
+           b.play(h.clip("Walk"));
+           b.play(h.clip("Run"), #{ fade: 2, until: 1 });
+           camera("c").at(0, 1, 5).cut(9);
+           sun(#{ shadow: true });"#,
+    );
+    let got: Vec<String> = script.warnings.iter().map(|w| format!("{}: {}", w.line, w.message)).collect();
+    assert_eq!(
+        got,
+        [
+            "10: sun: shadow is not drawn by this version; the light shines without",
+            "5: clip \"Walk\" is played once and takes 1 s, but its cue lasts 3 s: the last pose is held",
+            "6: clip \"Run\" starts at 5 s, after the end of the stage, 4 s",
+            "8: clip \"Run\" fades in over 2 s, but its cue lasts 1 s: it is never fully seen",
+            "7: clip \"Walk\" is never seen: \"Run\" starts at the same time, 0 s; use .from, or .on(\"Spine..\") for a layer",
+            "4: 2 actors stand in the same place, the origin: a, b; place them with .at(x, y, z)",
+            "9: this cut at 9 s comes after the end of the stage, 4 s",
+        ]
+    );
+}
