@@ -70,6 +70,16 @@ pub struct Tile<'a, 'b> {
 impl Tile<'_, '_> {
     /// `rows` starts at the tile's first pixel; rows are `stride` bytes apart.
     pub fn draw<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, rows: &mut [u8], stride: usize) {
+        if self.list.is_empty() && self.post.is_empty() {
+            // Most of a usual picture: every sample of a row is the background.
+            for (y, background) in self.background[..self.size[1]].iter().enumerate() {
+                let bytes = T::encode(*background).bytes();
+                for out in rows[y * stride..y * stride + self.size[0] * 4].chunks_exact_mut(4) {
+                    out.copy_from_slice(&bytes);
+                }
+            }
+            return;
+        }
         for (row, background) in self.background.iter().enumerate() {
             let first = row * TILE_WIDTH as usize * S;
             b.color[first..first + TILE_WIDTH as usize * S].fill(T::encode(*background));
