@@ -6,6 +6,7 @@ use crate::call::{Call, Def, Gives, Place, dead, is_dead, type_id};
 use crate::diagnostic::Severity;
 use crate::errors::{Thrown, throw};
 use crate::hook;
+use crate::limits::Limits;
 use crate::modules::Modules;
 use crate::value::*;
 use rhai::packages::*;
@@ -78,7 +79,7 @@ fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
     let size = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
     // Steps are counted by `on_progress`, which knows whether a frame is being made.
     engine.set_max_operations(0);
-    engine.set_max_call_levels(size(limits.call_levels));
+    engine.set_max_call_levels(size(limits.call_levels.min(Limits::DEEPEST)));
     engine.set_max_string_size(size(limits.string));
     engine.set_max_array_size(size(limits.array));
     engine.set_max_map_size(size(limits.map));

@@ -56,6 +56,9 @@ impl Default for Limits {
 }
 
 impl Limits {
+    /// Most call levels: callbacks run on threads with 2 MiB of stack, which 48 levels of deeply nested expressions fit with room.
+    pub const DEEPEST: u64 = 64;
+
     /// The names that [`Limits::set`] knows.
     pub const NAMES: &[&str] = &[
         "operations",
@@ -100,8 +103,10 @@ impl Limits {
             .ok()
             .filter(|v| *v > 0)
             .ok_or_else(|| format!("limit {name} takes a whole number above 0, not \"{value}\""))?;
-        // Deeper than this, a thread's stack is used up before the limit is reached.
-        self.call_levels = self.call_levels.min(256);
+        if self.call_levels > Self::DEEPEST {
+            self.call_levels = Self::DEEPEST;
+            return Err(format!("limit call_levels can be raised to {} at most", Self::DEEPEST));
+        }
         Ok(())
     }
 

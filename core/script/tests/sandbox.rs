@@ -55,6 +55,7 @@ fn limits_are_set_by_name() {
          call_levels, string, array, map, variables, functions, modules, seconds, things, keys, file, memory"
     );
     assert_eq!(limits.set("things=0").unwrap_err(), "limit things takes a whole number above 0, not \"0\"");
+    assert_eq!(limits.set("call_levels=65").unwrap_err(), "limit call_levels can be raised to 64 at most");
     assert_eq!(limits.set("things").unwrap_err(), "a limit is written NAME=NUMBER, not \"things\"");
 }
 
@@ -118,4 +119,22 @@ fn check_tells_what_is_hardly_meant() {
             "9: this cut at 9 s comes after the end of the stage, 4 s",
         ]
     );
+}
+
+#[test]
+fn the_deepest_calls_of_a_callback_fit_the_stack_of_a_small_thread() {
+    // Every level nests expressions as deeply as the parser allows.
+    let nested = format!("{}down(t){}", "(1 + ".repeat(14), ")".repeat(14));
+    let text = format!(
+        "fn down(t) {{ if true {{ if true {{ [1].map(|x| {nested})[0] }} }} }}\non_frame(|t| if t > 0.5 {{ down(t) }});"
+    );
+    let limits = Limits { call_levels: 1000, ..Limits::default() };
+    let options = ScriptOptions { limits, ..ScriptOptions::default() };
+    let script = assets().run_text(&text, &options).unwrap();
+    let hook = script.stage.hooks[0].clone();
+    let run = move || hook.run(choreo_motion::Time::from_secs(1.0), &mut choreo_stage::FrameEdits::default());
+    // Rust gives a thread 2 MiB where nothing else is said.
+    let error =
+        std::thread::Builder::new().stack_size(2 << 20).spawn(run).unwrap().join().unwrap().unwrap_err();
+    assert!(error.to_string().contains("functions call each other too deeply"), "{error}");
 }
