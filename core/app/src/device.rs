@@ -44,7 +44,8 @@ fn open(device: Device, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failur
     }
 }
 
-/// Four, for smooth edges, on every device: README.md of this crate has the figures.
+/// Four, for smooth edges, on every device: even the CPU renderer then draws one Knight at 1280×720 at nine frames a second
+/// on two busy cores (21 with one sample), and stairs on edges are the first thing that people see.
 pub fn default_samples(device: &DeviceInfo) -> u32 {
     match device.kind {
         DeviceKind::VulkanGpu | DeviceKind::VulkanCpu | DeviceKind::CpuTwin => 4,
