@@ -5,7 +5,9 @@ use crate::failure::Failure;
 use crate::pipeline::render_failure;
 use choreo_plugin::Effect;
 use choreo_render::cpu::CpuRenderer;
+use choreo_render::gpu::{GpuOptions, VulkanRenderer};
 use choreo_render::{DeviceInfo, DeviceKind, RenderError, Renderer};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
@@ -35,13 +37,35 @@ impl Starting {
 
 fn open(device: Device, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failure> {
     let cpu = |note| Ok(Started { renderer: Box::new(CpuRenderer::new(&effects)), note });
-    // The Vulkan renderer is not part of the program yet.
-    match device {
-        Device::Vulkan => {
-            Err(render_failure(RenderError::NoVulkan { why: "this build draws on the CPU only".into() }))
-        }
-        Device::Cpu | Device::Auto => cpu(None),
+    if device == Device::Cpu {
+        return cpu(None);
     }
+    let options = GpuOptions { cache_dir: cache_dir(), effects: effects.clone(), ..GpuOptions::default() };
+    match VulkanRenderer::new(options) {
+        Ok(renderer) => Ok(Started { renderer: Box::new(renderer), note: None }),
+        Err(error) if device == Device::Vulkan => Err(render_failure(error)),
+        Err(RenderError::NoVulkan { why }) => cpu(Some(on_the_cpu(&why))),
+        Err(error) => cpu(Some(on_the_cpu(&error.to_string()))),
+    }
+}
+
+/// One line: why, and the packages that make it faster.
+fn on_the_cpu(why: &str) -> String {
+    let why = why.lines().next().unwrap_or_default();
+    let packages = match why.contains("mesa-vulkan-drivers") {
+        true => "",
+        false => "; faster with the packages libvulkan1 and mesa-vulkan-drivers (Debian, Ubuntu)",
+    };
+    format!("rendering on the CPU: {why}{packages}")
+}
+
+/// Where compiled pipelines are kept, so that the next first picture comes at once.
+fn cache_dir() -> Option<PathBuf> {
+    let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+    folder("XDG_CACHE_HOME")
+        .or_else(|| folder("HOME").map(|home| home.join(".cache")))
+        .or_else(|| folder("LOCALAPPDATA"))
+        .map(|cache| cache.join("choreo"))
 }
 
 /// Four, for smooth edges, on every device: even the CPU renderer then draws one Knight at 1280×720 at nine frames a second
