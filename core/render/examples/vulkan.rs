@@ -1,5 +1,5 @@
 //! One glTF file on Vulkan, timed: `cargo run --release -p choreo-render --example vulkan -- FILE [--clip N] [--time S]
-//! [--grid N] [--size WxH] [--samples N] [--frames N] [--cache DIR] [--validation] [-o OUT.png]`
+//! [--grid N] [--size WxH] [--samples N] [--frames N] [--cache DIR] [--shaders DIR] [--plain] [--empty] [--validation] [-o OUT.png]`
 
 use choreo_motion::Time;
 use choreo_plugin::{Exporter, Files, ImportOptions, Importer, Needs, Source, VideoInfo};
@@ -68,12 +68,26 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if asset.lights.is_empty() {
         stage.lights.push(StageLight::sun("sun", Vec3::new(-0.5, -1.0, -0.8), 1.0));
     }
+    // The camera stays: framing looks at every posed vertex, which is not what is measured here.
+    let camera = stage.at(Time::from_secs(number("--time", 0.0)))?.camera;
+    let (_, rotation, position) = camera.world_from_view.to_scale_rotation_translation();
+    stage.cameras = vec![Camera {
+        projection: camera.projection,
+        ..Camera::new("fixed", Rig::Fixed { position, rotation, look_at: None })
+    }];
+    if args.iter().any(|a| a == "--plain") {
+        stage.settings.background = choreo_stage::Background::Color(glam::Vec4::new(0.3, 0.3, 0.4, 1.0));
+    }
+    if args.iter().any(|a| a == "--empty") {
+        stage.actors.iter_mut().for_each(|a| a.visible = false);
+    }
     println!("import and stage   {:7.1} ms", start.elapsed().as_secs_f64() * 1e3);
 
     let at = Instant::now();
     let mut renderer = VulkanRenderer::new(GpuOptions {
         validation: args.iter().any(|a| a == "--validation"),
         cache_dir: option("--cache").map(PathBuf::from),
+        shader_dir: option("--shaders").map(PathBuf::from),
         ..GpuOptions::default()
     })?;
     println!("instance, device   {:7.1} ms  {}", at.elapsed().as_secs_f64() * 1e3, renderer.device().name);

@@ -73,6 +73,15 @@ pub struct Recording {
     pub commands: Vec<Command>,
 }
 
+/// See [`Recording::reads`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reads {
+    pub lights: bool,
+    pub joints: bool,
+    pub morphs: bool,
+    pub joints_uniform: bool,
+}
+
 /// How many of each a frame needs; what "leaves things out" means in numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
@@ -179,15 +188,18 @@ fn variant(plan: &Plan, key: PipelineKey, first: u32, count: u32, joints_uniform
 }
 
 impl Recording {
-    /// Whether any pipeline reads lights, and whether joints are read as a uniform buffer.
-    pub fn reads(&self) -> (bool, bool) {
-        let variants = || {
-            self.commands.iter().filter_map(|c| match c {
-                Command::BindPipeline(v) => Some(v),
-                _ => None,
-            })
-        };
-        (variants().any(|v| v.key.features.is_lit()), variants().any(|v| v.joints_uniform))
+    /// Which of the frame's buffers any pipeline reads.
+    pub fn reads(&self) -> Reads {
+        let mut reads = Reads::default();
+        for command in &self.commands {
+            if let Command::BindPipeline(v) = command {
+                reads.lights |= v.key.features.is_lit();
+                reads.joints |= v.key.features.has(Features::SKIN);
+                reads.morphs |= v.key.features.has(Features::MORPH);
+                reads.joints_uniform |= v.joints_uniform;
+            }
+        }
+        reads
     }
 
     pub fn counts(&self) -> Counts {

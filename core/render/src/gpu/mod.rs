@@ -304,7 +304,13 @@ impl Renderer for VulkanRenderer {
             return Err(e);
         }
         self.last = Some(recording);
-        self.gpu.check_messages()
+        if let Err(e) = self.gpu.check_messages() {
+            // An error means that nothing was submitted.
+            self.wait_idle()?;
+            self.pending.pop_back();
+            return Err(e);
+        }
+        Ok(())
     }
 
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {

@@ -5,6 +5,7 @@ use super::descriptors::{Layouts, Pools, Set, write_buffer};
 use super::error::Named;
 use super::memory::Buffer;
 use crate::gpu_types::{FrameUniform, PostUniform};
+use crate::plan::Rows;
 use crate::record::{Command, MAX_LIGHTS, Recording, UNIFORM_JOINTS};
 use crate::{Plan, RenderError};
 use ash::vk;
@@ -88,7 +89,7 @@ impl Slot {
         else {
             return Err(RenderError::Usage("a recording starts with its frame data".into()));
         };
-        let (lit, uniform_joints) = recording.reads();
+        let reads = recording.reads();
         let limits = gpu.limits();
         let align = limits
             .min_uniform_buffer_offset_alignment
@@ -103,12 +104,17 @@ impl Slot {
         let morph_bytes: &[u8] = bytemuck::cast_slice(&plan.morphs[..*morphs]);
         let light_bytes: &[u8] = bytemuck::cast_slice(&plan.lights[..*lights]);
         let instances_at = ranges.take(instance_bytes.len() as u64);
-        let morphs_at = ranges.take(morph_bytes.len() as u64);
+        // A shader may be made for morphs that no instance has; what it is bound to must not be empty.
+        let morphs_range = morph_bytes.len().max(16) as u64;
+        let morphs_at = ranges.take(morphs_range);
         // Uniform arrays have a fixed length in the shader; what lies behind the used part is never read.
-        let lights_range = if lit { (MAX_LIGHTS * size_of::<crate::plan::PlanLight>()) as u64 } else { 0 };
+        let lights_range =
+            if reads.lights { (MAX_LIGHTS * size_of::<crate::plan::PlanLight>()) as u64 } else { 0 };
         let lights_at = ranges.take(lights_range);
-        let joints_range =
-            if uniform_joints && *joints > 0 { UNIFORM_JOINTS as u64 * 48 } else { joint_bytes.len() as u64 };
+        let joints_range = match reads.joints_uniform {
+            true => UNIFORM_JOINTS * size_of::<Rows>(),
+            false => joint_bytes.len().max(size_of::<Rows>()),
+        } as u64;
         let joints_at = ranges.take(joints_range);
         for (what, bytes) in [("instances", instance_bytes), ("joint matrices", joint_bytes)] {
             let limit = limits.max_storage_buffer_range as u64;
@@ -150,15 +156,15 @@ impl Slot {
         if *instances > 0 {
             write_buffer(gpu, set, 1, T::STORAGE_BUFFER, raw, instances_at, instance_bytes.len() as u64);
         }
-        if *joints > 0 {
+        if reads.joints {
             let (binding, kind) =
-                if uniform_joints { (5, T::UNIFORM_BUFFER) } else { (2, T::STORAGE_BUFFER) };
+                if reads.joints_uniform { (5, T::UNIFORM_BUFFER) } else { (2, T::STORAGE_BUFFER) };
             write_buffer(gpu, set, binding, kind, raw, joints_at, joints_range);
         }
-        if *morphs > 0 {
-            write_buffer(gpu, set, 3, T::STORAGE_BUFFER, raw, morphs_at, morph_bytes.len() as u64);
+        if reads.morphs {
+            write_buffer(gpu, set, 3, T::STORAGE_BUFFER, raw, morphs_at, morphs_range);
         }
-        if lit {
+        if reads.lights {
             write_buffer(gpu, set, 4, T::UNIFORM_BUFFER, raw, lights_at, lights_range);
         }
         while self.post_sets.len() < post_at.len() {

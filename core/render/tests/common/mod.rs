@@ -227,3 +227,43 @@ pub fn assert_color(got: [u8; 4], linear: [f64; 3], what: &str) {
         assert!((f64::from(got[c]) - e).abs() <= 0.75, "{what}: channel {c} is {} instead of {e:.2}", got[c]);
     }
 }
+
+/// Lit, textured, skinned, masked, blended, in motion: something of everything.
+pub fn busy_scene(offset: DVec3) -> Scene {
+    let mut scene = Scene::perspective(0.9, 6.0);
+    scene.snapshot.camera.world_from_view.translation += offset;
+    scene.snapshot.ambient_up = Vec3::splat(0.3);
+    scene.snapshot.ambient_down = Vec3::splat(0.1);
+    scene.sun(Vec3::new(-0.3, -0.7, -0.6), Vec3::new(1.0, 0.9, 0.8), 0.9);
+    scene.snapshot.lights.push(LightState {
+        light: Light { kind: LightKind::Point, color: Vec3::X, intensity: 2.0, range: Some(9.0) },
+        position: DVec3::new(1.0, 1.0, 2.0) + offset,
+        direction: Vec3::NEG_Y,
+    });
+    let picture = image(16, 16, |x, y| [(x * 16) as u8, (y * 16) as u8, 128, ((x + y) * 8) as u8]);
+    for i in 0..12 {
+        let material = Material {
+            base_color_texture: (i % 2 == 0).then(|| texture(0)),
+            alpha_mode: [AlphaMode::Opaque, AlphaMode::Mask(0.4), AlphaMode::Blend][i % 3],
+            shading: [
+                Shading::MetallicRoughness,
+                Shading::BlinnPhong,
+                Shading::Unlit,
+                Shading::MetallicRoughness,
+            ][i % 4],
+            roughness: 0.4,
+            emissive: Vec3::splat(if i == 5 { 0.2 } else { 0.0 }),
+            double_sided: i % 5 == 0,
+            ..matte(Vec4::new(0.9, 0.8, 0.7, 0.6))
+        };
+        let mut a = (*asset(vec![quad(0.8, 0.6)], vec![material], vec![picture.clone()])).clone();
+        if i % 4 == 3 {
+            a = (*skinned_asset(a.meshes[0].primitives.clone(), a.materials)).clone();
+            a.images = vec![picture.clone()];
+        }
+        let turn = glam::DQuat::from_euler(glam::EulerRot::YXZ, i as f64 * 0.37, i as f64 * 0.21, 0.1);
+        let place = DVec3::new((i % 4) as f64 - 1.5, (i / 4) as f64 - 1.0, (i % 5) as f64 * 0.5) + offset;
+        scene.add(&Arc::new(a), DAffine3::from_rotation_translation(turn, place));
+    }
+    scene
+}
