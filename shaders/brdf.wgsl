@@ -33,13 +33,14 @@ fn reflect_light(s: Surface, n: vec3<f32>, v: vec3<f32>, l: vec3<f32>, nv: f32, 
     let alpha = s.roughness * s.roughness;
     let a2 = alpha * alpha;
     let d = nh * nh * (a2 - 1.0) + 1.0;
-    let distribution = a2 / (d * d);
-    let visibility = 0.5 / (nl * sqrt(nv * nv * (1.0 - a2) + a2) + nv * sqrt(nl * nl * (1.0 - a2) + a2));
+    // Distribution a2 / d² and visibility 0.5 / (…) in one division.
+    let smith = nl * sqrt(nv * nv * (1.0 - a2) + a2) + nv * sqrt(nl * nl * (1.0 - a2) + a2);
+    let lobe = 0.5 * a2 / (d * d * smith);
     let x = 1.0 - vh;
     let x2 = x * x;
     let fresnel = s.f0 + (vec3(s.f90) - s.f0) * (x2 * x2 * x);
     let share = 1.0 - max(fresnel.x, max(fresnel.y, fresnel.z));
-    return s.diffuse * share + fresnel * (visibility * distribution);
+    return s.diffuse * share + fresnel * lobe;
 }
 
 // "Physically Based Shading on Mobile" (Karis 2014): the split-sum's second half.

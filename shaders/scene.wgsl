@@ -62,18 +62,25 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @end
     @if(BLINN_PHONG) var color = base.rgb * ambient(n) * occlusion;
 
-    @if(LIT)
+    @if(LIT && !ONE_LIGHT)
     for (var i = 0u; i < frame.light_count; i++) {
-        @if(LOCAL_LIGHTS) let light = incoming(lights[i], in.relative);
-        @if(LOCAL_LIGHTS) let l = light.direction;
-        @if(LOCAL_LIGHTS) let light_color = light.color;
-        @if(!LOCAL_LIGHTS) let l = -lights[i].direction.xyz;
-        @if(!LOCAL_LIGHTS) let light_color = lights[i].color.xyz;
+        let light = lights[i];
+    @end
+    // One light, the usual case: no loop, and no branch that lavapipe would have to mask.
+    @if(ONE_LIGHT)
+    {
+        let light = lights[0];
+    @end
+    @if(LIT)
+        @if(LOCAL_LIGHTS) let arriving = incoming(light, in.relative);
+        @if(LOCAL_LIGHTS) let l = arriving.direction;
+        @if(LOCAL_LIGHTS) let light_color = arriving.color;
+        @if(!LOCAL_LIGHTS) let l = -light.direction.xyz;
+        @if(!LOCAL_LIGHTS) let light_color = light.color.xyz;
+        // Behind the surface nl is 0, and everything it is multiplied with is finite.
         let nl = clamp(dot(n, l), 0.0, 1.0);
-        if (nl > 0.0) {
-            @if(METALLIC_ROUGHNESS) color += reflect_light(s, n, v, l, nv, nl) * light_color * nl;
-            @if(BLINN_PHONG) color += reflect_light(base.rgb, specular_color, n, v, l) * light_color * nl;
-        }
+        @if(METALLIC_ROUGHNESS) color += reflect_light(s, n, v, l, nv, nl) * light_color * nl;
+        @if(BLINN_PHONG) color += reflect_light(base.rgb, specular_color, n, v, l) * light_color * nl;
     }
     @end
 

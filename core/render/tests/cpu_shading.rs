@@ -7,7 +7,7 @@ use choreo_render::compare::compare;
 use choreo_render::{CpuRenderer, PlanOptions, Renderer};
 use choreo_stage::*;
 use common::*;
-use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, Vec4};
+use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 /// A quad that fills the picture, facing an orthographic camera.

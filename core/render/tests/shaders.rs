@@ -67,6 +67,7 @@ fn variants() -> Vec<SceneVariant> {
                     },
                     tint: subset % 5 == 2,
                     joints_uniform: false,
+                    one_light: subset % 2 == 0,
                 });
             }
         }
@@ -90,6 +91,7 @@ fn variants() -> Vec<SceneVariant> {
                     key: key(features),
                     tint: on(3),
                     joints_uniform: on(4) && v.has(Features::SKIN),
+                    one_light: on(3),
                 });
             }
         }
@@ -110,7 +112,7 @@ fn every_combination_compiles() {
         compile(&files, &on, &stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
     }
     let all = Features((1 << 19) - 1 - Features::BLINN_PHONG.0);
-    let all = SceneVariant { key: key(all), tint: true, joints_uniform: true };
+    let all = SceneVariant { key: key(all), tint: true, joints_uniform: true, one_light: true };
     compile(&files, &switches(&all), &stages, true).unwrap();
     let files = sources().files(&BACKGROUND).unwrap();
     parse(&files, &[]).unwrap();
@@ -142,7 +144,7 @@ macro_rules! fields {
 #[test]
 fn layouts_equal_the_rust_structs() {
     let all = Features((1 << 19) - 1 - Features::BLINN_PHONG.0);
-    let on = switches(&SceneVariant { key: key(all), tint: true, joints_uniform: false });
+    let on = switches(&SceneVariant { key: key(all), tint: true, joints_uniform: false, one_light: false });
     let (m, _) = parse(&sources().files(&SCENE).unwrap(), &on).unwrap();
     let frame = fields!(FrameUniform: clip_from_relative, eye, ambient_up, ambient_down, background_top,
         background_bottom, size, light_count, pad);

@@ -5,7 +5,7 @@ mod common;
 
 use choreo_plugin::{Effect, Frame};
 use choreo_render::compare::{Comparison, compare};
-use choreo_render::record::{Counts, record};
+use choreo_render::record::{Counts, RecordOptions, Recording};
 use choreo_render::*;
 use choreo_stage::*;
 use common::{draw as draw_cpu, *};
@@ -72,6 +72,11 @@ impl Effect for Swap {
     fn cpu(&self, c: Vec4, _: Vec2, _: &[f32; 8]) -> Vec4 {
         Vec4::new(c.z, c.y, c.x, c.w)
     }
+}
+
+/// As a device that is no CPU gets it.
+fn record(plan: &Plan) -> Recording {
+    choreo_render::record::record(plan, RecordOptions::default(), |_| 2)
 }
 
 fn wall(material: Material) -> Scene {
@@ -236,6 +241,31 @@ fn what_a_scene_does_not_need_is_left_out() {
     assert!(after - before <= 1, "one pipeline for three materials");
     draw_with(r, &scene, &PlanOptions::new([16, 16], 1));
     assert_eq!(r.pipeline_count(), after, "another size needs none");
+}
+
+#[test]
+fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
+    let mut scene = Scene::ortho(2.0);
+    scene.snapshot.background = Background::Gradient { top: Vec3::X, bottom: Vec3::Y };
+    let double_sided = Material { double_sided: true, ..unlit(Vec4::ONE) };
+    scene.at(&asset(vec![quad(0.5, 0.5)], vec![double_sided], vec![]), 0.0, 0.0, 0.0);
+    let text = |samples, cpu_device, triangles| {
+        let (_, plan) = scene.plan(&PlanOptions::new([64, 64], samples));
+        choreo_render::record::record(&plan, RecordOptions { cpu_device }, |_| triangles).to_string()
+    };
+    let gpu = text(1, false, 2);
+    assert!(gpu.contains("clear") && gpu.contains("  background\n") && gpu.contains("cull None"), "{gpu}");
+    let cpu = text(1, true, 2);
+    assert!(cpu.contains("copy background\nbegin Picture, 1 samples, load"), "{cpu}");
+    assert!(!cpu.contains("  background"), "{cpu}");
+    let (front, back) = (cpu.find("cull Back").unwrap(), cpu.find("cull Front").unwrap());
+    assert!(
+        front < back && cpu.matches("draw 1 from 0").count() == 2 && cpu.matches("pipeline").count() == 1
+    );
+    // Small triangles: the second run of the vertex shader costs more than it saves.
+    assert!(!text(1, true, 4000).contains("cull Front"));
+    // Copies cannot write samples.
+    assert!(text(4, true, 2).contains("  background\n"));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use super::pipelines::{Id, Pipelines};
 use super::resources::Resources;
 use super::slot::Slot;
 use super::targets::Targets;
-use crate::record::{Command, Recording, Target};
+use crate::record::{Command, Cull, Recording, Target};
 use crate::{Catalog, RenderError};
 use ash::vk;
 use glam::Vec4;
@@ -34,6 +34,8 @@ impl Execution<'_> {
         for (i, command) in recording.commands.iter().enumerate() {
             match command {
                 Command::UploadFrameData { .. } => {}
+                Command::CopyBackground => self.copy_background(),
+                Command::SetCull(cull) => self.set_cull(*cull),
                 Command::BeginPass { target, clear, .. } => {
                     self.begin_scene(*target, *clear);
                     self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
@@ -83,6 +85,16 @@ impl Execution<'_> {
         Ok(())
     }
 
+    fn set_cull(&self, cull: Cull) {
+        let mode = match cull {
+            Cull::None => vk::CullModeFlags::NONE,
+            Cull::Back => vk::CullModeFlags::BACK,
+            Cull::Front => vk::CullModeFlags::FRONT,
+        };
+        // SAFETY: the command buffer is being recorded; every pipeline has this state dynamic.
+        unsafe { self.gpu.device.cmd_set_cull_mode(self.slot.commands, mode) };
+    }
+
     fn bind_pipeline(&self, pipeline: vk::Pipeline) {
         // SAFETY: the command buffer is being recorded; the pipeline outlives the frame.
         unsafe {
@@ -105,19 +117,57 @@ impl Execution<'_> {
         unsafe { self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info) };
     }
 
-    fn begin_scene(&self, target: Target, clear: Vec4) {
+    /// The whole picture from the host's gradient.
+    fn copy_background(&self) {
+        let (picture, Some(rows)) = (&self.targets.picture, self.targets.background()) else { return };
+        self.barriers(&[color_barrier(picture)
+            .src_stage_mask(vk::PipelineStageFlags2::COPY)
+            .dst_stage_mask(vk::PipelineStageFlags2::COPY)
+            .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+            .new_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)]);
+        let region = [self.whole_picture()];
+        // SAFETY: the command buffer is being recorded; the buffer holds one picture.
+        unsafe {
+            let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+            let commands = self.slot.commands;
+            self.gpu.device.cmd_copy_buffer_to_image(commands, rows, picture.raw, layout, &region);
+        }
+    }
+
+    fn whole_picture(&self) -> vk::BufferImageCopy {
+        let [width, height] = self.targets.needs.size;
+        let layer =
+            vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let extent = vk::Extent3D { width, height, depth: 1 };
+        vk::BufferImageCopy::default().image_subresource(layer).image_extent(extent)
+    }
+
+    fn begin_scene(&self, target: Target, clear: Option<Vec4>) {
         let resolved = self.targets.image(target);
         let multisampled = self.targets.multisampled.as_ref();
-        let mut barriers = vec![to_color(resolved)];
+        let mut barriers = vec![match clear {
+            Some(_) => to_color(resolved),
+            None => color_barrier(resolved)
+                .src_stage_mask(vk::PipelineStageFlags2::COPY)
+                .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+                .dst_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+                .dst_access_mask(
+                    vk::AccessFlags2::COLOR_ATTACHMENT_WRITE | vk::AccessFlags2::COLOR_ATTACHMENT_READ,
+                )
+                .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
+                .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
+        }];
         barriers.extend(multisampled.map(to_color));
         barriers.extend(self.targets.depth.as_ref().map(to_depth));
         self.barriers(&barriers);
 
-        let clear = vk::ClearValue { color: vk::ClearColorValue { float32: clear.to_array() } };
+        let load = if clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD };
+        let float32 = clear.unwrap_or_default().to_array();
+        let clear = vk::ClearValue { color: vk::ClearColorValue { float32 } };
         let mut color = vk::RenderingAttachmentInfo::default()
             .image_view(multisampled.unwrap_or(resolved).view)
             .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
-            .load_op(vk::AttachmentLoadOp::CLEAR)
+            .load_op(load)
             .store_op(vk::AttachmentStoreOp::STORE)
             .clear_value(clear);
         if multisampled.is_some() {
@@ -185,6 +235,7 @@ impl Execution<'_> {
             .load_op(vk::AttachmentLoadOp::DONT_CARE)
             .store_op(vk::AttachmentStoreOp::STORE);
         self.begin(&color, None);
+        self.set_cull(Cull::None);
         self.bind_pipeline(pipeline);
         self.bind_set(self.pipelines.post_layout, 0, set);
         // SAFETY: the pipeline reads no vertices, and its one set is bound.
@@ -204,12 +255,7 @@ impl Execution<'_> {
             .old_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
             .new_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL)]);
         let Some(readback) = &self.slot.readback else { return };
-        let [width, height] = self.targets.needs.size;
-        let region = [vk::BufferImageCopy::default()
-            .image_subresource(
-                vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1),
-            )
-            .image_extent(vk::Extent3D { width, height, depth: 1 })];
+        let region = [self.whole_picture()];
         let to_host = [vk::MemoryBarrier2::default()
             .src_stage_mask(vk::PipelineStageFlags2::COPY)
             .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)

@@ -16,11 +16,12 @@ mod slot;
 mod targets;
 mod upload;
 
-use crate::record::{MAX_LIGHTS, Recording, record};
+use crate::record::{Command, MAX_LIGHTS, RecordOptions, Recording, record};
 use crate::shader::ShaderSources;
-use crate::{Catalog, DeviceInfo, Plan, RenderError, Renderer};
+use crate::{Catalog, DeviceInfo, DeviceKind, Plan, RenderError, Renderer};
 use ash::vk;
 use choreo_plugin::{Effect, Frame};
+use choreo_stage::Background;
 use context::{Context, ContextOptions};
 use descriptors::{Layouts, Pools};
 use error::Named;
@@ -191,16 +192,25 @@ impl VulkanRenderer {
         (0..self.slots.len()).find(|s| !self.pending.contains(s))
     }
 
-    fn prepare_targets(&mut self, recording: &Recording) -> Result<(), RenderError> {
+    fn prepare_targets(&mut self, plan: &Plan, recording: &Recording) -> Result<(), RenderError> {
         let needs = Needs::of(recording);
-        if self.targets.as_ref().is_some_and(|t| t.needs == needs) {
-            return Ok(());
+        if self.targets.as_ref().is_none_or(|t| t.needs != needs) {
+            self.wait_idle()?;
+            if let Some(mut old) = self.targets.take() {
+                old.destroy(&self.gpu);
+            }
+            self.targets = Some(Targets::new(&self.gpu, needs)?);
         }
-        self.wait_idle()?;
-        if let Some(mut old) = self.targets.take() {
-            old.destroy(&self.gpu);
+        let copied = recording.commands.contains(&Command::CopyBackground);
+        if let (true, Background::Gradient { top, bottom }) = (copied, plan.background)
+            && self.targets.as_ref().is_some_and(|t| !t.has_background(top, bottom))
+        {
+            // Rows are shared by the frames in flight: a gradient that changes with time waits for them.
+            self.wait_idle()?;
+            if let Some(targets) = &mut self.targets {
+                targets.set_background(&self.gpu, top, bottom)?;
+            }
         }
-        self.targets = Some(Targets::new(&self.gpu, needs)?);
         Ok(())
     }
 
@@ -282,9 +292,13 @@ impl Renderer for VulkanRenderer {
             RenderError::Usage(format!("{FRAMES_IN_FLIGHT} frames are in flight; collect one first"))
         })?;
         self.check(&plan)?;
-        let recording = record(&plan);
+        let options = RecordOptions { cpu_device: self.gpu.info.kind == DeviceKind::VulkanCpu };
+        let recording = record(&plan, options, |primitive| {
+            let entry = self.catalog.primitives.get(primitive as usize);
+            entry.map_or(0, |p| p.primitive().indices.len() / 3)
+        });
         let ids = pipelines::ids(&recording);
-        self.prepare_targets(&recording)?;
+        self.prepare_targets(&plan, &recording)?;
         self.pipelines.prepare(&self.gpu, &ids)?;
         let mut uploads = Uploads::default();
         let prepared = self

@@ -165,7 +165,6 @@ impl Pipelines {
                             TopologyKey::Lines => vk::PrimitiveTopology::LINE_LIST,
                             TopologyKey::Points => vk::PrimitiveTopology::POINT_LIST,
                         },
-                        cull: !key.double_sided && key.topology == TopologyKey::Triangles,
                         clockwise: key.mirrored,
                         samples: *samples,
                         color: format_of(*float),
@@ -276,7 +275,6 @@ impl Pipelines {
         let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(state.topology);
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
         let raster = vk::PipelineRasterizationStateCreateInfo::default()
-            .cull_mode(if state.cull { vk::CullModeFlags::BACK } else { vk::CullModeFlags::NONE })
             .front_face(if state.clockwise {
                 vk::FrontFace::CLOCKWISE
             } else {
@@ -303,7 +301,7 @@ impl Pipelines {
         }
         let attachments = [attachment];
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
-        let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
+        let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::CULL_MODE];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
         let colors = [state.color];
         let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&colors);
@@ -351,7 +349,6 @@ struct State {
     layout: vk::PipelineLayout,
     vertices: Option<VertexLayout>,
     topology: vk::PrimitiveTopology,
-    cull: bool,
     clockwise: bool,
     samples: u32,
     color: vk::Format,
@@ -367,7 +364,6 @@ impl State {
             layout,
             vertices: None,
             topology: vk::PrimitiveTopology::TRIANGLE_LIST,
-            cull: false,
             clockwise: false,
             samples: 1,
             color: format(Target::Picture),

@@ -1,10 +1,13 @@
 //! Colour, depth and float images of one size; made again when size, samples or the need for them change.
 
 use super::context::Context;
-use super::memory::{Image, ImageDesc};
+use super::memory::{Buffer, Image, ImageDesc};
 use crate::RenderError;
+use crate::mip::linear_to_srgb8;
 use crate::record::{Command, Recording, Target};
 use ash::vk;
+use glam::Vec3;
+use gpu_allocator::MemoryLocation;
 
 pub const PICTURE: vk::Format = vk::Format::R8G8B8A8_SRGB;
 pub const FLOAT: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
@@ -59,6 +62,8 @@ pub struct Targets {
     pub depth: Option<Image>,
     /// With more than one sample: what is drawn into, resolved into the scene's target.
     pub multisampled: Option<Image>,
+    /// The gradient's rows as encoded bytes, and what they were made from.
+    background: Option<(Buffer, [Vec3; 2])>,
 }
 
 impl Targets {
@@ -70,8 +75,9 @@ impl Targets {
             Image::new(gpu, &ImageDesc { name, width, height, levels: 1, samples, format, usage, aspect })
         };
         use vk::ImageUsageFlags as U;
-        let picture = image("picture", PICTURE, U::COLOR_ATTACHMENT | U::TRANSFER_SRC, 1)?;
-        let mut targets = Targets { needs, picture, floats: Vec::new(), depth: None, multisampled: None };
+        let picture = image("picture", PICTURE, U::COLOR_ATTACHMENT | U::TRANSFER_SRC | U::TRANSFER_DST, 1)?;
+        let mut targets =
+            Targets { needs, picture, floats: Vec::new(), depth: None, multisampled: None, background: None };
         let made = (|| {
             for i in 0..needs.floats {
                 let name = format!("float target {i}");
@@ -105,9 +111,44 @@ impl Targets {
         }
     }
 
+    /// Whether the gradient's rows are there and are these.
+    pub fn has_background(&self, top: Vec3, bottom: Vec3) -> bool {
+        self.background.as_ref().is_some_and(|(_, colors)| *colors == [top, bottom])
+    }
+
+    /// Twin of background.wgsl, encoded: mix(top, bottom, (y + ½) / height). No frame may be in flight.
+    pub fn set_background(&mut self, gpu: &Context, top: Vec3, bottom: Vec3) -> Result<(), RenderError> {
+        let [width, height] = self.needs.size;
+        let row_bytes = width as usize * 4;
+        let mut buffer = match self.background.take() {
+            Some((buffer, _)) => buffer,
+            None => {
+                let bytes = row_bytes as u64 * height as u64;
+                let usage = vk::BufferUsageFlags::TRANSFER_SRC;
+                Buffer::new(gpu, "background rows", bytes, usage, MemoryLocation::CpuToGpu)?
+            }
+        };
+        let rows = buffer.mapped_mut().chunks_exact_mut(row_bytes).take(height as usize);
+        for (y, row) in rows.enumerate() {
+            let t = (y as f32 + 0.5) / height as f32;
+            let color = top * (1.0 - t) + bottom * t;
+            let [r, g, b] = color.to_array().map(linear_to_srgb8);
+            row.as_chunks_mut::<4>().0.fill([r, g, b, 255]);
+        }
+        self.background = Some((buffer, [top, bottom]));
+        Ok(())
+    }
+
+    pub fn background(&self) -> Option<vk::Buffer> {
+        self.background.as_ref().map(|(buffer, _)| buffer.raw)
+    }
+
     /// No frame may be in flight.
     pub fn destroy(&mut self, gpu: &Context) {
         self.picture.destroy(gpu);
+        if let Some((mut buffer, _)) = self.background.take() {
+            buffer.destroy(gpu);
+        }
         for image in self.floats.iter_mut().chain(&mut self.depth).chain(&mut self.multisampled) {
             image.destroy(gpu);
         }

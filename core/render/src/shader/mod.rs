@@ -82,6 +82,8 @@ pub struct SceneVariant {
     pub tint: bool,
     /// All joint matrices fit a uniform buffer, which is read faster than a storage buffer.
     pub joints_uniform: bool,
+    /// Exactly one light shines.
+    pub one_light: bool,
 }
 
 /// Names of the switches that are on, as the modules write them.
@@ -116,6 +118,7 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("DOUBLE_SIDED", key.double_sided),
         ("TINT", variant.tint),
         ("JOINTS_UNIFORM", variant.joints_uniform),
+        ("ONE_LIGHT", variant.one_light && key.features.is_lit()),
     ];
     on.extend(extra.iter().filter(|(_, is_on)| *is_on).map(|(n, _)| *n));
     on

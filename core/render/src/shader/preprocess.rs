@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 24] = [
+pub const SWITCHES: [&str; 25] = [
     "SKIN",
     "SKIN_8",
     "MORPH",
@@ -37,6 +37,7 @@ pub const SWITCHES: [&str; 24] = [
     "DOUBLE_SIDED",
     "TINT",
     "JOINTS_UNIFORM",
+    "ONE_LIGHT",
 ];
 
 pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
