@@ -61,7 +61,7 @@ fn videos_are_whole_and_repeat_byte_for_byte() {
         .output();
     match probe {
         Ok(out) => assert_eq!(String::from_utf8_lossy(&out.stdout).trim(), "stream,96,54,10"),
-        Err(_) => println!("skipped: ffprobe is not installed (1 case)"),
+        Err(_) => println!("SKIP 1: ffprobe is not installed"),
     }
 }
 

@@ -27,7 +27,7 @@ fn new_renderer() -> Option<VulkanRenderer> {
     match VulkanRenderer::new(GpuOptions { validation: true, effects, ..GpuOptions::default() }) {
         Ok(renderer) => Some(renderer),
         Err(RenderError::NoVulkan { why }) => {
-            println!("1 test skipped: {why}");
+            println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
             None
         }
         Err(e) => panic!("{e}"),

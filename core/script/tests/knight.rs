@@ -12,7 +12,7 @@ fn a_knight_walks_runs_and_stands() {
     let folder =
         ["gltf", "gltf/kaykit", "."].iter().map(|f| assets.join(f)).find(|f| f.join("Knight.glb").is_file());
     let Some(folder) = folder else {
-        println!("skipped 1 case: no Knight.glb below {}", assets.display());
+        println!("SKIP 1: no Knight.glb below {}", assets.display());
         return;
     };
     let mut registry = Registry::default();

@@ -36,7 +36,7 @@ fn a_pipe_in_place_of_a_file_does_not_hang() {
     let folder = assets();
     let made = std::process::Command::new("mkfifo").arg(folder.file("pipe.toy")).status();
     if !made.is_ok_and(|s| s.success()) {
-        println!("skipped 1 case: no mkfifo here");
+        println!("SKIP 1: no mkfifo here");
         return;
     }
     let errors = folder.run_text(r#"load("pipe.toy");"#, &ScriptOptions::default()).unwrap_err();

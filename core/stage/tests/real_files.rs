@@ -20,7 +20,7 @@ fn load(name: &str) -> Option<Arc<Asset>> {
     let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets");
     let folder = std::env::var_os("CHOREO_ASSETS").map_or(beside, PathBuf::from);
     let Ok(bytes) = std::fs::read(folder.join("gltf").join(name)) else {
-        eprintln!("skipped 1 case: no {name} in {} ($CHOREO_ASSETS)", folder.display());
+        println!("SKIP 1: no {name} in {} ($CHOREO_ASSETS)", folder.display());
         return None;
     };
     let source = Source { name: name.to_string(), bytes: Arc::new(bytes) };

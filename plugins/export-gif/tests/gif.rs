@@ -144,7 +144,7 @@ fn ffmpeg_shows_the_same_pictures() {
         .stdout(std::process::Stdio::piped())
         .spawn();
     let Ok(mut ffmpeg) = spawned else {
-        println!("skipped: ffmpeg is not installed (1 case)");
+        println!("SKIP 1: ffmpeg is not installed");
         return;
     };
     let mut stdin = ffmpeg.stdin.take().unwrap();

@@ -69,7 +69,7 @@ fn ffprobe(path: &Path, entries: &str) -> Option<String> {
         .arg(path)
         .output();
     let Ok(out) = out else {
-        println!("skipped: ffprobe is not installed");
+        println!("SKIP 1: ffprobe is not installed");
         return None;
     };
     assert!(out.status.success() && out.stderr.is_empty(), "{}", String::from_utf8_lossy(&out.stderr));
@@ -124,7 +124,7 @@ fn decoded_error(info: &VideoInfo, shift: u32) -> Option<(f64, usize)> {
         .output();
     let _ = std::fs::remove_file(&path);
     let Ok(out) = out else {
-        println!("skipped: ffmpeg is not installed");
+        println!("SKIP 1: ffmpeg is not installed");
         return None;
     };
     let (w, h) = (info.width.next_multiple_of(2) as usize, info.height.next_multiple_of(2) as usize);

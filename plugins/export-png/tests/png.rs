@@ -98,7 +98,7 @@ fn ffmpeg_reads_the_same_pixels() {
         .stdout(std::process::Stdio::piped())
         .spawn();
     let Ok(mut ffmpeg) = spawned else {
-        println!("skipped: ffmpeg is not installed (1 case)");
+        println!("SKIP 1: ffmpeg is not installed");
         return;
     };
     ffmpeg.stdin.take().unwrap().write_all(&bytes).unwrap();

@@ -74,7 +74,7 @@ fn ffmpeg_reads_the_same_colours() {
             .stdout(Stdio::piped())
             .spawn();
         let Ok(mut ffmpeg) = spawned else {
-            println!("skipped: ffmpeg is not installed (2 cases)");
+            println!("SKIP 2: ffmpeg is not installed");
             return;
         };
         let bytes = encode(w, h);

@@ -46,7 +46,7 @@ pub fn assets() -> Option<PathBuf> {
     let folder = std::env::var_os("CHOREO_ASSETS")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets"), PathBuf::from);
     if !folder.is_dir() {
-        println!("skipped: no folder of sample assets at {} (1 case)", folder.display());
+        println!("SKIP 1: no folder of sample assets at {}", folder.display());
         return None;
     }
     Some(folder)

@@ -18,7 +18,7 @@ pub fn assets(cases: usize) -> Option<PathBuf> {
     if folder.is_dir() {
         return Some(folder);
     }
-    eprintln!("skipped {cases} cases: no sample files at {} ($CHOREO_ASSETS)", folder.display());
+    println!("SKIP {cases}: no sample files at {} ($CHOREO_ASSETS)", folder.display());
     None
 }
 
