@@ -62,6 +62,8 @@ struct Item {
     entry: PrimitiveEntry,
     /// Metres in front of the camera.
     depth: f32,
+    /// The smallest depth among the copies that share its draw.
+    nearest: f32,
     instance: Instance,
 }
 
@@ -210,14 +212,34 @@ impl Planner<'_> {
                 _ => Phase::Opaque,
             };
             let depth = self.view.depth(bounds.center());
-            self.items.push(Item { phase, pipeline: key, entry: *entry, depth, instance: planned });
+            self.items.push(Item {
+                phase,
+                pipeline: key,
+                entry: *entry,
+                depth,
+                nearest: depth,
+                instance: planned,
+            });
         }
     }
 
     fn finish(mut self, stage: &Stage, snapshot: &Snapshot, lights: Vec<PlanLight>) -> Plan {
         let state = |i: &Item| (i.phase, i.pipeline, i.entry.material, i.entry.primitive);
-        // Stable: equal keys stay in actor order.
-        self.items.sort_by_key(state);
+        // Few state changes first; within one state near primitives before far ones and near copies before far
+        // ones, so that the depth test spares the shading of what is hidden. Stable: equal keys stay in actor order.
+        self.items.sort_by(|a, b| state(a).cmp(&state(b)).then(a.depth.total_cmp(&b.depth)));
+        let mut nearest = f32::INFINITY;
+        for i in 0..self.items.len() {
+            if i == 0 || state(&self.items[i]) != state(&self.items[i - 1]) {
+                nearest = self.items[i].depth;
+            }
+            self.items[i].nearest = nearest;
+        }
+        let batch = |i: &Item| (i.phase, i.pipeline, i.entry.material);
+        self.items.sort_by(|a, b| {
+            let same = batch(a).cmp(&batch(b)).then(a.nearest.total_cmp(&b.nearest));
+            same.then(a.entry.primitive.cmp(&b.entry.primitive))
+        });
         let first_blended = self.items.partition_point(|i| i.phase < Phase::Blend);
         self.items[first_blended..].sort_by(|a, b| b.depth.total_cmp(&a.depth));
 
