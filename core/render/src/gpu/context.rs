@@ -83,6 +83,9 @@ impl Context {
             unsafe { device.destroy_device(None) };
             destroy(RenderError::Vulkan { object: "memory allocator".into(), result: e.to_string() })
         })?;
+        if info.kind == DeviceKind::VulkanCpu {
+            keep_freed_memory();
+        }
         let names = messenger.as_ref().map(|_| ext::debug_utils::Device::new(&instance, &device));
         Ok(Context {
             _entry: entry,
@@ -143,6 +146,26 @@ impl Drop for Context {
         }
     }
 }
+
+/// Lavapipe allocates and frees its vertex buffers of some megabytes for every draw. By default glibc gives such blocks
+/// back to the kernel each time, and a fifth of a frame of 25 characters went into page faults.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn keep_freed_memory() {
+    unsafe extern "C" {
+        fn mallopt(parameter: std::ffi::c_int, value: std::ffi::c_int) -> std::ffi::c_int;
+    }
+    // malloc.h: M_TRIM_THRESHOLD and M_MMAP_THRESHOLD; 32 MB is the largest that the latter takes.
+    const TRIM: std::ffi::c_int = -1;
+    const MMAP: std::ffi::c_int = -3;
+    // SAFETY: glibc's own function, safe to call at any time; it changes when memory is given back, nothing else.
+    unsafe {
+        mallopt(MMAP, 32 << 20);
+        mallopt(TRIM, 128 << 20);
+    }
+}
+
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+fn keep_freed_memory() {}
 
 type Messenger = Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>;
 

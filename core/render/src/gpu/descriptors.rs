@@ -51,14 +51,10 @@ impl Layouts {
             material.push((1 + 2 * slot, T::SAMPLED_IMAGE, fragment));
             material.push((2 + 2 * slot, T::SAMPLER, fragment));
         }
-        let frame = [
-            (0, T::UNIFORM_BUFFER, vertex | fragment),
-            (1, T::STORAGE_BUFFER, vertex),
-            (2, T::STORAGE_BUFFER, vertex),
-            (3, T::STORAGE_BUFFER, vertex),
-            (4, T::UNIFORM_BUFFER, fragment),
-            (5, T::UNIFORM_BUFFER, vertex),
-        ];
+        let frame = super::slot::FRAME_BINDINGS.map(|(binding, kind)| {
+            let stages = [vertex | fragment, vertex, vertex, vertex, fragment, vertex];
+            (binding, kind, stages[binding as usize])
+        });
         let post = [(0, T::UNIFORM_BUFFER, fragment), (1, T::SAMPLED_IMAGE, fragment)];
         let made = (|| {
             layouts.frame = create(gpu, "frame set layout", &frame)?;

@@ -27,6 +27,16 @@ pub struct Slot {
     pub done_at: u64,
 }
 
+/// Set 0: frame, instances, joints, morphs, lights, joints as a uniform buffer.
+pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 6] = [
+    (0, vk::DescriptorType::UNIFORM_BUFFER),
+    (1, vk::DescriptorType::STORAGE_BUFFER),
+    (2, vk::DescriptorType::STORAGE_BUFFER),
+    (3, vk::DescriptorType::STORAGE_BUFFER),
+    (4, vk::DescriptorType::UNIFORM_BUFFER),
+    (5, vk::DescriptorType::UNIFORM_BUFFER),
+];
+
 /// Byte ranges of one frame's data in its buffer.
 struct Ranges {
     end: u64,
@@ -130,7 +140,13 @@ impl Slot {
             }
             let usage = vk::BufferUsageFlags::UNIFORM_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER;
             let size = ranges.end.next_power_of_two();
-            self.ring = Some(Buffer::new(gpu, "frame data", size, usage, MemoryLocation::CpuToGpu)?);
+            let ring = Buffer::new(gpu, "frame data", size, usage, MemoryLocation::CpuToGpu)?;
+            // Every binding, read or not: lavapipe (22.3) follows what a bound set holds, and a descriptor of the buffer
+            // that was just destroyed, legal where no shader reads it, crashes it.
+            for (binding, kind) in FRAME_BINDINGS {
+                write_buffer(gpu, self.frame_set.raw, binding, kind, ring.raw, 0, 16);
+            }
+            self.ring = Some(ring);
         }
         let Some(ring) = &mut self.ring else { return Ok(()) };
         let raw = ring.raw;
