@@ -63,13 +63,13 @@ fn every_file_looks_the_same_on_vulkan_and_cpu() {
     gltf_files(&assets().join("gltf"), &mut files);
     files.sort();
     if files.is_empty() {
-        println!("1 test skipped: no files in {}", assets().display());
+        println!("SKIP 1: no files in {}", assets().display());
         return;
     }
     let mut vulkan = match VulkanRenderer::new(GpuOptions { validation: true, ..GpuOptions::default() }) {
         Ok(r) => r,
         Err(RenderError::NoVulkan { why }) => {
-            println!("1 test skipped: {why}");
+            println!("SKIP 1: {why}");
             return;
         }
         Err(e) => panic!("{e}"),
