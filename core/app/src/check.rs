@@ -4,7 +4,8 @@ use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json};
 use crate::{registry, scene};
 use choreo_plugin::Registry;
-use choreo_stage::{Evaluator, Stage};
+use choreo_script::Diagnostic;
+use choreo_stage::{Evaluator, Stage, StageError};
 use serde_json::json;
 use std::sync::Arc;
 
@@ -24,7 +25,7 @@ pub fn run(args: CheckArgs) -> Result<(), Failure> {
         if !args.json {
             scene.warnings.iter().for_each(|w| eprintln!("{w}"));
         }
-        return Err(Failure::Input(problems.into_iter().map(Problem::Text).collect()));
+        return Err(Failure::Input(problems));
     }
     let frames = scene.stage.settings.fps.frames_in(scene.stage.settings.length);
     if args.json {
@@ -36,42 +37,63 @@ pub fn run(args: CheckArgs) -> Result<(), Failure> {
         1 => "1 warning".to_string(),
         n => format!("{n} warnings"),
     };
-    print(&format!("{}: good, {frames} frames, {warnings}\n", args.scene.input.display()))
+    let plural = if frames == 1 { "" } else { "s" };
+    print(&format!("{}: good, {frames} frame{plural}, {warnings}\n", args.scene.input.display()))
 }
 
-fn problems(stage: &Arc<Stage>, registry: &Registry) -> Vec<String> {
-    let mut problems: Vec<String> = stage.check().iter().map(ToString::to_string).collect();
+fn problems(stage: &Arc<Stage>, registry: &Registry) -> Vec<Problem> {
+    let mut problems: Vec<Problem> = stage.check().iter().map(|e| Problem::Text(e.to_string())).collect();
     for used in &stage.effects {
         if registry.effect(&used.plugin).is_none() {
             let names = || registry.effects().iter().map(|e| e.manifest().name);
-            problems.push(format!(
+            problems.push(Problem::Text(format!(
                 "unknown effect \"{}\"{}",
                 used.plugin,
                 choreo_script::did_you_mean(&used.plugin, names())
-            ));
+            )));
         }
     }
     let settings = &stage.settings;
     let frames = settings.fps.frames_in(settings.length).max(1);
     let step = (frames + MOST_FRAMES - 1) / MOST_FRAMES;
     let mut evaluator = Evaluator::new(stage.clone());
-    // By text: (first frame, how many).
-    let mut failed: Vec<(String, i64, u64)> = Vec::new();
+    // Equal but for the time: (problem, first time, how many).
+    let mut failed: Vec<(Problem, f64, u64)> = Vec::new();
     for frame in (0..frames).step_by(step.max(1) as usize) {
-        let Err(error) = evaluator.at(settings.fps.time_of(frame)) else { continue };
-        let text = error.to_string();
-        match failed.iter().position(|(t, ..)| *t == text) {
+        let time = settings.fps.time_of(frame);
+        let Err(error) = evaluator.at(time) else { continue };
+        // A camera that frames the whole scene looks at other times too: a callback tells when it failed.
+        let (problem, secs) = match &error {
+            StageError::Hook { error, time } => (callback(error.as_ref()), time.as_secs()),
+            _ => (Problem::Text(error.to_string()), time.as_secs()),
+        };
+        match failed.iter().position(|(p, ..)| *p == problem) {
             Some(known) => failed[known].2 += 1,
-            None if failed.len() < MOST_PROBLEMS => failed.push((text, frame, 1)),
+            None if failed.len() < MOST_PROBLEMS => failed.push((problem, secs, 1)),
             None => {}
         }
     }
-    for (text, frame, count) in failed {
-        let more = if count > 1 { format!(" and {} more", count - 1) } else { String::new() };
-        let line = format!("{text}\n    at frame {frame}{more}");
-        if !problems.contains(&text) {
-            problems.push(line);
+    for (mut problem, secs, count) in failed {
+        if problems.contains(&problem) {
+            continue;
         }
+        let more = match count {
+            1 => String::new(),
+            n => format!(" and in {} more frames", n - 1),
+        };
+        match &mut problem {
+            Problem::Text(text) => *text = format!("{text}\n    at {secs} s{more}"),
+            Problem::Script(d) => d.message = format!("{} (at {secs} s{more})", d.message),
+        }
+        problems.push(problem);
     }
     problems
+}
+
+/// With file, line and column where the script's own error is known.
+fn callback(error: &(dyn std::error::Error + Send + Sync + 'static)) -> Problem {
+    match (error as &(dyn std::error::Error + 'static)).downcast_ref::<Diagnostic>() {
+        Some(diagnostic) => Problem::Script(diagnostic.clone()),
+        None => Problem::Text(error.to_string()),
+    }
 }

@@ -18,7 +18,7 @@ pub enum Failure {
 }
 
 /// One thing that is wrong with an input.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub enum Problem {
     /// Complete with its place.
     Text(String),

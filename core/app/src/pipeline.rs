@@ -152,5 +152,11 @@ fn encode_pictures(
 }
 
 pub fn render_failure(error: RenderError) -> Failure {
-    Failure::Device(error.to_string())
+    let text = error.to_string();
+    match text.to_ascii_lowercase().contains("out of memory") {
+        true => Failure::Device(format!(
+            "{text}\n    hint: smaller pictures (--size) or one sample (--samples 1) need less"
+        )),
+        false => Failure::Device(text),
+    }
 }

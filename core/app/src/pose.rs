@@ -12,6 +12,12 @@ use std::io::Write;
 
 pub fn run(args: PoseArgs) -> Result<(), Failure> {
     let at = ranges::at(&args.at)?;
+    if let Some(path) = &args.mesh
+        && !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"))
+    {
+        // A slip of the hand must not replace a script or a model.
+        return Err(Failure::Usage(format!("--mesh {}: write a name that ends in .obj", path.display())));
+    }
     let registry = registry::registry();
     let scene = scene::open(&args.scene, &registry)?;
     let snapshot = Evaluator::new(scene.stage.clone()).at(at).map_err(|e| Failure::input(e.to_string()))?;

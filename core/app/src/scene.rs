@@ -43,7 +43,6 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
             ScriptOptions { set, search_paths: args.search.clone(), limits, ..ScriptOptions::default() };
         let script = run_file(&args.input, registry, &options).map_err(|d| Failure::Input(errors(d)))?;
         let mut warnings: Vec<String> = script.warnings.iter().map(ToString::to_string).collect();
-        warnings.extend(script.stage.warnings.iter().cloned());
         warnings.extend(asset_warnings(&script.stage));
         return Ok(Scene {
             name,

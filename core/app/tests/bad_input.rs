@@ -150,6 +150,12 @@ fn command_lines_that_are_wrong() {
     ] {
         assert_eq!(refused(d, args), (2, expected.to_string()), "{args:?}");
     }
+    // A slip that would write over the script or the model.
+    for mesh in ["tri.gltf", "s.rhai", "x.stl", "x"] {
+        let expected = format!("--mesh {mesh}: write a name that ends in .obj");
+        assert_eq!(refused(d, &["pose", "tri.gltf", "--mesh", mesh]), (2, expected));
+    }
+    assert_eq!(read(d, "tri.gltf"), triangle(1.0).into_bytes());
     // What clap finds itself.
     for args in [
         &["render", "tri.gltf"][..],
@@ -237,6 +243,71 @@ fn scripts_that_are_wrong_say_where() {
 }
 
 /// All at once, with places for machines.
+/// A callback that fails late: with its place and time, for people and machines, and before anything is rendered or left.
+#[test]
+fn callbacks_that_fail_late_are_found() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let text = "stage(#{ length: 4, fps: 30 });\nlet b = cast(\"b\", shape(\"box\"));\n\
+                camera(\"c\").at(0, 1, 5);\non_frame(|t| { if t >= 3.3 { throw \"boom\"; } b.at(t, 0, 0); });";
+    std::fs::write(d.join("s.rhai"), text).unwrap();
+    let (code, line) = refused(d, &["check", "s.rhai"]);
+    assert_eq!((code, line.as_str()), (1, "s.rhai:4:30: boom (at 3.3 s and in 20 more frames)"));
+    let run = choreo(d, &["check", "s.rhai", "--json"]);
+    let value: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    assert_eq!(
+        (value["errors"][0]["line"].as_u64(), value["errors"][0]["column"].as_u64()),
+        (Some(4), Some(30))
+    );
+    for output in ["o.mp4", "o.y4m", "o.gif", "f/%03d.png"] {
+        let small = ["--device", "cpu", "--size", "64x64", "--quiet"];
+        let args: Vec<&str> = ["render", "s.rhai", "-o", output].into_iter().chain(small).collect();
+        let run = choreo(d, &args);
+        assert_eq!(run.code, 1, "{}", run.err);
+        assert!(run.err.starts_with("s.rhai:4:30: boom\n"), "{}", run.err);
+        assert!(run.err.trim_end().ends_with("    at 3.3 s"), "{}", run.err);
+        let whole = if output.starts_with("f/") { vec!["f", "s.rhai"] } else { vec!["s.rhai"] };
+        assert!(
+            parts(d).is_empty() && names(d).iter().all(|n| whole.contains(&n.as_str())),
+            "{:?}",
+            names(d)
+        );
+    }
+    // The frames before it are there where each has a file of its own, and can be asked for alone.
+    assert!(names(&d.join("f")).iter().all(|n| n.as_str() < "099.png" && n.ends_with(".png")));
+    let args = ["render", "s.rhai", "-o", "o.mp4", "--frames", "0..99", "--device", "cpu", "--size", "64x64"];
+    assert_eq!(choreo(d, &args).code, 0);
+}
+
+/// Warnings are told once.
+#[test]
+fn warnings_are_told_once() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    std::fs::write(d.join("s.rhai"), "cast(\"a\", shape(\"box\"));\ncast(\"b\", shape(\"box\"));").unwrap();
+    let run = choreo(d, &["check", "s.rhai", "--json"]);
+    let value: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    assert_eq!(value["warnings"].as_array().map(Vec::len), Some(1), "{value}");
+    assert_eq!(choreo(d, &["check", "s.rhai"]).out, "s.rhai: good, 120 frames, 1 warning\n");
+}
+
+#[test]
+fn scripts_that_are_hard_to_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    std::fs::write(d.join("latin.rhai"), b"stage(#{});\nlet x = \"\xff\";\n").unwrap();
+    std::fs::write(d.join("big.rhai"), vec![b' '; 100_000_000]).unwrap();
+    std::fs::write(d.join("deep.rhai"), format!("let x = {}1{};", "(".repeat(100_000), ")".repeat(100_000)))
+        .unwrap();
+    for (name, expected) in [
+        ("latin.rhai", "\"latin.rhai\" is not a text file: line 2 is not UTF-8"),
+        ("big.rhai", "\"big.rhai\" has 100000000 bytes; a script may have 4194304"),
+        ("deep.rhai", "deep.rhai:1:40: this expression is nested too deeply"),
+    ] {
+        assert_eq!(refused(d, &["check", name]), (1, expected.to_string()));
+    }
+}
+
 #[test]
 fn several_script_errors_are_told_together() {
     let dir = folder();

@@ -80,6 +80,44 @@ fn a_reader_that_goes_away_ends_it_quietly() {
     assert!(!run.err.contains("rror") && !run.err.contains("write"), "{}", run.err);
 }
 
+/// Nothing can be tidied up after SIGKILL, but nothing half-written has the final name, and the next render is not in the way of it.
+#[test]
+fn a_killed_render_leaves_the_old_file() {
+    let dir = long_folder();
+    let d = dir.path();
+    std::fs::write(d.join("o.y4m"), "old").unwrap();
+    let child = start(d, "o.y4m");
+    wait_for("part file", || !parts(d).is_empty());
+    std::thread::sleep(Duration::from_millis(100));
+    signal(&child, "-KILL");
+    let run = finished(child.wait_with_output().unwrap());
+    assert_eq!(run.code, -1, "{}", run.err);
+    assert_eq!(read(d, "o.y4m"), b"old");
+    let args =
+        ["render", "long.gltf", "-o", "o.y4m", "--frames", "0..3", "--size", "32x32", "--device", "cpu"];
+    assert_eq!(choreo(d, &args).code, 0);
+    assert!(read(d, "o.y4m").starts_with(b"YUV4MPEG2"));
+}
+
+#[test]
+fn two_renders_to_one_file_give_a_whole_one() {
+    let dir = long_folder();
+    let d = dir.path();
+    let args = |frames: &'static str| {
+        ["render", "long.gltf", "-o", "o.y4m", "--frames", frames, "--size", "32x32", "--device", "cpu"]
+    };
+    assert_eq!(choreo(d, &args("0..40")).code, 0);
+    let whole = read(d, "o.y4m");
+    let both: Vec<Child> = (0..2)
+        .map(|_| command(d, &args("0..40")).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap())
+        .collect();
+    for child in both {
+        assert_eq!(finished(child.wait_with_output().unwrap()).code, 0);
+    }
+    assert!(read(d, "o.y4m") == whole, "the two renders got mixed up");
+    assert_eq!(names(d), ["long.gltf", "o.y4m"]);
+}
+
 #[test]
 fn a_folder_that_vanishes_is_named() {
     let dir = long_folder();

@@ -27,6 +27,11 @@ pub struct Shared {
 }
 
 impl Shared {
+    /// Whether the script has used up its time.
+    pub fn late(&self) -> bool {
+        self.deadline.lock().unwrap_or_else(PoisonError::into_inner).is_some_and(|d| Instant::now() > d)
+    }
+
     pub fn source_line(&self, file: &str, line: usize) -> String {
         let sources = self.sources.lock().unwrap_or_else(PoisonError::into_inner);
         let text = sources.get(file).cloned();

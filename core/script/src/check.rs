@@ -1,7 +1,7 @@
 //! What can be told of a script without drawing: not wrong, but hardly meant.
 
 use crate::api::cue;
-use crate::build::Build;
+use crate::build::{ActorDraft, Build};
 use crate::call::{ApiError, Place};
 use crate::diagnostic::Severity;
 use choreo_motion::Time;
@@ -68,6 +68,7 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
             warn(&draft.at, format!("clip \"{name}\" has no length: it is a pose"));
         }
     }
+    restarts(build, &times, warn);
     // Two chains of one actor on the base layer that begin together: the later one hides the earlier.
     let mut begins: std::collections::BTreeMap<(usize, Time), usize> = std::collections::BTreeMap::new();
     for (id, draft) in build.cues.iter().enumerate() {
@@ -88,9 +89,39 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
     }
 }
 
-/// Several actors in one place were not meant to be there.
+/// A part of a clip repeats with a jump, since its ends do not match; while the next clip fades in over it nobody meant
+/// that. (Whole clips are taken to be made for repeating.)
+fn restarts(build: &Build, times: &[(Time, Option<Time>)], warn: &mut impl FnMut(&Place, String)) {
+    for (id, next) in build.cues.iter().enumerate() {
+        let Some(before) = next.after else { continue };
+        let draft = &build.cues[before];
+        let length = draft.length().as_secs();
+        let looped = draft.repeats(build.chains[draft.chain].mask.is_some()) == Repeat::Loop;
+        if draft.trim.is_none() || draft.repeat.is_some() || !looped || length <= 0.0 {
+            continue;
+        }
+        let from = (times[id].0 - times[before].0).as_secs();
+        let to = from + next.fade_in.as_secs();
+        // Seconds to which a start over at either end of the fade does not count.
+        const SLACK: f64 = 1e-3;
+        let restart = libm::ceil((from - SLACK) / length).max(1.0) * length;
+        if restart < to - SLACK {
+            let text = format!(
+                "this part of clip \"{}\" takes {length} s and starts over at {} s, while \"{}\" fades in over it; \
+                 add .once() to hold its last pose, or .loop() if it is meant",
+                draft.clip.name,
+                times[before].0.as_secs() + restart,
+                next.clip.name
+            );
+            warn(&draft.at, text);
+        }
+    }
+}
+
+/// Several actors in one place were not meant to be there; a flat ground below them was.
 fn unplaced(build: &Build, warn: &mut impl FnMut(&Place, String)) {
-    let nowhere: Vec<_> = build.actors.iter().filter(|a| !a.placed).collect();
+    let flat = |a: &ActorDraft| a.actor.asset.name == "shape plane";
+    let nowhere: Vec<_> = build.actors.iter().filter(|a| !a.placed && !flat(a)).collect();
     if nowhere.len() < 2 {
         return;
     }

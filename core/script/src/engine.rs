@@ -14,8 +14,7 @@ use rhai::{Dynamic, Engine, EvalAltResult, NativeCallContext, Scope, Token};
 use std::any::TypeId;
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
-use std::time::Instant;
+use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 /// Names that a script cannot use, and why.
 pub const REFUSED: &[(&str, &str)] = &[
@@ -55,7 +54,7 @@ pub fn engine(shared: &Arc<Shared>) -> Engine {
     engine.register_global_module(globals.into());
     restrict(&mut engine, shared);
     capture_output(&mut engine, shared);
-    allow_keywords_as_methods(&mut engine);
+    watch_tokens(&mut engine, shared);
     engine.set_module_resolver(Modules::new(shared.clone()));
     register_types(&mut engine);
     api::maths::register(&mut engine);
@@ -98,13 +97,8 @@ fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
             return Some("operations".into());
         }
         // A single step may copy a large array, so the clock is read often; the memory is dearer to ask for.
-        if steps & 0xff == 0
-            && let Some(shared) = watched.upgrade()
-        {
-            let deadline = *shared.deadline.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            if deadline.is_some_and(|d| Instant::now() > d) {
-                return Some("seconds".into());
-            }
+        if steps & 0xff == 0 && watched.upgrade().is_some_and(|shared| shared.late()) {
+            return Some("seconds".into());
         }
         if steps & 0x3ff == 0 && memory_in_use().is_some_and(|m| m > memory) {
             return Some("memory".into());
@@ -141,14 +135,25 @@ fn capture_output(engine: &mut Engine, shared: &Arc<Shared>) {
     });
 }
 
+/// What the parser ends with past the time limit; `errors` knows it.
+pub const TOO_SLOW: &str = "seconds";
+
 /// After a dot, Rhai's keywords are method names: `.loop()`, `.until(3.0)`; and `until` is a key of object maps.
-fn allow_keywords_as_methods(engine: &mut Engine) {
+/// And past the time limit nothing more is read: Rhai takes quadratic time for a file with many variables.
+fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
     const OTHER: u8 = 0;
     const DOT: u8 = 1;
     const LIST: u8 = 2;
     let before = AtomicU8::new(OTHER);
+    let watched = Arc::downgrade(shared);
+    let count = AtomicU32::new(0);
     #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
     engine.on_parse_token(move |token, _, _| {
+        if count.fetch_add(1, Ordering::Relaxed) & 0x3f == 0x3f
+            && watched.upgrade().is_some_and(|shared| shared.late())
+        {
+            return Token::LexError(Box::new(rhai::LexError::Runtime(TOO_SLOW.into())));
+        }
         let now = match token {
             Token::Period | Token::Elvis => DOT,
             Token::MapStart | Token::Comma => LIST,

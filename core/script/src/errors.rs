@@ -167,6 +167,10 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
             refused(word)
         }
         ParseErrorType::BadInput(LexError::ImproperSymbol(word, _)) if word_refused(word) => refused(word),
+        ParseErrorType::BadInput(LexError::Runtime(why)) if why == crate::engine::TOO_SLOW => {
+            ApiError::new("the script takes too long to read; split it into functions and modules")
+                .hint(raise_hint("seconds", format!("{} s", shared.limits.seconds)))
+        }
         ParseErrorType::Reserved(word) => {
             ApiError::new(format!("\"{word}\" is a reserved word and cannot be a name"))
         }

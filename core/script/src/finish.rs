@@ -60,11 +60,8 @@ fn add_hooks(
 ) {
     for draft in hooks {
         let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, identity);
-        if let Err(diagnostics) = hook.try_at(Time::ZERO) {
-            let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
-            for diagnostic in diagnostics {
-                build.note(diagnostic);
-            }
+        if let Err(diagnostic) = hook.try_at(Time::ZERO) {
+            shared.build.lock().unwrap_or_else(PoisonError::into_inner).note(diagnostic);
         }
         stage.hooks.push(Arc::new(hook));
     }

@@ -43,6 +43,15 @@ pub struct Found {
     pub path: PathBuf,
 }
 
+/// The system's words without "(os error 20)".
+fn words(error: &std::io::Error) -> String {
+    match error.kind() {
+        std::io::ErrorKind::NotADirectory => "a part of the path is a file, not a folder".to_string(),
+        std::io::ErrorKind::PermissionDenied => "permission denied".to_string(),
+        _ => error.to_string(),
+    }
+}
+
 impl Folders {
     /// The script's folder first, then the search paths in order.
     pub fn new(base: &Path, search: &[PathBuf], max_bytes: u64) -> Result<Folders, LoadError> {
@@ -101,7 +110,7 @@ impl Folders {
             let path = match candidate.canonicalize() {
                 Ok(path) => path,
                 Err(e) if e.kind() == std::io::ErrorKind::NotFound => continue,
-                Err(e) => return Err(LoadError::new(format!("cannot read \"{name}\": {e}"))),
+                Err(e) => return Err(LoadError::new(format!("cannot read \"{name}\": {}", words(&e)))),
             };
             if !self.roots.iter().any(|(_, r)| path.starts_with(r)) {
                 return refuse("it is a link that leads out of the folders this script may read");
@@ -122,7 +131,7 @@ impl Folders {
 
     /// Reads a found file, up to the limit.
     pub fn read(&self, found: &Found, name: &str) -> Result<Vec<u8>, LoadError> {
-        let fail = |e: std::io::Error| LoadError::new(format!("cannot read \"{name}\": {e}"));
+        let fail = |e: std::io::Error| LoadError::new(format!("cannot read \"{name}\": {}", words(&e)));
         let file = std::fs::File::open(&found.path).map_err(fail)?;
         let mut bytes = Vec::new();
         file.take(self.max_bytes.saturating_add(1)).read_to_end(&mut bytes).map_err(fail)?;

@@ -76,25 +76,22 @@ impl ScriptHook {
         result.map(|_| ())
     }
 
-    pub fn try_at(&self, time: Time) -> Result<(), Vec<crate::Diagnostic>> {
+    pub fn try_at(&self, time: Time) -> Result<(), crate::Diagnostic> {
         self.call(time, &mut FrameEdits::default()).map_err(|e| self.explain(&e))
     }
 
-    fn explain(&self, error: &rhai::EvalAltResult) -> Vec<crate::Diagnostic> {
+    fn explain(&self, error: &rhai::EvalAltResult) -> crate::Diagnostic {
         let (mut place, error) = errors::explain(error, &self.at.file, &self.shared);
         if place.line == 0 {
             place = self.at.clone();
         }
-        vec![self.shared.diagnose(Severity::Error, &place, &error)]
+        self.shared.diagnose(Severity::Error, &place, &error)
     }
 }
 
 impl FrameHook for ScriptHook {
     fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
-        self.call(time, edits).map_err(|e| {
-            let texts: Vec<String> = self.explain(&e).iter().map(ToString::to_string).collect();
-            StageError::Hook(texts.join("\n"))
-        })
+        self.call(time, edits).map_err(|e| StageError::Hook { error: Arc::new(self.explain(&e)), time })
     }
 
     fn identity(&self) -> String {

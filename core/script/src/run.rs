@@ -140,17 +140,17 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
         let (place, error) = errors::explain(error, name, shared);
         shared.note(Severity::Error, &place, &error);
     };
+    let limit = Duration::try_from_secs_f64(shared.limits.seconds).unwrap_or(Duration::MAX);
+    let set_deadline =
+        |to: Option<Instant>| *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = to;
+    set_deadline(Instant::now().checked_add(limit));
     match engine.compile_with_scope(&engine::constants(), text) {
         Err(e) => failed(&e.into()),
         Ok(mut ast) => {
             ast.set_source(name);
             *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) =
                 ast.iter_functions().map(|f| (f.name.to_string(), f.params.len())).collect();
-            let limit = Duration::try_from_secs_f64(shared.limits.seconds).unwrap_or(Duration::MAX);
-            *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) =
-                Instant::now().checked_add(limit);
             let result = engine.run_ast_with_scope(&mut engine::constants(), &ast);
-            *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = None;
             if let Err(e) = result {
                 failed(&e);
             } else {
@@ -158,6 +158,7 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
             }
         }
     }
+    set_deadline(None);
     let script_hash = hash(text, shared);
     let identity = hex(&script_hash);
     let stage = finish(shared, &engine, &identity);

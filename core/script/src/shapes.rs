@@ -59,7 +59,10 @@ fn read_size(o: &Options, kind: &str) -> Result<DVec3, ApiError> {
         (_, None) => DVec3::splat(crate::call::number(&value, "shape: size")?),
     };
     if size.to_array().iter().any(|v| !(1e-4..=1e6).contains(v)) {
-        return Err(ApiError::new(format!("shape: size must be from 0.0001 to 1000000 m, got {size}")));
+        return Err(ApiError::new(format!(
+            "shape: size must be from 0.0001 to 1000000 m, got {:e}, {:e}, {:e}",
+            size.x, size.y, size.z
+        )));
     }
     Ok(size)
 }

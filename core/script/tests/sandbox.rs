@@ -67,6 +67,16 @@ fn the_clock_stops_what_the_steps_do_not() {
     assert_eq!(errors[0].message, "the script takes too long; does a loop never end?");
 }
 
+/// The parser takes quadratic time for many variables: the clock stops it, too.
+#[test]
+fn the_clock_stops_the_reading_of_a_script() {
+    let text: String = (0..100_000).map(|i| format!("let x{i} = 1;\n")).collect();
+    let limits = Limits { seconds: 0.05, variables: 1_000_000, ..Limits::default() };
+    let errors = assets().run_text(&text, &ScriptOptions { limits, ..ScriptOptions::default() }).unwrap_err();
+    assert_eq!(errors[0].message, "the script takes too long to read; split it into functions and modules");
+    assert!(errors[0].line > 1);
+}
+
 #[test]
 fn too_large_files_are_refused() {
     let folder = Folder::new(&[("big.toy", &"x".repeat(2000))]);
@@ -92,6 +102,44 @@ fn script_files_that_are_none() {
     assert_eq!(message("dir.rhai"), "cannot read script \"FOLDER/dir.rhai\": it is not a file");
 }
 
+fn warned(script: &choreo_script::Script) -> Vec<String> {
+    script.warnings.iter().map(|w| format!("{}: {}", w.line, w.message)).collect()
+}
+
+/// The ground belongs where an actor stands.
+#[test]
+fn a_plane_at_the_origin_is_no_mistake() {
+    let script = good(r#"cast("a", load("hero.toy")); cast("ground", shape("plane"));"#);
+    assert_eq!(warned(&script), [""; 0]);
+    let script =
+        good(r#"cast("a", load("hero.toy")); cast("ground", shape("plane")); cast("c", shape("box"));"#);
+    assert_eq!(
+        warned(&script),
+        ["1: 2 actors stand in the same place, the origin: a, c; place them with .at(x, y, z)"]
+    );
+}
+
+#[test]
+fn a_part_that_starts_over_below_a_fade_is_told() {
+    // Walk takes 1 s; the part of 0.5 s starts over every 0.5 s.
+    let script = |how: &str, until: f64, fade: f64| {
+        good(&format!(
+            "let h = load(\"hero.toy\");\nlet a = cast(\"a\", h);\n\
+             a.play(h.clip(\"Walk\"), #{{ trim: [0.5, 1.0] }}){how}.until({until})\
+             .then(h.clip(\"Run\"), #{{ fade: {fade} }});"
+        ))
+    };
+    let told = "3: this part of clip \"Walk\" takes 0.5 s and starts over at 1 s, while \"Run\" fades in over it; \
+                add .once() to hold its last pose, or .loop() if it is meant";
+    assert_eq!(warned(&script("", 1.0, 0.25)), [told]);
+    assert_eq!(warned(&script("", 0.875, 0.25)), [told]);
+    for (how, until, fade) in
+        [("", 0.75, 0.25), ("", 1.125, 0.25), (".loop()", 1.0, 0.25), ("", 1.0, 0.0), (".once()", 0.5, 0.25)]
+    {
+        assert_eq!(warned(&script(how, until, fade)), [""; 0], "{how} {until} {fade}");
+    }
+}
+
 #[test]
 fn check_tells_what_is_hardly_meant() {
     let script = good(
@@ -106,9 +154,8 @@ fn check_tells_what_is_hardly_meant() {
            camera("c").at(0, 1, 5).cut(9);
            sun(#{ shadow: true });"#,
     );
-    let got: Vec<String> = script.warnings.iter().map(|w| format!("{}: {}", w.line, w.message)).collect();
     assert_eq!(
-        got,
+        warned(&script),
         [
             "10: sun: shadow is not drawn by this version; the light shines without",
             "5: clip \"Walk\" is played once and takes 1 s, but its cue lasts 3 s: the last pose is held",

@@ -336,9 +336,9 @@ pub enum LightEdit {
 
 #[derive(Clone, Debug, Error)]
 pub enum StageError {
-    /// A script callback failed; the text is complete, with file and line.
-    #[error("{0}")]
-    Hook(String),
+    /// A script callback failed; the error's text is complete, with file and line.
+    #[error("{error}\n    at {} s", time.as_secs())]
+    Hook { error: Arc<dyn std::error::Error + Send + Sync>, time: Time },
     /// An actor and those between it and itself.
     #[error("actor \"{0}\" is attached to itself, through {1}")]
     Cycle(String, String),

@@ -238,8 +238,10 @@ fn hooks_edit_after_keys_and_in_order() {
         Ok(())
     })));
     close(place(&stage.at(secs(0.5)).unwrap(), a), v(7.0, 0.0, 1.0), 1e-12);
-    stage.hooks.push(Arc::new(Hook(|_, _| Err(StageError::Hook("walk.rhai:3:1: no".into())))));
-    assert_eq!(stage.at(secs(0.5)).unwrap_err().to_string(), "walk.rhai:3:1: no");
+    stage.hooks.push(Arc::new(Hook(|_, _| {
+        Err(StageError::Hook { error: Arc::from(Box::from("walk.rhai:3:1: no")), time: secs(0.5) })
+    })));
+    assert_eq!(stage.at(secs(0.5)).unwrap_err().to_string(), "walk.rhai:3:1: no\n    at 0.5 s");
 }
 
 #[test]
