@@ -61,9 +61,11 @@ fn prepare<'r>(args: &RenderArgs, target: Target, registry: &'r Registry) -> Res
     let at = args.at.as_deref().map(ranges::at).transpose()?;
     let samples = args.samples.as_deref().map(ranges::samples).transpose()?;
 
-    let scene = scene::open(&args.scene, registry)?;
+    let mut scene = scene::open(&args.scene, registry)?;
     let mut settings = scene.stage.settings.clone();
     settings.size = size.unwrap_or(settings.size);
+    // The stage too: a camera that frames what it sees does so for the shape of this picture.
+    Arc::make_mut(&mut scene.stage).settings.size = settings.size;
     settings.fps = fps.unwrap_or(settings.fps);
     let total = settings.fps.frames_in(settings.length).max(1);
     let mut notes = Vec::new();

@@ -151,3 +151,24 @@ fn pictures_and_videos_tell_how_they_were_made() {
         assert_eq!(made["choreo:stage"].as_str().unwrap().len(), 32);
     }
 }
+
+/// Framed for the shape of the picture and not for the one that the scene would have had.
+#[test]
+fn a_model_is_framed_whole_in_a_high_picture() {
+    let dir = folder();
+    let d = dir.path();
+    let (width, height) = (54, 96);
+    let size = &["--device", "cpu", "--samples", "1", "--size", "54x96"];
+    let run = choreo(d, &[&["render", "tri.gltf", "-o", "a.y4m", "--frames", "0..30"][..], size].concat());
+    assert_eq!(run.code, 0, "{}", run.err);
+    let bytes = read(d, "a.y4m");
+    let header = bytes.iter().position(|b| *b == b'\n').unwrap() + 1;
+    let mut drawn = 0;
+    for frame in bytes[header..].chunks(6 + width * height * 3 / 2) {
+        for row in frame[6..6 + width * height].chunks(width) {
+            assert_eq!(row[0], row[width - 1], "the background is the same at both edges");
+            drawn += row.iter().filter(|luma| luma.abs_diff(row[0]) > 8).count();
+        }
+    }
+    assert!(drawn > 30 * 50, "{drawn}: it is drawn, and large");
+}
