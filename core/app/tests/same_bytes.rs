@@ -1,0 +1,151 @@
+//! The same script gives the same bytes: twice, in any order of frames, in two halves by two processes, with any number of
+//! threads, on the CPU and on Vulkan.
+
+mod common;
+
+use choreo_motion::Time;
+use choreo_plugin::{Frame, Registry};
+use choreo_render::{
+    Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer,
+};
+use choreo_script::{ScriptOptions, run_file};
+use choreo_stage::Evaluator;
+use common::{choreo, names, read};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+fn script(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").join(name)
+}
+
+/// Frames of a video by one process after the other into one folder.
+fn pictures(folder: &Path, device: &str, out: &str, ranges: &[&str], jobs: &str) -> Option<()> {
+    let script = script("07_keys_and_frames.rhai");
+    for range in ranges {
+        let out = format!("{out}/%04d.png");
+        let mut args = vec!["render", script.to_str().unwrap(), "-o", &out, "--frames", range];
+        args.extend(["--device", device, "--jobs", jobs, "--size", "160x90", "--samples", "4"]);
+        let run = choreo(folder, &args);
+        // The code for "no device can render it".
+        if run.code == 4 && device == "vulkan" {
+            println!("SKIP 1: {}", run.err.lines().next().unwrap_or_default());
+            return None;
+        }
+        assert_eq!(run.code, 0, "{}", run.err);
+    }
+    Some(())
+}
+
+fn processes(device: &str) {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let ways: [(&str, &[&str], &str); 4] = [
+        ("whole", &["40..52"], "2"),
+        ("again", &["40..52"], "2"),
+        ("one_thread", &["40..52"], "1"),
+        ("halves", &["46..52", "40..46"], "2"),
+    ];
+    for (out, ranges, jobs) in ways {
+        if pictures(d, device, out, ranges, jobs).is_none() {
+            return;
+        }
+    }
+    let whole = names(&d.join("whole"));
+    assert_eq!(whole.len(), 12);
+    for (out, ..) in ways {
+        assert_eq!(names(&d.join(out)), whole, "{out}");
+        for name in &whole {
+            let same = read(d, &format!("whole/{name}")) == read(d, &format!("{out}/{name}"));
+            assert!(same, "{device}: {name} differs between whole and {out}");
+        }
+    }
+    // The comparison can fail: people move.
+    assert!(read(d, "whole/0040.png") != read(d, "whole/0041.png"));
+
+    let script = script("07_keys_and_frames.rhai");
+    for (name, jobs) in [("a.y4m", "1"), ("b.y4m", "2")] {
+        let mut args = vec!["render", script.to_str().unwrap(), "-o", name, "--frames", "40..48"];
+        args.extend(["--device", device, "--jobs", jobs, "--size", "160x90", "--samples", "1"]);
+        let run = choreo(d, &args);
+        assert_eq!(run.code, 0, "{}", run.err);
+    }
+    assert!(read(d, "a.y4m") == read(d, "b.y4m"), "{device}: y4m");
+    assert!(read(d, "a.y4m").len() > 8 * 160 * 90);
+}
+
+#[test]
+fn processes_on_the_cpu() {
+    processes("cpu");
+}
+
+#[test]
+fn processes_on_vulkan() {
+    processes("vulkan");
+}
+
+/// The frames of a script in the order of `numbers`, several in flight, everything kept from frame to frame.
+fn draw(renderer: &mut dyn Renderer, name: &str, registry: &Registry, numbers: &[i64]) -> Vec<Frame> {
+    let mut stage = run_file(&script(name), registry, &ScriptOptions::default()).unwrap().stage;
+    stage.settings.size = [160, 90];
+    let length = stage.settings.length.as_secs();
+    let catalog = Arc::new(Catalog::new(&stage));
+    renderer.load(catalog.clone()).unwrap();
+    let mut evaluator = Evaluator::new(Arc::new(stage));
+    let options = PlanOptions { effects: registry.effects(), ..PlanOptions::new([160, 90], 4) };
+    let (mut frames, mut flying) = (Vec::new(), 0);
+    for number in numbers {
+        let snapshot = evaluator.at(Time::from_secs(length * *number as f64 / FRAMES as f64)).unwrap();
+        renderer.submit(Plan::new(&catalog, evaluator.stage(), &snapshot, &options)).unwrap();
+        flying += 1;
+        if flying == renderer.frames_in_flight() {
+            frames.push(renderer.collect(None).unwrap());
+            flying -= 1;
+        }
+    }
+    for _ in 0..flying {
+        frames.push(renderer.collect(None).unwrap());
+    }
+    frames
+}
+
+const FRAMES: i64 = 8;
+
+fn orders(renderer: &mut dyn Renderer, registry: &Registry) {
+    for name in ["01_first_dance.rhai", "04_cameras.rhai", "05_lights.rhai", "07_keys_and_frames.rhai"] {
+        let forward: Vec<i64> = (0..FRAMES).collect();
+        let backward: Vec<i64> = (0..FRAMES).rev().collect();
+        let shuffled: Vec<i64> = (0..FRAMES).map(|i| (i * 3 + 5) % FRAMES).collect();
+        let expected = draw(renderer, name, registry, &forward);
+        assert!(expected.windows(2).all(|w| w[0] != w[1]), "{name}: something moves in every frame");
+        for order in [backward, shuffled] {
+            let frames = draw(renderer, name, registry, &order);
+            for (frame, number) in frames.iter().zip(&order) {
+                assert!(*frame == expected[*number as usize], "{name}: frame {number} in order {order:?}");
+            }
+        }
+    }
+}
+
+fn registry() -> Registry {
+    let mut registry = Registry::default();
+    registry.add_importer(import_mannequin::Mannequin);
+    registry.add_effect(effect_vignette::Vignette);
+    registry
+}
+
+#[test]
+fn any_order_on_the_cpu() {
+    let registry = registry();
+    orders(&mut CpuRenderer::new(registry.effects()), &registry);
+}
+
+#[test]
+fn any_order_on_vulkan() {
+    let registry = registry();
+    let effects = registry.effects().to_vec();
+    match VulkanRenderer::new(GpuOptions { validation: true, effects, ..GpuOptions::default() }) {
+        Ok(mut renderer) => orders(&mut renderer, &registry),
+        Err(RenderError::NoVulkan { why }) => println!("SKIP 1: {}", why.lines().next().unwrap_or_default()),
+        Err(e) => panic!("{e}"),
+    }
+}
