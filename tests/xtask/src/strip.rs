@@ -4,7 +4,7 @@ use crate::{release_binary, root, run};
 use std::process::Command;
 
 /// Times of the pictures, seconds.
-const TIMES: [&str; 5] = ["0.8", "2.6", "4.4", "6.2", "8.0"];
+const TIMES: [&str; 5] = ["1.6", "3.2", "4.9", "7.6", "9.4"];
 
 pub fn strip() -> Result<(), String> {
     let choreo = release_binary()?;

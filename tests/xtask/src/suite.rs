@@ -46,7 +46,10 @@ pub fn test(args: &[&str]) -> Result<(), String> {
         .map_err(|e| format!("cargo test did not start: {e}"))?;
     let output = child.stdout.take().ok_or("cargo test has no output")?;
     for text in BufReader::new(output).lines() {
-        tally.read(&text.map_err(|e| format!("reading the output of cargo test: {e}"))?);
+        let text = text.map_err(|e| format!("reading the output of cargo test: {e}"))?;
+        if tally.read(&text) {
+            println!("{text}");
+        }
     }
     let status = child.wait().map_err(|e| format!("cargo test: {e}"))?;
     if !status.success() {
@@ -69,8 +72,8 @@ pub fn test(args: &[&str]) -> Result<(), String> {
 }
 
 impl Tally {
-    /// Reads a line of libtest's output and passes on what a person wants to see.
-    fn read(&mut self, line: &str) {
+    /// Reads a line of libtest's output; true where a person wants to see it.
+    fn read(&mut self, line: &str) -> bool {
         if let Some(rest) = line.strip_prefix("test result: ") {
             let number = |word: &str| -> u64 {
                 let mut before = 0;
@@ -88,14 +91,13 @@ impl Tally {
             if ignored > 0 {
                 self.skips.push((ignored, "tests marked #[ignore]".to_string()));
             }
-            if number("passed") + number("failed") > 0 {
-                println!("{line}");
-            }
+            number("passed") + number("failed") > 0
         } else if let Some(rest) = line.trim_start().strip_prefix("SKIP ") {
             let (count, reason) = rest.split_once(": ").unwrap_or(("1", rest));
             self.skips.push((count.trim().parse().unwrap_or(1), reason.to_string()));
-        } else if !line.trim().is_empty() && line != "successes:" {
-            println!("{line}");
+            false
+        } else {
+            !line.trim().is_empty() && line != "successes:"
         }
     }
 }

@@ -167,6 +167,22 @@ fn keep_freed_memory() {
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 fn keep_freed_memory() {}
 
+/// What importing and compiling freed goes back to the kernel, from the heaps of all threads: a thread's own heap
+/// cannot be used by the others, and what [`keep_freed_memory`] keeps is for the frames.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+pub fn give_back_freed_memory() {
+    unsafe extern "C" {
+        fn malloc_trim(keep: usize) -> std::ffi::c_int;
+    }
+    // SAFETY: glibc's own function, safe to call at any time; it touches free memory only.
+    unsafe {
+        malloc_trim(0);
+    }
+}
+
+#[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+pub fn give_back_freed_memory() {}
+
 type Messenger = Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>;
 
 fn create_instance(

@@ -53,7 +53,11 @@ pub struct GpuOptions {
     pub device_extensions: Vec<CString>,
 }
 
-const FRAMES_IN_FLIGHT: usize = 3;
+/// On a GPU a third frame hides uneven frames; a driver that draws on the CPU is busy with two, and each costs a picture's memory three times.
+fn frames_in_flight(kind: DeviceKind) -> usize {
+    if kind == DeviceKind::VulkanCpu { 2 } else { 3 }
+}
+
 /// A frame that takes longer is given up: a driver that hangs must not hang the program.
 const TIMEOUT_SECS: u64 = 300;
 
@@ -71,6 +75,8 @@ pub struct VulkanRenderer {
     submitted: u64,
     catalog: Arc<Catalog>,
     last: Option<Recording>,
+    /// No frame of this catalogue was collected yet: its uploads and pipelines still leave freed memory behind.
+    fresh: bool,
 }
 
 impl VulkanRenderer {
@@ -104,6 +110,7 @@ impl VulkanRenderer {
             submitted: 0,
             catalog: Arc::default(),
             last: None,
+            fresh: true,
         };
         // From here on `drop` cleans up.
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
@@ -112,7 +119,7 @@ impl VulkanRenderer {
         renderer.timeline =
             unsafe { renderer.gpu.device.create_semaphore(&info, None) }.named("frame timeline")?;
         renderer.gpu.name(renderer.timeline, "frame timeline");
-        for _ in 0..FRAMES_IN_FLIGHT {
+        for _ in 0..frames_in_flight(renderer.gpu.info.kind) {
             let slot = Slot::new(&renderer.gpu, &renderer.layouts, &mut renderer.pools)?;
             renderer.slots.push(slot);
         }
@@ -277,19 +284,21 @@ impl Renderer for VulkanRenderer {
     }
 
     fn frames_in_flight(&self) -> usize {
-        FRAMES_IN_FLIGHT
+        self.slots.len()
     }
 
     fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError> {
         self.wait_idle()?;
         self.resources.retain(&self.gpu, &catalog);
         self.catalog = catalog;
+        self.fresh = true;
+        context::give_back_freed_memory();
         self.gpu.check_messages()
     }
 
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
         let index = self.free_slot().ok_or_else(|| {
-            RenderError::Usage(format!("{FRAMES_IN_FLIGHT} frames are in flight; collect one first"))
+            RenderError::Usage(format!("{} frames are in flight; collect one first", self.slots.len()))
         })?;
         self.check(&plan)?;
         let options = RecordOptions { cpu_device: self.gpu.info.kind == DeviceKind::VulkanCpu };
@@ -336,6 +345,9 @@ impl Renderer for VulkanRenderer {
         self.pending.pop_front();
         let slot = &mut self.slots[index];
         slot.release_staging(&self.gpu);
+        if std::mem::take(&mut self.fresh) {
+            context::give_back_freed_memory();
+        }
         let [width, height] = slot.size;
         let bytes = width as usize * height as usize * 4;
         let mapped = slot.readback.as_ref().and_then(|b| b.mapped().get(..bytes)).ok_or_else(|| {
