@@ -39,7 +39,10 @@ pub(crate) fn evaluate(
             let at = Attachment { actor: index, joint: Some(light.joint) };
             let world_from_light = world_from_attachment(stage, actors, &at);
             let direction = -world_from_light.matrix3.z_axis;
-            out.extend(finite(light.light, world_from_light.translation, direction));
+            // glTF's Lambert surface gives back 1/π of the light (Appendix B), choreo's all of it.
+            let mut shining = light.light;
+            shining.intensity *= std::f32::consts::FRAC_1_PI;
+            out.extend(finite(shining, world_from_light.translation, direction));
         }
     }
     if stage.lights.is_empty() && !any_in_files {

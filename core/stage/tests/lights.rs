@@ -108,3 +108,17 @@ fn parents_keys_and_hooks() {
     assert_eq!((lights[0].light.intensity, lights[0].light.color), (9.0, Vec3::Y));
     close(lights[0].position, v(5.0, 1.6, 0.0), 1e-6);
 }
+
+#[test]
+fn a_light_of_a_file_lights_a_lambert_surface_as_gltf_says() {
+    // glTF 2.0 Appendix B: radiance = albedo/π · lux; choreo's shading gives albedo · intensity.
+    let mut asset = (*torch_bearer()).clone();
+    asset.lights[0].light = Light { kind: LightKind::Directional, ..candle(5.0) };
+    let mut stage = Stage::default();
+    stage.cast("anna", Arc::new(asset));
+    let light = stage.at(Time::ZERO).unwrap().lights[0].light;
+    assert!((light.intensity - 5.0 / std::f32::consts::PI).abs() < 1e-6, "{}", light.intensity);
+    // The script's own lights are in choreo's convention already.
+    stage.lights.push(StageLight::new("mine", Light { kind: LightKind::Directional, ..candle(5.0) }));
+    assert!(stage.at(Time::ZERO).unwrap().lights.iter().any(|l| l.light.intensity == 5.0));
+}
