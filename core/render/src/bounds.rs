@@ -1,61 +1,19 @@
 //! Axis-aligned boxes of primitives and their posed, morphed, skinned copies: never too small, so that culling never shows.
 
 use crate::plan::Rows;
+pub use choreo_stage::Aabb;
 use choreo_stage::Primitive;
 use glam::{Affine3A, Mat4, Vec3};
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Aabb {
-    pub min: Vec3,
-    pub max: Vec3,
-}
-
-impl Aabb {
-    /// Contains nothing; the neutral element of [`Aabb::union`].
-    pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
-
-    pub fn of(points: impl IntoIterator<Item = Vec3>) -> Aabb {
-        points.into_iter().fold(Aabb::EMPTY, Aabb::with)
+/// Box of the transformed box: centre moved, half extents by the absolute matrix.
+fn transformed(b: Aabb, rows: &Rows) -> Aabb {
+    if b.is_empty() {
+        return Aabb::EMPTY;
     }
-
-    /// Grown to hold a point. Points that are not finite are never drawn and do not count.
-    pub fn with(self, p: Vec3) -> Aabb {
-        if p.is_finite() { Aabb { min: self.min.min(p), max: self.max.max(p) } } else { self }
-    }
-
-    pub fn union(self, other: Aabb) -> Aabb {
-        Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
-    }
-
-    pub fn is_empty(self) -> bool {
-        !(self.min.x <= self.max.x && self.min.y <= self.max.y && self.min.z <= self.max.z)
-    }
-
-    pub fn center(self) -> Vec3 {
-        (self.min + self.max) * 0.5
-    }
-
-    pub fn corners(self) -> [Vec3; 8] {
-        std::array::from_fn(|i| {
-            Vec3::new(
-                if i & 1 == 0 { self.min.x } else { self.max.x },
-                if i & 2 == 0 { self.min.y } else { self.max.y },
-                if i & 4 == 0 { self.min.z } else { self.max.z },
-            )
-        })
-    }
-
-    /// Box of the transformed box: centre moved, half extents by the absolute matrix.
-    pub fn transformed(self, rows: &Rows) -> Aabb {
-        if self.is_empty() {
-            return Aabb::EMPTY;
-        }
-        let (c, h) = (self.center(), (self.max - self.min) * 0.5);
-        let center = rows.transform_point(c);
-        let half =
-            Vec3::from_array(std::array::from_fn(|i| rows.0[i].truncate().abs().dot(h) * (1.0 + 1e-6)));
-        Aabb { min: center - half, max: center + half }
-    }
+    let (c, h) = (b.center(), (b.max - b.min) * 0.5);
+    let center = rows.transform_point(c);
+    let half = Vec3::from_array(std::array::from_fn(|i| rows.0[i].truncate().abs().dot(h) * (1.0 + 1e-6)));
+    Aabb { min: center - half, max: center + half }
 }
 
 /// What the planner must know of a primitive beside its arrays; computed once for the catalogue.
@@ -123,7 +81,7 @@ impl PrimitiveInfo {
                     if boxes.len() <= joint {
                         boxes.resize(joint + 1, Aabb::EMPTY);
                     }
-                    boxes[joint] = boxes[joint].with(*position);
+                    boxes[joint].add(*position);
                 }
             }
             info.joint_bounds = (0u16..).zip(boxes).filter(|(_, b)| !b.is_empty()).collect();
@@ -148,7 +106,7 @@ impl PrimitiveInfo {
 
     /// Relative-space box of a copy with one transform.
     pub fn posed(&self, relative_from_mesh: &Rows, morph_offset: Aabb) -> Aabb {
-        grown(self.bounds, morph_offset).transformed(relative_from_mesh)
+        transformed(grown(self.bounds, morph_offset), relative_from_mesh)
     }
 
     /// Relative-space box of a skinned copy. A skinned vertex is a convex combination of its joints'
@@ -157,7 +115,7 @@ impl PrimitiveInfo {
         let mut all = Aabb::EMPTY;
         for (joint, b) in &self.joint_bounds {
             if let Some(rows) = joints.get(*joint as usize) {
-                all = all.union(grown(*b, morph_offset).transformed(rows));
+                all = all.union(transformed(grown(*b, morph_offset), rows));
             }
         }
         all

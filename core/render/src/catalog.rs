@@ -1,7 +1,7 @@
 //! What all frames of a stage share: every distinct primitive, material and texture once, keyed by content.
 
 use crate::bounds::PrimitiveInfo;
-use crate::content::{material_hash, pixel_hash, primitive_hash};
+use crate::content::{material_hash, short};
 use choreo_stage::{AlphaMode, Asset, Image, Material, Primitive, Sampler, Shading, Stage, TextureRef};
 use glam::Affine2;
 use std::collections::HashMap;
@@ -156,7 +156,7 @@ impl Builder {
 
     fn primitive(&mut self, mesh: &Arc<choreo_stage::Mesh>, index: u32) -> u32 {
         let primitive = &mesh.primitives[index as usize];
-        let hash = primitive_hash(primitive);
+        let hash = short(primitive.content_hash());
         *self.primitives.entry(hash).or_insert_with(|| {
             let info = PrimitiveInfo::new(primitive);
             self.catalog.primitives.push(CatalogPrimitive { mesh: mesh.clone(), index, hash, info });
@@ -208,7 +208,8 @@ impl Builder {
         if bytes == 0 || bytes != image.rgba.len() as u64 {
             return None;
         }
-        let hash = *self.image_hashes.entry(Arc::as_ptr(image)).or_insert_with(|| pixel_hash(image));
+        let hash =
+            *self.image_hashes.entry(Arc::as_ptr(image)).or_insert_with(|| short(image.content_hash()));
         let textures = &mut self.catalog.textures;
         let id = *self.textures.entry((hash, srgb)).or_insert_with(|| {
             textures.push(CatalogTexture { image: image.clone(), srgb, mipmaps: false, hash });

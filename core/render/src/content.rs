@@ -1,14 +1,8 @@
-//! Content hashes: the first 16 bytes of BLAKE3 over the numbers that reach pixels, names left out.
+//! Content hashes: the first 16 bytes of BLAKE3. Those of primitives and images are the stage's own.
 
 use crate::catalog::{CatalogMaterial, CatalogTextureRef};
-use choreo_stage::{AlphaMode, Image, Primitive, Wrap};
+use choreo_stage::{AlphaMode, ContentHash, Wrap};
 use glam::{Vec3, Vec4};
-
-fn finish(hasher: &blake3::Hasher) -> [u8; 16] {
-    let mut out = [0; 16];
-    out.copy_from_slice(&hasher.finalize().as_bytes()[..16]);
-    out
-}
 
 /// Arrays are preceded by their length, so that no two lists can run into each other.
 fn array<T: bytemuck::NoUninit>(hasher: &mut blake3::Hasher, data: &[T]) {
@@ -16,34 +10,14 @@ fn array<T: bytemuck::NoUninit>(hasher: &mut blake3::Hasher, data: &[T]) {
     hasher.update(bytemuck::cast_slice(data));
 }
 
-/// The material is not part of it: equal shapes in different colours share their buffers.
-pub fn primitive_hash(p: &Primitive) -> [u8; 16] {
-    let mut h = blake3::Hasher::new();
-    array(&mut h, &[p.topology as u32, p.influences as u32, p.morphs.len() as u32]);
-    array(&mut h, &p.indices);
-    array(&mut h, &p.positions);
-    array(&mut h, &p.normals);
-    array(&mut h, &p.tangents);
-    array(&mut h, &p.uvs[0]);
-    array(&mut h, &p.uvs[1]);
-    array(&mut h, &p.colors);
-    array(&mut h, &p.joint_indices);
-    array(&mut h, &p.joint_weights);
-    for m in &p.morphs {
-        array(&mut h, &m.positions);
-        array(&mut h, &m.normals);
-        array(&mut h, &m.tangents);
-    }
-    finish(&h)
+/// As it names buffers: 16 bytes are told apart well enough and compared at half the cost.
+pub fn short(hash: ContentHash) -> [u8; 16] {
+    let mut out = [0; 16];
+    out.copy_from_slice(&hash[..16]);
+    out
 }
 
-pub fn pixel_hash(image: &Image) -> [u8; 16] {
-    let mut h = blake3::Hasher::new();
-    array(&mut h, &[image.width, image.height]);
-    array(&mut h, &image.rgba);
-    finish(&h)
-}
-
+/// Of what the catalogue keeps of a material: textures count by their index there.
 pub fn material_hash(m: &CatalogMaterial) -> [u8; 16] {
     let mut h = blake3::Hasher::new();
     let f = &m.material;
@@ -61,7 +35,7 @@ pub fn material_hash(m: &CatalogMaterial) -> [u8; 16] {
     for t in m.texture_refs() {
         texture_ref(&mut h, t);
     }
-    finish(&h)
+    short(*h.finalize().as_bytes())
 }
 
 fn vec4(v: Vec3) -> Vec4 {

@@ -16,8 +16,15 @@ pub struct Aabb {
 impl Aabb {
     pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
+    #[inline]
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
+    }
+
+    pub fn of(points: impl IntoIterator<Item = Vec3>) -> Aabb {
+        let mut all = Aabb::EMPTY;
+        points.into_iter().for_each(|p| all.add(p));
+        all
     }
 
     /// Points that are not finite are left out.
@@ -28,11 +35,13 @@ impl Aabb {
         }
     }
 
+    #[inline]
     pub fn union(self, other: Aabb) -> Aabb {
         Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
     /// The origin where empty.
+    #[inline]
     pub fn center(&self) -> Vec3 {
         if self.is_empty() { Vec3::ZERO } else { self.min * 0.5 + self.max * 0.5 }
     }
@@ -56,6 +65,7 @@ impl Aabb {
         Aabb { min: (moved - reach).into(), max: (moved + reach).into() }
     }
 
+    #[inline]
     pub fn corners(&self) -> [Vec3; 8] {
         std::array::from_fn(|i| {
             Vec3::new(

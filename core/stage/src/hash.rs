@@ -67,11 +67,7 @@ impl Writer {
         self.pods(list, 4);
     }
     fn vec4s(&mut self, list: &[Vec4]) {
-        // Not through Pod: Vec4's alignment differs from machine to machine, its components do not.
-        self.count(list.len());
-        for v in list {
-            self.vec4(*v);
-        }
+        self.pods(list, 4);
     }
     fn vec3(&mut self, v: Vec3) {
         v.to_array().into_iter().for_each(|c| self.f32(c));
