@@ -9,8 +9,19 @@ use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 const KINDS: &[&str] = &["plane", "box", "sphere", "cylinder"];
-const OPTIONS: &[&str] =
-    &["size", "color", "checker", "tiles", "roughness", "metallic", "emissive", "unlit", "double_sided"];
+const OPTIONS: &[&str] = &[
+    "size",
+    "color",
+    "checker",
+    "tiles",
+    "roughness",
+    "metallic",
+    "emissive",
+    "unlit",
+    "double_sided",
+    "shininess",
+    "specular",
+];
 
 /// The asset of a `shape(kind, options?)` call; equal calls share one.
 pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
@@ -80,6 +91,23 @@ fn material(o: &Options) -> Result<(Material, Vec<Arc<Image>>), ApiError> {
     };
     if base.w < 1.0 {
         material.alpha_mode = choreo_stage::AlphaMode::Blend;
+    }
+    let specular = o.color("specular")?;
+    if let Some(shininess) = o.number_in("shininess", 1.0, 10000.0)? {
+        material.shading = Shading::BlinnPhong;
+        material.shininess = shininess as f32;
+        material.specular_color = specular.map_or(Vec3::splat(0.04), rgb);
+        if let Some(other) = ["roughness", "metallic", "unlit"].into_iter().find(|name| o.get(name).is_some())
+        {
+            return Err(ApiError::new(format!(
+                "shape: shininess asks for Blinn–Phong, which has no {other}"
+            ))
+            .focus(other));
+        }
+    } else if specular.is_some() {
+        return Err(
+            ApiError::new("shape: specular needs shininess, the Blinn–Phong exponent").focus("specular")
+        );
     }
     if o.flag("unlit")? == Some(true) {
         material.shading = Shading::Unlit;

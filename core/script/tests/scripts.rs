@@ -278,13 +278,16 @@ fn cameras_of_files_and_shapes() {
            a.camera("eye").cut(1); h.camera().cut(2);
            camera("top").at(0, 5, 0).rotate(-90, 0, 0).ortho(4).far(20).cut(0);
            cast("floor", shape("plane", #{ size: 4, color: "tan", checker: "brown" })).at(0, 0, 0);
-           cast("ball", shape("sphere", #{ size: [1, 2, 1] })).at(0, 0, 2);"#,
+           cast("ball", shape("sphere", #{ size: [1, 2, 1], shininess: 40, specular: "white" })).at(0, 0, 2);"#,
     )
     .stage;
     assert_eq!(s.cameras.len(), 2);
     assert_eq!(s.cameras[0].rig, Rig::File { actor: 0, camera: 0 });
     assert_eq!(s.cameras[1].projection, Projection::Orthographic { height: 4.0, near: 0.05, far: 20.0 });
     assert_eq!(s.actors[1].asset.images.len(), 1);
+    let shiny = &s.actors[2].asset.materials[0];
+    assert_eq!((shiny.shading, shiny.shininess), (choreo_stage::Shading::BlinnPhong, 40.0));
+    assert_eq!(shiny.specular_color, glam::Vec3::ONE);
 }
 
 #[test]

@@ -24,7 +24,7 @@ pub const DEFS: &[Def] = &[
         "shape",
         "kind, options?",
         Gives::A(Kind::Asset),
-        "A \"plane\", \"box\", \"sphere\" or \"cylinder\": size, color, roughness, metallic, unlit; checker: a second color, tiles: their number.",
+        "A \"plane\", \"box\", \"sphere\" or \"cylinder\": size, color, roughness, metallic, unlit, or shininess and specular (a color) for Blinn–Phong; checker: a second color, tiles: their number.",
         shape,
     ),
     Def::new(
