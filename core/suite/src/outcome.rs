@@ -1,0 +1,182 @@
+//! What a run of one section showed: plain data that every report reads.
+
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+/// One section, or one plain script, after its run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// As the user can type it: the path as it was given or found, with `/`.
+    pub file: String,
+    /// Name of the section; empty for a script that is a test as it stands.
+    pub section: String,
+    pub place: Place,
+    pub status: Status,
+    /// In the order of the script.
+    pub checks: Vec<Check>,
+    /// Warnings of the script, its stage and its assets, each complete with its place.
+    pub warnings: Vec<String>,
+    /// What the section printed.
+    pub printed: Vec<String>,
+    /// Wall time, seconds; of the earlier run where the outcome was reused.
+    pub seconds: f64,
+    /// Taken from an earlier run with the same content.
+    pub reused: bool,
+    /// Of all that the outcome depends on, as hexadecimal digits; empty where that could not be found out.
+    pub key: String,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    Passed,
+    /// At least one check failed.
+    Failed,
+    /// The reason, as the section or the runner gives it.
+    Skipped(String),
+    /// It could not be judged: an error of the script, or nothing asserted. Complete, with place and hint.
+    Error(String),
+}
+
+/// Where in a file; lines and columns from 1, 0 = unknown.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Place {
+    pub file: String,
+    pub line: usize,
+    pub column: usize,
+}
+
+/// One expectation, judged. The texts are short: one line each.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Check {
+    pub place: Place,
+    /// What is asserted, as a reader of the report wants to see it: `anna.joint("LeftHand") near [0.1, 1.2, 0.0] at 1.5 s`.
+    pub title: String,
+    pub passed: bool,
+    /// `[0.100, 1.200, 0.000] ± 0.001 m`
+    pub expected: String,
+    /// `[0.100, 1.214, 0.000] m`
+    pub got: String,
+    /// How far off: `0.014 m, 14 times the tolerance`. Empty where there is no such measure.
+    pub by: String,
+    /// What to do about a failure, a command to type included; empty where nothing is known beyond the obvious.
+    pub hint: String,
+    pub evidence: Evidence,
+}
+
+/// What a report can show of a check beyond its texts. Filled for failures; empty for checks that passed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum Evidence {
+    #[default]
+    None,
+    /// Curves over time, one plot each: the x, y and z of a joint, a speed, a weight.
+    Traces(Vec<Trace>),
+    Pictures(Box<Pictures>),
+}
+
+/// A value over time against what is allowed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Trace {
+    /// `anna LeftHand y`
+    pub label: String,
+    /// `m`, `°`, `m/s`; empty for a plain number.
+    pub unit: String,
+    /// Seconds, ascending.
+    pub times: Vec<f64>,
+    /// At each of `times`; NaN where there is none.
+    pub got: Vec<f64>,
+    /// As `got`, where a whole curve is expected; else empty.
+    pub expected: Vec<f64>,
+    /// Lowest and highest value allowed at each of `times`; infinite where that side is open, NaN where nothing is asserted.
+    pub band: Vec<[f64; 2]>,
+    /// The time that is asserted, or where the worst value is.
+    pub mark: Option<f64>,
+}
+
+/// A picture expectation's three pictures, as PNG files, and by how much they differ.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Pictures {
+    /// The picture's name in the script.
+    pub name: String,
+    /// Where the expected picture is, or would be, stored.
+    pub stored: PathBuf,
+    /// PNG files; empty where there is none. Not kept with reused outcomes, nor told in JSON.
+    #[serde(skip)]
+    pub expected: Vec<u8>,
+    #[serde(skip)]
+    pub got: Vec<u8>,
+    #[serde(skip)]
+    pub difference: Vec<u8>,
+    /// Where the three were written, in the order expected, got, difference; empty where they were not.
+    pub written: Vec<PathBuf>,
+    pub measures: Option<Measures>,
+}
+
+/// By how much two pictures of one size differ.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Measures {
+    /// Share of pixels with a channel more than `tolerance` steps of 255 off, 0..=1.
+    pub share_beyond: f64,
+    pub tolerance: u8,
+    /// Largest difference of a channel, steps of 255, and where.
+    pub worst: u8,
+    pub worst_at: [u32; 2],
+    /// Smallest box with every pixel beyond the tolerance: x, y, width, height.
+    pub region: Option<[u32; 4]>,
+    /// What the eye sees when the pictures alternate (ꟻLIP), 0 = nothing, 1 = as different as can be: mean and largest.
+    pub visible_mean: f64,
+    pub visible_worst: f64,
+    /// What that means to somebody who looks.
+    pub words: String,
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}", self.file)?;
+        for number in [self.line, self.column].into_iter().take_while(|n| *n > 0) {
+            write!(f, ":{number}")?;
+        }
+        Ok(())
+    }
+}
+
+impl Outcome {
+    /// As a user names it: `tests/suite/walk.rhai > feet stay on the floor`, or the file alone.
+    pub fn name(&self) -> String {
+        match self.section.as_str() {
+            "" => self.file.clone(),
+            section => format!("{} > {section}", self.file),
+        }
+    }
+
+    /// Neither passed nor skipped.
+    pub fn bad(&self) -> bool {
+        matches!(self.status, Status::Failed | Status::Error(_))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_and_names_are_written_as_a_user_types_them() {
+        let place = |line, column| Place { file: "a/b.rhai".into(), line, column }.to_string();
+        assert_eq!([place(0, 0), place(3, 0), place(3, 7)], ["a/b.rhai", "a/b.rhai:3", "a/b.rhai:3:7"]);
+        let mut outcome = Outcome {
+            file: "a.rhai".into(),
+            section: String::new(),
+            place: Place::default(),
+            status: Status::Skipped("why".into()),
+            checks: Vec::new(),
+            warnings: Vec::new(),
+            printed: Vec::new(),
+            seconds: 0.0,
+            reused: false,
+            key: String::new(),
+        };
+        assert_eq!((outcome.name().as_str(), outcome.bad()), ("a.rhai", false));
+        (outcome.section, outcome.status) = ("one".into(), Status::Error("what".into()));
+        assert_eq!((outcome.name().as_str(), outcome.bad()), ("a.rhai > one", true));
+    }
+}
