@@ -24,9 +24,11 @@ mod reference;
 mod run;
 mod shapes;
 mod suggest;
+pub mod testing;
 mod value;
 
 pub use build::Parameter;
+pub use call::Place;
 pub use diagnostic::{Diagnostic, Severity};
 pub use folders::{Folders, LoadError};
 pub use limits::Limits;

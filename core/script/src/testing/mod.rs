@@ -1,0 +1,95 @@
+//! Tests in scripts: sections of a file, each run on a stage of its own, and what they expect, as data.
+//!
+//! ```text
+//! path ─► list_sections ─► SectionInfo ─► run_section ─► SectionRun { stage, expectations } ─► choreo-suite judges
+//! ```
+
+mod expectation;
+
+pub use expectation::*;
+
+use crate::diagnostic::{Diagnostic, Severity};
+use crate::run::ScriptOptions;
+use choreo_stage::Stage;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A `test(…)` of a file, found without running it; or a file without any, which is a test as it stands.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SectionInfo {
+    /// Among the sections of its file, from 0.
+    pub index: usize,
+    /// Unlike every other of its file. Empty: the file has no sections and is tested as it stands.
+    pub name: String,
+    /// The file as the caller named it.
+    pub file: String,
+    /// Of its call of `test`, from 1; 0 where there is none.
+    pub line: usize,
+    /// Last line of its function.
+    pub end_line: usize,
+    /// Why it is not to be run.
+    pub skip: Option<String>,
+    /// A known bug: why it is expected to fail. It must not pass.
+    pub fails: Option<String>,
+    /// In the order of the script.
+    pub tags: Vec<String>,
+}
+
+impl SectionInfo {
+    /// The file has no sections: it is to run without errors and warnings, and to give the same finite frames again.
+    pub fn as_it_stands(&self) -> bool {
+        self.name.is_empty()
+    }
+}
+
+/// `//~ error: text` in the script: a diagnostic that must come, at its line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ExpectedDiagnostic {
+    pub severity: Severity,
+    /// From 1.
+    pub line: usize,
+    /// Part of its message.
+    pub text: String,
+    /// One came.
+    pub met: bool,
+}
+
+/// How tests are run.
+#[derive(Clone, Debug, Default)]
+pub struct TestOptions {
+    pub script: ScriptOptions,
+    /// A folder that holds the test file; `scene` and `load` may read in it, by paths relative to the test file or to it.
+    pub root: Option<PathBuf>,
+}
+
+/// One section after its run. Nothing has been judged but its diagnostics.
+#[derive(Clone, Debug)]
+pub struct SectionRun {
+    pub info: SectionInfo,
+    /// The section's own stage first, then those made with `stage_of`. Where `broken` is not empty they must not be evaluated.
+    pub stages: Vec<Arc<Stage>>,
+    /// In the order of the script.
+    pub expectations: Vec<Expectation>,
+    /// The `//~` comments that count for this section.
+    pub expected: Vec<ExpectedDiagnostic>,
+    /// Errors that no comment expects: the section has failed.
+    pub errors: Vec<Diagnostic>,
+    /// Warnings of the script that no comment expects.
+    pub warnings: Vec<Diagnostic>,
+    /// Why the stages cannot be evaluated, where errors were expected and left nothing sound.
+    pub broken: Vec<Diagnostic>,
+    /// Lines of `print` and `debug`.
+    pub printed: Vec<String>,
+    /// Canonical paths of all that was read, the file itself included, with the BLAKE3 of their content; sorted.
+    pub files_used: Vec<(PathBuf, [u8; 32])>,
+    /// Of the section's name and all files used: equal hash, equal outcome (but for the program and its device).
+    pub hash: [u8; 32],
+}
+
+impl SectionRun {
+    /// Neither an expectation nor a `//~` comment of its own: such a test cannot fail.
+    pub fn asserts_nothing(&self) -> bool {
+        let own = |e: &ExpectedDiagnostic| (self.info.line..=self.info.end_line).contains(&e.line);
+        !self.info.as_it_stands() && self.expectations.is_empty() && !self.expected.iter().any(own)
+    }
+}
