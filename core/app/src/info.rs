@@ -5,7 +5,7 @@ use crate::failure::{Failure, print, print_json, reason};
 use crate::{model, provenance, registry, scene};
 use choreo_plugin::{Registry, Source};
 use choreo_script::Limits;
-use choreo_stage::{Asset, LightKind, Projection};
+use choreo_stage::{Asset, LightKind, Origin, Projection};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::io::Read;
@@ -97,6 +97,9 @@ fn facts(asset: &Asset, importer: (String, String)) -> Facts {
 fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
     let mut t = String::new();
     let _ = writeln!(t, "{}: {} ({})", asset.name, facts.importer.0, facts.importer.1);
+    if !asset.origin.format.is_empty() {
+        let _ = writeln!(t, "file       {}", origin(&asset.origin));
+    }
     if let Some([min, max]) = facts.extents {
         let size: [f32; 3] = std::array::from_fn(|i| max[i] - min[i]);
         let _ =
@@ -153,6 +156,21 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
     t
 }
 
+/// The file's own convention, before it was converted.
+fn origin(o: &Origin) -> String {
+    let mut text = o.format.clone();
+    if let Some(metres) = o.metres_per_unit {
+        let _ = write!(text, ", 1 unit = {metres} m");
+    }
+    if !o.up.is_empty() {
+        let _ = write!(text, ", {} up", o.up);
+    }
+    if !o.writer.is_empty() {
+        let _ = write!(text, ", written by {}", o.writer);
+    }
+    text
+}
+
 /// Joints indented below their parents.
 fn tree(asset: &Asset) -> String {
     let skeleton = &asset.skeleton;
@@ -200,6 +218,10 @@ fn facts_json(asset: &Asset, facts: &Facts, joints: bool) -> Value {
     let mut value = json!({
         "file": asset.name,
         "importer": facts.importer.0,
+        "origin": {
+            "format": asset.origin.format, "writer": asset.origin.writer,
+            "metres_per_unit": asset.origin.metres_per_unit, "up": asset.origin.up,
+        },
         "joints": asset.skeleton.len(),
         "skins": asset.skins.iter().map(|s| s.joints.len()).collect::<Vec<_>>(),
         "meshes": asset.meshes.iter().map(|m| json!({

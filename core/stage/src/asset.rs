@@ -23,10 +23,25 @@ pub struct Asset {
     pub cameras: Vec<AssetCamera>,
     pub lights: Vec<AssetLight>,
     pub clips: Vec<Arc<Clip>>,
+    /// The file's own convention, which was converted.
+    pub origin: Origin,
     /// What the importer had to guess or leave.
     pub warnings: Vec<Warning>,
     /// Filled when first asked for (bounds, hashes); start with `Default::default()`.
     pub derived: crate::Derived,
+}
+
+/// How the file itself says what the asset holds in choreo's convention; shown by `choreo info`, used by nothing else.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Origin {
+    /// "COLLADA 1.4.1"; empty where the importer does not say.
+    pub format: String,
+    /// The program that wrote the file, as it calls itself; may be empty.
+    pub writer: String,
+    /// Metres a unit of the file; `None` where it is not known.
+    pub metres_per_unit: Option<f64>,
+    /// The file's upward axis: "+Y", "+Z"; may be empty.
+    pub up: String,
 }
 
 /// Something an importer guessed or left out; `place` is an element path or byte offset ("materials[2]").

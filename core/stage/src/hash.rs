@@ -316,6 +316,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
             cameras,
             lights,
             clips,
+            origin: _,
             warnings: _,
             derived: _,
         } = asset;
