@@ -52,12 +52,25 @@ pub struct SceneArgs {
     /// Model files: the clip to play (default: the first)
     #[arg(long, value_name = "NAME")]
     pub clip: Option<String>,
+    #[command(flatten)]
+    pub import: ImportArgs,
     /// A further folder in which load(…) looks for files; repeatable
     #[arg(long = "search", value_name = "DIR")]
     pub search: Vec<PathBuf>,
     /// Raise a limit of the script; repeatable
     #[arg(long = "limit", value_name = "NAME=NUMBER")]
     pub limit: Vec<String>,
+}
+
+/// How a model file is read. Scripts say it themselves: `load(…, #{ … })`.
+#[derive(Args, Debug)]
+pub struct ImportArgs {
+    /// Model files: the importer, whatever the file looks like (see `choreo plugins --for FILE`)
+    #[arg(long, value_name = "NAME")]
+    pub importer: Option<String>,
+    /// Model files: an option of the importer (see `choreo plugins`); repeatable
+    #[arg(long = "import", value_name = "NAME=VALUE")]
+    pub import: Vec<String>,
 }
 
 #[derive(Args, Debug)]
@@ -118,6 +131,8 @@ pub struct CheckArgs {
 pub struct InfoArgs {
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
+    #[command(flatten)]
+    pub import: ImportArgs,
     /// The joints as a tree
     #[arg(long)]
     pub joints: bool,
@@ -157,6 +172,9 @@ pub struct PoseArgs {
 
 #[derive(Args, Debug)]
 pub struct PluginsArgs {
+    /// Only what each importer says of this file; the first reads it
+    #[arg(long = "for", value_name = "FILE")]
+    pub file: Option<PathBuf>,
     #[arg(long)]
     pub json: bool,
 }

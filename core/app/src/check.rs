@@ -45,7 +45,7 @@ fn problems(stage: &Arc<Stage>, registry: &Registry) -> Vec<Problem> {
     let mut problems: Vec<Problem> = stage.check().iter().map(|e| Problem::Text(e.to_string())).collect();
     for used in &stage.effects {
         if registry.effect(&used.plugin).is_none() {
-            let names = || registry.effects().iter().map(|e| e.manifest().name);
+            let names = || registry.effects().iter().map(|e| e.manifest().name.as_str());
             problems.push(Problem::Text(format!(
                 "unknown effect \"{}\"{}",
                 used.plugin,

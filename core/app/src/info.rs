@@ -1,14 +1,13 @@
 //! `choreo info`: what is in a model file, or how a picture or video was made.
 
 use crate::args::InfoArgs;
-use crate::failure::{Failure, print, print_json, reason};
+use crate::failure::{Failure, print, print_json};
 use crate::{model, provenance, registry, scene};
 use choreo_plugin::{Registry, Source};
 use choreo_script::Limits;
 use choreo_stage::{Asset, LightKind, Origin, Projection};
 use serde_json::{Value, json};
 use std::fmt::Write;
-use std::io::Read;
 use std::sync::Arc;
 
 pub fn run(args: InfoArgs) -> Result<(), Failure> {
@@ -20,11 +19,11 @@ pub fn run(args: InfoArgs) -> Result<(), Failure> {
             "{shown} is a script; type choreo explain {shown} or choreo check {shown}"
         )));
     }
-    let head = head(&args)?;
+    let head = model::head(&args.file)?;
     if let Some(media) = provenance::read(&head) {
         return print_media(&args, &media);
     }
-    let asset = model::import(&args.file, &[], &registry, &Limits::default())?;
+    let asset = model::import(&args.file, &[], &args.import, &registry, &Limits::default())?;
     let importer = importer(&args, &registry, head);
     let facts = facts(&asset, importer);
     if args.json {
@@ -33,21 +32,9 @@ pub fn run(args: InfoArgs) -> Result<(), Failure> {
     print(&text(&asset, &facts, args.joints))
 }
 
-/// Enough of the file for its importer to know it and for the index of a video.
-fn head(args: &InfoArgs) -> Result<Vec<u8>, Failure> {
-    let mut head = Vec::new();
-    if model::is_built_in(&args.file) {
-        return Ok(head);
-    }
-    let failed = |e| Failure::input(format!("{}: cannot read: {}", args.file.display(), reason(&e)));
-    let file = std::fs::File::open(&args.file).map_err(failed)?;
-    file.take(16 << 20).read_to_end(&mut head).map_err(failed)?;
-    Ok(head)
-}
-
 fn importer(args: &InfoArgs, registry: &Registry, head: Vec<u8>) -> (String, String) {
     let source = Source { name: args.file.display().to_string(), bytes: Arc::new(head) };
-    let found = registry.importer_for(&source, None);
+    let found = registry.importer_for(&source, args.import.importer.as_deref());
     found.map(|i| (i.manifest().name.to_string(), i.manifest().about.to_string())).unwrap_or_default()
 }
 

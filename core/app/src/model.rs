@@ -1,10 +1,13 @@
 //! A model file in place of a script: found, imported, and put on a stage of its own.
 
+use crate::args::ImportArgs;
 use crate::failure::{Failure, reason};
+use crate::ranges;
 use choreo_motion::{Clip, Time};
 use choreo_plugin::{Needs, Registry};
-use choreo_script::{BUILT_IN, Limits, LoadError, Loader, did_you_mean};
+use choreo_script::{BUILT_IN, ImportChoice, Limits, LoadError, Loader, did_you_mean};
 use choreo_stage::{Asset, Cue, Repeat, Stage};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -62,14 +65,32 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
+/// Enough of the file for its importer to know it and for the index of a video.
+pub fn head(path: &Path) -> Result<Vec<u8>, Failure> {
+    let mut head = Vec::new();
+    if is_built_in(path) {
+        return Ok(head);
+    }
+    let failed = |e| Failure::input(format!("{}: cannot read: {}", path.display(), reason(&e)));
+    let file = std::fs::File::open(path).map_err(failed)?;
+    file.take(16 << 20).read_to_end(&mut head).map_err(failed)?;
+    Ok(head)
+}
+
 /// Imports with the same confinement as a script's `load(…)`: the model's own folder and the search folders.
 pub fn import(
     path: &Path,
     search: &[PathBuf],
+    args: &ImportArgs,
     registry: &Registry,
     limits: &Limits,
 ) -> Result<Arc<Asset>, Failure> {
     must_be_file(path)?;
+    let mut choice = ImportChoice { importer: args.importer.clone(), ..ImportChoice::default() };
+    for text in &args.import {
+        let (name, value) = ranges::name_value("--import", text)?;
+        choice.texts.push((name.to_string(), value.to_string()));
+    }
     // The loader knows the file by its name; the user, by the path typed.
     let name = match path.to_str() {
         Some(built_in) if is_built_in(path) => built_in,
@@ -86,7 +107,7 @@ pub fn import(
     };
     let base = if is_built_in(path) { Path::new("choreo.rhai") } else { path };
     let loader = Loader::for_file(base, search, registry, Needs::ALL, limits.file).map_err(problem)?;
-    loader.load(name, None, &Default::default()).map_err(problem)
+    loader.load(name, &choice).map_err(problem)
 }
 
 /// The asset alone on stage, framed and lit by the stage's defaults, playing one clip once through.

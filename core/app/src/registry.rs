@@ -2,9 +2,12 @@
 
 use crate::args::PluginsArgs;
 use crate::failure::{Failure, print, print_json};
-use choreo_plugin::{Manifest, OptionKind, Registry};
+use crate::model;
+use choreo_plugin::{Claim, Manifest, OptionKind, OptionSpec, OptionValue, Registry, Source};
 use serde_json::{Value, json};
 use std::fmt::Write;
+use std::path::Path;
+use std::sync::Arc;
 
 pub fn registry() -> Registry {
     let mut registry = Registry::default();
@@ -20,6 +23,9 @@ pub fn registry() -> Registry {
 
 pub fn run(args: PluginsArgs) -> Result<(), Failure> {
     let registry = registry();
+    if let Some(file) = &args.file {
+        return claims(file, &registry, args.json);
+    }
     let importers = registry.importers().iter().map(|p| p.manifest()).collect::<Vec<_>>();
     let effects = registry.effects().iter().map(|p| p.manifest()).collect();
     let exporters = registry.exporters().iter().map(|p| p.manifest()).collect();
@@ -37,20 +43,52 @@ pub fn run(args: PluginsArgs) -> Result<(), Failure> {
         for m in manifests {
             let extensions: Vec<String> = m.extensions.iter().map(|e| format!(".{e}")).collect();
             let _ = writeln!(text, "  {:<12} {:<14} {}", m.name, extensions.join(" "), m.about);
-            for o in m.options {
-                let _ = writeln!(text, "      {:<14} {} ({})", o.name, o.about, range(&o.kind));
+            for o in &m.options {
+                let _ = writeln!(text, "      {:<14} {} ({})", o.name, o.about, range(o));
             }
         }
     }
     print(&text)
 }
 
-fn range(kind: &OptionKind) -> String {
-    match kind {
-        OptionKind::Number { default, min, max } => format!("{min} to {max}, default {default}"),
-        OptionKind::Bool { default } => format!("true or false, default {default}"),
-        OptionKind::Text { default, one_of: [] } => format!("text, default \"{default}\""),
-        OptionKind::Text { default, one_of } => format!("{}, default {default}", one_of.join(" | ")),
+/// What every importer says of one file, the one that reads it first.
+fn claims(file: &Path, registry: &Registry, as_json: bool) -> Result<(), Failure> {
+    model::must_be_file(file)?;
+    let source = Source { name: file.display().to_string(), bytes: Arc::new(model::head(file)?) };
+    let claims = registry.claims(&source);
+    let reader = claims.first().filter(|(claim, _)| *claim > Claim::NotMine).map(|(_, i)| &i.manifest().name);
+    if as_json {
+        let all: Vec<Value> = claims
+            .iter()
+            .map(|(claim, i)| {
+                let (kind, score) = match claim {
+                    Claim::NotMine => ("not mine", None),
+                    Claim::Extension => ("extension", None),
+                    Claim::Content(score) => ("content", Some(*score)),
+                };
+                json!({ "importer": i.manifest().name, "claim": kind, "score": score })
+            })
+            .collect();
+        return print_json(&json!({ "file": source.name, "read_by": reader, "claims": all }));
+    }
+    let mut text = match reader {
+        Some(name) => format!("{}: read by {name}\n", source.name),
+        None => format!("{}: no importer knows this kind of file\n", source.name),
+    };
+    for (claim, importer) in &claims {
+        let _ = writeln!(text, "  {:<12} {claim}", importer.manifest().name);
+    }
+    print(&text)
+}
+
+fn range(option: &OptionSpec) -> String {
+    let default = option.default();
+    match (&option.kind, &default) {
+        (OptionKind::Number { min, max, .. }, _) => format!("{min} to {max}, default {default}"),
+        (OptionKind::Text { one_of, .. }, OptionValue::Text(default)) if !one_of.is_empty() => {
+            format!("{}, default {default}", one_of.join(" | "))
+        }
+        _ => format!("{}, default {default}", option.allowed()),
     }
 }
 

@@ -38,6 +38,11 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
         if args.clip.is_some() {
             return Err(Failure::Usage("--clip is for model files; a script says what is played".into()));
         }
+        if args.import.importer.is_some() || !args.import.import.is_empty() {
+            let what =
+                "--importer and --import are for model files; a script says load(…, #{ importer: …, … })";
+            return Err(Failure::Usage(what.into()));
+        }
         model::must_be_file(&args.input)?;
         let options =
             ScriptOptions { set, search_paths: args.search.clone(), limits, ..ScriptOptions::default() };
@@ -59,7 +64,9 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
             args.input.display()
         )));
     }
-    let asset = model::import(&args.input, &args.search, registry, &limits)?;
+    let asset = model::import(&args.input, &args.search, &args.import, registry, &limits)?;
+    arguments.extend(args.import.importer.iter().map(|i| format!("--importer {i}")));
+    arguments.extend(args.import.import.iter().map(|i| format!("--import {i}")));
     arguments.extend(args.clip.iter().map(|c| format!("--clip {c}")));
     let stage = model::stage(asset, args.clip.as_deref())?;
     let mut warnings = asset_warnings(&stage);

@@ -107,3 +107,52 @@ fn a_script_is_checked_posed_and_rendered() {
     assert_eq!(run.code, 0, "{}", run.err);
     assert_eq!(names(&d.join("f")).len(), 10);
 }
+
+#[test]
+fn plugins_show_what_each_importer_says_of_a_file() {
+    let dir = folder();
+    std::fs::write(dir.path().join("what.dat"), "?").unwrap();
+    let run = choreo(dir.path(), &["plugins", "--for", "tri.gltf"]);
+    assert!(
+        run.out.starts_with("tri.gltf: read by gltf\n  gltf         by content, 95 of 100\n"),
+        "{}",
+        run.out
+    );
+    assert!(run.out.contains("  mannequin    not mine\n"), "{}", run.out);
+    let run = choreo(dir.path(), &["plugins", "--for", "what.dat"]);
+    assert!(run.out.starts_with("what.dat: no importer knows this kind of file\n"), "{}", run.out);
+    let value = json(dir.path(), &["plugins", "--for", "tri.gltf", "--json"]);
+    assert_eq!(value["read_by"], "gltf");
+    assert_eq!(
+        value["claims"][0],
+        serde_json::json!({ "importer": "gltf", "claim": "content", "score": 95 })
+    );
+}
+
+#[test]
+fn import_options_of_model_files_come_from_the_manifest() {
+    let dir = folder();
+    for command in [&["info"][..], &["check"], &["pose"]] {
+        let with = |more: &[&str]| choreo(dir.path(), &[command, &["tri.gltf"], more].concat());
+        assert_eq!(with(&["--import", "scene=0", "--importer", "gltf"]).code, 0);
+        let run = with(&["--import", "scene=-7"]);
+        assert_eq!(run.code, 1);
+        assert!(
+            run.err.contains("importer gltf: option scene must be a number from -1 to 65535, got \"-7\""),
+            "{}",
+            run.err
+        );
+        let run = with(&["--import", "scen=1"]);
+        assert!(
+            run.err.contains("importer gltf has no option \"scen\"; did you mean \"scene\"?"),
+            "{}",
+            run.err
+        );
+        let run = with(&["--importer", "gtlf"]);
+        assert!(
+            run.err.contains("tri.gltf: unknown importer \"gtlf\"; did you mean \"gltf\"?"),
+            "{}",
+            run.err
+        );
+    }
+}

@@ -90,7 +90,7 @@ impl Twins {
     fn load(&self, path: &Path) -> Arc<Asset> {
         let name = path.file_name().unwrap().to_str().unwrap();
         let loader = Loader::for_file(path, &[], &self.registry, Needs::ALL, Limits::default().file).unwrap();
-        loader.load(name, None, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
+        loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
     }
 
     fn finish(self) {

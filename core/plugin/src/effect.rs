@@ -9,7 +9,7 @@ pub trait Effect: Send + Sync {
 
     /// WGSL source that defines `fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>`.
     /// `color` is linear, `uv` is 0..1 from the top left, `p` holds the parameters in manifest order.
-    fn wgsl(&self) -> &'static str;
+    fn wgsl(&self) -> &str;
 
     /// The same function, the specification of the WGSL.
     fn cpu(&self, color: Vec4, uv: Vec2, parameters: &[f32; 8]) -> Vec4;

@@ -9,19 +9,21 @@ use thiserror::Error;
 pub trait Importer: Send + Sync {
     fn manifest(&self) -> &Manifest;
 
-    /// How sure this importer is that the bytes are its own, 0 = not mine … 100 = certain.
-    /// Only looks at `source`; must be fast. By default: magic bytes 90, extension alone 50.
-    fn claim(&self, source: &Source) -> u8 {
+    /// Whether the bytes are this importer's own. Looks only at `source`, and must be fast.
+    /// By default: the magic bytes of the manifest, else its extensions.
+    fn claim(&self, source: &Source) -> Claim {
         let m = self.manifest();
         if m.magic.iter().any(|magic| source.bytes.starts_with(magic)) {
-            90
-        } else if m.extensions.iter().any(|e| *e == source.extension()) {
-            50
+            Claim::Content(90)
+        } else if m.has_extension(&source.extension()) {
+            Claim::Extension
         } else {
-            0
+            Claim::NotMine
         }
     }
 
+    /// `options` are those of the manifest, all of them: the caller has checked the given ones and added the
+    /// defaults ([`Manifest::complete`]).
     fn import(
         &self,
         source: &Source,
@@ -29,6 +31,26 @@ pub trait Importer: Send + Sync {
         needs: Needs,
         options: &ImportOptions,
     ) -> Result<Asset, ImportError>;
+}
+
+/// What an importer says of a file: the greatest claim reads it. What the bytes say counts more than any name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Claim {
+    NotMine,
+    /// The name ends as such files do, and the bytes do not say that they are something else.
+    Extension,
+    /// The bytes say so: 100 = there is no doubt, 50 = other formats could begin like this too.
+    Content(u8),
+}
+
+impl std::fmt::Display for Claim {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Claim::NotMine => f.write_str("not mine"),
+            Claim::Extension => f.write_str("by extension"),
+            Claim::Content(score) => write!(f, "by content, {score} of 100"),
+        }
+    }
 }
 
 /// A file handed to an importer.
@@ -66,7 +88,7 @@ impl Needs {
     pub const ALL: Needs = Needs { geometry: true, clips: true, textures: true };
 }
 
-/// Option values by name, checked against the manifest by the registry.
+/// Option values by name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportOptions(pub BTreeMap<String, OptionValue>);
 
@@ -78,6 +100,16 @@ pub enum OptionValue {
     Number(f64),
     Bool(bool),
     Text(String),
+}
+
+impl std::fmt::Display for OptionValue {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            OptionValue::Number(v) => write!(f, "{v}"),
+            OptionValue::Bool(v) => write!(f, "{v}"),
+            OptionValue::Text(v) => write!(f, "\"{v}\""),
+        }
+    }
 }
 
 impl ImportOptions {

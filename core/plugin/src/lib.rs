@@ -5,10 +5,13 @@ pub mod exporter;
 pub mod importer;
 pub mod manifest;
 pub mod registry;
+pub mod suggest;
 pub mod yuv;
 
 pub use effect::Effect;
 pub use exporter::{ExportError, Exporter, Frame, FrameSink, VideoInfo};
-pub use importer::{ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source};
-pub use manifest::{Manifest, OptionKind, OptionSpec};
+pub use importer::{
+    Claim, ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source,
+};
+pub use manifest::{Manifest, OptionError, OptionKind, OptionSpec};
 pub use registry::Registry;

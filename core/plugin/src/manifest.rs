@@ -1,63 +1,249 @@
 //! What a plugin says of itself, as data: `choreo plugins`, `--help` and the script read it from here.
 
-use crate::OptionValue;
+use crate::suggest::{did_you_mean, list};
+use crate::{ImportOptions, OptionValue};
+use std::ops::RangeInclusive;
+use thiserror::Error;
 
-/// Borrowed from the plugin's own static text.
-#[derive(Clone, Debug, PartialEq)]
+/// Owned text, so that it can come from a file as well as from a crate. A crate keeps one in a `LazyLock`:
+///
+/// ```
+/// # use choreo_plugin::Manifest;
+/// # use std::sync::LazyLock;
+/// static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+///     Manifest::new("ply", "1.0", "Stanford polygons: vertices and faces")
+///         .extensions(["ply"])
+///         .magic(b"ply\n")
+///         .number("scale", "metres a unit of the file", 1.0, 1e-6..=1e6)
+///         .text("up", "the file's upward axis", "y", &["y", "z"])
+///         .flag("normals", "compute missing normals", true)
+/// });
+/// assert_eq!(MANIFEST.option("up").unwrap().allowed(), "one of y, z");
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Manifest {
     /// As in `load(…, #{ importer: NAME })`, `effect(NAME)`: "gltf", "vignette", "png".
-    pub name: &'static str,
-    pub version: &'static str,
+    pub name: String,
+    pub version: String,
     /// One line.
-    pub about: &'static str,
+    pub about: String,
     /// Lower case, without the dot. Empty for effects.
-    pub extensions: &'static [&'static str],
+    pub extensions: Vec<String>,
     /// First bytes of files that are certainly this format.
-    pub magic: &'static [&'static [u8]],
-    pub options: &'static [OptionSpec],
+    pub magic: Vec<Vec<u8>>,
+    pub options: Vec<OptionSpec>,
 }
 
 /// One option or effect parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OptionSpec {
-    pub name: &'static str,
-    pub about: &'static str,
+    pub name: String,
+    pub about: String,
     pub kind: OptionKind,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum OptionKind {
-    Number { default: f64, min: f64, max: f64 },
-    Bool { default: bool },
-    Text { default: &'static str, one_of: &'static [&'static str] },
+    Number {
+        default: f64,
+        min: f64,
+        max: f64,
+    },
+    Bool {
+        default: bool,
+    },
+    /// Any text where `one_of` is empty.
+    Text {
+        default: String,
+        one_of: Vec<String>,
+    },
+}
+
+/// Why a value is not taken: complete but for who said it.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{message}")]
+pub struct OptionError {
+    pub message: String,
+    pub hint: Option<String>,
 }
 
 impl Manifest {
+    pub fn new(name: &str, version: &str, about: &str) -> Manifest {
+        Manifest { name: name.into(), version: version.into(), about: about.into(), ..Manifest::default() }
+    }
+
+    pub fn extensions<'a>(mut self, extensions: impl IntoIterator<Item = &'a str>) -> Manifest {
+        self.extensions.extend(extensions.into_iter().map(str::to_string));
+        self
+    }
+
+    /// Call it once for each way in which files begin.
+    pub fn magic(mut self, first_bytes: impl Into<Vec<u8>>) -> Manifest {
+        self.magic.push(first_bytes.into());
+        self
+    }
+
+    pub fn number(self, name: &str, about: &str, default: f64, range: RangeInclusive<f64>) -> Manifest {
+        self.with(name, about, OptionKind::Number { default, min: *range.start(), max: *range.end() })
+    }
+
+    pub fn flag(self, name: &str, about: &str, default: bool) -> Manifest {
+        self.with(name, about, OptionKind::Bool { default })
+    }
+
+    /// Any text where `one_of` is empty.
+    pub fn text(self, name: &str, about: &str, default: &str, one_of: &[&str]) -> Manifest {
+        let one_of = one_of.iter().map(ToString::to_string).collect();
+        self.with(name, about, OptionKind::Text { default: default.into(), one_of })
+    }
+
+    fn with(mut self, name: &str, about: &str, kind: OptionKind) -> Manifest {
+        self.options.push(OptionSpec { name: name.into(), about: about.into(), kind });
+        self
+    }
+
+    pub fn has_extension(&self, extension: &str) -> bool {
+        self.extensions.iter().any(|e| e == extension)
+    }
+
+    /// The option `name`; the error says which there are.
+    pub fn option(&self, name: &str) -> Result<&OptionSpec, OptionError> {
+        let names = || self.options.iter().map(|o| o.name.as_str());
+        self.options.iter().find(|o| o.name == name).ok_or_else(|| OptionError {
+            message: format!("{} has no option \"{name}\"{}", self.name, did_you_mean(name, names())),
+            hint: Some(match self.options.is_empty() {
+                true => format!("{} has no options", self.name),
+                false => format!("options: {}", list(names(), 30)),
+            }),
+        })
+    }
+
     /// Reads `text` as a value of the option `name`; the error says what is allowed.
-    pub fn parse_option(&self, name: &str, text: &str) -> Result<OptionValue, String> {
-        let Some(spec) = self.options.iter().find(|o| o.name == name) else {
-            let known: Vec<&str> = self.options.iter().map(|o| o.name).collect();
-            return Err(match known.is_empty() {
-                true => format!("{} has no options, so no \"{name}\"", self.name),
-                false => format!("{} has no option \"{name}\"; it knows {}", self.name, known.join(", ")),
-            });
+    pub fn parse_option(&self, name: &str, text: &str) -> Result<OptionValue, OptionError> {
+        let spec = self.option(name)?;
+        let value = match &spec.kind {
+            OptionKind::Number { .. } => text.parse().ok().map(OptionValue::Number),
+            OptionKind::Bool { .. } => text.parse().ok().map(OptionValue::Bool),
+            OptionKind::Text { .. } => Some(OptionValue::Text(text.to_string())),
         };
-        match &spec.kind {
-            OptionKind::Number { min, max, .. } => match text.parse::<f64>() {
-                Ok(v) if (*min..=*max).contains(&v) => Ok(OptionValue::Number(v)),
-                _ => Err(format!("{name} is a number from {min} to {max}, not \"{text}\"")),
-            },
-            OptionKind::Bool { .. } => match text {
-                "true" => Ok(OptionValue::Bool(true)),
-                "false" => Ok(OptionValue::Bool(false)),
-                _ => Err(format!("{name} is true or false, not \"{text}\"")),
-            },
-            OptionKind::Text { one_of, .. } if one_of.is_empty() || one_of.contains(&text) => {
-                Ok(OptionValue::Text(text.to_string()))
+        match value {
+            Some(value) if spec.accepts(&value) => Ok(value),
+            _ => Err(spec.refuse(&self.name, &format!("\"{text}\""))),
+        }
+    }
+
+    /// The options given, checked for name, kind and range, and the defaults of the others.
+    pub fn complete(&self, given: &ImportOptions) -> Result<ImportOptions, OptionError> {
+        let mut all = ImportOptions::default();
+        for spec in &self.options {
+            all.0.insert(spec.name.clone(), spec.default());
+        }
+        for (name, value) in &given.0 {
+            let spec = self.option(name)?;
+            if !spec.accepts(value) {
+                return Err(spec.refuse(&self.name, &value.to_string()));
             }
+            all.0.insert(name.clone(), value.clone());
+        }
+        Ok(all)
+    }
+}
+
+impl OptionSpec {
+    pub fn default(&self) -> OptionValue {
+        match &self.kind {
+            OptionKind::Number { default, .. } => OptionValue::Number(*default),
+            OptionKind::Bool { default } => OptionValue::Bool(*default),
+            OptionKind::Text { default, .. } => OptionValue::Text(default.clone()),
+        }
+    }
+
+    pub fn accepts(&self, value: &OptionValue) -> bool {
+        match (&self.kind, value) {
+            (OptionKind::Number { min, max, .. }, OptionValue::Number(v)) => (*min..=*max).contains(v),
+            (OptionKind::Bool { .. }, OptionValue::Bool(_)) => true,
+            (OptionKind::Text { one_of, .. }, OptionValue::Text(v)) => {
+                one_of.is_empty() || one_of.contains(v)
+            }
+            _ => false,
+        }
+    }
+
+    /// "a number from 0 to 1", "true or false", "text", "one of auto, bt601".
+    pub fn allowed(&self) -> String {
+        match &self.kind {
+            OptionKind::Number { min, max, .. } => format!("a number from {min} to {max}"),
+            OptionKind::Bool { .. } => "true or false".to_string(),
+            OptionKind::Text { one_of, .. } if one_of.is_empty() => "text".to_string(),
             OptionKind::Text { one_of, .. } => {
-                Err(format!("{name} is one of {}, not \"{text}\"", one_of.join(", ")))
+                format!("one of {}", list(one_of.iter().map(String::as_str), 30))
             }
         }
+    }
+
+    fn refuse(&self, plugin: &str, got: &str) -> OptionError {
+        OptionError {
+            message: format!("{plugin}: option {} must be {}, got {got}", self.name, self.allowed()),
+            hint: Some(self.about.clone()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn manifest() -> Manifest {
+        Manifest::new("toy", "1", "for tests")
+            .number("scale", "metres a unit", 1.0, 0.001..=1000.0)
+            .flag("smooth", "round edges", false)
+            .text("up", "upward axis", "y", &["x", "y", "z"])
+            .text("title", "any words", "", &[])
+    }
+
+    fn given(name: &str, value: OptionValue) -> ImportOptions {
+        ImportOptions([(name.to_string(), value)].into())
+    }
+
+    #[test]
+    fn what_is_not_given_has_its_default() {
+        let all = manifest().complete(&given("up", OptionValue::Text("z".into()))).unwrap();
+        assert_eq!(all.number("scale"), Some(1.0));
+        assert_eq!(all.bool("smooth"), Some(false));
+        assert_eq!((all.text("up"), all.text("title")), (Some("z"), Some("")));
+    }
+
+    #[test]
+    fn wrong_names_kinds_and_ranges_say_what_is_allowed() {
+        let refused = |name: &str, value| manifest().complete(&given(name, value)).unwrap_err();
+        let e = refused("scal", OptionValue::Number(1.0));
+        assert_eq!(e.message, "toy has no option \"scal\"; did you mean \"scale\"?");
+        assert_eq!(e.hint.unwrap(), "options: scale, smooth, up, title");
+        let e = refused("scale", OptionValue::Number(0.0));
+        assert_eq!(e.message, "toy: option scale must be a number from 0.001 to 1000, got 0");
+        assert_eq!(e.hint.unwrap(), "metres a unit");
+        assert!(!manifest().option("scale").unwrap().accepts(&OptionValue::Number(f64::NAN)));
+        let e = refused("scale", OptionValue::Text("1".into()));
+        assert_eq!(e.message, "toy: option scale must be a number from 0.001 to 1000, got \"1\"");
+        let e = refused("up", OptionValue::Text("w".into()));
+        assert_eq!(e.message, "toy: option up must be one of x, y, z, got \"w\"");
+        let e = refused("smooth", OptionValue::Number(1.0));
+        assert_eq!(e.message, "toy: option smooth must be true or false, got 1");
+    }
+
+    #[test]
+    fn texts_of_the_command_line_become_values() {
+        let parse = |name: &str, text: &str| manifest().parse_option(name, text);
+        assert_eq!(parse("scale", "0.01"), Ok(OptionValue::Number(0.01)));
+        assert_eq!(parse("smooth", "true"), Ok(OptionValue::Bool(true)));
+        assert_eq!(parse("title", "17"), Ok(OptionValue::Text("17".into())));
+        for (name, text) in [("scale", "inf"), ("scale", "NaN"), ("scale", "1m"), ("smooth", "yes")] {
+            assert!(parse(name, text).unwrap_err().message.ends_with(&format!(", got \"{text}\"")));
+        }
+        let none = Manifest::new("bare", "1", "").parse_option("x", "1").unwrap_err();
+        assert_eq!(
+            (none.message.as_str(), none.hint.as_deref()),
+            ("bare has no option \"x\"", Some("bare has no options"))
+        );
     }
 }

@@ -374,13 +374,16 @@ fn post_passes(
             continue;
         };
         let mut parameters = [0.0; 8];
-        for (slot, option) in parameters.iter_mut().zip(effect.manifest().options) {
-            let given = used.parameters.iter().rev().find(|(name, _)| name == option.name);
+        for (slot, option) in parameters.iter_mut().zip(&effect.manifest().options) {
+            let given = used.parameters.iter().rev().find(|(name, _)| *name == option.name);
             *slot = match (given, &option.kind) {
                 (Some((_, value)), _) => *value as f32,
                 (None, OptionKind::Number { default, .. }) => *default as f32,
                 (None, OptionKind::Bool { default }) => f32::from(u8::from(*default)),
-                (None, OptionKind::Text { .. }) => 0.0,
+                // Texts are handed over as their place in the list.
+                (None, OptionKind::Text { default, one_of }) => {
+                    one_of.iter().position(|o| o == default).unwrap_or(0) as f32
+                }
             };
         }
         passes.push(PostPass { effect: used.plugin.clone(), parameters });

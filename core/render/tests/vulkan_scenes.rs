@@ -10,7 +10,7 @@ use choreo_render::*;
 use choreo_stage::*;
 use common::{draw as draw_cpu, *};
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, LazyLock, Mutex, MutexGuard};
 
 /// One renderer for all tests of this file: making one costs more than most tests.
 fn renderer() -> Option<MutexGuard<'static, Option<VulkanRenderer>>> {
@@ -53,20 +53,14 @@ macro_rules! vulkan {
 /// Exchanges red and blue: not its own inverse with anything else, so a chain shows its order.
 struct Swap;
 
-static SWAP: choreo_plugin::Manifest = choreo_plugin::Manifest {
-    name: "swap",
-    version: "1",
-    about: "exchanges red and blue",
-    extensions: &[],
-    magic: &[],
-    options: &[],
-};
+static SWAP: LazyLock<choreo_plugin::Manifest> =
+    LazyLock::new(|| choreo_plugin::Manifest::new("swap", "1", "exchanges red and blue"));
 
 impl Effect for Swap {
     fn manifest(&self) -> &choreo_plugin::Manifest {
         &SWAP
     }
-    fn wgsl(&self) -> &'static str {
+    fn wgsl(&self) -> &str {
         "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color.bgra; }"
     }
     fn cpu(&self, c: Vec4, _: Vec2, _: &[f32; 8]) -> Vec4 {

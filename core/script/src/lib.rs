@@ -23,7 +23,6 @@ mod modules;
 mod reference;
 mod run;
 mod shapes;
-mod suggest;
 pub mod testing;
 mod value;
 
@@ -32,7 +31,9 @@ pub use call::Place;
 pub use diagnostic::{Diagnostic, Severity};
 pub use folders::{Folders, LoadError};
 pub use limits::Limits;
-pub use loader::{BUILT_IN, Loader, check_options};
+pub use loader::{BUILT_IN, ImportChoice, Loader};
 pub use reference::reference;
 pub use run::{Script, ScriptOptions, run_file, run_text};
-pub use suggest::{closest, did_you_mean};
+// The same words for a slip of the hand everywhere.
+pub(crate) use choreo_plugin::suggest;
+pub use choreo_plugin::suggest::{closest, did_you_mean};

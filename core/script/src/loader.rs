@@ -3,7 +3,7 @@
 use crate::folders::{Folders, Found, LoadError};
 use crate::suggest::{did_you_mean, list};
 use choreo_plugin::{
-    Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionKind, OptionValue, Registry, Source,
+    Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionError, Registry, Source,
 };
 use choreo_stage::Asset;
 use std::collections::BTreeMap;
@@ -12,6 +12,26 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Names that begin so are made by the program: `choreo:mannequin` is made by the importer "mannequin".
 pub const BUILT_IN: &str = "choreo:";
+
+/// Which importer is to read a file whatever its bytes look like, and with which options. Which options there are
+/// is known only once the importer is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImportChoice {
+    pub importer: Option<String>,
+    pub options: ImportOptions,
+    /// Options as typed on the command line.
+    pub texts: Vec<(String, String)>,
+}
+
+impl ImportChoice {
+    fn complete(&self, manifest: &Manifest) -> Result<ImportOptions, OptionError> {
+        let mut options = self.options.clone();
+        for (name, text) in &self.texts {
+            options.0.insert(name.clone(), manifest.parse_option(name, text)?);
+        }
+        manifest.complete(&options)
+    }
+}
 
 /// Loads assets for one script, or one model file without a script.
 pub struct Loader {
@@ -23,8 +43,8 @@ pub struct Loader {
 
 #[derive(Default)]
 struct State {
-    /// By place, importer and options.
-    assets: BTreeMap<(PathBuf, String, String), Arc<Asset>>,
+    /// By place and choice.
+    assets: BTreeMap<(PathBuf, String), Arc<Asset>>,
     /// Canonical path and hash of everything read.
     used: BTreeMap<PathBuf, [u8; 32]>,
 }
@@ -64,13 +84,7 @@ impl Loader {
         self.state.lock().unwrap_or_else(PoisonError::into_inner).used.insert(path.to_path_buf(), hash);
     }
 
-    /// `named`: the importer to use whatever the bytes look like.
-    pub fn load(
-        &self,
-        name: &str,
-        named: Option<&str>,
-        options: &ImportOptions,
-    ) -> Result<Arc<Asset>, LoadError> {
+    pub fn load(&self, name: &str, choice: &ImportChoice) -> Result<Arc<Asset>, LoadError> {
         let (path, found) = match name.strip_prefix(BUILT_IN) {
             Some(_) => (PathBuf::from(name), None),
             None => {
@@ -78,7 +92,7 @@ impl Loader {
                 (found.path.clone(), Some(found))
             }
         };
-        let key = (path, named.unwrap_or("").to_string(), format!("{options:?}"));
+        let key = (path, format!("{choice:?}"));
         if let Some(asset) = self.state.lock().unwrap_or_else(PoisonError::into_inner).assets.get(&key) {
             return Ok(asset.clone());
         }
@@ -88,37 +102,24 @@ impl Loader {
                 let bytes = self.folders.read(found, name)?;
                 self.note_used(&found.path, &bytes);
                 let source = Source { name: name.to_string(), bytes: Arc::new(bytes) };
-                let importer = self.importer(&source, named)?;
+                let named = choice.importer.as_deref();
+                let importer = self.registry.importer_for(&source, named).map_err(from_import)?;
                 (source, importer)
             }
         };
-        check_options(importer.manifest(), options)?;
+        let options = choice.complete(importer.manifest()).map_err(from_option)?;
         let files = NearFiles { loader: self, start: found.as_ref().and_then(|f| f.path.parent()) };
-        let mut asset = importer.import(&source, &files, self.needs, options).map_err(from_import)?;
+        let mut asset = importer.import(&source, &files, self.needs, &options).map_err(from_import)?;
         asset.name = name.to_string();
         let asset = Arc::new(asset);
         self.state.lock().unwrap_or_else(PoisonError::into_inner).assets.insert(key, asset.clone());
         Ok(asset)
     }
 
-    fn importer(&self, source: &Source, named: Option<&str>) -> Result<&Arc<dyn Importer>, LoadError> {
-        if let Some(named) = named {
-            let names = || self.registry.importers().iter().map(|i| i.manifest().name);
-            if !names().any(|n| n == named) {
-                return Err(LoadError::new(format!(
-                    "unknown importer \"{named}\"{}",
-                    did_you_mean(named, names())
-                ))
-                .hint(format!("importers: {}", list(names(), 30))));
-            }
-        }
-        self.registry.importer_for(source, named).map_err(from_import)
-    }
-
     fn built_in(&self, name: &str) -> Result<&Arc<dyn Importer>, LoadError> {
         let is_built_in = |i: &&Arc<dyn Importer>| {
             let name = format!("{BUILT_IN}{}", i.manifest().name);
-            i.claim(&Source { name, bytes: Arc::default() }) > 0
+            i.claim(&Source { name, bytes: Arc::default() }) > Claim::NotMine
         };
         let plain = name.strip_prefix(BUILT_IN).unwrap_or(name);
         let mut known = self.registry.importers().iter().filter(is_built_in);
@@ -134,6 +135,10 @@ impl Loader {
             Some(_) => format!("built-in assets: {}", list(names(), 20)),
         }))
     }
+}
+
+fn from_option(e: OptionError) -> LoadError {
+    LoadError { message: format!("importer {}", e.message), hint: e.hint }
 }
 
 fn from_import(e: ImportError) -> LoadError {
@@ -154,48 +159,4 @@ impl Files for NearFiles<'_> {
         self.loader.note_used(&found.path, &bytes);
         Ok(Arc::new(bytes))
     }
-}
-
-/// Every option must be in the manifest, of its kind and in its range.
-pub fn check_options(manifest: &Manifest, options: &ImportOptions) -> Result<(), LoadError> {
-    let names = || manifest.options.iter().map(|o| o.name);
-    for (name, value) in &options.0 {
-        let Some(spec) = manifest.options.iter().find(|o| o.name == name) else {
-            let error = LoadError::new(format!(
-                "importer {} has no option \"{name}\"{}",
-                manifest.name,
-                did_you_mean(name, names())
-            ));
-            return Err(error.hint(match manifest.options {
-                [] => format!("importer {} has no options", manifest.name),
-                _ => format!("options: {}", list(names(), 30)),
-            }));
-        };
-        let allowed = match (&spec.kind, value) {
-            (OptionKind::Number { min, max, .. }, OptionValue::Number(v)) if (*min..=*max).contains(v) => {
-                continue;
-            }
-            (OptionKind::Bool { .. }, OptionValue::Bool(_)) => continue,
-            (OptionKind::Text { one_of, .. }, OptionValue::Text(v))
-                if one_of.is_empty() || one_of.contains(&v.as_str()) =>
-            {
-                continue;
-            }
-            (OptionKind::Number { min, max, .. }, _) => format!("a number from {min} to {max}"),
-            (OptionKind::Bool { .. }, _) => "true or false".to_string(),
-            (OptionKind::Text { one_of: [], .. }, _) => "text".to_string(),
-            (OptionKind::Text { one_of, .. }, _) => format!("one of {}", list(one_of.iter().copied(), 30)),
-        };
-        let got = match value {
-            OptionValue::Number(v) => v.to_string(),
-            OptionValue::Bool(v) => v.to_string(),
-            OptionValue::Text(v) => format!("\"{v}\""),
-        };
-        return Err(LoadError::new(format!(
-            "importer {}: option {name} must be {allowed}, got {got}",
-            manifest.name
-        ))
-        .hint(spec.about));
-    }
-    Ok(())
 }

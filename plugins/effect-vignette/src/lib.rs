@@ -1,27 +1,19 @@
 //! Darkens the picture towards its corners.
 
-use choreo_plugin::{Effect, Manifest, OptionKind, OptionSpec};
+use choreo_plugin::{Effect, Manifest};
 use glam::{Vec2, Vec4};
+use std::sync::LazyLock;
 
-static MANIFEST: Manifest = Manifest {
-    name: "vignette",
-    version: env!("CARGO_PKG_VERSION"),
-    about: "darkens the picture towards its corners",
-    extensions: &[],
-    magic: &[],
-    options: &[
-        OptionSpec {
-            name: "strength",
-            about: "how much of the light the corners lose, 0 = none, 1 = all",
-            kind: OptionKind::Number { default: 0.35, min: 0.0, max: 1.0 },
-        },
-        OptionSpec {
-            name: "radius",
-            about: "where the darkening starts, as a part of the distance from the middle to a corner",
-            kind: OptionKind::Number { default: 0.5, min: 0.0, max: 0.99 },
-        },
-    ],
-};
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new("vignette", env!("CARGO_PKG_VERSION"), "darkens the picture towards its corners")
+        .number("strength", "how much of the light the corners lose, 0 = none, 1 = all", 0.35, 0.0..=1.0)
+        .number(
+            "radius",
+            "where the darkening starts, as a part of the distance from the middle to a corner",
+            0.5,
+            0.0..=0.99,
+        )
+});
 
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Vignette;
@@ -31,7 +23,7 @@ impl Effect for Vignette {
         &MANIFEST
     }
 
-    fn wgsl(&self) -> &'static str {
+    fn wgsl(&self) -> &str {
         include_str!("vignette.wgsl")
     }
 

@@ -2,29 +2,19 @@
 
 mod palette;
 
-use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, OptionKind, OptionSpec, VideoInfo};
+use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo};
 use palette::Quantizer;
 use std::io::Write;
+use std::sync::LazyLock;
 
-pub static MANIFEST: Manifest = Manifest {
-    name: "gif",
-    version: env!("CARGO_PKG_VERSION"),
-    about: "Looping GIF, 255 colours a frame",
-    extensions: &["gif"],
-    magic: &[b"GIF87a", b"GIF89a"],
-    options: &[
-        OptionSpec {
-            name: "colors",
-            about: "colours a frame",
-            kind: OptionKind::Number { default: 255.0, min: 2.0, max: 255.0 },
-        },
-        OptionSpec {
-            name: "dither",
-            about: "strength of the dot pattern that hides colour steps; 0 = none",
-            kind: OptionKind::Number { default: 1.0, min: 0.0, max: 4.0 },
-        },
-    ],
-};
+pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new("gif", env!("CARGO_PKG_VERSION"), "Looping GIF, 255 colours a frame")
+        .extensions(["gif"])
+        .magic(b"GIF87a")
+        .magic(b"GIF89a")
+        .number("colors", "colours a frame", 255.0, 2.0..=255.0)
+        .number("dither", "strength of the dot pattern that hides colour steps; 0 = none", 1.0, 0.0..=4.0)
+});
 
 /// The palette index of pixels that stay as the frame before left them.
 const SAME: u8 = 255;

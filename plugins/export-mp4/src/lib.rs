@@ -3,7 +3,7 @@
 mod mux;
 
 use choreo_plugin::yuv::{Matrix, Yuv420};
-use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, OptionKind, OptionSpec, VideoInfo};
+use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo};
 use mux::Muxer;
 use openh264::OpenH264API;
 use openh264::encoder::{
@@ -12,26 +12,19 @@ use openh264::encoder::{
 };
 use openh264::formats::YUVSource;
 use std::io::Write;
+use std::sync::LazyLock;
 
-pub static MANIFEST: Manifest = Manifest {
-    name: "mp4",
-    version: env!("CARGO_PKG_VERSION"),
-    about: "H.264 video for any player",
-    extensions: &["mp4", "m4v"],
-    magic: &[],
-    options: &[
-        OptionSpec {
-            name: "quality",
-            about: "0 = smallest file, 100 = visually lossless; the same for every frame",
-            kind: OptionKind::Number { default: DEFAULT_QUALITY, min: 0.0, max: 100.0 },
-        },
-        OptionSpec {
-            name: "keyframes",
-            about: "seconds between pictures at which a player can start",
-            kind: OptionKind::Number { default: 4.0, min: 0.0, max: 60.0 },
-        },
-    ],
-};
+pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new("mp4", env!("CARGO_PKG_VERSION"), "H.264 video for any player")
+        .extensions(["mp4", "m4v"])
+        .number(
+            "quality",
+            "0 = smallest file, 100 = visually lossless; the same for every frame",
+            DEFAULT_QUALITY,
+            0.0..=100.0,
+        )
+        .number("keyframes", "seconds between pictures at which a player can start", 4.0, 0.0..=60.0)
+});
 
 const DEFAULT_QUALITY: f64 = 75.0;
 

@@ -1,21 +1,20 @@
 //! One PNG a frame: RGB where nothing is transparent, else RGBA; sRGB chunk; provenance as text chunks.
 
-use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, OptionKind, OptionSpec, VideoInfo};
+use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo};
 use std::io::Write;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{LazyLock, Mutex, MutexGuard, PoisonError};
 
-pub static MANIFEST: Manifest = Manifest {
-    name: "png",
-    version: env!("CARGO_PKG_VERSION"),
-    about: "Lossless pictures, one file a frame",
-    extensions: &["png"],
-    magic: &[b"\x89PNG\r\n\x1a\n"],
-    options: &[OptionSpec {
-        name: "compression",
-        about: "fast: a few milliseconds a frame; small: two thirds of the size, nineteen times the time",
-        kind: OptionKind::Text { default: "fast", one_of: &["fast", "small"] },
-    }],
-};
+pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new("png", env!("CARGO_PKG_VERSION"), "Lossless pictures, one file a frame")
+        .extensions(["png"])
+        .magic(b"\x89PNG\r\n\x1a\n")
+        .text(
+            "compression",
+            "fast: a few milliseconds a frame; small: two thirds of the size, nineteen times the time",
+            "fast",
+            &["fast", "small"],
+        )
+});
 
 pub struct PngExporter;
 

@@ -1,21 +1,25 @@
 //! Uncompressed YUV4MPEG2: the format that video tools read from a pipe.
 
 use choreo_plugin::yuv::{Matrix, Yuv420};
-use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, OptionKind, OptionSpec, VideoInfo};
+use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo};
 use std::io::Write;
+use std::sync::LazyLock;
 
-pub static MANIFEST: Manifest = Manifest {
-    name: "y4m",
-    version: env!("CARGO_PKG_VERSION"),
-    about: "Uncompressed video for pipes (choreo render … -o - | ffmpeg -i - …)",
-    extensions: &["y4m"],
-    magic: &[b"YUV4MPEG2 "],
-    options: &[OptionSpec {
-        name: "matrix",
-        about: "auto: BT.709 from 720 lines or 1280 columns on, else BT.601, as players guess",
-        kind: OptionKind::Text { default: "auto", one_of: &["auto", "bt601", "bt709"] },
-    }],
-};
+pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new(
+        "y4m",
+        env!("CARGO_PKG_VERSION"),
+        "Uncompressed video for pipes (choreo render … -o - | ffmpeg -i - …)",
+    )
+    .extensions(["y4m"])
+    .magic(b"YUV4MPEG2 ")
+    .text(
+        "matrix",
+        "auto: BT.709 from 720 lines or 1280 columns on, else BT.601, as players guess",
+        "auto",
+        &["auto", "bt601", "bt709"],
+    )
+});
 
 pub struct Y4mExporter;
 

@@ -18,27 +18,28 @@ mod tangents;
 mod topology;
 mod uri;
 
-use choreo_plugin::{
-    Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionKind, OptionSpec, Source,
-};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::Asset;
 use file::File;
 use problem::Result;
 use serde_json::Value;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
-static MANIFEST: Manifest = Manifest {
-    name: "gltf",
-    version: env!("CARGO_PKG_VERSION"),
-    about: "glTF 2.0, binary or JSON: meshes, skins, morph targets, clips, materials, cameras, lights",
-    extensions: &["glb", "gltf", "vrm", "vrma"],
-    magic: &[container::GLB_MAGIC],
-    options: &[OptionSpec {
-        name: "scene",
-        about: "which scene of the file, counted from 0; -1 is the one the file names",
-        kind: OptionKind::Number { default: -1.0, min: -1.0, max: 65535.0 },
-    }],
-};
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new(
+        "gltf",
+        env!("CARGO_PKG_VERSION"),
+        "glTF 2.0, binary or JSON: meshes, skins, morph targets, clips, materials, cameras, lights",
+    )
+    .extensions(["glb", "gltf", "vrm", "vrma"])
+    .magic(container::GLB_MAGIC)
+    .number(
+        "scene",
+        "which scene of the file, counted from 0; -1 is the one the file names",
+        -1.0,
+        -1.0..=65535.0,
+    )
+});
 
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GltfImporter;
@@ -56,21 +57,21 @@ impl Importer for GltfImporter {
 
     /// GLB by its magic; JSON by `asset.version`. Broken JSON is claimed where the name says glTF, so
     /// that the message is about what is broken.
-    fn claim(&self, source: &Source) -> u8 {
+    fn claim(&self, source: &Source) -> Claim {
         let bytes = source.bytes.as_slice();
         if bytes.starts_with(container::GLB_MAGIC) {
-            return 95;
+            return Claim::Content(95);
         }
-        let named = MANIFEST.extensions.contains(&source.extension().as_str());
+        let named = MANIFEST.has_extension(&source.extension());
         let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
         if !text.starts_with(b"{") {
-            return if named { 20 } else { 0 };
+            return if named { Claim::Extension } else { Claim::NotMine };
         }
         match serde_json::from_slice::<Probe>(text) {
-            Ok(probe) if probe.is_gltf() => 95,
-            Ok(_) => 0,
-            Err(_) if named => 50,
-            Err(_) => 0,
+            Ok(probe) if probe.is_gltf() => Claim::Content(95),
+            Ok(_) => Claim::NotMine,
+            Err(_) if named => Claim::Extension,
+            Err(_) => Claim::NotMine,
         }
     }
 

@@ -2,7 +2,7 @@
 
 mod common;
 
-use choreo_plugin::{Files, ImportOptions, Importer, Needs};
+use choreo_plugin::{Claim, Files, ImportOptions, Importer, Needs};
 use choreo_stage::Asset;
 use common::sample::{POSITIONS, ROTATIONS, TIMES, WEIGHTS, sample};
 use import_gltf::GltfImporter;
@@ -341,12 +341,12 @@ fn versions_and_extensions() {
 fn claims() {
     let claim = |name: &str, bytes: &[u8]| GltfImporter::new().claim(&common::source(name, bytes.to_vec()));
     let (json, bin) = sample();
-    assert_eq!(claim("x", &common::glb_of(&json, &bin)), 95);
-    assert_eq!(claim("x.json", &serde_json::to_vec(&json).unwrap()), 95);
-    assert_eq!(claim("package.json", br#"{"name":"x","version":"1"}"#), 0);
-    assert_eq!(claim("mine.gltf", br#"{"asset":7}"#), 0);
-    assert_eq!(claim("cut.gltf", br#"{"asset":{"version":"2.0"},"no"#), 50);
-    assert_eq!(claim("x.bvh", b"HIERARCHY"), 0);
+    assert_eq!(claim("x", &common::glb_of(&json, &bin)), Claim::Content(95));
+    assert_eq!(claim("x.json", &serde_json::to_vec(&json).unwrap()), Claim::Content(95));
+    assert_eq!(claim("package.json", br#"{"name":"x","version":"1"}"#), Claim::NotMine);
+    assert_eq!(claim("mine.gltf", br#"{"asset":7}"#), Claim::NotMine);
+    assert_eq!(claim("cut.gltf", br#"{"asset":{"version":"2.0"},"no"#), Claim::Extension);
+    assert_eq!(claim("x.bvh", b"HIERARCHY"), Claim::NotMine);
 }
 
 /// SplitMix64: the same places in every run.

@@ -11,47 +11,27 @@ mod pose;
 mod rig;
 mod skin;
 
-use choreo_plugin::{
-    Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionKind, OptionSpec, Source,
-};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::{Asset, Material, MeshInstance};
 use glam::{Vec3, Vec4};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 /// Written in place of a file name: `load("choreo:mannequin")`.
 pub const SOURCE_NAME: &str = "choreo:mannequin";
 
 const HEIGHT: (f64, f64, f64) = (1.75, 0.3, 10.0);
 
-static MANIFEST: Manifest = Manifest {
-    name: "mannequin",
-    version: env!("CARGO_PKG_VERSION"),
-    about: "the built-in character and its clips: load(\"choreo:mannequin\")",
-    extensions: &[],
-    magic: &[],
-    options: &[
-        OptionSpec {
-            name: "color",
-            about: "of the body: \"#rrggbb\" or a name",
-            kind: OptionKind::Text { default: "ivory", one_of: &[] },
-        },
-        OptionSpec {
-            name: "accent",
-            about: "of the joints: \"#rrggbb\" or a name",
-            kind: OptionKind::Text { default: "graphite", one_of: &[] },
-        },
-        OptionSpec {
-            name: "eyes",
-            about: "of the light in the visor: \"#rrggbb\" or a name",
-            kind: OptionKind::Text { default: "aqua", one_of: &[] },
-        },
-        OptionSpec {
-            name: "height",
-            about: "metres; walking speed grows with it",
-            kind: OptionKind::Number { default: HEIGHT.0, min: HEIGHT.1, max: HEIGHT.2 },
-        },
-    ],
-};
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new(
+        "mannequin",
+        env!("CARGO_PKG_VERSION"),
+        "the built-in character and its clips: load(\"choreo:mannequin\")",
+    )
+    .text("color", "of the body: \"#rrggbb\" or a name", "ivory", &[])
+    .text("accent", "of the joints: \"#rrggbb\" or a name", "graphite", &[])
+    .text("eyes", "of the light in the visor: \"#rrggbb\" or a name", "aqua", &[])
+    .number("height", "metres; walking speed grows with it", HEIGHT.0, HEIGHT.1..=HEIGHT.2)
+});
 
 pub struct Mannequin;
 
@@ -60,8 +40,8 @@ impl Importer for Mannequin {
         &MANIFEST
     }
 
-    fn claim(&self, source: &Source) -> u8 {
-        if source.name == SOURCE_NAME { 100 } else { 0 }
+    fn claim(&self, source: &Source) -> Claim {
+        if source.name == SOURCE_NAME { Claim::Content(100) } else { Claim::NotMine }
     }
 
     fn import(

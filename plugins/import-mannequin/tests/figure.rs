@@ -3,7 +3,7 @@
 mod common;
 
 use choreo_plugin::importer::OptionValue;
-use choreo_plugin::{Importer, Needs, Source};
+use choreo_plugin::{Claim, Importer, Needs, Source};
 use choreo_stage::Primitive;
 use common::{import, import_with, source};
 use glam::Vec3;
@@ -174,9 +174,9 @@ fn wrong_options_say_what_is_allowed() {
 #[test]
 fn claims_its_name_alone_and_makes_what_is_needed() {
     let named = |name: &str| Source { name: name.into(), ..source() };
-    assert_eq!(Mannequin.claim(&source()), 100);
+    assert_eq!(Mannequin.claim(&source()), Claim::Content(100));
     for other in ["mannequin", "choreo:mannequin.glb", "choreo:", "a/choreo:mannequin"] {
-        assert_eq!(Mannequin.claim(&named(other)), 0, "{other}");
+        assert_eq!(Mannequin.claim(&named(other)), Claim::NotMine, "{other}");
     }
     let none = Needs { geometry: false, clips: false, textures: false };
     let bare = import_with(&[], none).expect("no options");

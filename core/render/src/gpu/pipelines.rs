@@ -191,8 +191,8 @@ impl Pipelines {
                 )
             }
             Id::Post { effect, float } => {
-                let plugin = self.effects.iter().find(|e| e.manifest().name == effect).ok_or_else(|| {
-                    let known: Vec<_> = self.effects.iter().map(|e| e.manifest().name).collect();
+                let plugin = self.effects.iter().find(|e| e.manifest().name == *effect).ok_or_else(|| {
+                    let known: Vec<_> = self.effects.iter().map(|e| e.manifest().name.as_str()).collect();
                     RenderError::Usage(format!(
                         "the plan uses the effect \"{effect}\", which the renderer was not given; known: {}",
                         if known.is_empty() { "none".into() } else { known.join(", ") }

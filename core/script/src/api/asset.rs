@@ -2,10 +2,11 @@
 
 use crate::call::{ApiError, Call, Def, Gives, Reply, describe, unknown};
 use crate::folders::LoadError;
+use crate::loader::ImportChoice;
 use crate::shapes;
 use crate::value::{AssetRef, ClipRef, Kind};
 use choreo_motion::Clip;
-use choreo_plugin::{ImportOptions, OptionValue};
+use choreo_plugin::OptionValue;
 use rhai::{Dynamic, Map};
 use std::sync::{Arc, PoisonError};
 use std::time::Instant;
@@ -59,23 +60,22 @@ pub const DEFS: &[Def] = &[
 
 fn load(c: &mut Call) -> Reply {
     let name = c.text(0)?;
-    let mut named = None;
-    let mut options = ImportOptions::default();
+    let mut choice = ImportChoice::default();
     if c.len() > 1 {
         let Some(map) = c.value(1).try_cast::<Map>() else {
             return Err(c.wrong(1, "an object map like #{ name: value }"));
         };
         for (key, value) in &map {
             if key == "importer" {
-                named = Some(crate::call::text(value, "load: importer")?);
+                choice.importer = Some(crate::call::text(value, "load: importer")?);
                 continue;
             }
-            options.0.insert(key.to_string(), option_value(key, value)?);
+            choice.options.0.insert(key.to_string(), option_value(key, value)?);
         }
     }
     // Loading takes as long as the files are large: the script's own time stands still.
     let before = Instant::now();
-    let loaded = c.shared.loader.load(&name, named.as_deref(), &options);
+    let loaded = c.shared.loader.load(&name, &choice);
     if let Some(deadline) = c.shared.deadline.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
         *deadline += before.elapsed();
     }

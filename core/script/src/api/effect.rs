@@ -30,10 +30,10 @@ fn effect(c: &mut Call) -> Reply {
     let name = c.text(0)?;
     let effects = c.shared.loader.registry().effects();
     let Some(plugin) = c.shared.loader.registry().effect(&name) else {
-        return Err(unknown("effect", &name, "", effects.iter().map(|e| e.manifest().name)));
+        return Err(unknown("effect", &name, "", effects.iter().map(|e| e.manifest().name.as_str())));
     };
     let mut used = EffectUse { plugin: name, parameters: Vec::new(), start: Time::ZERO, end: None };
-    let names: Vec<&str> = plugin.manifest().options.iter().map(|o| o.name).collect();
+    let names: Vec<&str> = plugin.manifest().options.iter().map(|o| o.name.as_str()).collect();
     let o = c.options(1, &names)?;
     for (key, value) in &o.map {
         set_parameter(c, &mut used, key, value)?;
@@ -46,14 +46,14 @@ fn effect(c: &mut Call) -> Reply {
 
 fn set_parameter(c: &Call, used: &mut EffectUse, name: &str, value: &Dynamic) -> Result<(), ApiError> {
     let Some(plugin) = c.shared.loader.registry().effect(&used.plugin) else { return Ok(()) };
-    let options = plugin.manifest().options;
+    let options = &plugin.manifest().options;
     let Some(spec) = options.iter().find(|o| o.name == name) else {
         let place = format!(" of effect \"{}\"", used.plugin);
-        return Err(unknown("parameter", name, &place, options.iter().map(|o| o.name)));
+        return Err(unknown("parameter", name, &place, options.iter().map(|o| o.name.as_str())));
     };
     let number = as_number(spec, value).ok_or_else(|| {
         ApiError::new(format!("{}: {name} must be {}, got {}", used.plugin, allowed(spec), describe(value)))
-            .hint(spec.about)
+            .hint(&spec.about)
     })?;
     used.parameters.retain(|(n, _)| n != name);
     used.parameters.push((name.to_string(), number));
@@ -81,7 +81,7 @@ fn allowed(spec: &OptionSpec) -> String {
     match &spec.kind {
         OptionKind::Number { min, max, .. } => format!("from {min} to {max}"),
         OptionKind::Bool { .. } => "true or false".to_string(),
-        OptionKind::Text { one_of, .. } => format!("one of {}", list(one_of.iter().copied(), 30)),
+        OptionKind::Text { one_of, .. } => format!("one of {}", list(one_of.iter().map(String::as_str), 30)),
     }
 }
 

@@ -8,27 +8,14 @@ use choreo_script::{Diagnostic, Script, ScriptOptions, run_file, run_text};
 use choreo_stage::{Asset, AssetCamera, Mesh, MeshInstance, MorphTarget, Primitive, Projection, Topology};
 use glam::{Vec2, Vec3, Vec4};
 use std::path::{Path as FilePath, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
-static TOY: Manifest = Manifest {
-    name: "toy",
-    version: "1",
-    about: "five joints and three clips",
-    extensions: &["toy"],
-    magic: &[],
-    options: &[
-        OptionSpec {
-            name: "height",
-            about: "in metres",
-            kind: OptionKind::Number { default: 1.8, min: 0.1, max: 10.0 },
-        },
-        OptionSpec {
-            name: "color",
-            about: "of the shirt",
-            kind: OptionKind::Text { default: "red", one_of: &["red", "teal"] },
-        },
-    ],
-};
+static TOY: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new("toy", "1", "five joints and three clips")
+        .extensions(["toy"])
+        .number("height", "in metres", 1.8, 0.1..=10.0)
+        .text("color", "of the shirt", "red", &["red", "teal"])
+});
 
 pub struct Toy;
 
@@ -38,8 +25,11 @@ impl Importer for Toy {
     fn manifest(&self) -> &Manifest {
         &TOY
     }
-    fn claim(&self, source: &Source) -> u8 {
-        if source.name == "choreo:toy" || source.extension() == "toy" { 50 } else { 0 }
+    fn claim(&self, source: &Source) -> Claim {
+        match source.name == "choreo:toy" || source.extension() == "toy" {
+            true => Claim::Extension,
+            false => Claim::NotMine,
+        }
     }
     /// The file's text gives a prefix for joint names; `other` makes joints that no one else has.
     fn import(
@@ -105,18 +95,8 @@ impl Importer for Toy {
     }
 }
 
-static GLOW: Manifest = Manifest {
-    name: "glow",
-    version: "1",
-    about: "for tests",
-    extensions: &[],
-    magic: &[],
-    options: &[OptionSpec {
-        name: "strength",
-        about: "how much",
-        kind: OptionKind::Number { default: 0.5, min: 0.0, max: 1.0 },
-    }],
-};
+static GLOW: LazyLock<Manifest> =
+    LazyLock::new(|| Manifest::new("glow", "1", "for tests").number("strength", "how much", 0.5, 0.0..=1.0));
 
 pub struct Glow;
 
@@ -124,7 +104,7 @@ impl Effect for Glow {
     fn manifest(&self) -> &Manifest {
         &GLOW
     }
-    fn wgsl(&self) -> &'static str {
+    fn wgsl(&self) -> &str {
         ""
     }
     fn cpu(&self, color: Vec4, _: Vec2, _: &[f32; 8]) -> Vec4 {
