@@ -3,24 +3,24 @@
 use crate::container::Container;
 use crate::problem::{Problem, Result, element};
 use crate::uri;
+use choreo_import::{Budget, Notes};
 use choreo_plugin::Files;
 use choreo_stage::asset::Warning;
 use gltf::json::Root;
-use std::cell::{Cell, OnceCell, RefCell};
+use std::cell::OnceCell;
 use std::ops::Deref;
 use std::sync::Arc;
 
 /// All that is decoded from one file together: a file can point at the same bytes from many accessors.
 pub const MAX_DECODED_BYTES: u64 = 2 << 30;
-const MAX_WARNINGS: usize = 100;
 
 pub struct File<'a> {
     pub root: Root,
     bin: Option<&'a [u8]>,
     files: &'a dyn Files,
     buffers: Vec<OnceCell<Bytes<'a>>>,
-    budget: Cell<u64>,
-    warnings: RefCell<Vec<Warning>>,
+    budget: Budget,
+    notes: Notes,
 }
 
 pub enum Bytes<'a> {
@@ -48,8 +48,8 @@ impl<'a> File<'a> {
             bin: container.bin,
             files,
             buffers,
-            budget: Cell::new(MAX_DECODED_BYTES),
-            warnings: RefCell::new(Vec::new()),
+            budget: Budget::new(MAX_DECODED_BYTES),
+            notes: Notes::default(),
         };
         for (place, text) in &container.warnings {
             file.warn(place.clone(), text.clone());
@@ -58,30 +58,16 @@ impl<'a> File<'a> {
     }
 
     pub fn warn(&self, place: impl Into<String>, text: impl Into<String>) {
-        let mut warnings = self.warnings.borrow_mut();
-        if warnings.len() == MAX_WARNINGS {
-            warnings.push(Warning { place: String::new(), text: "further warnings are left out".into() });
-        } else if warnings.len() < MAX_WARNINGS {
-            warnings.push(Warning { place: place.into(), text: text.into() });
-        }
+        self.notes.warn(place, text);
     }
 
     pub fn into_warnings(self) -> Vec<Warning> {
-        self.warnings.into_inner()
+        self.notes.into_warnings()
     }
 
     /// Takes `count` things of `size` bytes from the budget, before they are allocated.
     pub fn charge(&self, count: u64, size: usize) -> std::result::Result<(), String> {
-        match self.budget.get().checked_sub(count.saturating_mul(size as u64)) {
-            Some(left) => {
-                self.budget.set(left);
-                Ok(())
-            }
-            None => Err(format!(
-                "the file's data take more than {} MiB when decoded, which is the limit",
-                MAX_DECODED_BYTES >> 20
-            )),
-        }
+        self.budget.charge(count, size)
     }
 
     /// A buffer's bytes, `byteLength` of them.

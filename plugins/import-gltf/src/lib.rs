@@ -10,14 +10,12 @@ mod locate;
 mod materials;
 mod meshes;
 mod nodes;
-mod normals;
 mod objects;
-mod problem;
 mod skinning;
-mod tangents;
 mod topology;
 mod uri;
 
+use choreo_import::{pictures, problem};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::Asset;
 use file::File;
@@ -117,11 +115,11 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     let materials = materials::read(&file, &mut table, needs.textures)?;
 
     // Pictures take as long as everything else together: they are decoded beside it.
-    let (images, rest) = images::decode_beside(&table.entries, || decode(&file, &tree, needs, &materials));
+    let (images, rest) = pictures::decode_beside(&table.entries, || decode(&file, &tree, needs, &materials));
     drop(table);
     let mut asset = rest?;
     asset.name = source.name.clone();
-    asset.images = images?;
+    asset.images = images.into_iter().collect::<Result<_>>()?;
     asset.materials = materials;
     asset.skeleton = Arc::new(tree.skeleton);
     asset.warnings = file.into_warnings();

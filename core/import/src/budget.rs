@@ -1,0 +1,80 @@
+//! How much an importer may decode, and what it has to say about it.
+
+use choreo_stage::asset::Warning;
+use std::cell::{Cell, RefCell};
+
+/// Warnings of one file; more are counted in one line.
+pub const MAX_WARNINGS: usize = 100;
+
+/// Bytes that may still be decoded from one file.
+#[derive(Debug)]
+pub struct Budget {
+    limit: u64,
+    left: Cell<u64>,
+}
+
+impl Budget {
+    pub fn new(limit: u64) -> Budget {
+        Budget { limit, left: Cell::new(limit) }
+    }
+
+    /// Takes `count` things of `size` bytes, before they are allocated. The error names the limit.
+    pub fn charge(&self, count: u64, size: usize) -> std::result::Result<(), String> {
+        match self.left.get().checked_sub(count.saturating_mul(size as u64)) {
+            Some(left) => {
+                self.left.set(left);
+                Ok(())
+            }
+            None => Err(format!(
+                "the file's data take more than {} MiB when decoded, which is the limit",
+                self.limit.div_ceil(1 << 20)
+            )),
+        }
+    }
+
+    pub fn left(&self) -> u64 {
+        self.left.get()
+    }
+}
+
+/// The warnings of one import.
+#[derive(Debug, Default)]
+pub struct Notes(RefCell<Vec<Warning>>);
+
+impl Notes {
+    pub fn warn(&self, place: impl Into<String>, text: impl Into<String>) {
+        let mut warnings = self.0.borrow_mut();
+        if warnings.len() == MAX_WARNINGS {
+            warnings.push(Warning { place: String::new(), text: "further warnings are left out".into() });
+        } else if warnings.len() < MAX_WARNINGS {
+            warnings.push(Warning { place: place.into(), text: text.into() });
+        }
+    }
+
+    pub fn into_warnings(self) -> Vec<Warning> {
+        self.0.into_inner()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_budget_ends_and_says_so() {
+        let budget = Budget::new(3 << 20);
+        assert_eq!(budget.charge(1 << 20, 2), Ok(()));
+        let refused = "the file's data take more than 3 MiB when decoded, which is the limit";
+        assert_eq!(budget.charge(u64::MAX, 16), Err(refused.to_string()));
+        assert_eq!(budget.left(), 1 << 20);
+    }
+
+    #[test]
+    fn warnings_end_with_one_that_says_so() {
+        let notes = Notes::default();
+        (0..MAX_WARNINGS + 5).for_each(|i| notes.warn(format!("nodes[{i}]"), "odd"));
+        let warnings = notes.into_warnings();
+        assert_eq!(warnings.len(), MAX_WARNINGS + 1);
+        assert_eq!(warnings[MAX_WARNINGS].text, "further warnings are left out");
+    }
+}

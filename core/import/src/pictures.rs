@@ -1,0 +1,132 @@
+//! Pictures of a model file: sized from their headers, then decoded beside the rest of the import.
+
+use crate::problem::{Problem, Result};
+use choreo_stage::asset::Image;
+use image::{ImageFormat, ImageReader};
+use std::io::Cursor;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
+
+pub const MAX_IMAGE_SIDE: u32 = 16384;
+pub const MAX_IMAGE_PIXELS: u64 = 64 << 20;
+/// Pictures decoded at once; each can take a gigabyte while it is decoded.
+const MAX_WORKERS: usize = 4;
+
+/// A picture whose header has been read. `B` holds its bytes.
+pub struct Encoded<B> {
+    /// Where the file names it: "images[3]".
+    pub place: String,
+    pub name: String,
+    pub width: u32,
+    pub height: u32,
+    pub bytes: B,
+    format: ImageFormat,
+}
+
+/// Formats that a kind of file may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Formats {
+    /// PNG, JPEG, WebP: what glTF knows.
+    Web,
+    /// Those, BMP, and TGA (known by the name's extension, as it has no magic number).
+    All,
+}
+
+impl<B: AsRef<[u8]>> Encoded<B> {
+    /// Format and size from the header alone.
+    pub fn examine(place: String, name: String, bytes: B, formats: Formats) -> Result<Encoded<B>> {
+        let fail = |what: String| Problem::new(place.clone(), format!("\"{name}\" {what}"));
+        let mut reader = ImageReader::new(Cursor::new(bytes.as_ref()))
+            .with_guessed_format()
+            .map_err(|e| fail(format!("cannot be read: {e}")))?;
+        let all = formats == Formats::All;
+        let tga = all && name.rsplit_once('.').is_some_and(|(_, e)| e.eq_ignore_ascii_case("tga"));
+        let format = match reader.format() {
+            Some(f @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => f,
+            Some(ImageFormat::Bmp) if all => ImageFormat::Bmp,
+            None if tga => ImageFormat::Tga,
+            _ => {
+                let known = if all { "PNG, JPEG, WebP, BMP or TGA" } else { "PNG, JPEG or WebP" };
+                return Err(fail(format!("is not a {known} picture"))
+                    .hint("convert the textures to PNG or JPEG; KTX2 and DDS are not supported"));
+            }
+        };
+        reader.set_format(format);
+        let (width, height) =
+            reader.into_dimensions().map_err(|e| fail(format!("has a damaged header: {e}")))?;
+        if width > MAX_IMAGE_SIDE || height > MAX_IMAGE_SIDE {
+            return Err(fail(format!("has {width} x {height} pixels; the limit is {MAX_IMAGE_SIDE} a side"))
+                .hint("make the texture smaller"));
+        }
+        let pixels = u64::from(width) * u64::from(height);
+        if pixels > MAX_IMAGE_PIXELS || pixels == 0 {
+            let limit = MAX_IMAGE_PIXELS >> 20;
+            return Err(fail(format!(
+                "has {width} x {height} pixels; the limits are 1 pixel and {limit} megapixels"
+            ))
+            .hint("make the texture smaller"));
+        }
+        Ok(Encoded { place, name, width, height, bytes, format })
+    }
+
+    pub fn pixels(&self) -> u64 {
+        u64::from(self.width) * u64::from(self.height)
+    }
+
+    /// To 8-bit RGBA. Needs nothing of the file, so pictures can be decoded beside the rest of the import.
+    pub fn decode(&self) -> Result<Arc<Image>> {
+        let fail = |what: String| {
+            Problem::new(self.place.clone(), format!("\"{}\" cannot be decoded: {what}", self.name))
+        };
+        let mut reader = ImageReader::with_format(Cursor::new(self.bytes.as_ref()), self.format);
+        let mut limits = image::Limits::default();
+        limits.max_image_width = Some(MAX_IMAGE_SIDE);
+        limits.max_image_height = Some(MAX_IMAGE_SIDE);
+        // A 16-bit RGBA picture and the decoder's own rows.
+        limits.max_alloc = Some(MAX_IMAGE_PIXELS * 16);
+        reader.limits(limits);
+        let decoded = reader.decode().map_err(|e| fail(e.to_string()))?;
+        let rgba = decoded.into_rgba8();
+        if (rgba.width(), rgba.height()) != (self.width, self.height) {
+            return Err(fail("its size differs from its header".into()));
+        }
+        Ok(Arc::new(Image {
+            name: self.name.clone(),
+            width: self.width,
+            height: self.height,
+            rgba: rgba.into_raw(),
+        }))
+    }
+}
+
+/// Decodes pictures on threads of their own while `rest` runs here; one result a picture, in order.
+pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
+    entries: &[Encoded<B>],
+    rest: impl FnOnce() -> R,
+) -> (Vec<Result<Arc<Image>>>, R) {
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let next = AtomicUsize::new(0);
+    let slots: Vec<OnceLock<Result<Arc<Image>>>> = entries.iter().map(|_| OnceLock::new()).collect();
+    let work = || {
+        loop {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            let (Some(entry), Some(slot)) = (entries.get(at), slots.get(at)) else { return };
+            // Each number is given out once, so the slot is empty.
+            let _ = slot.set(entry.decode());
+        }
+    };
+    let rest = std::thread::scope(|scope| {
+        let workers: Vec<_> =
+            (0..cores.min(MAX_WORKERS).min(entries.len())).map(|_| scope.spawn(work)).collect();
+        let rest = rest();
+        // A decoder that panics leaves its slot empty, which is reported below.
+        workers.into_iter().for_each(|w| drop(w.join()));
+        rest
+    });
+    let failed = |entry: &Encoded<B>| {
+        Err(Problem::new(entry.place.clone(), "the picture decoder failed")
+            .hint("convert the picture to PNG"))
+    };
+    let images = slots.into_iter().zip(entries).map(|(s, e)| s.into_inner().unwrap_or_else(|| failed(e)));
+    (images.collect(), rest)
+}
