@@ -4,11 +4,12 @@ use crate::call::{ApiError, Place};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::limits::{Limits, raise_hint};
 use crate::loader::Loader;
+use crate::testing::TestState;
 use choreo_motion::{Clip, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
 
 /// What all calls of one script share.
@@ -24,12 +25,31 @@ pub struct Shared {
     pub functions: Mutex<Vec<(String, usize)>>,
     /// Time to stop; moved on by what loading takes.
     pub deadline: Mutex<Option<Instant>>,
+    /// Set once the engine is made: what runs later, callbacks and formulas, keeps it alive.
+    pub engine: Mutex<Weak<rhai::Engine>>,
+    pub mode: Mode,
+    pub test: Mutex<TestState>,
+}
+
+/// What a script is run for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Its stage. Test sections are not run.
+    Stage,
+    /// The names of its sections.
+    List,
+    /// The section with this index.
+    Section(usize),
 }
 
 impl Shared {
     /// Whether the script has used up its time.
     pub fn late(&self) -> bool {
         self.deadline.lock().unwrap_or_else(PoisonError::into_inner).is_some_and(|d| Instant::now() > d)
+    }
+
+    pub fn test(&self) -> MutexGuard<'_, TestState> {
+        self.test.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub fn source_line(&self, file: &str, line: usize) -> String {

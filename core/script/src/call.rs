@@ -3,6 +3,7 @@
 use crate::build::{Build, Shared};
 use crate::color;
 use crate::suggest::{did_you_mean, list};
+use crate::testing::ExpectRef;
 use crate::value::*;
 use choreo_motion::Time;
 use choreo_stage::Target;
@@ -23,6 +24,8 @@ pub struct Def {
     pub about: &'static str,
     /// Also inside `on_frame`.
     pub frame: bool,
+    /// Only inside a test section.
+    pub tests: bool,
     pub run: fn(&mut Call) -> Reply,
 }
 
@@ -48,11 +51,16 @@ impl Def {
         about: &'static str,
         run: fn(&mut Call) -> Reply,
     ) -> Def {
-        Def { on, name, args, gives, about, frame: false, run }
+        Def { on, name, args, gives, about, frame: false, tests: false, run }
     }
 
     pub const fn in_frames(mut self) -> Def {
         self.frame = true;
+        self
+    }
+
+    pub const fn in_tests(mut self) -> Def {
+        self.tests = true;
         self
     }
 
@@ -341,7 +349,7 @@ pub fn describe(v: &Dynamic) -> String {
     }
     match kind_of(&v) {
         Kind::None => format!("a value of type {}", v.type_name()),
-        k @ (Kind::Asset | Kind::Actor | Kind::Effect) => format!("an {}", k.name()),
+        k @ (Kind::Asset | Kind::Actor | Kind::Effect | Kind::Expect) => format!("an {}", k.name()),
         k => format!("a {}", k.name()),
     }
 }
@@ -472,6 +480,10 @@ pub fn type_id(kind: Kind) -> TypeId {
         Kind::Camera => TypeId::of::<CameraRef>(),
         Kind::Light => TypeId::of::<LightRef>(),
         Kind::Effect => TypeId::of::<EffectRef>(),
+        Kind::Expect => TypeId::of::<ExpectRef>(),
+        Kind::Stage => TypeId::of::<StageRef>(),
+        Kind::Plan => TypeId::of::<PlanRef>(),
+        Kind::Scene => TypeId::of::<SceneRef>(),
     }
 }
 
@@ -488,6 +500,10 @@ pub fn is_dead(v: &Dynamic) -> bool {
         Kind::Camera => v.read_lock::<CameraRef>().is_some_and(|h| h.0 == DEAD),
         Kind::Light => v.read_lock::<LightRef>().is_some_and(|h| h.0 == DEAD),
         Kind::Effect => v.read_lock::<EffectRef>().is_some_and(|h| h.0 == DEAD),
+        Kind::Expect => v.read_lock::<ExpectRef>().is_some_and(|h| h.id == DEAD),
+        Kind::Stage => v.read_lock::<StageRef>().is_some_and(|h| h.0 == DEAD),
+        Kind::Plan => v.read_lock::<PlanRef>().is_some_and(|h| h.dead),
+        Kind::Scene => v.read_lock::<SceneRef>().is_some_and(|h| h.0 == DEAD),
     }
 }
 
@@ -508,5 +524,9 @@ pub fn dead(kind: Kind) -> Dynamic {
         Kind::Camera => Dynamic::from(CameraRef(DEAD)),
         Kind::Light => Dynamic::from(LightRef(DEAD)),
         Kind::Effect => Dynamic::from(EffectRef(DEAD)),
+        Kind::Expect => Dynamic::from(ExpectRef::dead()),
+        Kind::Stage => Dynamic::from(StageRef(DEAD)),
+        Kind::Plan => Dynamic::from(PlanRef { options: Default::default(), dead: true }),
+        Kind::Scene => Dynamic::from(SceneRef(DEAD)),
     }
 }

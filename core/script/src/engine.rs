@@ -8,6 +8,7 @@ use crate::errors::{Thrown, throw};
 use crate::hook;
 use crate::limits::Limits;
 use crate::modules::Modules;
+use crate::testing::ExpectRef;
 use crate::value::*;
 use rhai::packages::*;
 use rhai::{Dynamic, Engine, EvalAltResult, NativeCallContext, Scope, Token};
@@ -188,6 +189,10 @@ fn register_types(engine: &mut Engine) {
     engine.register_type_with_name::<CameraRef>(Kind::Camera.name());
     engine.register_type_with_name::<LightRef>(Kind::Light.name());
     engine.register_type_with_name::<EffectRef>(Kind::Effect.name());
+    engine.register_type_with_name::<ExpectRef>(Kind::Expect.name());
+    engine.register_type_with_name::<StageRef>(Kind::Stage.name());
+    engine.register_type_with_name::<PlanRef>(Kind::Plan.name());
+    engine.register_type_with_name::<SceneRef>(Kind::Scene.name());
 }
 
 fn register(engine: &mut Engine, shared: &Arc<Shared>, def: &'static Def) {
@@ -232,6 +237,17 @@ fn dispatch(
     if !in_frame && args.iter().any(|a| is_dead(a)) {
         let silent = crate::call::ApiError { silent: true, ..crate::call::ApiError::new("") };
         return stand_in.ok_or_else(|| throw(silent, place));
+    }
+    if def.tests && !in_frame && !shared.test().running {
+        let error = crate::call::ApiError::new(format!("{} can be used in test sections only", def.name))
+            .hint("a section is test(\"name\", || { … }); choreo test runs it");
+        return match stand_in {
+            Some(value) => {
+                shared.note(Severity::Error, &place, &error);
+                Ok(value)
+            }
+            None => Err(throw(error, place)),
+        };
     }
     let mut call = Call { shared, def, args, place: place.clone(), in_frame, context };
     match (def.run)(&mut call) {

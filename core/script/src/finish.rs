@@ -13,7 +13,9 @@ use rhai::Engine;
 use std::sync::{Arc, PoisonError};
 
 /// Empties the build into a stage; what is wrong is noted among the build's diagnostics.
-pub fn finish(shared: &Arc<Shared>, engine: &Arc<Engine>, identity: &str) -> Stage {
+///
+/// `identity`: of the script that a callback is in, with its parameters and files.
+pub fn finish(shared: &Arc<Shared>, engine: &Arc<Engine>, identity: &dyn Fn(&Place) -> String) -> Stage {
     let mut stage = Stage::default();
     let mut notes: Vec<(Severity, Place, ApiError)> = Vec::new();
     let hooks;
@@ -56,10 +58,11 @@ fn add_hooks(
     hooks: Vec<HookDraft>,
     shared: &Arc<Shared>,
     engine: &Arc<Engine>,
-    identity: &str,
+    identity: &dyn Fn(&Place) -> String,
 ) {
     for draft in hooks {
-        let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, identity);
+        let identity = identity(&draft.at);
+        let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, &identity);
         if let Err(diagnostic) = hook.try_at(Time::ZERO) {
             shared.build.lock().unwrap_or_else(PoisonError::into_inner).note(diagnostic);
         }

@@ -33,6 +33,8 @@ impl std::error::Error for LoadError {}
 pub struct Folders {
     /// As given, for messages, and canonical.
     roots: Vec<(PathBuf, PathBuf)>,
+    /// How many of them are the script's own: modules come from these only.
+    own: usize,
     max_bytes: u64,
 }
 
@@ -70,12 +72,32 @@ impl Folders {
             }
             roots.push((here.to_path_buf(), canonical));
         }
-        Ok(Folders { roots, max_bytes })
+        Ok(Folders { roots, own: 1, max_bytes })
     }
 
-    /// Only the first folder, the script's own: for modules.
+    /// For tests: all that lies in `root`, which holds the script's folder, is the script's own too, and a name is looked
+    /// for from the script's folder on, up to there.
+    pub fn with_root(mut self, root: &Path) -> Result<Folders, LoadError> {
+        let canonical = root
+            .canonicalize()
+            .map_err(|e| LoadError::new(format!("cannot use folder \"{}\": {e}", root.display())))?;
+        if !self.base().starts_with(&canonical) {
+            return Err(LoadError::new(format!(
+                "\"{}\" does not lie in \"{}\"",
+                self.base().display(),
+                root.display()
+            )));
+        }
+        if self.base() != canonical {
+            self.roots.insert(1, (root.to_path_buf(), canonical));
+            self.own = 2;
+        }
+        Ok(self)
+    }
+
+    /// Only the script's own folder: for modules.
     pub fn base_only(&self) -> Folders {
-        Folders { roots: self.roots[..1].to_vec(), max_bytes: self.max_bytes }
+        Folders { roots: self.roots[..self.own].to_vec(), own: self.own, max_bytes: self.max_bytes }
     }
 
     pub fn base(&self) -> &Path {
@@ -145,7 +167,7 @@ impl Folders {
     /// Folders to start from, as (parts below the root, canonical root).
     fn starts(&self, start: Option<&Path>) -> Vec<(Vec<String>, PathBuf)> {
         let mut starts = Vec::new();
-        if let Some(start) = start {
+        if let Some(start) = start.or((self.own > 1).then(|| self.base())) {
             for (_, root) in &self.roots {
                 if let Ok(below) = start.strip_prefix(root) {
                     let parts =

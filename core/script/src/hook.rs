@@ -76,6 +76,21 @@ impl ScriptHook {
         result.map(|_| ())
     }
 
+    /// As `call`, for what the callback gives back.
+    pub fn value_at(&self, time: Time) -> Result<Dynamic, crate::Diagnostic> {
+        #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
+        let context = self.context.create_context(&self.engine);
+        // Inside a frame nothing can be added to the stage, and a call may take as many steps as a frame's.
+        FRAME.with_borrow_mut(|frame| *frame = Some(FrameEdits::default()));
+        let result = self.callback.call_raw(&context, None, [Dynamic::from_float(time.as_secs())]);
+        FRAME.with_borrow_mut(|frame| *frame = None);
+        result.map_err(|e| self.explain(&e))
+    }
+
+    pub fn diagnose(&self, error: &ApiError) -> crate::Diagnostic {
+        self.shared.diagnose(Severity::Error, &self.at, error)
+    }
+
     pub fn try_at(&self, time: Time) -> Result<(), crate::Diagnostic> {
         self.call(time, &mut FrameEdits::default()).map_err(|e| self.explain(&e))
     }

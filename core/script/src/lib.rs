@@ -8,6 +8,7 @@
 
 mod api;
 mod build;
+mod cache;
 mod call;
 mod check;
 mod color;
@@ -27,6 +28,7 @@ pub mod testing;
 mod value;
 
 pub use build::Parameter;
+pub use cache::AssetCache;
 pub use call::Place;
 pub use diagnostic::{Diagnostic, Severity};
 pub use folders::{Folders, LoadError};

@@ -1,5 +1,6 @@
 //! `load(…)`: from a name to an asset, through the importer plugins, each file once.
 
+use crate::cache::{AssetCache, Key, SideFile};
 use crate::folders::{Folders, Found, LoadError};
 use crate::suggest::{did_you_mean, list};
 use choreo_plugin::{
@@ -38,6 +39,7 @@ pub struct Loader {
     registry: Registry,
     folders: Folders,
     needs: Needs,
+    cache: AssetCache,
     state: Mutex<State>,
 }
 
@@ -51,7 +53,19 @@ struct State {
 
 impl Loader {
     pub fn new(registry: &Registry, folders: Folders, needs: Needs) -> Loader {
-        Loader { registry: registry.clone(), folders, needs, state: Mutex::default() }
+        Loader {
+            registry: registry.clone(),
+            folders,
+            needs,
+            cache: AssetCache::default(),
+            state: Mutex::default(),
+        }
+    }
+
+    /// Assets that other runs have made are taken from there, where their files are still the same.
+    pub fn with_cache(mut self, cache: &AssetCache) -> Loader {
+        self.cache = cache.clone();
+        self
     }
 
     /// A loader for a model file in place of a script: its own folder and the search paths.
@@ -85,10 +99,20 @@ impl Loader {
     }
 
     pub fn load(&self, name: &str, choice: &ImportChoice) -> Result<Arc<Asset>, LoadError> {
+        self.load_from(None, name, choice)
+    }
+
+    /// `start`: a canonical folder within the roots in which the name is looked for first.
+    pub fn load_from(
+        &self,
+        start: Option<&Path>,
+        name: &str,
+        choice: &ImportChoice,
+    ) -> Result<Arc<Asset>, LoadError> {
         let (path, found) = match name.strip_prefix(BUILT_IN) {
             Some(_) => (PathBuf::from(name), None),
             None => {
-                let found = self.folders.find(None, name)?;
+                let found = self.folders.find(start, name)?;
                 (found.path.clone(), Some(found))
             }
         };
@@ -108,11 +132,47 @@ impl Loader {
             }
         };
         let options = choice.complete(importer.manifest()).map_err(from_option)?;
-        let files = NearFiles { loader: self, start: found.as_ref().and_then(|f| f.path.parent()) };
-        let mut asset = importer.import(&source, &files, self.needs, &options).map_err(from_import)?;
-        asset.name = name.to_string();
-        let asset = Arc::new(asset);
+        let asset = self.import(&source, importer, found.as_ref(), &options)?;
         self.state.lock().unwrap_or_else(PoisonError::into_inner).assets.insert(key, asset.clone());
+        Ok(asset)
+    }
+
+    /// From the cache where it has it; two threads that want the same asset make it once.
+    fn import(
+        &self,
+        source: &Source,
+        importer: &Arc<dyn Importer>,
+        found: Option<&Found>,
+        options: &ImportOptions,
+    ) -> Result<Arc<Asset>, LoadError> {
+        let start = found.and_then(|f| f.path.parent());
+        let importer_name = importer.manifest().name.to_string();
+        let slot = self.cache.slot(Key {
+            path: found.map_or_else(|| PathBuf::from(&source.name), |f| f.path.clone()),
+            // The asset bears the name that it was loaded by.
+            name: source.name.clone(),
+            importer: importer_name,
+            options: format!("{options:?}"),
+            needs: format!("{:?}", self.needs),
+        });
+        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        let content = *blake3::hash(&source.bytes).as_bytes();
+        if let Some(made) = slot.as_ref().filter(|made| made.source == content) {
+            let files = NearFiles { loader: self, start, read: Mutex::default() };
+            let same = |side: &SideFile| {
+                let now = files.read(&side.name).ok();
+                now.map(|bytes| *blake3::hash(&bytes).as_bytes()) == side.content
+            };
+            if made.side_files.iter().all(same) {
+                return Ok(made.asset.clone());
+            }
+        }
+        let files = NearFiles { loader: self, start, read: Mutex::default() };
+        let mut asset = importer.import(source, &files, self.needs, options).map_err(from_import)?;
+        asset.name = source.name.clone();
+        let asset = Arc::new(asset);
+        let side_files = files.read.into_inner().unwrap_or_else(PoisonError::into_inner);
+        *slot = Some(crate::cache::Made { source: content, side_files, asset: asset.clone() });
         Ok(asset)
     }
 
@@ -149,14 +209,21 @@ fn from_import(e: ImportError) -> LoadError {
 struct NearFiles<'a> {
     loader: &'a Loader,
     start: Option<&'a Path>,
+    /// What was asked for, found or not.
+    read: Mutex<Vec<SideFile>>,
 }
 
 impl Files for NearFiles<'_> {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
         let folders = &self.loader.folders;
-        let found: Found = folders.find(self.start, relative).map_err(|e| e.message)?;
-        let bytes = folders.read(&found, relative).map_err(|e| e.message)?;
-        self.loader.note_used(&found.path, &bytes);
-        Ok(Arc::new(bytes))
+        let bytes = folders.find(self.start, relative).and_then(|found: Found| {
+            let bytes = folders.read(&found, relative)?;
+            self.loader.note_used(&found.path, &bytes);
+            Ok(bytes)
+        });
+        let content = bytes.as_ref().ok().map(|bytes| *blake3::hash(bytes).as_bytes());
+        let side = SideFile { name: relative.to_string(), content };
+        self.read.lock().unwrap_or_else(PoisonError::into_inner).push(side);
+        bytes.map(Arc::new).map_err(|e| e.message)
     }
 }

@@ -54,6 +54,7 @@ impl ModuleResolver for Modules {
         let name = if path.ends_with(".rhai") { path.to_string() } else { format!("{path}.rhai") };
         let folders = shared.loader.folders().base_only();
         let start = source.and_then(|s| self.state().folders.get(s).cloned());
+        let start = start.or_else(|| shared.test().scene.as_ref().map(|scene| scene.folder.clone()));
         let found = folders.find(start.as_deref(), &name).map_err(|e| {
             let mut error = ApiError::new(e.message);
             error.hint = e.hint.map(|_| "modules are imported from the script's own folder only".to_string());

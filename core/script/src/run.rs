@@ -1,6 +1,7 @@
 //! From a script file to a stage.
 
-use crate::build::{Build, Parameter, Shared};
+use crate::build::{Build, Mode, Parameter, Shared};
+use crate::cache::AssetCache;
 use crate::call::{ApiError, Place};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::engine;
@@ -13,6 +14,7 @@ use crate::modules::read_text;
 use crate::suggest::{did_you_mean, list};
 use choreo_plugin::{Needs, Registry};
 use choreo_stage::Stage;
+use rhai::Engine;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -26,6 +28,8 @@ pub struct ScriptOptions {
     pub limits: Limits,
     /// What the caller will use of the assets.
     pub needs: Needs,
+    /// Assets of earlier runs with clones of this.
+    pub assets: AssetCache,
 }
 
 impl Default for ScriptOptions {
@@ -35,6 +39,7 @@ impl Default for ScriptOptions {
             set: Vec::new(),
             limits: Limits::default(),
             needs: Needs::ALL,
+            assets: AssetCache::default(),
         }
     }
 }
@@ -60,35 +65,54 @@ pub fn run_file(
     registry: &Registry,
     options: &ScriptOptions,
 ) -> Result<Script, Vec<Diagnostic>> {
+    let opened = open(path, None, Mode::Stage, registry, options).map_err(|e| vec![e])?;
+    on_own_thread(move || run_here(&opened.name, &opened.text, &opened.shared))
+}
+
+/// A script file that has been read.
+pub struct Opened {
+    /// As the caller named it, for messages.
+    pub name: String,
+    pub text: String,
+    pub shared: Arc<Shared>,
+}
+
+/// `root`: see [`Folders::with_root`].
+pub fn open(
+    path: &Path,
+    root: Option<&Path>,
+    mode: Mode,
+    registry: &Registry,
+    options: &ScriptOptions,
+) -> Result<Opened, Diagnostic> {
     let shown = path.display().to_string();
     let fail = |e: LoadError| {
         let mut d = Diagnostic::error(e.message);
         d.hint = e.hint;
-        vec![d]
+        d
     };
     let Some(name) = path.file_name().map(|n| n.to_string_lossy().into_owned()) else {
-        return Err(vec![Diagnostic::error(format!("\"{shown}\" is not a script file"))]);
+        return Err(Diagnostic::error(format!("\"{shown}\" is not a script file")));
     };
     let folder = path.parent().unwrap_or(Path::new(""));
-    let folders = Folders::new(folder, &options.search_paths, options.limits.file).map_err(fail)?;
+    let mut folders = Folders::new(folder, &options.search_paths, options.limits.file).map_err(fail)?;
+    if let Some(root) = root {
+        folders = folders.with_root(root).map_err(fail)?;
+    }
     // The script itself may be a link to elsewhere: the user named it. What it loads may not.
-    let text = {
-        let canonical = path
-            .canonicalize()
-            .map_err(|e| vec![Diagnostic::error(format!("cannot read script \"{shown}\": {e}"))])?;
-        if !canonical.is_file() {
-            return Err(vec![Diagnostic::error(format!("cannot read script \"{shown}\": it is not a file"))]);
-        }
-        let shared = new_shared(folders, registry, options);
-        let found = crate::folders::Found { path: canonical };
-        let text = read_text(&shared, &found, &name).map_err(|e| {
-            let mut d = Diagnostic::error(e.message);
-            d.hint = e.hint;
-            vec![d]
-        })?;
-        (text, shared)
-    };
-    run(&shown, text.0, text.1)
+    let canonical =
+        path.canonicalize().map_err(|e| Diagnostic::error(format!("cannot read script \"{shown}\": {e}")))?;
+    if !canonical.is_file() {
+        return Err(Diagnostic::error(format!("cannot read script \"{shown}\": it is not a file")));
+    }
+    let shared = new_shared(folders, mode, registry, options);
+    let found = crate::folders::Found { path: canonical };
+    let text = read_text(&shared, &found, &name).map_err(|e| {
+        let mut d = Diagnostic::error(e.message);
+        d.hint = e.hint;
+        d
+    })?;
+    Ok(Opened { name: shown, text, shared })
 }
 
 /// Runs a script given as text; files are looked for in `base_dir`.
@@ -104,38 +128,45 @@ pub fn run_text(
         d.hint = e.hint;
         vec![d]
     })?;
-    run(name, text.to_string(), new_shared(folders, registry, options))
+    let shared = new_shared(folders, Mode::Stage, registry, options);
+    let (name, text) = (name.to_string(), text.to_string());
+    on_own_thread(move || run_here(&name, &text, &shared))
 }
 
-fn new_shared(folders: Folders, registry: &Registry, options: &ScriptOptions) -> Arc<Shared> {
+fn new_shared(folders: Folders, mode: Mode, registry: &Registry, options: &ScriptOptions) -> Arc<Shared> {
     Arc::new(Shared {
         build: Mutex::new(Build::default()),
-        loader: Loader::new(registry, folders, options.needs),
+        loader: Loader::new(registry, folders, options.needs).with_cache(&options.assets),
         limits: options.limits.clone(),
         set: options.set.clone(),
         sources: Mutex::default(),
         functions: Mutex::default(),
         deadline: Mutex::default(),
+        engine: Mutex::default(),
+        mode,
+        test: Mutex::default(),
     })
 }
 
 /// On a thread of its own: its stack is known to hold the deepest calls and expressions that the limits allow,
 /// whatever thread this is called on.
-fn run(name: &str, text: String, shared: Arc<Shared>) -> Result<Script, Vec<Diagnostic>> {
+pub fn on_own_thread<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, Vec<Diagnostic>> + Send + 'static,
+) -> Result<T, Vec<Diagnostic>> {
     const STACK: usize = 64 << 20;
-    let name = name.to_string();
     let worker = std::thread::Builder::new().name("script".into()).stack_size(STACK);
-    let started = worker.spawn(move || run_here(&name, &text, &shared));
-    match started.map(std::thread::JoinHandle::join) {
+    match worker.spawn(work).map(std::thread::JoinHandle::join) {
         Ok(Ok(result)) => result,
         Ok(Err(panic)) => std::panic::resume_unwind(panic),
         Err(e) => Err(vec![Diagnostic::error(format!("cannot start a thread for the script: {e}"))]),
     }
 }
 
-fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<Diagnostic>> {
+/// Compiles and runs the text; what is wrong is noted among the build's diagnostics.
+pub fn execute(name: &str, text: &str, shared: &Arc<Shared>) -> Arc<Engine> {
     shared.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
     let engine = Arc::new(engine::engine(shared));
+    *shared.engine.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(&engine);
     let failed = |error: &rhai::EvalAltResult| {
         let (place, error) = errors::explain(error, name, shared);
         shared.note(Severity::Error, &place, &error);
@@ -150,6 +181,10 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
             ast.set_source(name);
             *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) =
                 ast.iter_functions().map(|f| (f.name.to_string(), f.params.len())).collect();
+            shared.test().ends = ast
+                .iter_fn_def()
+                .map(|f| (f.name.to_string(), f.body.end_position().line().unwrap_or(0)))
+                .collect();
             let result = engine.run_ast_with_scope(&mut engine::constants(), &ast);
             if let Err(e) = result {
                 failed(&e);
@@ -159,9 +194,14 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
         }
     }
     set_deadline(None);
+    engine
+}
+
+fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<Diagnostic>> {
+    let engine = execute(name, text, shared);
     let script_hash = hash(text, shared);
     let identity = hex(&script_hash);
-    let stage = finish(shared, &engine, &identity);
+    let stage = finish(shared, &engine, &|_| identity.clone());
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
     let diagnostics = std::mem::take(&mut build.diagnostics);
     if diagnostics.iter().any(|d| d.severity == Severity::Error) {
@@ -230,6 +270,6 @@ fn hash(text: &str, shared: &Shared) -> [u8; 32] {
     *hasher.finalize().as_bytes()
 }
 
-fn hex(bytes: &[u8]) -> String {
+pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -3,6 +3,7 @@
 //! A handle made by a call that failed is dead: whatever is done with it is skipped without a word, so that one
 //! wrong name is one message and the script goes on to its next mistake.
 
+use crate::testing::PlanOptions;
 use choreo_motion::Clip;
 use choreo_stage::Asset;
 use std::sync::Arc;
@@ -54,6 +55,21 @@ pub struct LightRef(pub usize);
 #[derive(Clone, Copy, Debug)]
 pub struct EffectRef(pub usize);
 
+/// A stage in a test: the section's own or one of `stage_of`.
+#[derive(Clone, Copy, Debug)]
+pub struct StageRef(pub usize);
+
+/// The plan of a frame, in a test.
+#[derive(Clone, Copy, Debug)]
+pub struct PlanRef {
+    pub options: PlanOptions,
+    pub dead: bool,
+}
+
+/// What another script has put on the stage of a test.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneRef(pub usize);
+
 /// The types of handles, by the names that scripts and messages use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -68,10 +84,14 @@ pub enum Kind {
     Camera,
     Light,
     Effect,
+    Expect,
+    Stage,
+    Plan,
+    Scene,
 }
 
 impl Kind {
-    pub const HANDLES: [Kind; 9] = [
+    pub const HANDLES: [Kind; 13] = [
         Kind::Asset,
         Kind::Clip,
         Kind::Actor,
@@ -81,6 +101,10 @@ impl Kind {
         Kind::Camera,
         Kind::Light,
         Kind::Effect,
+        Kind::Expect,
+        Kind::Stage,
+        Kind::Plan,
+        Kind::Scene,
     ];
 
     pub fn name(self) -> &'static str {
@@ -95,6 +119,10 @@ impl Kind {
             Kind::Camera => "Camera",
             Kind::Light => "Light",
             Kind::Effect => "Effect",
+            Kind::Expect => "Expect",
+            Kind::Stage => "Stage",
+            Kind::Plan => "Plan",
+            Kind::Scene => "Scene",
         }
     }
 

@@ -32,3 +32,4 @@ pub use look_at::LOOK_AT_LIMIT_RAD;
 pub use posed_mesh::{PosedInstance, PosedPrimitive, posed_meshes, posed_meshes_in};
 pub use snapshot::*;
 pub use stage::*;
+pub use timeline::Heard;

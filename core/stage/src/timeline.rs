@@ -1,7 +1,39 @@
 //! Which clips of a layer are heard at a time, at which clip time and with what weight.
 
-use crate::{Cue, Ease, Layer};
+use crate::{Actor, Cue, Ease, Layer};
 use choreo_motion::{Playback, Repeat, Time};
+
+/// A cue that counts in an actor's pose at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heard {
+    pub layer: usize,
+    /// Index into `Layer::cues`.
+    pub cue: usize,
+    pub clip_time: Time,
+    /// 0 < weight ≤ 1, over what came before it; times the layer's mask.
+    pub weight: f32,
+}
+
+impl Actor {
+    /// What plays at a time, in the order in which it is blended: each over what came before it.
+    pub fn heard(&self, time: Time) -> Vec<Heard> {
+        let mut heard = Vec::new();
+        let mut voices = Vec::new();
+        for (layer, of_layer) in self.layers.iter().enumerate() {
+            match layer {
+                0 => base_voices(of_layer, time, &mut voices),
+                _ => upper_voices(of_layer, time, &mut voices),
+            }
+            heard.extend(voices.iter().map(|v| Heard {
+                layer,
+                cue: v.cue,
+                clip_time: v.clip_time,
+                weight: v.weight,
+            }));
+        }
+        heard
+    }
+}
 
 /// A cue that counts now. Blended in order: each over what came before it.
 #[derive(Clone, Copy, Debug, PartialEq)]

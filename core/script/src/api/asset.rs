@@ -75,7 +75,8 @@ fn load(c: &mut Call) -> Reply {
     }
     // Loading takes as long as the files are large: the script's own time stands still.
     let before = Instant::now();
-    let loaded = c.shared.loader.load(&name, &choice);
+    let start = c.shared.test().scene.as_ref().map(|scene| scene.folder.clone());
+    let loaded = c.shared.loader.load_from(start.as_deref(), &name, &choice);
     if let Some(deadline) = c.shared.deadline.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
         *deadline += before.elapsed();
     }

@@ -29,6 +29,8 @@ pub const FUNCTIONS: &[(&str, &str, &str)] = &[
     ("to_float", "x", "as a float"),
     ("to_radians", "x", "degrees to radians"),
     ("to_degrees", "x", "radians to degrees"),
+    ("cm", "x", "centimetres to metres"),
+    ("mm", "x", "millimetres to metres"),
     ("min", "a, b", "the smaller"),
     ("max", "a, b", "the larger"),
     ("clamp", "x, low, high", "x kept between two numbers"),
@@ -102,6 +104,8 @@ pub fn register(engine: &mut Engine) {
     numbers!(engine, "to_float", |x| x);
     numbers!(engine, "to_radians", |x| x * (std::f64::consts::PI / 180.0));
     numbers!(engine, "to_degrees", |x| x * (180.0 / std::f64::consts::PI));
+    numbers!(engine, "cm", |x| x / 100.0);
+    numbers!(engine, "mm", |x| x / 1000.0);
     numbers!(engine, "is_nan", |x| x.is_nan());
     engine.register_fn("to_int", |x: i64| x);
     engine.register_fn("to_int", |x: f64| -> Result<i64, Box<EvalAltResult>> {

@@ -3,12 +3,15 @@
 pub mod actor;
 pub mod asset;
 pub mod camera;
+pub mod compare;
 pub mod cue;
 pub mod effect;
+pub mod expect;
 pub mod keys;
 pub mod light;
 pub mod maths;
 pub mod stage;
+pub mod test;
 
 use crate::call::Def;
 
@@ -21,6 +24,9 @@ pub const TABLES: &[(&str, &[Def])] = &[
     ("Cameras", camera::DEFS),
     ("Lights", light::DEFS),
     ("Effects", effect::DEFS),
+    ("Tests: sections", test::DEFS),
+    ("Tests: what is looked at", expect::DEFS),
+    ("Tests: comparisons", compare::DEFS),
 ];
 
 pub fn all() -> impl Iterator<Item = &'static Def> {

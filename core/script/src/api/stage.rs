@@ -3,7 +3,7 @@
 use crate::build::{Parameter, room};
 use crate::call::{ApiError, Call, Def, Gives, Reply, color, numbers, point, rgb, wrong};
 use crate::hook::{HookDraft, own_captures};
-use crate::value::Kind;
+use crate::value::{Kind, StageRef};
 use choreo_motion::{FrameRate, Time};
 use choreo_stage::Background;
 use rhai::{Dynamic, FnPtr, Map};
@@ -12,9 +12,9 @@ pub const DEFS: &[Def] = &[
     Def::new(
         Kind::None,
         "stage",
-        "options",
-        Gives::Nothing,
-        "Sets size [width, height], fps, length, background (color or #{ top, bottom }), ambient (color, strength or #{ up, down }), samples (1 or 4).",
+        "options | ",
+        Gives::A(Kind::Stage),
+        "Sets size [width, height], fps, length, background (color or #{ top, bottom }), ambient (color, strength or #{ up, down }), samples (1 or 4). Without options, in tests: the stage, for expect.",
         stage,
     ),
     Def::new(
@@ -45,6 +45,13 @@ pub const DEFS: &[Def] = &[
 ];
 
 fn stage(c: &mut Call) -> Reply {
+    let this = StageRef(c.shared.test().current_stage);
+    if c.len() == 0 {
+        if c.shared.test().running {
+            return Ok(Dynamic::from(this));
+        }
+        return Err(ApiError::new("stage: options are missing").hint("write stage(#{ … })"));
+    }
     let o = c.options(0, &["size", "fps", "length", "background", "ambient", "samples"])?;
     if let Some(before) = &c.build().settings_at {
         return Err(ApiError::new(format!("stage: already called in line {}", before.line))
@@ -102,7 +109,7 @@ fn stage(c: &mut Call) -> Reply {
     let mut build = c.build();
     build.settings = s;
     build.settings_at = Some(place);
-    Ok(Dynamic::UNIT)
+    Ok(Dynamic::from(this))
 }
 
 fn read_background(v: &Dynamic) -> Result<Background, ApiError> {
@@ -156,7 +163,9 @@ fn param(c: &mut Call) -> Reply {
         return Err(ApiError::new(format!("param: \"{name}\" is already declared in line {}", before.line)));
     }
     room(c.build().parameters.len(), "parameters", &c.shared.limits)?;
-    let given = c.shared.set.iter().rev().find(|(n, _)| *n == name).map(|(_, v)| v.clone());
+    let of_scene = c.shared.test().scene.as_ref().map(|scene| scene.set.clone());
+    let set = of_scene.as_ref().unwrap_or(&c.shared.set);
+    let given = set.iter().rev().find(|(n, _)| *n == name).map(|(_, v)| v.clone());
     let value = match &given {
         None => default.clone(),
         Some(text) => parse_parameter(kind, text).ok_or_else(|| {
@@ -211,7 +220,7 @@ fn parse_parameter(kind: &str, text: &str) -> Option<Dynamic> {
     }
 }
 
-fn show(v: &Dynamic) -> String {
+pub fn show(v: &Dynamic) -> String {
     match numbers(v) {
         Some(values) => values.iter().map(f64::to_string).collect::<Vec<_>>().join(","),
         None => v.to_string(),

@@ -54,7 +54,7 @@ pub enum Claim {
     /// A rotation that may change over time; the same rotation may be written as q and as −q.
     Rotation { quantity: RotationQuantity, goal: RotationGoal, tolerance_deg: f64 },
     /// Something that is so or not.
-    Flag { flag: Flag, equals: bool },
+    Flag(Flag),
     /// All of an actor is inside the picture of the camera that is on (or the one given).
     InFrame(InFrame),
     /// The same bits.

@@ -4,9 +4,14 @@
 //! path ─► list_sections ─► SectionInfo ─► run_section ─► SectionRun { stage, expectations } ─► choreo-suite judges
 //! ```
 
+pub(crate) mod comments;
 mod expectation;
+pub(crate) mod run;
+mod state;
 
 pub use expectation::*;
+pub use run::{list_sections, run_section};
+pub(crate) use state::{ExpectRef, Measure, Scene, TestState};
 
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::run::ScriptOptions;

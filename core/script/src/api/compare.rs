@@ -1,0 +1,514 @@
+//! The comparisons that end an `expect(…)`: each is recorded with its place and judged when the stage is finished.
+
+use super::actor::euler;
+use super::expect::{camera_subject, contact, subject, value};
+use super::test::record;
+use crate::build::Shared;
+use crate::call::{ApiError, Call, Def, Gives, Reply, numbers, point};
+use crate::hook::{HookDraft, ScriptHook, own_captures};
+use crate::testing::*;
+use crate::value::*;
+use choreo_motion::Time;
+use glam::{DQuat, DVec3};
+use rhai::{Dynamic, FnPtr};
+use std::sync::{Arc, PoisonError};
+
+const THIS: Gives = Gives::A(Kind::Expect);
+
+const fn comparison(
+    name: &'static str,
+    args: &'static str,
+    about: &'static str,
+    run: fn(&mut Call) -> Reply,
+) -> Def {
+    Def::new(Kind::Expect, name, args, THIS, about, run).in_tests()
+}
+
+pub const DEFS: &[Def] = &[
+    comparison(
+        "near",
+        "goal, tolerance?",
+        "Within a tolerance of a number, a point, a color, what another thing does, or a function of the time, |t| …; rotations of [x, y, z] as for rotate, degrees about y, or a quaternion [x, y, z, w]. Tolerances: metres or the number's unit (0.001 where left out), degrees for rotations (0.1), 1e-9 for plain values.",
+        near,
+    ),
+    comparison("below", "limit", "At most this number.", below),
+    comparison("above", "limit", "At least this number.", above),
+    comparison("between", "low, high", "From one number to another, both included.", between),
+    comparison("within", "min, max", "A point in a box, from one corner to the other.", within),
+    comparison(
+        "equals",
+        "value",
+        "A plain value that is the same; of a count, the number; numbers may be ints or floats.",
+        equals,
+    ),
+    comparison(
+        "contains",
+        "part",
+        "A text with this part, an array with this element, or lines of which one has this part.",
+        contains,
+    ),
+    comparison(
+        "matches",
+        "pattern",
+        "A text like the pattern: * stands for anything, ? for one character.",
+        matches,
+    ),
+    comparison("empty", "", "No lines, an empty text or array.", empty),
+    comparison(
+        "exactly",
+        "events, tolerance?",
+        "These events and no others: an array of [time, text], or of texts where the time does not matter; * in a text stands for anything; the tolerance is in seconds (0.000001).",
+        exactly,
+    ),
+    comparison(
+        "in_order",
+        "events, tolerance?",
+        "These events in this order, others between; as for exactly.",
+        in_order,
+    ),
+    comparison("visible", "", "An actor that is seen, as far as .hide, .show and keys say.", visible),
+    comparison("on", "", "A camera that is on.", on),
+    comparison("has_effect", "name", "A stage on which this effect is on.", has_effect),
+    comparison("on_floor", "options?", "A joint that is on the floor; options as for slide.", on_floor),
+    comparison(
+        "in_frame",
+        "options?",
+        "An actor that is wholly inside the picture; options: camera (the one that is on), margin (share of the picture's sides left free), height ([low, high], share of the picture's height), upright (most degrees of tilt).",
+        in_frame,
+    ),
+    comparison(
+        "same_as",
+        "other",
+        "The same bits: a stage and another stage, or itself at another time; an actor's pose and another actor's, or its own at another time.",
+        same_as,
+    ),
+    comparison(
+        "leaves_out",
+        "what",
+        "A plan that does without something, as choreo explain names it: \"skinning\", \"morph targets\", \"blending and sorting back to front\" and so on.",
+        leaves_out,
+    ),
+    comparison(
+        "costs_at_most",
+        "factor, stage",
+        "Evaluating all frames of this stage takes at most so many times as long as of another: the smallest of three medians of runs in turns, so that a busy machine does not fail it.",
+        costs_at_most,
+    ),
+];
+
+fn done(c: &Call, mut expect: ExpectRef, claim: Claim) -> Reply {
+    if claim.timeless() && (expect.when != When::Always || expect.step.is_some()) {
+        return Err(ApiError::new(format!(
+            "{}: {} does not change over time",
+            c.def.name,
+            match claim {
+                Claim::Number { .. } => "this count",
+                Claim::Events { .. } => "the list of events",
+                Claim::Texts { .. } => "this list",
+                _ => "a value",
+            }
+        ))
+        .hint("leave out .at, .during and .every"));
+    }
+    record(c, &expect, claim)?;
+    expect.negated = false;
+    Ok(Dynamic::from(expect))
+}
+
+fn tolerance(c: &Call, default: f64) -> Result<f64, ApiError> {
+    if c.len() < 2 { Ok(default) } else { c.number_in(1, 0.0, 1e12) }
+}
+
+/// A function of the time of which `widths` numbers are expected.
+fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Formula>, ApiError> {
+    let Some(callback) = c.value(i).try_cast::<FnPtr>() else { return Ok(None) };
+    let callback = own_captures(&callback)?;
+    let Some(engine) = c.shared.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
+        return Err(ApiError::new("near: the script is over"));
+    };
+    #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
+    let context = {
+        let mut context = c.context.store_data();
+        context.global.num_operations = Default::default();
+        context
+    };
+    let draft = HookDraft { callback, context, at: c.place.clone() };
+    let shared: Arc<Shared> = c.shared.clone();
+    let hook = ScriptHook::new(engine, shared, draft, "");
+    Ok(Some(Formula(Arc::new(move |time| {
+        let given = hook.value_at(time)?;
+        let single = crate::call::number(&given, "").ok().map(|n| vec![n]);
+        let list = single.or_else(|| numbers(&given)).filter(|list| widths.contains(&list.len()));
+        list.ok_or_else(|| {
+            let widths: Vec<&str> =
+                widths.iter().map(|w| if *w == 1 { "a number" } else { "[x, y, z]" }).collect();
+            hook.diagnose(&ApiError::new(format!(
+                "near: the function must give {}, got {} at {} s",
+                widths.join(" or "),
+                crate::call::describe(&given),
+                time.as_secs()
+            )))
+        })
+    }))))
+}
+
+fn near(c: &mut Call) -> Reply {
+    let expect: ExpectRef = c.this()?;
+    let claim = match &expect.measure {
+        Measure::Number(quantity) => {
+            let goal = match formula(c, 0, &[1])? {
+                Some(formula) => NumberGoal::Formula(formula),
+                None => NumberGoal::Number(c.number(0)?),
+            };
+            let test = NumberTest::Near { goal, tolerance: tolerance(c, 0.001)? };
+            Claim::Number { quantity: quantity.clone(), test }
+        }
+        Measure::Vector(quantity) => {
+            let color = matches!(quantity, VectorQuantity::Tint(_) | VectorQuantity::LightColor(_));
+            let given = c.value(0);
+            let goal = match formula(c, 0, &[3])? {
+                Some(formula) => VectorGoal::Formula(formula),
+                None if color => VectorGoal::Point(crate::call::rgb(c.color(0)?).as_dvec3()),
+                None => match subject(&given) {
+                    Some(subject) => VectorGoal::Subject(subject),
+                    None => VectorGoal::Point(point(&given, &c.label(0))?),
+                },
+            };
+            let test = VectorTest::Near { goal, tolerance: tolerance(c, 0.001)? };
+            Claim::Vector { quantity: quantity.clone(), test }
+        }
+        Measure::Rotation(quantity) => {
+            let goal = match formula(c, 0, &[1, 3])? {
+                Some(formula) => RotationGoal::Formula(formula),
+                None => rotation_goal(c)?,
+            };
+            let tolerance_deg = tolerance(c, 0.1)?;
+            Claim::Rotation { quantity: quantity.clone(), goal, tolerance_deg }
+        }
+        Measure::Value(got) => {
+            let goal = value(&c.value(0), 0).filter(numeric);
+            let goal = goal.ok_or_else(|| c.wrong(0, "a number or an array of numbers"))?;
+            if !numeric(got) {
+                return Err(c.not_for("a number or an array of numbers", &expect.measure));
+            }
+            let test = ValueTest::Near { goal, tolerance: tolerance(c, 1e-9)? };
+            Claim::Value { got: got.clone(), test }
+        }
+        other => return Err(c.not_for("a number, a point, a color or a rotation", other)),
+    };
+    done(c, expect, claim)
+}
+
+fn numeric(v: &Value) -> bool {
+    match v {
+        Value::Int(_) | Value::Number(_) => true,
+        Value::List(list) => list.iter().all(numeric),
+        _ => false,
+    }
+}
+
+fn rotation_goal(c: &Call) -> Result<RotationGoal, ApiError> {
+    let given = c.value(0);
+    if let Some(subject) = subject(&given) {
+        return Ok(RotationGoal::Subject(subject));
+    }
+    if given.is_int() || given.is_float() {
+        return Ok(RotationGoal::Rotation(euler(DVec3::new(0.0, c.number(0)?, 0.0))));
+    }
+    match numbers(&given).as_deref() {
+        Some([x, y, z]) => Ok(RotationGoal::Rotation(euler(DVec3::new(*x, *y, *z)))),
+        Some([x, y, z, w]) => {
+            let q = DQuat::from_xyzw(*x, *y, *z, *w);
+            // A slip of the pen is not a rotation.
+            if (q.length() - 1.0).abs() > 1e-3 {
+                return Err(ApiError::new(format!(
+                    "near: this quaternion has length {:.4}, must be 1",
+                    q.length()
+                )));
+            }
+            Ok(RotationGoal::Rotation(q.normalize()))
+        }
+        _ => Err(c.wrong(
+            0,
+            "degrees about y, [x, y, z] in degrees, a quaternion [x, y, z, w], an Actor, Joint, Camera or Light",
+        )),
+    }
+}
+
+/// A number that changes over time, or a plain one.
+fn number_test(c: &Call, of_number: NumberTest, of_value: ValueTest) -> Reply {
+    let expect: ExpectRef = c.this()?;
+    let claim = match &expect.measure {
+        Measure::Number(quantity) => Claim::Number { quantity: quantity.clone(), test: of_number },
+        Measure::Value(got @ (Value::Int(_) | Value::Number(_))) => {
+            Claim::Value { got: got.clone(), test: of_value }
+        }
+        Measure::Vector(_) => {
+            let error = c.not_for("a number", &expect.measure);
+            return Err(error.hint("choose one, as with .y(), .speed() or .distance(target)"));
+        }
+        other => return Err(c.not_for("a number", other)),
+    };
+    done(c, expect, claim)
+}
+
+fn below(c: &mut Call) -> Reply {
+    let limit = c.number(0)?;
+    number_test(c, NumberTest::Below(limit), ValueTest::Below(limit))
+}
+
+fn above(c: &mut Call) -> Reply {
+    let limit = c.number(0)?;
+    number_test(c, NumberTest::Above(limit), ValueTest::Above(limit))
+}
+
+fn between(c: &mut Call) -> Reply {
+    let (low, high) = (c.number(0)?, c.number(1)?);
+    if low > high {
+        return Err(ApiError::new(format!("between: low must not be above high, got {low} and {high}")));
+    }
+    number_test(c, NumberTest::Between(low, high), ValueTest::Between(low, high))
+}
+
+fn within(c: &mut Call) -> Reply {
+    let (min, max) = (point(&c.value(0), &c.label(0))?, point(&c.value(1), &c.label(1))?);
+    if !min.cmple(max).all() {
+        return Err(ApiError::new(format!("within: min must not be above max, got {min} and {max}")));
+    }
+    let expect: ExpectRef = c.this()?;
+    let claim = match &expect.measure {
+        Measure::Vector(quantity) => {
+            Claim::Vector { quantity: quantity.clone(), test: VectorTest::Within { min, max } }
+        }
+        other => return Err(c.not_for("a point", other)),
+    };
+    done(c, expect, claim)
+}
+
+fn equals(c: &mut Call) -> Reply {
+    let expect: ExpectRef = c.this()?;
+    let claim = match &expect.measure {
+        Measure::Number(quantity) => {
+            let wanted = c.number(0)?;
+            Claim::Number { quantity: quantity.clone(), test: NumberTest::Between(wanted, wanted) }
+        }
+        Measure::Value(got) => {
+            let wanted = value(&c.value(0), 0).ok_or_else(|| c.wrong(0, "a plain value"))?;
+            Claim::Value { got: got.clone(), test: ValueTest::Equals(wanted) }
+        }
+        Measure::Events(_) => return exactly(c),
+        Measure::Vector(_) | Measure::Rotation(_) => {
+            let error = c.not_for("a value or a number", &expect.measure);
+            return Err(error.hint("points and rotations are compared with .near(goal, tolerance)"));
+        }
+        other => return Err(c.not_for("a value or a number", other)),
+    };
+    done(c, expect, claim)
+}
+
+fn contains(c: &mut Call) -> Reply {
+    let expect: ExpectRef = c.this()?;
+    let claim = match &expect.measure {
+        Measure::Texts(texts) => Claim::Texts { texts: *texts, test: TextsTest::Contains(c.text(0)?) },
+        Measure::Value(got @ (Value::Text(_) | Value::List(_))) => {
+            let part = value(&c.value(0), 0).ok_or_else(|| c.wrong(0, "a plain value"))?;
+            if let (Value::Text(_), false) = (got, matches!(part, Value::Text(_))) {
+                return Err(c.wrong(0, "text"));
+            }
+            Claim::Value { got: got.clone(), test: ValueTest::Contains(part) }
+        }
+        Measure::Events(_) => return in_order(c),
+        other => return Err(c.not_for("a text, an array or lines of text", other)),
+    };
+    done(c, expect, claim)
+}
+
+fn matches(c: &mut Call) -> Reply {
+    let pattern = c.text(0)?;
+    let expect: ExpectRef = c.this()?;
+    let claim = match &expect.measure {
+        Measure::Value(got @ Value::Text(_)) => {
+            Claim::Value { got: got.clone(), test: ValueTest::Matches(pattern) }
+        }
+        other => return Err(c.not_for("a text", other)),
+    };
+    done(c, expect, claim)
+}
+
+fn empty(c: &mut Call) -> Reply {
+    let expect: ExpectRef = c.this()?;
+    let claim = match &expect.measure {
+        Measure::Texts(texts) => Claim::Texts { texts: *texts, test: TextsTest::Empty },
+        Measure::Events(of) => Claim::Events { of: *of, test: EventsTest::Exactly(Vec::new(), Time::ZERO) },
+        Measure::Value(got @ (Value::Text(_) | Value::List(_) | Value::Map(_))) => {
+            Claim::Value { got: got.clone(), test: ValueTest::Empty }
+        }
+        other => return Err(c.not_for("a text, an array or lines of text", other)),
+    };
+    done(c, expect, claim)
+}
+
+/// `[[0.0, "anna: Walk starts"], "anna: Walk ends"]`, one of these or one text, with their tolerance.
+fn events(c: &Call) -> Result<(Vec<EventPattern>, Time), ApiError> {
+    let allowed = "an array of [time, text] or of texts";
+    let given = c.value(0);
+    let one = |v: &Dynamic| -> Result<EventPattern, ApiError> {
+        if v.is_string() {
+            return Ok(EventPattern { at: None, text: crate::call::text(v, "")? });
+        }
+        let pair = v.read_lock::<rhai::Array>().filter(|pair| pair.len() == 2 && pair[1].is_string());
+        let pair = pair.ok_or_else(|| {
+            crate::call::wrong(v, &format!("{}: an event", c.def.name), "[time, text] or a text")
+        })?;
+        let at = crate::call::time(&pair[0], &format!("{}: time of an event", c.def.name))?;
+        Ok(EventPattern { at: Some(at), text: crate::call::text(&pair[1], "")? })
+    };
+    let patterns = if given.is_string() {
+        vec![one(&given)?]
+    } else {
+        let Some(array) = given.read_lock::<rhai::Array>() else { return Err(c.wrong(0, allowed)) };
+        array.iter().map(one).collect::<Result<Vec<_>, _>>()?
+    };
+    Ok((patterns, Time::from_secs(tolerance(c, 1e-6)?)))
+}
+
+fn event_test(c: &Call, test: impl FnOnce(Vec<EventPattern>, Time) -> EventsTest) -> Reply {
+    let expect: ExpectRef = c.this()?;
+    let Measure::Events(of) = expect.measure else {
+        let error = c.not_for("events", &expect.measure);
+        return Err(error.hint("write expect(stage()).events() or expect(actor).events()"));
+    };
+    let (patterns, tolerance) = events(c)?;
+    done(c, expect, Claim::Events { of, test: test(patterns, tolerance) })
+}
+
+fn exactly(c: &mut Call) -> Reply {
+    event_test(c, EventsTest::Exactly)
+}
+
+fn in_order(c: &mut Call) -> Reply {
+    event_test(c, EventsTest::InOrder)
+}
+
+/// The actor that is looked at.
+fn actor(c: &Call) -> Result<usize, ApiError> {
+    let expect: ExpectRef = c.this()?;
+    match &expect.measure {
+        Measure::Vector(VectorQuantity::Position(Subject::Actor(actor), None)) => Ok(*actor),
+        other => Err(c.not_for("an Actor", other)),
+    }
+}
+
+fn visible(c: &mut Call) -> Reply {
+    let (expect, actor): (ExpectRef, usize) = (c.this()?, actor(c)?);
+    done(c, expect, Claim::Flag(Flag::Visible(actor)))
+}
+
+fn on(c: &mut Call) -> Reply {
+    let (expect, camera): (ExpectRef, usize) = (c.this()?, camera_subject(c)?);
+    done(c, expect, Claim::Flag(Flag::On(camera)))
+}
+
+fn has_effect(c: &mut Call) -> Reply {
+    let expect: ExpectRef = c.this()?;
+    let name = c.text(0)?;
+    match &expect.measure {
+        Measure::Whole(SameWhat::Stage) => done(c, expect, Claim::Flag(Flag::Effect(name))),
+        other => Err(c.not_for("stage()", other)),
+    }
+}
+
+fn on_floor(c: &mut Call) -> Reply {
+    let expect: ExpectRef = c.this()?;
+    let contact = contact(c, 0)?;
+    done(c, expect, Claim::Flag(Flag::OnFloor(contact)))
+}
+
+fn in_frame(c: &mut Call) -> Reply {
+    let (expect, actor): (ExpectRef, usize) = (c.this()?, actor(c)?);
+    let o = c.options(0, &["camera", "margin", "height", "upright"])?;
+    let camera = match o.get("camera") {
+        None => None,
+        Some(given) => match given.read_lock::<CameraRef>() {
+            Some(camera) => Some(camera.0),
+            None => return Err(crate::call::wrong(&given, "in_frame: camera", "a Camera")),
+        },
+    };
+    let height = match o.get("height") {
+        None => None,
+        Some(given) => match numbers(&given).as_deref() {
+            Some([low, high]) if low <= high => Some((*low, *high)),
+            _ => {
+                return Err(crate::call::wrong(
+                    &given,
+                    "in_frame: height",
+                    "[low, high], shares of the picture",
+                ));
+            }
+        },
+    };
+    let claim = InFrame {
+        actor,
+        camera,
+        margin: o.number_in("margin", 0.0, 0.49)?.unwrap_or(0.0),
+        height,
+        upright: o.number_in("upright", 0.0, 180.0)?,
+    };
+    done(c, expect, Claim::InFrame(claim))
+}
+
+fn same_as(c: &mut Call) -> Reply {
+    let expect: ExpectRef = c.this()?;
+    let given = c.value(0);
+    let what = match &expect.measure {
+        Measure::Whole(what) => *what,
+        Measure::Vector(VectorQuantity::Position(Subject::Actor(actor), None)) => SameWhat::Pose(*actor),
+        other => return Err(c.not_for("stage() or an Actor", other)),
+    };
+    let other = if let Some(stage) = given.read_lock::<StageRef>().filter(|_| what == SameWhat::Stage) {
+        SameOther::Stage(stage.0)
+    } else if let Some(actor) = given.read_lock::<ActorRef>().filter(|_| what != SameWhat::Stage) {
+        SameOther::Actor(actor.id)
+    } else if given.is_int() || given.is_float() {
+        if !matches!(expect.when, When::At(_)) {
+            return Err(ApiError::new("same_as: two times are compared, and this is one of them")
+                .hint("write .at(1.0).same_as(2.0)"));
+        }
+        SameOther::Time(c.time(0)?)
+    } else {
+        let allowed = match what {
+            SameWhat::Stage => "another stage, as from stage_of, or a time",
+            SameWhat::Pose(_) => "another Actor, or a time",
+        };
+        return Err(c.wrong(0, allowed));
+    };
+    done(c, expect, Claim::Same { what, other })
+}
+
+fn leaves_out(c: &mut Call) -> Reply {
+    let expect: ExpectRef = c.this()?;
+    let what = c.text(0)?;
+    match &expect.measure {
+        Measure::Plan(options) => {
+            let texts = TextsQuantity::LeftOut(*options);
+            done(c, expect, Claim::Texts { texts, test: TextsTest::Names(what) })
+        }
+        other => {
+            let error = c.not_for("plan()", other);
+            Err(error)
+        }
+    }
+}
+
+fn costs_at_most(c: &mut Call) -> Reply {
+    let expect: ExpectRef = c.this()?;
+    let factor = c.number_in(0, 1e-3, 1e6)?;
+    let given = c.value(1);
+    let Some(other) = given.read_lock::<StageRef>().map(|stage| stage.0) else {
+        return Err(c.wrong(1, "a stage, as from stage_of"));
+    };
+    match &expect.measure {
+        Measure::Whole(SameWhat::Stage) => done(c, expect, Claim::Cost { other, factor }),
+        other => Err(c.not_for("a stage", other)),
+    }
+}

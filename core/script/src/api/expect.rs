@@ -1,0 +1,553 @@
+//! `expect(…)`: what is looked at, and when.
+
+use super::actor::{attachment, morph_targets};
+use crate::call::{ApiError, Call, Def, Gives, Options, Reply};
+use crate::suggest::did_you_mean;
+use crate::testing::*;
+use crate::value::*;
+use choreo_motion::Time;
+use choreo_stage::Attachment;
+use rhai::{Dynamic, Map};
+
+const THIS: Gives = Gives::A(Kind::Expect);
+
+const fn selector(
+    name: &'static str,
+    args: &'static str,
+    about: &'static str,
+    run: fn(&mut Call) -> Reply,
+) -> Def {
+    Def::new(Kind::Expect, name, args, THIS, about, run).in_tests()
+}
+
+pub const DEFS: &[Def] = &[
+    Def::new(
+        Kind::None,
+        "expect",
+        "what",
+        THIS,
+        "Looks at an Actor, Joint, Camera or Light (where it stands, unless said otherwise), at stage(), at plan(), or at a value.",
+        expect,
+    )
+    .in_tests(),
+    selector("at", "time", "Only at this time. Without at and during: at every frame of the stage.", at),
+    selector("during", "from, until", "At every frame from one time to another, both included.", during),
+    selector(
+        "every",
+        "seconds",
+        "Looks so often, rather than once a frame; speeds are then taken over so long.",
+        every,
+    ),
+    selector("not", "", "Turns the next comparison around: it must fail, at every time looked at.", not),
+    selector("position", "", "Where it stands, in metres.", position),
+    selector("rotation", "", "How it is turned.", rotation),
+    selector("direction", "", "Where it looks, a unit vector: +z of actors and joints, where cameras and lights point.", direction),
+    selector("scale", "", "How much larger than its file, along its own axes.", scale),
+    selector("size", "", "Extent of an actor as posed along x, y and z, in metres.", size),
+    selector("relative_to", "actor_or_joint", "Position or rotation in the space of an actor or joint.", relative_to),
+    selector("in_picture", "camera?", "Where it is in the picture: x from 0 left to 1 right, y from 0 top to 1 bottom, z metres before the camera, the one that is on unless another is given.", in_picture),
+    selector("x", "", "The first number of a point.", |c| component(c, 0)),
+    selector("y", "", "The second number of a point.", |c| component(c, 1)),
+    selector("z", "", "The third number of a point.", |c| component(c, 2)),
+    selector("length", "", "Distance of a point from the origin of its space.", length),
+    selector("distance", "target", "Metres to an actor, joint or point.", distance),
+    selector("angle_to", "target", "Degrees between where it looks and an actor, joint or point.", angle_to),
+    selector("speed", "", "Metres a second since the frame before.", speed),
+    selector("acceleration", "", "Metres a second², from the frames before and after.", acceleration),
+    selector("jerk", "", "Metres a second³, from four frames: what a pop makes large.", jerk),
+    selector("turn_speed", "", "Degrees a second since the frame before.", turn_speed),
+    selector("weight", "clip", "Share of a clip: of an actor, in the layer that it plays on; of a joint, in its pose with all layers counted.", weight),
+    selector("clip_time", "clip", "Where in a clip an actor is, in seconds of the clip.", clip_time),
+    selector("morph", "name", "Weight of a morph target.", morph),
+    selector("tint", "", "Color that an actor is multiplied with, linear.", tint),
+    selector("color", "", "Color of a light, linear.", color),
+    selector("intensity", "", "Of a light.", intensity),
+    selector("fov", "", "Vertical angle of view of a camera, degrees.", fov),
+    selector("lowest", "", "y of the lowest point of an actor as posed, metres.", lowest),
+    selector("highest", "", "y of the highest point of an actor as posed, metres.", highest),
+    selector("slide", "options?", "Metres that a joint has gone along the floor since it touched down, 0 while it is up; options: height (0.03 m: lower is on the floor), speed (0.5 m/s: rising or sinking faster is not), ground (y of the floor).", slide),
+    selector("picture_height", "camera?", "Height of an actor in the picture, as a share of the picture's.", picture_height),
+    selector("picture_share", "camera?", "Share of an actor's vertices inside the picture, whatever stands before them.", picture_share),
+    selector("tilt", "camera?", "Degrees in the picture between up and the actor's or joint's own up (+y).", tilt),
+    selector("count", "what", "How many of a stage: \"actors\", \"cameras\", \"cuts\", \"lights\", \"effects\", \"layers\", \"cues\", \"callbacks\", \"assets\", \"joints\", \"triangles\", \"vertices\", \"frames\"; of a plan: \"passes\", \"post_passes\", \"pipelines\", \"draws\", \"copies\", \"triangles\", \"lights\", \"joint_matrices\", \"morphs\".", count),
+    selector("events", "", "What begins and ends when: cues (\"anna: Walk starts\"), looks (\"anna: look ends\"), cuts (\"cut to wide\"), effects (\"vignette starts\"); of an actor, only its own.", events),
+    selector("warnings", "", "Lines of warnings of the script and of the assets on stage.", warnings),
+    selector("printed", "", "Lines of print(…).", printed),
+    selector("effects", "", "Names of the effects that are on.", effects),
+];
+
+fn expect(c: &mut Call) -> Reply {
+    let given = c.value(0);
+    let subject = subject(&given);
+    let measure = if let Some(subject) = subject {
+        Measure::Vector(VectorQuantity::Position(subject, None))
+    } else if let Some(plan) = given.read_lock::<PlanRef>() {
+        Measure::Plan(plan.options)
+    } else if given.read_lock::<StageRef>().is_some() {
+        Measure::Whole(SameWhat::Stage)
+    } else {
+        Measure::Value(value(&given, 0).ok_or_else(|| {
+            c.wrong(0, "an Actor, Joint, Camera or Light, stage(), plan(), a number, a text, true or false, or an array of these")
+        })?)
+    };
+    let mut test = c.shared.test();
+    crate::build::room(test.asked.len(), "expectations", &c.shared.limits)?;
+    let stage = given.read_lock::<StageRef>().map_or(test.current_stage, |s| s.0);
+    test.asked.push((c.place.clone(), 0));
+    let id = test.asked.len() - 1;
+    Ok(Dynamic::from(ExpectRef { id, stage, measure, when: When::Always, step: None, negated: false }))
+}
+
+pub fn subject(v: &Dynamic) -> Option<Subject> {
+    if let Some(actor) = v.read_lock::<ActorRef>() {
+        Some(Subject::Actor(actor.id))
+    } else if let Some(joint) = v.read_lock::<JointRef>() {
+        Some(Subject::Joint { actor: joint.actor, joint: joint.joint })
+    } else if let Some(camera) = v.read_lock::<CameraRef>() {
+        Some(Subject::Camera(camera.0))
+    } else {
+        v.read_lock::<LightRef>().map(|light| Subject::Light(light.0))
+    }
+}
+
+/// A plain value, arrays and maps of these included.
+pub fn value(v: &Dynamic, depth: usize) -> Option<Value> {
+    // Deeper values are not written by hand.
+    const DEEPEST: usize = 16;
+    if depth > DEEPEST {
+        return None;
+    }
+    let v = v.flatten_clone();
+    if v.is_unit() {
+        return Some(Value::Nothing);
+    }
+    if let Ok(b) = v.as_bool() {
+        return Some(Value::Bool(b));
+    }
+    if let Ok(n) = v.as_int() {
+        return Some(Value::Int(n));
+    }
+    if let Ok(n) = v.as_float() {
+        return Some(Value::Number(n));
+    }
+    if v.is_string() || v.is_char() {
+        return Some(Value::Text(v.to_string()));
+    }
+    if let Some(array) = v.read_lock::<rhai::Array>() {
+        return array.iter().map(|e| value(e, depth + 1)).collect::<Option<_>>().map(Value::List);
+    }
+    if let Some(map) = v.read_lock::<Map>() {
+        let pair = |(k, v): (&rhai::Identifier, &Dynamic)| Some((k.to_string(), value(v, depth + 1)?));
+        return map.iter().map(pair).collect::<Option<_>>().map(Value::Map);
+    }
+    None
+}
+
+/// The receiver, changed.
+fn changed(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
+    let mut expect: ExpectRef = c.this()?;
+    change(&mut expect);
+    Ok(Dynamic::from(expect))
+}
+
+fn measured(c: &Call, measure: Measure) -> Reply {
+    changed(c, |expect| expect.measure = measure)
+}
+
+fn at(c: &mut Call) -> Reply {
+    let time = c.time(0)?;
+    changed(c, |expect| expect.when = When::At(time))
+}
+
+fn during(c: &mut Call) -> Reply {
+    let (from, until) = (c.time(0)?, c.time(1)?);
+    if from >= until {
+        return Err(ApiError::new(format!(
+            "during: from must be before until, got {} and {}",
+            from.as_secs(),
+            until.as_secs()
+        )));
+    }
+    changed(c, |expect| expect.when = When::During(from, until))
+}
+
+fn every(c: &mut Call) -> Reply {
+    let step = Time::from_secs(c.number_in(0, 1e-6, 1e6)?);
+    changed(c, |expect| expect.step = Some(step))
+}
+
+fn not(c: &mut Call) -> Reply {
+    changed(c, |expect| expect.negated = !expect.negated)
+}
+
+impl Call<'_, '_> {
+    fn expect(&self) -> Result<ExpectRef, ApiError> {
+        self.this()
+    }
+
+    /// `speed: expect(…) must be …, not …`.
+    pub fn not_for(&self, allowed: &str, measure: &Measure) -> ApiError {
+        ApiError::new(format!(
+            "{}: what is expected must be {allowed}, not {}",
+            self.def.name,
+            measure.word()
+        ))
+    }
+
+    /// The thing that is looked at, where nothing but its place has been chosen yet.
+    fn subject(&self, allowed: &str) -> Result<Subject, ApiError> {
+        let expect = self.expect()?;
+        match expect.measure {
+            Measure::Vector(VectorQuantity::Position(subject, None)) => Ok(subject),
+            other => Err(self.not_for(allowed, &other)),
+        }
+    }
+
+    fn actor_subject(&self) -> Result<usize, ApiError> {
+        match self.subject("an Actor")? {
+            Subject::Actor(actor) => Ok(actor),
+            other => Err(ApiError::new(format!(
+                "{}: what is expected must be an Actor, not {}",
+                self.def.name,
+                word(other)
+            ))),
+        }
+    }
+
+    fn vector(&self) -> Result<VectorQuantity, ApiError> {
+        match self.expect()?.measure {
+            Measure::Vector(vector) => Ok(vector),
+            other => Err(self.not_for("an Actor, Joint, Camera, Light or a point", &other)),
+        }
+    }
+
+    /// The camera of an optional argument.
+    fn camera_or_on(&self, i: usize) -> Result<Option<usize>, ApiError> {
+        if i >= self.len() {
+            return Ok(None);
+        }
+        let given = self.value(i);
+        let camera = given.read_lock::<CameraRef>().map(|camera| camera.0);
+        camera.map(Some).ok_or_else(|| self.wrong(i, "a Camera"))
+    }
+}
+
+fn word(subject: Subject) -> &'static str {
+    match subject {
+        Subject::Actor(_) => "an Actor",
+        Subject::Joint { .. } => "a Joint",
+        Subject::Camera(_) => "a Camera",
+        Subject::Light(_) => "a Light",
+    }
+}
+
+const THING: &str = "an Actor, Joint, Camera or Light";
+
+fn position(c: &mut Call) -> Reply {
+    let subject = c.subject(THING)?;
+    measured(c, Measure::Vector(VectorQuantity::Position(subject, None)))
+}
+
+fn rotation(c: &mut Call) -> Reply {
+    let measure = match c.expect()?.measure {
+        Measure::Vector(VectorQuantity::Position(subject, relative)) => {
+            Measure::Rotation(RotationQuantity::Of(subject, relative))
+        }
+        other => return Err(c.not_for(THING, &other)),
+    };
+    measured(c, measure)
+}
+
+fn direction(c: &mut Call) -> Reply {
+    let subject = c.subject(THING)?;
+    measured(c, Measure::Vector(VectorQuantity::Direction(subject)))
+}
+
+fn scale(c: &mut Call) -> Reply {
+    let subject = match c.subject("an Actor or Joint")? {
+        subject @ (Subject::Actor(_) | Subject::Joint { .. }) => subject,
+        other => {
+            return Err(ApiError::new(format!("scale: {} has none", word(other))));
+        }
+    };
+    measured(c, Measure::Vector(VectorQuantity::Scale(subject)))
+}
+
+fn size(c: &mut Call) -> Reply {
+    let actor = c.actor_subject()?;
+    measured(c, Measure::Vector(VectorQuantity::Size(actor)))
+}
+
+fn relative_to(c: &mut Call) -> Reply {
+    let to: Attachment = attachment(c, 0)?;
+    let measure = match c.expect()?.measure {
+        Measure::Vector(VectorQuantity::Position(subject, _)) => {
+            Measure::Vector(VectorQuantity::Position(subject, Some(to)))
+        }
+        Measure::Rotation(RotationQuantity::Of(subject, _)) => {
+            Measure::Rotation(RotationQuantity::Of(subject, Some(to)))
+        }
+        other => return Err(c.not_for("a position or a rotation", &other)),
+    };
+    measured(c, measure)
+}
+
+fn in_picture(c: &mut Call) -> Reply {
+    let camera = c.camera_or_on(0)?;
+    let subject = c.subject(THING)?;
+    measured(c, Measure::Vector(VectorQuantity::InPicture(subject, camera)))
+}
+
+fn component(c: &mut Call, axis: usize) -> Reply {
+    let vector = c.vector()?;
+    measured(c, Measure::Number(Quantity::Component(vector, axis)))
+}
+
+fn length(c: &mut Call) -> Reply {
+    let vector = c.vector()?;
+    measured(c, Measure::Number(Quantity::Length(vector)))
+}
+
+fn distance(c: &mut Call) -> Reply {
+    let (subject, target) = (c.subject(THING)?, c.target(0)?);
+    measured(c, Measure::Number(Quantity::Distance(subject, target)))
+}
+
+fn angle_to(c: &mut Call) -> Reply {
+    let (subject, target) = (c.subject(THING)?, c.target(0)?);
+    measured(c, Measure::Number(Quantity::AngleTo(subject, target)))
+}
+
+fn speed(c: &mut Call) -> Reply {
+    let vector = c.vector()?;
+    measured(c, Measure::Number(Quantity::Speed(vector)))
+}
+
+fn acceleration(c: &mut Call) -> Reply {
+    let vector = c.vector()?;
+    measured(c, Measure::Number(Quantity::Acceleration(vector)))
+}
+
+fn jerk(c: &mut Call) -> Reply {
+    let vector = c.vector()?;
+    measured(c, Measure::Number(Quantity::Jerk(vector)))
+}
+
+fn turn_speed(c: &mut Call) -> Reply {
+    let rotation = match c.expect()?.measure {
+        Measure::Rotation(rotation) => rotation,
+        Measure::Vector(VectorQuantity::Position(subject, relative)) => {
+            RotationQuantity::Of(subject, relative)
+        }
+        other => return Err(c.not_for(THING, &other)),
+    };
+    measured(c, Measure::Number(Quantity::TurnSpeed(rotation)))
+}
+
+/// The name of a clip that an actor plays at some time; a Clip may be given too.
+fn clip_name(c: &Call, actor: usize) -> Result<String, ApiError> {
+    let given = c.value(0);
+    let name = match given.read_lock::<ClipRef>() {
+        Some(clip) => clip.clip.name.clone(),
+        None => c.text(0)?,
+    };
+    let build = c.build();
+    let of_actor = |chain: usize| build.chains.get(chain).is_some_and(|chain| chain.actor == actor);
+    let played: Vec<&str> =
+        build.cues.iter().filter(|cue| of_actor(cue.chain)).map(|cue| cue.clip.name.as_str()).collect();
+    if played.contains(&name.as_str()) {
+        return Ok(name);
+    }
+    let who = build.actors.get(actor).map_or("", |d| d.actor.name.as_str());
+    let error = ApiError::new(format!(
+        "{}: actor \"{who}\" does not play \"{name}\"{}",
+        c.def.name,
+        did_you_mean(&name, played.iter().copied())
+    ));
+    Err(error.focus(name))
+}
+
+fn weight(c: &mut Call) -> Reply {
+    let (actor, joint) = match c.subject("an Actor or Joint")? {
+        Subject::Actor(actor) => (actor, None),
+        Subject::Joint { actor, joint } => (actor, Some(joint)),
+        other => return Err(ApiError::new(format!("weight: {} plays no clips", word(other)))),
+    };
+    let clip = clip_name(c, actor)?;
+    measured(c, Measure::Number(Quantity::ClipWeight { actor, joint, clip }))
+}
+
+fn clip_time(c: &mut Call) -> Reply {
+    let actor = c.actor_subject()?;
+    let clip = clip_name(c, actor)?;
+    measured(c, Measure::Number(Quantity::ClipTime { actor, clip }))
+}
+
+fn morph(c: &mut Call) -> Reply {
+    let actor = c.actor_subject()?;
+    let asset = c.build().actor(actor)?.actor.asset.clone();
+    let targets = morph_targets(&asset, &c.value(0), &c.label(0))?;
+    measured(c, Measure::Number(Quantity::Morph { actor, targets }))
+}
+
+fn tint(c: &mut Call) -> Reply {
+    let actor = c.actor_subject()?;
+    measured(c, Measure::Vector(VectorQuantity::Tint(actor)))
+}
+
+fn light_subject(c: &Call) -> Result<usize, ApiError> {
+    match c.subject("a Light")? {
+        Subject::Light(light) => Ok(light),
+        other => Err(ApiError::new(format!(
+            "{}: what is expected must be a Light, not {}",
+            c.def.name,
+            word(other)
+        ))),
+    }
+}
+
+fn color(c: &mut Call) -> Reply {
+    let light = light_subject(c)?;
+    measured(c, Measure::Vector(VectorQuantity::LightColor(light)))
+}
+
+fn intensity(c: &mut Call) -> Reply {
+    let light = light_subject(c)?;
+    measured(c, Measure::Number(Quantity::Intensity(light)))
+}
+
+pub fn camera_subject(c: &Call) -> Result<usize, ApiError> {
+    match c.subject("a Camera")? {
+        Subject::Camera(camera) => Ok(camera),
+        other => Err(ApiError::new(format!(
+            "{}: what is expected must be a Camera, not {}",
+            c.def.name,
+            word(other)
+        ))),
+    }
+}
+
+fn fov(c: &mut Call) -> Reply {
+    let camera = camera_subject(c)?;
+    measured(c, Measure::Number(Quantity::FieldOfView(camera)))
+}
+
+fn lowest(c: &mut Call) -> Reply {
+    let actor = c.actor_subject()?;
+    measured(c, Measure::Number(Quantity::Lowest(actor)))
+}
+
+fn highest(c: &mut Call) -> Reply {
+    let actor = c.actor_subject()?;
+    measured(c, Measure::Number(Quantity::Highest(actor)))
+}
+
+/// The joint that is looked at, and when it counts as on the floor.
+pub fn contact(c: &Call, i: usize) -> Result<Contact, ApiError> {
+    let Subject::Joint { actor, joint } = c.subject("a Joint")? else {
+        return Err(ApiError::new(format!("{}: what is expected must be a Joint, of a foot", c.def.name)));
+    };
+    let o: Options = c.options(i, &["height", "speed", "ground"])?;
+    Ok(Contact {
+        actor,
+        joint,
+        height: o.number_in("height", 0.0, 1e6)?.unwrap_or(0.03),
+        speed: o.number_in("speed", 0.0, 1e6)?.unwrap_or(0.5),
+        ground: o.number("ground")?.unwrap_or(0.0),
+    })
+}
+
+fn slide(c: &mut Call) -> Reply {
+    let contact = contact(c, 0)?;
+    measured(c, Measure::Number(Quantity::Slide(contact)))
+}
+
+fn picture_height(c: &mut Call) -> Reply {
+    let (actor, camera) = (c.actor_subject()?, c.camera_or_on(0)?);
+    measured(c, Measure::Number(Quantity::PictureHeight { actor, camera }))
+}
+
+fn picture_share(c: &mut Call) -> Reply {
+    let (actor, camera) = (c.actor_subject()?, c.camera_or_on(0)?);
+    measured(c, Measure::Number(Quantity::PictureShare { actor, camera }))
+}
+
+fn tilt(c: &mut Call) -> Reply {
+    let camera = c.camera_or_on(0)?;
+    let subject = match c.subject("an Actor or Joint")? {
+        subject @ (Subject::Actor(_) | Subject::Joint { .. }) => subject,
+        other => return Err(ApiError::new(format!("tilt: {} has no up", word(other)))),
+    };
+    measured(c, Measure::Number(Quantity::Tilt { subject, camera }))
+}
+
+const COUNTS: &[(&str, Count)] = &[
+    ("actors", Count::Actors),
+    ("cameras", Count::Cameras),
+    ("cuts", Count::Cuts),
+    ("lights", Count::Lights),
+    ("effects", Count::Effects),
+    ("layers", Count::Layers),
+    ("cues", Count::Cues),
+    ("callbacks", Count::Callbacks),
+    ("assets", Count::Assets),
+    ("joints", Count::Joints),
+    ("triangles", Count::Triangles),
+    ("vertices", Count::Vertices),
+    ("frames", Count::Frames),
+];
+
+const PLAN_COUNTS: &[(&str, PlanCount)] = &[
+    ("passes", PlanCount::Passes),
+    ("post_passes", PlanCount::PostPasses),
+    ("pipelines", PlanCount::Pipelines),
+    ("draws", PlanCount::Draws),
+    ("copies", PlanCount::Copies),
+    ("triangles", PlanCount::Triangles),
+    ("lights", PlanCount::Lights),
+    ("joint_matrices", PlanCount::JointMatrices),
+    ("morphs", PlanCount::Morphs),
+];
+
+fn count(c: &mut Call) -> Reply {
+    fn find<T: Copy>(c: &Call, known: &[(&'static str, T)]) -> Result<T, ApiError> {
+        let names: Vec<&'static str> = known.iter().map(|(name, _)| *name).collect();
+        let name = crate::call::one_of(&c.value(0), &c.label(0), &names)?;
+        let found = known.iter().find(|(n, _)| *n == name).map(|(_, what)| *what);
+        found.ok_or_else(|| c.wrong(0, "a known word"))
+    }
+    let quantity = match c.expect()?.measure {
+        Measure::Whole(SameWhat::Stage) => Quantity::Count(find(c, COUNTS)?),
+        Measure::Plan(options) => Quantity::PlanCount(options, find(c, PLAN_COUNTS)?),
+        other => return Err(c.not_for("stage() or plan()", &other)),
+    };
+    measured(c, Measure::Number(quantity))
+}
+
+fn events(c: &mut Call) -> Reply {
+    let of = match c.expect()?.measure {
+        Measure::Whole(SameWhat::Stage) => None,
+        Measure::Vector(VectorQuantity::Position(subject @ Subject::Actor(_), None)) => Some(subject),
+        other => return Err(c.not_for("stage() or an Actor", &other)),
+    };
+    measured(c, Measure::Events(of))
+}
+
+fn of_stage(c: &Call, texts: TextsQuantity) -> Reply {
+    match c.expect()?.measure {
+        Measure::Whole(SameWhat::Stage) => measured(c, Measure::Texts(texts)),
+        other => Err(c.not_for("stage()", &other)),
+    }
+}
+
+fn warnings(c: &mut Call) -> Reply {
+    of_stage(c, TextsQuantity::Warnings)
+}
+
+fn printed(c: &mut Call) -> Reply {
+    of_stage(c, TextsQuantity::Printed)
+}
+
+fn effects(c: &mut Call) -> Reply {
+    of_stage(c, TextsQuantity::Effects)
+}

@@ -1,0 +1,450 @@
+//! `test` and what a section can be about: other scripts, stages, plans, pictures.
+
+use crate::build::{Build, Mode, room};
+use crate::call::{ApiError, Call, Def, Gives, Options, Place, Reply, describe, numbers, unknown};
+use crate::diagnostic::Severity;
+use crate::engine::constants;
+use crate::errors;
+use crate::hook::own_captures;
+use crate::modules::read_text;
+use crate::suggest::{did_you_mean, list};
+use crate::testing::run::{end_section, finish_stage};
+use crate::testing::{Claim, ExpectRef, PictureExpectation, PlanOptions, Scene, SectionInfo};
+use crate::value::*;
+use choreo_motion::Time;
+use choreo_stage::Stage;
+use rhai::{Dynamic, EvalAltResult, FnPtr, Map};
+use std::sync::{Arc, PoisonError};
+
+pub const DEFS: &[Def] = &[
+    Def::new(
+        Kind::None,
+        "test",
+        "name, section | name, options, section",
+        Gives::Nothing,
+        "A section: || { … } builds a stage and says what is expected of it; choreo test runs each on its own, other commands none. Options: skip (the reason), needs (a file or files, without which it is skipped), fails (a known bug: the reason), tags.",
+        test,
+    ),
+    Def::new(
+        Kind::None,
+        "scene",
+        "file, options?",
+        Gives::A(Kind::Scene),
+        "Runs another script, whose stage is then the section's; options: set, an object map of its parameters.",
+        scene,
+    )
+    .in_tests(),
+    Def::new(Kind::Scene, "actor", "name", Gives::A(Kind::Actor), "An actor that the other script has cast.", actor)
+        .in_tests(),
+    Def::new(Kind::Scene, "camera", "name", Gives::A(Kind::Camera), "A camera of the other script.", camera)
+        .in_tests(),
+    Def::new(
+        Kind::Scene,
+        "light",
+        "number",
+        Gives::A(Kind::Light),
+        "A light of the other script, by number from 0.",
+        light,
+    )
+    .in_tests(),
+    Def::new(
+        Kind::None,
+        "stage_of",
+        "build",
+        Gives::A(Kind::Stage),
+        "Another stage, beside the section's: || { … } builds it. What is expected inside is expected of that stage.",
+        stage_of,
+    )
+    .in_tests(),
+    Def::new(
+        Kind::None,
+        "plan",
+        "options?",
+        Gives::A(Kind::Plan),
+        "What a frame needs to be drawn, for expect; options: size, samples.",
+        plan,
+    )
+    .in_tests(),
+    Def::new(
+        Kind::None,
+        "expect_picture",
+        "name, options?",
+        Gives::Nothing,
+        "The picture is like the stored one; options: at (a time), size, samples, device (\"cpu\", the default, or \"vulkan\"), tolerance (steps of 255), share (of the pixels beyond it), visible (mean visible difference), large: true (may take more than 20 KiB).",
+        expect_picture,
+    )
+    .in_tests(),
+];
+
+fn test(c: &mut Call) -> Reply {
+    let name = c.text(0)?;
+    let last = c.len() - 1;
+    let Some(section) = c.value(last).try_cast::<FnPtr>() else {
+        return Err(c.wrong(last, "a function, || { … }"));
+    };
+    if name.trim().is_empty() {
+        return Err(ApiError::new("test: name must not be empty"));
+    }
+    let info = section_info(c, name, &section)?;
+    {
+        let mut test = c.shared.test();
+        if test.running {
+            return Err(ApiError::new("a section cannot hold another one"));
+        }
+        // The sections of another script are not this file's.
+        if test.scene.is_some() {
+            return Ok(Dynamic::UNIT);
+        }
+        if let Some(before) = test.sections.iter().find(|s| s.name == info.name) {
+            let error = ApiError::new(format!(
+                "test: the name \"{}\" is already taken by the section in line {}",
+                info.name, before.line
+            ));
+            return Err(error.focus(info.name));
+        }
+        room(test.sections.len(), "sections", &c.shared.limits)?;
+        test.sections.push(info.clone());
+        if c.shared.mode != Mode::Section(info.index) {
+            return Ok(Dynamic::UNIT);
+        }
+        test.running = true;
+        test.ran = true;
+    }
+    let result = section.call_within_context::<Dynamic>(c.context, ());
+    end_section(c.shared);
+    c.shared.test().running = false;
+    match result {
+        Err(e) => failed(c, *e),
+        Ok(_) => Ok(Dynamic::UNIT),
+    }
+}
+
+/// Notes what ended a function of the script, which then counts as done; a limit that is reached ends the script.
+fn failed(c: &Call, error: EvalAltResult) -> Reply {
+    let (mut place, explained) = errors::explain(&error, &c.place.file, c.shared);
+    if place.line == 0 {
+        place = c.place.clone();
+    }
+    c.shared.note(Severity::Error, &place, &explained);
+    if is_final(&error) {
+        return Err(ApiError { silent: true, fatal: true, ..ApiError::new("") });
+    }
+    Ok(Dynamic::UNIT)
+}
+
+fn is_final(error: &EvalAltResult) -> bool {
+    match error {
+        EvalAltResult::ErrorTerminated(..) => true,
+        EvalAltResult::ErrorInFunctionCall(_, _, inner, _) | EvalAltResult::ErrorInModule(_, inner, _) => {
+            is_final(inner)
+        }
+        _ => false,
+    }
+}
+
+fn section_info(c: &Call, name: String, section: &FnPtr) -> Result<SectionInfo, ApiError> {
+    let o = match c.len() {
+        2 => Options { function: "test".into(), map: Map::new() },
+        _ => c.options(1, &["skip", "needs", "fails", "tags"])?,
+    };
+    let reason = |name: &str| -> Result<Option<String>, ApiError> {
+        let reason = o.text(name)?;
+        if reason.as_ref().is_some_and(|r| r.trim().is_empty()) {
+            return Err(ApiError::new(format!("test: {name} must say why")).focus(name));
+        }
+        Ok(reason)
+    };
+    let mut skip = reason("skip")?;
+    for file in texts(&o, "needs")? {
+        let missing = c.shared.loader.folders().find(None, &file).err();
+        skip = skip.or(missing.map(|_| format!("needs {file}, which is not here")));
+    }
+    let test = c.shared.test();
+    Ok(SectionInfo {
+        index: test.sections.len(),
+        name,
+        file: c.place.file.clone(),
+        line: c.place.line,
+        end_line: test.ends.get(section.fn_name()).copied().unwrap_or(0).max(c.place.line),
+        skip,
+        fails: reason("fails")?,
+        tags: texts(&o, "tags")?,
+    })
+}
+
+/// One text or an array of texts.
+fn texts(o: &Options, name: &str) -> Result<Vec<String>, ApiError> {
+    let Some(given) = o.get(name) else { return Ok(Vec::new()) };
+    let all = match given.read_lock::<rhai::Array>() {
+        Some(array) => array.iter().map(|v| crate::call::text(v, &o.label(name))).collect(),
+        None => crate::call::text(&given, &o.label(name)).map(|text| vec![text]),
+    };
+    all
+}
+
+fn scene(c: &mut Call) -> Reply {
+    let name = c.text(0)?;
+    let o = c.options(1, &["set"])?;
+    let set = match o.get("set") {
+        None => Vec::new(),
+        Some(given) => {
+            let Some(map) = given.read_lock::<Map>() else {
+                return Err(crate::call::wrong(&given, "scene: set", "an object map like #{ name: value }"));
+            };
+            map.iter().map(|(k, v)| (k.to_string(), super::stage::show(v))).collect()
+        }
+    };
+    if let Some(before) = c.shared.test().scene_at.clone() {
+        return Err(ApiError::new(format!("scene: already called in line {}", before.line))
+            .hint("a stage can take one script; stage_of(|| scene(…)) makes another stage"));
+    }
+    let folders = c.shared.loader.folders();
+    let found = folders.find(None, &name).map_err(|e| ApiError { hint: e.hint, ..ApiError::new(e.message) });
+    let found = found.map_err(|e| e.focus(name.clone()))?;
+    let text = read_text(c.shared, &found, &name)?;
+    let folder = found.path.parent().map(std::path::Path::to_path_buf).unwrap_or_default();
+    {
+        let mut test = c.shared.test();
+        test.scene_at = Some(c.place.clone());
+        test.scene = Some(Scene { folder, set: set.clone() });
+        test.running = false;
+    }
+    // The other script's parameters are its own.
+    let own = std::mem::take(&mut c.build().parameters);
+    let result = run_scene(c, &name, &text);
+    let its = std::mem::replace(&mut c.build().parameters, own);
+    {
+        let mut test = c.shared.test();
+        test.scene = None;
+        test.running = true;
+    }
+    if let Err(e) = result {
+        let (place, explained) = errors::explain(&e, &name, c.shared);
+        c.shared.note(Severity::Error, &place, &explained);
+        if is_final(&e) {
+            return Err(ApiError { silent: true, fatal: true, ..ApiError::new("") });
+        }
+    }
+    let known = || its.iter().map(|p| p.name.as_str());
+    if let Some((wrong, _)) = set.iter().find(|(n, _)| !known().any(|k| k == n)) {
+        return Err(ApiError::new(format!(
+            "scene: \"{name}\" has no parameter \"{wrong}\"{}",
+            did_you_mean(wrong, known())
+        ))
+        .focus(wrong.clone())
+        .hint(match its.as_slice() {
+            [] => "it declares none; param(\"name\", default) declares one".to_string(),
+            _ => format!("parameters: {}", list(known(), 30)),
+        }));
+    }
+    Ok(Dynamic::from(SceneRef(c.shared.test().current_stage)))
+}
+
+fn run_scene(c: &Call, name: &str, text: &str) -> Result<(), Box<EvalAltResult>> {
+    c.shared.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
+    let engine = c.context.engine();
+    let mut ast = engine.compile_with_scope(&constants(), text)?;
+    ast.set_source(name);
+    engine.run_ast_with_scope(&mut constants(), &ast)
+}
+
+/// Only while its stage is being built.
+fn of_scene(c: &Call) -> Result<(), ApiError> {
+    let scene: SceneRef = c.this()?;
+    if scene.0 == c.shared.test().current_stage {
+        return Ok(());
+    }
+    Err(ApiError::new(format!("{}: this scene is on another stage", c.def.name)))
+}
+
+fn actor(c: &mut Call) -> Reply {
+    of_scene(c)?;
+    let name = c.text(0)?;
+    let build = c.build();
+    match build.actors.iter().position(|d| d.actor.name == name) {
+        Some(id) => Ok(Dynamic::from(ActorRef { id, asset: build.actors[id].actor.asset.clone() })),
+        None => {
+            let names: Vec<&str> = build.actors.iter().map(|d| d.actor.name.as_str()).collect();
+            Err(unknown("actor", &name, "", names))
+        }
+    }
+}
+
+fn camera(c: &mut Call) -> Reply {
+    of_scene(c)?;
+    let name = c.text(0)?;
+    let build = c.build();
+    match build.cameras.iter().position(|d| d.name == name) {
+        Some(id) => Ok(Dynamic::from(CameraRef(id))),
+        None => {
+            let names: Vec<&str> = build.cameras.iter().map(|d| d.name.as_str()).collect();
+            Err(unknown("camera", &name, "", names))
+        }
+    }
+}
+
+fn light(c: &mut Call) -> Reply {
+    of_scene(c)?;
+    let index = c.value(0).as_int().map_err(|_| c.wrong(0, "the number of a light, from 0"))?;
+    let count = c.build().lights.len();
+    match usize::try_from(index).ok().filter(|i| *i < count) {
+        Some(index) => Ok(Dynamic::from(LightRef(index))),
+        None => Err(ApiError::new(format!("light {index}: the scene has {count} lights, from 0"))),
+    }
+}
+
+fn stage_of(c: &mut Call) -> Reply {
+    let Some(build) = c.value(0).try_cast::<FnPtr>() else {
+        return Err(c.wrong(0, "a function that builds a stage, || { … }"));
+    };
+    // What the function captures is copied, so that no handle can leave the stage it belongs to.
+    let build = own_captures(&build)?;
+    for value in build.curry() {
+        no_handles(value)?;
+    }
+    let Some(engine) = c.shared.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
+        return Err(ApiError::new("stage_of: the script is over"));
+    };
+    let (index, before) = {
+        let mut test = c.shared.test();
+        room(test.stages.len(), "stages", &c.shared.limits)?;
+        test.stages.push(Arc::new(Stage::default()));
+        let index = test.stages.len();
+        let before = (std::mem::replace(&mut test.current_stage, index), test.scene_at.take());
+        (index, before)
+    };
+    let outer = std::mem::replace(&mut *c.build(), Build::default());
+    let result = build.call_within_context::<Dynamic>(c.context, ());
+    let ended = match result {
+        Ok(_) => Ok(()),
+        Err(e) => failed(c, *e).map(|_| ()),
+    };
+    let (mut stage, broken) = finish_stage(c.shared, &engine);
+    let inner = std::mem::replace(&mut *c.build(), outer);
+    {
+        let mut build = c.build();
+        let warnings = inner.diagnostics.iter().filter(|d| d.severity == Severity::Warning);
+        stage.warnings.extend(warnings.map(ToString::to_string));
+        inner.diagnostics.into_iter().for_each(|d| build.note(d));
+        build.more += inner.more;
+        build.printed.extend(inner.printed);
+    }
+    {
+        let mut test = c.shared.test();
+        test.stages[index - 1] = Arc::new(stage);
+        (test.current_stage, test.scene_at) = before;
+    }
+    ended?;
+    match broken.first() {
+        Some(problem) => Err(ApiError::new(format!("stage_of: {}", problem.message))),
+        None => Ok(Dynamic::from(StageRef(index))),
+    }
+}
+
+/// Handles are places in the stage that they were made for.
+fn no_handles(value: &Dynamic) -> Result<(), ApiError> {
+    let kind = crate::call::kind_of(value);
+    if !matches!(kind, Kind::None | Kind::Asset | Kind::Clip | Kind::Stage | Kind::Plan) {
+        return Err(ApiError::new(format!(
+            "stage_of: the function uses {} of the stage around it",
+            describe(value)
+        ))
+        .hint("inside, cast actors of its own; assets and clips can be shared"));
+    }
+    if let Some(array) = value.read_lock::<rhai::Array>() {
+        return array.iter().try_for_each(no_handles);
+    }
+    if let Some(map) = value.read_lock::<Map>() {
+        return map.values().try_for_each(no_handles);
+    }
+    if let Some(pointer) = value.read_lock::<FnPtr>() {
+        return pointer.curry().iter().try_for_each(no_handles);
+    }
+    Ok(())
+}
+
+fn plan(c: &mut Call) -> Reply {
+    let o = c.options(0, &["size", "samples"])?;
+    let options = PlanOptions { size: size(&o)?, samples: samples(&o)? };
+    Ok(Dynamic::from(PlanRef { options, dead: false }))
+}
+
+/// Pixels; as for `stage`.
+fn size(o: &Options) -> Result<Option<[u32; 2]>, ApiError> {
+    let Some(size) = o.get("size") else { return Ok(None) };
+    let sides = numbers(&size).filter(|n| n.len() == 2);
+    let sides = sides.filter(|n| n.iter().all(|v| v.fract() == 0.0 && (1.0..=16384.0).contains(v)));
+    match sides {
+        Some(sides) => Ok(Some([sides[0] as u32, sides[1] as u32])),
+        None => {
+            let allowed = "[width, height], whole numbers from 1 to 16384";
+            Err(crate::call::wrong(&size, &o.label("size"), allowed))
+        }
+    }
+}
+
+fn samples(o: &Options) -> Result<Option<u32>, ApiError> {
+    match o.number("samples")? {
+        Some(samples) if samples != 1.0 && samples != 4.0 => {
+            Err(ApiError::new(format!("{} must be 1 or 4, got {samples}", o.label("samples"))))
+        }
+        samples => Ok(samples.map(|s| s as u32)),
+    }
+}
+
+const PICTURE_OPTIONS: &[&str] =
+    &["at", "size", "samples", "device", "tolerance", "share", "visible", "large"];
+
+fn expect_picture(c: &mut Call) -> Reply {
+    let name = c.text(0)?;
+    let valid = !name.is_empty()
+        && name.len() <= 80
+        && name.chars().all(|ch| ch.is_ascii_alphanumeric() || ch == '_' || ch == '-');
+    if !valid {
+        return Err(ApiError::new(format!(
+            "expect_picture: name must be letters, digits, _ or -, 80 at most: it is a file's name; got \"{name}\""
+        ))
+        .focus(name));
+    }
+    let o = c.options(1, PICTURE_OPTIONS)?;
+    let tolerance = o.number_in("tolerance", 0.0, 255.0)?;
+    if let Some(t) = tolerance.filter(|t| t.fract() != 0.0) {
+        return Err(ApiError::new(format!("expect_picture: tolerance must be a whole number, got {t}")));
+    }
+    let picture = PictureExpectation {
+        name: name.clone(),
+        at: o.get("at").map(|v| crate::call::time(&v, &o.label("at"))).transpose()?.unwrap_or(Time::ZERO),
+        size: size(&o)?,
+        samples: samples(&o)?,
+        device: o.one_of("device", &["cpu", "vulkan"])?.map(str::to_string),
+        tolerance: tolerance.map(|t| t as u8),
+        share: o.number_in("share", 0.0, 1.0)?,
+        visible: o.number_in("visible", 0.0, 1.0)?,
+        large: o.flag("large")?.unwrap_or(false),
+    };
+    let same = |claim: &Claim| matches!(claim, Claim::Picture(p) if p.name == name);
+    if let Some(before) = c.shared.test().expectations.iter().find(|e| same(&e.claim)) {
+        return Err(ApiError::new(format!(
+            "expect_picture: the name \"{name}\" is already taken in line {}",
+            before.place.line
+        ))
+        .focus(name.clone()));
+    }
+    let stage = c.shared.test().current_stage;
+    let expect = ExpectRef { stage, ..ExpectRef::dead() };
+    record(c, &expect, Claim::Picture(picture))?;
+    Ok(Dynamic::UNIT)
+}
+
+/// Records a comparison, to be judged when the stage is finished.
+pub fn record(c: &Call, expect: &ExpectRef, claim: Claim) -> Result<(), ApiError> {
+    let place: Place = c.place.clone();
+    let source = c.shared.source_line(&place.file, place.line).trim().to_string();
+    let mut test = c.shared.test();
+    room(test.expectations.len(), "expectations", &c.shared.limits)?;
+    if let Some((_, compared)) = test.asked.get_mut(expect.id) {
+        *compared += 1;
+    }
+    test.expectations.push(expect.expectation(claim, place, source));
+    Ok(())
+}

@@ -1,0 +1,53 @@
+//! Assets shared between runs: a file that two hundred sections load is read anew by each, but imported once.
+
+use choreo_stage::Asset;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Assets by what they were made of. Clones share one store. An entry is used while the bytes of its file, and of all that the
+/// importer asked for beside it, are the same, and is replaced when they are not.
+#[derive(Clone, Debug, Default)]
+pub struct AssetCache(Arc<Mutex<BTreeMap<Key, Slot>>>);
+
+/// Locked while its asset is made.
+pub(crate) type Slot = Arc<Mutex<Option<Made>>>;
+
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Key {
+    /// Canonical, or a built-in name.
+    pub path: PathBuf,
+    pub name: String,
+    pub importer: String,
+    pub options: String,
+    pub needs: String,
+}
+
+#[derive(Debug)]
+pub(crate) struct Made {
+    /// BLAKE3 of the file.
+    pub source: [u8; 32],
+    pub side_files: Vec<SideFile>,
+    pub asset: Arc<Asset>,
+}
+
+/// A file beside the source, by the name that the importer used.
+#[derive(Debug)]
+pub(crate) struct SideFile {
+    pub name: String,
+    /// `None`: it could not be read.
+    pub content: Option<[u8; 32]>,
+}
+
+impl AssetCache {
+    pub(crate) fn slot(&self, key: Key) -> Slot {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).entry(key).or_default().clone()
+    }
+}
+
+/// The same store.
+impl PartialEq for AssetCache {
+    fn eq(&self, other: &AssetCache) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}

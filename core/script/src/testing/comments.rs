@@ -1,0 +1,113 @@
+//! `//~ error: text`: what must go wrong, written on the line where it does.
+
+use super::ExpectedDiagnostic;
+use crate::diagnostic::{Diagnostic, Severity};
+
+const MARK: &str = "//~";
+
+/// All of a script's comments. A line with nothing but comments speaks of the line above it. Diagnostics: comments that
+/// say neither `error` nor `warning`.
+pub fn parse(file: &str, text: &str) -> (Vec<ExpectedDiagnostic>, Vec<Diagnostic>) {
+    let (mut expected, mut wrong) = (Vec::new(), Vec::new());
+    let mut code_line = 1;
+    for (index, row) in text.lines().enumerate() {
+        let Some(start) = find_mark(row) else {
+            if !row.trim().is_empty() {
+                code_line = index + 1;
+            }
+            continue;
+        };
+        if !row[..start].trim().is_empty() {
+            code_line = index + 1;
+        }
+        for comment in row[start..].split(MARK).skip(1) {
+            let comment = comment.trim();
+            let read = ["error", "warning"].iter().find_map(|word| {
+                let rest = comment.strip_prefix(word)?;
+                Some((*word, rest.strip_prefix(':')?.trim()))
+            });
+            match read {
+                Some((word, text)) if !text.is_empty() => expected.push(ExpectedDiagnostic {
+                    severity: if word == "error" { Severity::Error } else { Severity::Warning },
+                    line: code_line,
+                    text: text.to_string(),
+                    met: false,
+                }),
+                _ => wrong.push(Diagnostic {
+                    severity: Severity::Error,
+                    file: file.to_string(),
+                    line: index + 1,
+                    column: row[..start].chars().count() + 1,
+                    source_line: row.to_string(),
+                    message: "this comment expects nothing".to_string(),
+                    hint: Some(
+                        "write //~ error: TEXT or //~ warning: TEXT, a part of the message".to_string(),
+                    ),
+                }),
+            }
+        }
+    }
+    (expected, wrong)
+}
+
+/// Where the first mark of a line is that stands in no text.
+fn find_mark(row: &str) -> Option<usize> {
+    let mut quote = None;
+    let mut escaped = false;
+    for (at, c) in row.char_indices() {
+        if escaped {
+            escaped = false;
+            continue;
+        }
+        match (quote, c) {
+            (Some('"'), '\\') => escaped = true,
+            (Some(open), c) if c == open => quote = None,
+            (None, '"' | '`') => quote = Some(c),
+            (None, '/') if row[at..].starts_with(MARK) => return Some(at),
+            // The rest is another comment, where nothing is meant.
+            (None, '/') if row[at..].starts_with("//") => return None,
+            _ => {}
+        }
+    }
+    None
+}
+
+/// Takes the diagnostics that are expected out of `came`, and marks the expectations that they meet. One comment may meet
+/// several diagnostics of its line.
+pub fn meet(file: &str, expected: &mut [ExpectedDiagnostic], came: &mut Vec<Diagnostic>) {
+    came.retain(|d| {
+        let mut unexpected = true;
+        for e in expected.iter_mut() {
+            if d.file == file && d.line == e.line && d.severity == e.severity && d.message.contains(&e.text) {
+                e.met = true;
+                unexpected = false;
+            }
+        }
+        unexpected
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn comments_belong_to_the_line_of_code_they_stand_on_or_below() {
+        let text = "let a = \"//~ error: no\"; // //~ error: no\n\
+                    foo(); //~ error: unknown foo //~ warning: slow\n\
+                    \n\
+                    //~ error: and more\n\
+                    bar() //~ eror: slip";
+        let (expected, wrong) = parse("t.rhai", text);
+        let found: Vec<_> = expected.iter().map(|e| (e.line, e.severity, e.text.as_str())).collect();
+        assert_eq!(
+            found,
+            [
+                (2, Severity::Error, "unknown foo"),
+                (2, Severity::Warning, "slow"),
+                (2, Severity::Error, "and more")
+            ]
+        );
+        assert_eq!((wrong.len(), wrong[0].line, wrong[0].column), (1, 5, 7));
+    }
+}

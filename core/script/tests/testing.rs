@@ -1,0 +1,269 @@
+//! Sections of a file: listed, run one by one, their expectations recorded with their places.
+
+mod common;
+
+use choreo_motion::Time;
+use choreo_script::testing::*;
+use choreo_script::{Diagnostic, ScriptOptions};
+use common::*;
+
+const SUITE: &str = r#"// Shared by all sections.
+let hero = load("hero.toy");
+fn walker(name, asset) { let a = cast(name, asset); a.play(asset.clip("Walk")); a }
+
+test("stands where it is put", || {
+    let anna = walker("anna", hero).at(1, 2, 3);
+    expect(anna).near([1, 2, 3]);
+    expect(anna.joint("Head")).at(0.5).near([1.0, 4.0, 3.0], cm(1));
+});
+test("not yet", #{ skip: "no such thing", tags: ["slow"] }, || { expect(1).equals(1); });
+test("wrong names", || {
+    let anna = cast("anna", hero);
+    anna.play(hero.clip("Wlak")); //~ error: did you mean "Walk"
+    anna.joint("Hed"); //~ error: unknown joint "Hed"
+});
+for i in 0..3 {
+    test(`number ${i}`, || { expect(i).below(3); });
+}
+"#;
+
+fn options() -> TestOptions {
+    TestOptions::default()
+}
+
+fn list(folder: &Folder, name: &str) -> Vec<SectionInfo> {
+    list_sections(&folder.file(name), &registry(), &options()).unwrap_or_else(|e| panic!("{}", show(&e)))
+}
+
+fn section(folder: &Folder, name: &str, index: usize) -> SectionRun {
+    run_section(&folder.file(name), index, &registry(), &options()).unwrap_or_else(|e| panic!("{}", show(&e)))
+}
+
+fn suite(text: &str) -> Folder {
+    Folder::new(&[("hero.toy", ""), ("t.rhai", text)])
+}
+
+/// The messages of the only section of a text.
+fn errors(text: &str) -> String {
+    let folder = suite(text);
+    let run = section(&folder, "t.rhai", 0);
+    show(&run.errors).replace(&folder.path().display().to_string(), "FOLDER")
+}
+
+#[test]
+fn sections_are_listed_without_being_run() {
+    let folder = suite(SUITE);
+    let sections = list(&folder, "t.rhai");
+    let names: Vec<&str> = sections.iter().map(|s| s.name.as_str()).collect();
+    assert_eq!(
+        names,
+        ["stands where it is put", "not yet", "wrong names", "number 0", "number 1", "number 2"]
+    );
+    let lines: Vec<_> = sections.iter().map(|s| (s.line, s.end_line)).collect();
+    assert_eq!(lines, [(5, 9), (10, 10), (11, 15), (17, 17), (17, 17), (17, 17)]);
+    assert_eq!(sections[1].skip.as_deref(), Some("no such thing"));
+    assert_eq!(sections[1].tags, ["slow"]);
+}
+
+#[test]
+fn a_section_has_a_stage_of_its_own_and_expectations_with_places() {
+    let folder = suite(SUITE);
+    let run = section(&folder, "t.rhai", 0);
+    assert!(run.errors.is_empty(), "{}", show(&run.errors));
+    assert_eq!((run.stages.len(), run.stages[0].actors.len()), (1, 1));
+    let at: Vec<_> = run.expectations.iter().map(|e| (e.place.line, e.place.column, e.when)).collect();
+    assert_eq!(at, [(7, 18, When::Always), (8, 41, When::At(Time::from_secs(0.5)))]);
+    assert_eq!(run.expectations[0].source, "expect(anna).near([1, 2, 3]);");
+    assert!(!run.asserts_nothing());
+    assert_eq!(run.files_used.len(), 2);
+}
+
+#[test]
+fn the_closure_sees_the_loop_variable_of_its_own_round() {
+    let folder = suite(SUITE);
+    for i in 0..3 {
+        let run = section(&folder, "t.rhai", 3 + i);
+        let Claim::Value { got, .. } = &run.expectations[0].claim else { panic!("{run:?}") };
+        assert_eq!(*got, Value::Int(i as i64));
+    }
+}
+
+#[test]
+fn expected_errors_are_met_and_others_are_not() {
+    let folder = suite(SUITE);
+    let run = section(&folder, "t.rhai", 2);
+    assert!(run.errors.is_empty() && run.expected.iter().all(|e| e.met), "{}", show(&run.errors));
+    assert_eq!(run.expected.len(), 2);
+    assert!(!run.asserts_nothing());
+    // The other sections do not expect them.
+    assert!(section(&folder, "t.rhai", 0).expected.is_empty());
+    let folder = suite(&SUITE.replace("did you mean \"Walk\"", "did you mean \"Run\""));
+    let run = section(&folder, "t.rhai", 2);
+    assert_eq!(run.expected.iter().filter(|e| !e.met).count(), 1);
+    assert_eq!(run.errors.len(), 1, "{}", show(&run.errors));
+}
+
+#[test]
+fn a_script_with_sections_runs_as_ever() {
+    let folder = suite(&format!("stage(#{{ length: 2 }});\n{SUITE}\ncast(\"bob\", hero);"));
+    let script = folder.run("t.rhai").unwrap_or_else(|e: Vec<Diagnostic>| panic!("{}", show(&e)));
+    assert_eq!(script.stage.actors.len(), 1);
+}
+
+#[test]
+fn a_file_without_sections_is_a_test_as_it_stands() {
+    let folder = Folder::new(&[("hero.toy", ""), ("t.rhai", "cast(\"a\", load(\"hero.toy\"));\n")]);
+    let sections = list(&folder, "t.rhai");
+    assert!(sections.len() == 1 && sections[0].as_it_stands());
+    let run = section(&folder, "t.rhai", 0);
+    assert!(run.errors.is_empty() && run.stages[0].actors.len() == 1);
+    // As is one that cannot be parsed.
+    let folder = Folder::new(&[("t.rhai", "let x = ; //~ error: is a reserved\n")]);
+    let run = section(&folder, "t.rhai", 0);
+    assert!(run.info.as_it_stands() && run.errors.len() == 1, "{}", show(&run.errors));
+}
+
+#[test]
+fn another_script_is_taken_with_its_parameters_and_its_folder() {
+    let folder = Folder::new(&[
+        ("shows/hero.toy", ""),
+        ("shows/steps.rhai", "fn twice(x) { 2 * x }"),
+        (
+            "shows/show.rhai",
+            r#"import "steps" as steps;
+               stage(#{ length: param("length", 3) });
+               cast("anna", load("hero.toy")).at(steps::twice(1), 0, 0);
+               camera("wide").at(0, 1, 4); sun();
+               test("its own", || expect(1).equals(2));"#,
+        ),
+        (
+            "tests/t.rhai",
+            r#"test("it", || {
+                   let show = scene("../shows/show.rhai", #{ set: #{ length: 5 } });
+                   expect(show.actor("anna")).at(1).near([2, 0, 0]);
+                   expect(show.camera("wide")).at(1).on();
+                   expect(show.light(0)).at(1).intensity().near(3);
+               });
+               test("wrong", || {
+                   scene("../shows/show.rhai", #{ set: #{ lenght: 5 } }); //~ error: no parameter "lenght"; did you mean "length"?
+                   scene("../shows/show.rhai"); //~ error: already called in line 8
+                   expect(1).equals(1);
+               });"#,
+        ),
+    ]);
+    let path = folder.file("tests/t.rhai");
+    let options = TestOptions { root: Some(folder.path().to_path_buf()), ..TestOptions::default() };
+    for index in 0..2 {
+        let run = run_section(&path, index, &registry(), &options).unwrap();
+        assert!(run.errors.is_empty(), "{}", show(&run.errors));
+        assert!(run.expected.iter().all(|e| e.met), "{:?}", run.expected);
+        if index == 0 {
+            assert_eq!(run.stages[0].settings.length, Time::from_secs(5.0));
+            assert_eq!((run.expectations.len(), run.files_used.len()), (3, 4));
+        }
+    }
+    // Without the root it lies outside.
+    let run = run_section(&path, 0, &registry(), &TestOptions::default()).unwrap();
+    assert!(show(&run.errors).contains("leads out of the folders"), "{}", show(&run.errors));
+}
+
+#[test]
+fn stages_beside_the_section_are_apart() {
+    let folder = suite(
+        r#"let hero = load("hero.toy");
+           let round = |x| stage_of(|| { let a = cast("a", hero).at(x, 0, 0); expect(a).near([x, 0, 0]); on_frame(|t| a.turn(t)); });
+           test("two", || {
+               cast("mine", hero);
+               let one = round.call(1);
+               expect(one).same_as(round.call(1));
+               expect(one).not().same_as(round.call(2));
+           });
+           test("leak", || {
+               let a = cast("a", hero);
+               stage_of(|| expect(a).near([0, 0, 0])); //~ error: uses an Actor of the stage around it
+           });"#,
+    );
+    let run = section(&folder, "t.rhai", 0);
+    assert!(run.errors.is_empty(), "{}", show(&run.errors));
+    let actors: Vec<_> = run.stages.iter().map(|s| s.actors.len()).collect();
+    assert_eq!(actors, [1, 1, 1, 1]);
+    let stages: Vec<_> = run.expectations.iter().map(|e| e.stage).collect();
+    assert_eq!(stages, [1, 2, 1, 3, 1]);
+    assert_eq!(run.stages[1].content_hash(), run.stages[2].content_hash());
+    assert_ne!(run.stages[1].content_hash(), run.stages[3].content_hash());
+    let run = section(&folder, "t.rhai", 1);
+    assert!(run.errors.is_empty() && run.expected[0].met, "{}", show(&run.errors));
+}
+
+#[test]
+fn formulas_are_functions_of_the_time() {
+    let folder = suite(
+        r#"let hero = load("hero.toy"); let r = 2.0;
+           test("circle", || {
+               let a = cast("a", hero);
+               expect(a).near(|t| [r * cos(t), 0.0, r * sin(t)], 0.001);
+               expect(a).near(|t| t, 0.001);
+           });"#,
+    );
+    let run = section(&folder, "t.rhai", 0);
+    let formula = |i: usize| match &run.expectations[i].claim {
+        Claim::Vector { test: VectorTest::Near { goal: VectorGoal::Formula(f), .. }, .. } => f.clone(),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(formula(0).at(Time::ZERO).unwrap(), [2.0, 0.0, 0.0]);
+    let error = formula(1).at(Time::from_secs(1.5)).unwrap_err().to_string();
+    assert!(
+        error.contains("t.rhai:5:26: near: the function must give [x, y, z], got 1.5 at 1.5 s"),
+        "{error}"
+    );
+}
+
+#[test]
+fn misuse_is_answered_in_words() {
+    let cases = [
+        ("test(\"a\", || { expect(1); });", "this expect compares with nothing"),
+        ("test(\"a\", || { expect(1).near(); });", "write near(goal, tolerance?), not with 0 arguments"),
+        ("test(\"a\", || { expect(1).visble(); });", "did you mean \"visible\"?"),
+        ("test(\"a\", || { expect(stage()).count(\"actor\"); });", "did you mean \"actors\"?"),
+        ("test(\"a\", || { expect(camera(\"c\")).weight(\"Walk\"); });", "weight: a Camera plays no clips"),
+        ("test(\"a\", || { expect(1).at(2).equals(1); });", "equals: a value does not change over time"),
+        ("test(\"a\", || { test(\"b\", || 1); });", "a section cannot hold another one"),
+        ("test(\"a\", || 1); test(\"a\", || 1);", "the name \"a\" is already taken by the section in line 1"),
+        ("test(\"a\", #{ skip: \"\" }, || 1);", "test: skip must say why"),
+        ("expect(1).equals(1); test(\"a\", || 1);", "expect can be used in test sections only"),
+        ("test(\"a\", || { expect_picture(\"a b\"); });", "it is a file's name"),
+        ("test(\"a\", || { expect(load(\"hero.toy\")); });", "expect: what must be an Actor, Joint"),
+        ("test(\"a\", || { expect(stage()).at(1).near(1); });", "near: what is expected must be"),
+        ("test(\"a\", || { throw \"no\"; });", "t.rhai:1:16: no"),
+        ("test(\"a\", || { loop { } });", "does a loop never end?"),
+        ("test(\"a\", || 1); //~ eror: x", "this comment expects nothing"),
+    ];
+    for (text, expected) in cases {
+        let got = errors(text);
+        assert!(got.contains(expected), "{text}\nexpected: {expected}\ngot: {got}");
+    }
+}
+
+#[test]
+fn assets_are_imported_once_and_again_when_their_files_change() {
+    let folder = Folder::new(&[
+        ("hero.toy", "beside skin.png"),
+        ("skin.png", "1"),
+        (
+            "t.rhai",
+            "let hero = load(\"hero.toy\"); test(\"a\", || { cast(\"a\", hero); expect(1).equals(1); });",
+        ),
+    ]);
+    let options = TestOptions { script: ScriptOptions::default(), root: None };
+    let asset = || {
+        let run = run_section(&folder.file("t.rhai"), 0, &registry(), &options).unwrap();
+        assert!(run.errors.is_empty(), "{}", show(&run.errors));
+        (run.stages[0].actors[0].asset.clone(), run.hash)
+    };
+    let (first, hash) = asset();
+    let (again, same_hash) = asset();
+    assert!(std::sync::Arc::ptr_eq(&first, &again) && hash == same_hash);
+    std::fs::write(folder.file("skin.png"), "2").unwrap();
+    let (other, other_hash) = asset();
+    assert!(!std::sync::Arc::ptr_eq(&first, &other) && hash != other_hash);
+}
