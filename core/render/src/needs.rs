@@ -1,7 +1,7 @@
 //! Which shader features a draw needs, and words for those that nothing needs.
 
 use crate::catalog::{CatalogMaterial, CatalogPrimitive};
-use crate::plan::{Features, LeftOut, is_lit};
+use crate::plan::{Features, LEFT_OUT, LeftOut, is_lit};
 use choreo_stage::{AlphaMode, Shading};
 use glam::{Affine2, Vec3};
 
@@ -91,6 +91,7 @@ pub struct Facts {
 pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     let mut out = Vec::new();
     let mut say = |on: bool, what: &str, why: String| {
+        debug_assert!(LEFT_OUT.contains(&what), "{what} is not in LEFT_OUT");
         if on {
             out.push(LeftOut { what: what.into(), why });
         }

@@ -176,6 +176,37 @@ pub struct PostPass {
     pub parameters: [f32; 8],
 }
 
+/// Every `LeftOut::what`, but for effects without a plugin, which are told by their names.
+pub const LEFT_OUT: &[&str] = &[
+    "hidden actors",
+    "primitives outside the view",
+    "skinning",
+    "influences 5 to 8",
+    "morph targets",
+    "normals, lights and ambient light",
+    "lights",
+    "dark lights",
+    "distance and cone attenuation",
+    "vertex colours",
+    "texture coordinates",
+    "second texture coordinates",
+    "base colour textures",
+    "metallic-roughness textures",
+    "normal maps and tangents",
+    "occlusion textures",
+    "emissive textures",
+    "specular textures",
+    "specular colour textures",
+    "emission",
+    "texture transforms",
+    "alpha test",
+    "blending and sorting back to front",
+    "instancing",
+    "multisampling",
+    "full-screen passes and float target",
+    "shadow maps",
+];
+
 /// "shadow map: out, no light casts".
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LeftOut {

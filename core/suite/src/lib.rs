@@ -5,6 +5,7 @@
 //! ```
 //! Sections are read and run by [`choreo_script`]; here they are judged ([`outcome::Check`]) and told ([`outcome::Outcome`]).
 
+pub mod evaluate;
 pub mod outcome;
 
 pub use outcome::{Check, Evidence, Measures, Outcome, Pictures, Place, Status, Trace};

@@ -1,6 +1,6 @@
 //! `test` and what a section can be about: other scripts, stages, plans, pictures.
 
-use crate::build::{Build, Mode, room};
+use crate::build::{Mode, room};
 use crate::call::{ApiError, Call, Def, Gives, Options, Place, Reply, describe, numbers, unknown};
 use crate::diagnostic::Severity;
 use crate::engine::constants;
@@ -175,11 +175,10 @@ fn section_info(c: &Call, name: String, section: &FnPtr) -> Result<SectionInfo, 
 /// One text or an array of texts.
 fn texts(o: &Options, name: &str) -> Result<Vec<String>, ApiError> {
     let Some(given) = o.get(name) else { return Ok(Vec::new()) };
-    let all = match given.read_lock::<rhai::Array>() {
-        Some(array) => array.iter().map(|v| crate::call::text(v, &o.label(name))).collect(),
-        None => crate::call::text(&given, &o.label(name)).map(|text| vec![text]),
-    };
-    all
+    if let Some(array) = given.read_lock::<rhai::Array>() {
+        return array.iter().map(|v| crate::call::text(v, &o.label(name))).collect();
+    }
+    Ok(vec![crate::call::text(&given, &o.label(name))?])
 }
 
 fn scene(c: &mut Call) -> Reply {
@@ -313,7 +312,7 @@ fn stage_of(c: &mut Call) -> Reply {
         let before = (std::mem::replace(&mut test.current_stage, index), test.scene_at.take());
         (index, before)
     };
-    let outer = std::mem::replace(&mut *c.build(), Build::default());
+    let outer = std::mem::take(&mut *c.build());
     let result = build.call_within_context::<Dynamic>(c.context, ());
     let ended = match result {
         Ok(_) => Ok(()),

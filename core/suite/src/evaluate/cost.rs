@@ -1,0 +1,97 @@
+//! How long a stage takes to evaluate, against another: a ratio, since seconds say nothing on a busy machine.
+
+use super::looks::Looks;
+use super::{Judged, words};
+use choreo_motion::Time;
+use choreo_script::testing::Expectation;
+use choreo_stage::{Evaluator, Snapshot, Stage};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Frames of a stage that are evaluated in one run, spread over its length.
+const FRAMES: i64 = 120;
+/// A run is repeated until it takes so long: the clock and the scheduler are too coarse for less.
+const SHORTEST_SECS: f64 = 2e-3;
+const ROUNDS: usize = 7;
+const BLOCKS: usize = 3;
+
+/// The two stages are run in turns, so that whatever slows the machine down slows both. A block is the median of the ratios of
+/// its rounds; the smallest of three blocks counts, which other work on the machine can hardly make too large three times.
+pub fn judge(looks: &[Looks], e: &Expectation, other: usize, factor: f64) -> Judged {
+    let not = if e.negated { "not " } else { "" };
+    let expected = format!("{not}at most {} times the time of the other stage", words::number(factor));
+    let Some(other) = looks.get(other) else {
+        return Judged::impossible(expected, "the other stage is not there");
+    };
+    let mut runs = [Run::new(&looks[e.stage].stage), Run::new(&other.stage)];
+    let repeats = match runs.iter_mut().map(Run::warm).collect::<Result<Vec<_>, String>>() {
+        Ok(secs) => {
+            let shortest = secs.into_iter().fold(f64::INFINITY, f64::min);
+            (SHORTEST_SECS / shortest.max(1e-9)).ceil().clamp(1.0, 1e5) as usize
+        }
+        Err(why) => return Judged::impossible(expected, why),
+    };
+    let mut least = f64::INFINITY;
+    for _ in 0..BLOCKS {
+        let mut ratios: Vec<f64> = Vec::with_capacity(ROUNDS);
+        for round in 0..ROUNDS {
+            let [a, b] = &mut runs;
+            // Whoever comes second finds warmer caches.
+            let (own, others) = match round % 2 {
+                0 => {
+                    let own = a.secs(repeats);
+                    (own, b.secs(repeats))
+                }
+                _ => {
+                    let others = b.secs(repeats);
+                    (a.secs(repeats), others)
+                }
+            };
+            match (own, others) {
+                (Ok(own), Ok(others)) => ratios.push(own / others.max(1e-12)),
+                (Err(why), _) | (_, Err(why)) => return Judged::impossible(expected, why),
+            }
+        }
+        ratios.sort_by(f64::total_cmp);
+        least = least.min(ratios[ROUNDS / 2]);
+        if least <= factor {
+            break;
+        }
+    }
+    let got = format!("{} times", words::number((least * 100.0).round() / 100.0));
+    Judged::new((least <= factor) != e.negated, expected, got)
+}
+
+struct Run {
+    evaluator: Evaluator,
+    snapshot: Snapshot,
+    times: Vec<Time>,
+}
+
+impl Run {
+    fn new(stage: &Arc<Stage>) -> Run {
+        let settings = &stage.settings;
+        let frames = settings.fps.frames_in(settings.length).max(1);
+        let count = frames.min(FRAMES);
+        let times = (0..count).map(|k| settings.fps.time_of(k * frames / count)).collect();
+        Run { evaluator: Evaluator::new(stage.clone()), snapshot: Snapshot::default(), times }
+    }
+
+    /// Seconds of a first run that is not counted and a second that is.
+    fn warm(&mut self) -> Result<f64, String> {
+        self.secs(1)?;
+        self.secs(1)
+    }
+
+    fn secs(&mut self, repeats: usize) -> Result<f64, String> {
+        let start = Instant::now();
+        for _ in 0..repeats {
+            for time in &self.times {
+                self.evaluator.at_into(*time, &mut self.snapshot).map_err(|e| e.to_string())?;
+                std::hint::black_box(&self.snapshot);
+            }
+        }
+        // Per frame, so that stages of different length can be compared.
+        Ok(start.elapsed().as_secs_f64() / (repeats * self.times.len()) as f64)
+    }
+}

@@ -1,0 +1,227 @@
+//! Where things are in the picture, from the posed vertices themselves.
+
+use super::Judged;
+use super::looks::Looks;
+use super::number::{Band, Series, judge_band};
+use super::words;
+use choreo_motion::Time;
+use choreo_script::testing::{Expectation, InFrame, Subject};
+use choreo_stage::{Projection, posed_meshes};
+use glam::{DAffine3, DVec3};
+
+/// Lowest and highest corner of an actor as posed, in the world; NaN where there is nothing of it.
+pub fn bounds(looks: &mut Looks, actor: usize, time: Time) -> Result<(DVec3, DVec3), String> {
+    let points = vertices(looks, actor, time)?;
+    let fold = |f: fn(DVec3, DVec3) -> DVec3| points.iter().copied().reduce(f).unwrap_or(DVec3::NAN);
+    Ok((fold(DVec3::min), fold(DVec3::max)))
+}
+
+fn vertices(looks: &mut Looks, actor: usize, time: Time) -> Result<Vec<DVec3>, String> {
+    let snapshot = looks.at(time)?;
+    let (Some(state), Some(of)) = (snapshot.actors.get(actor), looks.stage.actors.get(actor)) else {
+        return Ok(Vec::new());
+    };
+    let meshes = posed_meshes(&of.asset, state);
+    Ok(meshes.into_iter().flat_map(|m| m.primitives).flat_map(|p| p.positions).collect())
+}
+
+/// A camera at a time: from the world to the picture.
+pub struct Lens {
+    view_from_world: DAffine3,
+    projection: Projection,
+    aspect: f64,
+}
+
+impl Lens {
+    pub fn new(looks: &mut Looks, camera: Option<usize>, time: Time) -> Result<Lens, String> {
+        let [width, height] = looks.stage.settings.size.map(|n| f64::from(n.max(1)));
+        let state = looks.camera(camera, time)?;
+        Ok(Lens {
+            view_from_world: state.world_from_view.inverse(),
+            projection: state.projection,
+            aspect: width / height,
+        })
+    }
+
+    /// Half the picture's height in metres, at a depth before the camera.
+    fn half_height(&self, depth: f64) -> f64 {
+        match self.projection {
+            Projection::Perspective { yfov, .. } => libm::tan(f64::from(yfov) / 2.0) * depth,
+            Projection::Orthographic { height, .. } => f64::from(height) / 2.0,
+        }
+    }
+
+    /// x from 0 left to 1 right, y from 0 top to 1 bottom, z metres before the camera; x and y are NaN behind a camera with
+    /// perspective.
+    pub fn project(&self, world: DVec3) -> DVec3 {
+        let p = self.view_from_world.transform_point3(world);
+        let depth = -p.z;
+        let perspective = matches!(self.projection, Projection::Perspective { .. });
+        if perspective && depth <= 0.0 {
+            return DVec3::new(f64::NAN, f64::NAN, depth);
+        }
+        let half = self.half_height(depth);
+        DVec3::new(0.5 + 0.5 * p.x / (half * self.aspect), 0.5 - 0.5 * p.y / half, depth)
+    }
+}
+
+/// The box of an actor in the picture.
+pub struct Outline {
+    pub min: DVec3,
+    pub max: DVec3,
+    /// Of the vertices, those inside the picture, 0..=1.
+    pub share: f64,
+    behind: bool,
+}
+
+impl Outline {
+    pub fn height(&self) -> f64 {
+        self.max.y - self.min.y
+    }
+
+    /// How far it reaches over the margin, as a share of the picture; at most 0: it does not.
+    fn over(&self, margin: f64) -> f64 {
+        if self.behind {
+            return f64::INFINITY;
+        }
+        let (low, high) = (margin, 1.0 - margin);
+        [low - self.min.x, self.max.x - high, low - self.min.y, self.max.y - high]
+            .into_iter()
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+}
+
+pub fn outline(
+    looks: &mut Looks,
+    actor: usize,
+    camera: Option<usize>,
+    time: Time,
+) -> Result<Outline, String> {
+    let lens = Lens::new(looks, camera, time)?;
+    let points = vertices(looks, actor, time)?;
+    let mut outline = Outline { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY, share: 0.0, behind: false };
+    let mut inside = 0usize;
+    for point in &points {
+        let p = lens.project(*point);
+        if p.x.is_nan() {
+            outline.behind = true;
+            continue;
+        }
+        outline.min = outline.min.min(p);
+        outline.max = outline.max.max(p);
+        let within = (0.0..=1.0).contains(&p.x) && (0.0..=1.0).contains(&p.y) && p.z > 0.0;
+        inside += usize::from(within);
+    }
+    if points.is_empty() {
+        (outline.min, outline.max) = (DVec3::NAN, DVec3::NAN);
+        outline.share = f64::NAN;
+    } else {
+        outline.share = inside as f64 / points.len() as f64;
+    }
+    Ok(outline)
+}
+
+/// Degrees in the picture between up and the subject's +y, 0..=180; 90 where it points straight at the camera or away.
+pub fn tilt(looks: &mut Looks, subject: Subject, camera: Option<usize>, time: Time) -> Result<f64, String> {
+    let world_from = looks.world_from(subject, time)?;
+    let lens = Lens::new(looks, camera, time)?;
+    let p = lens.view_from_world.transform_point3(world_from.translation);
+    let up = lens.view_from_world.transform_vector3(world_from.matrix3.y_axis).normalize_or_zero();
+    let (x, y) = match lens.projection {
+        Projection::Orthographic { .. } => (up.x, up.y),
+        // How x/depth and y/depth change along the way up, times depth².
+        Projection::Perspective { .. } => {
+            let depth = -p.z;
+            if depth <= 0.0 || depth.is_nan() {
+                return Ok(f64::NAN);
+            }
+            (up.x * depth + p.x * up.z, up.y * depth + p.y * up.z)
+        }
+    };
+    if libm::hypot(x, y) < 1e-12 {
+        return Ok(90.0);
+    }
+    Ok(libm::atan2(x.abs(), y).to_degrees())
+}
+
+pub fn judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Judged {
+    match try_judge(looks, e, claim) {
+        Ok(judged) => judged,
+        Err(why) => Judged::impossible("a picture to look at", why),
+    }
+}
+
+fn try_judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Result<Judged, String> {
+    let name = super::vector::name(looks, Subject::Actor(claim.actor));
+    let mut expected = match claim.margin > 0.0 {
+        true => format!("{name} inside the picture, {} free at each side", percent(claim.margin)),
+        false => format!("{name} inside the picture"),
+    };
+    if let Some((low, high)) = claim.height {
+        expected.push_str(&format!(", {} to {} of its height", percent(low), percent(high)));
+    }
+    if let Some(upright) = claim.upright {
+        expected.push_str(&format!(", tilted by at most {}°", words::number(upright)));
+    }
+    let times = looks.times_and_ends(e)?;
+    let (mut off, mut heights, mut gots) = (Vec::new(), Vec::new(), Vec::new());
+    for time in &times {
+        let seen = looks.at(*time)?.actors.get(claim.actor).is_some_and(|state| state.visible);
+        let outline = outline(looks, claim.actor, claim.camera, *time)?;
+        let mut worst = outline.over(claim.margin);
+        let mut got = match (seen, outline.behind) {
+            (false, _) => "it is hidden".to_string(),
+            (true, true) => "a part of it is behind the camera".to_string(),
+            (true, false) => format!(
+                "x from {} to {}, y from {} to {}",
+                percent(outline.min.x),
+                percent(outline.max.x),
+                percent(outline.min.y),
+                percent(outline.max.y)
+            ),
+        };
+        if !seen || outline.min.x.is_nan() {
+            worst = f64::INFINITY;
+        }
+        if let (Some((low, high)), true) = (claim.height, worst.is_finite()) {
+            worst = worst.max(low - outline.height()).max(outline.height() - high);
+            got.push_str(&format!(", {} high", percent(outline.height())));
+        }
+        if let (Some(upright), true) = (claim.upright, worst.is_finite()) {
+            let tilt = tilt(looks, Subject::Actor(claim.actor), claim.camera, *time)?;
+            worst = worst.max((tilt - upright) / 180.0);
+            got.push_str(&format!(", tilted by {}°", words::number((tilt * 10.0).round() / 10.0)));
+        }
+        off.push(worst);
+        heights.push(outline.height());
+        gots.push(got);
+    }
+    let series = Series { times, values: heights };
+    let allowed = claim.height.map_or([f64::NEG_INFINITY, f64::INFINITY], |(low, high)| [low, high]);
+    let band =
+        Band { allowed: vec![allowed; off.len()], off, goal: Vec::new(), tolerance: 0.0, words: expected };
+    // Hidden and behind: off, not unknown.
+    let known = Series {
+        times: series.times.clone(),
+        values: series.values.iter().map(|v| if v.is_finite() { *v } else { 0.0 }).collect(),
+    };
+    let mut judged = judge_band(&known, &band, e.negated, &format!("{name} height in the picture"), "");
+    let worst = judged.traces.first().and_then(|trace| trace.mark).unwrap_or(0.0);
+    if let Some(i) = series.times.iter().position(|t| t.as_secs() == worst) {
+        let when = judged.got.split_once(" at ").map_or(String::new(), |(_, when)| format!(" at {when}"));
+        judged.got = format!("{}{when}", gots[i]);
+        judged.by = match band.off[i].is_finite() && !e.negated {
+            true => format!("{} of the picture", percent(band.off[i].max(0.0))),
+            false => String::new(),
+        };
+    }
+    judged.hint = "x and y run from 0 % at the top left to 100 %; move the camera or widen its fov".into();
+    Ok(judged)
+}
+
+fn percent(share: f64) -> String {
+    if !share.is_finite() {
+        return "nothing".into();
+    }
+    format!("{} %", words::number((share * 1000.0).round() / 10.0 + 0.0))
+}

@@ -1,0 +1,209 @@
+//! When a stage is looked at, and what is seen: snapshots, each made once.
+
+use choreo_motion::Time;
+use choreo_plugin::Registry;
+use choreo_render::Catalog;
+use choreo_script::testing::{Expectation, Subject, When};
+use choreo_stage::{
+    ActorState, Attachment, CameraState, Channel, Cut, Evaluator, LightState, Property, Snapshot, Stage,
+};
+use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Vec3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Most looks that one expectation may take: hours of film, and no more memory than a machine has.
+const MOST: i64 = 200_000;
+/// Snapshots kept for the next expectation.
+const KEPT: usize = 4096;
+
+/// One stage as seen by its expectations.
+pub struct Looks<'a> {
+    pub stage: Arc<Stage>,
+    pub registry: &'a Registry,
+    evaluator: Evaluator,
+    seen: BTreeMap<Time, Arc<Snapshot>>,
+    /// The stage with one camera on all the time, by camera.
+    cameras: BTreeMap<usize, Evaluator>,
+    /// The stage with one light alone, by light.
+    lights: BTreeMap<usize, Evaluator>,
+    catalog: Option<Arc<Catalog>>,
+}
+
+impl<'a> Looks<'a> {
+    pub fn new(stage: &Arc<Stage>, registry: &'a Registry) -> Looks<'a> {
+        Looks {
+            stage: stage.clone(),
+            registry,
+            evaluator: Evaluator::new(stage.clone()),
+            seen: BTreeMap::new(),
+            cameras: BTreeMap::new(),
+            lights: BTreeMap::new(),
+            catalog: None,
+        }
+    }
+
+    pub fn catalog(&mut self) -> Arc<Catalog> {
+        let stage = &self.stage;
+        self.catalog.get_or_insert_with(|| Arc::new(Catalog::new(stage))).clone()
+    }
+
+    /// The error of a callback, with its place.
+    pub fn at(&mut self, time: Time) -> Result<Arc<Snapshot>, String> {
+        if let Some(snapshot) = self.seen.get(&time) {
+            return Ok(snapshot.clone());
+        }
+        let snapshot = Arc::new(self.evaluator.at(time).map_err(|e| e.to_string())?);
+        if self.seen.len() >= KEPT {
+            self.seen.clear();
+        }
+        self.seen.insert(time, snapshot.clone());
+        Ok(snapshot)
+    }
+
+    /// `None`: the camera that is on.
+    pub fn camera(&mut self, camera: Option<usize>, time: Time) -> Result<CameraState, String> {
+        let Some(camera) = camera else { return Ok(self.at(time)?.camera) };
+        let stage = &self.stage;
+        let evaluator = self.cameras.entry(camera).or_insert_with(|| {
+            let mut alone = (**stage).clone();
+            alone.cuts = vec![Cut { at: Time(i64::MIN), camera }];
+            Evaluator::new(Arc::new(alone))
+        });
+        Ok(evaluator.at(time).map_err(|e| e.to_string())?.camera)
+    }
+
+    /// `None`: it does not shine.
+    pub fn light(&mut self, light: usize, time: Time) -> Result<Option<LightState>, String> {
+        let stage = &self.stage;
+        let evaluator = self.lights.entry(light).or_insert_with(|| {
+            let mut alone = (**stage).clone();
+            alone.actors.iter_mut().for_each(|actor| actor.file_lights = false);
+            for (_, other) in alone.lights.iter_mut().enumerate().filter(|(i, _)| *i != light) {
+                // Not taken out: callbacks know lights by their numbers.
+                other.channels.push(Channel {
+                    property: Property::Visible,
+                    interpolation: choreo_motion::Interpolation::Step,
+                    times: vec![Time::ZERO],
+                    values: vec![0.0],
+                });
+            }
+            Evaluator::new(Arc::new(alone))
+        });
+        Ok(evaluator.at(time).map_err(|e| e.to_string())?.lights.first().copied())
+    }
+
+    /// World from a subject, without scale being taken out; NaN where it is not posed or does not shine.
+    pub fn world_from(&mut self, subject: Subject, time: Time) -> Result<DAffine3, String> {
+        let nowhere = DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::NAN };
+        Ok(match subject {
+            Subject::Actor(actor) => self.attachment(&Attachment { actor, joint: None }, time)?,
+            Subject::Joint { actor, joint } => {
+                self.attachment(&Attachment { actor, joint: Some(joint) }, time)?
+            }
+            Subject::Camera(camera) => self.camera(Some(camera), time)?.world_from_view,
+            Subject::Light(light) => match self.light(light, time)? {
+                Some(state) => {
+                    let back = -state.direction.as_dvec3();
+                    let right = back.any_orthonormal_vector();
+                    DAffine3 {
+                        matrix3: DMat3::from_cols(right, back.cross(right), back),
+                        translation: state.position,
+                    }
+                }
+                None => nowhere,
+            },
+        })
+    }
+
+    pub fn attachment(&mut self, at: &Attachment, time: Time) -> Result<DAffine3, String> {
+        let snapshot = self.at(time)?;
+        let nowhere = DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::NAN };
+        let Some(state) = snapshot.actors.get(at.actor) else { return Ok(nowhere) };
+        Ok(match at.joint {
+            None => state.world_from_model,
+            Some(joint) => model_from_joint(state, joint).map_or(nowhere, |m| state.world_from_model * m),
+        })
+    }
+
+    /// The times that an expectation looks at.
+    pub fn times(&self, e: &Expectation) -> Result<Vec<Time>, String> {
+        let settings = &self.stage.settings;
+        let (from, until) = match e.when {
+            When::At(time) => return Ok(vec![time]),
+            When::Always => (Time::ZERO, None),
+            When::During(from, until) => (from, Some(until)),
+        };
+        let times: Vec<Time> = match (e.step, until) {
+            (Some(step), until) => {
+                let until = until.unwrap_or(settings.length);
+                let count = (until.0.saturating_sub(from.0) / step.0.max(1)).max(0);
+                enough(count)?;
+                (0..=count).map(|k| Time(from.0 + k * step.0)).collect()
+            }
+            (None, None) => {
+                let frames = settings.fps.frames_in(settings.length).max(1);
+                enough(frames)?;
+                (0..frames).map(|k| settings.fps.time_of(k)).collect()
+            }
+            (None, Some(until)) => {
+                let rate = settings.fps;
+                let frame_at = |t: Time| (t.as_secs() * rate.as_fps()).floor() as i64;
+                let (first, last) = (frame_at(from) - 1, frame_at(until) + 1);
+                enough(last.saturating_sub(first))?;
+                let inside = |t: &Time| (from..=until).contains(t);
+                (first..=last).map(|k| rate.time_of(k)).filter(inside).collect()
+            }
+        };
+        Ok(times)
+    }
+
+    /// As `times`, with the ends of a span, where they are between two frames.
+    pub fn times_and_ends(&self, e: &Expectation) -> Result<Vec<Time>, String> {
+        let mut times = self.times(e)?;
+        if let When::During(from, until) = e.when {
+            if times.first() != Some(&from) {
+                times.insert(0, from);
+            }
+            if times.last() != Some(&until) {
+                times.push(until);
+            }
+        }
+        Ok(times)
+    }
+
+    /// Time between two looks.
+    pub fn step(&self, e: &Expectation) -> Time {
+        e.step.unwrap_or_else(|| self.stage.settings.fps.time_of(1))
+    }
+}
+
+fn enough(looks: i64) -> Result<(), String> {
+    match looks > MOST {
+        true => {
+            Err(format!("this would take {looks} looks, {MOST} are allowed: use .during or a longer .every"))
+        }
+        false => Ok(()),
+    }
+}
+
+fn model_from_joint(state: &ActorState, joint: u32) -> Option<DAffine3> {
+    state.model_from_joint.get(joint as usize).map(widen)
+}
+
+pub fn widen(a: &Affine3A) -> DAffine3 {
+    DAffine3 { matrix3: Mat3::from(a.matrix3).as_dmat3(), translation: Vec3::from(a.translation).as_dvec3() }
+}
+
+/// The rotation in a matrix with scale: +z is kept, then +y as well as can be; of a mirrored one, x is turned around.
+pub fn rotation_of(m: &DMat3) -> DQuat {
+    let z = m.z_axis.try_normalize().unwrap_or(DVec3::Z);
+    let x = m.y_axis.cross(z).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
+    DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize()
+}
+
+/// Degrees between two rotations, 0..=180; q and −q are the same.
+pub fn angle_deg(a: DQuat, b: DQuat) -> f64 {
+    let between = a.conjugate() * b;
+    let sine = DVec3::new(between.x, between.y, between.z).length();
+    (2.0 * libm::atan2(sine, between.w.abs())).to_degrees()
+}

@@ -1,0 +1,181 @@
+//! Judges what a section expects: from expectations, which are data, to checks, without drawing.
+//!
+//! ```text
+//! Expectation ─► times to look at ─► Looks (snapshots) ─► values ─► Check { expected, got, by how much, traces }
+//! ```
+//! A claim over a span is judged at every frame in it; the check tells the worst time.
+
+mod cost;
+mod events;
+mod frame;
+mod looks;
+mod number;
+mod plan;
+mod rotation;
+mod same;
+mod stands;
+mod texts;
+mod value;
+mod vector;
+mod words;
+
+use crate::outcome::{Check, Evidence, Place, Trace};
+use choreo_plugin::Registry;
+use choreo_script::Severity;
+use choreo_script::testing::{Claim, Expectation, SectionRun, TextsQuantity};
+use looks::Looks;
+
+/// Every check of a section but its pictures, in the order of the script: its expectations, its `//~` comments, and the errors
+/// and warnings that none expects. A file that is a test as it stands is judged as such.
+pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
+    let mut checks = diagnostics(run);
+    // An error that nobody expects says all; what is left of the stage would only confuse.
+    if !run.errors.is_empty() {
+        return checks;
+    }
+    if let Some(problem) = run.broken.first() {
+        if !run.expectations.is_empty() {
+            let place = Place { file: run.info.file.clone(), line: run.info.line, column: 0 };
+            let mut check =
+                told(place, "the stage can be evaluated", "a sound stage", problem.message.clone());
+            check.hint =
+                "after errors that leave no stage nothing can be expected of it: use two sections".into();
+            checks.push(check);
+        }
+        return checks;
+    }
+    let mut looks: Vec<Looks> = run.stages.iter().map(|stage| Looks::new(stage, registry)).collect();
+    if run.info.as_it_stands() {
+        checks.extend(stands::judge(run, &mut looks));
+        return checks;
+    }
+    for expectation in &run.expectations {
+        if let Some(judged) = judge(run, expectation, &mut looks) {
+            checks.push(judged.into_check(expectation));
+        }
+    }
+    checks.sort_by_key(|c| (c.place.line, c.place.column));
+    checks
+}
+
+/// A claim against what was found.
+pub(crate) struct Judged {
+    pub passed: bool,
+    pub expected: String,
+    pub got: String,
+    pub by: String,
+    pub hint: String,
+    pub traces: Vec<Trace>,
+}
+
+impl Judged {
+    fn new(passed: bool, expected: impl Into<String>, got: impl Into<String>) -> Judged {
+        Judged {
+            passed,
+            expected: expected.into(),
+            got: got.into(),
+            by: String::new(),
+            hint: String::new(),
+            traces: Vec::new(),
+        }
+    }
+
+    /// The claim could not be judged: it has failed, whether it was negated or not.
+    fn impossible(expected: impl Into<String>, why: impl Into<String>) -> Judged {
+        Judged::new(false, expected, why)
+    }
+
+    fn by(mut self, by: impl Into<String>) -> Judged {
+        self.by = by.into();
+        self
+    }
+
+    fn into_check(self, expectation: &Expectation) -> Check {
+        let place = &expectation.place;
+        let evidence = match self.passed || self.traces.is_empty() {
+            true => Evidence::None,
+            false => Evidence::Traces(self.traces),
+        };
+        Check {
+            place: Place { file: place.file.clone(), line: place.line, column: place.column },
+            title: expectation.source.trim_end_matches(';').to_string(),
+            passed: self.passed,
+            expected: self.expected,
+            got: self.got,
+            by: if self.passed { String::new() } else { self.by },
+            hint: if self.passed { String::new() } else { self.hint },
+            evidence,
+        }
+    }
+}
+
+fn judge(run: &SectionRun, e: &Expectation, looks: &mut [Looks]) -> Option<Judged> {
+    let of_stage = looks.get_mut(e.stage);
+    let Some(own) = of_stage else {
+        return Some(Judged::impossible("a stage", format!("stage {} is not there", e.stage)));
+    };
+    Some(match &e.claim {
+        // Drawn and compared by the runner.
+        Claim::Picture(_) => return None,
+        Claim::Number { quantity, test } => number::judge(own, e, quantity, test),
+        Claim::Vector { quantity, test } => vector::judge(own, e, quantity, test),
+        Claim::Rotation { quantity, goal, tolerance_deg } => {
+            rotation::judge(own, e, quantity, goal, *tolerance_deg)
+        }
+        Claim::Flag(flag) => number::judge_flag(own, e, flag),
+        Claim::InFrame(claim) => frame::judge(own, e, claim),
+        Claim::Same { what, other } => same::judge(looks, e, *what, *other),
+        Claim::Events { of, test } => events::judge(own, e, *of, test),
+        Claim::Texts { texts, test } => texts::judge(run, own, e, *texts, test),
+        Claim::Value { got, test } => value::judge(e, got, test),
+        Claim::Cost { other, factor } => cost::judge(looks, e, *other, *factor),
+    })
+}
+
+/// Errors that came or did not, and warnings.
+fn diagnostics(run: &SectionRun) -> Vec<Check> {
+    let mut checks = Vec::new();
+    for e in &run.expected {
+        let word = if e.severity == Severity::Error { "error" } else { "warning" };
+        let place = Place { file: run.info.file.clone(), line: e.line, column: 0 };
+        let expected = format!("{word}: {}", e.text);
+        let title = format!("//~ {expected}");
+        checks.push(match e.met {
+            true => Check { passed: true, ..told(place, title, expected.clone(), expected) },
+            false => told(place, title, expected, format!("no such {word} in this line")),
+        });
+    }
+    let unexpected = |d: &choreo_script::Diagnostic, word: &str| {
+        let place = Place { file: d.file.clone(), line: d.line, column: d.column };
+        let title = format!("no {word} but those expected");
+        let mut check = told(place, title, format!("no {word}"), d.message.clone());
+        check.hint = d.hint.clone().unwrap_or_default();
+        check
+    };
+    checks.extend(run.errors.iter().map(|d| unexpected(d, "error")));
+    // Who looks at the warnings has said what to think of them.
+    let looked_at = |e: &Expectation| matches!(e.claim, Claim::Texts { texts: TextsQuantity::Warnings, .. });
+    if !run.expectations.iter().any(looked_at) {
+        checks.extend(run.warnings.iter().map(|d| unexpected(d, "warning")));
+    }
+    checks
+}
+
+/// A check that has failed.
+fn told(
+    place: Place,
+    title: impl Into<String>,
+    expected: impl Into<String>,
+    got: impl Into<String>,
+) -> Check {
+    Check {
+        place,
+        title: title.into(),
+        passed: false,
+        expected: expected.into(),
+        got: got.into(),
+        by: String::new(),
+        hint: String::new(),
+        evidence: Evidence::None,
+    }
+}

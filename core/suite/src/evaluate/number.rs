@@ -1,0 +1,477 @@
+//! Numbers over time, and what is allowed of them.
+
+use super::looks::{Looks, angle_deg};
+use super::words::{self, times_tolerance, with_unit};
+use super::{Judged, frame, plan, rotation, vector};
+use crate::outcome::Trace;
+use choreo_motion::Time;
+use choreo_script::testing::*;
+use choreo_stage::{Actor, Attachment, Heard, Projection, Target};
+use glam::DVec3;
+
+/// Values at times, ascending.
+pub struct Series {
+    pub times: Vec<Time>,
+    pub values: Vec<f64>,
+}
+
+/// What is allowed at each time, and how far off each value is: at most 0 is allowed, NaN and infinity never.
+pub struct Band {
+    pub allowed: Vec<[f64; 2]>,
+    pub off: Vec<f64>,
+    /// Where a whole curve is expected.
+    pub goal: Vec<f64>,
+    pub tolerance: f64,
+    /// `at most 1.5 m/s`
+    pub words: String,
+}
+
+/// Looks that a value is taken from, before and after its own, in steps.
+fn stencil(quantity: &Quantity) -> (i64, i64) {
+    match quantity {
+        Quantity::Speed(_) | Quantity::TurnSpeed(_) => (-1, 0),
+        Quantity::Acceleration(_) => (-1, 1),
+        Quantity::Jerk(_) => (-2, 1),
+        _ => (0, 0),
+    }
+}
+
+pub fn unit(quantity: &Quantity) -> &'static str {
+    match quantity {
+        Quantity::Component(v, _) | Quantity::Length(v) => vector::unit(v),
+        Quantity::Distance(..) | Quantity::Slide(_) | Quantity::Lowest(_) | Quantity::Highest(_) => "m",
+        Quantity::AngleTo(..) | Quantity::Angle(..) | Quantity::Tilt { .. } | Quantity::FieldOfView(_) => "°",
+        Quantity::Speed(_) => "m/s",
+        Quantity::Acceleration(_) => "m/s²",
+        Quantity::Jerk(_) => "m/s³",
+        Quantity::TurnSpeed(_) => "°/s",
+        Quantity::ClipTime { .. } => "s",
+        _ => "",
+    }
+}
+
+pub fn label(looks: &Looks, quantity: &Quantity) -> String {
+    let actor = |a: usize| looks.stage.actors.get(a).map_or(String::new(), |a| a.name.clone());
+    match quantity {
+        Quantity::Component(v, axis) => format!("{} {}", vector::label(looks, v), ["x", "y", "z"][axis % 3]),
+        Quantity::Length(v) => format!("{} length", vector::label(looks, v)),
+        Quantity::Distance(s, _) => format!("{} distance", vector::name(looks, *s)),
+        Quantity::AngleTo(s, _) => format!("{} angle to its target", vector::name(looks, *s)),
+        Quantity::Angle(a, _) => format!("{} angle", rotation::label(looks, a)),
+        Quantity::Speed(v) => format!("{} speed", vector::label(looks, v)),
+        Quantity::Acceleration(v) => format!("{} acceleration", vector::label(looks, v)),
+        Quantity::Jerk(v) => format!("{} jerk", vector::label(looks, v)),
+        Quantity::TurnSpeed(r) => format!("{} turn speed", rotation::label(looks, r)),
+        Quantity::Slide(c) => {
+            let foot = Subject::Joint { actor: c.actor, joint: c.joint };
+            format!("{} slide", vector::name(looks, foot))
+        }
+        Quantity::ClipWeight { actor: a, clip, .. } => format!("{} weight of {clip}", actor(*a)),
+        Quantity::ClipTime { actor: a, clip } => format!("{} time in {clip}", actor(*a)),
+        Quantity::Morph { actor: a, .. } => format!("{} morph weight", actor(*a)),
+        Quantity::Lowest(a) => format!("{} lowest point", actor(*a)),
+        Quantity::Highest(a) => format!("{} highest point", actor(*a)),
+        Quantity::PictureHeight { actor: a, .. } => format!("{} height in the picture", actor(*a)),
+        Quantity::PictureShare { actor: a, .. } => format!("{} share in the picture", actor(*a)),
+        Quantity::Tilt { subject, .. } => format!("{} tilt", vector::name(looks, *subject)),
+        Quantity::FieldOfView(c) => format!("{} fov", vector::name(looks, Subject::Camera(*c))),
+        Quantity::Intensity(l) => format!("{} intensity", vector::name(looks, Subject::Light(*l))),
+        Quantity::Count(_) => "count".into(),
+        Quantity::PlanCount(..) => "count in the plan".into(),
+    }
+}
+
+pub fn series(looks: &mut Looks, e: &Expectation, quantity: &Quantity) -> Result<Series, String> {
+    if let Quantity::Count(what) = quantity {
+        let count = plan::count_stage(looks, *what);
+        return Ok(Series { times: vec![Time::ZERO], values: vec![count as f64] });
+    }
+    if let Quantity::Slide(contact) = quantity {
+        return slide(looks, e, contact);
+    }
+    let (before, after) = stencil(quantity);
+    if before == 0 && after == 0 {
+        let times = looks.times_and_ends(e)?;
+        let values =
+            times.iter().map(|t| value(looks, quantity, &[*t])).collect::<Result<Vec<_>, String>>()?;
+        return Ok(Series { times, values });
+    }
+    let step = looks.step(e);
+    if let When::At(time) = e.when {
+        let window: Vec<Time> = (before..=after).map(|k| Time(time.0 + k * step.0)).collect();
+        let value = value(looks, quantity, &window)?;
+        return Ok(Series { times: vec![time], values: vec![value] });
+    }
+    let times = looks.times(e)?;
+    let wide = (after - before + 1) as usize;
+    if times.len() < wide {
+        return Err(format!(
+            "the span holds {} looks, {wide} are needed: make it longer, or look more often with .every(seconds)",
+            times.len()
+        ));
+    }
+    let mut out = Series { times: Vec::new(), values: Vec::new() };
+    for window in times.windows(wide) {
+        out.times.push(window[before.unsigned_abs() as usize]);
+        out.values.push(value(looks, quantity, window)?);
+    }
+    Ok(out)
+}
+
+/// At the times of the quantity's stencil; those are one step apart.
+fn value(looks: &mut Looks, quantity: &Quantity, window: &[Time]) -> Result<f64, String> {
+    let at = window[0];
+    let points = |looks: &mut Looks, v: &VectorQuantity| {
+        window.iter().map(|t| vector::at(looks, v, *t)).collect::<Result<Vec<DVec3>, String>>()
+    };
+    let step = || (window[window.len() - 1] - at).as_secs() / (window.len() - 1) as f64;
+    Ok(match quantity {
+        Quantity::Component(v, axis) => vector::at(looks, v, at)?[*axis % 3],
+        Quantity::Length(v) => vector::at(looks, v, at)?.length(),
+        Quantity::Distance(s, target) => {
+            let place = looks.world_from(*s, at)?.translation;
+            target_at(looks, target, at)?.distance(place)
+        }
+        Quantity::AngleTo(s, target) => {
+            let place = looks.world_from(*s, at)?.translation;
+            let way = target_at(looks, target, at)? - place;
+            vector::at(looks, &VectorQuantity::Direction(*s), at)?.angle_between(way).to_degrees()
+        }
+        Quantity::Angle(a, b) => angle_deg(rotation::at(looks, a, at)?, rotation::at(looks, b, at)?),
+        Quantity::Speed(v) => {
+            let p = points(looks, v)?;
+            (p[1] - p[0]).length() / step()
+        }
+        Quantity::Acceleration(v) => {
+            let p = points(looks, v)?;
+            (p[2] - 2.0 * p[1] + p[0]).length() / (step() * step())
+        }
+        Quantity::Jerk(v) => {
+            let p = points(looks, v)?;
+            (p[3] - 3.0 * p[2] + 3.0 * p[1] - p[0]).length() / (step() * step() * step())
+        }
+        Quantity::TurnSpeed(r) => {
+            angle_deg(rotation::at(looks, r, at)?, rotation::at(looks, r, window[1])?) / step()
+        }
+        Quantity::ClipWeight { actor, joint, clip } => {
+            let actor = looks.stage.actors.get(*actor).ok_or("no such actor")?;
+            clip_weight(actor, *joint, clip, at)
+        }
+        Quantity::ClipTime { actor, clip } => {
+            let actor = looks.stage.actors.get(*actor).ok_or("no such actor")?;
+            clip_time(actor, clip, at)
+        }
+        Quantity::Morph { actor, targets } => {
+            let snapshot = looks.at(at)?;
+            let weights = snapshot.actors.get(*actor).map_or(&[][..], |state| &state.morph_weights);
+            let of = |(i, t): &(u32, u32)| weights.get(*i as usize)?.get(*t as usize).copied();
+            targets.iter().filter_map(of).map(f64::from).fold(f64::NAN, f64::max)
+        }
+        Quantity::Lowest(actor) => frame::bounds(looks, *actor, at)?.0.y,
+        Quantity::Highest(actor) => frame::bounds(looks, *actor, at)?.1.y,
+        Quantity::PictureHeight { actor, camera } => frame::outline(looks, *actor, *camera, at)?.height(),
+        Quantity::PictureShare { actor, camera } => frame::outline(looks, *actor, *camera, at)?.share,
+        Quantity::Tilt { subject, camera } => frame::tilt(looks, *subject, *camera, at)?,
+        Quantity::FieldOfView(camera) => match looks.camera(Some(*camera), at)?.projection {
+            Projection::Perspective { yfov, .. } => f64::from(yfov).to_degrees(),
+            Projection::Orthographic { .. } => f64::NAN,
+        },
+        Quantity::Intensity(light) => {
+            looks.light(*light, at)?.map_or(0.0, |state| f64::from(state.light.intensity))
+        }
+        Quantity::PlanCount(options, what) => plan::count(looks, options, *what, at)? as f64,
+        // Not functions of one moment: `series` knows them.
+        Quantity::Count(_) | Quantity::Slide(_) => f64::NAN,
+    })
+}
+
+pub fn target_at(looks: &mut Looks, target: &Target, time: Time) -> Result<DVec3, String> {
+    match *target {
+        Target::Point(point) => Ok(point),
+        Target::Joint { actor, joint } => {
+            Ok(looks.attachment(&Attachment { actor, joint: Some(joint) }, time)?.translation)
+        }
+        Target::Actor(actor) => {
+            let middle = looks.stage.actors.get(actor).map(|a| a.asset.rest_bounds().center().as_dvec3());
+            let world_from_model = looks.attachment(&Attachment { actor, joint: None }, time)?;
+            Ok(middle.map_or(DVec3::NAN, |m| world_from_model.transform_point3(m)))
+        }
+    }
+}
+
+/// What each of the cues that are heard counts for in the end, when all later ones have been blended over it.
+fn shares(actor: &Actor, time: Time, part: impl Fn(&Heard) -> f64) -> Vec<(Heard, f64)> {
+    let mut shares: Vec<(Heard, f64)> = Vec::new();
+    for heard in actor.heard(time) {
+        let weight = part(&heard);
+        shares.iter_mut().for_each(|(_, share)| *share *= 1.0 - weight);
+        shares.push((heard, weight));
+    }
+    shares
+}
+
+fn clip_name<'a>(actor: &'a Actor, heard: &Heard) -> &'a str {
+    let cue = actor.layers.get(heard.layer).and_then(|layer| layer.cues.get(heard.cue));
+    cue.map_or("", |cue| cue.clip.name.as_str())
+}
+
+fn clip_weight(actor: &Actor, joint: Option<u32>, clip: &str, time: Time) -> f64 {
+    let sum = |shares: Vec<(Heard, f64)>| -> f64 {
+        shares.iter().filter(|(heard, _)| clip_name(actor, heard) == clip).map(|(_, share)| share).sum()
+    };
+    if let Some(joint) = joint {
+        return sum(shares(actor, time, |heard| {
+            let mask = actor.layers.get(heard.layer).and_then(|layer| layer.mask.as_ref());
+            let masked = mask.map_or(1.0, |m| m.get(joint as usize).copied().unwrap_or(0.0));
+            f64::from(heard.weight) * f64::from(masked)
+        }));
+    }
+    let in_layer = |layer: usize| {
+        let own = |heard: &Heard| if heard.layer == layer { f64::from(heard.weight) } else { 0.0 };
+        sum(shares(actor, time, own))
+    };
+    (0..actor.layers.len()).map(in_layer).fold(0.0, f64::max)
+}
+
+fn clip_time(actor: &Actor, clip: &str, time: Time) -> f64 {
+    let of_clip = shares(actor, time, |heard| f64::from(heard.weight));
+    let mut best: Option<(f64, Time)> = None;
+    for (heard, share) in of_clip.iter().filter(|(heard, _)| clip_name(actor, heard) == clip) {
+        if best.is_none_or(|(most, _)| *share > most) {
+            best = Some((*share, heard.clip_time));
+        }
+    }
+    best.map_or(f64::NAN, |(_, at)| at.as_secs())
+}
+
+fn foot_at(looks: &mut Looks, contact: &Contact, time: Time) -> Result<DVec3, String> {
+    let at = Attachment { actor: contact.actor, joint: Some(contact.joint) };
+    Ok(looks.attachment(&at, time)?.translation)
+}
+
+fn touches(contact: &Contact, before: DVec3, now: DVec3, secs: f64) -> bool {
+    now.y - contact.ground <= contact.height && (now.y - before.y).abs() <= contact.speed * secs
+}
+
+fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Series, String> {
+    let step = looks.step(e);
+    // How far it has slid at one time is known from its touching down on.
+    let times = match e.when {
+        When::At(time) => {
+            let from = When::During(Time::ZERO.min(time - step), time);
+            looks.times_and_ends(&Expectation { when: from, ..e.clone() })?
+        }
+        _ => looks.times(e)?,
+    };
+    let mut values = Vec::with_capacity(times.len());
+    let Some(first) = times.first() else { return Ok(Series { times, values }) };
+    let mut before = (foot_at(looks, contact, *first - step)?, *first - step);
+    let mut slid: Option<f64> = None;
+    for time in &times {
+        let now = foot_at(looks, contact, *time)?;
+        let down = touches(contact, before.0, now, (*time - before.1).as_secs());
+        slid = down.then(|| match slid {
+            Some(slid) => slid + (now - before.0).with_y(0.0).length(),
+            None => 0.0,
+        });
+        values.push(if now.is_nan() { f64::NAN } else { slid.unwrap_or(0.0) });
+        before = (now, *time);
+    }
+    match e.when {
+        When::At(time) => {
+            Ok(Series { times: vec![time], values: values.last().copied().into_iter().collect() })
+        }
+        _ => Ok(Series { times, values }),
+    }
+}
+
+pub fn judge(looks: &mut Looks, e: &Expectation, quantity: &Quantity, test: &NumberTest) -> Judged {
+    let unit = unit(quantity);
+    let label = label(looks, quantity);
+    let judged = series(looks, e, quantity).and_then(|series| {
+        let band = band(&series, test, unit)?;
+        Ok((series, band))
+    });
+    match judged {
+        Ok((series, band)) => {
+            let mut judged = judge_band(&series, &band, e.negated, &label, unit);
+            if !judged.passed && !matches!(quantity, Quantity::Count(_)) {
+                around(looks, e, quantity, &mut judged);
+            }
+            judged
+        }
+        Err(why) => Judged::impossible(format!("{label} to be known"), why),
+    }
+}
+
+/// Of a failure at one time, what was before and after it.
+fn around(looks: &mut Looks, e: &Expectation, quantity: &Quantity, judged: &mut Judged) {
+    let (When::At(time), [trace]) = (e.when, &mut judged.traces[..]) else { return };
+    let half = Time::from_secs(0.5);
+    let wide = Expectation { when: When::During(time - half, time + half), ..e.clone() };
+    let Ok(series) = series(looks, &wide, quantity) else { return };
+    for (t, value) in series.times.iter().zip(series.values) {
+        let at = trace.times.partition_point(|known| *known < t.as_secs());
+        if trace.times.get(at) == Some(&t.as_secs()) {
+            continue;
+        }
+        trace.times.insert(at, t.as_secs());
+        trace.got.insert(at, value);
+        trace.band.insert(at, [f64::NAN; 2]);
+        if !trace.expected.is_empty() {
+            trace.expected.insert(at, f64::NAN);
+        }
+    }
+}
+
+fn band(series: &Series, test: &NumberTest, unit: &str) -> Result<Band, String> {
+    let n = series.times.len();
+    let plain = |low: f64, high: f64, words: String| Band {
+        allowed: vec![[low, high]; n],
+        off: series.values.iter().map(|v| (low - v).max(v - high)).collect(),
+        goal: Vec::new(),
+        tolerance: 0.0,
+        words,
+    };
+    Ok(match test {
+        NumberTest::Below(limit) => {
+            plain(f64::NEG_INFINITY, *limit, format!("at most {}", with_unit(*limit, unit)))
+        }
+        NumberTest::Above(limit) => {
+            plain(*limit, f64::INFINITY, format!("at least {}", with_unit(*limit, unit)))
+        }
+        NumberTest::Between(low, high) if low == high => plain(*low, *high, with_unit(*low, unit)),
+        NumberTest::Between(low, high) => {
+            plain(*low, *high, format!("{} to {}", words::number(*low), with_unit(*high, unit)))
+        }
+        NumberTest::Near { goal, tolerance } => {
+            let goals: Vec<f64> = match goal {
+                NumberGoal::Number(goal) => vec![*goal; n],
+                NumberGoal::Formula(formula) => {
+                    let one = |t: &Time| formula.at(*t).map(|v| v.first().copied().unwrap_or(f64::NAN));
+                    let all: Result<Vec<f64>, _> = series.times.iter().map(one).collect();
+                    all.map_err(|d| d.to_string())?
+                }
+            };
+            let shown = match goal {
+                NumberGoal::Number(goal) => words::number(*goal),
+                NumberGoal::Formula(_) => "the function".into(),
+            };
+            Band {
+                allowed: goals.iter().map(|g| [g - tolerance, g + tolerance]).collect(),
+                off: series.values.iter().zip(&goals).map(|(v, g)| (v - g).abs() - tolerance).collect(),
+                goal: goals,
+                tolerance: *tolerance,
+                words: format!("{shown} ± {}", with_unit(*tolerance, unit)),
+            }
+        }
+    })
+}
+
+/// All values must be allowed; negated: none may be.
+pub fn judge_band(series: &Series, band: &Band, negated: bool, label: &str, unit: &str) -> Judged {
+    let n = series.values.len();
+    if n == 0 {
+        return Judged::impossible(band.words.clone(), "nothing to look at: the span is empty");
+    }
+    // Unknown values are neither allowed nor forbidden: both claims fail.
+    let off = |i: usize| if band.off[i].is_nan() { f64::INFINITY } else { band.off[i] };
+    let unknown = |i: usize| series.values[i].is_nan();
+    let fails = |i: usize| unknown(i) || if negated { off(i) <= 0.0 } else { off(i) > 0.0 };
+    let mut worst = 0;
+    for i in 0..n {
+        let worse = if negated { off(i) < off(worst) } else { off(i) > off(worst) };
+        if (worse && !unknown(worst)) || (unknown(i) && !unknown(worst)) {
+            worst = i;
+        }
+    }
+    let failing: Vec<usize> = (0..n).filter(|i| fails(*i)).collect();
+    let mut got =
+        format!("{} at {}", with_unit(series.values[worst], unit), words::time(series.times[worst]));
+    if n > 1 && !failing.is_empty() {
+        let (first, last) = (series.times[failing[0]], series.times[failing[failing.len() - 1]]);
+        got.push_str(&format!(", the worst of {n} looks"));
+        got.push_str(&match failing.len() {
+            1 => "; only there".to_string(),
+            count => format!("; {count} wrong, from {} to {}", words::time(first), words::time(last)),
+        });
+    }
+    let expected = if negated { format!("not {}", band.words) } else { band.words.clone() };
+    let mut judged = Judged::new(failing.is_empty(), expected, got);
+    let by = off(worst).abs();
+    if !judged.passed && by.is_finite() && !negated {
+        let distance = by + band.tolerance;
+        judged.by = match band.tolerance > 0.0 {
+            true => format!("{}{}", with_unit(distance, unit), times_tolerance(distance, band.tolerance)),
+            false => with_unit(by, unit),
+        };
+    }
+    judged.traces = vec![Trace {
+        label: label.to_string(),
+        unit: unit.to_string(),
+        times: series.times.iter().map(|t| t.as_secs()).collect(),
+        got: series.values.clone(),
+        expected: band.goal.clone(),
+        band: band.allowed.clone(),
+        mark: Some(series.times[worst].as_secs()),
+    }];
+    judged
+}
+
+/// What is so or not, at each time.
+pub fn judge_flag(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
+    let (label, words) = flag_words(looks, flag);
+    let step = looks.step(e);
+    let is = |looks: &mut Looks, time: Time| -> Result<bool, String> {
+        Ok(match flag {
+            Flag::Visible(actor) => looks.at(time)?.actors.get(*actor).is_some_and(|state| state.visible),
+            Flag::On(camera) => looks.at(time)?.camera.camera == Some(*camera),
+            Flag::Effect(name) => {
+                let on = looks.at(time)?.effects.clone();
+                on.iter().any(|e| looks.stage.effects.get(*e).is_some_and(|e| e.plugin == *name))
+            }
+            Flag::OnFloor(contact) => {
+                let (before, now) = (foot_at(looks, contact, time - step)?, foot_at(looks, contact, time)?);
+                touches(contact, before, now, step.as_secs())
+            }
+        })
+    };
+    let series = looks.times_and_ends(e).and_then(|times| {
+        let values: Result<Vec<f64>, String> =
+            times.iter().map(|t| Ok(f64::from(u8::from(is(looks, *t)?)))).collect();
+        Ok(Series { times, values: values? })
+    });
+    match series {
+        Err(why) => Judged::impossible(words, why),
+        Ok(series) => {
+            let band = Band {
+                allowed: vec![[1.0, 1.0]; series.values.len()],
+                off: series.values.iter().map(|v| 1.0 - v).collect(),
+                goal: Vec::new(),
+                tolerance: 0.0,
+                words,
+            };
+            let mut judged = judge_band(&series, &band, e.negated, &label, "");
+            let so = if e.negated { "yes" } else { "no" };
+            let (_, when) = judged.got.split_once(' ').unwrap_or(("", ""));
+            judged.got = match judged.passed {
+                true => if e.negated { "no" } else { "yes" }.to_string(),
+                false => format!("{so} {when}"),
+            };
+            judged.by = String::new();
+            judged
+        }
+    }
+}
+
+fn flag_words(looks: &Looks, flag: &Flag) -> (String, String) {
+    let (who, what) = match flag {
+        Flag::Visible(actor) => (vector::name(looks, Subject::Actor(*actor)), "visible"),
+        Flag::On(camera) => (vector::name(looks, Subject::Camera(*camera)), "on"),
+        Flag::Effect(name) => (format!("effect \"{name}\""), "on"),
+        Flag::OnFloor(c) => {
+            (vector::name(looks, Subject::Joint { actor: c.actor, joint: c.joint }), "on the floor")
+        }
+    };
+    (format!("{who} {what}"), format!("{who} is {what}"))
+}

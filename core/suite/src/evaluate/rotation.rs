@@ -1,0 +1,105 @@
+//! Rotations over time: how far from what they should be, in degrees.
+
+use super::Judged;
+use super::looks::{Looks, angle_deg, rotation_of};
+use super::number::{Band, Series, judge_band};
+use super::vector::name;
+use super::words::{self, times_tolerance, with_unit};
+use choreo_motion::Time;
+use choreo_script::testing::*;
+use glam::{DQuat, EulerRot};
+
+pub fn label(looks: &Looks, quantity: &RotationQuantity) -> String {
+    let RotationQuantity::Of(subject, _) = quantity;
+    format!("{} rotation", name(looks, *subject))
+}
+
+pub fn at(looks: &mut Looks, quantity: &RotationQuantity, time: Time) -> Result<DQuat, String> {
+    let RotationQuantity::Of(subject, relative_to) = quantity;
+    let world = looks.world_from(*subject, time)?;
+    if world.translation.is_nan() {
+        return Ok(DQuat::from_xyzw(f64::NAN, f64::NAN, f64::NAN, f64::NAN));
+    }
+    let rotation = rotation_of(&world.matrix3);
+    Ok(match relative_to {
+        None => rotation,
+        Some(to) => rotation_of(&looks.attachment(to, time)?.matrix3).conjugate() * rotation,
+    })
+}
+
+/// Degrees about x, then y, then z, as for `.rotate`.
+fn from_euler(degrees: [f64; 3]) -> DQuat {
+    let [x, y, z] = degrees.map(|d| (d % 360.0).to_radians());
+    DQuat::from_rotation_z(z) * DQuat::from_rotation_y(y) * DQuat::from_rotation_x(x)
+}
+
+fn shown(q: DQuat) -> String {
+    if q.is_nan() {
+        return "nothing".into();
+    }
+    let (z, y, x) = q.to_euler(EulerRot::ZYX);
+    // Rounded, so that no −0 and no 1e-15 is told.
+    let degrees = [x, y, z].map(|a| words::number((a.to_degrees() * 1e3).round() / 1e3 + 0.0));
+    format!("[{}]°", degrees.join(", "))
+}
+
+pub fn judge(
+    looks: &mut Looks,
+    e: &Expectation,
+    quantity: &RotationQuantity,
+    goal: &RotationGoal,
+    tolerance_deg: f64,
+) -> Judged {
+    let label = label(looks, quantity);
+    match try_judge(looks, e, quantity, goal, tolerance_deg, &label) {
+        Ok(judged) => judged,
+        Err(why) => Judged::impossible(format!("{label} to be known"), why),
+    }
+}
+
+fn try_judge(
+    looks: &mut Looks,
+    e: &Expectation,
+    quantity: &RotationQuantity,
+    goal: &RotationGoal,
+    tolerance_deg: f64,
+    label: &str,
+) -> Result<Judged, String> {
+    let times = looks.times_and_ends(e)?;
+    let (mut got, mut goals) = (Vec::new(), Vec::new());
+    for time in &times {
+        got.push(at(looks, quantity, *time)?);
+        goals.push(match goal {
+            RotationGoal::Rotation(q) => *q,
+            RotationGoal::Subject(other) => {
+                let RotationQuantity::Of(_, relative_to) = quantity;
+                at(looks, &RotationQuantity::Of(*other, *relative_to), *time)?
+            }
+            RotationGoal::Formula(formula) => {
+                let v = formula.at(*time).map_err(|d| d.to_string())?;
+                match v[..] {
+                    [y] => from_euler([0.0, y, 0.0]),
+                    [x, y, z] => from_euler([x, y, z]),
+                    _ => DQuat::from_xyzw(f64::NAN, f64::NAN, f64::NAN, f64::NAN),
+                }
+            }
+        });
+    }
+    let values: Vec<f64> = got.iter().zip(&goals).map(|(a, b)| angle_deg(*a, *b)).collect();
+    let off = values.iter().map(|v| v - tolerance_deg).collect();
+    let allowed = vec![[0.0, tolerance_deg]; values.len()];
+    let series = Series { times, values };
+    let band = Band { allowed, off, goal: Vec::new(), tolerance: 0.0, words: String::new() };
+    let mut judged = judge_band(&series, &band, e.negated, &format!("{label}, off by"), "°");
+    let worst = judged.traces.first().and_then(|trace| trace.mark).unwrap_or(0.0);
+    let Some(i) = series.times.iter().position(|t| t.as_secs() == worst) else { return Ok(judged) };
+    let when = judged.got.split_once(" at ").map_or(String::new(), |(_, when)| format!(" at {when}"));
+    judged.got = format!("{}{when}", shown(got[i]));
+    let not = if e.negated { "not " } else { "" };
+    judged.expected = format!("{not}{} ± {}", shown(goals[i]), with_unit(tolerance_deg, "°"));
+    if !judged.passed && !e.negated && series.values[i].is_finite() {
+        let off = series.values[i];
+        judged.by = format!("{}{}", with_unit(off, "°"), times_tolerance(off, tolerance_deg));
+    }
+    Ok(judged)
+}

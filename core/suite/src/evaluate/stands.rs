@@ -1,0 +1,85 @@
+//! A script that is a test as it stands: it runs without a word, every frame is finite, and it gives the same again.
+
+use super::looks::Looks;
+use super::{texts, told, words};
+use crate::outcome::{Check, Place};
+use choreo_motion::Time;
+use choreo_script::testing::SectionRun;
+use choreo_stage::{ActorState, Evaluator, Snapshot};
+
+/// Frames that are looked at: all of them up to this many, else so many spread over the length.
+const MOST_FRAMES: i64 = 2000;
+/// Frames evaluated once more, in the other order.
+const AGAIN: usize = 16;
+
+pub fn judge(run: &SectionRun, looks: &mut [Looks]) -> Vec<Check> {
+    let Some(own) = looks.first_mut() else { return Vec::new() };
+    let place = || Place { file: run.info.file.clone(), line: 0, column: 0 };
+    let passed = |title: &str, got: String| Check { passed: true, ..told(place(), title, got.clone(), got) };
+    let mut checks = Vec::new();
+    let expected = run.expected.len();
+    if expected == 0 {
+        let warnings = texts::warnings(&own.stage);
+        checks.push(match warnings.first() {
+            None => passed("runs without errors and warnings", "none".into()),
+            Some(first) => {
+                let got = first.lines().next().unwrap_or_default();
+                told(place(), "runs without errors and warnings", "none", got)
+            }
+        });
+    }
+    let settings = &own.stage.settings;
+    let frames = settings.fps.frames_in(settings.length).max(1);
+    let count = frames.min(MOST_FRAMES);
+    let times: Vec<Time> = (0..count).map(|k| settings.fps.time_of(k * frames / count)).collect();
+    let title = "every frame is finite";
+    let mut first_problem = None;
+    for time in &times {
+        let problem = match own.at(*time) {
+            Err(why) => Some(why),
+            Ok(snapshot) => not_finite(own, &snapshot),
+        };
+        if let Some(problem) = problem {
+            first_problem = Some(format!("{problem} at {}", words::time(*time)));
+            break;
+        }
+    }
+    checks.push(match first_problem {
+        Some(problem) => told(place(), title, "places and poses that are numbers", problem),
+        None => passed(title, format!("{count} frames")),
+    });
+    let title = "the same again";
+    checks.push(match again(run, own, &times) {
+        Some(how) => told(place(), title, "the same bits on a second run and in any order", how),
+        None => passed(title, "the same bits".into()),
+    });
+    checks
+}
+
+fn not_finite(looks: &Looks, snapshot: &Snapshot) -> Option<String> {
+    let finite = |state: &ActorState| {
+        state.world_from_model.is_finite() && state.model_from_joint.iter().all(|m| m.is_finite())
+    };
+    if let Some(actor) = snapshot.actors.iter().position(|state| !finite(state)) {
+        let name = looks.stage.actors.get(actor).map_or("", |a| a.name.as_str());
+        return Some(format!("actor \"{name}\" is not finite"));
+    }
+    (!snapshot.camera.world_from_view.is_finite()).then(|| "the camera is not finite".to_string())
+}
+
+fn again(run: &SectionRun, looks: &mut Looks, times: &[Time]) -> Option<String> {
+    if let Some(second) = run.hash_again
+        && second != looks.stage.content_hash()
+    {
+        return Some("running the script twice gives two stages".into());
+    }
+    let step = times.len().div_ceil(AGAIN).max(1);
+    let mut fresh = Evaluator::new(looks.stage.clone());
+    for time in times.iter().step_by(step).rev() {
+        let (Ok(first), Ok(second)) = (looks.at(*time), fresh.at(*time)) else { continue };
+        if first.content_hash() != second.content_hash() {
+            return Some(format!("{} differs when it is looked at in another order", words::time(*time)));
+        }
+    }
+    None
+}

@@ -1,0 +1,127 @@
+//! Lines of text: warnings, what was printed, what a plan leaves out, effects.
+
+use super::looks::Looks;
+use super::words::like;
+use super::{Judged, plan, words};
+use choreo_motion::Time;
+use choreo_render::plan::LEFT_OUT;
+use choreo_script::did_you_mean;
+use choreo_script::testing::*;
+use choreo_stage::Stage;
+use std::sync::Arc;
+
+/// Of the script and of every asset on stage, once.
+pub fn warnings(stage: &Stage) -> Vec<String> {
+    let mut lines = stage.warnings.clone();
+    let mut seen: Vec<&Arc<choreo_stage::Asset>> = Vec::new();
+    for actor in &stage.actors {
+        if seen.iter().any(|a| Arc::ptr_eq(a, &actor.asset)) {
+            continue;
+        }
+        seen.push(&actor.asset);
+        lines.extend(actor.asset.warnings.iter().map(|w| match w.place.is_empty() {
+            true => format!("{}: warning: {}", actor.asset.name, w.text),
+            false => format!("{}: {}: warning: {}", actor.asset.name, w.place, w.text),
+        }));
+    }
+    lines
+}
+
+pub fn judge(
+    run: &SectionRun,
+    looks: &mut Looks,
+    e: &Expectation,
+    texts: TextsQuantity,
+    test: &TextsTest,
+) -> Judged {
+    match try_judge(run, looks, e, texts, test) {
+        Ok(judged) => judged,
+        Err(why) => Judged::impossible("lines to look at", why),
+    }
+}
+
+fn try_judge(
+    run: &SectionRun,
+    looks: &mut Looks,
+    e: &Expectation,
+    texts: TextsQuantity,
+    test: &TextsTest,
+) -> Result<Judged, String> {
+    if let (TextsQuantity::LeftOut(_), TextsTest::Names(name)) = (texts, test)
+        && !LEFT_OUT.iter().any(|known| like(known, name))
+    {
+        let why = format!("nothing is called \"{name}\"{}", did_you_mean(name, LEFT_OUT.iter().copied()));
+        let mut judged = Judged::impossible("the name of something that a plan can leave out", why);
+        judged.hint = format!("known: {}", LEFT_OUT.join(", "));
+        return Ok(judged);
+    }
+    let timed = matches!(texts, TextsQuantity::LeftOut(_) | TextsQuantity::Effects);
+    let times = if timed { looks.times_and_ends(e)? } else { vec![Time::ZERO] };
+    let what = match texts {
+        TextsQuantity::Warnings => "warnings",
+        TextsQuantity::Printed => "printed lines",
+        TextsQuantity::LeftOut(_) => "left out",
+        TextsQuantity::Effects => "effects",
+    };
+    let expected = match test {
+        TextsTest::Empty => format!("no {what}"),
+        TextsTest::Contains(part) => format!("\"{part}\" among the {what}"),
+        TextsTest::Names(name) => format!("{name} {what}"),
+        TextsTest::Count(n) => format!("{n} {what}"),
+    };
+    let expected = if e.negated { format!("not: {expected}") } else { expected };
+    for time in &times {
+        let lines = lines(run, looks, e, texts, *time)?;
+        let holds = match test {
+            TextsTest::Empty => lines.is_empty(),
+            TextsTest::Contains(part) => lines.iter().any(|line| line.contains(part.as_str())),
+            TextsTest::Names(name) => {
+                lines.iter().any(|line| like(line.split_once(": ").map_or(line, |(what, _)| what), name))
+            }
+            TextsTest::Count(n) => lines.len() == *n,
+        };
+        if holds == e.negated {
+            let when = if timed { format!(" at {}", words::time(*time)) } else { String::new() };
+            let got = match lines.as_slice() {
+                [] => format!("none{when}"),
+                // The first line says what it is about; the rest of a diagnostic shows its place.
+                [line] => format!("{}{when}", line.lines().next().unwrap_or_default()),
+                several => format!("{}: {}{when}", several.len(), short(several)),
+            };
+            return Ok(Judged::new(false, expected, got));
+        }
+    }
+    Ok(Judged::new(true, expected.clone(), expected))
+}
+
+fn short(lines: &[String]) -> String {
+    const MOST: usize = 8;
+    let firsts = lines.iter().take(MOST).map(|line| line.lines().next().unwrap_or_default());
+    let mut text = firsts.collect::<Vec<_>>().join("; ");
+    if lines.len() > MOST {
+        text.push_str(&format!("; and {} more", lines.len() - MOST));
+    }
+    text
+}
+
+fn lines(
+    run: &SectionRun,
+    looks: &mut Looks,
+    e: &Expectation,
+    texts: TextsQuantity,
+    time: Time,
+) -> Result<Vec<String>, String> {
+    Ok(match texts {
+        TextsQuantity::Warnings => warnings(&looks.stage),
+        TextsQuantity::Printed if e.stage == 0 => run.printed.clone(),
+        TextsQuantity::Printed => Vec::new(),
+        TextsQuantity::LeftOut(options) => {
+            let plan = plan::make(looks, &options, time)?;
+            plan.left_out.iter().map(|l| format!("{}: {}", l.what, l.why)).collect()
+        }
+        TextsQuantity::Effects => {
+            let on = looks.at(time)?.effects.clone();
+            on.iter().filter_map(|i| looks.stage.effects.get(*i)).map(|e| e.plugin.clone()).collect()
+        }
+    })
+}

@@ -1,0 +1,251 @@
+//! Points, directions and colours over time.
+
+use super::looks::{Looks, rotation_of};
+use super::number::{Band, Series, judge_band, target_at};
+use super::words::{self, times_tolerance, with_unit};
+use super::{Judged, frame};
+use crate::outcome::Trace;
+use choreo_motion::Time;
+use choreo_script::testing::*;
+use glam::DVec3;
+
+pub fn unit(quantity: &VectorQuantity) -> &'static str {
+    match quantity {
+        VectorQuantity::Position(..) | VectorQuantity::Size(_) => "m",
+        _ => "",
+    }
+}
+
+/// `anna`, `anna Head`, `camera wide`, `light 0`.
+pub fn name(looks: &Looks, subject: Subject) -> String {
+    let stage = &looks.stage;
+    match subject {
+        Subject::Actor(actor) => stage.actors.get(actor).map_or("an actor".into(), |a| a.name.clone()),
+        Subject::Joint { actor, joint } => match stage.actors.get(actor) {
+            Some(a) => {
+                let joint = a.asset.skeleton.names().get(joint as usize).map_or("", String::as_str);
+                format!("{} {joint}", a.name)
+            }
+            None => "a joint".into(),
+        },
+        Subject::Camera(camera) => {
+            format!("camera {}", stage.cameras.get(camera).map_or("", |c| c.name.as_str()))
+        }
+        Subject::Light(light) => format!("light {light}"),
+    }
+}
+
+pub fn label(looks: &Looks, quantity: &VectorQuantity) -> String {
+    let (subject, what) = match quantity {
+        VectorQuantity::Position(subject, _) => (*subject, ""),
+        VectorQuantity::Scale(subject) => (*subject, " scale"),
+        VectorQuantity::Direction(subject) => (*subject, " direction"),
+        VectorQuantity::Tint(actor) => (Subject::Actor(*actor), " tint"),
+        VectorQuantity::LightColor(light) => (Subject::Light(*light), " color"),
+        VectorQuantity::Size(actor) => (Subject::Actor(*actor), " size"),
+        VectorQuantity::InPicture(subject, _) => (*subject, " in the picture"),
+    };
+    format!("{}{what}", name(looks, subject))
+}
+
+pub fn at(looks: &mut Looks, quantity: &VectorQuantity, time: Time) -> Result<DVec3, String> {
+    Ok(match quantity {
+        VectorQuantity::Position(subject, relative_to) => {
+            let place = looks.world_from(*subject, time)?.translation;
+            match relative_to {
+                None => place,
+                Some(to) => looks.attachment(to, time)?.inverse().transform_point3(place),
+            }
+        }
+        VectorQuantity::Scale(subject) => {
+            let m = looks.world_from(*subject, time)?.matrix3;
+            DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
+        }
+        VectorQuantity::Direction(subject) => {
+            let z = rotation_of(&looks.world_from(*subject, time)?.matrix3) * DVec3::Z;
+            match subject {
+                Subject::Camera(_) | Subject::Light(_) => -z,
+                Subject::Actor(_) | Subject::Joint { .. } => z,
+            }
+        }
+        VectorQuantity::Tint(actor) => match looks.at(time)?.actors.get(*actor) {
+            Some(state) => state.tint.truncate().as_dvec3(),
+            None => DVec3::NAN,
+        },
+        VectorQuantity::LightColor(light) => {
+            looks.light(*light, time)?.map_or(DVec3::NAN, |state| state.light.color.as_dvec3())
+        }
+        VectorQuantity::Size(actor) => {
+            let (min, max) = frame::bounds(looks, *actor, time)?;
+            max - min
+        }
+        VectorQuantity::InPicture(subject, camera) => {
+            let place = looks.world_from(*subject, time)?.translation;
+            frame::Lens::new(looks, *camera, time)?.project(place)
+        }
+    })
+}
+
+pub fn judge(looks: &mut Looks, e: &Expectation, quantity: &VectorQuantity, test: &VectorTest) -> Judged {
+    let label = label(looks, quantity);
+    match try_judge(looks, e, quantity, test, &label) {
+        Ok(judged) => judged,
+        Err(why) => Judged::impossible(format!("{label} to be known"), why),
+    }
+}
+
+fn try_judge(
+    looks: &mut Looks,
+    e: &Expectation,
+    quantity: &VectorQuantity,
+    test: &VectorTest,
+    label: &str,
+) -> Result<Judged, String> {
+    let unit = unit(quantity);
+    let times = looks.times_and_ends(e)?;
+    let got = points(looks, quantity, &times)?;
+    // Components that are drawn beside what is expected of them: for the traces.
+    let (offs, goals, tolerance, expected): (Vec<f64>, Vec<[DVec3; 2]>, f64, String) = match test {
+        VectorTest::Near { goal, tolerance } => {
+            let goals = times
+                .iter()
+                .map(|t| goal_at(looks, quantity, goal, *t))
+                .collect::<Result<Vec<DVec3>, String>>()?;
+            let off = got.iter().zip(&goals).map(|(g, goal)| g.distance(*goal)).collect();
+            let shown = match goal {
+                VectorGoal::Point(point) => words::point(*point),
+                VectorGoal::Formula(_) => "the function".into(),
+                VectorGoal::Subject(subject) => name(looks, *subject),
+                VectorGoal::Target(_) => "its target".into(),
+            };
+            let expected = format!("{shown} ± {}", with_unit(*tolerance, unit));
+            (off, goals.iter().map(|g| [*g, *g]).collect(), *tolerance, expected)
+        }
+        VectorTest::Within { min, max } => {
+            let off = got.iter().map(|g| (*g - g.clamp(*min, *max)).length()).collect();
+            let expected = format!("{} to {}", words::point(*min), words::point(*max));
+            (off, vec![[*min, *max]; times.len()], 0.0, expected)
+        }
+    };
+    let distances = Series { times, values: offs };
+    let band = Band {
+        allowed: vec![[f64::NEG_INFINITY, tolerance]; distances.values.len()],
+        off: distances.values.iter().map(|d| d - tolerance).collect(),
+        goal: Vec::new(),
+        tolerance: 0.0,
+        words: expected.clone(),
+    };
+    let mut judged = judge_band(&distances, &band, e.negated, label, unit);
+    let worst = judged.traces.first().and_then(|trace| trace.mark).unwrap_or(0.0);
+    let Some(i) = distances.times.iter().position(|t| t.as_secs() == worst) else { return Ok(judged) };
+    // The distance in the text gives way to the point itself.
+    let when = judged.got.split_once(" at ").map_or(String::new(), |(_, when)| format!(" at {when}"));
+    let point = words::point(got[i]);
+    let unit_word = if unit.is_empty() || got[i].is_nan() { String::new() } else { format!(" {unit}") };
+    judged.got = format!("{point}{unit_word}{when}");
+    let moves = matches!(
+        test,
+        VectorTest::Near {
+            goal: VectorGoal::Subject(_) | VectorGoal::Target(_) | VectorGoal::Formula(_),
+            ..
+        }
+    );
+    if moves && !judged.passed {
+        judged.expected = format!("{}, there {}", judged.expected, words::point(goals[i][0]));
+    }
+    if !judged.passed && !e.negated && distances.values[i].is_finite() {
+        let off = distances.values[i];
+        judged.by = format!("{}{}", with_unit(off, unit), times_tolerance(off, tolerance));
+    }
+    if !judged.passed {
+        judged.traces = traces(looks, e, quantity, &distances.times, &got, &goals, tolerance, label, worst);
+        if got[i].is_nan() {
+            judged.hint = "it is hidden then, does not shine, or is behind the camera".into();
+        }
+    }
+    Ok(judged)
+}
+
+fn points(looks: &mut Looks, quantity: &VectorQuantity, times: &[Time]) -> Result<Vec<DVec3>, String> {
+    times.iter().map(|t| at(looks, quantity, *t)).collect()
+}
+
+fn goal_at(
+    looks: &mut Looks,
+    quantity: &VectorQuantity,
+    goal: &VectorGoal,
+    time: Time,
+) -> Result<DVec3, String> {
+    match goal {
+        VectorGoal::Point(point) => Ok(*point),
+        VectorGoal::Target(target) => target_at(looks, target, time),
+        // The same quantity of another thing, where it has one.
+        VectorGoal::Subject(other) => {
+            let same = match quantity {
+                VectorQuantity::Position(_, to) => VectorQuantity::Position(*other, *to),
+                VectorQuantity::Scale(_) => VectorQuantity::Scale(*other),
+                VectorQuantity::Direction(_) => VectorQuantity::Direction(*other),
+                VectorQuantity::InPicture(_, camera) => VectorQuantity::InPicture(*other, *camera),
+                VectorQuantity::Size(_) => match other {
+                    Subject::Actor(actor) => VectorQuantity::Size(*actor),
+                    _ => VectorQuantity::Position(*other, None),
+                },
+                VectorQuantity::Tint(_) | VectorQuantity::LightColor(_) => {
+                    VectorQuantity::Position(*other, None)
+                }
+            };
+            at(looks, &same, time)
+        }
+        VectorGoal::Formula(formula) => {
+            let v = formula.at(time).map_err(|d| d.to_string())?;
+            Ok(match v[..] {
+                [x, y, z] => DVec3::new(x, y, z),
+                _ => DVec3::NAN,
+            })
+        }
+    }
+}
+
+/// x, y and z, one plot each, with what is allowed of them at least.
+#[allow(clippy::too_many_arguments, reason = "one call, and each is its own thing")]
+fn traces(
+    looks: &mut Looks,
+    e: &Expectation,
+    quantity: &VectorQuantity,
+    times: &[Time],
+    got: &[DVec3],
+    goals: &[[DVec3; 2]],
+    tolerance: f64,
+    label: &str,
+    mark: f64,
+) -> Vec<Trace> {
+    // At one time: what is before and after it, of which nothing is asserted.
+    let half = Time::from_secs(0.5);
+    let (mut all, mut points_of, mut allowed) = (times.to_vec(), got.to_vec(), goals.to_vec());
+    if let When::At(time) = e.when {
+        let wide = Expectation { when: When::During(time - half, time + half), ..e.clone() };
+        if let Ok(around) = looks.times(&wide)
+            && let Ok(near) = points(looks, quantity, &around)
+        {
+            for (t, point) in around.into_iter().zip(near) {
+                let i = all.partition_point(|known| *known < t);
+                if all.get(i) != Some(&t) {
+                    all.insert(i, t);
+                    points_of.insert(i, point);
+                    allowed.insert(i, [DVec3::NAN; 2]);
+                }
+            }
+        }
+    }
+    let exact = allowed.iter().all(|[a, b]| a == b || a.is_nan());
+    let trace = |axis: usize| Trace {
+        label: format!("{label} {}", ["x", "y", "z"][axis]),
+        unit: unit(quantity).to_string(),
+        times: all.iter().map(|t| t.as_secs()).collect(),
+        got: points_of.iter().map(|p| p[axis]).collect(),
+        expected: if exact { allowed.iter().map(|[a, _]| a[axis]).collect() } else { Vec::new() },
+        band: allowed.iter().map(|[a, b]| [a[axis] - tolerance, b[axis] + tolerance]).collect(),
+        mark: Some(mark),
+    };
+    (0..3).map(trace).collect()
+}

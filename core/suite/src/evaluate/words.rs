@@ -1,0 +1,117 @@
+//! Numbers in messages: as many digits as say something, no more.
+
+use choreo_motion::Time;
+use glam::DVec3;
+
+/// Six significant digits at most, without trailing zeros.
+pub fn number(v: f64) -> String {
+    if !v.is_finite() {
+        return if v.is_nan() { "nothing".into() } else { format!("{v}") };
+    }
+    if v == 0.0 {
+        return "0".into();
+    }
+    let size = v.abs();
+    if !(1e-4..1e9).contains(&size) {
+        return format!("{v:.3e}");
+    }
+    let whole = libm::log10(size).floor() as i32 + 1;
+    let decimals = (6 - whole).clamp(0, 9) as usize;
+    let text = format!("{v:.decimals$}");
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_string(),
+        false => text,
+    }
+}
+
+pub fn with_unit(v: f64, unit: &str) -> String {
+    match unit {
+        _ if v.is_nan() => number(v),
+        "" => number(v),
+        "°" => format!("{}°", number(v)),
+        unit => format!("{} {unit}", number(v)),
+    }
+}
+
+pub fn point(v: DVec3) -> String {
+    if v.is_nan() {
+        return "nothing".into();
+    }
+    format!("[{}, {}, {}]", number(v.x), number(v.y), number(v.z))
+}
+
+pub fn time(t: Time) -> String {
+    format!("{} s", number(t.as_secs()))
+}
+
+/// `14 times the tolerance`, where there is one.
+pub fn times_tolerance(off: f64, tolerance: f64) -> String {
+    match tolerance > 0.0 && off.is_finite() {
+        true => format!(", {} times the tolerance", number((off / tolerance * 10.0).round() / 10.0)),
+        false => String::new(),
+    }
+}
+
+/// Whether a text is like a pattern: `*` stands for anything, `?` for one character.
+pub fn like(text: &str, pattern: &str) -> bool {
+    let (text, pattern): (Vec<char>, Vec<char>) = (text.chars().collect(), pattern.chars().collect());
+    let (mut t, mut p) = (0, 0);
+    // Where to go on from when the last `*` must take in one more character.
+    let mut again: Option<(usize, usize)> = None;
+    while t < text.len() {
+        match pattern.get(p) {
+            Some('*') => {
+                again = Some((t, p));
+                p += 1;
+            }
+            Some(c) if *c == '?' || *c == text[t] => {
+                t += 1;
+                p += 1;
+            }
+            _ => match again {
+                Some((from, star)) => {
+                    again = Some((from + 1, star));
+                    (t, p) = (from + 1, star + 1);
+                }
+                None => return false,
+            },
+        }
+    }
+    pattern[p..].iter().all(|c| *c == '*')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_the_digits_that_say_something() {
+        let cases = [
+            (0.1, "0.1"),
+            (1.0, "1"),
+            (-2.5, "-2.5"),
+            (1.0 / 3.0, "0.333333"),
+            (1234.5678, "1234.57"),
+            (1e-9, "1.000e-9"),
+        ];
+        for (v, text) in cases {
+            assert_eq!(number(v), text);
+        }
+        assert_eq!(point(DVec3::new(0.1, 0.0, -3.0)), "[0.1, 0, -3]");
+    }
+
+    #[test]
+    fn patterns() {
+        for (text, pattern, like_it) in [
+            ("anna: Walk starts", "anna: * starts", true),
+            ("anna: Walk ends", "anna: * starts", false),
+            ("abc", "a?c", true),
+            ("abc", "a?", false),
+            ("", "*", true),
+            ("aXbXc", "*X*X*", true),
+            ("aab", "*ab", true),
+        ] {
+            assert_eq!(like(text, pattern), like_it, "{text} {pattern}");
+        }
+    }
+}
