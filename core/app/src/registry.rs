@@ -13,6 +13,8 @@ pub fn registry() -> Registry {
     let mut registry = Registry::default();
     registry.add_importer(import_gltf::GltfImporter);
     registry.add_importer(import_mannequin::Mannequin);
+    registry.add_importer(import_bvh::BvhImporter);
+    registry.add_importer(import_stl::StlImporter);
     registry.add_effect(effect_vignette::Vignette);
     registry.add_exporter(export_png::PngExporter);
     registry.add_exporter(export_mp4::Mp4Exporter);

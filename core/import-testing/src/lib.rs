@@ -1,0 +1,116 @@
+//! What the tests of importers share: sample files, companions that are counted, what every asset must be, damaged files,
+//! and assimp's command line as a second opinion. A dependency of tests only.
+
+pub mod assimp;
+pub mod bench;
+pub mod damage;
+pub mod pose;
+pub mod sound;
+
+use choreo_plugin::{Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source};
+use choreo_stage::Asset;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// `$CHOREO_ASSETS`, or `../shared/assets` beside the workspace; `None` (and a line that says so) where missing.
+pub fn assets(cases: usize) -> Option<PathBuf> {
+    let folder = match std::env::var_os("CHOREO_ASSETS") {
+        Some(folder) => PathBuf::from(folder),
+        None => Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets"),
+    };
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    println!("SKIP {cases}: no sample files at {} ($CHOREO_ASSETS)", folder.display());
+    None
+}
+
+/// Files beside the source, as the program would hand them over; counts what is asked for.
+#[derive(Debug, Default)]
+pub struct Companions {
+    pub folder: Option<PathBuf>,
+    /// Held in memory, by name.
+    pub files: Vec<(&'static str, Vec<u8>)>,
+    pub reads: AtomicUsize,
+}
+
+impl Companions {
+    pub fn none() -> Companions {
+        Companions::default()
+    }
+
+    pub fn in_folder(folder: impl Into<PathBuf>) -> Companions {
+        Companions { folder: Some(folder.into()), ..Companions::default() }
+    }
+
+    pub fn of(files: Vec<(&'static str, Vec<u8>)>) -> Companions {
+        Companions { files, ..Companions::default() }
+    }
+
+    pub fn reads(&self) -> usize {
+        self.reads.load(Ordering::Relaxed)
+    }
+}
+
+impl Files for Companions {
+    fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
+        self.reads.fetch_add(1, Ordering::Relaxed);
+        if let Some((_, bytes)) = self.files.iter().find(|(name, _)| *name == relative) {
+            return Ok(Arc::new(bytes.clone()));
+        }
+        match &self.folder {
+            Some(folder) => std::fs::read(folder.join(relative)).map(Arc::new).map_err(|e| e.to_string()),
+            None => Err(format!("\"{relative}\": file not found")),
+        }
+    }
+}
+
+pub fn source(name: &str, bytes: impl Into<Vec<u8>>) -> Source {
+    Source { name: name.to_string(), bytes: Arc::new(bytes.into()) }
+}
+
+/// The options given and the manifest's defaults for the rest. Panics where the manifest refuses one.
+pub fn options(importer: &dyn Importer, given: &[(&str, OptionValue)]) -> ImportOptions {
+    let given = ImportOptions(given.iter().map(|(name, value)| (name.to_string(), value.clone())).collect());
+    importer.manifest().complete(&given).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// With default options.
+pub fn import(
+    importer: &dyn Importer,
+    source: &Source,
+    files: &dyn Files,
+    needs: Needs,
+) -> Result<Asset, ImportError> {
+    importer.import(source, files, needs, &options(importer, &[]))
+}
+
+/// A file without companions.
+pub fn import_bytes(
+    importer: &dyn Importer,
+    name: &str,
+    bytes: impl Into<Vec<u8>>,
+) -> Result<Asset, ImportError> {
+    import(importer, &source(name, bytes), &Companions::none(), Needs::ALL)
+}
+
+/// A file with what lies beside it.
+pub fn import_path(importer: &dyn Importer, path: &Path) -> Result<Asset, ImportError> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let folder = path.parent().unwrap_or(Path::new("."));
+    import(importer, &source(&name, bytes), &Companions::in_folder(folder), Needs::ALL)
+}
+
+pub fn error_text(result: Result<Asset, ImportError>) -> String {
+    match result {
+        Ok(_) => "no error".to_string(),
+        Err(e) => e.to_string(),
+    }
+}
+
+/// `place: text` of every warning.
+pub fn warnings(asset: &Asset) -> Vec<String> {
+    asset.warnings.iter().map(|w| format!("{}: {}", w.place, w.text)).collect()
+}

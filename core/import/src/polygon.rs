@@ -1,0 +1,292 @@
+//! Polygons of any shape to triangles, by ear clipping.
+
+use glam::{DVec2, DVec3};
+
+/// Point tests that one file may spend: ear clipping of a polygon with r dents takes at least n · r of them. A file beyond it
+/// gets fans.
+const BUDGET: u64 = 50_000_000;
+
+/// Cuts the polygons of one file; keeps its lists from one to the next.
+#[derive(Debug, Default)]
+pub struct Triangulator {
+    spent: u64,
+    flat: Vec<DVec2>,
+    next: Vec<u32>,
+    previous: Vec<u32>,
+    dents: Vec<u32>,
+}
+
+/// How a polygon was cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cut {
+    Whole,
+    /// It crosses itself, or has no area: the triangles are a guess.
+    Crossing,
+    /// The budget of the file is spent: a fan.
+    TooMuch,
+}
+
+impl Triangulator {
+    /// Adds the triangles of the polygon with these corners, as indices into `corners`, wound as the polygon is. Always
+    /// `corners.len() − 2` of them; none for fewer than three corners.
+    pub fn cut(&mut self, corners: &[DVec3], out: &mut Vec<[u32; 3]>) -> Cut {
+        let n = corners.len();
+        match n {
+            0..=2 => return Cut::Whole,
+            3 => {
+                out.push([0, 1, 2]);
+                return Cut::Whole;
+            }
+            _ => {}
+        }
+        self.flatten(corners);
+        let turn = |a: usize, b: usize, c: usize| orient(self.flat[a], self.flat[b], self.flat[c]);
+        if n == 4 {
+            // Either diagonal, where both of its triangles are wound right; the one from the first corner where both do.
+            let (a, b) = ((turn(0, 1, 2), turn(0, 2, 3)), (turn(0, 1, 3), turn(1, 2, 3)));
+            if a.0 >= 0.0 && a.1 >= 0.0 && (a.0 > 0.0 || a.1 > 0.0) {
+                out.extend([[0, 1, 2], [0, 2, 3]]);
+                return Cut::Whole;
+            }
+            if b.0 >= 0.0 && b.1 >= 0.0 {
+                out.extend([[0, 1, 3], [1, 2, 3]]);
+                return Cut::Whole;
+            }
+        }
+        self.dents.clear();
+        for i in 0..n {
+            if turn((i + n - 1) % n, i, (i + 1) % n) < 0.0 {
+                self.dents.push(i as u32);
+            }
+        }
+        let fan = |out: &mut Vec<[u32; 3]>| out.extend((2..n as u32).map(|i| [0, i - 1, i]));
+        if self.dents.is_empty() {
+            fan(out);
+            return Cut::Whole;
+        }
+        let cost = n as u64 * self.dents.len() as u64;
+        if self.spent + cost > BUDGET {
+            fan(out);
+            return Cut::TooMuch;
+        }
+        self.clip(n, out)
+    }
+
+    /// Into the plane of two axes that shows most of the polygon, counter-clockwise: exact, as coordinates are only left out.
+    /// The sum of the cross products is twice the area's vector (Newell), right for polygons with dents too.
+    fn flatten(&mut self, corners: &[DVec3]) {
+        let first = corners[0];
+        let normal: DVec3 = corners.windows(2).map(|e| (e[0] - first).cross(e[1] - first)).sum();
+        let size = normal.abs();
+        self.flat.clear();
+        let pick: fn(DVec3) -> DVec2 = match (size.x >= size.y && size.x >= size.z, size.y >= size.z) {
+            (true, _) if normal.x >= 0.0 => |p| DVec2::new(p.y, p.z),
+            (true, _) => |p| DVec2::new(p.z, p.y),
+            (_, true) if normal.y >= 0.0 => |p| DVec2::new(p.z, p.x),
+            (_, true) => |p| DVec2::new(p.x, p.z),
+            _ if normal.z >= 0.0 => |p| DVec2::new(p.x, p.y),
+            _ => |p| DVec2::new(p.y, p.x),
+        };
+        self.flat.extend(corners.iter().map(|p| pick(*p)));
+    }
+
+    fn clip(&mut self, n: usize, out: &mut Vec<[u32; 3]>) -> Cut {
+        let (first, last) = (0u32, n as u32 - 1);
+        self.next.clear();
+        self.next.extend((0..n as u32).map(|i| if i == last { first } else { i + 1 }));
+        self.previous.clear();
+        self.previous.extend((0..n as u32).map(|i| if i == first { last } else { i - 1 }));
+        let mut cut = Cut::Whole;
+        let mut left = n;
+        let mut at = first;
+        // Corners looked at since the last ear.
+        let mut in_vain = 0;
+        while left > 3 {
+            let (before, after) = (self.previous[at as usize], self.next[at as usize]);
+            let gone_round = in_vain >= left;
+            if gone_round || self.is_ear(before, at, after) {
+                if gone_round {
+                    cut = Cut::Crossing;
+                }
+                out.push([before, at, after]);
+                self.next[before as usize] = after;
+                self.previous[after as usize] = before;
+                left -= 1;
+                in_vain = 0;
+                // A dent may have become straight or an ear.
+                self.refresh(before, after, at);
+                at = after;
+                if self.spent > BUDGET {
+                    self.fan_rest(at, left, out);
+                    return Cut::TooMuch;
+                }
+            } else {
+                in_vain += 1;
+                at = after;
+            }
+        }
+        out.push([self.previous[at as usize], at, self.next[at as usize]]);
+        cut
+    }
+
+    /// Takes off the list of dents what is none any more.
+    fn refresh(&mut self, before: u32, after: u32, removed: u32) {
+        let (flat, next, previous) = (&self.flat, &self.next, &self.previous);
+        self.spent += self.dents.len() as u64;
+        self.dents.retain(|d| {
+            let neighbour = *d == before || *d == after;
+            let at = |i: u32| flat[i as usize];
+            *d != removed
+                && (!neighbour || orient(at(previous[*d as usize]), at(*d), at(next[*d as usize])) < 0.0)
+        });
+    }
+
+    /// A corner that bulges, with no dent in its triangle. A dent at the very place of one of the triangle's corners is no
+    /// hindrance: polygons with holes run along a seam there and back.
+    fn is_ear(&mut self, before: u32, at: u32, after: u32) -> bool {
+        let [a, b, c] = [before, at, after].map(|i| self.flat[i as usize]);
+        if orient(a, b, c) < 0.0 || self.dents.binary_search(&at).is_ok() {
+            return false;
+        }
+        self.spent += self.dents.len() as u64;
+        !self.dents.iter().filter(|d| **d != before && **d != after).map(|d| self.flat[*d as usize]).any(
+            |p| {
+                p != a
+                    && p != b
+                    && p != c
+                    && orient(a, b, p) >= 0.0
+                    && orient(b, c, p) >= 0.0
+                    && orient(c, a, p) >= 0.0
+            },
+        )
+    }
+
+    fn fan_rest(&self, from: u32, left: usize, out: &mut Vec<[u32; 3]>) {
+        let mut at = self.next[from as usize];
+        for _ in 2..left {
+            let after = self.next[at as usize];
+            out.push([from, at, after]);
+            at = after;
+        }
+    }
+}
+
+/// Twice the area of a triangle, positive where it is counter-clockwise. For coordinates that were f32, the differences and
+/// products in f64 are exact or nearly so.
+fn orient(a: DVec2, b: DVec2, c: DVec2) -> f64 {
+    (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cut(corners: &[[f64; 2]]) -> (Vec<[u32; 3]>, Cut) {
+        let corners: Vec<DVec3> = corners.iter().map(|c| DVec3::new(c[0], c[1], 0.0)).collect();
+        let mut out = Vec::new();
+        let how = Triangulator::default().cut(&corners, &mut out);
+        assert_eq!(out.len(), corners.len().saturating_sub(2));
+        (out, how)
+    }
+
+    fn area(corners: &[[f64; 2]], triangle: [u32; 3]) -> f64 {
+        let [a, b, c] = triangle.map(|i| DVec2::from(corners[i as usize]));
+        orient(a, b, c) / 2.0
+    }
+
+    fn polygon_area(corners: &[[f64; 2]]) -> f64 {
+        let n = corners.len();
+        (0..n)
+            .map(|i| corners[i][0] * corners[(i + 1) % n][1] - corners[(i + 1) % n][0] * corners[i][1])
+            .sum::<f64>()
+            / 2.0
+    }
+
+    /// All triangles wound as the polygon, their areas adding up to its own: they cover it without overlap.
+    fn covers(corners: &[[f64; 2]]) {
+        let (triangles, how) = cut(corners);
+        let areas: Vec<f64> = triangles.iter().map(|t| area(corners, *t)).collect();
+        assert!(areas.iter().all(|a| *a >= 0.0), "{areas:?}");
+        assert!((areas.iter().sum::<f64>() - polygon_area(corners)).abs() < 1e-9, "{areas:?}");
+        assert_eq!(how, Cut::Whole);
+    }
+
+    #[test]
+    fn dents_stars_and_holes_with_seams() {
+        covers(&[[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]);
+        // A dent at each of the four corners of a quad in turn.
+        let arrow = [[0.0, 0.0], [2.0, 1.0], [0.0, 2.0], [0.5, 1.0]];
+        for turn in 0..4 {
+            covers(&[0, 1, 2, 3].map(|i| arrow[(i + turn) % 4]));
+        }
+        covers(&[
+            [0.0, 0.0],
+            [4.0, 0.0],
+            [4.0, 3.0],
+            [3.0, 3.0],
+            [3.0, 1.0],
+            [1.0, 1.0],
+            [1.0, 3.0],
+            [0.0, 3.0],
+        ]);
+        // A square with a square hole, the seam run there and back.
+        covers(&[
+            [0.0, 0.0],
+            [4.0, 0.0],
+            [4.0, 4.0],
+            [0.0, 4.0],
+            [0.0, 0.0],
+            [1.0, 1.0],
+            [1.0, 3.0],
+            [3.0, 3.0],
+            [3.0, 1.0],
+            [1.0, 1.0],
+        ]);
+        let star: Vec<[f64; 2]> = (0..200)
+            .map(|i| {
+                let (angle, r) =
+                    (f64::from(i) * std::f64::consts::TAU / 200.0, if i % 2 == 0 { 1.0 } else { 0.2 });
+                [angle.cos() * r, angle.sin() * r]
+            })
+            .collect();
+        covers(&star);
+        // Points in line and repeated.
+        covers(&[[0.0, 0.0], [1.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 1.0], [0.0, 2.0]]);
+    }
+
+    #[test]
+    fn the_plane_and_the_direction_do_not_matter() {
+        let arrow = [[0.0, 0.0], [2.0, 1.0], [0.0, 2.0], [0.5, 1.0], [0.4, 0.7]];
+        for axes in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [1, 0, 2], [0, 2, 1], [2, 1, 0]] {
+            let corners: Vec<DVec3> = arrow
+                .iter()
+                .map(|c| {
+                    let mut p = [0.0; 3];
+                    (p[axes[0]], p[axes[1]], p[axes[2]]) = (c[0], c[1], c[0] * 0.1);
+                    DVec3::from(p)
+                })
+                .collect();
+            let mut out = Vec::new();
+            assert_eq!(Triangulator::default().cut(&corners, &mut out), Cut::Whole);
+            let vector = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|i| corners[i as usize]);
+                (b - a).cross(c - a)
+            };
+            let whole: DVec3 = out.iter().map(vector).sum();
+            assert!(out.iter().all(|t| vector(t).dot(whole) > 0.0), "{axes:?}");
+        }
+    }
+
+    #[test]
+    fn hopeless_polygons_end() {
+        assert_eq!(cut(&[[0.0; 2]; 9]).1, Cut::Whole);
+        // A bow tie.
+        let (_, how) = cut(&[[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0], [-1.0, 1.0]]);
+        assert!(matches!(how, Cut::Crossing | Cut::Whole));
+        // A comb of a hundred thousand teeth is beyond the budget.
+        let comb: Vec<[f64; 2]> =
+            (0..100_000).map(|i| [f64::from(i), f64::from(i % 2) * 5.0]).chain([[5e4, 9e9]]).collect();
+        assert_eq!(cut(&comb).1, Cut::TooMuch);
+        assert_eq!((cut(&[]).0.len(), cut(&[[0.0; 2]; 2]).0.len()), (0, 0));
+    }
+}

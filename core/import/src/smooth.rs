@@ -1,0 +1,158 @@
+//! Normals for surfaces that come without: smooth across edges that are flatter than an angle.
+
+use crate::normals::split_corners;
+use choreo_stage::asset::Primitive;
+use glam::{DVec3, Vec3};
+use std::collections::HashMap;
+
+/// Triangles around one vertex that are compared with each other, all pairs. Beyond it (no modelled surface has so many)
+/// the corners keep their triangles' normals, so that time stays proportional to the file.
+const MAX_AROUND: usize = 256;
+
+/// Replaces the normals of a triangle list. Each corner gets the mean, weighted by angle, of the normals of the triangles
+/// around its position whose normals are at most `limit_rad` from its own; with `group`, only triangles of the same number
+/// are taken and the angle does not count (number 0 stays flat: OBJ's smoothing groups). Vertices are split where needed.
+pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
+    let faces = p.indices.len() / 3;
+    let corner_position = |c: usize| p.positions[p.indices[c] as usize].as_dvec3();
+    let face_normals: Vec<DVec3> = (0..faces)
+        .map(|f| {
+            let [a, b, c] = [0, 1, 2].map(|i| corner_position(f * 3 + i));
+            (b - a).cross(c - a).normalize_or_zero()
+        })
+        .collect();
+    let around = Around::new(p);
+    let cos_limit = libm::cos(limit_rad);
+    let together = |a: usize, b: usize| match group {
+        Some(group) => group[a] == group[b] && group[a] != 0,
+        // A little more than the angle itself, for faces that meet exactly at it.
+        None => face_normals[a].dot(face_normals[b]) >= cos_limit - 1e-9,
+    };
+    let mut corner_normals = vec![Vec3::Y; faces * 3];
+    for (corner, out) in corner_normals.iter_mut().enumerate() {
+        let face = corner / 3;
+        let own = face_normals[face];
+        let neighbours = around.corners(corner);
+        let mut sum = DVec3::ZERO;
+        if neighbours.len() <= MAX_AROUND {
+            for other in neighbours.iter().map(|c| *c as usize) {
+                if other / 3 == face || together(face, other / 3) {
+                    sum += face_normals[other / 3] * angle(p, other);
+                }
+            }
+        }
+        // A triangle without area is not seen; any unit vector does.
+        *out = sum.try_normalize().unwrap_or(own.normalize_or(DVec3::Y)).as_vec3().normalize_or(Vec3::Y);
+    }
+    p.normals = vec![Vec3::Y; p.positions.len()];
+    split_corners(
+        p,
+        |corner| corner_normals[corner],
+        |n| n.to_array().map(f32::to_bits),
+        |p, vertex, n| p.normals[vertex] = n,
+    );
+}
+
+/// The angle of a triangle at a corner.
+fn angle(p: &Primitive, corner: usize) -> f64 {
+    let at = |k: usize| p.positions[p.indices[corner / 3 * 3 + (corner + k) % 3] as usize].as_dvec3();
+    let (here, next, previous) = (at(0), at(1), at(2));
+    let (a, b) = ((next - here).normalize_or_zero(), (previous - here).normalize_or_zero());
+    libm::acos(a.dot(b).clamp(-1.0, 1.0))
+}
+
+/// Corners by position: equal bits are the same place, whatever the vertex.
+struct Around {
+    place_of_corner: Vec<u32>,
+    start: Vec<u32>,
+    corners: Vec<u32>,
+}
+
+impl Around {
+    fn new(p: &Primitive) -> Around {
+        // Only looked up, never walked: the map's order reaches nothing.
+        let mut places: HashMap<[u32; 3], u32> = HashMap::with_capacity(p.positions.len());
+        let mut place_of_vertex = Vec::with_capacity(p.positions.len());
+        for v in &p.positions {
+            // Adding zero turns −0 into 0.
+            let next = places.len() as u32;
+            place_of_vertex.push(*places.entry(v.to_array().map(|c| (c + 0.0).to_bits())).or_insert(next));
+        }
+        let place_of_corner: Vec<u32> = p.indices.iter().map(|i| place_of_vertex[*i as usize]).collect();
+        let mut start = vec![0u32; places.len() + 1];
+        for place in &place_of_corner {
+            start[*place as usize + 1] += 1;
+        }
+        for i in 1..start.len() {
+            start[i] += start[i - 1];
+        }
+        let mut next = start.clone();
+        let mut corners = vec![0; place_of_corner.len()];
+        for (corner, place) in place_of_corner.iter().enumerate() {
+            let slot = &mut next[*place as usize];
+            corners[*slot as usize] = corner as u32;
+            *slot += 1;
+        }
+        Around { place_of_corner, start, corners }
+    }
+
+    fn corners(&self, corner: usize) -> &[u32] {
+        let place = self.place_of_corner[corner] as usize;
+        &self.corners[self.start[place] as usize..self.start[place + 1] as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three triangles around the z axis: two at 90°, the third leaning 30° from the first.
+    fn fan() -> Primitive {
+        let lean = Vec3::new(-1.0, 0.0, 0.5773503);
+        Primitive {
+            indices: vec![0, 1, 2, 0, 3, 1, 0, 2, 4],
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::NEG_Z, lean],
+            ..Primitive::default()
+        }
+    }
+
+    #[test]
+    fn edges_flatter_than_the_limit_are_smooth() {
+        let mut p = fan();
+        normals(&mut p, 45f64.to_radians(), None);
+        let corner = |p: &Primitive, c: usize| p.normals[p.indices[c] as usize];
+        assert_eq!(
+            corner(&p, 0),
+            corner(&p, 6),
+            "the first and the leaning one share a normal along their edge"
+        );
+        assert_eq!(corner(&p, 2), corner(&p, 7));
+        assert!(corner(&p, 0).dot(Vec3::Z) < 0.999);
+        assert!((corner(&p, 3) - Vec3::NEG_Y).length() < 1e-6 || (corner(&p, 3) - Vec3::Y).length() < 1e-6);
+        let mut flat = fan();
+        normals(&mut flat, 0.0, None);
+        assert_eq!(corner(&flat, 0), Vec3::Z);
+    }
+
+    #[test]
+    fn groups_decide_in_place_of_the_angle() {
+        let mut p = fan();
+        normals(&mut p, 0.0, Some(&[7, 7, 0]));
+        let corner = |c: usize| p.normals[p.indices[c] as usize];
+        assert_eq!(corner(0), corner(3));
+        assert!((corner(0).length() - 1.0).abs() < 1e-6);
+        assert!(corner(6) != corner(0));
+    }
+
+    #[test]
+    fn a_vertex_with_a_million_triangles_takes_no_time() {
+        let n = 1_000_000u32;
+        let mut p = Primitive {
+            indices: (0..n).flat_map(|_| [0, 1, 2]).collect(),
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            ..Primitive::default()
+        };
+        normals(&mut p, 1.0, None);
+        assert_eq!(p.normals, [Vec3::Z; 3]);
+    }
+}

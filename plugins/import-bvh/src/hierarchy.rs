@@ -1,0 +1,232 @@
+//! HIERARCHY: joints with offsets and channels.
+
+use crate::Convention;
+use choreo_import::text::{Lines, integer, number, shown};
+use choreo_import::{Notes, Problem, Result};
+use choreo_motion::Transform;
+use glam::{DVec3, Quat};
+
+/// Far above any capture; bounds the memory of joints and their bones.
+pub const MAX_JOINTS: usize = 16_384;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// Along x, y, z: 0, 1, 2.
+    Position(usize),
+    /// Around x, y, z.
+    Rotation(usize),
+}
+
+#[derive(Clone, Debug)]
+pub struct Joint {
+    pub name: String,
+    pub parent: Option<u32>,
+    /// In the file's units.
+    pub offset: DVec3,
+    /// In the order of the numbers of a frame.
+    pub channels: Vec<Channel>,
+}
+
+impl Joint {
+    pub fn rest(&self, convention: &Convention) -> Transform {
+        let offset = self.offset * convention.scale;
+        let (translation, rotation) = match self.parent {
+            Some(_) => (offset, Quat::IDENTITY),
+            None => (convention.turn * offset, convention.turn.as_quat()),
+        };
+        Transform { translation: translation.as_vec3(), rotation, ..Transform::IDENTITY }
+    }
+}
+
+/// What follows HIERARCHY: the bytes from MOTION on, and the number of their first line.
+#[derive(Clone, Copy, Debug)]
+pub struct Rest<'a> {
+    pub bytes: &'a [u8],
+    pub line: usize,
+}
+
+/// Words and braces, whatever the lines.
+struct Tokens<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    line: usize,
+}
+
+impl<'a> Tokens<'a> {
+    fn skip_space(&mut self) {
+        while let Some(b) = self.bytes.get(self.at).filter(|b| b.is_ascii_whitespace() || **b == 0x0b) {
+            let ends = *b == b'\n' || (*b == b'\r' && self.bytes.get(self.at + 1) != Some(&b'\n'));
+            self.line += usize::from(ends);
+            self.at += 1;
+        }
+    }
+
+    fn next(&mut self) -> Option<&'a [u8]> {
+        self.skip_space();
+        let rest = self.bytes.get(self.at..)?;
+        let length = match rest.first()? {
+            b'{' | b'}' => 1,
+            _ => rest
+                .iter()
+                .position(|b| b.is_ascii_whitespace() || matches!(b, b'{' | b'}'))
+                .unwrap_or(rest.len()),
+        };
+        self.at += length;
+        Some(&rest[..length])
+    }
+
+    /// The rest of the line up to a brace: names may hold spaces.
+    fn name(&mut self) -> &'a [u8] {
+        let rest = &self.bytes[self.at..];
+        let length = rest.iter().position(|b| matches!(b, b'\n' | b'\r' | b'{' | b'}')).unwrap_or(rest.len());
+        self.at += length;
+        rest[..length].trim_ascii()
+    }
+
+    fn problem(&self, what: impl Into<String>) -> Problem {
+        Problem::new(format!("line {}", self.line), what)
+    }
+
+    /// The next word; at the end of the file says what was to come.
+    fn want(&mut self, wanted: &str) -> Result<&'a [u8]> {
+        self.next().ok_or_else(|| {
+            self.problem(format!("the file ends where {wanted} should be"))
+                .hint("the file was cut off; export or copy it again")
+        })
+    }
+
+    fn want_number(&mut self, wanted: &str) -> Result<f64> {
+        let word = self.want(wanted)?;
+        number(word).ok_or_else(|| self.problem(format!("\"{}\" is not a number, but {wanted}", shown(word))))
+    }
+}
+
+pub fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, Rest<'a>)> {
+    let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    let mut tokens = Tokens { bytes: text, at: 0, line: 1 };
+    let first = tokens.want("HIERARCHY")?;
+    if !first.eq_ignore_ascii_case(b"HIERARCHY") {
+        return Err(tokens
+            .problem(format!("starts with \"{}\", not with HIERARCHY", shown(first)))
+            .hint("this is not a BVH file"));
+    }
+    let mut joints: Vec<Joint> = Vec::new();
+    // Joints whose brace is open; an end site is one.
+    let mut open: Vec<usize> = Vec::new();
+    loop {
+        if open.is_empty() {
+            tokens.skip_space();
+            let rest = Rest { bytes: &text[tokens.at..], line: tokens.line };
+            match tokens.next() {
+                None => return finish(joints, rest, &tokens),
+                Some(w) if w.eq_ignore_ascii_case(b"MOTION") => return finish(joints, rest, &tokens),
+                Some(w) if w.eq_ignore_ascii_case(b"ROOT") => {
+                    begin(&mut tokens, &mut joints, &mut open, Kind::Joint)?;
+                }
+                Some(w) => {
+                    return Err(
+                        tokens.problem(format!("\"{}\" stands where ROOT or MOTION should be", shown(w)))
+                    );
+                }
+            }
+            continue;
+        }
+        let joint = open[open.len() - 1];
+        let word = tokens.want("OFFSET, CHANNELS, JOINT, End Site or }")?;
+        if word == b"}" {
+            open.pop();
+        } else if word.eq_ignore_ascii_case(b"OFFSET") {
+            let mut offset = [0.0; 3];
+            for value in &mut offset {
+                *value = tokens.want_number("OFFSET has three of them")?;
+            }
+            joints[joint].offset = DVec3::from(offset);
+        } else if word.eq_ignore_ascii_case(b"CHANNELS") {
+            channels(&mut tokens, &mut joints[joint])?;
+        } else if word.eq_ignore_ascii_case(b"JOINT") {
+            begin(&mut tokens, &mut joints, &mut open, Kind::Joint)?;
+        } else if word.eq_ignore_ascii_case(b"End") {
+            begin(&mut tokens, &mut joints, &mut open, Kind::EndSite)?;
+        } else {
+            let what =
+                format!("\"{}\" stands where OFFSET, CHANNELS, JOINT, End Site or }} should be", shown(word));
+            return Err(tokens.problem(what));
+        }
+        if joints.len() == MAX_JOINTS {
+            return Err(tokens.problem(format!("more than {MAX_JOINTS} joints, which is the limit")));
+        }
+        if joints[joint].name.is_empty() {
+            let line = format!("line {}", tokens.line);
+            joints[joint].name = format!("joint {joint}");
+            notes.warn(line, format!("a joint has no name; it is called \"joint {joint}\""));
+        }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Joint,
+    EndSite,
+}
+
+fn begin(tokens: &mut Tokens<'_>, joints: &mut Vec<Joint>, open: &mut Vec<usize>, kind: Kind) -> Result<()> {
+    let parent = open.last().copied();
+    let name = match (kind, parent) {
+        (Kind::EndSite, Some(parent)) => {
+            tokens.name();
+            format!("{}_end", joints[parent].name)
+        }
+        _ => String::from_utf8_lossy(tokens.name()).into_owned(),
+    };
+    let brace = tokens.want("{")?;
+    if brace != b"{" {
+        return Err(tokens.problem(format!("\"{}\" stands where {{ should be", shown(brace))));
+    }
+    open.push(joints.len());
+    joints.push(Joint { name, parent: parent.map(|p| p as u32), offset: DVec3::ZERO, channels: Vec::new() });
+    Ok(())
+}
+
+fn channels(tokens: &mut Tokens<'_>, joint: &mut Joint) -> Result<()> {
+    let word = tokens.want("the number of channels")?;
+    let count = integer(word)
+        .filter(|n| (0..=6).contains(n))
+        .ok_or_else(|| tokens.problem(format!("\"{}\" channels; a joint has 0 to 6", shown(word))))?;
+    if !joint.channels.is_empty() {
+        return Err(tokens.problem(format!("joint \"{}\" has CHANNELS twice", joint.name)));
+    }
+    for _ in 0..count {
+        let word = tokens.want("a channel's name")?;
+        let lower = word.to_ascii_lowercase();
+        let axis = lower.first().map_or(3, |b| usize::from(b.wrapping_sub(b'x')));
+        let channel = match &lower[1.min(lower.len())..] {
+            b"position" if axis < 3 => Channel::Position(axis),
+            b"rotation" if axis < 3 => Channel::Rotation(axis),
+            _ => {
+                let what = format!("unknown channel \"{}\"", shown(word));
+                return Err(tokens
+                    .problem(what)
+                    .hint("channels are Xposition, Yposition, Zposition, Xrotation, Yrotation, Zrotation"));
+            }
+        };
+        joint.channels.push(channel);
+    }
+    Ok(())
+}
+
+fn finish<'a>(joints: Vec<Joint>, rest: Rest<'a>, tokens: &Tokens<'_>) -> Result<(Vec<Joint>, Rest<'a>)> {
+    match joints.is_empty() {
+        true => {
+            Err(tokens.problem("HIERARCHY has no ROOT").hint("the file was cut off; export or copy it again"))
+        }
+        false => Ok((joints, rest)),
+    }
+}
+
+impl<'a> Rest<'a> {
+    /// The lines after MOTION.
+    pub fn lines(&self) -> Option<Lines<'a>> {
+        let mut lines = Lines::from(self.bytes, self.line);
+        lines.next().map(|_| lines)
+    }
+}

@@ -1,0 +1,104 @@
+//! BVH motion capture into an [`Asset`]. What it reads, limits and options: README.md.
+
+mod hierarchy;
+mod motion;
+mod units;
+
+use choreo_import::text::stem;
+use choreo_import::{Notes, Problem, Result, bones};
+use choreo_motion::Skeleton;
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_stage::Asset;
+use choreo_stage::asset::Origin;
+use glam::DQuat;
+use std::sync::{Arc, LazyLock};
+
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new("bvh", env!("CARGO_PKG_VERSION"), "BVH motion capture: a skeleton and one clip")
+        .extensions(["bvh"])
+        .magic(b"HIERARCHY")
+        .number("scale", "metres a unit of the file; 0 guesses by the skeleton's size", 0.0, 0.0..=1e6)
+        .text("up", "the file's upward axis", "y", &["y", "z"])
+        .flag("bones", "a mesh of the bones, as the file has none", true)
+});
+
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BvhImporter;
+
+impl Importer for BvhImporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    /// Some programs write `Hierarchy`, or spaces and a byte order mark before it.
+    fn claim(&self, source: &Source) -> Claim {
+        let bytes = source.bytes.as_slice();
+        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
+        if text.get(..9).is_some_and(|head| head.eq_ignore_ascii_case(b"HIERARCHY")) {
+            Claim::Content(90)
+        } else if MANIFEST.has_extension(&source.extension()) {
+            Claim::Extension
+        } else {
+            Claim::NotMine
+        }
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        _: &dyn Files,
+        needs: Needs,
+        options: &ImportOptions,
+    ) -> std::result::Result<Asset, ImportError> {
+        import(source, needs, options).map_err(|p| p.in_file(&source.name))
+    }
+}
+
+/// From the file's units and axes to metres and +Y up.
+#[derive(Clone, Copy, Debug)]
+struct Convention {
+    scale: f64,
+    /// Applied to the roots, which carries everything below them.
+    turn: DQuat,
+}
+
+fn import(source: &Source, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+    let notes = Notes::default();
+    let (joints, rest_of_file) = hierarchy::read(&source.bytes, &notes)?;
+    let up_z = options.text("up") == Some("z");
+    let scale = match options.number("scale").filter(|s| *s > 0.0) {
+        Some(scale) => scale,
+        None => units::guess(&joints, &notes),
+    };
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let turn = if up_z { DQuat::from_xyzw(-half, 0.0, 0.0, half) } else { DQuat::IDENTITY };
+    let convention = Convention { scale, turn };
+
+    let skeleton = Skeleton::new(
+        joints.iter().map(|j| j.name.clone()).collect(),
+        joints.iter().map(|j| j.parent).collect(),
+        joints.iter().map(|j| j.rest(&convention)).collect(),
+    )
+    .map_err(|e| Problem::new("HIERARCHY", e.to_string()).hint("the offsets times the scale are too big"))?;
+    let mut asset = Asset {
+        name: source.name.clone(),
+        skeleton: Arc::new(skeleton),
+        origin: Origin {
+            format: "BVH".into(),
+            metres_per_unit: Some(scale),
+            up: if up_z { "+Z" } else { "+Y" }.into(),
+            ..Origin::default()
+        },
+        ..Asset::default()
+    };
+    if needs.geometry && options.bool("bones").unwrap_or(true) {
+        bones::add_bones(&mut asset);
+    }
+    if needs.clips
+        && let Some(clip) = motion::read(rest_of_file, &joints, &convention, stem(&source.name), &notes)?
+    {
+        asset.clips.push(Arc::new(clip));
+    }
+    asset.warnings = notes.into_warnings();
+    Ok(asset)
+}

@@ -1,0 +1,134 @@
+//! ASCII STL: `solid`, `facet normal`, `outer loop`, `vertex`, in any letter case and with any spaces.
+
+use crate::Solid;
+use choreo_import::text::{Lines, next_word, number, shown};
+use choreo_import::{Notes, Problem, Result};
+use glam::Vec3;
+
+/// Every solid is a node: bounds the memory of empty ones.
+const MAX_SOLIDS: usize = 65_536;
+
+/// Without `geometry` only the solids and their names.
+pub fn read(bytes: &[u8], geometry: bool, notes: &Notes) -> Result<Vec<Solid>> {
+    let mut reader = Reader { notes, solids: Vec::new(), open: false, facet: None };
+    let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    let mut last = 1;
+    for (line, text) in Lines::new(text) {
+        last = line;
+        let mut rest = text;
+        let Some(word) = next_word(&mut rest) else { continue };
+        let keyword = word.to_ascii_lowercase();
+        let named = matches!(keyword.as_slice(), b"solid" | b"endsolid");
+        if geometry || named {
+            reader.line(line, &keyword, rest)?;
+        }
+    }
+    let cut = "the file was cut off; export or copy it again";
+    if let Some(facet) = &reader.facet {
+        let what = format!("the file ends within the facet of line {}", facet.line);
+        return Err(Problem::new(format!("line {last}"), what).hint(cut));
+    }
+    if reader.solids.is_empty() {
+        return Err(Problem::new("line 1", "there is no solid").hint(cut));
+    }
+    if reader.open {
+        notes.warn(format!("line {last}"), "the last solid has no endsolid; the file may be cut off");
+    }
+    Ok(reader.solids)
+}
+
+struct Facet {
+    line: usize,
+    normal: Vec3,
+    corners: Vec<Vec3>,
+}
+
+struct Reader<'a> {
+    notes: &'a Notes,
+    solids: Vec<Solid>,
+    open: bool,
+    facet: Option<Facet>,
+}
+
+impl Reader<'_> {
+    fn line(&mut self, line: usize, keyword: &[u8], mut rest: &[u8]) -> Result<()> {
+        let problem = |what: String| Problem::new(format!("line {line}"), what);
+        match keyword {
+            b"vertex" => {
+                let corner = vector(&mut rest).map_err(&problem)?;
+                let Some(facet) = &mut self.facet else {
+                    return Err(problem("a vertex outside of a facet".into()));
+                };
+                facet.corners.push(corner);
+            }
+            b"facet" => {
+                if let Some(open) = &self.facet {
+                    return Err(problem(format!("a facet within the facet of line {}", open.line)));
+                }
+                if !self.open {
+                    return Err(problem("a facet outside of a solid".into()));
+                }
+                let _normal = next_word(&mut rest);
+                // Some programs write "nan" for triangles without area; what counts are the vertices.
+                let normal = vector(&mut rest).unwrap_or(Vec3::ZERO);
+                self.facet = Some(Facet { line, normal, corners: Vec::with_capacity(3) });
+            }
+            b"endfacet" => {
+                let Some(facet) = self.facet.take() else {
+                    return Err(problem("endfacet without a facet".into()));
+                };
+                self.end_facet(facet).map_err(problem)?;
+            }
+            b"solid" => {
+                if self.open {
+                    self.notes.warn(format!("line {line}"), "a solid begins before the last one has ended");
+                }
+                if self.solids.len() == MAX_SOLIDS {
+                    return Err(problem(format!("more than {MAX_SOLIDS} solids, which is the limit")));
+                }
+                let name = String::from_utf8_lossy(rest.trim_ascii()).into_owned();
+                self.solids.push(Solid { name, ..Solid::default() });
+                self.open = true;
+            }
+            b"endsolid" => self.open = false,
+            b"outer" | b"endloop" => {}
+            _ => {
+                let what = format!("\"{}\" is no word of STL", shown(keyword));
+                return Err(problem(what)
+                    .hint("lines begin with solid, facet, outer, vertex, endloop, endfacet or endsolid"));
+            }
+        }
+        Ok(())
+    }
+
+    fn end_facet(&mut self, facet: Facet) -> std::result::Result<(), String> {
+        let corners = facet.corners.as_slice();
+        if corners.len() < 3 {
+            return Err(format!("the facet of line {} has {} vertices, not 3", facet.line, corners.len()));
+        }
+        if corners.len() > 3 {
+            let text =
+                format!("the facet has {} vertices; it is cut into triangles from its first", corners.len());
+            self.notes.warn(format!("line {}", facet.line), text);
+        }
+        // A facet is only open within a solid.
+        let Some(solid) = self.solids.last_mut() else { return Err("a facet outside of a solid".into()) };
+        for pair in corners[1..].windows(2) {
+            solid.positions.extend([corners[0], pair[0], pair[1]]);
+            solid.normals.push(facet.normal);
+        }
+        Ok(())
+    }
+}
+
+fn vector(rest: &mut &[u8]) -> std::result::Result<Vec3, String> {
+    let mut values = [0.0f32; 3];
+    for value in &mut values {
+        let word = next_word(rest).ok_or("there should be three numbers")?;
+        *value = number(word)
+            .map(|v| v as f32)
+            .filter(|v| v.is_finite())
+            .ok_or_else(|| format!("\"{}\" is not a finite number", shown(word)))?;
+    }
+    Ok(Vec3::from(values))
+}

@@ -1,0 +1,183 @@
+//! Solids to nodes and meshes, in metres and +Y up.
+
+use crate::Solid;
+use choreo_import::text::stem;
+use choreo_import::{Notes, Problem, Result, smooth};
+use choreo_motion::{Skeleton, Transform};
+use choreo_plugin::{ImportOptions, Needs, Source};
+use choreo_stage::asset::{Asset, Material, Mesh, MeshInstance, Origin, Primitive};
+use glam::{DVec3, Vec3, Vec4};
+use std::sync::Arc;
+
+/// Greatest extent in units from which on millimetres are meant, as by programs for machine parts and printing: few
+/// things have 10 m, and few have 10 mm and are given in metres.
+const MILLIMETRES_FROM: f32 = 10.0;
+
+pub fn asset(
+    source: &Source,
+    solids: Vec<Solid>,
+    format: &str,
+    needs: Needs,
+    options: &ImportOptions,
+    notes: Notes,
+) -> Result<Asset> {
+    let up_z = options.text("up") != Some("y");
+    let scale = match options.number("scale").filter(|s| *s > 0.0) {
+        Some(scale) => scale,
+        None if needs.geometry => guess(&solids, &notes),
+        None => 1.0,
+    };
+    let file = stem(&source.name);
+    let named = |solid: &Solid, index: usize| match (solid.name.is_empty(), solids.len()) {
+        (false, _) => solid.name.clone(),
+        (true, 1) => file.to_string(),
+        (true, _) => format!("solid {index}"),
+    };
+    // One solid is the root itself; several hang on one.
+    let mut names: Vec<String> = Vec::with_capacity(solids.len() + 1);
+    let mut parents = Vec::with_capacity(solids.len() + 1);
+    if solids.len() > 1 {
+        names.push(file.to_string());
+        parents.push(None);
+    }
+    let first = names.len();
+    for (index, solid) in solids.iter().enumerate() {
+        names.push(named(solid, index));
+        parents.push((first > 0).then_some(0));
+    }
+    let rest = vec![Transform::IDENTITY; names.len()];
+    let mesh_names = names.split_off(0);
+    let skeleton =
+        Skeleton::new(mesh_names.clone(), parents, rest).map_err(|e| Problem::new("solid", e.to_string()))?;
+    let mut asset = Asset {
+        name: source.name.clone(),
+        skeleton: Arc::new(skeleton),
+        origin: Origin {
+            format: format.into(),
+            metres_per_unit: needs.geometry.then_some(scale),
+            up: if up_z { "+Z" } else { "+Y" }.into(),
+            ..Origin::default()
+        },
+        ..Asset::default()
+    };
+    let smooth = options.number("smooth").unwrap_or(0.0);
+    for (index, solid) in solids.into_iter().enumerate().filter(|_| needs.geometry) {
+        let joint = first + index;
+        if solid.positions.is_empty() {
+            notes.warn(format!("solid \"{}\"", mesh_names[joint]), "has no triangles");
+            continue;
+        }
+        let primitive = primitive(solid, &mesh_names[joint], scale, up_z, smooth, &notes)?;
+        asset.instances.push(MeshInstance {
+            joint: joint as u32,
+            mesh: asset.meshes.len() as u32,
+            skin: None,
+            weights: Vec::new(),
+        });
+        asset.meshes.push(Arc::new(Mesh {
+            name: mesh_names[joint].clone(),
+            primitives: vec![primitive],
+            ..Mesh::default()
+        }));
+    }
+    if !asset.meshes.is_empty() {
+        asset.materials.push(Material {
+            name: "facets".into(),
+            base_color: Vec4::new(0.6, 0.6, 0.6, 1.0),
+            metallic: 0.0,
+            roughness: 0.7,
+            // Many solids are wound both ways.
+            double_sided: true,
+            ..Material::default()
+        });
+        let colored = asset.meshes.iter().any(|m| m.primitives.iter().any(|p| !p.colors.is_empty()));
+        if colored {
+            asset.materials[0].base_color = Vec4::ONE;
+        }
+    }
+    asset.warnings = notes.into_warnings();
+    Ok(asset)
+}
+
+fn guess(solids: &[Solid], notes: &Notes) -> f64 {
+    let all = || solids.iter().flat_map(|s| &s.positions);
+    let min = all().fold(Vec3::INFINITY, |m, p| m.min(*p));
+    let size = all().fold(Vec3::NEG_INFINITY, |m, p| m.max(*p)) - min;
+    let size = size.max_element().max(0.0);
+    let (scale, name) = if size >= MILLIMETRES_FROM { (0.001, "1 mm") } else { (1.0, "1 m") };
+    notes.warn(
+        "solid",
+        format!("the format has no unit; the greatest extent is {size}, so a unit is taken as {name}; set it with the option scale (metres a unit)"),
+    );
+    scale
+}
+
+fn primitive(
+    solid: Solid,
+    name: &str,
+    scale: f64,
+    up_z: bool,
+    smooth_degrees: f64,
+    notes: &Notes,
+) -> Result<Primitive> {
+    // x stays, z goes up, y goes away from the viewer.
+    let turned = |v: Vec3| if up_z { Vec3::new(v.x, v.z, -v.y) } else { v };
+    let mut positions = solid.positions;
+    for p in &mut positions {
+        *p = (turned(*p).as_dvec3() * scale).as_vec3();
+    }
+    if positions.iter().any(|p| !p.is_finite()) {
+        let what = format!("is too big: its vertices times the scale of {scale} m are not finite");
+        return Err(Problem::new(format!("solid \"{name}\""), what));
+    }
+    let (mut against, mut without_area) = (0, 0);
+    let mut normals = Vec::with_capacity(positions.len());
+    for (corners, of_file) in positions.chunks_exact(3).zip(&solid.normals) {
+        let [a, b, c] = [corners[0], corners[1], corners[2]].map(|v| v.as_dvec3());
+        let of_file = turned(*of_file);
+        // The order of the vertices says where the outside is; the written normal often is zero or out of date.
+        let normal = match (b - a).cross(c - a).try_normalize() {
+            Some(n) => {
+                against += usize::from(n.dot(of_file.as_dvec3()) < -0.1);
+                n.as_vec3().normalize_or(Vec3::Y)
+            }
+            None => {
+                without_area += 1;
+                of_file.as_dvec3().normalize_or(DVec3::Y).as_vec3().normalize_or(Vec3::Y)
+            }
+        };
+        normals.extend([normal; 3]);
+    }
+    let place = || format!("solid \"{name}\"");
+    if against > 0 {
+        notes.warn(
+            place(),
+            format!(
+                "{against} of {} facets have a normal against the order of their vertices; the order counts",
+                normals.len() / 3
+            ),
+        );
+    }
+    if without_area > 0 {
+        notes.warn(place(), format!("{without_area} facets have no area"));
+    }
+    let colors = solid.colors.iter().flat_map(|c| [linear(*c); 3]).collect();
+    let mut out = Primitive {
+        indices: (0..positions.len() as u32).collect(),
+        positions,
+        normals,
+        colors,
+        material: Some(0),
+        ..Primitive::default()
+    };
+    if smooth_degrees > 0.0 {
+        smooth::normals(&mut out, smooth_degrees.to_radians(), None);
+    }
+    Ok(out)
+}
+
+/// sRGB bytes to linear.
+fn linear(rgb: [u8; 3]) -> Vec4 {
+    let [r, g, b] = rgb.map(|c| choreo_import::color::linear_from_srgb(f32::from(c) / 255.0));
+    Vec4::new(r, g, b, 1.0)
+}

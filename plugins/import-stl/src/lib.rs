@@ -1,0 +1,95 @@
+//! STL into an [`Asset`]. What it reads, limits and options: README.md.
+
+mod ascii;
+mod binary;
+mod build;
+
+use choreo_import::{Notes, Result};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_stage::Asset;
+use glam::Vec3;
+use std::sync::LazyLock;
+
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new("stl", env!("CARGO_PKG_VERSION"), "STL, binary and ASCII: triangles, solids, facet colours")
+        .extensions(["stl"])
+        .number("scale", "metres a unit of the file; 0 guesses by the size", 0.0, 0.0..=1e6)
+        .text("up", "the file's upward axis", "z", &["y", "z"])
+        .number("smooth", "degrees up to which an edge is smooth; 0 keeps the facets", 0.0, 0.0..=180.0)
+});
+
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StlImporter;
+
+/// What the bytes are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Encoding {
+    Ascii,
+    /// With the number of triangles that the header announces, for which the file has exactly the size.
+    Binary,
+    Unknown,
+}
+
+impl Encoding {
+    /// Many binary files begin with `solid` too: the size decides before the word does.
+    fn of(bytes: &[u8]) -> Encoding {
+        if binary::announced(bytes).is_some_and(|n| n > 0 && binary::size(n) == bytes.len() as u64) {
+            return Encoding::Binary;
+        }
+        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
+        let head = &text[..text.len().min(1024)];
+        let solid = head.get(..5).is_some_and(|w| w.eq_ignore_ascii_case(b"solid"));
+        match solid && !head.contains(&0) {
+            true => Encoding::Ascii,
+            false => Encoding::Unknown,
+        }
+    }
+}
+
+impl Importer for StlImporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    fn claim(&self, source: &Source) -> Claim {
+        let named = MANIFEST.has_extension(&source.extension());
+        match Encoding::of(&source.bytes) {
+            Encoding::Binary => Claim::Content(70),
+            Encoding::Ascii => Claim::Content(60),
+            Encoding::Unknown if named => Claim::Extension,
+            Encoding::Unknown => Claim::NotMine,
+        }
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        _: &dyn Files,
+        needs: Needs,
+        options: &ImportOptions,
+    ) -> std::result::Result<Asset, ImportError> {
+        import(source, needs, options).map_err(|p| p.in_file(&source.name))
+    }
+}
+
+/// Triangles as the file has them.
+#[derive(Clone, Debug, Default)]
+struct Solid {
+    name: String,
+    /// Three a triangle, in the file's units and axes.
+    positions: Vec<Vec3>,
+    /// The file's own, one a triangle; zero where it gives none.
+    normals: Vec<Vec3>,
+    /// sRGB, one a triangle, or none at all.
+    colors: Vec<[u8; 3]>,
+}
+
+fn import(source: &Source, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+    let notes = Notes::default();
+    let (solids, format) = match (needs.geometry, Encoding::of(&source.bytes)) {
+        (_, Encoding::Ascii) => (ascii::read(&source.bytes, needs.geometry, &notes)?, "ASCII STL"),
+        (false, _) => (vec![Solid::default()], "binary STL"),
+        (true, _) => (vec![binary::read(&source.bytes, &notes)?], "binary STL"),
+    };
+    build::asset(source, solids, format, needs, options, notes)
+}
