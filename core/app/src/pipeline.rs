@@ -59,7 +59,8 @@ impl Pipeline<'_> {
             Shared { stop: AtomicBool::new(false), failure: Mutex::new(None), spare: Mutex::new(Vec::new()) };
         let Pipeline { frames, plan, renderer, encoders, progress } = self;
         let (plan_to, plans) = sync_channel(PLANS_AHEAD);
-        let (frame_to, pictures) = sync_channel(encoders.len());
+        // From hand to hand: while the encoders work, one picture waits here and others are in flight.
+        let (frame_to, pictures) = sync_channel(0);
         let pictures = Mutex::new(pictures);
         std::thread::scope(|scope| {
             scope.spawn(|| make_plans(&shared, frames, plan, plan_to));

@@ -20,7 +20,10 @@ pub fn run(args: PoseArgs) -> Result<(), Failure> {
     }
     let registry = registry::registry();
     let scene = scene::open(&args.scene, &registry)?;
-    let snapshot = Evaluator::new(scene.stage.clone()).at(at).map_err(|e| Failure::input(e.to_string()))?;
+    let snapshot = Evaluator::new(scene.stage.clone())
+        .posing_hidden()
+        .at(at)
+        .map_err(|e| Failure::input(e.to_string()))?;
     if let Some(path) = &args.mesh {
         let part = Part::create(path)?;
         let mut out = part.writer()?;
@@ -109,7 +112,8 @@ fn pose_text(stage: &Stage, snapshot: &Snapshot) -> String {
 fn write_obj(stage: &Stage, snapshot: &Snapshot, out: &mut dyn Write) -> std::io::Result<()> {
     let mut first = 1;
     let mut first_normal = 1;
-    for (actor, state) in stage.actors.iter().zip(&snapshot.actors) {
+    // What is hidden has joints, but is not seen.
+    for (actor, state) in stage.actors.iter().zip(&snapshot.actors).filter(|(_, s)| s.visible) {
         for posed in posed_meshes(&actor.asset, state) {
             let asset: &Asset = &actor.asset;
             let mesh = &asset.meshes[asset.instances[posed.instance].mesh as usize];

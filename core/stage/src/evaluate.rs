@@ -64,6 +64,12 @@ impl Evaluator {
         evaluate(&self.stage, &self.framings, &mut self.scratch, time, snapshot)
     }
 
+    /// Hidden actors are posed too: for tools that look at joints and not at pictures. What is seen does not change by it.
+    pub fn posing_hidden(mut self) -> Evaluator {
+        self.scratch.pose_hidden = true;
+        self
+    }
+
     /// How many poses the last evaluation took.
     pub fn poses(&self) -> usize {
         self.scratch.poses
@@ -86,6 +92,7 @@ pub(crate) struct Scratch {
     aims: Vec<look_at::Aim>,
     turned: Vec<bool>,
     poses: usize,
+    pose_hidden: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -208,7 +215,8 @@ fn run_hooks(
     Ok(())
 }
 
-/// An invisible actor is posed only where something visible, the camera, a light or a look-at hangs on one of its joints.
+/// An invisible actor is posed only where something visible, the camera, a light or a look-at hangs on one of its joints,
+/// or where all are asked for.
 fn find_needs(
     stage: &Stage,
     scratch: &mut Scratch,
@@ -235,7 +243,7 @@ fn find_needs(
         Target::Joint { actor, .. } => Some((actor, true)),
     };
     for (index, state) in actors.iter().enumerate() {
-        if state.visible {
+        if state.visible || scratch.pose_hidden {
             want(work, index, true);
         }
     }

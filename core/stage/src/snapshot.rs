@@ -25,7 +25,7 @@ pub struct ActorState {
     pub visible: bool,
     pub world_from_model: DAffine3,
     /// One per joint of the asset's skeleton. Empty, like the weights, where the actor is invisible and nothing seen hangs on
-    /// its joints.
+    /// its joints, unless [`Evaluator::posing_hidden`](crate::Evaluator::posing_hidden) asks for them.
     pub model_from_joint: Vec<Affine3A>,
     /// One list per mesh instance of the asset; empty lists where the mesh has no morph targets.
     pub morph_weights: Vec<Vec<f32>>,

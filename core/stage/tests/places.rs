@@ -262,6 +262,10 @@ fn what_is_not_seen_is_not_posed() {
     let (count, snapshot) = poses(&stage);
     assert_eq!(count, 2);
     assert!(snapshot.actors[boris].model_from_joint.is_empty() && !snapshot.actors[boris].visible);
+    // Unless joints are asked for, not pictures.
+    let all = Evaluator::new(Arc::new(stage.clone())).posing_hidden().at(secs(0.5)).unwrap();
+    assert_eq!(all.actors[boris].model_from_joint.len(), stage.actors[boris].asset.skeleton.len());
+    assert!(!all.actors[boris].visible);
     // Hiding the carrier hides what is carried.
     stage.actors[anna].visible = false;
     let (count, snapshot) = poses(&stage);

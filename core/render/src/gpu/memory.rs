@@ -25,6 +25,25 @@ impl Buffer {
         usage: vk::BufferUsageFlags,
         location: MemoryLocation,
     ) -> Result<Buffer, RenderError> {
+        Buffer::with_scheme(gpu, name, size, usage, location, |_| AllocationScheme::GpuAllocatorManaged)
+    }
+
+    /// Host-visible, in memory of its own that goes back to the driver with the buffer: all meshes and textures pass through
+    /// once, and part of a larger block would stay theirs.
+    pub fn staging(gpu: &Context, size: u64) -> Result<Buffer, RenderError> {
+        let usage = vk::BufferUsageFlags::TRANSFER_SRC;
+        let scheme = AllocationScheme::DedicatedBuffer;
+        Buffer::with_scheme(gpu, "staging buffer", size, usage, MemoryLocation::CpuToGpu, scheme)
+    }
+
+    fn with_scheme(
+        gpu: &Context,
+        name: &str,
+        size: u64,
+        usage: vk::BufferUsageFlags,
+        location: MemoryLocation,
+        scheme: impl FnOnce(vk::Buffer) -> AllocationScheme,
+    ) -> Result<Buffer, RenderError> {
         let size = size.max(16);
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: the device is alive; the buffer is freed by `destroy`.
@@ -40,7 +59,7 @@ impl Buffer {
                 requirements,
                 location,
                 linear: true,
-                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+                allocation_scheme: scheme(raw),
             })
             .map_err(|e| allocation_error(name, e))
             .and_then(|a| {

@@ -4,7 +4,6 @@ use super::context::Context;
 use super::memory::{Buffer, range};
 use crate::RenderError;
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 
 #[derive(Default)]
 pub struct Uploads {
@@ -58,13 +57,7 @@ impl Uploads {
 
     /// Records the copies; the staging buffer must live until the commands have run.
     pub fn record(self, gpu: &Context, commands: vk::CommandBuffer) -> Result<Buffer, RenderError> {
-        let mut staging = Buffer::new(
-            gpu,
-            "staging buffer",
-            self.bytes.len() as u64,
-            vk::BufferUsageFlags::TRANSFER_SRC,
-            MemoryLocation::CpuToGpu,
-        )?;
+        let mut staging = Buffer::staging(gpu, self.bytes.len() as u64)?;
         staging.mapped_mut()[..self.bytes.len()].copy_from_slice(&self.bytes);
         let to_write: Vec<_> = self
             .images
