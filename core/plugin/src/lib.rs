@@ -9,7 +9,7 @@ pub mod suggest;
 pub mod yuv;
 
 pub use effect::Effect;
-pub use exporter::{ExportError, Exporter, Frame, FrameSink, VideoInfo};
+pub use exporter::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
 pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source,
 };

@@ -1,10 +1,12 @@
 //! Looping GIFs: 255 colours a frame by median cut, ordered dithering that does not crawl, and only what changed.
 
 mod palette;
+mod resume;
 
-use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo};
+use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, Mark, VideoInfo};
 use palette::Quantizer;
-use std::io::Write;
+use resume::{Gate, State};
+use std::io::{Read, Write};
 use std::sync::LazyLock;
 
 pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
@@ -42,25 +44,29 @@ impl Exporter for GifExporter {
     }
 
     fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
-        let (Ok(width), Ok(height)) = (u16::try_from(info.width), u16::try_from(info.height)) else {
-            return Err(ExportError::Format(format!(
-                "GIF: {}×{} is too large, at most 65535 each way",
-                info.width, info.height
-            )));
-        };
-        let number = |name, default| info.options.number(name).unwrap_or(default);
-        Ok(Box::new(GifSink {
-            output: Output::Waiting(out),
-            size: (width, height),
-            colors: number("colors", 255.0) as usize,
-            thresholds: thresholds(number("dither", 1.0)),
-            fps: (u64::from(info.fps.num), u64::from(info.fps.den)),
-            frames: 0,
-            quantizer: Quantizer::new(),
-            global_palette: true,
-            shown: Vec::new(),
-            indices: Vec::new(),
-        }))
+        Ok(Box::new(GifSink::new(info, out)?))
+    }
+
+    fn resume(
+        &self,
+        info: &VideoInfo,
+        states: &[Vec<u8>],
+        so_far: &mut dyn Read,
+        out: Box<dyn Write + Send>,
+    ) -> Result<Box<dyn FrameSink>, ExportError> {
+        let cut = || ExportError::Format("what is kept of the GIF is cut".into());
+        let state = states.last().and_then(|s| State::read(s)).ok_or_else(cut)?;
+        let (gate, opener) = Gate::shut(out);
+        let mut sink = GifSink::new(info, Box::new(gate))?;
+        sink.shown = resume::canvas(so_far, sink.size, state.frames).map_err(ExportError::Format)?;
+        // Writes the head, which is there already.
+        let encoder = sink.output.open(sink.size, &[0; 256 * 3], "")?;
+        encoder.get_mut().flush()?;
+        opener.open();
+        sink.frames = state.frames;
+        sink.global_palette = state.global_palette;
+        sink.quantizer.restore(state.palette, state.made_for);
+        Ok(Box::new(sink))
     }
 }
 
@@ -84,6 +90,34 @@ struct GifSink {
     /// Colours on the player's canvas.
     shown: Vec<[u8; 3]>,
     indices: Vec<u8>,
+    /// How it was made, for the comment.
+    comment: String,
+}
+
+impl GifSink {
+    fn new(info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<GifSink, ExportError> {
+        let (Ok(width), Ok(height)) = (u16::try_from(info.width), u16::try_from(info.height)) else {
+            return Err(ExportError::Format(format!(
+                "GIF: {}×{} is too large, at most 65535 each way",
+                info.width, info.height
+            )));
+        };
+        let number = |name, default| info.options.number(name).unwrap_or(default);
+        let made: Vec<String> = info.provenance.iter().map(|(k, v)| format!("{k}: {v}")).collect();
+        Ok(GifSink {
+            output: Output::Waiting(out),
+            size: (width, height),
+            colors: number("colors", 255.0) as usize,
+            thresholds: thresholds(number("dither", 1.0)),
+            fps: (u64::from(info.fps.num), u64::from(info.fps.den)),
+            frames: 0,
+            quantizer: Quantizer::new(),
+            global_palette: true,
+            shown: Vec::new(),
+            indices: Vec::new(),
+            comment: made.join("\n"),
+        })
+    }
 }
 
 impl FrameSink for GifSink {
@@ -148,29 +182,48 @@ impl FrameSink for GifSink {
             buffer: part.into(),
             ..gif::Frame::default()
         };
-        let encoder = self.output.open(self.size, &table)?;
+        let encoder = self.output.open(self.size, &table, &self.comment)?;
         encoder.write_frame(&picture).map_err(convert)
     }
 
-    fn finish(self: Box<Self>) -> Result<(), ExportError> {
+    fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError> {
         match self.output {
-            Output::Open(encoder) => Ok(encoder.into_inner().map_err(convert)?.flush()?),
+            Output::Open(encoder) => {
+                encoder.into_inner().map_err(convert)?.flush()?;
+                Ok(Vec::new())
+            }
             _ => Err(ExportError::Format("a GIF needs at least one picture, and there was none".into())),
         }
+    }
+
+    fn mark(&mut self) -> Mark<'_> {
+        let state = State {
+            frames: self.frames,
+            global_palette: self.global_palette,
+            made_for: self.quantizer.made_for(),
+            palette: self.quantizer.palette.clone(),
+        };
+        Mark::Settled(state.bytes())
     }
 }
 
 impl Output {
+    /// Writes the head where that was not yet done.
     fn open(
         &mut self,
         (width, height): (u16, u16),
         table: &[u8],
+        comment: &str,
     ) -> Result<&mut gif::Encoder<Box<dyn Write + Send>>, ExportError> {
         if let Output::Waiting(_) = self
             && let Output::Waiting(out) = std::mem::replace(self, Output::Failed)
         {
             let mut encoder = gif::Encoder::new(out, width, height, table).map_err(convert)?;
             encoder.set_repeat(gif::Repeat::Infinite).map_err(convert)?;
+            if !comment.is_empty() {
+                let kind = gif::AnyExtension::from(gif::Extension::Comment);
+                encoder.write_raw_extension(kind, &[comment.as_bytes()]).map_err(convert)?;
+            }
             *self = Output::Open(encoder);
         }
         match self {

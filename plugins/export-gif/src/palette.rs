@@ -29,6 +29,15 @@ fn key(c: [u8; 3]) -> usize {
     cut(c[0]) << (2 * BITS) | cut(c[1]) << BITS | cut(c[2])
 }
 
+/// The colour that stands for a cell.
+fn centre(key: usize) -> [u8; 3] {
+    [key >> (2 * BITS), key >> BITS, key].map(|bits| {
+        let top = (bits & ((1 << BITS) - 1)) as u8;
+        // Replicated into the low bits, so that 0 stays 0 and the largest cell is 255.
+        top << (8 - BITS) | top >> (2 * BITS - 8)
+    })
+}
+
 impl Quantizer {
     pub fn new() -> Quantizer {
         Quantizer {
@@ -40,6 +49,17 @@ impl Quantizer {
         }
     }
 
+    /// A palette made before, and its error then.
+    pub fn restore(&mut self, palette: Vec<[u8; 3]>, made_for: f64) {
+        (self.palette, self.made_for) = (palette, made_for);
+        self.nearest.fill(0);
+    }
+
+    /// Mean squared error of the palette on the frame that it was made for.
+    pub fn made_for(&self) -> f64 {
+        self.made_for
+    }
+
     /// Looks at a frame; true where a new palette was made, false where the last one is still good enough:
     /// an unchanged palette keeps still parts of the picture bit for bit still.
     pub fn look(&mut self, rgba: &[u8], colors: usize) -> bool {
@@ -48,15 +68,9 @@ impl Quantizer {
             self.counts[key([p[0], p[1], p[2]])] += 1;
         }
         self.cells.clear();
-        let centre = |bits: usize| {
-            let top = (bits & ((1 << BITS) - 1)) as u8;
-            // Replicated into the low bits, so that 0 stays 0 and the largest cell is 255.
-            top << (8 - BITS) | top >> (2 * BITS - 8)
-        };
         for (k, &count) in self.counts.iter().enumerate() {
             if count > 0 {
-                let color = [centre(k >> (2 * BITS)), centre(k >> BITS), centre(k)];
-                self.cells.push(Cell { color, count });
+                self.cells.push(Cell { color: centre(k), count });
             }
         }
         if !self.palette.is_empty() && self.error() <= 1.5 * self.made_for + 4.0 {
@@ -80,10 +94,12 @@ impl Quantizer {
         if total > 0.0 { sum / total } else { 0.0 }
     }
 
-    /// Index of the palette entry nearest to a colour; the palette must not be empty.
+    /// Index of the palette entry nearest to a colour's cell; the palette must not be empty. Of the cell and not of the
+    /// colour, so that it does not matter which of a cell's colours was asked for first.
     pub fn entry(&mut self, color: [u8; 3]) -> u8 {
         let k = key(color);
         if self.nearest[k] == 0 {
+            let color = centre(k);
             let best = (0..self.palette.len()).min_by_key(|&i| distance(self.palette[i], color)).unwrap_or(0);
             self.nearest[k] = best as u16 + 1;
         }

@@ -1,7 +1,7 @@
 //! Written by us, read by the `gif` crate's decoder and by ffmpeg.
 
 use choreo_motion::FrameRate;
-use choreo_plugin::{Exporter, Frame, VideoInfo};
+use choreo_plugin::{Exporter, Frame, Mark, VideoInfo};
 use export_gif::GifExporter;
 use std::io::Write;
 use std::sync::{Arc, Mutex};
@@ -175,4 +175,69 @@ fn sizes_and_emptiness_are_refused() {
     info.width = 4;
     let sink = GifExporter.begin(&info, Box::new(Vec::new())).unwrap();
     assert!(sink.finish().unwrap_err().to_string().contains("at least one picture"));
+}
+
+/// Makes a video with its program ended after `cut` frames: what is settled then, gone on with.
+fn resumed(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame], cut: usize) -> Option<Vec<u8>> {
+    let out = Shared::default();
+    let mut sink = exporter.begin(info, Box::new(out.clone())).unwrap();
+    let (mut states, mut settled, mut length, mut open) = (vec![], 0, 0, vec![]);
+    for (i, frame) in frames[..cut].iter().enumerate() {
+        sink.frame(frame).unwrap();
+        match sink.mark() {
+            Mark::Nothing => panic!("frame {i}: cannot be gone on with"),
+            Mark::Settled(state) => {
+                states.push(state);
+                (settled, length) = (i + 1, out.0.lock().unwrap().len());
+                open.clear();
+            }
+            Mark::Open(parts) => open.push(parts.concat()),
+        }
+    }
+    assert_eq!(settled + open.len(), cut);
+    if states.is_empty() {
+        return None;
+    }
+    // What it writes after the cut is lost.
+    let so_far = out.0.lock().unwrap()[..length].to_vec();
+    drop(sink);
+    let out = Shared::default();
+    out.0.lock().unwrap().extend_from_slice(&so_far);
+    let mut sink = exporter.resume(info, &states, &mut &so_far[..], Box::new(out.clone())).unwrap();
+    for kept in &open {
+        sink.again(kept).unwrap();
+    }
+    for frame in &frames[cut..] {
+        sink.frame(frame).unwrap();
+    }
+    let mut bytes = sink.finish().unwrap();
+    bytes.extend_from_slice(&out.0.lock().unwrap());
+    Some(bytes)
+}
+
+#[test]
+fn a_stopped_gif_goes_on_to_the_same_bytes() {
+    let frames = frames();
+    let mut info = VideoInfo {
+        width: W,
+        height: H,
+        fps: FrameRate { num: 30, den: 1 },
+        frames: frames.len() as u64,
+        provenance: vec![("made".into(), "a\nb".into())],
+        options: Default::default(),
+    };
+    let whole = resumed(&GifExporter, &info, &frames, frames.len()).unwrap();
+    assert!(whole.ends_with(b";"));
+    for cut in 1..frames.len() {
+        assert!(resumed(&GifExporter, &info, &frames, cut).unwrap() == whole, "after {cut} frames");
+    }
+    assert!(whole.windows(9).any(|w| w == b"made: a\nb"), "the comment tells how it was made");
+    // The comparison can fail: other frames give other bytes.
+    info.frames -= 1;
+    assert!(resumed(&GifExporter, &info, &frames[1..], 3).unwrap() != whole);
+    // What was kept and then damaged is an error.
+    for state in [vec![], vec![0; 17], vec![0; 19], vec![0xff; 17 + 3]] {
+        assert!(GifExporter.resume(&info, &[state], &mut &whole[..], Box::new(Vec::new())).is_err());
+    }
+    assert!(GifExporter.resume(&info, &[vec![1; 17 + 3]], &mut &b""[..], Box::new(Vec::new())).is_err());
 }

@@ -70,8 +70,8 @@ fn main() {
         for frame in &frames {
             sink.frame(frame).unwrap();
         }
-        sink.finish().unwrap();
-        let (secs, bytes) = ((cpu_secs() - start), *count.0.lock().unwrap() as f64);
+        let head = sink.finish().unwrap().len();
+        let (secs, bytes) = ((cpu_secs() - start), (head + *count.0.lock().unwrap()) as f64);
         let rate = bytes * 8.0 / (n / 30.0) / 1e6;
         println!(
             "quality {quality:3}: {:6.2} CPU ms a frame, {:7.0} kB, {rate:5.2} Mbit/s",

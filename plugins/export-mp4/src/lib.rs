@@ -3,7 +3,7 @@
 mod mux;
 
 use choreo_plugin::yuv::{Matrix, Yuv420};
-use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo};
+use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, Mark, VideoInfo};
 use mux::Muxer;
 use openh264::OpenH264API;
 use openh264::encoder::{
@@ -11,7 +11,7 @@ use openh264::encoder::{
     VuiConfig,
 };
 use openh264::formats::YUVSource;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::sync::LazyLock;
 
 pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
@@ -50,7 +50,92 @@ impl Exporter for Mp4Exporter {
         )]
     }
 
+    fn head_comes_last(&self) -> bool {
+        true
+    }
+
     fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
+        Ok(Box::new(Mp4Sink::new(info, out)?))
+    }
+
+    fn resume(
+        &self,
+        info: &VideoInfo,
+        states: &[Vec<u8>],
+        _: &mut dyn Read,
+        out: Box<dyn Write + Send>,
+    ) -> Result<Box<dyn FrameSink>, ExportError> {
+        let mut sink = Mp4Sink::new(info, out)?;
+        for state in states {
+            sink.muxer.add_state(state)?;
+        }
+        Ok(Box::new(sink))
+    }
+}
+
+/// What the encoder is made from, once a segment.
+struct Coding {
+    qp: u8,
+    /// Frames between pictures at which a player can start.
+    keyframes: u32,
+    fps: f32,
+}
+
+impl Coding {
+    fn encoder(&self) -> Result<Encoder, ExportError> {
+        let config = EncoderConfig::new()
+            .skip_frames(false)
+            // "Buffer based" with one allowed quantiser is constant quality: animation is clean, and flat
+            // backgrounds must not pump with a bit rate.
+            .rate_control_mode(RateControlMode::Bufferbased)
+            .qp(QpRange::new(self.qp, self.qp))
+            .adaptive_quantization(false)
+            // Both judge by camera noise: still backgrounds of renderings are exact already, and skipping what seems
+            // to stand still leaves trails behind slow limbs.
+            .background_detection(false)
+            .scene_change_detect(true)
+            .complexity(Complexity::Medium)
+            .bitrate(BitRate::from_bps(20_000_000))
+            .max_frame_rate(FrameRate::from_hz(self.fps))
+            .intra_frame_period(IntraFramePeriod::from_num_frames(self.keyframes))
+            // One slice, one thread: the same bytes on every machine.
+            .num_threads(1)
+            .vui(VuiConfig::bt709());
+        Encoder::with_api_config(OpenH264API::from_source(), config).map_err(convert)
+    }
+}
+
+/// Frames that one encoder makes. Its state cannot be stored, so each segment starts with a new one and depends on its
+/// own frames only: a render that was killed goes on from the last whole segment and the kept frames of the next. Whole
+/// numbers of key frame distances, so that these stay equal; not few frames, because of the start (and because two IDR
+/// pictures in a row must differ in `idr_pic_id`, H.264 §7.4.3, which counts from 0 in each); and as few as keep the
+/// frames of a segment within `KEPT_BYTES`, at the price of more key frames than asked for.
+fn segment(keyframes: u32, frame_bytes: u64) -> u32 {
+    const FEWEST: u32 = 24;
+    const KEPT_BYTES: u64 = 1 << 30;
+    let most = u32::try_from(KEPT_BYTES / frame_bytes.max(1)).unwrap_or(u32::MAX).max(FEWEST);
+    (FEWEST.div_ceil(keyframes) * keyframes).min(most)
+}
+
+fn padded(info: &VideoInfo) -> (u32, u32) {
+    (info.width.saturating_add(info.width & 1), info.height.saturating_add(info.height & 1))
+}
+
+struct Mp4Sink {
+    coding: Coding,
+    /// Made at the first frame of each segment.
+    encoder: Option<Encoder>,
+    /// Frames in a whole segment, and how many this one has.
+    segment: u32,
+    in_segment: u32,
+    muxer: Muxer,
+    out: Box<dyn Write + Send>,
+    size: (u32, u32),
+    yuv: Yuv420,
+}
+
+impl Mp4Sink {
+    fn new(info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Mp4Sink, ExportError> {
         let (width, height) = padded(info);
         let (long, short) = (width.max(height), width.min(height));
         // The encoder's own limits (H.264 level 5.2); it refuses less than one macroblock.
@@ -63,43 +148,47 @@ impl Exporter for Mp4Exporter {
         }
         let quality = info.options.number("quality").unwrap_or(DEFAULT_QUALITY);
         let keyframes = info.options.number("keyframes").unwrap_or(4.0) * info.fps.as_fps();
-        // Quantiser 42 … 10, H.264's logarithmic scale: 6 steps double the error.
-        let qp = (42.0 - 0.32 * quality.clamp(0.0, 100.0)).round() as u8;
-        let config = EncoderConfig::new()
-            .skip_frames(false)
-            // "Buffer based" with one allowed quantiser is constant quality: animation is clean, and flat
-            // backgrounds must not pump with a bit rate.
-            .rate_control_mode(RateControlMode::Bufferbased)
-            .qp(QpRange::new(qp, qp))
-            .adaptive_quantization(false)
-            // Both judge by camera noise: still backgrounds of renderings are exact already, and skipping what seems
-            // to stand still leaves trails behind slow limbs.
-            .background_detection(false)
-            .scene_change_detect(true)
-            .complexity(Complexity::Medium)
-            .bitrate(BitRate::from_bps(20_000_000))
-            .max_frame_rate(FrameRate::from_hz(info.fps.as_fps() as f32))
-            .intra_frame_period(IntraFramePeriod::from_num_frames(keyframes.clamp(1.0, 36_000.0) as u32))
-            // One slice, one thread: the same bytes on every machine.
-            .num_threads(1)
-            .vui(VuiConfig::bt709());
-        let encoder = Encoder::with_api_config(OpenH264API::from_source(), config).map_err(convert)?;
-        let muxer = Muxer::new(width as u16, height as u16, info.fps, info.provenance.clone());
-        let size = (info.width, info.height);
-        Ok(Box::new(Mp4Sink { encoder, muxer, out, size, yuv: Yuv420::default() }))
+        let coding = Coding {
+            // Quantiser 42 … 10, H.264's logarithmic scale: 6 steps double the error.
+            qp: (42.0 - 0.32 * quality.clamp(0.0, 100.0)).round() as u8,
+            keyframes: keyframes.clamp(1.0, 36_000.0) as u32,
+            fps: info.fps.as_fps() as f32,
+        };
+        Ok(Mp4Sink {
+            segment: segment(coding.keyframes, u64::from(width) * u64::from(height) * 3 / 2),
+            coding,
+            encoder: None,
+            in_segment: 0,
+            muxer: Muxer::new(width as u16, height as u16, info.fps, info.provenance.clone()),
+            out,
+            size: (info.width, info.height),
+            yuv: Yuv420::default(),
+        })
     }
-}
 
-fn padded(info: &VideoInfo) -> (u32, u32) {
-    (info.width.saturating_add(info.width & 1), info.height.saturating_add(info.height & 1))
-}
-
-struct Mp4Sink {
-    encoder: Encoder,
-    muxer: Muxer,
-    out: Box<dyn Write + Send>,
-    size: (u32, u32),
-    yuv: Yuv420,
+    /// The planes in `yuv`.
+    fn encode(&mut self) -> Result<(), ExportError> {
+        if self.in_segment == self.segment {
+            // The old one goes first, so that there are never two in memory.
+            self.encoder = None;
+            self.in_segment = 0;
+        }
+        let encoder = match &mut self.encoder {
+            Some(encoder) => encoder,
+            none => none.insert(self.coding.encoder()?),
+        };
+        self.in_segment += 1;
+        let stream = encoder.encode(&Planes(&self.yuv)).map_err(convert)?;
+        for layer in (0..stream.num_layers()).filter_map(|l| stream.layer(l)) {
+            for nal in (0..layer.nal_count()).filter_map(|n| layer.nal_unit(n)) {
+                self.muxer.nal(nal, &mut self.out)?;
+            }
+        }
+        match self.muxer.end_picture() {
+            true => Ok(()),
+            false => Err(ExportError::Format("the H.264 encoder dropped a frame".into())),
+        }
+    }
 }
 
 impl FrameSink for Mp4Sink {
@@ -114,20 +203,36 @@ impl FrameSink for Mp4Sink {
             )));
         }
         self.yuv.convert(&frame.rgba, width, height, Matrix::Bt709, true);
-        let stream = self.encoder.encode(&Planes(&self.yuv)).map_err(convert)?;
-        for layer in (0..stream.num_layers()).filter_map(|l| stream.layer(l)) {
-            for nal in (0..layer.nal_count()).filter_map(|n| layer.nal_unit(n)) {
-                self.muxer.nal(nal)?;
-            }
-        }
-        match self.muxer.end_picture() {
-            true => Ok(()),
-            false => Err(ExportError::Format("the H.264 encoder dropped a frame".into())),
-        }
+        self.encode()
     }
 
-    fn finish(mut self: Box<Self>) -> Result<(), ExportError> {
-        Ok(self.muxer.finish(&mut self.out)?)
+    fn finish(mut self: Box<Self>) -> Result<Vec<u8>, ExportError> {
+        self.out.flush()?;
+        Ok(self.muxer.head()?)
+    }
+
+    fn mark(&mut self) -> Mark<'_> {
+        if self.in_segment == self.segment {
+            return Mark::Settled(self.muxer.take_state());
+        }
+        Mark::Open([&self.yuv.y, &self.yuv.u, &self.yuv.v])
+    }
+
+    fn again(&mut self, kept: &[u8]) -> Result<(), ExportError> {
+        let (width, height) = (self.size.0 as usize, self.size.1 as usize);
+        let (width, height) = (width.next_multiple_of(2), height.next_multiple_of(2));
+        let (y, chroma) = kept.split_at(kept.len().min(width * height));
+        let (u, v) = chroma.split_at(chroma.len() / 2);
+        if y.len() != width * height || u.len() != y.len() / 4 || v.len() != u.len() {
+            let bytes = kept.len();
+            return Err(ExportError::Format(format!("a kept frame of {bytes} bytes is not {width}×{height}")));
+        }
+        (self.yuv.width, self.yuv.height) = (width, height);
+        for (plane, bytes) in [(&mut self.yuv.y, y), (&mut self.yuv.u, u), (&mut self.yuv.v, v)] {
+            plane.clear();
+            plane.extend_from_slice(bytes);
+        }
+        self.encode()
     }
 }
 

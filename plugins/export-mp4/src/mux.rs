@@ -1,20 +1,15 @@
 //! The MP4 container (ISO/IEC 14496-12, -14, -15) for one H.264 track, index first, so that players and browsers
 //! start at once. Written by us rather than by a crate: the track's clock is the frame rate's own ratio, so that NTSC
-//! rates are exact, frames wait in a spool instead of memory, and colours and provenance have their boxes.
+//! rates are exact, a video can be gone on with after its program was killed, and colours and provenance have their boxes.
 
 use choreo_motion::FrameRate;
-use std::io::{self, Read, Seek, SeekFrom, Write};
-use tempfile::SpooledTempFile;
-
-/// Encoded frames above this wait in an unnamed temporary file.
-const SPOOL_BYTES: usize = 16 << 20;
+use std::io::{self, Write};
 
 pub struct Muxer {
     width: u16,
     height: u16,
     fps: FrameRate,
     provenance: Vec<(String, String)>,
-    spool: SpooledTempFile,
     /// Bytes of the current picture, and whether a player can start at it.
     size: u32,
     key: bool,
@@ -23,28 +18,32 @@ pub struct Muxer {
     keys: Vec<u32>,
     sps: Vec<u8>,
     pps: Vec<u8>,
+    /// Frames that `take_state` has told of.
+    told: usize,
 }
+
+/// In a state, the bit of a picture's size that says that a player can start at it. A picture is far below 2 GiB.
+const KEY: u32 = 1 << 31;
 
 impl Muxer {
     pub fn new(width: u16, height: u16, fps: FrameRate, provenance: Vec<(String, String)>) -> Muxer {
-        let spool = SpooledTempFile::new(SPOOL_BYTES);
         Muxer {
             width,
             height,
             fps,
             provenance,
-            spool,
             size: 0,
             key: false,
             sizes: Vec::new(),
             keys: Vec::new(),
             sps: Vec::new(),
             pps: Vec::new(),
+            told: 0,
         }
     }
 
     /// One NAL unit of the current picture, with its Annex B start code. Parameter sets move to the index.
-    pub fn nal(&mut self, nal: &[u8]) -> io::Result<()> {
+    pub fn nal(&mut self, nal: &[u8], out: &mut dyn Write) -> io::Result<()> {
         let nal = nal.strip_prefix(&[0, 0, 0, 1]).or(nal.strip_prefix(&[0, 0, 1])).unwrap_or(nal);
         // nal_unit_type, H.264 table 7-1.
         match nal.first().map(|b| b & 31) {
@@ -60,8 +59,8 @@ impl Muxer {
             Some(5) => self.key = true,
             Some(_) => {}
         }
-        self.spool.write_all(&(nal.len() as u32).to_be_bytes())?;
-        self.spool.write_all(nal)?;
+        out.write_all(&(nal.len() as u32).to_be_bytes())?;
+        out.write_all(nal)?;
         self.size += 4 + nal.len() as u32;
         Ok(())
     }
@@ -76,7 +75,44 @@ impl Muxer {
         size > 0
     }
 
-    pub fn finish(mut self, out: &mut dyn Write) -> io::Result<()> {
+    /// What the index needs of the frames since the last call: the parameter sets, each with its length, and the sizes.
+    pub fn take_state(&mut self) -> Vec<u8> {
+        let mut state = Vec::new();
+        for set in [&self.sps, &self.pps] {
+            state.extend((set.len() as u32).to_le_bytes());
+            state.extend(set);
+        }
+        for (i, size) in self.sizes.iter().enumerate().skip(self.told) {
+            let key = self.keys.binary_search(&(i as u32 + 1)).is_ok();
+            state.extend((size | if key { KEY } else { 0 }).to_le_bytes());
+        }
+        self.told = self.sizes.len();
+        state
+    }
+
+    /// Takes back what `take_state` gave.
+    pub fn add_state(&mut self, state: &[u8]) -> io::Result<()> {
+        let cut = || io::Error::other("what is kept of the video's index is cut");
+        let mut rest = state;
+        for set in [&mut self.sps, &mut self.pps] {
+            let (length, more) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
+            let (bytes, more) = more.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or_else(cut)?;
+            *set = bytes.to_vec();
+            rest = more;
+        }
+        let (sizes, []) = rest.as_chunks::<4>() else { return Err(cut()) };
+        for size in sizes.iter().map(|s| u32::from_le_bytes(*s)) {
+            self.sizes.push(size & !KEY);
+            if size & KEY != 0 {
+                self.keys.push(self.sizes.len() as u32);
+            }
+        }
+        self.told = self.sizes.len();
+        Ok(())
+    }
+
+    /// All that stands before the pictures.
+    pub fn head(&self) -> io::Result<Vec<u8>> {
         if self.sizes.is_empty() || self.sps.len() < 4 || self.pps.is_empty() {
             return Err(io::Error::other("an MP4 needs at least one picture, and there was none"));
         }
@@ -86,23 +122,18 @@ impl Muxer {
         // The index holds the place of the data, and the place depends on the index's length, which does not
         // depend on the place.
         let length = self.moov(0).len() as u64;
-        let head = ftyp.len() as u64 + length + if large { 16 } else { 8 };
-        out.write_all(&ftyp)?;
-        out.write_all(&self.moov(head))?;
+        let data_at = ftyp.len() as u64 + length + if large { 16 } else { 8 };
+        let mut head = ftyp;
+        head.extend(self.moov(data_at));
         if large {
-            out.write_all(&1u32.to_be_bytes())?;
-            out.write_all(b"mdat")?;
-            out.write_all(&(data + 16).to_be_bytes())?;
+            head.extend(1u32.to_be_bytes());
+            head.extend(b"mdat");
+            head.extend((data + 16).to_be_bytes());
         } else {
-            out.write_all(&((data + 8) as u32).to_be_bytes())?;
-            out.write_all(b"mdat")?;
+            head.extend(((data + 8) as u32).to_be_bytes());
+            head.extend(b"mdat");
         }
-        self.spool.seek(SeekFrom::Start(0))?;
-        let copied = io::copy(&mut (&mut self.spool).take(data), out)?;
-        if copied != data {
-            return Err(io::Error::other("the temporary file was cut short"));
-        }
-        out.flush()
+        Ok(head)
     }
 
     fn moov(&self, data_at: u64) -> Vec<u8> {

@@ -1,7 +1,7 @@
 //! Written by us, read by ffprobe and ffmpeg.
 
 use choreo_motion::FrameRate;
-use choreo_plugin::{Exporter, Frame, OptionValue, VideoInfo};
+use choreo_plugin::{Exporter, Frame, Mark, OptionValue, VideoInfo};
 use export_mp4::Mp4Exporter;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -53,8 +53,9 @@ fn encode(info: &VideoInfo) -> Vec<u8> {
     for frame in 0..info.frames {
         sink.frame(&scene(info.width, info.height, frame as u32)).unwrap();
     }
-    sink.finish().unwrap();
-    out.0.lock().unwrap().clone()
+    let mut bytes = sink.finish().unwrap();
+    bytes.extend_from_slice(&out.0.lock().unwrap());
+    bytes
 }
 
 fn file(name: &str, bytes: &[u8]) -> PathBuf {
@@ -177,4 +178,114 @@ fn sizes_out_of_range_are_refused_and_odd_ones_announced() {
     assert!(Mp4Exporter.notes(&info(640, 480, (30, 1), 1)).is_empty());
     let sink = Mp4Exporter.begin(&info(64, 64, (30, 1), 1), Box::new(Vec::new())).unwrap();
     assert!(sink.finish().unwrap_err().to_string().contains("at least one picture"));
+}
+
+/// Makes a video with its program ended after `cut` frames: what is settled then, gone on with.
+fn resumed(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame], cut: usize) -> Option<Vec<u8>> {
+    let out = Shared::default();
+    let mut sink = exporter.begin(info, Box::new(out.clone())).unwrap();
+    let (mut states, mut settled, mut length, mut open) = (vec![], 0, 0, vec![]);
+    for (i, frame) in frames[..cut].iter().enumerate() {
+        sink.frame(frame).unwrap();
+        match sink.mark() {
+            Mark::Nothing => panic!("frame {i}: cannot be gone on with"),
+            Mark::Settled(state) => {
+                states.push(state);
+                (settled, length) = (i + 1, out.0.lock().unwrap().len());
+                open.clear();
+            }
+            Mark::Open(parts) => open.push(parts.concat()),
+        }
+    }
+    assert_eq!(settled + open.len(), cut);
+    if states.is_empty() {
+        return None;
+    }
+    // What it writes after the cut is lost.
+    let so_far = out.0.lock().unwrap()[..length].to_vec();
+    drop(sink);
+    let out = Shared::default();
+    out.0.lock().unwrap().extend_from_slice(&so_far);
+    let mut sink = exporter.resume(info, &states, &mut &so_far[..], Box::new(out.clone())).unwrap();
+    for kept in &open {
+        sink.again(kept).unwrap();
+    }
+    for frame in &frames[cut..] {
+        sink.frame(frame).unwrap();
+    }
+    let mut bytes = sink.finish().unwrap();
+    bytes.extend_from_slice(&out.0.lock().unwrap());
+    Some(bytes)
+}
+
+/// In the middle of a segment, at its ends, in the first one.
+#[test]
+fn a_stopped_video_goes_on_to_the_same_bytes() {
+    let mut info = info(96, 64, (30, 1), 60);
+    info.options.0.insert("keyframes".into(), OptionValue::Number(0.4));
+    // Segments of 24 frames, key frames at every 12th and where the scene changes.
+    let frames: Vec<Frame> = (0..60).map(|f| scene(96, 64, if f < 31 { f % 14 } else { 2 * f % 9 })).collect();
+    let whole = encode_frames(&info, &frames);
+    assert_eq!(resumed(&Mp4Exporter, &info, &frames, 23), None);
+    for cut in [24, 25, 30, 31, 36, 47, 48, 49, 59, 60] {
+        assert!(resumed(&Mp4Exporter, &info, &frames, cut).unwrap() == whole, "after {cut} frames");
+    }
+    // The comparison can fail.
+    let mut other = frames.clone();
+    other.swap(40, 41);
+    assert!(resumed(&Mp4Exporter, &info, &other, 41).unwrap() != whole);
+    // Every state cut short is an error or, cut between two frames, another video; never a panic.
+    let mut sink = Mp4Exporter.begin(&info, Box::new(Vec::new())).unwrap();
+    let mut state = Vec::new();
+    for frame in &frames[..24] {
+        sink.frame(frame).unwrap();
+        if let Mark::Settled(s) = sink.mark() {
+            state = s;
+        }
+    }
+    for cut in 0..state.len() {
+        let cut = vec![state[..cut].to_vec()];
+        if let Ok(sink) = Mp4Exporter.resume(&info, &cut, &mut &b""[..], Box::new(Vec::new())) {
+            let _ = sink.finish();
+        }
+    }
+    let mut sink = Mp4Exporter.begin(&info, Box::new(Vec::new())).unwrap();
+    assert_eq!(sink.again(&[0; 77]).unwrap_err().to_string(), "a kept frame of 77 bytes is not 96×64");
+}
+
+fn encode_frames(info: &VideoInfo, frames: &[Frame]) -> Vec<u8> {
+    let out = Shared::default();
+    let mut sink = Mp4Exporter.begin(info, Box::new(out.clone())).unwrap();
+    frames.iter().for_each(|frame| sink.frame(frame).unwrap());
+    let mut bytes = sink.finish().unwrap();
+    bytes.extend_from_slice(&out.0.lock().unwrap());
+    bytes
+}
+
+/// Several encoders, one after the other, in one file: a decoder shows every frame without a complaint.
+#[test]
+fn segments_join_without_a_seam() {
+    let mut info = info(160, 96, (30, 1), 60);
+    info.options.0.insert("keyframes".into(), OptionValue::Number(0.0));
+    for keyframes in [0.0, 0.4, 1.0] {
+        info.options.0.insert("keyframes".into(), OptionValue::Number(keyframes));
+        let frames: Vec<Frame> = (0..60).map(|f| scene(160, 96, f)).collect();
+        let path = file(&format!("seam{keyframes}"), &encode_frames(&info, &frames));
+        let Some(text) = ffprobe(&path, "stream=nb_read_frames") else { return };
+        assert_eq!(text.trim(), "nb_read_frames=60");
+        let keys = Command::new("ffprobe")
+            .args(["-v", "error", "-show_entries", "packet=flags", "-of", "csv=p=0"])
+            .arg(&path)
+            .output()
+            .unwrap();
+        let keys: Vec<usize> = String::from_utf8_lossy(&keys.stdout)
+            .lines()
+            .enumerate()
+            .filter(|(_, l)| l.starts_with('K'))
+            .map(|(i, _)| i)
+            .collect();
+        let every = ((keyframes * 30.0) as usize).max(1);
+        assert_eq!(keys, (0..60).step_by(every).collect::<Vec<_>>(), "every {keyframes} s");
+        std::fs::remove_file(path).unwrap();
+    }
 }

@@ -82,9 +82,9 @@ impl FrameSink for PngSink {
         writer.finish().map_err(convert)
     }
 
-    fn finish(self: Box<Self>) -> Result<(), ExportError> {
+    fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError> {
         match self.out {
-            None => Ok(()),
+            None => Ok(Vec::new()),
             Some(_) => Err(ExportError::Format("a PNG needs one picture, and there was none".into())),
         }
     }

@@ -1,8 +1,8 @@
 //! Uncompressed YUV4MPEG2: the format that video tools read from a pipe.
 
 use choreo_plugin::yuv::{Matrix, Yuv420};
-use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo};
-use std::io::Write;
+use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, Mark, VideoInfo};
+use std::io::{Read, Write};
 use std::sync::LazyLock;
 
 pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
@@ -37,20 +37,29 @@ impl Exporter for Y4mExporter {
         info: &VideoInfo,
         mut out: Box<dyn Write + Send>,
     ) -> Result<Box<dyn FrameSink>, ExportError> {
-        // C420mpeg2: chroma sited left, as `yuv` writes it. XCOLORRANGE is what ffmpeg reads; others skip X tags.
-        writeln!(
-            out,
-            "YUV4MPEG2 W{} H{} F{}:{} Ip A1:1 C420mpeg2 XYSCSS=420MPEG2 XCOLORRANGE=LIMITED",
+        let mut header = format!(
+            // C420mpeg2: chroma sited left, as `yuv` writes it. XCOLORRANGE is what ffmpeg reads; others skip X tags.
+            "YUV4MPEG2 W{} H{} F{}:{} Ip A1:1 C420mpeg2 XCOLORRANGE=LIMITED",
             info.width, info.height, info.fps.num, info.fps.den
-        )?;
-        let matrix = match info.options.text("matrix") {
-            Some("bt601") => Matrix::Bt601,
-            Some("bt709") => Matrix::Bt709,
-            _ if info.width >= 1280 || info.height >= 720 => Matrix::Bt709,
-            _ => Matrix::Bt601,
-        };
-        let size = (info.width, info.height);
-        Ok(Box::new(Y4mSink { out, size, matrix, yuv: Yuv420::default() }))
+        );
+        // The format's only place for words, and ffmpeg gives up where the line has more than 95 bytes: not how the
+        // video was made, but the number that stands for it.
+        if let Some((_, id)) = info.provenance.iter().find(|(keyword, _)| keyword == "choreo:id") {
+            let tag = format!(" XCHOREO={id}");
+            header.extend(tag.chars().filter(|c| c.is_ascii_graphic() || *c == ' ').take(95 - header.len().min(95)));
+        }
+        writeln!(out, "{header}")?;
+        Ok(Box::new(Y4mSink::new(info, out)))
+    }
+
+    fn resume(
+        &self,
+        info: &VideoInfo,
+        _: &[Vec<u8>],
+        _: &mut dyn Read,
+        out: Box<dyn Write + Send>,
+    ) -> Result<Box<dyn FrameSink>, ExportError> {
+        Ok(Box::new(Y4mSink::new(info, out)))
     }
 }
 
@@ -59,6 +68,18 @@ struct Y4mSink {
     size: (u32, u32),
     matrix: Matrix,
     yuv: Yuv420,
+}
+
+impl Y4mSink {
+    fn new(info: &VideoInfo, out: Box<dyn Write + Send>) -> Y4mSink {
+        let matrix = match info.options.text("matrix") {
+            Some("bt601") => Matrix::Bt601,
+            Some("bt709") => Matrix::Bt709,
+            _ if info.width >= 1280 || info.height >= 720 => Matrix::Bt709,
+            _ => Matrix::Bt601,
+        };
+        Y4mSink { out, size: (info.width, info.height), matrix, yuv: Yuv420::default() }
+    }
 }
 
 impl FrameSink for Y4mSink {
@@ -80,7 +101,13 @@ impl FrameSink for Y4mSink {
         Ok(())
     }
 
-    fn finish(mut self: Box<Self>) -> Result<(), ExportError> {
-        Ok(self.out.flush()?)
+    fn finish(mut self: Box<Self>) -> Result<Vec<u8>, ExportError> {
+        self.out.flush()?;
+        Ok(Vec::new())
+    }
+
+    /// Nothing but what is written: each frame stands alone.
+    fn mark(&mut self) -> Mark<'_> {
+        Mark::Settled(Vec::new())
     }
 }

@@ -1,7 +1,7 @@
 //! Written by us, read by ffmpeg.
 
 use choreo_motion::FrameRate;
-use choreo_plugin::{Exporter, Frame, VideoInfo};
+use choreo_plugin::{Exporter, Frame, Mark, VideoInfo};
 use export_y4m::Y4mExporter;
 use std::io::Write;
 use std::process::{Command, Stdio};
@@ -106,4 +106,66 @@ fn a_frame_of_another_size_is_refused() {
     let mut sink = Y4mExporter.begin(&info(4, 4), Box::new(Vec::new())).unwrap();
     let error = sink.frame(&bars(4, 5, 0)).unwrap_err().to_string();
     assert_eq!(error, "a frame of 4×5 (80 bytes) in a video of 4×4");
+}
+
+/// Makes a video with its program ended after `cut` frames: what is settled then, gone on with.
+fn resumed(exporter: &dyn Exporter, info: &VideoInfo, frames: &[Frame], cut: usize) -> Option<Vec<u8>> {
+    let out = Shared::default();
+    let mut sink = exporter.begin(info, Box::new(out.clone())).unwrap();
+    let (mut states, mut settled, mut length, mut open) = (vec![], 0, 0, vec![]);
+    for (i, frame) in frames[..cut].iter().enumerate() {
+        sink.frame(frame).unwrap();
+        match sink.mark() {
+            Mark::Nothing => panic!("frame {i}: cannot be gone on with"),
+            Mark::Settled(state) => {
+                states.push(state);
+                (settled, length) = (i + 1, out.0.lock().unwrap().len());
+                open.clear();
+            }
+            Mark::Open(parts) => open.push(parts.concat()),
+        }
+    }
+    assert_eq!(settled + open.len(), cut);
+    if states.is_empty() {
+        return None;
+    }
+    // What it writes after the cut is lost.
+    let so_far = out.0.lock().unwrap()[..length].to_vec();
+    drop(sink);
+    let out = Shared::default();
+    out.0.lock().unwrap().extend_from_slice(&so_far);
+    let mut sink = exporter.resume(info, &states, &mut &so_far[..], Box::new(out.clone())).unwrap();
+    for kept in &open {
+        sink.again(kept).unwrap();
+    }
+    for frame in &frames[cut..] {
+        sink.frame(frame).unwrap();
+    }
+    let mut bytes = sink.finish().unwrap();
+    bytes.extend_from_slice(&out.0.lock().unwrap());
+    Some(bytes)
+}
+
+#[test]
+fn a_stopped_stream_goes_on_to_the_same_bytes() {
+    let frames: Vec<Frame> = (0..3).map(|f| bars(65, 33, f)).collect();
+    let whole = encode(65, 33);
+    for cut in 1..=3 {
+        assert!(resumed(&Y4mExporter, &info(65, 33), &frames, cut).unwrap() == whole, "after {cut}");
+    }
+}
+
+/// ffmpeg reads at most 95 bytes of header, so of a long identification as much as fits.
+#[test]
+fn the_header_names_how_it_was_made_and_stays_short() {
+    let mut info = info(16384, 16384);
+    info.provenance = vec![("a".into(), "b".into()), ("choreo:id".into(), "0123456789abcdef".into())];
+    for (size, id) in [(64, "0123456789abcdef"), (16384, "0123456789abc")] {
+        (info.width, info.height) = (size, size);
+        let out = Shared::default();
+        drop(Y4mExporter.begin(&info, Box::new(out.clone())).unwrap());
+        let header = String::from_utf8(out.0.lock().unwrap().clone()).unwrap();
+        assert!(header.ends_with(&format!(" XCHOREO={id}\n")), "{header}");
+        assert!(header.len() <= 96, "{header}");
+    }
 }
