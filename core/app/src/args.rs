@@ -13,7 +13,8 @@ Exit codes:
   130  interrupted (Ctrl-C or SIGTERM)
   141  the reader of standard output has gone
 
-A result appears whole or not at all: files are written beside their place as NAME.part and renamed when complete.";
+A result appears whole or not at all: files are written beside their place as NAME.part and renamed when complete.
+A render that was killed goes on with --resume.";
 
 /// Turns a script and a folder of ready-made characters and clips into an animated scene.
 #[derive(Parser, Debug)]
@@ -101,6 +102,9 @@ pub struct RenderArgs {
     /// An option of the output format (see `choreo plugins`); repeatable
     #[arg(long = "export", value_name = "NAME=VALUE")]
     pub export: Vec<String>,
+    /// Go on where an earlier render of the same was stopped: finished frames are not drawn again
+    #[arg(long)]
+    pub resume: bool,
     /// Threads at most (default: one for each core)
     #[arg(long, value_name = "N")]
     pub jobs: Option<String>,

@@ -2,7 +2,7 @@
 
 use crate::args::InfoArgs;
 use crate::failure::{Failure, print, print_json};
-use crate::{model, provenance, registry, scene};
+use crate::{media, model, registry, scene};
 use choreo_plugin::{Registry, Source};
 use choreo_script::Limits;
 use choreo_stage::{Asset, LightKind, Origin, Projection};
@@ -20,7 +20,7 @@ pub fn run(args: InfoArgs) -> Result<(), Failure> {
         )));
     }
     let head = model::head(&args.file)?;
-    if let Some(media) = provenance::read(&head) {
+    if let Some(media) = media::read(&head) {
         return print_media(&args, &media);
     }
     let asset = model::import(&args.file, &[], &args.import, &registry, &Limits::default())?;
@@ -38,7 +38,7 @@ fn importer(args: &InfoArgs, registry: &Registry, head: Vec<u8>) -> (String, Str
     found.map(|i| (i.manifest().name.to_string(), i.manifest().about.to_string())).unwrap_or_default()
 }
 
-fn print_media(args: &InfoArgs, media: &provenance::Media) -> Result<(), Failure> {
+fn print_media(args: &InfoArgs, media: &media::Media) -> Result<(), Failure> {
     if args.json {
         let made: serde_json::Map<String, Value> =
             media.provenance.iter().map(|(k, v)| (k.clone(), v.clone().into())).collect();

@@ -1,6 +1,6 @@
 //! Ctrl-C, SIGTERM and SIGHUP: the render stops between two frames, part files are removed, the exit code is 130.
 
-use crate::{failure::Failure, output};
+use crate::{failure::Failure, part};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -19,7 +19,7 @@ pub fn install() {
         while WATCHED.load(Ordering::SeqCst) && start.elapsed() < PATIENCE {
             std::thread::sleep(Duration::from_millis(20));
         }
-        output::remove_parts();
+        part::remove_parts();
         eprintln!("interrupted");
         std::process::exit(i32::from(Failure::Interrupted.code()));
     });

@@ -3,12 +3,17 @@
 mod args;
 mod check;
 mod device;
+mod draw;
 mod explain;
 mod failure;
 mod info;
 mod interrupt;
+mod journal;
+mod media;
 mod model;
 mod output;
+mod part;
+mod pictures;
 mod pipeline;
 mod pose;
 mod progress;
@@ -17,6 +22,8 @@ mod ranges;
 mod registry;
 mod render;
 mod scene;
+mod summary;
+mod video;
 
 use args::{Cli, Command};
 use clap::Parser;

@@ -85,6 +85,17 @@ pub fn import(
     registry: &Registry,
     limits: &Limits,
 ) -> Result<Arc<Asset>, Failure> {
+    import_with_hash(path, search, args, registry, limits).map(|(asset, _)| asset)
+}
+
+/// With a hash of all files read, wherever they lie.
+pub fn import_with_hash(
+    path: &Path,
+    search: &[PathBuf],
+    args: &ImportArgs,
+    registry: &Registry,
+    limits: &Limits,
+) -> Result<(Arc<Asset>, [u8; 32]), Failure> {
     must_be_file(path)?;
     let mut choice = ImportChoice { importer: args.importer.clone(), ..ImportChoice::default() };
     for text in &args.import {
@@ -107,7 +118,10 @@ pub fn import(
     };
     let base = if is_built_in(path) { Path::new("choreo.rhai") } else { path };
     let loader = Loader::for_file(base, search, registry, Needs::ALL, limits.file).map_err(problem)?;
-    loader.load(name, &choice).map_err(problem)
+    let asset = loader.load(name, &choice).map_err(problem)?;
+    let mut files: Vec<[u8; 32]> = loader.used().into_values().collect();
+    files.sort_unstable();
+    Ok((asset, *blake3::hash(files.as_flattened()).as_bytes()))
 }
 
 /// The asset alone on stage, framed and lit by the stage's defaults, playing one clip once through.

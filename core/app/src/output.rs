@@ -1,29 +1,10 @@
-//! Where results go: one file, a numbered set, or standard output. Files appear whole or not at all: each is written
-//! beside its place as `NAME.PID.part` and renamed when complete; part files are removed on errors and signals.
+//! Where results go: one file, a numbered set, or standard output.
 
 use crate::failure::{Failure, output_error, reason};
 use choreo_plugin::{ExportError, Exporter, Registry};
-use std::collections::BTreeSet;
-use std::fs::File;
-use std::io::{BufWriter, IsTerminal, Write};
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
-
-/// Part files that exist now. Locked while one is made, renamed or removed, and for ever by `remove_parts`.
-static PARTS: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
-
-fn parts() -> std::sync::MutexGuard<'static, BTreeSet<PathBuf>> {
-    PARTS.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Removes every part file and keeps others from making or finishing more; the program ends next.
-pub fn remove_parts() {
-    let parts = parts();
-    for part in parts.iter() {
-        let _ = std::fs::remove_file(part);
-    }
-    std::mem::forget(parts);
-}
+use std::sync::Arc;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Target {
@@ -110,7 +91,7 @@ impl Target {
         Ok(exporter)
     }
 
-    /// Everything that can be found before the first frame: missing folders (made for numbered sets), no permission.
+    /// Everything that can be found before the first frame: missing folders (made for numbered sets).
     /// Gives the folders made, innermost last.
     pub fn prepare(&self) -> Result<Vec<PathBuf>, Failure> {
         match self {
@@ -142,8 +123,6 @@ impl Target {
                     std::fs::create_dir_all(folder)
                         .map_err(|e| Failure::Output(format!("{}: cannot make the folder: {}", folder.display(), reason(&e))))?;
                 }
-                // Opened and removed again: tells now whether files can be made here.
-                drop(Part::create(&self.file(0))?);
                 Ok(made)
             }
         }
@@ -157,71 +136,6 @@ impl Target {
             Target::Numbered { folder, before, digits, after } => {
                 folder.join(format!("{before}{frame:0digits$}{after}"))
             }
-        }
-    }
-}
-
-/// A file on its way to its place.
-#[derive(Debug)]
-pub struct Part {
-    /// Where it is written; `None` where the place is no plain file (a pipe or device) and is written directly.
-    part: Option<PathBuf>,
-    place: PathBuf,
-    shown: String,
-    file: File,
-}
-
-impl Part {
-    pub fn create(place: &Path) -> Result<Part, Failure> {
-        let shown = place.display().to_string();
-        let failed = |e: std::io::Error| output_error(&shown, &e);
-        // A link's own target is replaced, not the link.
-        let place = std::fs::canonicalize(place).unwrap_or_else(|_| place.to_path_buf());
-        if let Ok(there) = std::fs::metadata(&place) {
-            if there.is_dir() {
-                return Err(Failure::Output(format!("{shown}: cannot write: it is a folder")));
-            }
-            if !there.is_file() {
-                let file = File::options().write(true).open(&place).map_err(failed)?;
-                return Ok(Part { part: None, place, shown, file });
-            }
-            if there.permissions().readonly() {
-                return Err(Failure::Output(format!("{shown}: cannot write: the file there is read-only")));
-            }
-        }
-        let mut name = place.file_name().unwrap_or_default().to_os_string();
-        name.push(format!(".{}.part", std::process::id()));
-        let part = place.with_file_name(name);
-        let mut parts = parts();
-        let file = File::create(&part).map_err(failed)?;
-        parts.insert(part.clone());
-        Ok(Part { part: Some(part), place, shown, file })
-    }
-
-    pub fn writer(&self) -> Result<Box<dyn Write + Send>, Failure> {
-        let file = self.file.try_clone().map_err(|e| output_error(&self.shown, &e))?;
-        Ok(Box::new(BufWriter::with_capacity(1 << 16, file)))
-    }
-
-    /// Moves the finished file to its place.
-    pub fn commit(mut self) -> Result<(), Failure> {
-        let Some(part) = self.part.take() else { return Ok(()) };
-        let mut parts = parts();
-        let renamed = std::fs::rename(&part, &self.place);
-        if renamed.is_err() {
-            let _ = std::fs::remove_file(&part);
-        }
-        parts.remove(&part);
-        renamed.map_err(|e| output_error(&self.shown, &e))
-    }
-}
-
-impl Drop for Part {
-    fn drop(&mut self) {
-        if let Some(part) = self.part.take() {
-            let mut parts = parts();
-            let _ = std::fs::remove_file(&part);
-            parts.remove(&part);
         }
     }
 }

@@ -8,7 +8,7 @@ use choreo_motion::Time;
 use choreo_plugin::Frame;
 use choreo_render::{Plan, RenderError, Renderer};
 use std::collections::VecDeque;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::sync::{Mutex, PoisonError};
 
@@ -18,7 +18,8 @@ const PLANS_AHEAD: usize = 2;
 /// From a time to what is drawn then.
 pub type PlanAt<'a> = Box<dyn FnMut(Time) -> Result<Plan, Failure> + Send + 'a>;
 
-pub type Encode<'a> = Box<dyn FnMut(i64, &Frame) -> Result<(), Failure> + Send + 'a>;
+/// Takes a finished frame with its number and time.
+pub type Encode<'a> = Box<dyn FnMut((i64, Time), &Frame) -> Result<(), Failure> + Send + 'a>;
 
 pub struct Pipeline<'a> {
     /// Frame number and time, in the order wanted.
@@ -37,6 +38,8 @@ struct Shared {
     failure: Mutex<Option<(i64, Failure)>>,
     /// Pictures whose buffers can be drawn into again.
     spare: Mutex<Vec<Frame>>,
+    /// Frames that came from the renderer.
+    drawn: AtomicU64,
 }
 
 impl Shared {
@@ -54,9 +57,14 @@ impl Shared {
 }
 
 impl Pipeline<'_> {
-    pub fn run(self) -> Result<(), Failure> {
-        let shared =
-            Shared { stop: AtomicBool::new(false), failure: Mutex::new(None), spare: Mutex::new(Vec::new()) };
+    /// Gives how many frames were drawn.
+    pub fn run(self) -> Result<u64, Failure> {
+        let shared = Shared {
+            stop: AtomicBool::new(false),
+            failure: Mutex::new(None),
+            spare: Mutex::new(Vec::new()),
+            drawn: AtomicU64::new(0),
+        };
         let Pipeline { frames, plan, renderer, encoders, progress } = self;
         let (plan_to, plans) = sync_channel(PLANS_AHEAD);
         // From hand to hand: while the encoders work, one picture waits here and others are in flight.
@@ -73,18 +81,23 @@ impl Pipeline<'_> {
             return Err(Failure::Interrupted);
         }
         let failure = shared.failure.into_inner().unwrap_or_else(PoisonError::into_inner);
-        failure.map_or(Ok(()), |(_, failure)| Err(failure))
+        failure.map_or(Ok(shared.drawn.into_inner()), |(_, failure)| Err(failure))
     }
 }
 
-fn make_plans(shared: &Shared, frames: Vec<(i64, Time)>, mut plan: PlanAt<'_>, to: SyncSender<(i64, Plan)>) {
+fn make_plans(
+    shared: &Shared,
+    frames: Vec<(i64, Time)>,
+    mut plan: PlanAt<'_>,
+    to: SyncSender<((i64, Time), Plan)>,
+) {
     for (frame, time) in frames {
         if shared.stopped() {
             return;
         }
         match plan(time) {
             Ok(plan) => {
-                if to.send((frame, plan)).is_err() {
+                if to.send(((frame, time), plan)).is_err() {
                     return;
                 }
             }
@@ -96,8 +109,8 @@ fn make_plans(shared: &Shared, frames: Vec<(i64, Time)>, mut plan: PlanAt<'_>, t
 fn draw(
     shared: &Shared,
     renderer: &mut dyn Renderer,
-    plans: Receiver<(i64, Plan)>,
-    to: SyncSender<(i64, Frame)>,
+    plans: Receiver<((i64, Time), Plan)>,
+    to: SyncSender<((i64, Time), Frame)>,
 ) {
     let depth = renderer.frames_in_flight().max(1);
     let mut flying = VecDeque::with_capacity(depth);
@@ -112,7 +125,7 @@ fn draw(
             match next {
                 Ok((frame, plan)) => match renderer.submit(plan) {
                     Ok(()) => flying.push_back(frame),
-                    Err(error) => return shared.fail(frame, render_failure(error)),
+                    Err(error) => return shared.fail(frame.0, render_failure(error)),
                 },
                 Err(TryRecvError::Empty) => break,
                 Err(TryRecvError::Disconnected) => more = false,
@@ -122,11 +135,12 @@ fn draw(
             let reuse = shared.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
             match renderer.collect(reuse) {
                 Ok(picture) => {
+                    shared.drawn.fetch_add(1, Ordering::Relaxed);
                     if to.send((frame, picture)).is_err() {
                         return;
                     }
                 }
-                Err(error) => return shared.fail(frame, render_failure(error)),
+                Err(error) => return shared.fail(frame.0, render_failure(error)),
             }
         }
     }
@@ -134,7 +148,7 @@ fn draw(
 
 fn encode_pictures(
     shared: &Shared,
-    pictures: &Mutex<Receiver<(i64, Frame)>>,
+    pictures: &Mutex<Receiver<((i64, Time), Frame)>>,
     mut encode: Encode<'_>,
     progress: &Progress,
 ) {
@@ -145,7 +159,7 @@ fn encode_pictures(
         if !shared.stopped() {
             match encode(frame, &picture) {
                 Ok(()) => progress.step(),
-                Err(failure) => shared.fail(frame, failure),
+                Err(failure) => shared.fail(frame.0, failure),
             }
         }
         shared.spare.lock().unwrap_or_else(PoisonError::into_inner).push(picture);

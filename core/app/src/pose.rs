@@ -2,7 +2,7 @@
 
 use crate::args::PoseArgs;
 use crate::failure::{Failure, output_error, print, print_json};
-use crate::output::Part;
+use crate::part::Part;
 use crate::{ranges, registry, scene};
 use choreo_stage::{Asset, Evaluator, Snapshot, Stage, Topology, posed_meshes};
 use glam::{Affine3A, DAffine3, DMat4, Mat3, Vec3};

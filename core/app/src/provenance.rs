@@ -1,27 +1,76 @@
-//! How a picture or video was made: written into PNG and MP4 files, and read back by `choreo info`.
+//! How a picture or video was made, as (keyword, text): exporters write it into their files, `choreo info` shows it, and
+//! `--resume` goes on only where it is the same.
 
+use crate::failure::Failure;
 use crate::scene::Scene;
+use choreo_motion::Time;
+use choreo_plugin::{ExportOptions, OptionValue};
 use choreo_render::DeviceInfo;
 use choreo_stage::Settings;
+use std::path::Path;
 
-/// As (keyword, text). Nothing here depends on which frames are made, when or where: the halves of a video equal the whole.
-pub fn of(scene: &Scene, settings: &Settings, samples: u32, device: &DeviceInfo) -> Vec<(String, String)> {
-    let hash = scene.stage.content_hash();
-    let hex: String = hash[..16].iter().map(|b| format!("{b:02x}")).collect();
+/// Stands for all of it where a format has no room.
+pub const ID: &str = "choreo:id";
+/// Seconds on the scene's clock; of single pictures only.
+pub const TIME: &str = "choreo:time";
+
+/// Nothing here depends on which frames are made, when or where: the halves of a video equal the whole.
+pub fn of(
+    scene: &Scene,
+    settings: &Settings,
+    samples: u32,
+    options: &ExportOptions,
+    device: &DeviceInfo,
+) -> Vec<(String, String)> {
     let [w, h] = settings.size;
     let mut arguments = format!("--size {w}x{h} --fps {} --samples {samples}", fps(settings));
     for argument in &scene.arguments {
         arguments.push(' ');
         arguments.push_str(argument);
     }
-    let entry = |k: &str, v: String| (k.to_string(), v);
-    vec![
+    for (name, value) in &options.0 {
+        let value = match value {
+            OptionValue::Number(v) => v.to_string(),
+            OptionValue::Bool(v) => v.to_string(),
+            OptionValue::Text(v) => v.clone(),
+        };
+        arguments.push_str(&format!(" --export {name}={value}"));
+    }
+    // One line each, whatever a parameter holds.
+    let line = |v: String| match v.contains(char::is_control) {
+        true => v
+            .chars()
+            .map(|c| if c.is_control() { c.escape_default().to_string() } else { c.into() })
+            .collect(),
+        false => v,
+    };
+    let entry = |k: &str, v: String| (k.to_string(), line(v));
+    let mut all = vec![
         entry("Software", format!("choreo {}", env!("CARGO_PKG_VERSION"))),
         entry("choreo:source", scene.name.clone()),
-        entry("choreo:stage", hex),
+        entry(if scene.is_script { "choreo:script" } else { "choreo:model" }, hex(&scene.input_hash)),
+        entry("choreo:stage", hex(&scene.stage.content_hash())),
         entry("choreo:arguments", arguments),
         entry("choreo:device", format!("{} ({})", device.name, device.driver)),
-    ]
+    ];
+    let mut hasher = blake3::Hasher::new();
+    for text in all.iter().flat_map(|(k, v)| [k, v]) {
+        hasher.update(&(text.len() as u64).to_le_bytes()).update(text.as_bytes());
+    }
+    all.push(entry(ID, hex(hasher.finalize().as_bytes())[..16].to_string()));
+    all
+}
+
+/// Of one picture.
+pub fn at(provenance: &[(String, String)], time: Time) -> Vec<(String, String)> {
+    let mut all = provenance.to_vec();
+    all.push((TIME.to_string(), time.as_secs().to_string()));
+    all
+}
+
+/// Half of a hash: enough to tell any two inputs apart.
+fn hex(hash: &[u8; 32]) -> String {
+    hash[..16].iter().map(|b| format!("{b:02x}")).collect()
 }
 
 fn fps(settings: &Settings) -> String {
@@ -31,108 +80,38 @@ fn fps(settings: &Settings) -> String {
     }
 }
 
-/// A picture or video, as far as its head tells.
-#[derive(Debug, Default, PartialEq, Eq)]
-pub struct Media {
-    pub format: &'static str,
-    pub width: u32,
-    pub height: u32,
-    pub provenance: Vec<(String, String)>,
-}
-
-/// `None` where the bytes are neither PNG nor MP4. Nothing is trusted: what does not fit is left out.
-pub fn read(bytes: &[u8]) -> Option<Media> {
-    if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-        return Some(read_png(bytes.get(8..)?));
-    }
-    if bytes.get(4..8)? == b"ftyp" {
-        return Some(read_mp4(bytes));
-    }
-    None
-}
-
-fn be32(bytes: &[u8], at: usize) -> Option<u32> {
-    Some(u32::from_be_bytes(bytes.get(at..at + 4)?.try_into().ok()?))
-}
-
-fn read_png(mut rest: &[u8]) -> Media {
-    let mut media = Media { format: "PNG picture", ..Media::default() };
-    // length, type, data, checksum
-    while let (Some(length), Some(kind)) = (be32(rest, 0), rest.get(4..8)) {
-        let Some(data) = rest.get(8..8usize.saturating_add(length as usize)) else { break };
-        match kind {
-            b"IHDR" => {
-                media.width = be32(data, 0).unwrap_or(0);
-                media.height = be32(data, 4).unwrap_or(0);
-            }
-            b"tEXt" | b"iTXt" => {
-                let mut parts = data.splitn(2, |b| *b == 0);
-                if let (Some(key), Some(text)) = (parts.next(), parts.next()) {
-                    // iTXt: two bytes of compression, language and translated keyword, each ended by zero.
-                    let text = match kind {
-                        b"iTXt" => text.get(2..).and_then(|t| t.splitn(3, |b| *b == 0).nth(2)),
-                        _ => Some(text),
-                    };
-                    let string = |b: &[u8]| String::from_utf8_lossy(b).into_owned();
-                    media.provenance.extend(text.map(|t| (string(key), string(t))));
-                }
-            }
-            _ => {}
-        }
-        rest = rest.get(12 + length as usize..).unwrap_or(&[]);
-    }
-    media
-}
-
-fn read_mp4(bytes: &[u8]) -> Media {
-    let mut media = Media { format: "MP4 video", ..Media::default() };
-    let Some(moov) = inner(bytes, b"moov") else { return media };
-    let tkhd = inner(moov, b"trak").and_then(|t| inner(t, b"tkhd"));
-    if let Some(tkhd) = tkhd
-        && tkhd.len() >= 8
-    {
-        // The last two fields, as 16.16.
-        media.width = be32(tkhd, tkhd.len() - 8).unwrap_or(0) >> 16;
-        media.height = be32(tkhd, tkhd.len() - 4).unwrap_or(0) >> 16;
-    }
-    let ilst = inner(moov, b"udta").and_then(|u| inner(u, b"meta")).and_then(|m| inner(m.get(4..)?, b"ilst"));
-    let data =
-        ilst.and_then(|l| inner(l, b"\xa9cmt")).and_then(|c| inner(c, b"data")).and_then(|d| d.get(8..));
-    for line in data.map(String::from_utf8_lossy).unwrap_or_default().lines() {
-        if let Some((key, text)) = line.split_once(": ") {
-            media.provenance.push((key.to_string(), text.to_string()));
+/// Refuses to go on with what was made otherwise, and says what differs.
+pub fn same(
+    shown: &str,
+    part: &Path,
+    was: &[(String, String)],
+    is: &[(String, String)],
+) -> Result<(), Failure> {
+    let value = |list: &[(String, String)], keyword: &str| -> String {
+        let found = list.iter().find(|(k, _)| k == keyword);
+        found.map_or("not told".to_string(), |(_, v)| v.clone())
+    };
+    let mut keywords: Vec<&String> = was.iter().chain(is).map(|(k, _)| k).filter(|k| *k != ID).collect();
+    let mut seen = Vec::new();
+    keywords.retain(|k| {
+        let new = !seen.contains(k);
+        seen.push(*k);
+        new
+    });
+    let mut lines = Vec::new();
+    for keyword in keywords {
+        let (was, is) = (value(was, keyword), value(is, keyword));
+        if was != is {
+            lines.push(format!("\n    {}: {was}, now {is}", keyword.trim_start_matches("choreo:")));
         }
     }
-    media
-}
-
-/// The content of the first box of a kind.
-fn inner<'a>(mut rest: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
-    loop {
-        let size = be32(rest, 0)? as usize;
-        let content = rest.get(8..size)?;
-        if rest.get(4..8)? == kind {
-            return Some(content);
-        }
-        rest = rest.get(size.max(8)..)?;
+    if lines.is_empty() {
+        return Ok(());
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn cut_or_lying_files_give_what_is_there() {
-        let png =
-            b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x05\0\0\0\x07\x08\x02\0\0\0crc!\xff\xff\xff\xfftEXtab";
-        let media = read(png).unwrap();
-        assert_eq!((media.width, media.height, media.provenance.len()), (5, 7, 0));
-        for cut in 0..png.len() {
-            let _ = read(&png[..cut]);
-        }
-        let mp4 = b"\0\0\0\x10ftypisom\0\0\0\0\0\0\0\0moov\xff\xff\xff\xfftrak";
-        assert_eq!(read(mp4).unwrap().width, 0);
-        assert_eq!(read(b"glTF"), None);
-    }
+    Err(Failure::Output(format!(
+        "{shown}: --resume cannot go on with {}: it was made otherwise{}\n    hint: give what was given then, or leave \
+         --resume out to make everything anew",
+        part.display(),
+        lines.concat()
+    )))
 }

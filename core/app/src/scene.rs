@@ -19,6 +19,8 @@ pub struct Scene {
     pub printed: Vec<String>,
     /// Parameters that change the picture, for provenance: `set`, `clip`.
     pub arguments: Vec<String>,
+    /// Of the content of the script, or model, and of every file that it read.
+    pub input_hash: [u8; 32],
 }
 
 pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
@@ -56,6 +58,7 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
             warnings,
             printed: script.printed,
             arguments,
+            input_hash: script.script_hash,
         });
     }
     if let Some(text) = args.set.first() {
@@ -64,7 +67,8 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
             args.input.display()
         )));
     }
-    let asset = model::import(&args.input, &args.search, &args.import, registry, &limits)?;
+    let (asset, input_hash) =
+        model::import_with_hash(&args.input, &args.search, &args.import, registry, &limits)?;
     arguments.extend(args.import.importer.iter().map(|i| format!("--importer {i}")));
     arguments.extend(args.import.import.iter().map(|i| format!("--import {i}")));
     arguments.extend(args.clip.iter().map(|c| format!("--clip {c}")));
@@ -73,7 +77,15 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
     if stage.actors.iter().all(|a| a.asset.clips.is_empty()) {
         warnings.push(format!("{}: no clips: one frame", args.input.display()));
     }
-    Ok(Scene { name, stage: Arc::new(stage), is_script, warnings, printed: Vec::new(), arguments })
+    Ok(Scene {
+        name,
+        stage: Arc::new(stage),
+        is_script,
+        warnings,
+        printed: Vec::new(),
+        arguments,
+        input_hash,
+    })
 }
 
 fn errors(mut diagnostics: Vec<Diagnostic>) -> Vec<Problem> {

@@ -136,20 +136,90 @@ fn jobs_change_nothing_but_the_time() {
     }
 }
 
+fn info(folder: &std::path::Path, name: &str) -> serde_json::Value {
+    let run = choreo(folder, &["info", name, "--json"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    serde_json::from_str(&run.out).unwrap()
+}
+
 #[test]
 fn pictures_and_videos_tell_how_they_were_made() {
     let dir = folder();
     let d = dir.path();
-    for name in ["a.png", "a.mp4"] {
+    let mut ids = Vec::new();
+    for name in ["a.png", "a.mp4", "a.gif", "a.y4m"] {
         assert_eq!(render(d, &["tri.gltf", "--clip", "Slide", "-o", name, "--frames", "3"]).code, 0);
-        let run = choreo(d, &["info", name, "--json"]);
-        let value: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+        let value = info(d, name);
         assert_eq!(value["size"], serde_json::json!([96, 54]));
         let made = &value["provenance"];
+        ids.push(made["choreo:id"].as_str().unwrap().to_string());
+        if name == "a.y4m" {
+            // No room for more than the number that stands for it.
+            continue;
+        }
+        assert_eq!(made["Software"], format!("choreo {}", env!("CARGO_PKG_VERSION")));
         assert_eq!(made["choreo:source"], "tri.gltf");
         assert_eq!(made["choreo:arguments"], "--size 96x54 --fps 30 --samples 1 --clip Slide");
         assert_eq!(made["choreo:stage"].as_str().unwrap().len(), 32);
+        assert_eq!(made["choreo:model"].as_str().unwrap().len(), 32);
+        assert_eq!(made["choreo:device"], "choreo CPU renderer (choreo 0.1.0)");
+        assert_eq!(made.get("choreo:time").and_then(|t| t.as_str()), (name == "a.png").then_some("0.1"));
+        let text = choreo(d, &["info", name]).out;
+        assert!(text.contains("  arguments    --size 96x54") && text.contains("96×54"), "{text}");
     }
+    assert!(ids.iter().all(|id| *id == ids[0] && id.len() == 16), "{ids:?}");
+}
+
+/// Nothing of where and when a render runs, under what name, of which frames, is in its bytes; what changes the picture is.
+#[test]
+fn how_it_was_made_depends_on_nothing_else() {
+    let script = "let who = param(\"who\", \"x\");\nlet m = load(\"models/tri.gltf\");\nlet a = cast(who, m);\n\
+                  a.play(m.clip(\"Slide\"));\nstage(#{ length: 1.0 });";
+    let place = |script: &str| {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::create_dir(dir.path().join("models")).unwrap();
+        std::fs::write(dir.path().join("models/tri.gltf"), triangle(1.0)).unwrap();
+        std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+        dir
+    };
+    let (here, there) = (place(script), place(script));
+    let outside = there.path().parent().unwrap();
+    let from_outside = there.path().join("s.rhai");
+    for format in ["mp4", "gif", "y4m"] {
+        let (a, b) = (format!("a.{format}"), format!("b.{format}"));
+        assert_eq!(render(here.path(), &["s.rhai", "-o", &a, "--frames", "0..9"]).code, 0);
+        let out = there.path().join(&b);
+        let run = render(
+            outside,
+            &[from_outside.to_str().unwrap(), "-o", out.to_str().unwrap(), "--frames", "0..9", "--jobs", "3"],
+        );
+        assert_eq!(run.code, 0, "{}", run.err);
+        assert!(
+            read(here.path(), &a) == read(there.path(), &b),
+            "{format}: moving the folder changes the bytes"
+        );
+    }
+    // One frame alone, in a range, and asked for by its time.
+    let d = here.path();
+    assert_eq!(render(d, &["s.rhai", "-o", "f/%d.png", "--frames", "3..9"]).code, 0);
+    assert_eq!(render(d, &["s.rhai", "-o", "alone.png", "--frames", "6"]).code, 0);
+    assert_eq!(render(d, &["s.rhai", "-o", "time.png", "--at", "0.2"]).code, 0);
+    assert!(read(d, "f/6.png") == read(d, "alone.png") && read(d, "alone.png") == read(d, "time.png"));
+    let made = info(d, "alone.png")["provenance"].clone();
+    assert_eq!(made["choreo:time"], "0.2");
+
+    // A comment in the script changes its hash and not the stage's; a parameter and an option of the format are told.
+    let other = place(&format!("{script} // more"));
+    let d = other.path();
+    assert_eq!(render(d, &["s.rhai", "-o", "a.png", "--frames", "6"]).code, 0);
+    let changed = info(d, "a.png")["provenance"].clone();
+    assert!(changed["choreo:script"] != made["choreo:script"] && changed["choreo:id"] != made["choreo:id"]);
+    assert_eq!(changed["choreo:stage"], made["choreo:stage"]);
+    let more = ["--set", "who=a\nb", "--export", "compression=small"];
+    let args = [&["s.rhai", "-o", "b.png", "--frames", "6"][..], &more].concat();
+    assert_eq!(render(d, &args).code, 0);
+    let arguments = info(d, "b.png")["provenance"]["choreo:arguments"].clone();
+    assert_eq!(arguments, "--size 96x54 --fps 30 --samples 1 --set who=a\\nb --export compression=small");
 }
 
 /// Framed for the shape of the picture and not for the one that the scene would have had.

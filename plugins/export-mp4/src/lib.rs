@@ -225,7 +225,9 @@ impl FrameSink for Mp4Sink {
         let (u, v) = chroma.split_at(chroma.len() / 2);
         if y.len() != width * height || u.len() != y.len() / 4 || v.len() != u.len() {
             let bytes = kept.len();
-            return Err(ExportError::Format(format!("a kept frame of {bytes} bytes is not {width}×{height}")));
+            return Err(ExportError::Format(format!(
+                "a kept frame of {bytes} bytes is not {width}×{height}"
+            )));
         }
         (self.yuv.width, self.yuv.height) = (width, height);
         for (plane, bytes) in [(&mut self.yuv.y, y), (&mut self.yuv.u, u), (&mut self.yuv.v, v)] {

@@ -96,7 +96,8 @@ impl Muxer {
         let mut rest = state;
         for set in [&mut self.sps, &mut self.pps] {
             let (length, more) = rest.split_first_chunk::<4>().ok_or_else(cut)?;
-            let (bytes, more) = more.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or_else(cut)?;
+            let (bytes, more) =
+                more.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or_else(cut)?;
             *set = bytes.to_vec();
             rest = more;
         }

@@ -224,7 +224,8 @@ fn a_stopped_video_goes_on_to_the_same_bytes() {
     let mut info = info(96, 64, (30, 1), 60);
     info.options.0.insert("keyframes".into(), OptionValue::Number(0.4));
     // Segments of 24 frames, key frames at every 12th and where the scene changes.
-    let frames: Vec<Frame> = (0..60).map(|f| scene(96, 64, if f < 31 { f % 14 } else { 2 * f % 9 })).collect();
+    let frames: Vec<Frame> =
+        (0..60).map(|f| scene(96, 64, if f < 31 { f % 14 } else { 2 * f % 9 })).collect();
     let whole = encode_frames(&info, &frames);
     assert_eq!(resumed(&Mp4Exporter, &info, &frames, 23), None);
     for cut in [24, 25, 30, 31, 36, 47, 48, 49, 59, 60] {

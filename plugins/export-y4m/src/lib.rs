@@ -46,7 +46,9 @@ impl Exporter for Y4mExporter {
         // video was made, but the number that stands for it.
         if let Some((_, id)) = info.provenance.iter().find(|(keyword, _)| keyword == "choreo:id") {
             let tag = format!(" XCHOREO={id}");
-            header.extend(tag.chars().filter(|c| c.is_ascii_graphic() || *c == ' ').take(95 - header.len().min(95)));
+            header.extend(
+                tag.chars().filter(|c| c.is_ascii_graphic() || *c == ' ').take(95 - header.len().min(95)),
+            );
         }
         writeln!(out, "{header}")?;
         Ok(Box::new(Y4mSink::new(info, out)))

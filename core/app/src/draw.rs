@@ -1,0 +1,172 @@
+//! Drawing a job's frames into its outputs.
+
+use crate::args::RenderArgs;
+use crate::failure::Failure;
+use crate::journal::Identity;
+use crate::output::Target;
+use crate::part::Part;
+use crate::pictures::{self, Claim};
+use crate::pipeline::{Encode, Pipeline, PlanAt};
+use crate::progress::Progress;
+use crate::render::Job;
+use crate::video::Video;
+use crate::{device, interrupt, provenance};
+use choreo_motion::Time;
+use choreo_plugin::{Registry, VideoInfo};
+use choreo_render::{Catalog, Plan, PlanOptions, Renderer};
+use choreo_stage::Evaluator;
+use std::sync::Arc;
+
+/// Pictures being encoded take at most about this much memory, however large each is.
+const PICTURE_BYTES: usize = 256 << 20;
+
+/// What was drawn, and by whom.
+pub struct Drawn {
+    pub device: String,
+    pub samples: u32,
+    /// Frames drawn in this run; the others were there.
+    pub drawn: u64,
+    pub provenance: Vec<(String, String)>,
+}
+
+pub fn draw(
+    args: &RenderArgs,
+    job: &Job,
+    registry: &Registry,
+    started: device::Started,
+    jobs: Option<usize>,
+) -> Result<Drawn, Failure> {
+    let renderer = started.renderer;
+    let samples =
+        job.samples.or(job.settings.samples).unwrap_or_else(|| device::default_samples(renderer.device()));
+    let info = VideoInfo {
+        width: job.settings.size[0],
+        height: job.settings.size[1],
+        fps: job.settings.fps,
+        frames: job.frames.len() as u64,
+        provenance: provenance::of(&job.scene, &job.settings, samples, &job.options, renderer.device()),
+        options: job.options.clone(),
+    };
+    let say = |line: &str| {
+        if !args.quiet {
+            eprintln!("{line}");
+        }
+    };
+    let said = job.scene.printed.iter().chain(&job.scene.warnings).chain(&job.notes).cloned();
+    said.chain(job.exporter.notes(&info)).chain(started.note).for_each(|line| say(&line));
+    let device = renderer.device().name.clone();
+    let drawing = Drawing { args, job, registry, info: &info, samples, jobs };
+    let made = job.target.prepare()?;
+    interrupt::watch(true);
+    let result = drawing.run(renderer, &say);
+    if result.is_err() {
+        // Folders made for nothing; those that hold something stay.
+        made.iter().rev().for_each(|folder| drop(std::fs::remove_dir(folder)));
+    }
+    interrupt::watch(false);
+    result.map(|drawn| Drawn { device, samples, drawn, provenance: info.provenance })
+}
+
+struct Drawing<'a> {
+    args: &'a RenderArgs,
+    job: &'a Job<'a>,
+    registry: &'a Registry,
+    info: &'a VideoInfo,
+    samples: u32,
+    jobs: Option<usize>,
+}
+
+impl Drawing<'_> {
+    /// Gives how many frames were drawn. The driver is shut down when it returns: the program may end then.
+    fn run(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<u64, Failure> {
+        let job = self.job;
+        if job.exporter.one_frame_per_file() {
+            return self.pictures(renderer);
+        }
+        let (video, begun) = match &job.target {
+            Target::Stdout => (Some(Video::to_stdout(&**job.exporter, self.info)?), Default::default()),
+            target => {
+                let identity = self.identity();
+                let file = target.file(0);
+                Video::to_file(&file, &**job.exporter, self.info, &identity, self.args.resume)?
+            }
+        };
+        begun.note.iter().for_each(|line| say(line));
+        let Some(mut video) = video else { return Ok(0) };
+        let encode: Vec<Encode> = vec![Box::new(|_, frame| video.frame(frame))];
+        match self.frames(renderer, &job.frames[begun.done..], encode) {
+            Ok(drawn) => video.finish().map(|()| drawn),
+            Err(failure) => {
+                // What a full disk or a lost device ends can be gone on with; what the user or the script ends was not wanted.
+                let outside = matches!(failure, Failure::Output(_) | Failure::Device(_));
+                if let Some(line) = video.leave(outside) {
+                    say(&line);
+                }
+                Err(failure)
+            }
+        }
+    }
+
+    fn pictures(&self, renderer: Box<dyn Renderer>) -> Result<u64, Failure> {
+        let (job, info) = (self.job, self.info);
+        let numbers = job.frames.first().zip(job.frames.last());
+        let _claim = match numbers {
+            Some((first, last)) => Claim::take(&job.target, first.0, last.0)?,
+            None => None,
+        };
+        let frames = match self.args.resume {
+            true => pictures::missing(&job.target, info, &job.frames)?,
+            false => job.frames.clone(),
+        };
+        if let Target::File(place) = &job.target {
+            // Only opened to see whether it can be.
+            drop(Part::create(place)?);
+        }
+        let bytes = 4 * info.width as usize * info.height as usize;
+        let workers = self.jobs.unwrap_or_else(device::cores).min(frames.len()).min(PICTURE_BYTES / bytes);
+        let encode = || -> Encode {
+            Box::new(|frame, picture| pictures::write(&job.target, &**job.exporter, info, frame, picture))
+        };
+        self.frames(renderer, &frames, (0..workers.clamp(1, 16)).map(|_| encode()).collect())
+    }
+
+    fn frames(
+        &self,
+        mut renderer: Box<dyn Renderer>,
+        frames: &[(i64, Time)],
+        encoders: Vec<Encode>,
+    ) -> Result<u64, Failure> {
+        if frames.is_empty() {
+            return Ok(0);
+        }
+        let catalog = Arc::new(Catalog::new(&self.job.scene.stage));
+        renderer.load(catalog.clone()).map_err(crate::pipeline::render_failure)?;
+        let mut evaluator = Evaluator::new(self.job.scene.stage.clone());
+        let size = self.job.settings.size;
+        let options =
+            PlanOptions { effects: self.registry.effects(), ..PlanOptions::new(size, self.samples) };
+        let plan: PlanAt = Box::new(move |time| {
+            let snapshot = evaluator.at(time).map_err(|e| Failure::input(e.to_string()))?;
+            Ok(Plan::new(&catalog, evaluator.stage(), &snapshot, &options))
+        });
+        let progress = Progress::new(frames.len() as u64, self.args.quiet || self.args.json);
+        let frames = frames.to_vec();
+        let drawn = Pipeline { frames, plan, renderer: &mut *renderer, encoders, progress: &progress }.run();
+        progress.clear();
+        drawn
+    }
+
+    /// What a stopped render must have been to be gone on with: besides how a picture is made, which, and in what format.
+    fn identity(&self) -> Identity {
+        let mut identity = self.info.provenance.clone();
+        let manifest = self.job.exporter.manifest();
+        identity.push(("format".into(), format!("{} {}", manifest.name, manifest.version)));
+        let numbers = self.job.frames.first().zip(self.job.frames.last());
+        let frames = numbers.map_or(String::new(), |((first, time), (last, _))| match first == last {
+            true => format!("{first} at {} s", time.as_secs()),
+            false => format!("{first}..={last}"),
+        });
+        identity.push(("frames".into(), frames));
+        identity
+    }
+}

@@ -1,0 +1,293 @@
+//! What a video's part folder tells of its frames, so that a render that was killed goes on where it was.
+//!
+//! `journal` is a line of magic and then records: length, CRC-32 and bytes. The first says what is rendered, each further one
+//! stands for a finished frame, written after everything that it speaks of. What a kill, a full disk or a bad sector has
+//! cut or bent is found by the checksums, and only what lies before it counts.
+
+use std::io::{self, Read, Write};
+
+pub const MAGIC: &[u8] = b"choreo journal 1\n";
+
+/// One finished frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Record {
+    /// Length of the body with this frame.
+    pub body: u64,
+    /// CRC-32 of what the body has gained since the record before.
+    pub crc: u32,
+    pub kept: Kept,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Kept {
+    /// `Mark::Settled`.
+    Settled(Vec<u8>),
+    /// `Mark::Open`: where its bytes lie in the file `frames`.
+    Open(Span),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Span {
+    pub at: u64,
+    pub length: u32,
+    pub crc: u32,
+    /// Lengths of the frame's parts.
+    pub parts: [u32; 3],
+}
+
+impl Record {
+    fn bytes(&self) -> Vec<u8> {
+        let mut bytes = self.body.to_le_bytes().to_vec();
+        bytes.extend(self.crc.to_le_bytes());
+        match &self.kept {
+            Kept::Settled(state) => {
+                bytes.push(b'S');
+                bytes.extend(state);
+            }
+            Kept::Open(span) => {
+                bytes.push(b'O');
+                bytes.extend(span.at.to_le_bytes());
+                for number in [span.length, span.crc].iter().chain(&span.parts) {
+                    bytes.extend(number.to_le_bytes());
+                }
+            }
+        }
+        bytes
+    }
+
+    fn read(bytes: &[u8]) -> Option<Record> {
+        let (body, rest) = bytes.split_first_chunk::<8>()?;
+        let (crc, rest) = rest.split_first_chunk::<4>()?;
+        let (kind, rest) = rest.split_first()?;
+        let kept = match kind {
+            b'S' => Kept::Settled(rest.to_vec()),
+            b'O' => {
+                let (at, rest) = rest.split_first_chunk::<8>()?;
+                let numbers: &[u8; 20] = rest.try_into().ok()?;
+                let mut numbers = numbers.as_chunks::<4>().0.iter().map(|n| u32::from_le_bytes(*n));
+                let mut next = || numbers.next();
+                Kept::Open(Span {
+                    at: u64::from_le_bytes(*at),
+                    length: next()?,
+                    crc: next()?,
+                    parts: [next()?, next()?, next()?],
+                })
+            }
+            _ => return None,
+        };
+        Some(Record { body: u64::from_le_bytes(*body), crc: u32::from_le_bytes(*crc), kept })
+    }
+}
+
+/// What is rendered, as (keyword, text): two renders may share a journal where all of it is equal.
+pub type Identity = Vec<(String, String)>;
+
+/// The magic and the first record.
+pub fn head(identity: &Identity) -> Vec<u8> {
+    let mut text = Vec::new();
+    for (keyword, value) in identity {
+        for part in [keyword, value] {
+            text.extend((part.len() as u32).to_le_bytes());
+            text.extend(part.as_bytes());
+        }
+    }
+    [MAGIC, &framed(&text)].concat()
+}
+
+fn read_identity(mut bytes: &[u8]) -> Option<Identity> {
+    let mut texts = Vec::new();
+    while !bytes.is_empty() {
+        let (length, rest) = bytes.split_first_chunk::<4>()?;
+        let (text, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+        texts.push(String::from_utf8(text.to_vec()).ok()?);
+        bytes = rest;
+    }
+    let (pairs, []) = texts.as_chunks::<2>() else { return None };
+    Some(pairs.iter().cloned().map(|[keyword, value]| (keyword, value)).collect())
+}
+
+/// Adds a frame. One write, so that a kill leaves it whole or cut and never mixed.
+pub fn append(out: &mut impl Write, record: &Record) -> io::Result<()> {
+    out.write_all(&framed(&record.bytes()))
+}
+
+fn framed(bytes: &[u8]) -> Vec<u8> {
+    let mut all = (bytes.len() as u32).to_le_bytes().to_vec();
+    all.extend(crc32fast::hash(bytes).to_le_bytes());
+    all.extend(bytes);
+    all
+}
+
+/// The whole records of a journal.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Journal {
+    pub identity: Identity,
+    /// Each with the journal's length up to its end.
+    pub records: Vec<(Record, u64)>,
+    /// Length of the head.
+    pub head: u64,
+}
+
+/// `None` where there is not even a whole head.
+pub fn read(mut from: impl Read) -> Option<Journal> {
+    let mut magic = [0; MAGIC.len()];
+    from.read_exact(&mut magic).ok()?;
+    if magic != MAGIC {
+        return None;
+    }
+    let mut length = MAGIC.len() as u64;
+    let mut next = || -> Option<(Vec<u8>, u64)> {
+        let (mut size, mut crc) = ([0; 4], [0; 4]);
+        from.read_exact(&mut size).ok()?;
+        from.read_exact(&mut crc).ok()?;
+        let size = u64::from(u32::from_le_bytes(size));
+        // Grows with what is there, not with what a bent length promises.
+        let mut bytes = Vec::new();
+        from.by_ref().take(size).read_to_end(&mut bytes).ok()?;
+        length += 8 + size;
+        let whole = bytes.len() as u64 == size && crc32fast::hash(&bytes) == u32::from_le_bytes(crc);
+        whole.then_some((bytes, length))
+    };
+    let (bytes, head) = next()?;
+    let identity = read_identity(&bytes)?;
+    let mut records = Vec::new();
+    while let Some((bytes, end)) = next() {
+        let Some(record) = Record::read(&bytes) else { break };
+        records.push((record, end));
+    }
+    Some(Journal { identity, records, head })
+}
+
+/// Frames that an encoder still holds, each as what it changes of the one before: bits that say which blocks of 256 bytes
+/// differ, then those blocks. A standing camera's frames shrink to what moves.
+#[derive(Default)]
+pub struct Changes {
+    last: Vec<u8>,
+}
+
+const BLOCK: usize = 256;
+
+impl Changes {
+    /// The next frame does not build on the last.
+    pub fn restart(&mut self) {
+        self.last.clear();
+    }
+
+    /// Replaces `out`.
+    pub fn encode(&mut self, parts: &[&[u8]; 3], out: &mut Vec<u8>) {
+        let length = parts.iter().map(|p| p.len()).sum();
+        self.last.resize(length, 0);
+        let blocks: usize = parts.iter().map(|p| p.len().div_ceil(BLOCK)).sum();
+        out.clear();
+        out.resize(blocks.div_ceil(8), 0);
+        let (mut at, mut block) = (0, 0);
+        for bytes in parts.iter().flat_map(|p| p.chunks(BLOCK)) {
+            let last = &mut self.last[at..at + bytes.len()];
+            if last != bytes {
+                last.copy_from_slice(bytes);
+                out[block / 8] |= 1 << (block % 8);
+                out.extend_from_slice(bytes);
+            }
+            (at, block) = (at + bytes.len(), block + 1);
+        }
+    }
+
+    /// The frame from what `encode` made; `lengths` are those of its parts. `None` where the bytes do not fit.
+    pub fn decode(&mut self, bytes: &[u8], lengths: &[u32; 3]) -> Option<&[u8]> {
+        let lengths = lengths.map(|l| l as usize);
+        let blocks: usize = lengths.iter().map(|l| l.div_ceil(BLOCK)).sum();
+        if bytes.len() < blocks.div_ceil(8) {
+            return None;
+        }
+        // Bounded by what is there: a block has a bit.
+        self.last.resize(lengths.iter().sum(), 0);
+        let (bits, mut rest) = bytes.split_at_checked(blocks.div_ceil(8))?;
+        let (mut at, mut block) = (0, 0);
+        for length in lengths {
+            let end = at + length;
+            while at < end {
+                let size = BLOCK.min(end - at);
+                if bits[block / 8] & (1 << (block % 8)) != 0 {
+                    let (bytes, more) = rest.split_at_checked(size)?;
+                    self.last[at..at + size].copy_from_slice(bytes);
+                    rest = more;
+                }
+                (at, block) = (at + size, block + 1);
+            }
+        }
+        rest.is_empty().then_some(&self.last)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> (Vec<u8>, Vec<Record>) {
+        let identity = vec![("a".to_string(), "b".to_string()), (String::new(), "ü\n".to_string())];
+        let span = Span { at: 7, length: 9, crc: 11, parts: [1, 2, 3] };
+        let records = vec![
+            Record { body: 10, crc: 1, kept: Kept::Settled(vec![]) },
+            Record { body: 20, crc: 2, kept: Kept::Open(span) },
+            Record { body: 1 << 40, crc: 3, kept: Kept::Settled((0..200).collect()) },
+        ];
+        let mut bytes = head(&identity);
+        records.iter().for_each(|r| append(&mut bytes, r).unwrap());
+        (bytes, records)
+    }
+
+    #[test]
+    fn a_journal_comes_back() {
+        let (bytes, records) = sample();
+        let journal = read(&bytes[..]).unwrap();
+        assert_eq!(journal.identity[1].1, "ü\n");
+        assert_eq!(journal.records.iter().map(|(r, _)| r.clone()).collect::<Vec<_>>(), records);
+        assert_eq!(journal.records[2].1, bytes.len() as u64);
+    }
+
+    /// Cut or bent at any byte, it gives what lies whole before.
+    #[test]
+    fn damage_leaves_what_lies_before_it() {
+        let (bytes, records) = sample();
+        let whole = read(&bytes[..]).unwrap();
+        let ends: Vec<u64> = whole.records.iter().map(|(_, end)| *end).collect();
+        let expected = |good: usize| ends.iter().filter(|e| **e <= good as u64).count();
+        for at in 0..bytes.len() {
+            let cut = read(&bytes[..at]);
+            assert_eq!(cut.is_some(), at as u64 >= whole.head, "cut at {at}");
+            assert_eq!(cut.map_or(0, |j| j.records.len()), expected(at), "cut at {at}");
+            for bit in 0..8 {
+                let mut bent = bytes.clone();
+                bent[at] ^= 1 << bit;
+                let found = read(&bent[..]);
+                let found: Vec<Record> = found.into_iter().flat_map(|j| j.records).map(|(r, _)| r).collect();
+                assert_eq!(found, records[..expected(at)], "bit {bit} of byte {at}");
+            }
+        }
+    }
+
+    #[test]
+    fn changes_give_the_frames_back() {
+        let lengths = [1000u32, 256, 10];
+        let frame = |n: usize| -> Vec<u8> {
+            (0..1266).map(|i| if i / 250 == n % 5 { (i * n) as u8 } else { 7 }).collect()
+        };
+        let (mut to, mut from, mut out) = (Changes::default(), Changes::default(), Vec::new());
+        let mut sizes = Vec::new();
+        for n in [1, 1, 2, 3, 7] {
+            let f = frame(n);
+            to.encode(&[&f[..1000], &f[1000..1256], &f[1256..]], &mut out);
+            assert_eq!(from.decode(&out, &lengths).unwrap(), f);
+            sizes.push(out.len());
+            for cut in 0..out.len() {
+                assert!(Changes::default().decode(&out[..cut], &lengths).is_none());
+            }
+        }
+        assert_eq!(sizes[1], 1, "nothing changed");
+        assert!(sizes[2] < 1100);
+        to.restart();
+        let f = frame(7);
+        to.encode(&[&f[..1000], &f[1000..1256], &f[1256..]], &mut out);
+        assert!(out.len() >= 1266, "a restart writes everything again");
+    }
+}

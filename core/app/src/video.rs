@@ -1,0 +1,439 @@
+//! One video on its way to its place: the exporter's bytes and the journal beside them, in the folder `NAME.part`.
+
+use crate::failure::{Failure, output_error};
+use crate::journal::{self, Changes, Identity, Journal, Kept, Record, Span};
+use crate::output::export_failure;
+use crate::part::{self, Place};
+use crate::provenance;
+use choreo_plugin::{Exporter, Frame, FrameSink, Mark, VideoInfo};
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+pub struct Video {
+    shown: String,
+    sink: Box<dyn FrameSink>,
+    body: Body,
+    end: End,
+}
+
+/// What becomes of the body.
+enum End {
+    /// It was the result as it came.
+    Nothing,
+    /// A temporary file, copied behind the head into something that is no plain file.
+    Copy { body: File, to: File },
+    /// The folder of a part, renamed or copied into its place.
+    Folder(Box<Folder>),
+}
+
+/// What a render found of an earlier one, for the user.
+#[derive(Default)]
+pub struct Begun {
+    /// Frames that are finished, from the first on.
+    pub done: usize,
+    pub note: Option<String>,
+}
+
+struct Folder {
+    place: PathBuf,
+    path: PathBuf,
+    shown: String,
+    /// Locked as long as it is open.
+    journal: File,
+    /// Where the open frames lie, made at the first of them.
+    frames: Option<File>,
+    frames_end: u64,
+    changes: Changes,
+    scratch: Vec<u8>,
+    /// Finished frames that the journal tells of.
+    done: usize,
+    /// Leave the folder where it is when the render ends without a result.
+    keep: bool,
+}
+
+impl Video {
+    /// To standard output.
+    pub fn to_stdout(exporter: &dyn Exporter, info: &VideoInfo) -> Result<Video, Failure> {
+        let shown = "standard output".to_string();
+        let body = Body::new(Box::new(io::stdout()));
+        let sink = exporter.begin(info, Box::new(body.clone())).map_err(|e| export_failure(&shown, e))?;
+        Ok(Video { shown, sink, body, end: End::Nothing })
+    }
+
+    /// To a file. With `resume`, on from what an earlier render of the same `identity` left; without it, anew. No video where
+    /// the file is there already, whole, and only its part folder was left.
+    pub fn to_file(
+        path: &Path,
+        exporter: &dyn Exporter,
+        info: &VideoInfo,
+        identity: &Identity,
+        resume: bool,
+    ) -> Result<(Option<Video>, Begun), Failure> {
+        let shown = path.display().to_string();
+        let failed = |e: io::Error| output_error(&shown, &e);
+        let place = match part::place(path)? {
+            Place::File(place) => place,
+            Place::Direct(to) => {
+                let (end, out) = match exporter.head_comes_last() {
+                    true => {
+                        let body = tempfile::tempfile().map_err(failed)?;
+                        let out = body.try_clone().map_err(failed)?;
+                        (End::Copy { body, to }, out)
+                    }
+                    false => (End::Nothing, to),
+                };
+                let body = Body::new(Box::new(out));
+                let sink =
+                    exporter.begin(info, Box::new(body.clone())).map_err(|e| export_failure(&shown, e))?;
+                return Ok((Some(Video { shown, sink, body, end }), Begun::default()));
+            }
+        };
+        let mut folder = Folder::open(place, &shown, resume)?;
+        let found = journal::read(BufReader::new(&folder.journal)).filter(|f| !f.records.is_empty());
+        let Some(mut found) = found else {
+            return Ok((Some(folder.begin(exporter, info, identity)?), Begun::default()));
+        };
+        folder.done = found.records.len();
+        if !resume {
+            let note = format!(
+                "{shown}: starts anew; {} frames of a render that was stopped are thrown away, --resume would have \
+                 gone on with them",
+                folder.done
+            );
+            let video = folder.begin(exporter, info, identity)?;
+            return Ok((Some(video), Begun { note: Some(note), ..Begun::default() }));
+        }
+        provenance::same(&shown, &folder.path, &found.identity, identity)?;
+        found.records.truncate(info.frames as usize);
+        if found.records.len() as u64 == info.frames && folder.is_in_place(&found) {
+            folder.keep = false;
+            return Ok((None, Begun { done: found.records.len(), note: None }));
+        }
+        let (video, done) = folder.resume(&found, exporter, info, identity)?;
+        Ok((Some(video), Begun { done, note: None }))
+    }
+
+    pub fn frame(&mut self, frame: &Frame) -> Result<(), Failure> {
+        self.sink.frame(frame).map_err(|e| export_failure(&self.shown, e))?;
+        let End::Folder(folder) = &mut self.end else { return Ok(()) };
+        folder.mark(self.sink.mark(), &self.body).map_err(|e| output_error(&self.shown, &e))
+    }
+
+    /// Puts the whole video into its place.
+    pub fn finish(self) -> Result<(), Failure> {
+        let Video { shown, sink, body, end } = self;
+        let head = sink.finish().map_err(|e| export_failure(&shown, e))?;
+        let ended = body.lock().out.flush().and_then(|()| match end {
+            End::Nothing => Ok(()),
+            End::Copy { mut body, to } => {
+                body.seek(SeekFrom::Start(0))?;
+                joined(&head, &mut body, to)
+            }
+            End::Folder(folder) => folder.finish(&head),
+        });
+        ended.map_err(|e| output_error(&shown, &e))
+    }
+
+    /// After a failure: leaves the part for `--resume` where there is something to go on with and it is wanted. Says so.
+    pub fn leave(self, keep: bool) -> Option<String> {
+        let End::Folder(mut folder) = self.end else { return None };
+        folder.keep |= keep;
+        let lost = !part::is_at(&folder.journal, &folder.path.join("journal"));
+        if !folder.keep || lost || folder.done == 0 {
+            return None;
+        }
+        let (place, plural) =
+            (folder.path.display(), if folder.done == 1 { "frame is" } else { "frames are" });
+        Some(format!(
+            "{} {plural} kept in {place}; the same command with --resume goes on with them",
+            folder.done
+        ))
+    }
+}
+
+fn joined(head: &[u8], body: &mut File, mut to: File) -> io::Result<()> {
+    to.write_all(head)?;
+    io::copy(body, &mut to)?;
+    to.flush()
+}
+
+impl Folder {
+    fn open(place: PathBuf, shown: &str, resume: bool) -> Result<Folder, Failure> {
+        let path = part::part_of(&place);
+        let failed = |e: io::Error| output_error(shown, &e);
+        let mut parts = part::parts();
+        loop {
+            match std::fs::create_dir(&path) {
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists && path.is_dir() => {}
+                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
+                    return Err(Failure::Output(format!(
+                        "{shown}: cannot write: {} is in the way; remove it",
+                        path.display()
+                    )));
+                }
+                made => made.map_err(failed)?,
+            }
+            let journal = match part::lock(&path.join("journal")) {
+                // A render that has just ended took its folder away.
+                Err(e) if e.kind() == io::ErrorKind::NotFound && !path.is_dir() => continue,
+                locked => locked.map_err(failed)?.ok_or_else(|| part::busy(shown))?,
+            };
+            // Kept where a signal ends a render that is to be gone on with.
+            if !resume {
+                parts.insert(path.clone());
+            }
+            return Ok(Folder {
+                place,
+                path,
+                shown: shown.to_string(),
+                journal,
+                frames: None,
+                frames_end: 0,
+                changes: Changes::default(),
+                scratch: Vec::new(),
+                done: 0,
+                keep: resume,
+            });
+        }
+    }
+
+    fn create(&self, name: &str) -> io::Result<File> {
+        File::options().read(true).write(true).create(true).truncate(false).open(self.path.join(name))
+    }
+
+    fn begin(
+        mut self,
+        exporter: &dyn Exporter,
+        info: &VideoInfo,
+        identity: &Identity,
+    ) -> Result<Video, Failure> {
+        let shown = self.shown.clone();
+        let failed = |e: io::Error| output_error(&shown, &e);
+        let body = self.start_over(identity).map_err(failed)?;
+        let sink = exporter.begin(info, Box::new(body.clone())).map_err(|e| export_failure(&shown, e))?;
+        Ok(Video { shown, sink, body, end: End::Folder(Box::new(self)) })
+    }
+
+    fn start_over(&mut self, identity: &Identity) -> io::Result<Body> {
+        self.done = 0;
+        self.journal.set_len(0)?;
+        self.journal.rewind()?;
+        self.journal.write_all(&journal::head(identity))?;
+        let _ = std::fs::remove_file(self.path.join("frames"));
+        let body = self.create("body")?;
+        body.set_len(0)?;
+        Ok(Body::new(Box::new(body)))
+    }
+
+    /// Whether the result was renamed and only the folder was left: the body is gone, and its bytes are in the place.
+    fn is_in_place(&self, found: &Journal) -> bool {
+        let Some((last, _)) = found.records.last() else { return false };
+        let settled = matches!(last.kept, Kept::Settled(_));
+        settled
+            && !self.path.join("body").exists()
+            && File::open(&self.place)
+                .is_ok_and(|mut f| settled_records(&mut f, found) == found.records.len())
+    }
+
+    /// Uses what is whole of the journal, the body and the kept frames; gives how many frames that are.
+    fn resume(
+        mut self,
+        found: &Journal,
+        exporter: &dyn Exporter,
+        info: &VideoInfo,
+        identity: &Identity,
+    ) -> Result<(Video, usize), Failure> {
+        let shown = self.shown.clone();
+        let failed = |e: io::Error| output_error(&shown, &e);
+        let export_failed = |e| export_failure(&shown, e);
+        let mut file = self.create("body").map_err(failed)?;
+        let settled = settled_records(&mut file, found);
+        let states = found.records[..settled].iter().filter_map(|(record, _)| match &record.kept {
+            Kept::Settled(state) => Some(state.clone()),
+            Kept::Open(_) => None,
+        });
+        let states: Vec<Vec<u8>> = states.collect();
+        let length = settled.checked_sub(1).map_or(0, |i| found.records[i].0.body);
+        file.set_len(length).map_err(failed)?;
+        file.rewind().map_err(failed)?;
+        // One place in the file for both: moved to the end before anything is written.
+        let out = Body::new(Box::new(file.try_clone().map_err(failed)?));
+        let mut sink = if states.is_empty() {
+            exporter.begin(info, Box::new(out.clone())).map_err(export_failed)?
+        } else {
+            let mut so_far = BufReader::new(&mut file).take(length);
+            exporter.resume(info, &states, &mut so_far, Box::new(out.clone())).map_err(export_failed)?
+        };
+        file.seek(SeekFrom::Start(length)).map_err(failed)?;
+        out.lock().length = length;
+        let mut done = settled;
+        while let Some((Record { kept: Kept::Open(span), .. }, _)) = found.records.get(done) {
+            let Some(kept) = self.kept_frame(span) else { break };
+            sink.again(kept).map_err(export_failed)?;
+            self.frames_end = span.at + u64::from(span.length);
+            done += 1;
+        }
+        if done == 0 {
+            drop((sink, out));
+            return Ok((self.begin(exporter, info, identity)?, 0));
+        }
+        self.journal.set_len(found.records[done - 1].1).map_err(failed)?;
+        self.journal.seek(SeekFrom::End(0)).map_err(failed)?;
+        out.measured().map_err(failed)?;
+        self.done = done;
+        Ok((Video { shown, sink, body: out, end: End::Folder(Box::new(self)) }, done))
+    }
+
+    fn kept_frame(&mut self, span: &Span) -> Option<&[u8]> {
+        let frames = match &mut self.frames {
+            Some(frames) => frames,
+            none => none.insert(File::options().read(true).write(true).open(self.path.join("frames")).ok()?),
+        };
+        frames.seek(SeekFrom::Start(span.at)).ok()?;
+        self.scratch.clear();
+        frames.take(u64::from(span.length)).read_to_end(&mut self.scratch).ok()?;
+        if self.scratch.len() != span.length as usize || crc32fast::hash(&self.scratch) != span.crc {
+            return None;
+        }
+        self.changes.decode(&self.scratch, &span.parts)
+    }
+
+    /// Writes down the frame that the sink has just taken.
+    fn mark(&mut self, mark: Mark<'_>, body: &Body) -> io::Result<()> {
+        // Without this a render would go on for hours into files that have lost their names.
+        if !part::is_at(&self.journal, &self.path.join("journal")) {
+            return Err(io::ErrorKind::NotFound.into());
+        }
+        let kept = match mark {
+            Mark::Nothing => return Ok(()),
+            Mark::Settled(state) => {
+                self.changes.restart();
+                self.frames_end = 0;
+                Kept::Settled(state)
+            }
+            Mark::Open(parts) => Kept::Open(self.keep_frame(&parts)?),
+        };
+        let (body, crc) = body.measured()?;
+        journal::append(&mut self.journal, &Record { body, crc, kept })?;
+        self.done += 1;
+        Ok(())
+    }
+
+    fn keep_frame(&mut self, parts: &[&[u8]; 3]) -> io::Result<Span> {
+        self.changes.encode(parts, &mut self.scratch);
+        if self.frames.is_none() {
+            self.frames = Some(self.create("frames")?);
+        }
+        let span = Span {
+            at: self.frames_end,
+            length: self.scratch.len() as u32,
+            crc: crc32fast::hash(&self.scratch),
+            parts: parts.map(|p| p.len() as u32),
+        };
+        if let Some(frames) = &mut self.frames {
+            // Over those of the segment before: the file does not grow, and its pages are written in place.
+            frames.seek(SeekFrom::Start(span.at))?;
+            frames.write_all(&self.scratch)?;
+        }
+        self.frames_end += u64::from(span.length);
+        Ok(span)
+    }
+
+    fn finish(mut self, head: &[u8]) -> io::Result<()> {
+        let body = self.path.join("body");
+        if head.is_empty() {
+            std::fs::rename(&body, &self.place)?;
+        } else {
+            let result = self.path.join("result");
+            joined(head, &mut File::open(&body)?, File::create(&result)?)?;
+            std::fs::rename(&result, &self.place)?;
+        }
+        // What is left is removed by `drop`, now that the result has its name.
+        self.keep = false;
+        Ok(())
+    }
+}
+
+impl Drop for Folder {
+    /// The lock is given back after the folder is gone.
+    fn drop(&mut self) {
+        let mut parts = part::parts();
+        if !self.keep || self.done == 0 {
+            part::remove_folder(&self.path);
+        }
+        parts.remove(&self.path);
+    }
+}
+
+/// How many records, up to a settled one, the body bears out.
+fn settled_records(body: &mut File, found: &Journal) -> usize {
+    let mut body = BufReader::with_capacity(1 << 16, body);
+    let (mut at, mut settled) = (0, 0);
+    let mut buffer = vec![0; 1 << 16];
+    for (i, (record, _)) in found.records.iter().enumerate() {
+        let Some(mut left) = record.body.checked_sub(at) else { break };
+        let mut crc = crc32fast::Hasher::new();
+        while left > 0 {
+            let most = left.min(buffer.len() as u64) as usize;
+            match body.read(&mut buffer[..most]) {
+                Ok(0) | Err(_) => return settled,
+                Ok(n) => {
+                    crc.update(&buffer[..n]);
+                    left -= n as u64;
+                }
+            }
+        }
+        if crc.finalize() != record.crc {
+            break;
+        }
+        at = record.body;
+        if matches!(record.kept, Kept::Settled(_)) {
+            settled = i + 1;
+        }
+    }
+    settled
+}
+
+/// The exporter's writer, measured as it writes.
+#[derive(Clone)]
+struct Body(Arc<Mutex<Measured>>);
+
+struct Measured {
+    out: BufWriter<Box<dyn Write + Send>>,
+    length: u64,
+    crc: crc32fast::Hasher,
+}
+
+impl Body {
+    fn new(out: Box<dyn Write + Send>) -> Body {
+        let out = BufWriter::with_capacity(1 << 16, out);
+        Body(Arc::new(Mutex::new(Measured { out, length: 0, crc: crc32fast::Hasher::new() })))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Measured> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// All that was written is with the system: the length, and the checksum of what came since the last call.
+    fn measured(&self) -> io::Result<(u64, u32)> {
+        let mut body = self.lock();
+        body.out.flush()?;
+        Ok((body.length, std::mem::take(&mut body.crc).finalize()))
+    }
+}
+
+impl Write for Body {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let mut body = self.lock();
+        let n = body.out.write(bytes)?;
+        body.crc.update(&bytes[..n]);
+        body.length += n as u64;
+        Ok(n)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.lock().out.flush()
+    }
+}

@@ -1,0 +1,357 @@
+//! Renders that were killed and go on: the bytes of an undisturbed render, and no finished frame drawn again.
+#![cfg(unix)]
+
+mod common;
+
+use common::*;
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+/// 40 frames in two segments of an MP4, drawn on the CPU, slow enough to be killed among them.
+const SMALL: &[&str] = &["--device", "cpu", "--size", "64x36", "--samples", "1", "--export", "keyframes=0.8"];
+const FRAMES: usize = 40;
+
+fn args<'a>(output: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let mut args = vec!["render", "s.rhai", "-o", output, "--jobs", "1", "--json"];
+    args.extend(&SMALL[..if output.ends_with(".mp4") { SMALL.len() } else { 6 }]);
+    args.extend(more);
+    args
+}
+
+/// A scene in motion with a callback, which takes a while.
+fn scene() -> tempfile::TempDir {
+    let dir = folder();
+    let script = "stage(#{ fps: 30, length: 4.0 / 3.0 });\n\
+                  let m = load(\"choreo:mannequin\");\n\
+                  let a = cast(\"a\", m);\n\
+                  a.play(m.clip(\"Dance_Groove\"));\n\
+                  cast(\"b\", load(\"tri.gltf\")).at(1, 0, 0);\n\
+                  camera(\"c\").at(0.0, 1.2, 4.0).look_at([0.0, 1.0, 0.0]);\n\
+                  on_frame(|t| { a.at(t * 0.1, 0, 0); });";
+    std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+    dir
+}
+
+/// The same numbers in every run (Marsaglia's xorshift).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 % n as u64) as usize
+    }
+}
+
+fn start(folder: &Path, output: &str, more: &[&str]) -> Child {
+    command(folder, &args(output, more)).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+}
+
+/// Kills a render once `enough` finished frames are seen, a moment later or not. It may be done by then.
+fn kill_after(folder: &Path, output: &str, enough: usize, random: &mut Random) {
+    let mut child = start(folder, output, &[]);
+    let begun = Instant::now();
+    while finished_frames(folder, output) < enough && child.try_wait().unwrap().is_none() {
+        assert!(begun.elapsed() < Duration::from_secs(120), "{output}: no {enough} frames after two minutes");
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    std::thread::sleep(Duration::from_micros(random.below(8000) as u64));
+    // SIGKILL: nothing of the program runs any more.
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+/// Frames that a render has finished, read without the program's help: whole pictures, or records of the journal.
+fn finished_frames(folder: &Path, output: &str) -> usize {
+    if let Some((folder_name, _)) = output.split_once('/') {
+        let Ok(entries) = std::fs::read_dir(folder.join(folder_name)) else { return 0 };
+        return entries.flatten().filter(|e| e.path().extension().is_some_and(|x| x == "png")).count();
+    }
+    let bytes = std::fs::read(folder.join(format!("{output}.part/journal"))).unwrap_or_default();
+    let mut rest = bytes.strip_prefix(b"choreo journal 1\n").unwrap_or_default();
+    let mut records = 0;
+    while let Some((length, more)) = rest.split_first_chunk::<4>() {
+        let Some(more) = more.get(4 + u32::from_le_bytes(*length) as usize..) else { break };
+        rest = more;
+        records += 1;
+    }
+    // The first says what is rendered.
+    usize::saturating_sub(records, 1)
+}
+
+/// Ends a killed render; gives (drawn, reused).
+fn resume(folder: &Path, output: &str) -> (usize, usize) {
+    let run = choreo(folder, &args(output, &["--resume"]));
+    assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+    let value: Value = serde_json::from_str(&run.out).unwrap();
+    assert_eq!(value["frames"], FRAMES);
+    let number = |name: &str| value[name].as_u64().unwrap() as usize;
+    (number("drawn"), number("reused"))
+}
+
+/// Everything in the output folder, by name.
+fn all_bytes(folder: &Path, output: &str) -> Vec<(String, Vec<u8>)> {
+    match output.split_once('/') {
+        None => vec![(output.to_string(), read(folder, output))],
+        Some((inner, _)) => {
+            let inner = folder.join(inner);
+            names(&inner).into_iter().map(|name| (name.clone(), read(&inner, &name))).collect()
+        }
+    }
+}
+
+fn clear(folder: &Path, output: &str) {
+    let _ = std::fs::remove_dir_all(folder.join(output.split('/').next().unwrap()));
+    let _ = std::fs::remove_file(folder.join(output));
+}
+
+fn killed(output: &str, moments: usize, seed: u64) {
+    let dir = scene();
+    let d = dir.path();
+    let mut random = Random(seed);
+    let run = choreo(d, &args(output, &[]));
+    assert_eq!(run.code, 0, "{}", run.err);
+    let whole = all_bytes(d, output);
+    let mut middle = 0;
+    for moment in 0..moments {
+        clear(d, output);
+        let enough = random.below(FRAMES);
+        kill_after(d, output, enough, &mut random);
+        let ended = !output.contains('/') && d.join(output).exists();
+        let finished = if ended { FRAMES } else { finished_frames(d, output) };
+        let part_left = ended && d.join(format!("{output}.part")).exists();
+        if ended && !part_left {
+            // Killed after its end: nothing to go on with, and a render like any other.
+            assert!(all_bytes(d, output) == whole);
+            continue;
+        }
+        middle += usize::from(finished < FRAMES);
+        let (drawn, reused) = resume(d, output);
+        assert_eq!((drawn, reused), (FRAMES - finished, finished), "{output}: moment {moment}");
+        let now = all_bytes(d, output);
+        assert_eq!(
+            now.iter().map(|(n, _)| n).collect::<Vec<_>>(),
+            whole.iter().map(|(n, _)| n).collect::<Vec<_>>()
+        );
+        assert!(now == whole, "{output}: other bytes after {finished} frames, moment {moment}");
+        assert_eq!(parts(d), Vec::<String>::new());
+    }
+    assert!(middle * 2 > moments, "only {middle} of {moments} kills fell among the frames");
+}
+
+#[test]
+fn killed_at_twenty_moments_pictures_go_on() {
+    killed("f/%04d.png", 20, 11);
+}
+
+#[test]
+fn killed_at_twenty_moments_an_mp4_goes_on() {
+    killed("o.mp4", 20, 12);
+}
+
+#[test]
+fn killed_gifs_and_streams_go_on() {
+    killed("o.gif", 4, 13);
+    killed("o.y4m", 4, 14);
+}
+
+/// A render that is killed again and again, each time gone on with.
+#[test]
+fn killed_while_going_on_nothing_is_lost() {
+    let dir = scene();
+    let d = dir.path();
+    assert_eq!(choreo(d, &args("w.mp4", &[])).code, 0);
+    let mut random = Random(15);
+    let mut seen = 0;
+    for enough in [5, 14, 23, 30, 36] {
+        let mut child = start(d, "o.mp4", &["--resume"]);
+        while finished_frames(d, "o.mp4") < enough && child.try_wait().unwrap().is_none() {
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        std::thread::sleep(Duration::from_micros(random.below(3000) as u64));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let now = finished_frames(d, "o.mp4");
+        if d.join("o.mp4").exists() {
+            break;
+        }
+        assert!(now >= seen, "{now} frames after {seen}");
+        seen = now;
+    }
+    if !d.join("o.mp4").exists() {
+        assert_eq!(resume(d, "o.mp4"), (FRAMES - seen, seen));
+    }
+    assert!(read(d, "o.mp4") == read(d, "w.mp4"));
+}
+
+/// The part folder of a render killed among its frames.
+fn stopped(d: &Path, output: &str) -> usize {
+    for _ in 0..10 {
+        clear(d, output);
+        let mut child = start(d, output, &[]);
+        while finished_frames(d, output) < 30 && child.try_wait().unwrap().is_none() {
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        if !d.join(output).exists() {
+            return finished_frames(d, output);
+        }
+    }
+    panic!("{output}: always done before it could be killed");
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    let _ = std::fs::remove_dir_all(to);
+    std::fs::create_dir(to).unwrap();
+    for name in names(from) {
+        std::fs::copy(from.join(&name), to.join(&name)).unwrap();
+    }
+}
+
+/// Cut or bent anywhere: what is whole is used, the rest is drawn again, the bytes are the same.
+#[test]
+fn damaged_parts_give_what_is_whole_of_them() {
+    let dir = scene();
+    let d = dir.path();
+    let mut random = Random(16);
+    for output in ["o.mp4", "o.gif"] {
+        assert_eq!(choreo(d, &args(output, &[])).code, 0);
+        let whole = read(d, output);
+        let finished = stopped(d, output);
+        let (part, saved) = (d.join(format!("{output}.part")), d.join("saved"));
+        copy_folder(&part, &saved);
+        let mut less = 0;
+        for name in names(&saved) {
+            for bend in [false, true, true] {
+                copy_folder(&saved, &part);
+                let mut bytes = read(&saved, &name);
+                let at = random.below(bytes.len());
+                if bend {
+                    bytes[at] ^= 1 << random.below(8);
+                } else {
+                    bytes.truncate(at);
+                }
+                std::fs::write(part.join(&name), bytes).unwrap();
+                let (drawn, reused) = resume(d, output);
+                assert!(drawn + reused == FRAMES && reused <= finished, "{name} {drawn} {reused}");
+                less += usize::from(reused < finished);
+                assert!(read(d, output) == whole, "{output}: {name} damaged at {at}");
+            }
+        }
+        assert!(less > 0, "{output}: no damage cost a frame");
+    }
+}
+
+/// What differs is named; nothing is touched.
+#[test]
+fn a_render_made_otherwise_is_refused() {
+    let dir = scene();
+    let d = dir.path();
+    stopped(d, "o.mp4");
+    let before = read(&d.join("o.mp4.part"), "journal");
+    let script = std::fs::read_to_string(d.join("s.rhai")).unwrap();
+    let refused = |more: &[&str], expected: &[&str]| {
+        let run = choreo(d, &args("o.mp4", &[&["--resume"], more].concat()));
+        assert_eq!(run.code, 3, "{}", run.err);
+        let head = "o.mp4: --resume cannot go on with ";
+        assert!(
+            run.err.contains(head) && run.err.contains("o.mp4.part: it was made otherwise"),
+            "{}",
+            run.err
+        );
+        for words in expected {
+            assert!(run.err.contains(words), "no \"{words}\" in {}", run.err);
+        }
+        assert!(run.err.contains("leave --resume out to make everything anew"), "{}", run.err);
+        assert!(read(&d.join("o.mp4.part"), "journal") == before);
+    };
+    refused(&["--frames", "1..30"], &["frames: 0..=39, now 1..=29"]);
+    refused(&["--export", "quality=9"], &["arguments: --size 64x36", "quality=9"]);
+    std::fs::write(d.join("s.rhai"), script.replace("1.2", "1.3")).unwrap();
+    refused(&[], &["script: ", "stage: "]);
+    std::fs::write(d.join("s.rhai"), format!("{script} // said otherwise")).unwrap();
+    refused(&[], &["script: "]);
+    std::fs::write(d.join("s.rhai"), &script).unwrap();
+    // Pictures: one of another scene is not taken for one of this.
+    assert_eq!(choreo(d, &args("f/%d.png", &["--frames", "0..4"])).code, 0);
+    std::fs::copy(d.join("f/1.png"), d.join("f/2.png")).unwrap();
+    let run = choreo(d, &args("f/%d.png", &["--frames", "0..4", "--resume"]));
+    assert_eq!(run.code, 3);
+    assert!(run.err.contains("f/2.png: it was made otherwise\n    time: 0.0333"), "{}", run.err);
+    // One that was cut is drawn again, one that was lost too.
+    std::fs::write(d.join("f/2.png"), &read(d, "f/1.png")[..200]).unwrap();
+    std::fs::remove_file(d.join("f/3.png")).unwrap();
+    let run = choreo(d, &args("f/%d.png", &["--frames", "0..4", "--resume"]));
+    let value: Value = serde_json::from_str(&run.out).unwrap();
+    assert_eq!((&value["drawn"], &value["reused"]), (&2.into(), &2.into()));
+}
+
+#[test]
+fn with_nothing_there_it_renders_and_keeps_what_a_signal_ends() {
+    let dir = scene();
+    let d = dir.path();
+    assert_eq!(resume(d, "o.mp4"), (FRAMES, 0));
+    let whole = read(d, "o.mp4");
+    std::fs::remove_file(d.join("o.mp4")).unwrap();
+    // Ctrl-C: with --resume the user wants to go on, without it not.
+    for (more, kept) in [(&["--resume"][..], true), (&[], false)] {
+        let mut child = start(d, "o.mp4", more);
+        while finished_frames(d, "o.mp4") < 5 && child.try_wait().unwrap().is_none() {
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        let sent = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+        assert!(sent.unwrap().success());
+        let code = child.wait().unwrap().code();
+        if code == Some(0) {
+            // It was faster than the signal.
+            std::fs::remove_file(d.join("o.mp4")).unwrap();
+            continue;
+        }
+        assert_eq!(code, Some(130));
+        assert_eq!(d.join("o.mp4.part").exists(), kept);
+        if kept {
+            let finished = finished_frames(d, "o.mp4");
+            assert_eq!(resume(d, "o.mp4"), (FRAMES - finished, finished));
+            assert!(read(d, "o.mp4") == whole);
+            std::fs::remove_file(d.join("o.mp4")).unwrap();
+        }
+    }
+    // Without --resume everything is made anew, and that is said.
+    stopped(d, "o.mp4");
+    let plain: Vec<&str> = args("o.mp4", &[]).into_iter().filter(|a| *a != "--json").collect();
+    let run = choreo(d, &plain);
+    assert!(run.code == 0 && run.err.contains("--resume would have gone on with them"), "{}", run.err);
+    assert!(read(d, "o.mp4") == whole);
+    let run = choreo(d, &["render", "s.rhai", "-o", "-", "--resume"]);
+    assert!(run.code == 2 && run.err.contains("standard output keeps nothing"), "{}", run.err);
+}
+
+/// Killed between the renaming of the result and the removal of its folder.
+#[test]
+fn a_result_in_its_place_is_found_there() {
+    let dir = scene();
+    let d = dir.path();
+    stopped(d, "o.y4m");
+    // A second name, under which the journal outlives its folder.
+    let part = d.join("o.y4m.part");
+    std::fs::hard_link(part.join("journal"), d.join("journal")).unwrap();
+    resume(d, "o.y4m");
+    let whole = read(d, "o.y4m");
+    let folder_again = || {
+        std::fs::create_dir(&part).unwrap();
+        std::fs::copy(d.join("journal"), part.join("journal")).unwrap();
+    };
+    folder_again();
+    assert_eq!(finished_frames(d, "o.y4m"), FRAMES);
+    assert_eq!(resume(d, "o.y4m"), (0, FRAMES));
+    assert!(read(d, "o.y4m") == whole && !part.exists());
+    // Another file there is not taken for it.
+    folder_again();
+    std::fs::write(d.join("o.y4m"), &whole[..whole.len() - 1]).unwrap();
+    assert_eq!(resume(d, "o.y4m"), (FRAMES, 0));
+    assert!(read(d, "o.y4m") == whole && !part.exists());
+}
