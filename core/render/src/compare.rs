@@ -33,8 +33,8 @@ pub enum CompareError {
     Length(u32, u32, usize, usize),
 }
 
-/// A pixel differs where a channel differs by more than `tolerance` steps.
-pub fn compare(a: &Frame, b: &Frame, tolerance: u8) -> Result<Comparison, CompareError> {
+/// Equal sizes, and as many bytes as the sizes ask for.
+pub(crate) fn check(a: &Frame, b: &Frame) -> Result<(), CompareError> {
     for f in [a, b] {
         let expected = f.width as usize * f.height as usize * 4;
         if f.rgba.len() != expected {
@@ -44,6 +44,12 @@ pub fn compare(a: &Frame, b: &Frame, tolerance: u8) -> Result<Comparison, Compar
     if [a.width, a.height] != [b.width, b.height] {
         return Err(CompareError::Sizes(a.width, a.height, b.width, b.height));
     }
+    Ok(())
+}
+
+/// A pixel differs where a channel differs by more than `tolerance` steps.
+pub fn compare(a: &Frame, b: &Frame, tolerance: u8) -> Result<Comparison, CompareError> {
+    check(a, b)?;
     let (mut sum, mut squares, mut worst, mut worst_at) = (0u64, 0u64, 0u8, [0; 2]);
     let (mut beyond, mut low, mut high) = (0u64, [u32::MAX; 2], [0u32; 2]);
     for (i, (p, q)) in a.rgba.chunks_exact(4).zip(b.rgba.chunks_exact(4)).enumerate() {

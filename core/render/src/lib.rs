@@ -6,6 +6,7 @@ pub mod catalog;
 pub mod compare;
 pub mod content;
 pub mod cpu;
+pub mod flip;
 pub mod gpu;
 pub mod gpu_types;
 pub mod mip;
