@@ -6,7 +6,7 @@ use std::path::PathBuf;
 pub const EXIT_CODES: &str = "\
 Exit codes:
   0    done
-  1    the script, model or another input is wrong
+  1    the script, model or another input is wrong, or a test failed
   2    the command line is wrong
   3    the output cannot be written
   4    no device can render it
@@ -37,6 +37,9 @@ pub enum Command {
     Explain(ExplainArgs),
     /// Every actor's joints in world space at one time
     Pose(PoseArgs),
+    /// Scenes tested by scripts: sections with assertions and pictures
+    #[command(after_help = EXIT_CODES)]
+    Test(TestArgs),
     /// The importers, effects and exporters that this program has
     Plugins(PluginsArgs),
 }
@@ -175,6 +178,58 @@ pub struct PoseArgs {
 }
 
 #[derive(Args, Debug)]
+pub struct TestArgs {
+    /// Scripts and folders of them (default: tests/suite and scripts where they are, else all below this folder)
+    #[arg(value_name = "PATH")]
+    pub paths: Vec<PathBuf>,
+    /// Take over what was drawn as the expected picture: all that failed, or the one of this name; repeatable
+    #[arg(long, value_name = "NAME", num_args = 0..=1, require_equals = true, default_missing_value = "", conflicts_with_all = ["watch", "list"])]
+    pub accept: Vec<String>,
+    /// Only sections with this in "FILE > SECTION", any case, or with this tag; repeatable
+    #[arg(long, value_name = "TEXT")]
+    pub filter: Vec<String>,
+    /// The I-th of N equal parts, for several machines
+    #[arg(long, value_name = "I/N")]
+    pub shard: Option<String>,
+    /// Run only what a change touches; results of the rest are reused
+    #[arg(long)]
+    pub changed: bool,
+    /// Say which sections there are, and run none
+    #[arg(long)]
+    pub list: bool,
+    /// Run again whenever a file changes
+    #[arg(long, conflicts_with_all = ["list", "json"])]
+    pub watch: bool,
+    /// Draw all pictures on this device instead of the one that the scripts say (cpu, unless they say another)
+    #[arg(long, value_enum)]
+    pub device: Option<Device>,
+    /// Compare with pictures that were accepted on another device or driver, too
+    #[arg(long)]
+    pub any_device: bool,
+    /// A further folder in which load(…) looks for files; repeatable
+    #[arg(long = "search", value_name = "DIR")]
+    pub search: Vec<PathBuf>,
+    /// Raise a limit of the scripts, as operations=50000000; repeatable
+    #[arg(long = "limit", value_name = "NAME=NUMBER")]
+    pub limit: Vec<String>,
+    /// Sections at once (default: one for each core)
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<String>,
+    /// Say nothing but what failed
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// The report as JSON on standard output, and nothing else
+    #[arg(long)]
+    pub json: bool,
+    /// The report as JUnit XML, for build servers
+    #[arg(long, value_name = "FILE")]
+    pub junit: Option<PathBuf>,
+    /// The report as one HTML page with the pictures that differ
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
+}
+
+#[derive(Args, Debug)]
 pub struct PluginsArgs {
     /// Only what each importer says of this file; the first reads it
     #[arg(long = "for", value_name = "FILE")]
@@ -191,6 +246,7 @@ impl Command {
             Command::Info(a) => a.json,
             Command::Explain(a) => a.json,
             Command::Pose(a) => a.json,
+            Command::Test(a) => a.json,
             Command::Plugins(a) => a.json,
         }
     }

@@ -60,7 +60,7 @@ fn on_the_cpu(why: &str) -> String {
 }
 
 /// Where compiled pipelines are kept, so that the next first picture comes at once.
-fn cache_dir() -> Option<PathBuf> {
+pub fn cache_dir() -> Option<PathBuf> {
     let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     folder("XDG_CACHE_HOME")
         .or_else(|| folder("HOME").map(|home| home.join(".cache")))

@@ -12,6 +12,8 @@ pub enum Failure {
     /// Where the result should go.
     Output(String),
     Device(String),
+    /// Sections failed, or none was tested: how many. What failed has been told.
+    Tests(String),
     Interrupted,
     /// The reader of standard output has gone.
     ClosedPipe,
@@ -53,7 +55,7 @@ impl Failure {
 
     pub fn code(&self) -> u8 {
         match self {
-            Failure::Input(_) => 1,
+            Failure::Input(_) | Failure::Tests(_) => 1,
             Failure::Usage(_) => 2,
             Failure::Output(_) => 3,
             Failure::Device(_) => 4,
@@ -68,7 +70,7 @@ impl Failure {
         match self {
             Failure::Input(problems) => problems.iter().map(ToString::to_string).collect(),
             Failure::Usage(text) => vec![format!("{text}\n    see choreo --help")],
-            Failure::Output(text) | Failure::Device(text) => vec![text.clone()],
+            Failure::Output(text) | Failure::Device(text) | Failure::Tests(text) => vec![text.clone()],
             Failure::Interrupted => vec!["interrupted".to_string()],
             Failure::ClosedPipe => Vec::new(),
         }
@@ -80,6 +82,7 @@ impl Failure {
             Failure::Usage(_) => "usage",
             Failure::Output(_) => "output",
             Failure::Device(_) => "device",
+            Failure::Tests(_) => "tests",
             Failure::Interrupted => "interrupted",
             Failure::ClosedPipe => "closed pipe",
         };

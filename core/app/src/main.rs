@@ -23,6 +23,7 @@ mod registry;
 mod render;
 mod scene;
 mod summary;
+mod test;
 mod video;
 
 use args::{Cli, Command};
@@ -48,13 +49,15 @@ fn main() -> ExitCode {
         Command::Info(args) => info::run(args),
         Command::Explain(args) => explain::run(args),
         Command::Pose(args) => pose::run(args),
+        Command::Test(args) => test::run(args),
         Command::Plugins(args) => registry::run(args),
     };
     let Err(failure) = result else { return ExitCode::SUCCESS };
     for line in failure.lines() {
         eprintln!("{line}");
     }
-    if json && !to_stdout {
+    // A report of failed tests has said it already.
+    if json && !to_stdout && !matches!(failure, failure::Failure::Tests(_)) {
         let _ = failure::print_json(&failure.json());
     }
     ExitCode::from(failure.code())

@@ -5,7 +5,15 @@
 //! ```
 //! Sections are read and run by [`choreo_script`]; here they are judged ([`outcome::Check`]) and told ([`outcome::Outcome`]).
 
+pub mod collect;
 pub mod evaluate;
 pub mod outcome;
+pub mod painter;
+pub mod pictures;
+pub mod report;
+pub mod results;
+pub mod run;
+mod section;
+pub mod stored;
 
 pub use outcome::{Check, Evidence, Measures, Outcome, Pictures, Place, Status, Trace};

@@ -1,8 +1,9 @@
 //! `cargo xtask test`: everything, sorted by cost, with one closing count.
 
-use crate::{cargo, run, setup};
+use crate::{assets, cargo, root, run, setup};
 use std::io::{BufRead, BufReader};
-use std::process::Stdio;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
 use std::time::Instant;
 
 pub fn lint() -> Result<(), String> {
@@ -55,6 +56,11 @@ pub fn test(args: &[&str]) -> Result<(), String> {
     if !status.success() {
         problems.push("cargo test failed; the failures are printed above".to_string());
     }
+    if filters.is_empty()
+        && let Err(text) = sections(&mut tally)
+    {
+        problems.push(text);
+    }
     if tally.passed + tally.failed == 0 {
         problems.push("no test ran".to_string());
     }
@@ -71,7 +77,51 @@ pub fn test(args: &[&str]) -> Result<(), String> {
     if problems.is_empty() { Ok(()) } else { Err(problems.join("; ")) }
 }
 
+/// The scenes' own tests, `tests/suite` and `scripts`, by the program that the tests before have built.
+fn sections(tally: &mut Tally) -> Result<(), String> {
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    let choreo = target.join("debug").join(format!("choreo{}", std::env::consts::EXE_SUFFIX));
+    let mut command = Command::new(&choreo);
+    command.args(["test", "--html"]).arg(target.join("choreo-test.html")).current_dir(root());
+    if let Some(assets) = assets() {
+        command.arg("--search").arg(assets);
+    }
+    println!("choreo test");
+    let output = command
+        .stdin(Stdio::null())
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(|e| format!("{} did not start: {e}", choreo.display()))?;
+    let counted = tally.passed + tally.failed;
+    for line in String::from_utf8_lossy(&output.stdout).lines() {
+        tally.read_sections(line);
+        println!("{line}");
+    }
+    match (output.status.success(), tally.passed + tally.failed > counted) {
+        (true, true) => Ok(()),
+        (true, false) => Err("choreo test ran no section".to_string()),
+        (false, _) => Err("choreo test failed; target/choreo-test.html shows it".to_string()),
+    }
+}
+
 impl Tally {
+    /// Reads a line of choreo test's output: its reasons to skip, and its counts.
+    fn read_sections(&mut self, line: &str) {
+        if let Some((count, reason)) = line.strip_prefix("skipped ").and_then(|rest| rest.split_once(": ")) {
+            self.skips.extend(count.parse().ok().map(|n| (n, reason.to_string())));
+        } else if line.contains(" passed") && line.contains(" checks in ") {
+            for part in line.split([',', ';', '(']) {
+                let Some((count, word)) = part.trim().split_once(' ') else { continue };
+                let count: u64 = count.parse().unwrap_or(0);
+                match word.trim() {
+                    "passed" => self.passed += count,
+                    "failed" => self.failed += count,
+                    _ => {}
+                }
+            }
+        }
+    }
+
     /// Reads a line of libtest's output; true where a person wants to see it.
     fn read(&mut self, line: &str) -> bool {
         if let Some(rest) = line.strip_prefix("test result: ") {
@@ -113,5 +163,10 @@ mod tests {
         tally.read("SKIP 12: the shared assets are not here");
         assert_eq!((tally.passed, tally.failed), (3, 2));
         assert_eq!(tally.skips[1], (12, "the shared assets are not here".to_string()));
+        tally.read_sections("ok     tests/suite/walk.rhai  12 sections, 2 skipped");
+        tally.read_sections("skipped 2: no Vulkan: install mesa-vulkan-drivers");
+        tally.read_sections("12 passed (reused 3), 1 failed, 2 skipped, 4 warnings; 40 checks in 1.2 s");
+        assert_eq!((tally.passed, tally.failed), (15, 3));
+        assert_eq!(tally.skips[2], (2, "no Vulkan: install mesa-vulkan-drivers".to_string()));
     }
 }

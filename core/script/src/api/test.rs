@@ -70,7 +70,7 @@ pub const DEFS: &[Def] = &[
         "expect_picture",
         "name, options?",
         Gives::Nothing,
-        "The picture is like the stored one; options: at (a time), size, samples, device (\"cpu\", the default, or \"vulkan\"), tolerance (steps of 255), share (of the pixels beyond it), visible (mean visible difference), large: true (may take more than 20 KiB).",
+        "The picture is like the stored one; options: at (a time), size, samples, device (\"cpu\", the default, or \"vulkan\"), tolerance (steps of 255), share (of the pixels beyond it), visible (largest visible difference, 0 to 1), large: true (may take more than 20 KiB).",
         expect_picture,
     )
     .in_tests(),

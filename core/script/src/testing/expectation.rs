@@ -384,7 +384,7 @@ pub struct PictureExpectation {
     pub tolerance: Option<u8>,
     /// Share of pixels that may be beyond the tolerance, 0..=1; `None`: the runner's.
     pub share: Option<f64>,
-    /// Largest mean visible difference, 0..=1; `None`: the runner's.
+    /// Largest visible difference of any place, 0..=1; `None`: the runner's.
     pub visible: Option<f64>,
     /// May take more than 20 KiB.
     pub large: bool,

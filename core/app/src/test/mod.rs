@@ -1,0 +1,187 @@
+//! `choreo test`: sections of scripts, run and judged; what is told goes to the terminal and into reports.
+
+mod tell;
+mod watch;
+
+use crate::args::{Device, TestArgs};
+use crate::failure::{Failure, print, print_json};
+use crate::{device, ranges, registry};
+use choreo_plugin::Registry;
+use choreo_script::testing::TestOptions;
+use choreo_script::{Limits, ScriptOptions, did_you_mean};
+use choreo_suite::collect::{self, Case, NothingToRun, Selection, quoted};
+use choreo_suite::pictures::{Accept, PictureOptions};
+use choreo_suite::report::{html, json, junit, terminal};
+use choreo_suite::run::{Report, RunOptions, run as run_cases};
+use choreo_suite::{painter, results, stored};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Where tests are when the command line does not say.
+const USUAL: [&str; 2] = ["tests/suite", "scripts"];
+
+pub fn run(args: TestArgs) -> Result<(), Failure> {
+    let registry = registry::registry();
+    let job = Job::new(&args)?;
+    if args.watch {
+        return watch::run(&args, &job, &registry);
+    }
+    let cases = job.cases(&registry)?;
+    if args.list {
+        return match args.json {
+            true => print_json(&json::list(&cases)),
+            false => print(&terminal::list(&cases)),
+        };
+    }
+    let report = once(&args, &job, &cases, &registry)?;
+    match report.failure() {
+        None => Ok(()),
+        Some(why) => Err(Failure::Tests(why)),
+    }
+}
+
+/// The command line, checked.
+pub struct Job {
+    paths: Vec<PathBuf>,
+    selection: Selection,
+    options: RunOptions,
+}
+
+impl Job {
+    fn new(args: &TestArgs) -> Result<Job, Failure> {
+        let mut limits = Limits::default();
+        for limit in &args.limit {
+            limits.set(limit).map_err(|e| Failure::Usage(format!("--limit {limit}: {e}")))?;
+        }
+        let script = ScriptOptions { search_paths: args.search.clone(), limits, ..ScriptOptions::default() };
+        let mut paths = args.paths.clone();
+        if paths.is_empty() {
+            paths = USUAL.iter().map(PathBuf::from).filter(|p| p.is_dir()).collect();
+        }
+        if paths.is_empty() {
+            paths.push(PathBuf::from("."));
+        }
+        let accept = match args.accept.as_slice() {
+            [] => Accept::None,
+            names if names.iter().any(String::is_empty) => Accept::All,
+            names => Accept::Named(names.to_vec()),
+        };
+        let device = match args.device {
+            None => None,
+            Some(Device::Cpu) => Some(painter::Device::Cpu),
+            Some(Device::Vulkan) => Some(painter::Device::Vulkan),
+            Some(Device::Auto) => {
+                return Err(Failure::Usage(
+                    "--device auto: a picture belongs to one device; say cpu or vulkan".into(),
+                ));
+            }
+        };
+        let (work, results) = folders();
+        // A program that cannot be told from another build of it must not take over that one's results.
+        let program = results::program();
+        let options = RunOptions {
+            test: TestOptions { script, root: None },
+            pictures: PictureOptions {
+                accept,
+                device,
+                any_device: args.any_device,
+                failures: Some(work.join("pictures")),
+            },
+            jobs: args.jobs.as_deref().map(ranges::jobs).transpose()?.unwrap_or(0),
+            results: program.is_some().then_some(results),
+            changed: args.changed,
+            program: program.unwrap_or_default(),
+            gpu_cache: device::cache_dir(),
+        };
+        let shard = args.shard.as_deref().map(shard).transpose()?;
+        for path in [&args.junit, &args.html].into_iter().flatten() {
+            writable(path)?;
+        }
+        Ok(Job { paths, selection: Selection { filter: args.filter.clone(), shard }, options })
+    }
+
+    fn cases(&self, registry: &Registry) -> Result<Vec<Case>, Failure> {
+        let failure = |e: NothingToRun| match e {
+            NothingToRun::Usage(text) => Failure::Usage(text),
+            NothingToRun::Input(text) => Failure::input(text),
+        };
+        let cases = collect::collect(&self.paths, registry, &self.options.test).map_err(failure)?;
+        collect::select(cases, &self.selection).map_err(failure)
+    }
+}
+
+/// `2/5` → (2, 5).
+fn shard(text: &str) -> Result<(usize, usize), Failure> {
+    let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+    match parsed {
+        Some((i, n)) if (1..=n).contains(&i) => Ok((i, n)),
+        _ => Err(Failure::Usage(format!("--shard {text}: write I/N with I from 1 to N, as 2/5"))),
+    }
+}
+
+/// A report that could not be written is found before the tests run.
+fn writable(path: &Path) -> Result<(), Failure> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty());
+    match (path.is_dir(), folder) {
+        (true, _) => Err(Failure::Output(format!("{}: cannot write: it is a folder", path.display()))),
+        (false, Some(folder)) if !folder.is_dir() => Err(Failure::Output(format!(
+            "{}: cannot write: the folder {} does not exist; make it: mkdir -p {}",
+            path.display(),
+            folder.display(),
+            quoted(&folder.display().to_string())
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Where failures' pictures go, and earlier results are kept: with the other build products of a project that has such a
+/// folder, else a temporary and the user's cache folder.
+fn folders() -> (PathBuf, PathBuf) {
+    let target = Path::new("target");
+    if target.is_dir() {
+        let work = target.join("choreo-test");
+        return (work.clone(), work.join("results"));
+    }
+    let here = std::env::current_dir().unwrap_or_default();
+    let work = std::env::temp_dir().join(format!("choreo-test-{}", results::short_hash(&here)));
+    let results = device::cache_dir().map_or_else(|| work.join("results"), |cache| cache.join("test"));
+    (work, results)
+}
+
+/// One run with all that is told about it.
+fn once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Result<Report, Failure> {
+    let mut teller = tell::Teller::new(args, cases);
+    let report = run_cases(cases, registry, &job.options, &mut |outcome| teller.tell(outcome));
+    teller.finish(&report)?;
+    if let Accept::Named(names) = &job.options.pictures.accept
+        && let Some(name) = names.iter().find(|n| !report.pictures.contains(*n))
+    {
+        return Err(Failure::Usage(format!(
+            "--accept={}: no section that ran has a picture of this name{}",
+            quoted(name),
+            did_you_mean(name, report.pictures.iter().map(String::as_str))
+        )));
+    }
+    let write =
+        |path: &Path, text: String| stored::write_whole(path, text.as_bytes()).map_err(Failure::Output);
+    if let Some(path) = &args.junit {
+        write(path, junit::report(&report))?;
+    }
+    if let Some(path) = &args.html {
+        let paths: Vec<String> = job.paths.iter().map(|p| collect::shown(p)).collect();
+        let about = format!("choreo {}: {}", env!("CARGO_PKG_VERSION"), paths.join(", "));
+        write(path, html::report(&report, &about))?;
+    }
+    if args.json {
+        let about = json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "paths": job.paths.iter().map(|p| collect::shown(p)).collect::<Vec<_>>(),
+            "filter": job.selection.filter,
+            "shard": job.selection.shard,
+            "changed": job.options.changed,
+            "any_device": job.options.pictures.any_device,
+        });
+        print_json(&json::report(&report, &about))?;
+    }
+    Ok(report)
+}

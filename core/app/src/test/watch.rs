@@ -1,0 +1,85 @@
+//! `--watch`: after each run, waits until a file that it read has changed, and runs what that touches.
+//!
+//! Folders are watched and not files: an editor that saves by renaming over a file would silence a watch on the file itself.
+
+use super::{Job, once};
+use crate::args::TestArgs;
+use crate::failure::{Failure, print};
+use choreo_plugin::Registry;
+use notify::RecursiveMode;
+use notify_debouncer_full::{DebounceEventResult, new_debouncer};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
+
+/// Editors write a file in several steps; what comes within this time is one change.
+const QUIET: Duration = Duration::from_millis(150);
+
+pub fn run(args: &TestArgs, job: &Job, registry: &Registry) -> Result<(), Failure> {
+    let (to, changes) = channel();
+    let failed = |e: notify::Error| Failure::input(format!("--watch: cannot watch files: {e}"));
+    let mut watcher = new_debouncer(QUIET, None, to).map_err(failed)?;
+    let mut watched: BTreeSet<PathBuf> = BTreeSet::new();
+    loop {
+        let mut read: BTreeSet<PathBuf> = BTreeSet::new();
+        // What is wrong now may be right after the next save: only a reader that has gone ends this.
+        let ran = job.cases(registry).and_then(|cases| {
+            read.extend(cases.iter().filter_map(|c| c.path.canonicalize().ok()));
+            once(args, job, &cases, registry)
+        });
+        match ran {
+            Ok(report) => read.extend(report.files),
+            Err(Failure::ClosedPipe) => return Err(Failure::ClosedPipe),
+            Err(failure) => failure.lines().iter().for_each(|line| eprintln!("{line}")),
+        }
+        for folder in folders(&job.paths, &read) {
+            // A folder that has gone is no reason to end; its files' test says so.
+            if !watched.contains(&folder) && watcher.watch(&folder, RecursiveMode::NonRecursive).is_ok() {
+                watched.insert(folder);
+            }
+        }
+        if watched.is_empty() {
+            return Err(Failure::input("--watch: there is no folder to watch"));
+        }
+        print(&format!("watching {} folders; Ctrl-C ends\n", watched.len()))?;
+        let changed = wait(&changes)?;
+        print(&format!("\nchanged: {}\n", choreo_suite::collect::shown(&changed)))?;
+    }
+}
+
+/// Of all files read, and those below the paths given, so that new tests are seen.
+fn folders(paths: &[PathBuf], read: &BTreeSet<PathBuf>) -> BTreeSet<PathBuf> {
+    let mut folders: BTreeSet<PathBuf> =
+        read.iter().filter_map(|f| f.parent()).map(Path::to_path_buf).collect();
+    for path in paths {
+        let folder = if path.is_dir() { Some(path.as_path()) } else { path.parent() };
+        let folder = folder.map(|f| if f.as_os_str().is_empty() { Path::new(".") } else { f });
+        folders.extend(folder.and_then(|f| f.canonicalize().ok()));
+    }
+    folders
+}
+
+/// The first file that really changed. What we write ourselves and files being read do not count.
+fn wait(changes: &Receiver<DebounceEventResult>) -> Result<PathBuf, Failure> {
+    loop {
+        let Ok(events) = changes.recv() else {
+            return Err(Failure::input("--watch: the system no longer tells of changes"));
+        };
+        let path = events
+            .into_iter()
+            .flatten()
+            .filter(|e| !e.kind.is_access())
+            .flat_map(|e| e.event.paths)
+            .find(|p| !ours(p));
+        if let Some(path) = path {
+            let here = std::env::current_dir().and_then(|d| d.canonicalize()).unwrap_or_default();
+            return Ok(path.strip_prefix(&here).map_or(path.clone(), Path::to_path_buf));
+        }
+    }
+}
+
+fn ours(path: &Path) -> bool {
+    let part = path.extension().is_some_and(|e| e == "part");
+    part || path.components().any(|c| c.as_os_str() == "choreo-test")
+}

@@ -1,0 +1,192 @@
+//! From paths on the command line to sections: which files are tests, and which sections of them are asked for.
+
+use choreo_plugin::Registry;
+use choreo_script::testing::{SectionInfo, TestOptions, list_sections};
+use choreo_script::{Diagnostic, did_you_mean};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Files beyond this are a slip of the hand (`choreo test /`).
+const MOST_FILES: usize = 20_000;
+/// Folders that hold no tests of their own: modules are imported, pictures compared, the rest is not ours.
+const PASSED_OVER: &[&str] = &["modules", "pictures", "target", "node_modules"];
+
+/// One section to run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    pub path: PathBuf,
+    /// As messages name it: with `/`.
+    pub file: String,
+    /// The folder that was given and that holds the file; its test may read there.
+    pub root: Option<PathBuf>,
+    /// An error: the file cannot be read.
+    pub section: Result<SectionInfo, Vec<Diagnostic>>,
+    /// First and last line of the file's sections.
+    pub spans: Arc<[(usize, usize)]>,
+}
+
+/// Why there is nothing to run; complete, with what to type.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NothingToRun {
+    /// The command line is wrong.
+    Usage(String),
+    /// A folder or file cannot be read.
+    Input(String),
+}
+
+/// Which of the sections are asked for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Selection {
+    /// Parts of `FILE > SECTION`, any case, or tags; none = all. Each must fit at least one section.
+    pub filter: Vec<String>,
+    /// The i-th of n equal parts, from 1.
+    pub shard: Option<(usize, usize)>,
+}
+
+impl Case {
+    pub fn name(&self) -> String {
+        match &self.section {
+            Ok(info) if !info.name.is_empty() => format!("{} > {}", self.file, info.name),
+            _ => self.file.clone(),
+        }
+    }
+
+    fn fits(&self, filter: &str) -> bool {
+        let tagged = self.section.as_ref().is_ok_and(|s| s.tags.iter().any(|t| t == filter));
+        tagged || self.name().to_lowercase().contains(&filter.to_lowercase())
+    }
+}
+
+/// All sections of the files and folders, in the order given; folders sorted by name.
+pub fn collect(
+    paths: &[PathBuf],
+    registry: &Registry,
+    options: &TestOptions,
+) -> Result<Vec<Case>, NothingToRun> {
+    let mut files: Vec<(PathBuf, Option<PathBuf>)> = Vec::new();
+    for path in paths {
+        let shown = shown(path);
+        if path.is_dir() {
+            let before = files.len();
+            walk(path, path, &mut files)?;
+            if files.len() == before {
+                return Err(NothingToRun::Input(format!("{shown}: no scripts (.rhai) in this folder")));
+            }
+        } else if path.is_file() {
+            if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("rhai")) {
+                return Err(NothingToRun::Usage(format!(
+                    "{shown}: a test is a script (.rhai) or a folder of them"
+                )));
+            }
+            files.push((path.clone(), None));
+        } else {
+            return Err(NothingToRun::Input(format!("{shown}: no such file or folder")));
+        }
+    }
+    let mut seen = std::collections::BTreeSet::new();
+    files.retain(|(path, _)| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
+    let mut cases = Vec::new();
+    for (path, root) in files {
+        let file = shown(&path);
+        let options = TestOptions { root: root.clone().or_else(|| options.root.clone()), ..options.clone() };
+        let listed = list_sections(&path, registry, &options);
+        let spans: Arc<[(usize, usize)]> = listed.iter().flatten().map(|s| (s.line, s.end_line)).collect();
+        let case = |section| Case {
+            path: path.clone(),
+            file: file.clone(),
+            root: options.root.clone(),
+            section,
+            spans: spans.clone(),
+        };
+        match listed {
+            Ok(sections) => cases.extend(sections.into_iter().map(|s| case(Ok(s)))),
+            Err(diagnostics) => cases.push(case(Err(diagnostics))),
+        }
+    }
+    Ok(cases)
+}
+
+fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>) -> Result<(), NothingToRun> {
+    let failed = |e: std::io::Error| NothingToRun::Input(format!("{}: {e}", shown(folder)));
+    let mut entries = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        entries.push((entry.file_name(), entry.file_type().map_err(failed)?));
+    }
+    entries.sort_by(|a, b| a.0.cmp(&b.0));
+    for (name, kind) in entries {
+        let path = folder.join(&name);
+        let text = name.to_string_lossy();
+        if text.starts_with('.') {
+            continue;
+        }
+        // Links to folders are not followed: they can lead in a circle.
+        if kind.is_dir() {
+            if !PASSED_OVER.contains(&text.as_ref()) {
+                walk(&path, root, files)?;
+            }
+        } else if text.to_ascii_lowercase().ends_with(".rhai") && path.is_file() {
+            if files.len() >= MOST_FILES {
+                return Err(NothingToRun::Usage(format!(
+                    "more than {MOST_FILES} scripts below {}; name the folder of the tests",
+                    shown(root)
+                )));
+            }
+            files.push((path, Some(root.to_path_buf())));
+        }
+    }
+    Ok(())
+}
+
+/// The sections that were asked for, in order.
+pub fn select(cases: Vec<Case>, selection: &Selection) -> Result<Vec<Case>, NothingToRun> {
+    for filter in &selection.filter {
+        if cases.iter().any(|c| c.fits(filter)) {
+            continue;
+        }
+        let names: Vec<&str> = cases
+            .iter()
+            .filter_map(|c| c.section.as_ref().ok())
+            .flat_map(|s| s.tags.iter().map(String::as_str).chain([s.name.as_str()]))
+            .filter(|n| !n.is_empty())
+            .collect();
+        return Err(NothingToRun::Usage(format!(
+            "--filter {}: none of the {} sections fits{}\n    --list shows all of them",
+            quoted(filter),
+            cases.len(),
+            did_you_mean(filter, names)
+        )));
+    }
+    let mut cases = cases;
+    if !selection.filter.is_empty() {
+        cases.retain(|c| selection.filter.iter().any(|f| c.fits(f)));
+    }
+    let Some((part, parts)) = selection.shard else { return Ok(cases) };
+    let count = cases.len();
+    // Neighbours cost alike: dealt out in turn, the parts take about equally long.
+    let cases: Vec<Case> = cases.into_iter().skip(part - 1).step_by(parts).collect();
+    match cases.is_empty() {
+        true => Err(NothingToRun::Usage(format!(
+            "--shard {part}/{parts}: there are only {count} sections, so this part is empty"
+        ))),
+        false => Ok(cases),
+    }
+}
+
+/// A path as messages write it.
+pub fn shown(path: &Path) -> String {
+    let text = path.display().to_string().replace('\\', "/");
+    match text.strip_prefix("./") {
+        Some(rest) if !rest.is_empty() => rest.to_string(),
+        _ => text,
+    }
+}
+
+/// As a shell takes it for one word.
+pub fn quoted(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=+,@%".contains(c);
+    match !text.is_empty() && text.chars().all(plain) {
+        true => text.to_string(),
+        false => format!("'{}'", text.replace('\'', "'\\''")),
+    }
+}

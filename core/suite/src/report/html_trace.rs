@@ -1,0 +1,210 @@
+//! Curves over time as SVG: what came, what was expected, and the band of what is allowed.
+
+use super::junit::escaped;
+use crate::outcome::Trace;
+use std::fmt::Write;
+
+const WIDTH: f64 = 680.0;
+const HEIGHT: f64 = 180.0;
+/// Around the plot, for the numbers: left, top, right, bottom.
+const MARGIN: [f64; 4] = [64.0, 10.0, 12.0, 24.0];
+/// More points than this cannot be told apart at the plot's width.
+const MOST_POINTS: usize = 1300;
+/// Of one check.
+const MOST_PLOTS: usize = 12;
+
+pub fn plots(traces: &[Trace]) -> String {
+    let mut html: String = traces.iter().take(MOST_PLOTS).map(plot).collect();
+    if traces.len() > MOST_PLOTS {
+        let _ = writeln!(html, "<p class=\"dim\">and {} more curves</p>", traces.len() - MOST_PLOTS);
+    }
+    html
+}
+
+fn plot(trace: &Trace) -> String {
+    let count = trace.times.len().min(trace.got.len());
+    let finite = |v: &f64| v.is_finite();
+    let times: Vec<f64> = trace.times.iter().copied().filter(finite).collect();
+    let values: Vec<f64> = (trace.got.iter().chain(&trace.expected).copied())
+        .chain(trace.band.iter().flatten().copied())
+        .filter(finite)
+        .collect();
+    if count == 0 || times.is_empty() || values.is_empty() {
+        return String::new();
+    }
+    let range = |values: &[f64], pad: f64| {
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let size = high - low;
+        // A flat line lies in the middle.
+        let extra = if size > 0.0 { size * pad } else { (high.abs() * 0.01).max(1e-6) };
+        (low - extra, high + extra)
+    };
+    let [left, top, right, bottom] = MARGIN;
+    let (t0, t1) = range(&times, 0.0);
+    let (v0, v1) = range(&values, 0.08);
+    let x = |t: f64| left + (t - t0) / (t1 - t0) * (WIDTH - left - right);
+    let y = |v: f64| {
+        let v = v.clamp(v0, v1);
+        HEIGHT - bottom - (v - v0) / (v1 - v0) * (HEIGHT - top - bottom)
+    };
+    let keep = kept(trace, count);
+    let unit = if trace.unit.is_empty() { String::new() } else { format!(", {}", trace.unit) };
+    let mut svg = format!(
+        "<figure class=\"trace\"><figcaption>{}{}</figcaption><svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\">",
+        escaped(&trace.label),
+        escaped(&unit),
+        escaped(&trace.label)
+    );
+    for v in ticks(v0, v1, 5) {
+        let at = y(v);
+        let _ = write!(
+            svg,
+            "<path class=\"grid\" d=\"M{left} {at:.1}H{}\"/><text class=\"tick\" x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+            WIDTH - right,
+            left - 6.0,
+            at + 4.0,
+            number(v, v1 - v0)
+        );
+    }
+    for t in ticks(t0, t1, 8) {
+        let at = x(t);
+        let _ = write!(
+            svg,
+            "<path class=\"grid\" d=\"M{at:.1} {top}V{}\"/><text class=\"tick\" x=\"{at:.1}\" y=\"{}\" text-anchor=\"middle\">{} s</text>",
+            HEIGHT - bottom,
+            HEIGHT - 8.0,
+            number(t, t1 - t0)
+        );
+    }
+    for run in runs(&keep, |i| trace.band.get(i).is_some_and(|b| !b[0].is_nan() && !b[1].is_nan())) {
+        let high = run.iter().map(|i| (x(trace.times[*i]), y(trace.band[*i][1])));
+        let low = run.iter().rev().map(|i| (x(trace.times[*i]), y(trace.band[*i][0])));
+        let mut points: Vec<(f64, f64)> = high.chain(low).collect();
+        if run.len() == 1 {
+            // One time: a bar that can be seen.
+            points = vec![
+                (points[0].0 - 2.0, points[0].1),
+                (points[0].0 + 2.0, points[0].1),
+                (points[1].0 + 2.0, points[1].1),
+                (points[1].0 - 2.0, points[1].1),
+            ];
+        }
+        let _ = write!(svg, "<path class=\"band\" d=\"{}Z\"/>", line(&points));
+    }
+    for (class, values) in [("expected", &trace.expected), ("got", &trace.got)] {
+        for run in runs(&keep, |i| values.get(i).is_some_and(|v| v.is_finite())) {
+            let points: Vec<(f64, f64)> = run.iter().map(|i| (x(trace.times[*i]), y(values[*i]))).collect();
+            match points.as_slice() {
+                [(px, py)] => {
+                    let _ = write!(svg, "<circle class=\"{class}\" cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"3\"/>");
+                }
+                _ => {
+                    let _ = write!(svg, "<path class=\"{class}\" d=\"{}\"/>", line(&points));
+                }
+            }
+        }
+    }
+    if let Some(mark) = trace.mark.filter(|m| (t0..=t1).contains(m)) {
+        let _ = write!(svg, "<path class=\"mark\" d=\"M{:.1} {top}V{}\"/>", x(mark), HEIGHT - bottom);
+    }
+    svg.push_str("</svg></figure>\n");
+    svg
+}
+
+/// Which points are drawn: all of a short curve, of a long one the lowest and highest of each short stretch.
+fn kept(trace: &Trace, count: usize) -> Vec<usize> {
+    if count <= MOST_POINTS {
+        return (0..count).collect();
+    }
+    let stretch = count.div_ceil(MOST_POINTS / 4);
+    let mut keep = Vec::new();
+    for from in (0..count).step_by(stretch) {
+        let to = (from + stretch).min(count);
+        let by = |i: &usize, j: &usize| trace.got[*i].total_cmp(&trace.got[*j]);
+        keep.push(from);
+        keep.extend((from..to).min_by(by));
+        keep.extend((from..to).max_by(by));
+        keep.push(to - 1);
+    }
+    keep.sort_unstable();
+    keep.dedup();
+    keep
+}
+
+/// Neighbours that are all `there`.
+fn runs(keep: &[usize], there: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
+    let groups = keep.chunk_by(|a, b| there(*a) == there(*b));
+    groups.filter(|g| there(g[0])).map(<[usize]>::to_vec).collect()
+}
+
+fn line(points: &[(f64, f64)]) -> String {
+    let mut path = String::new();
+    for (i, (x, y)) in points.iter().enumerate() {
+        let _ = write!(path, "{}{x:.1} {y:.1}", if i == 0 { 'M' } else { 'L' });
+    }
+    path
+}
+
+/// Round numbers within a range, about `most` of them.
+fn ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
+    let raw = (high - low) / most as f64;
+    if !(raw.is_finite() && raw > 0.0) {
+        return Vec::new();
+    }
+    let power = libm::pow(10.0, libm::floor(libm::log10(raw)));
+    let step = [1.0, 2.0, 5.0, 10.0].iter().map(|m| m * power).find(|s| *s >= raw).unwrap_or(raw);
+    let first = libm::ceil(low / step) as i64;
+    (0..=2 * most as i64).map(|i| (first + i) as f64 * step).take_while(|v| *v <= high).collect()
+}
+
+/// With as many digits as tell two ticks apart.
+fn number(value: f64, range: f64) -> String {
+    let digits = (2.0 - libm::floor(libm::log10(range.max(1e-12)))).clamp(0.0, 9.0) as usize;
+    let text = format!("{value:.digits$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if text == "-0" { "0".into() } else { text.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_cover_the_range() {
+        assert_eq!(ticks(0.0, 1.0, 5), [0.0, 0.2, 0.4, 0.6000000000000001, 0.8, 1.0]);
+        assert_eq!(ticks(-0.013, 0.021, 5).len(), 4);
+        assert_eq!(ticks(1.0, 1.0, 5), Vec::<f64>::new());
+        assert_eq!((number(0.6000000000000001, 1.0), number(-0.0, 1.0)), ("0.6".into(), "0".into()));
+    }
+
+    #[test]
+    fn holes_and_open_bands_are_drawn_as_such() {
+        let trace = Trace {
+            label: "a <b>".into(),
+            unit: "m".into(),
+            times: vec![0.0, 1.0, 2.0, 3.0],
+            got: vec![1.0, f64::NAN, 2.0, 3.0],
+            expected: Vec::new(),
+            band: vec![[0.0, f64::INFINITY], [0.0, f64::INFINITY], [f64::NAN; 2], [0.0, 1.0]],
+            mark: Some(2.0),
+        };
+        let svg = plots(&[trace]);
+        assert_eq!((svg.matches("class=\"band\"").count(), svg.matches("<circle").count()), (2, 1));
+        assert!(svg.contains("a &lt;b&gt;, m") && !svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+        assert_eq!(plots(&[Trace::default()]), "");
+    }
+
+    #[test]
+    fn a_spike_of_a_long_curve_stays() {
+        let count = 100_000;
+        let mut trace = Trace {
+            times: (0..count).map(f64::from).collect(),
+            got: vec![0.0; count as usize],
+            ..Trace::default()
+        };
+        trace.got[77_777] = 5.0;
+        let keep = kept(&trace, count as usize);
+        assert!(keep.len() <= MOST_POINTS + 4 && keep.contains(&77_777), "{}", keep.len());
+    }
+}

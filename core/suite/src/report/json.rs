@@ -1,0 +1,85 @@
+//! The report for other programs.
+
+use super::{accept, rerun};
+use crate::collect::{Case, shown};
+use crate::outcome::{Evidence, Outcome, Place, Status};
+use crate::run::Report;
+use serde_json::{Value, json};
+
+/// Raised when a field changes its meaning; new fields may come at any time.
+pub const FORMAT: u32 = 1;
+
+pub fn report(report: &Report, options: &Value) -> Value {
+    let counts = report.counts();
+    json!({
+        "format": FORMAT,
+        "ok": report.failure().is_none(),
+        "failure": report.failure(),
+        "passed": counts.passed,
+        "failed": counts.failed,
+        "errors": counts.errors,
+        "skipped": counts.skipped,
+        "reused": counts.reused,
+        "accepted": counts.accepted,
+        "checks": counts.checks,
+        "seconds": report.seconds,
+        "options": options,
+        "unused_pictures": report.unused.iter().map(|p| shown(p)).collect::<Vec<_>>(),
+        "sections": report.outcomes.iter().map(outcome).collect::<Vec<_>>(),
+    })
+}
+
+fn outcome(o: &Outcome) -> Value {
+    let (status, text) = match &o.status {
+        Status::Passed => ("passed", None),
+        Status::Failed => ("failed", None),
+        Status::Skipped(reason) => ("skipped", Some(reason)),
+        Status::Error(what) => ("error", Some(what)),
+    };
+    let checks: Vec<Value> = o
+        .checks
+        .iter()
+        .map(|c| {
+            let mut value = json!({
+                "place": place(&c.place), "title": c.title, "passed": c.passed,
+                "expected": c.expected, "got": c.got, "by": c.by, "hint": c.hint,
+            });
+            match &c.evidence {
+                Evidence::None => {}
+                // Numbers that are none (NaN, infinite: no bound) become null.
+                Evidence::Traces(traces) => value["traces"] = json!(traces),
+                Evidence::Pictures(p) => {
+                    let written: Vec<String> = p.written.iter().map(|path| shown(path)).collect();
+                    let at = |i: usize| written.get(i).filter(|w| !w.is_empty());
+                    value["picture"] = json!({
+                        "name": p.name, "stored": shown(&p.stored), "measures": p.measures,
+                        "expected": at(0), "got": at(1), "difference": at(2),
+                    });
+                }
+            }
+            value
+        })
+        .collect();
+    json!({
+        "file": o.file, "section": o.section, "line": o.place.line, "status": status, "text": text,
+        "checks": checks, "warnings": o.warnings, "printed": o.printed, "seconds": o.seconds, "reused": o.reused,
+        "rerun": rerun(o), "accept": accept(o),
+    })
+}
+
+fn place(place: &Place) -> Value {
+    json!({ "file": place.file, "line": place.line, "column": place.column })
+}
+
+/// `--list --json`.
+pub fn list(cases: &[Case]) -> Value {
+    let one = |c: &Case| match &c.section {
+        Ok(s) => json!({
+            "file": c.file, "section": s.name, "line": s.line, "skip": s.skip, "fails": s.fails, "tags": s.tags,
+        }),
+        Err(d) => json!({
+            "file": c.file, "errors": d.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        }),
+    };
+    json!({ "format": FORMAT, "sections": cases.iter().map(one).collect::<Vec<_>>() })
+}

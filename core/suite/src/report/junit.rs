@@ -1,0 +1,112 @@
+//! JUnit XML as build servers read it (the schema of Jenkins' xUnit plugin): a suite a file, a case a section.
+
+use super::{accept, rerun};
+use crate::outcome::{Check, Outcome, Status};
+use crate::run::Report;
+use std::fmt::Write;
+
+pub fn report(report: &Report) -> String {
+    let counts = report.counts();
+    let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
+    let _ = writeln!(
+        text,
+        "<testsuites name=\"choreo test\" tests=\"{}\" failures=\"{}\" errors=\"{}\" time=\"{:.3}\">",
+        report.outcomes.len(),
+        counts.failed,
+        counts.errors,
+        report.seconds
+    );
+    for file in report.outcomes.chunk_by(|a, b| a.file == b.file) {
+        suite(&mut text, file);
+    }
+    text.push_str("</testsuites>\n");
+    text
+}
+
+fn suite(text: &mut String, outcomes: &[Outcome]) {
+    let Some(first) = outcomes.first() else { return };
+    let count = |f: &dyn Fn(&Status) -> bool| outcomes.iter().filter(|o| f(&o.status)).count();
+    let _ = writeln!(
+        text,
+        "  <testsuite name=\"{}\" tests=\"{}\" failures=\"{}\" errors=\"{}\" skipped=\"{}\" time=\"{:.3}\">",
+        escaped(&first.file),
+        outcomes.len(),
+        count(&|s| *s == Status::Failed),
+        count(&|s| matches!(s, Status::Error(_))),
+        count(&|s| matches!(s, Status::Skipped(_))),
+        outcomes.iter().map(|o| o.seconds).sum::<f64>()
+    );
+    for outcome in outcomes {
+        case(text, outcome);
+    }
+    text.push_str("  </testsuite>\n");
+}
+
+fn case(text: &mut String, outcome: &Outcome) {
+    let name = if outcome.section.is_empty() { "as it stands" } else { &outcome.section };
+    let _ = write!(
+        text,
+        "    <testcase classname=\"{}\" name=\"{}\" time=\"{:.3}\"",
+        escaped(outcome.file.strip_suffix(".rhai").unwrap_or(&outcome.file)),
+        escaped(name),
+        outcome.seconds
+    );
+    let body = match &outcome.status {
+        Status::Passed => {
+            text.push_str("/>\n");
+            return;
+        }
+        Status::Skipped(reason) => format!("<skipped message=\"{}\"/>", escaped(reason)),
+        Status::Error(what) => {
+            let first = what.lines().next().unwrap_or_default();
+            format!(
+                "<error type=\"error\" message=\"{}\">{}</error>",
+                escaped(first),
+                escaped(&format!("{what}\n{}", rerun(outcome)))
+            )
+        }
+        Status::Failed => outcome
+            .checks
+            .iter()
+            .filter(|c| !c.passed)
+            .map(|c| failure(outcome, c))
+            .collect::<Vec<_>>()
+            .join("\n      "),
+    };
+    let _ = writeln!(text, ">\n      {body}\n    </testcase>");
+}
+
+fn failure(outcome: &Outcome, c: &Check) -> String {
+    let mut told = format!("{}: {}\nexpected {}\ngot {}", c.place, c.title, c.expected, c.got);
+    for (word, value) in [("off by ", &c.by), ("", &c.hint)] {
+        if !value.is_empty() {
+            let _ = write!(told, "\n{word}{value}");
+        }
+    }
+    let _ = write!(told, "\n{}", rerun(outcome));
+    if let Some(accept) = accept(outcome) {
+        let _ = write!(told, "\n{accept}");
+    }
+    let message = format!("{}: got {}", c.title, c.got);
+    format!("<failure type=\"check\" message=\"{}\">{}</failure>", escaped(&message), escaped(&told))
+}
+
+/// Text for elements and attributes. What XML cannot hold at all becomes a question mark; line breaks in attributes would
+/// become blanks and are written as references.
+pub fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '&' => out.push_str("&amp;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&apos;"),
+            '\n' => out.push_str("&#10;"),
+            '\t' => out.push_str("&#9;"),
+            c if c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}') => out.push('?'),
+            c => out.push(c),
+        }
+    }
+    out
+}

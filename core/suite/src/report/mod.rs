@@ -1,0 +1,38 @@
+//! The same outcomes for a person at a terminal, a build server (JUnit XML, JSON), and a person with a browser (HTML).
+
+pub mod html;
+mod html_trace;
+pub mod json;
+pub mod junit;
+pub mod terminal;
+
+use crate::collect::quoted;
+use crate::outcome::{Evidence, Outcome};
+
+/// Without what would steer a terminal or break a document: names and texts come from files and scripts.
+pub fn printable(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
+}
+
+/// What to type to run one section alone.
+pub fn rerun(outcome: &Outcome) -> String {
+    let file = quoted(&outcome.file);
+    match outcome.section.as_str() {
+        "" => format!("choreo test {file}"),
+        section => format!("choreo test {file} --filter {}", quoted(section)),
+    }
+}
+
+/// What to type to accept what a section drew; `None` where no picture of it failed.
+pub fn accept(outcome: &Outcome) -> Option<String> {
+    let names: Vec<String> = outcome
+        .checks
+        .iter()
+        .filter(|c| !c.passed)
+        .filter_map(|c| match &c.evidence {
+            Evidence::Pictures(p) => Some(format!("--accept={}", quoted(&p.name))),
+            _ => None,
+        })
+        .collect();
+    (!names.is_empty()).then(|| format!("choreo test {} {}", quoted(&outcome.file), names.join(" ")))
+}

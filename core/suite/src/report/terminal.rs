@@ -1,0 +1,155 @@
+//! Text for a person: a failure says what was expected, what came, by how much, where to look and what to type.
+
+use super::{accept, printable, rerun};
+use crate::collect::{Case, shown};
+use crate::outcome::{Check, Evidence, Outcome, Status};
+use crate::run::Report;
+use std::fmt::Write;
+
+/// Failed checks of one section that are told in full; the rest is counted.
+const MOST_CHECKS: usize = 10;
+
+/// What a failed section has to say; empty for the others.
+pub fn failure(outcome: &Outcome) -> String {
+    let mut text = String::new();
+    match &outcome.status {
+        Status::Passed | Status::Skipped(_) => return text,
+        Status::Error(what) => {
+            let _ = writeln!(text, "ERROR {}", outcome.name());
+            indent(&mut text, what);
+        }
+        Status::Failed => {
+            let _ = writeln!(text, "FAILED {}", outcome.name());
+        }
+    }
+    for line in &outcome.printed {
+        let _ = writeln!(text, "    printed: {line}");
+    }
+    let failed = || outcome.checks.iter().filter(|c| !c.passed);
+    for check in failed().take(MOST_CHECKS) {
+        one(&mut text, check);
+    }
+    let more = failed().count().saturating_sub(MOST_CHECKS);
+    if more > 0 {
+        let _ = writeln!(text, "  and {more} more failed checks");
+    }
+    for warning in &outcome.warnings {
+        indent(&mut text, warning);
+    }
+    let _ = writeln!(text, "  alone:  {}", rerun(outcome));
+    if let Some(accept) = accept(outcome) {
+        let _ = writeln!(text, "  accept: {accept}");
+    }
+    printable(&text)
+}
+
+fn one(text: &mut String, check: &Check) {
+    let _ = writeln!(text, "  {}: {}", check.place, check.title);
+    let mut row = |name: &str, value: &str| {
+        if !value.is_empty() {
+            let _ = writeln!(text, "      {name:<9} {}", value.replace('\n', "\n                "));
+        }
+    };
+    row("expected", &check.expected);
+    row("got", &check.got);
+    row("off by", &check.by);
+    if let Evidence::Pictures(pictures) = &check.evidence {
+        for path in pictures.written.iter().filter(|p| !p.as_os_str().is_empty()) {
+            row("see", &shown(path));
+        }
+    }
+    row("hint", &check.hint);
+}
+
+fn indent(text: &mut String, what: &str) {
+    for line in what.lines() {
+        let _ = writeln!(text, "  {line}");
+    }
+}
+
+/// The closing lines: skips with their reasons, then the counts in one line.
+pub fn summary(report: &Report) -> String {
+    let mut text = String::new();
+    let mut skips: Vec<(&str, usize)> = Vec::new();
+    for outcome in &report.outcomes {
+        if let Status::Skipped(reason) = &outcome.status {
+            match skips.iter_mut().find(|(r, _)| r == reason) {
+                Some((_, count)) => *count += 1,
+                None => skips.push((reason, 1)),
+            }
+        }
+    }
+    for (reason, count) in skips {
+        let _ = writeln!(text, "skipped {count}: {reason}");
+    }
+    for path in &report.unused {
+        let _ = writeln!(text, "no section asks for {}: remove it if it is not needed", shown(path));
+    }
+    let counts = report.counts();
+    let mut parts = vec![format!("{} passed", counts.passed)];
+    if counts.reused > 0 {
+        parts[0].push_str(&format!(" (reused {})", counts.reused));
+    }
+    parts.push(format!("{} failed", counts.failed + counts.errors));
+    parts.push(format!("{} skipped", counts.skipped));
+    if counts.accepted > 0 {
+        let s = if counts.accepted == 1 { "" } else { "s" };
+        parts.push(format!("{} picture{s} accepted", counts.accepted));
+    }
+    if counts.warnings > 0 {
+        let s = if counts.warnings == 1 { "" } else { "s" };
+        parts.push(format!("{} warning{s}", counts.warnings));
+    }
+    let _ = writeln!(text, "{}; {} checks in {:.1} s", parts.join(", "), counts.checks, report.seconds);
+    printable(&text)
+}
+
+/// One line for a file all of whose sections are done: `ok     tests/suite/walk.rhai  12`.
+pub fn file_line(outcomes: &[Outcome]) -> String {
+    let Some(first) = outcomes.first() else { return String::new() };
+    let bad = outcomes.iter().filter(|o| o.bad()).count();
+    let skipped = outcomes.iter().filter(|o| matches!(o.status, Status::Skipped(_))).count();
+    let reused = outcomes.iter().filter(|o| o.reused).count();
+    let word = match (bad, skipped) {
+        (0, s) if s == outcomes.len() => "skip",
+        (0, _) => "ok",
+        _ => "FAILED",
+    };
+    let plural = if outcomes.len() == 1 { "" } else { "s" };
+    let mut line = format!("{word:<6} {}  {} section{plural}", first.file, outcomes.len());
+    for (count, what) in [(bad, "failed"), (skipped, "skipped"), (reused, "reused")] {
+        if count > 0 {
+            let _ = write!(line, ", {count} {what}");
+        }
+    }
+    printable(&line)
+}
+
+/// `--list`: every section with its place.
+pub fn list(cases: &[Case]) -> String {
+    let mut text = String::new();
+    for case in cases {
+        match &case.section {
+            Ok(info) if info.as_it_stands() => {
+                let _ = writeln!(text, "{}  (as it stands)", case.file);
+            }
+            Ok(info) => {
+                let _ = write!(text, "{}:{}  {}", case.file, info.line, info.name);
+                for tag in &info.tags {
+                    let _ = write!(text, "  #{tag}");
+                }
+                if let Some(why) = &info.skip {
+                    let _ = write!(text, "  (skipped: {why})");
+                }
+                if let Some(why) = &info.fails {
+                    let _ = write!(text, "  (known to fail: {why})");
+                }
+                text.push('\n');
+            }
+            Err(_) => {
+                let _ = writeln!(text, "{}  (cannot be read)", case.file);
+            }
+        }
+    }
+    printable(&text)
+}

@@ -1,0 +1,222 @@
+//! Outcomes of earlier runs, for `--changed`: a section that passed is not run again while all that it depends on is the same.
+//!
+//! What counts: the program itself, the options of the run, the section's text and what stands around the sections of its file, every
+//! file that it read and the pictures that it was compared with, by content; and which of the folders that could have
+//! given such a file had none. Not kept: failures, skips, and sections that expect an error, since the file that
+//! would end the error is not known by name.
+
+use crate::collect::Case;
+use crate::outcome::{Outcome, Status};
+use crate::stored::write_whole;
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// Raised when an entry's meaning changes.
+const FORMAT: u32 = 1;
+/// An entry is a few kilobytes.
+const MOST_BYTES: u64 = 4 << 20;
+
+type Hash = [u8; 32];
+
+pub struct Results {
+    folder: PathBuf,
+    /// Of program and options.
+    run: Hash,
+    /// Content hashes of files seen in this run; `None` = cannot be read.
+    seen: Mutex<HashMap<PathBuf, Option<Hash>>>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Entry {
+    format: u32,
+    /// Of program, options and the section's text, as hexadecimal digits.
+    base: String,
+    files: Vec<(PathBuf, String)>,
+    pictures: Vec<(PathBuf, String)>,
+    /// Where else a file of the same relative name could lie, and whether it did.
+    elsewhere: Vec<(PathBuf, bool)>,
+    outcome: Outcome,
+}
+
+/// What an earlier outcome rested on.
+pub struct Reused {
+    pub outcome: Outcome,
+    pub files: Vec<PathBuf>,
+    pub pictures: Vec<PathBuf>,
+}
+
+impl Results {
+    /// `identity`: texts that tell this program and its options from others.
+    pub fn new(folder: PathBuf, identity: &[&str]) -> Results {
+        let mut hasher = blake3::Hasher::new();
+        for text in identity {
+            add(&mut hasher, text.as_bytes());
+        }
+        Results { folder, run: *hasher.finalize().as_bytes(), seen: Mutex::default() }
+    }
+
+    /// The earlier outcome, where all is as it was. Entries that are damaged, old or somebody else's count as none.
+    pub fn find(&self, case: &Case) -> Option<Reused> {
+        let file = std::fs::File::open(self.place(case)?).ok()?;
+        let mut bytes = Vec::new();
+        std::io::Read::read_to_end(&mut std::io::Read::take(file, MOST_BYTES), &mut bytes).ok()?;
+        let entry: Entry = serde_json::from_slice(&bytes).ok()?;
+        let same = |(path, hash): &(PathBuf, String)| self.content(path).is_some_and(|h| hex(&h) == *hash);
+        let good = entry.format == FORMAT
+            && entry.outcome.status == Status::Passed
+            && entry.base == hex(&self.base(case)?)
+            && entry.elsewhere.iter().all(|(path, there)| path.exists() == *there)
+            && entry.files.iter().chain(&entry.pictures).all(same);
+        if !good {
+            return None;
+        }
+        let info = case.section.as_ref().ok()?;
+        let mut outcome = entry.outcome;
+        // The file may be given by another path now, and lines above may have come or gone.
+        outcome.file = case.file.clone();
+        outcome.place.file = case.file.clone();
+        outcome.place.line = info.line;
+        outcome.reused = true;
+        let names = |list: Vec<(PathBuf, String)>| list.into_iter().map(|(path, _)| path).collect();
+        Some(Reused { outcome, files: names(entry.files), pictures: names(entry.pictures) })
+    }
+
+    /// Keeps a passed outcome. Gives its key; a folder that cannot be written only costs the next run its time.
+    pub fn keep(
+        &self,
+        case: &Case,
+        outcome: &mut Outcome,
+        files: &[(PathBuf, Hash)],
+        pictures: &[PathBuf],
+        roots: &[PathBuf],
+    ) {
+        let (Some(base), Some(place)) = (self.base(case), self.place(case)) else { return };
+        let own = case.path.canonicalize().ok();
+        let files: Vec<(PathBuf, String)> = files
+            .iter()
+            .filter(|(path, _)| Some(path) != own.as_ref())
+            .map(|(path, hash)| (path.clone(), hex(hash)))
+            .collect();
+        let mut kept = Vec::new();
+        for path in pictures {
+            let Some(hash) = self.content(path) else { return };
+            kept.push((path.clone(), hex(&hash)));
+        }
+        let mut key = blake3::Hasher::new();
+        add(&mut key, &base);
+        for (_, hash) in files.iter().chain(&kept) {
+            add(&mut key, hash.as_bytes());
+        }
+        outcome.key = hex(key.finalize().as_bytes());
+        let elsewhere = elsewhere(&files, roots);
+        let entry = Entry {
+            format: FORMAT,
+            base: hex(&base),
+            files,
+            pictures: kept,
+            elsewhere,
+            outcome: outcome.clone(),
+        };
+        if let Ok(text) = serde_json::to_vec(&entry) {
+            let _ = write_whole(&place, &text);
+        }
+    }
+
+    /// Of a section that must run again however it is.
+    pub fn forget(&self, case: &Case) {
+        if let Some(place) = self.place(case) {
+            let _ = std::fs::remove_file(place);
+        }
+    }
+
+    /// A picture that has just been written is to be read anew.
+    pub fn changed(&self, path: &Path) {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner).remove(path);
+    }
+
+    fn place(&self, case: &Case) -> Option<PathBuf> {
+        let mut hasher = blake3::Hasher::new();
+        add(&mut hasher, case.path.canonicalize().ok()?.to_string_lossy().as_bytes());
+        add(&mut hasher, case.section.as_ref().ok()?.name.as_bytes());
+        Some(self.folder.join(format!("{}.json", &hex(hasher.finalize().as_bytes())[..32])))
+    }
+
+    /// Program, options, and the file's text without the lines of its other sections.
+    fn base(&self, case: &Case) -> Option<Hash> {
+        let info = case.section.as_ref().ok()?;
+        let bytes = std::fs::read(&case.path).ok()?;
+        let text = String::from_utf8_lossy(&bytes);
+        let mut hasher = blake3::Hasher::new();
+        add(&mut hasher, &self.run);
+        add(&mut hasher, info.name.as_bytes());
+        add(&mut hasher, format!("{:?} {:?}", info.skip, info.fails).as_bytes());
+        add(&mut hasher, case.root.as_deref().unwrap_or(Path::new("")).to_string_lossy().as_bytes());
+        for (index, line) in text.lines().enumerate() {
+            let others = case.spans.iter().any(|(from, to)| (*from..=*to).contains(&(index + 1)));
+            let own = (info.line..=info.end_line).contains(&(index + 1));
+            if own || !others {
+                add(&mut hasher, line.as_bytes());
+            }
+        }
+        Some(*hasher.finalize().as_bytes())
+    }
+
+    fn content(&self, path: &Path) -> Option<Hash> {
+        if let Some(known) = self.seen.lock().unwrap_or_else(PoisonError::into_inner).get(path) {
+            return *known;
+        }
+        let hash = hash_of(path).ok();
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_path_buf(), hash);
+        hash
+    }
+}
+
+/// A file is looked for in several folders, the first that has it wins: one that appears in another may win next time.
+fn elsewhere(files: &[(PathBuf, String)], roots: &[PathBuf]) -> Vec<(PathBuf, bool)> {
+    let mut out = Vec::new();
+    for (path, _) in files {
+        for below in roots.iter().filter_map(|root| path.strip_prefix(root).ok()) {
+            for place in roots.iter().map(|root| root.join(below)).filter(|p| p != path) {
+                out.push((place.clone(), place.exists()));
+            }
+        }
+    }
+    out.sort();
+    out.dedup();
+    out
+}
+
+/// Tells this program from any other build of it: version and content hash of its file; `None` where it cannot be read.
+pub fn program() -> Option<String> {
+    let hash = hash_of(&std::env::current_exe().ok()?).ok()?;
+    Some(format!("choreo {} {}", env!("CARGO_PKG_VERSION"), hex(&hash)))
+}
+
+/// Of a file's content, read in pieces.
+fn hash_of(path: &Path) -> std::io::Result<Hash> {
+    let mut file = std::fs::File::open(path)?;
+    let mut hasher = blake3::Hasher::new();
+    let mut piece = vec![0; 1 << 18];
+    loop {
+        match std::io::Read::read(&mut file, &mut piece)? {
+            0 => return Ok(*hasher.finalize().as_bytes()),
+            n => hasher.update(&piece[..n]),
+        };
+    }
+}
+
+/// Tells one folder from another in a name.
+pub fn short_hash(path: &Path) -> String {
+    hex(&blake3::hash(path.to_string_lossy().as_bytes()).as_bytes()[..8])
+}
+
+fn add(hasher: &mut blake3::Hasher, bytes: &[u8]) {
+    hasher.update(&(bytes.len() as u64).to_le_bytes());
+    hasher.update(bytes);
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}

@@ -1,0 +1,268 @@
+//! Runs sections on all cores; outcomes are told in the order of the sections, whichever finishes first.
+
+use crate::collect::Case;
+use crate::outcome::{Check, Evidence, Outcome, Status};
+use crate::painter::Painter;
+use crate::pictures::PictureOptions;
+use crate::results::Results;
+use crate::section::{self, Ran, blank};
+use choreo_plugin::Registry;
+use choreo_script::testing::TestOptions;
+use std::collections::{BTreeMap, BTreeSet};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+#[derive(Clone, Debug, Default)]
+pub struct RunOptions {
+    pub test: TestOptions,
+    pub pictures: PictureOptions,
+    /// Sections at once; 0 = one a core.
+    pub jobs: usize,
+    /// Where outcomes are kept for the next run; `None`: nowhere.
+    pub results: Option<PathBuf>,
+    /// Outcomes of earlier runs are taken over where nothing has changed.
+    pub changed: bool,
+    /// Tells this program from any other build of it.
+    pub program: String,
+    /// Where compiled pipelines are kept between runs.
+    pub gpu_cache: Option<PathBuf>,
+}
+
+/// All that a run showed.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// In the order of the sections.
+    pub outcomes: Vec<Outcome>,
+    /// Wall time.
+    pub seconds: f64,
+    /// Every file that was read, for those who watch them; canonical.
+    pub files: BTreeSet<PathBuf>,
+    /// Names of all pictures that were compared.
+    pub pictures: BTreeSet<String>,
+    /// Stored pictures of the files run that no section asks for.
+    pub unused: Vec<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    pub passed: usize,
+    pub failed: usize,
+    /// Could not be judged.
+    pub errors: usize,
+    pub skipped: usize,
+    /// Of the passed ones: taken over from an earlier run.
+    pub reused: usize,
+    pub checks: usize,
+    pub warnings: usize,
+    /// Pictures taken over as the expected ones.
+    pub accepted: usize,
+}
+
+impl Report {
+    pub fn counts(&self) -> Counts {
+        let mut counts = Counts::default();
+        for outcome in &self.outcomes {
+            match outcome.status {
+                Status::Passed => counts.passed += 1,
+                Status::Failed => counts.failed += 1,
+                Status::Error(_) => counts.errors += 1,
+                Status::Skipped(_) => counts.skipped += 1,
+            }
+            counts.reused += usize::from(outcome.reused);
+            counts.checks += outcome.checks.len();
+            counts.warnings += outcome.warnings.len();
+            counts.accepted += outcome.checks.iter().filter(|c| c.by == crate::pictures::ACCEPTED).count();
+        }
+        counts
+    }
+
+    /// Why the run as a whole is no success; `None` where it is one.
+    pub fn failure(&self) -> Option<String> {
+        let counts = self.counts();
+        let bad = counts.failed + counts.errors;
+        let all = self.outcomes.len();
+        match (bad, all, counts.passed) {
+            (0, 0, _) => Some("no section was found, so nothing was tested".into()),
+            (0, _, 0) => Some(format!("all {all} sections were skipped, so nothing was tested")),
+            (0, ..) => None,
+            (1, ..) => Some("1 section failed".into()),
+            (n, ..) => Some(format!("{n} sections failed")),
+        }
+    }
+}
+
+/// Runs the sections. `told` gets every outcome in order, as soon as it and all before it are known.
+pub fn run(
+    cases: &[Case],
+    registry: &Registry,
+    options: &RunOptions,
+    told: &mut (dyn FnMut(&Outcome) + Send),
+) -> Report {
+    let start = Instant::now();
+    let results = options.results.as_ref().map(|folder| {
+        let p = &options.pictures;
+        let s = &options.test.script;
+        let identity = [
+            options.program.clone(),
+            format!("{:?} {:?} {:?} {:?}", s.search_paths, s.set, s.limits, s.needs),
+            format!("{:?} {:?} {}", options.test.root, p.device, p.any_device),
+        ];
+        Results::new(folder.clone(), &identity.each_ref().map(String::as_str))
+    });
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let jobs = if options.jobs == 0 { cores } else { options.jobs };
+    let workers = jobs.min(cases.len()).max(1);
+    let next = AtomicUsize::new(0);
+    let teller = Mutex::new(Teller {
+        waiting: BTreeMap::new(),
+        told,
+        report: Report::default(),
+        claims: BTreeMap::new(),
+    });
+    std::thread::scope(|scope| {
+        for _ in 0..workers {
+            scope.spawn(|| {
+                // A few sections on many cores: each picture is drawn by several threads.
+                let pool = rayon::ThreadPoolBuilder::new().num_threads((jobs / workers).max(1)).build();
+                let mut painter = Painter::new(registry.effects(), options.gpu_cache.clone());
+                loop {
+                    let index = next.fetch_add(1, Ordering::SeqCst);
+                    let Some(case) = cases.get(index) else { return };
+                    let mut work = || one(case, registry, options, results.as_ref(), &mut painter);
+                    let ran = catch_unwind(AssertUnwindSafe(|| match &pool {
+                        Ok(pool) => pool.install(&mut work),
+                        Err(_) => work(),
+                    }));
+                    let ran = ran.unwrap_or_else(|panic| {
+                        painter = Painter::new(registry.effects(), options.gpu_cache.clone());
+                        broken(case, panic.as_ref())
+                    });
+                    teller.lock().unwrap_or_else(PoisonError::into_inner).tell(index, ran);
+                }
+            });
+        }
+    });
+    let Teller { mut report, claims, .. } = teller.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let name = |path: &PathBuf| Some(path.file_stem()?.to_string_lossy().into_owned());
+    report.pictures = claims.keys().filter_map(name).collect();
+    report.unused = unused(cases, &report, &claims);
+    report.seconds = start.elapsed().as_secs_f64();
+    report
+}
+
+fn one(
+    case: &Case,
+    registry: &Registry,
+    options: &RunOptions,
+    results: Option<&Results>,
+    painter: &mut Painter,
+) -> Ran {
+    if let Some(found) = results.filter(|_| options.changed).and_then(|r| r.find(case)) {
+        // Their hashes have been compared and are not asked for again.
+        let files = found.files.into_iter().map(|f| (f, [0; 32])).collect();
+        return Ran { outcome: found.outcome, files, pictures: found.pictures, keep: false };
+    }
+    let mut ran = section::run(case, registry, &options.test, &options.pictures, painter);
+    if let Some(results) = results {
+        ran.pictures.iter().for_each(|p| results.changed(p));
+        if ran.keep {
+            let roots = roots(case, &options.test);
+            results.keep(case, &mut ran.outcome, &ran.files, &ran.pictures, &roots);
+        } else {
+            results.forget(case);
+        }
+    }
+    ran
+}
+
+/// The folders in which a section's files are looked for.
+fn roots(case: &Case, options: &TestOptions) -> Vec<PathBuf> {
+    let own =
+        case.path.parent().map(|p| if p.as_os_str().is_empty() { PathBuf::from(".") } else { p.into() });
+    let all = own.into_iter().chain(case.root.clone()).chain(options.script.search_paths.iter().cloned());
+    all.filter_map(|folder| folder.canonicalize().ok()).collect()
+}
+
+/// The program itself failed: the others go on.
+fn broken(case: &Case, panic: &(dyn std::any::Any + Send)) -> Ran {
+    let text = panic
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or("no message");
+    let mut outcome = blank(case);
+    outcome.status =
+        Status::Error(format!("{}: a fault of choreo itself, please report it: {text}", case.file));
+    Ran { outcome, files: Vec::new(), pictures: Vec::new(), keep: false }
+}
+
+/// Puts what comes in any order back into order.
+struct Teller<'a> {
+    waiting: BTreeMap<usize, Ran>,
+    told: &'a mut (dyn FnMut(&Outcome) + Send),
+    report: Report,
+    /// Stored pictures, and the section whose they are.
+    claims: BTreeMap<PathBuf, String>,
+}
+
+impl Teller<'_> {
+    fn tell(&mut self, index: usize, ran: Ran) {
+        self.waiting.insert(index, ran);
+        while let Some(mut ran) = self.waiting.remove(&self.report.outcomes.len()) {
+            self.claim(&mut ran);
+            self.report.files.extend(ran.files.into_iter().map(|(path, _)| path));
+            (self.told)(&ran.outcome);
+            self.report.outcomes.push(ran.outcome);
+        }
+    }
+
+    /// Two sections cannot have one picture: they would be compared with each other's, and accepted over each other.
+    fn claim(&mut self, ran: &mut Ran) {
+        for path in &ran.pictures {
+            let name = ran.outcome.name();
+            let Some(owner) = self.claims.insert(path.clone(), name) else { continue };
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+            ran.outcome.checks.push(Check {
+                place: ran.outcome.place.clone(),
+                title: format!("picture \"{stem}\" has its name for itself"),
+                passed: false,
+                expected: "names that differ within a file".into(),
+                got: format!("{owner} has a picture of this name too"),
+                by: String::new(),
+                hint: "give one of them another name".into(),
+                evidence: Evidence::None,
+            });
+            if !ran.outcome.bad() {
+                ran.outcome.status = Status::Failed;
+            }
+        }
+    }
+}
+
+/// Stored pictures that nothing asks for, of files whose sections have all been judged.
+fn unused(cases: &[Case], report: &Report, claims: &BTreeMap<PathBuf, String>) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut files: BTreeMap<&PathBuf, (usize, usize, bool)> = BTreeMap::new();
+    for (case, outcome) in cases.iter().zip(&report.outcomes) {
+        let judged = matches!(outcome.status, Status::Passed | Status::Failed);
+        let entry = files.entry(&case.path).or_insert((0, case.spans.len(), true));
+        entry.0 += 1;
+        entry.2 &= judged;
+    }
+    for (path, (ran, all, judged)) in files {
+        let folder = crate::stored::place(path, "any");
+        let Some(folder) = folder.parent().filter(|_| ran == all && judged) else { continue };
+        let Ok(entries) = std::fs::read_dir(folder) else { continue };
+        for entry in entries.flatten() {
+            let place = folder.join(entry.file_name());
+            if place.extension().is_some_and(|e| e == "png") && !claims.contains_key(&place) {
+                found.push(place);
+            }
+        }
+    }
+    found.sort();
+    found
+}

@@ -1,0 +1,203 @@
+//! One section from its script to its outcome.
+
+use crate::collect::Case;
+use crate::evaluate::evaluate;
+use crate::outcome::{Check, Evidence, Outcome, Place, Status};
+use crate::painter::{Device, NoPicture, Painter, Shot};
+use crate::pictures::{self, Judged, PictureOptions, Whose};
+use crate::stored;
+use choreo_motion::Time;
+use choreo_plugin::Registry;
+use choreo_script::Diagnostic;
+use choreo_script::testing::{Claim, SectionRun, TestOptions, run_section};
+use choreo_stage::Stage;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The outcome, and what it rests on.
+pub struct Ran {
+    pub outcome: Outcome,
+    /// Canonical, with content hashes; sorted.
+    pub files: Vec<(PathBuf, [u8; 32])>,
+    /// Stored pictures that it is compared with.
+    pub pictures: Vec<PathBuf>,
+    /// May be taken over by a later run that finds nothing changed.
+    pub keep: bool,
+}
+
+/// As far as it can be said without running it.
+pub fn blank(case: &Case) -> Outcome {
+    let (section, line) = match &case.section {
+        Ok(info) => (info.name.clone(), info.line),
+        Err(_) => (String::new(), 0),
+    };
+    Outcome {
+        file: case.file.clone(),
+        section,
+        place: Place { file: case.file.clone(), line, column: 0 },
+        status: Status::Passed,
+        checks: Vec::new(),
+        warnings: Vec::new(),
+        printed: Vec::new(),
+        seconds: 0.0,
+        reused: false,
+        key: String::new(),
+    }
+}
+
+fn without(outcome: Outcome) -> Ran {
+    Ran { outcome, files: Vec::new(), pictures: Vec::new(), keep: false }
+}
+
+pub fn run(
+    case: &Case,
+    registry: &Registry,
+    options: &TestOptions,
+    picture_options: &PictureOptions,
+    painter: &mut Painter,
+) -> Ran {
+    let start = Instant::now();
+    let mut outcome = blank(case);
+    let info = match &case.section {
+        Ok(info) => info,
+        Err(diagnostics) => {
+            outcome.status = Status::Error(lines(diagnostics));
+            return without(outcome);
+        }
+    };
+    if let Some(reason) = &info.skip {
+        outcome.status = Status::Skipped(reason.clone());
+        return without(outcome);
+    }
+    let options = TestOptions { root: case.root.clone().or_else(|| options.root.clone()), ..options.clone() };
+    let run = match run_section(&case.path, info.index, registry, &options) {
+        Ok(run) => run,
+        Err(diagnostics) => {
+            outcome.status = Status::Error(lines(&diagnostics));
+            outcome.seconds = start.elapsed().as_secs_f64();
+            return without(outcome);
+        }
+    };
+    outcome.printed = run.printed.clone();
+    let mut ran = judge(case, outcome, &run, registry, picture_options, painter);
+    if let Some(why) = &info.fails {
+        known_bug(&mut ran.outcome, why);
+    }
+    ran.outcome.seconds = start.elapsed().as_secs_f64();
+    ran.files = run.files_used;
+    ran
+}
+
+fn judge(
+    case: &Case,
+    mut outcome: Outcome,
+    run: &SectionRun,
+    registry: &Registry,
+    options: &PictureOptions,
+    painter: &mut Painter,
+) -> Ran {
+    let mut pictures = Vec::new();
+    if !run.errors.is_empty() {
+        let mut texts = vec![lines(&run.errors)];
+        for e in run.expected.iter().filter(|e| !e.met) {
+            texts.push(format!("{}:{}: expected and not come: {}", case.file, e.line, e.text));
+        }
+        outcome.status = Status::Error(texts.join("\n"));
+        return without(outcome);
+    }
+    if run.asserts_nothing() {
+        outcome.status = Status::Error(format!(
+            "{}: this section asserts nothing, so it cannot fail\n    hint: add an expect(…) or expect_picture(…), or //~ error: TEXT where an error is expected",
+            outcome.place
+        ));
+        return without(outcome);
+    }
+    outcome.checks = evaluate(run, registry);
+    let mut skipped = None;
+    if run.broken.is_empty() {
+        for expectation in &run.expectations {
+            let Claim::Picture(wanted) = &expectation.claim else { continue };
+            let at = &expectation.place;
+            let place = Place { file: at.file.clone(), line: at.line, column: at.column };
+            let Some(stage) = run.stages.get(expectation.stage) else { continue };
+            let whose = Whose { path: &case.path, file: &case.file, section: &outcome.section, place };
+            pictures.push(stored::place(&case.path, &wanted.name));
+            match pictures::judge(wanted, stage, &whose, painter, options) {
+                Judged::Check(check) => outcome.checks.push(*check),
+                Judged::Skipped(reason) => skipped = Some(reason),
+            }
+        }
+        if let Some(stage) = run.stages.first().filter(|_| run.info.as_it_stands()) {
+            outcome.checks.push(drawable(case, stage, painter));
+        }
+    }
+    // Most warnings are failed checks already.
+    let told = |d: &&Diagnostic| outcome.checks.iter().any(|c| !c.passed && c.got == d.message);
+    outcome.warnings = run.warnings.iter().filter(|d| !told(d)).map(ToString::to_string).collect();
+    // In the order of the script; checks of the file as a whole come first.
+    outcome.checks.sort_by_key(|c| match c.place.file == run.info.file {
+        true => (c.place.line, c.place.column),
+        false => (0, 0),
+    });
+    outcome.status = match (outcome.checks.iter().all(|c| c.passed), skipped) {
+        (false, _) => Status::Failed,
+        (true, Some(reason)) => Status::Skipped(reason),
+        (true, None) => Status::Passed,
+    };
+    let expects_errors = run.expected.iter().any(|e| e.severity == choreo_script::Severity::Error);
+    let accepted = outcome.checks.iter().any(|c| c.by == pictures::ACCEPTED);
+    let keep = outcome.status == Status::Passed && !expects_errors && !accepted;
+    Ran { outcome, files: Vec::new(), pictures, keep }
+}
+
+/// A script that is a test as it stands is drawn once, in its middle.
+fn drawable(case: &Case, stage: &Arc<Stage>, painter: &mut Painter) -> Check {
+    let middle = Time(stage.settings.length.0 / 2);
+    let [w, h] = stage.settings.size;
+    let size = if w > h { [160, (160 * h / w).max(1)] } else { [(160 * w / h.max(1)).max(1), 160] };
+    let drawn = painter.draw(stage, &Shot { at: middle, size, samples: 1, device: Device::Cpu });
+    let (passed, got) = match drawn {
+        Ok((frame, _)) => (true, format!("{}x{} pixels", frame.width, frame.height)),
+        Err(NoPicture::Failed(why) | NoPicture::NoDevice(why)) => (false, why),
+    };
+    Check {
+        place: Place { file: case.file.clone(), line: 0, column: 0 },
+        title: format!("can be drawn, at {} s", middle.as_secs()),
+        passed,
+        expected: "a picture".into(),
+        got,
+        by: String::new(),
+        hint: String::new(),
+        evidence: Evidence::None,
+    }
+}
+
+/// A section that is known to fail passes while it does, and fails once the bug is gone.
+fn known_bug(outcome: &mut Outcome, why: &str) {
+    let first = match &outcome.status {
+        Status::Error(text) => Some(text.lines().next().unwrap_or_default().to_string()),
+        Status::Failed => {
+            outcome.checks.iter().find(|c| !c.passed).map(|c| format!("{}: {}", c.title, c.got))
+        }
+        Status::Skipped(_) => return,
+        Status::Passed => None,
+    };
+    let passed = first.is_some();
+    outcome.status = if passed { Status::Passed } else { Status::Failed };
+    outcome.checks = vec![Check {
+        place: outcome.place.clone(),
+        title: format!("known to fail: {why}"),
+        passed,
+        expected: "a failure".into(),
+        got: first.unwrap_or_else(|| "it passes".into()),
+        by: String::new(),
+        hint: if passed { String::new() } else { "the bug is gone: take its mark from the section".into() },
+        evidence: Evidence::None,
+    }];
+}
+
+fn lines(diagnostics: &[Diagnostic]) -> String {
+    let texts: Vec<String> = diagnostics.iter().map(ToString::to_string).collect();
+    texts.join("\n")
+}

@@ -1,0 +1,182 @@
+//! Pictures as they lie beside the tests: PNG files that say on which class of device they were accepted.
+
+use choreo_plugin::Frame;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// What a stored picture may weigh unless it is marked as large: they are kept in version control for ever.
+pub const MOST_BYTES: usize = 20 << 10;
+/// Nothing that could be a test picture is larger; read no more of what lies there.
+const MOST_FILE_BYTES: u64 = 64 << 20;
+
+const DEVICE: &str = "choreo:device";
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stored {
+    pub frame: Frame,
+    /// Empty where the file does not tell: it was not written by `choreo test`.
+    pub device: String,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Unreadable {
+    Missing,
+    /// Why, without the file's name.
+    Damaged(String),
+}
+
+/// `tests/suite/walk.rhai` keeps its picture "start" in `tests/suite/pictures/walk/start.png`.
+pub fn place(test_file: &Path, name: &str) -> PathBuf {
+    let stem = test_file.file_stem().unwrap_or_default();
+    test_file.with_file_name("pictures").join(stem).join(format!("{name}.png"))
+}
+
+pub fn read(path: &Path) -> Result<(Stored, Vec<u8>), Unreadable> {
+    let damaged = |e: std::io::Error| Unreadable::Damaged(e.to_string());
+    let file = match std::fs::File::open(path) {
+        Ok(file) => file,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Err(Unreadable::Missing),
+        Err(e) => return Err(damaged(e)),
+    };
+    let mut bytes = Vec::new();
+    std::io::Read::read_to_end(&mut std::io::Read::take(file, MOST_FILE_BYTES), &mut bytes)
+        .map_err(damaged)?;
+    decode(&bytes).map(|stored| (stored, bytes)).map_err(Unreadable::Damaged)
+}
+
+fn decode(bytes: &[u8]) -> Result<Stored, String> {
+    let words = |e: png::DecodingError| match e {
+        png::DecodingError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
+            "it ends too early".to_string()
+        }
+        e => e.to_string(),
+    };
+    let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
+    decoder.set_transformations(png::Transformations::normalize_to_color8() | png::Transformations::ALPHA);
+    let mut reader = decoder.read_info().map_err(words)?;
+    let (width, height) = (reader.info().width, reader.info().height);
+    if u64::from(width) * u64::from(height) > crate::painter::MOST_PIXELS {
+        return Err(format!("{width}x{height} pixels are no test picture"));
+    }
+    let mut pixels = vec![0; reader.output_buffer_size().ok_or("it is too large")?];
+    let info = reader.next_frame(&mut pixels).map_err(words)?;
+    pixels.truncate(info.buffer_size());
+    let rgba = match info.color_type {
+        png::ColorType::Rgba => pixels,
+        png::ColorType::GrayscaleAlpha => {
+            pixels.as_chunks::<2>().0.iter().flat_map(|[v, a]| [*v, *v, *v, *a]).collect()
+        }
+        other => return Err(format!("its pixels are {other:?}")),
+    };
+    let info = reader.info();
+    let device = info
+        .uncompressed_latin1_text
+        .iter()
+        .filter(|t| t.keyword == DEVICE)
+        .map(|t| t.text.clone())
+        .chain(info.utf8_text.iter().filter(|t| t.keyword == DEVICE).filter_map(|t| t.get_text().ok()))
+        .next();
+    Ok(Stored { frame: Frame { width, height, rgba }, device: device.unwrap_or_default() })
+}
+
+/// As small as PNG gets: these are written once and kept. `texts`: keyword and text.
+pub fn encode(frame: &Frame, texts: &[(&str, &str)]) -> Result<Vec<u8>, String> {
+    let words = |e: png::EncodingError| e.to_string();
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::High);
+    encoder.set_filter(png::Filter::Adaptive);
+    for (keyword, text) in texts {
+        match text.chars().all(|c| matches!(c, ' '..='~')) {
+            true => encoder.add_text_chunk(keyword.to_string(), text.to_string()),
+            false => encoder.add_itxt_chunk(keyword.to_string(), text.to_string()),
+        }
+        .map_err(words)?;
+    }
+    let opaque = frame.rgba.as_chunks::<4>().0.iter().all(|p| p[3] == 255);
+    encoder.set_color(if opaque { png::ColorType::Rgb } else { png::ColorType::Rgba });
+    let mut writer = encoder.write_header().map_err(words)?;
+    let rgb: Vec<u8>;
+    let data = if opaque {
+        rgb = frame.rgba.as_chunks::<4>().0.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+        &rgb
+    } else {
+        &frame.rgba
+    };
+    writer.write_image_data(data).map_err(words)?;
+    writer.finish().map_err(words)?;
+    Ok(bytes)
+}
+
+/// A picture as it is to be stored. `name`: file and section, for who finds the picture alone.
+pub fn encode_accepted(frame: &Frame, device: &str, name: &str) -> Result<Vec<u8>, String> {
+    encode(frame, &[(DEVICE, device), ("choreo:test", name)])
+}
+
+/// Writes a file whole or not at all, with the folders it needs.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    let failed = |e: std::io::Error| format!("{}: cannot write: {e}", path.display());
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(failed)?;
+    }
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(format!(".{}.part", std::process::id()));
+    let part = path.with_file_name(name);
+    let written = std::fs::File::create(&part)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.flush()))
+        .and_then(|()| std::fs::rename(&part, path));
+    if written.is_err() {
+        let _ = std::fs::remove_file(&part);
+    }
+    written.map_err(failed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(alpha: u8) -> Frame {
+        let rgba =
+            (0..20 * 10).flat_map(|i| [(i * 3) as u8, i as u8, 7, alpha.max((i % 2) as u8 * 255)]).collect();
+        Frame { width: 20, height: 10, rgba }
+    }
+
+    #[test]
+    fn pictures_come_back_with_their_device() {
+        for alpha in [255, 0] {
+            let bytes = encode_accepted(&frame(alpha), "vulkan:ä/1", "a.rhai > b").unwrap();
+            let stored = decode(&bytes).unwrap();
+            assert_eq!(stored, Stored { frame: frame(alpha), device: "vulkan:ä/1".into() });
+        }
+        assert_eq!(decode(&encode(&frame(255), &[]).unwrap()).unwrap().device, "");
+    }
+
+    #[test]
+    fn cut_and_damaged_files_are_told_and_never_panic() {
+        let bytes = encode_accepted(&frame(255), "cpu", "t").unwrap();
+        // The last 12 bytes are the end mark, which holds nothing.
+        for cut in 0..bytes.len() - 12 {
+            assert!(decode(&bytes[..cut]).is_err(), "cut at {cut}");
+        }
+        for at in 0..bytes.len() {
+            let mut broken = bytes.clone();
+            broken[at] ^= 0x10;
+            // What is not told has not touched the picture: a text, or the end mark.
+            let unharmed = decode(&broken).map_or(true, |stored| stored.frame == frame(255));
+            assert!(unharmed, "byte {at}");
+        }
+    }
+
+    #[test]
+    fn a_file_is_written_whole_with_its_folders() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a/b/c.txt");
+        write_whole(&path, b"one").unwrap();
+        write_whole(&path, b"two").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"two");
+        assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+        assert!(write_whole(&path.join("below"), b"x").unwrap_err().contains("cannot write"));
+        assert_eq!(read(&dir.path().join("none.png")), Err(Unreadable::Missing));
+    }
+}
