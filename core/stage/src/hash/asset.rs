@@ -1,0 +1,250 @@
+//! What a file holds.
+
+use super::ContentHash;
+use super::writer::{Writer, hash_of};
+use crate::*;
+use choreo_motion::{Clip, Path, Skeleton};
+use std::sync::Arc;
+
+impl Primitive {
+    /// Everything drawn, the material index left out: equal geometry is shared whatever it is painted with.
+    pub fn content_hash(&self) -> ContentHash {
+        hash_of(|w| self.write(w))
+    }
+
+    fn write(&self, w: &mut Writer) {
+        let Primitive {
+            topology,
+            indices,
+            positions,
+            normals,
+            tangents,
+            uvs,
+            colors,
+            influences,
+            joint_indices,
+            joint_weights,
+            morphs,
+            material: _,
+        } = self;
+        w.tag(match topology {
+            Topology::Triangles => 0,
+            Topology::Lines => 1,
+            Topology::Points => 2,
+        });
+        w.pods(indices, 4);
+        w.vec3s(positions);
+        w.vec3s(normals);
+        w.vec4s(tangents);
+        w.vec2s(&uvs[0]);
+        w.vec2s(&uvs[1]);
+        w.vec4s(colors);
+        w.count(*influences);
+        w.pods(joint_indices, 2);
+        w.f32s(joint_weights);
+        w.list(morphs, |w, morph| {
+            w.vec3s(&morph.positions);
+            w.vec3s(&morph.normals);
+            w.vec3s(&morph.tangents);
+        });
+    }
+}
+
+impl Mesh {
+    /// Its primitives with their material indices; names are left out.
+    pub fn content_hash(&self) -> ContentHash {
+        hash_of(|w| self.write(w))
+    }
+
+    fn write(&self, w: &mut Writer) {
+        w.list(&self.primitives, |w, primitive| {
+            primitive.write(w);
+            w.option(&primitive.material, |w, m| w.u32(*m));
+        });
+        w.count(self.morph_targets);
+    }
+}
+
+impl Image {
+    /// Size and pixels; the name is left out.
+    pub fn content_hash(&self) -> ContentHash {
+        hash_of(|w| {
+            w.u32(self.width);
+            w.u32(self.height);
+            w.bytes(&self.rgba);
+        })
+    }
+}
+
+impl Material {
+    /// Everything but the name. Textures count by the content of their images where `images` has them, so that equal
+    /// materials of two files are equal.
+    pub fn content_hash(&self, images: &[Arc<Image>]) -> ContentHash {
+        let of = |index: u32| images.get(index as usize).map(|image| image.content_hash());
+        hash_of(|w| self.write(w, &of))
+    }
+
+    fn write(&self, w: &mut Writer, image_hash: &dyn Fn(u32) -> Option<ContentHash>) {
+        let Material {
+            name: _,
+            shading,
+            base_color,
+            base_color_texture,
+            metallic,
+            roughness,
+            metallic_roughness_texture,
+            normal_texture,
+            normal_scale,
+            occlusion_texture,
+            occlusion_strength,
+            emissive,
+            emissive_texture,
+            specular,
+            specular_texture,
+            specular_color,
+            specular_color_texture,
+            shininess,
+            alpha_mode,
+            double_sided,
+        } = self;
+        w.tag(match shading {
+            Shading::MetallicRoughness => 0,
+            Shading::BlinnPhong => 1,
+            Shading::Unlit => 2,
+        });
+        w.vec4(*base_color);
+        for factor in [metallic, roughness, normal_scale, occlusion_strength, specular, shininess] {
+            w.f32(*factor);
+        }
+        w.vec3(*emissive);
+        w.vec3(*specular_color);
+        match alpha_mode {
+            AlphaMode::Opaque => w.tag(0),
+            AlphaMode::Mask(cutoff) => {
+                w.tag(1);
+                w.f32(*cutoff);
+            }
+            AlphaMode::Blend => w.tag(2),
+        }
+        w.flag(*double_sided);
+        for texture in [
+            base_color_texture,
+            metallic_roughness_texture,
+            normal_texture,
+            occlusion_texture,
+            emissive_texture,
+            specular_texture,
+            specular_color_texture,
+        ] {
+            w.option(texture, |w, t| {
+                match image_hash(t.image) {
+                    Some(hash) => w.bytes(&hash),
+                    None => w.u32(t.image),
+                }
+                let Sampler { wrap_u, wrap_v, mag_linear, min_linear, mip_linear } = t.sampler;
+                for wrap in [wrap_u, wrap_v] {
+                    w.tag(match wrap {
+                        Wrap::Repeat => 0,
+                        Wrap::MirroredRepeat => 1,
+                        Wrap::ClampToEdge => 2,
+                    });
+                }
+                w.flag(mag_linear);
+                w.flag(min_linear);
+                w.option(&mip_linear, |w, linear| w.flag(*linear));
+                w.tag(t.uv_set);
+                w.affine2(&t.uv_transform);
+            });
+        }
+    }
+}
+
+/// Name, tree and rest pose.
+pub fn skeleton_hash(skeleton: &Skeleton) -> ContentHash {
+    hash_of(|w| {
+        w.list(skeleton.names(), |w, name| w.text(name));
+        w.list(skeleton.parents(), |w, parent| w.option(parent, |w, p| w.u32(*p)));
+        w.list(skeleton.rest(), |w, rest| {
+            w.vec3(rest.translation);
+            w.quat(rest.rotation);
+            w.vec3(rest.scale);
+        });
+    })
+}
+
+/// Name, duration and authored curves.
+pub fn clip_hash(clip: &Clip) -> ContentHash {
+    hash_of(|w| {
+        w.text(&clip.name);
+        w.time(clip.duration);
+        w.list(clip.curves(), |w, curve| {
+            w.u32(curve.joint);
+            match curve.path {
+                Path::Translation => w.tag(0),
+                Path::Rotation => w.tag(1),
+                Path::Scale => w.tag(2),
+                Path::Weights(n) => {
+                    w.tag(3);
+                    w.u32(n);
+                }
+            }
+            w.interpolation(curve.interpolation);
+            w.list(&curve.times, |w, t| w.time(*t));
+            w.f32s(&curve.values);
+        });
+    })
+}
+
+pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
+    let images: Vec<ContentHash> = asset.images.iter().map(|image| image.content_hash()).collect();
+    hash_of(|w| {
+        let Asset {
+            name,
+            skeleton,
+            meshes,
+            skins,
+            instances,
+            materials,
+            images: _,
+            cameras,
+            lights,
+            clips,
+            origin: _,
+            warnings: _,
+            derived: _,
+        } = asset;
+        w.text(name);
+        w.bytes(&skeleton_hash(skeleton));
+        w.list(meshes, |w, mesh| {
+            mesh.write(w);
+            w.text(&mesh.name);
+            w.list(&mesh.morph_names, |w, name| w.text(name));
+        });
+        w.list(skins, |w, skin| {
+            w.pods(&skin.joints, 4);
+            w.list(&skin.inverse_bind, |w, m| w.mat4(m));
+        });
+        w.list(instances, |w, instance| {
+            w.u32(instance.joint);
+            w.u32(instance.mesh);
+            w.option(&instance.skin, |w, skin| w.u32(*skin));
+            w.f32s(&instance.weights);
+        });
+        w.list(materials, |w, material| {
+            material.write(w, &|index| images.get(index as usize).copied());
+            w.text(&material.name);
+        });
+        w.list(&images, |w, hash| w.bytes(hash));
+        w.list(cameras, |w, camera| {
+            w.text(&camera.name);
+            w.u32(camera.joint);
+            w.projection(&camera.projection);
+        });
+        w.list(lights, |w, light| {
+            w.text(&light.name);
+            w.u32(light.joint);
+            w.light(&light.light);
+        });
+        w.list(clips, |w, clip| w.bytes(&clip_hash(clip)));
+    })
+}

@@ -1,0 +1,258 @@
+//! A stage, and a moment of it.
+
+use super::ContentHash;
+use super::asset::clip_hash;
+use super::writer::{Writer, hash_of};
+use crate::*;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+impl Stage {
+    /// Everything that a snapshot depends on; warnings are left out. Hooks count by [`FrameHook::identity`].
+    pub fn content_hash(&self) -> ContentHash {
+        // One clip or mask is used by many cues and its curves may be long: hashed once a pointer.
+        let mut clips: BTreeMap<usize, ContentHash> = BTreeMap::new();
+        let mut masks: BTreeMap<usize, ContentHash> = BTreeMap::new();
+        hash_of(|w| {
+            let Stage { settings, actors, cameras, cuts, lights, effects, hooks, warnings: _ } = self;
+            w.settings(settings);
+            w.list(actors, |w, actor| {
+                let Actor {
+                    name,
+                    asset,
+                    transform,
+                    parent,
+                    face,
+                    layers,
+                    channels,
+                    look_at,
+                    visible,
+                    tint,
+                    morphs,
+                    file_lights,
+                } = actor;
+                w.text(name);
+                w.bytes(&asset.content_hash());
+                w.dvec3(transform.translation);
+                w.dquat(transform.rotation);
+                w.dvec3(transform.scale);
+                w.option(parent, |w, parent| w.attachment(parent));
+                w.option(face, |w, face| w.count(*face));
+                w.list(layers, |w, layer| {
+                    w.option(&layer.mask, |w, mask| {
+                        let key = Arc::as_ptr(mask) as usize;
+                        let hash = *masks.entry(key).or_insert_with(|| hash_of(|w| w.f32s(mask)));
+                        w.bytes(&hash);
+                    });
+                    w.list(&layer.cues, |w, cue| {
+                        let key = Arc::as_ptr(&cue.clip) as usize;
+                        let hash = *clips.entry(key).or_insert_with(|| clip_hash(&cue.clip));
+                        w.bytes(&hash);
+                        w.cue(cue);
+                    });
+                });
+                w.list(channels, |w, channel| w.channel(channel));
+                w.list(look_at, |w, look| {
+                    w.u32(look.joint);
+                    w.target(&look.target);
+                    w.time(look.start);
+                    w.option(&look.end, |w, end| w.time(*end));
+                    w.time(look.fade);
+                    w.f32(look.weight);
+                });
+                w.flag(*visible);
+                w.vec4(*tint);
+                w.list(morphs, |w, (instance, target, weight)| {
+                    w.u32(*instance);
+                    w.u32(*target);
+                    w.f32(*weight);
+                });
+                w.flag(*file_lights);
+            });
+            w.list(cameras, |w, camera| {
+                w.text(&camera.name);
+                w.projection(&camera.projection);
+                w.rig(&camera.rig);
+                w.list(&camera.channels, |w, channel| w.channel(channel));
+            });
+            w.list(cuts, |w, cut| {
+                w.time(cut.at);
+                w.count(cut.camera);
+            });
+            w.list(lights, |w, light| {
+                w.text(&light.name);
+                w.light(&light.light);
+                w.dvec3(light.position);
+                w.vec3(light.direction);
+                w.option(&light.parent, |w, parent| w.attachment(parent));
+                w.list(&light.channels, |w, channel| w.channel(channel));
+            });
+            w.list(effects, |w, effect| {
+                w.text(&effect.plugin);
+                w.list(&effect.parameters, |w, (name, value)| {
+                    w.text(name);
+                    w.f64(*value);
+                });
+                w.time(effect.start);
+                w.option(&effect.end, |w, end| w.time(*end));
+            });
+            w.list(hooks, |w, hook| w.text(&hook.identity()));
+        })
+    }
+}
+
+impl Snapshot {
+    /// Every bit of it: two evaluations of one stage at one time must agree, wherever they ran.
+    pub fn content_hash(&self) -> ContentHash {
+        hash_of(|w| {
+            let Snapshot { time, actors, camera, lights, background, ambient_up, ambient_down, effects } =
+                self;
+            w.time(*time);
+            w.list(actors, |w, actor| {
+                let ActorState { visible, world_from_model, model_from_joint, morph_weights, tint } = actor;
+                w.flag(*visible);
+                world_from_model.to_cols_array().into_iter().for_each(|v| w.f64(v));
+                w.list(model_from_joint, |w, m| m.to_cols_array().into_iter().for_each(|v| w.f32(v)));
+                w.list(morph_weights, |w, weights| w.f32s(weights));
+                w.vec4(*tint);
+            });
+            w.option(&camera.camera, |w, index| w.count(*index));
+            camera.world_from_view.to_cols_array().into_iter().for_each(|v| w.f64(v));
+            w.projection(&camera.projection);
+            w.list(lights, |w, light| {
+                w.light(&light.light);
+                w.dvec3(light.position);
+                w.vec3(light.direction);
+            });
+            w.background(background);
+            w.vec3(*ambient_up);
+            w.vec3(*ambient_down);
+            w.list(effects, |w, effect| w.count(*effect));
+        })
+    }
+}
+
+impl Writer {
+    fn settings(&mut self, settings: &Settings) {
+        let Settings { size, fps, length, background, ambient_up, ambient_down, samples } = settings;
+        for v in [size[0], size[1], fps.num, fps.den] {
+            self.u32(v);
+        }
+        self.time(*length);
+        self.background(background);
+        self.vec3(*ambient_up);
+        self.vec3(*ambient_down);
+        self.option(samples, |w, n| w.u32(*n));
+    }
+
+    fn background(&mut self, background: &Background) {
+        match background {
+            Background::Color(color) => {
+                self.tag(0);
+                self.vec4(*color);
+            }
+            Background::Gradient { top, bottom } => {
+                self.tag(1);
+                self.vec3(*top);
+                self.vec3(*bottom);
+            }
+        }
+    }
+
+    fn cue(&mut self, cue: &Cue) {
+        let Cue { clip: _, start, end, fade_in, fade_out, ease, speed, trim, repeat, weight } = cue;
+        self.time(*start);
+        self.option(end, |w, end| w.time(*end));
+        for t in [fade_in, fade_out, &trim.0, &trim.1] {
+            self.time(*t);
+        }
+        self.tag(match ease {
+            Ease::Linear => 0,
+            Ease::Smooth => 1,
+        });
+        self.f64(*speed);
+        self.tag(match repeat {
+            Repeat::Once => 0,
+            Repeat::Loop => 1,
+            Repeat::PingPong => 2,
+        });
+        self.f32(*weight);
+    }
+
+    fn channel(&mut self, channel: &Channel) {
+        match channel.property {
+            Property::Translation => self.tag(0),
+            Property::Rotation => self.tag(1),
+            Property::Scale => self.tag(2),
+            Property::Visible => self.tag(3),
+            Property::Tint => self.tag(4),
+            Property::Morph { instance, target } => {
+                self.tag(5);
+                self.u32(instance);
+                self.u32(target);
+            }
+            Property::FieldOfView => self.tag(6),
+            Property::Intensity => self.tag(7),
+            Property::Color => self.tag(8),
+        }
+        self.interpolation(channel.interpolation);
+        self.list(&channel.times, |w, t| w.time(*t));
+        self.list(&channel.values, |w, v| w.f64(*v));
+    }
+
+    fn attachment(&mut self, attachment: &Attachment) {
+        self.count(attachment.actor);
+        self.option(&attachment.joint, |w, joint| w.u32(*joint));
+    }
+
+    fn target(&mut self, target: &Target) {
+        match target {
+            Target::Point(p) => {
+                self.tag(0);
+                self.dvec3(*p);
+            }
+            Target::Actor(actor) => {
+                self.tag(1);
+                self.count(*actor);
+            }
+            Target::Joint { actor, joint } => {
+                self.tag(2);
+                self.count(*actor);
+                self.u32(*joint);
+            }
+        }
+    }
+
+    fn rig(&mut self, rig: &Rig) {
+        match rig {
+            Rig::Fixed { position, rotation, look_at } => {
+                self.tag(0);
+                self.dvec3(*position);
+                self.dquat(*rotation);
+                self.option(look_at, |w, target| w.target(target));
+            }
+            Rig::Follow { target, offset } => {
+                self.tag(1);
+                self.target(target);
+                self.dvec3(*offset);
+            }
+            Rig::Orbit { target, distance, elevation, azimuth, speed } => {
+                self.tag(2);
+                self.target(target);
+                for v in [distance, elevation, azimuth, speed] {
+                    self.f64(*v);
+                }
+            }
+            Rig::File { actor, camera } => {
+                self.tag(3);
+                self.count(*actor);
+                self.u32(*camera);
+            }
+            Rig::Frame { azimuth, elevation } => {
+                self.tag(4);
+                self.f64(*azimuth);
+                self.f64(*elevation);
+            }
+        }
+    }
+}
