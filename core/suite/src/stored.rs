@@ -3,6 +3,7 @@
 use choreo_plugin::Frame;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What a stored picture may weigh unless it is marked as large: they are kept in version control for ever.
 pub const MOST_BYTES: usize = 20 << 10;
@@ -120,8 +121,11 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), String> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(failed)?;
     }
+    // Two threads may write one file: the later one wins, whole.
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let number = COUNT.fetch_add(1, Ordering::Relaxed);
     let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(format!(".{}.part", std::process::id()));
+    name.push(format!(".{}.{number}.part", std::process::id()));
     let part = path.with_file_name(name);
     let written = std::fs::File::create(&part)
         .and_then(|mut file| file.write_all(bytes).and_then(|()| file.flush()))
