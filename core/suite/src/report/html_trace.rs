@@ -84,10 +84,10 @@ fn plot(trace: &Trace) -> String {
         if run.len() == 1 {
             // One time: a bar that can be seen.
             points = vec![
-                (points[0].0 - 2.0, points[0].1),
-                (points[0].0 + 2.0, points[0].1),
-                (points[1].0 + 2.0, points[1].1),
-                (points[1].0 - 2.0, points[1].1),
+                (points[0].0 - 4.0, points[0].1),
+                (points[0].0 + 4.0, points[0].1),
+                (points[1].0 + 4.0, points[1].1),
+                (points[1].0 - 4.0, points[1].1),
             ];
         }
         let _ = write!(svg, "<path class=\"band\" d=\"{}Z\"/>", line(&points));
