@@ -14,6 +14,7 @@ pub fn registry() -> Registry {
     registry.add_importer(import_gltf::GltfImporter);
     registry.add_importer(import_mannequin::Mannequin);
     registry.add_importer(import_bvh::BvhImporter);
+    registry.add_importer(import_obj::ObjImporter);
     registry.add_importer(import_stl::StlImporter);
     registry.add_effect(effect_vignette::Vignette);
     registry.add_exporter(export_png::PngExporter);

@@ -1,0 +1,249 @@
+//! Faces to indexed primitives: one a group and material.
+
+use crate::parse::{Corner, Model, NONE, Shape};
+use choreo_import::polygon::{Cut, Triangulator};
+use choreo_import::{Budget, Notes, Problem, Result, smooth};
+use choreo_stage::asset::{Primitive, Topology};
+use glam::{DVec3, Vec2, Vec3, Vec4};
+
+/// How positions become metres, and what is done where normals are missing.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    pub scale: f64,
+    pub up_z: bool,
+    /// Where faces have neither normals nor smoothing groups.
+    pub smooth_rad: f64,
+    /// Colours are as shown, not linear.
+    pub srgb: bool,
+}
+
+/// What makes a primitive: kind, group, material, and whether its corners have normals.
+type Key = (u32, Shape, u32, bool);
+
+/// Primitives with the group each belongs to, by group, and within it in the order of the file's materials.
+pub fn build(
+    model: &Model,
+    settings: &Settings,
+    budget: &Budget,
+    notes: &Notes,
+) -> Result<Vec<(u32, Primitive)>> {
+    let over = |what: String| Problem::new("f", what);
+    budget.charge(model.corners.len() as u64, 3 * (size_of::<Corner>() + 72)).map_err(over)?;
+    let key = |index: usize| -> Key {
+        let e = &model.elements[index];
+        let normals = e.shape == Shape::Face && model.corners(index).iter().all(|c| c.normal != NONE);
+        (e.group, e.shape, e.material, normals)
+    };
+    let mut order: Vec<(Key, u32)> = (0..model.elements.len()).map(|i| (key(i), i as u32)).collect();
+    // Stable: elements keep the file's order within a primitive. Faces come before lines and points.
+    order.sort_by_key(|(key, _)| *key);
+    let mut builder = Builder {
+        model,
+        settings,
+        chains: vec![NONE; model.positions.len()],
+        entries: Vec::new(),
+        triangulator: Triangulator::default(),
+        scratch: (Vec::new(), Vec::new()),
+        crossing: Counted::default(),
+        too_much: Counted::default(),
+    };
+    let mut out = Vec::new();
+    let mut missing = 0;
+    for run in order.chunk_by(|a, b| a.0 == b.0) {
+        let key = run[0].0;
+        let primitive = builder.primitive(key, run);
+        missing += if key.1 == Shape::Face && !key.3 { run.len() } else { 0 };
+        if !primitive.indices.is_empty() {
+            out.push((key.0, primitive));
+        }
+    }
+    if missing > 0 {
+        let how = match model.has_smoothing {
+            true => "they are made from the smoothing groups".to_string(),
+            false => {
+                format!("edges of up to {:.0}° are smooth (option smooth)", settings.smooth_rad.to_degrees())
+            }
+        };
+        notes.warn("f", format!("{missing} faces have no normals; {how}"));
+    }
+    let Builder { crossing, too_much, .. } = builder;
+    if crossing.count > 0 {
+        let what =
+            format!("{} faces cross themselves or have no area; their triangles are a guess", crossing.count);
+        notes.warn(format!("line {}", crossing.line), what);
+    }
+    if too_much.count > 0 {
+        let what =
+            format!("{} faces have too many corners to be cut properly; they are fans", too_much.count);
+        notes.warn(format!("line {}", too_much.line), what);
+    }
+    Ok(out)
+}
+
+#[derive(Default)]
+struct Counted {
+    count: usize,
+    line: u32,
+}
+
+impl Counted {
+    fn add(&mut self, line: u32) {
+        if self.count == 0 {
+            self.line = line;
+        }
+        self.count += 1;
+    }
+}
+
+/// Vertices found so far at a position, as a chain.
+struct Entry {
+    uv: u32,
+    normal: u32,
+    vertex: u32,
+    next: u32,
+}
+
+/// Longer chains are not searched: the corner gets a vertex of its own, and the time stays proportional to the file.
+const MAX_CHAIN: usize = 64;
+
+struct Builder<'a> {
+    model: &'a Model,
+    settings: &'a Settings,
+    /// By position, the first of its entries; emptied after each primitive.
+    chains: Vec<u32>,
+    entries: Vec<Entry>,
+    triangulator: Triangulator,
+    scratch: (Vec<DVec3>, Vec<[u32; 3]>),
+    crossing: Counted,
+    too_much: Counted,
+}
+
+impl Builder<'_> {
+    fn primitive(&mut self, key: Key, run: &[(Key, u32)]) -> Primitive {
+        let (_, shape, material, has_normals) = key;
+        let mut corners: Vec<Corner> = Vec::new();
+        // By triangle, where normals are to be made.
+        let mut smoothing = Vec::new();
+        for (_, index) in run {
+            let before = corners.len();
+            self.list(*index as usize, shape, &mut corners);
+            if shape == Shape::Face && !has_normals {
+                let group = self.model.elements[*index as usize].smoothing;
+                smoothing.resize(smoothing.len() + (corners.len() - before) / 3, group);
+            }
+        }
+        let mut out = Primitive {
+            topology: match shape {
+                Shape::Face => Topology::Triangles,
+                Shape::Line => Topology::Lines,
+                Shape::Point => Topology::Points,
+            },
+            material: Some(material),
+            indices: Vec::with_capacity(corners.len()),
+            ..Primitive::default()
+        };
+        let used = corners.iter().map(|c| c.position as usize);
+        let colored =
+            !self.model.colors.is_empty() && used.clone().any(|p| self.model.colors[p] != Vec3::ONE);
+        let textured = corners.iter().any(|c| c.uv != NONE);
+        for corner in &corners {
+            let corner = Corner { normal: if has_normals { corner.normal } else { NONE }, ..*corner };
+            let index = self.vertex(&mut out, corner, textured, colored);
+            out.indices.push(index);
+        }
+        for position in used {
+            self.chains[position] = NONE;
+        }
+        self.entries.clear();
+        if shape == Shape::Face && !has_normals {
+            match self.model.has_smoothing {
+                true => smooth::normals(&mut out, 0.0, Some(&smoothing)),
+                false => smooth::normals(&mut out, self.settings.smooth_rad, None),
+            }
+        } else if has_normals {
+            repair_normals(&mut out);
+        }
+        out
+    }
+
+    /// An element's corners as a list of triangles, segments or points.
+    fn list(&mut self, index: usize, shape: Shape, out: &mut Vec<Corner>) {
+        let corners = self.model.corners(index);
+        match shape {
+            Shape::Point => out.extend(corners),
+            Shape::Line => out.extend(corners.windows(2).flatten()),
+            Shape::Face if corners.len() == 3 => out.extend(corners),
+            Shape::Face => {
+                let (points, triangles) = &mut self.scratch;
+                points.clear();
+                triangles.clear();
+                points.extend(corners.iter().map(|c| self.model.positions[c.position as usize]));
+                let line = self.model.elements[index].line;
+                match self.triangulator.cut(points, triangles) {
+                    Cut::Whole => {}
+                    Cut::Crossing => self.crossing.add(line),
+                    Cut::TooMuch => self.too_much.add(line),
+                }
+                out.extend(triangles.iter().flatten().map(|i| corners[*i as usize]));
+            }
+        }
+    }
+
+    /// The vertex of a corner: an equal one of this primitive, or a new one.
+    fn vertex(&mut self, out: &mut Primitive, corner: Corner, textured: bool, colored: bool) -> u32 {
+        let position = corner.position as usize;
+        let mut at = self.chains[position];
+        let mut length = 0;
+        while at != NONE && length < MAX_CHAIN {
+            let entry = &self.entries[at as usize];
+            if (entry.uv, entry.normal) == (corner.uv, corner.normal) {
+                return entry.vertex;
+            }
+            at = entry.next;
+            length += 1;
+        }
+        let vertex = out.positions.len() as u32;
+        let next = std::mem::replace(&mut self.chains[position], self.entries.len() as u32);
+        self.entries.push(Entry { uv: corner.uv, normal: corner.normal, vertex, next });
+        let settings = self.settings;
+        out.positions
+            .push((turned(self.model.positions[position], settings.up_z) * settings.scale).as_vec3());
+        if corner.normal != NONE {
+            let normal = self.model.normals[corner.normal as usize].as_dvec3();
+            out.normals.push(turned(normal, settings.up_z).normalize_or_zero().as_vec3());
+        }
+        if textured {
+            // OBJ counts v from the bottom.
+            let uv = if corner.uv == NONE { Vec2::ZERO } else { self.model.uvs[corner.uv as usize] };
+            out.uvs[0].push(Vec2::new(uv.x, 1.0 - uv.y));
+        }
+        if colored {
+            let [r, g, b] =
+                self.model.colors[position].to_array().map(|c| crate::mtl::linear(c, settings.srgb));
+            out.colors.push(Vec4::new(r, g, b, 1.0));
+        }
+        vertex
+    }
+}
+
+/// x stays, z goes up, y goes away from the viewer.
+fn turned(v: DVec3, up_z: bool) -> DVec3 {
+    if up_z { DVec3::new(v.x, v.z, -v.y) } else { v }
+}
+
+/// Normals of length zero become those of a triangle that uses them.
+fn repair_normals(p: &mut Primitive) {
+    if p.normals.iter().all(|n| *n != Vec3::ZERO) {
+        return;
+    }
+    for triangle in p.indices.chunks_exact(3) {
+        let [a, b, c] = [triangle[0], triangle[1], triangle[2]].map(|i| p.positions[i as usize].as_dvec3());
+        let face = (b - a).cross(c - a).normalize_or(DVec3::Y).as_vec3().normalize_or(Vec3::Y);
+        for i in triangle {
+            let normal = &mut p.normals[*i as usize];
+            if *normal == Vec3::ZERO {
+                *normal = face;
+            }
+        }
+    }
+}

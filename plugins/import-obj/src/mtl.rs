@@ -1,0 +1,298 @@
+//! MTL material libraries.
+
+use choreo_import::color::linear_from_srgb;
+use choreo_import::text::{Lines, next_word, number, shown};
+use choreo_import::textures::Textures;
+use choreo_import::{Budget, Notes};
+use choreo_plugin::Files;
+use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
+use glam::{Affine2, Mat2, Vec2, Vec3};
+use std::collections::BTreeMap;
+
+/// A material as the library has it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mtl {
+    pub name: String,
+    pub place: String,
+    pub diffuse: Option<Vec3>,
+    pub specular: Option<Vec3>,
+    pub emissive: Option<Vec3>,
+    pub shininess: f32,
+    pub alpha: f32,
+    pub illum: Option<i64>,
+    pub roughness: Option<f32>,
+    pub metallic: Option<f32>,
+    pub maps: BTreeMap<Slot, Map>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Slot {
+    Diffuse,
+    Specular,
+    Emissive,
+    Alpha,
+    Roughness,
+    Metallic,
+    Bump,
+    Normal,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Map {
+    pub file: String,
+    pub scale: Vec2,
+    pub offset: Vec2,
+    pub clamp: bool,
+    /// `-bm`: how strong a bump or normal map is.
+    pub strength: f32,
+}
+
+/// One channel of a colour as a file has it.
+pub fn linear(value: f32, srgb: bool) -> f32 {
+    let value = value.max(0.0);
+    if srgb && value <= 1.0 { linear_from_srgb(value) } else { value }
+}
+
+/// The materials of one library, in its order. Nothing in it is an error: a material that is half right is better than none.
+pub fn read(bytes: &[u8], library: &str, notes: &Notes) -> Vec<Mtl> {
+    let mut out: Vec<Mtl> = Vec::new();
+    let mut unknown: BTreeMap<String, usize> = BTreeMap::new();
+    for (line, text) in Lines::new(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes)) {
+        let mut rest = text;
+        let Some(word) = next_word(&mut rest) else { continue };
+        let place = || format!("{library} line {line}");
+        if word.starts_with(b"#") {
+            continue;
+        }
+        let keyword = word.to_ascii_lowercase();
+        if keyword == b"newmtl" {
+            let name = String::from_utf8_lossy(rest.trim_ascii()).into_owned();
+            out.push(Mtl { name, place: place(), alpha: 1.0, ..Mtl::default() });
+            continue;
+        }
+        let Some(material) = out.last_mut() else {
+            notes
+                .warn(place(), format!("\"{}\" stands before the first newmtl; it is left out", shown(word)));
+            continue;
+        };
+        if let Err(what) = line_of(material, &keyword, rest, &mut unknown) {
+            notes.warn(place(), format!("\"{}\": {what}; it is left out", shown(word)));
+        }
+    }
+    if !unknown.is_empty() {
+        let names: Vec<&str> = unknown.keys().map(String::as_str).take(12).collect();
+        notes.warn(library, format!("not used: {}", names.join(", ")));
+    }
+    out
+}
+
+fn line_of(
+    m: &mut Mtl,
+    keyword: &[u8],
+    rest: &[u8],
+    unknown: &mut BTreeMap<String, usize>,
+) -> Result<(), String> {
+    let slot = match keyword {
+        b"map_kd" => Some(Slot::Diffuse),
+        b"map_ks" => Some(Slot::Specular),
+        b"map_ke" => Some(Slot::Emissive),
+        b"map_d" | b"map_opacity" => Some(Slot::Alpha),
+        b"map_pr" => Some(Slot::Roughness),
+        b"map_pm" => Some(Slot::Metallic),
+        b"bump" | b"map_bump" => Some(Slot::Bump),
+        b"norm" | b"map_kn" => Some(Slot::Normal),
+        _ => None,
+    };
+    if let Some(slot) = slot {
+        m.maps.insert(slot, map(rest)?);
+        return Ok(());
+    }
+    match keyword {
+        b"kd" => m.diffuse = Some(color(rest)?),
+        b"ks" => m.specular = Some(color(rest)?),
+        b"ke" => m.emissive = Some(color(rest)?),
+        b"ns" => m.shininess = scalar(rest)?.max(0.0),
+        b"d" => {
+            let rest = rest.trim_ascii();
+            // `-halo` fades towards the rim; the factor counts.
+            m.alpha = scalar(rest.strip_prefix(b"-halo").unwrap_or(rest))?.clamp(0.0, 1.0);
+        }
+        b"tr" => m.alpha = 1.0 - scalar(rest)?.clamp(0.0, 1.0),
+        b"illum" => m.illum = Some(scalar(rest)? as i64),
+        b"pr" => m.roughness = Some(scalar(rest)?.clamp(0.0, 1.0)),
+        b"pm" => m.metallic = Some(scalar(rest)?.clamp(0.0, 1.0)),
+        // What stands for light that this renderer does not have, or for glass: nothing seen is lost.
+        b"ka" | b"tf" | b"ni" | b"map_ka" | b"sharpness" => {}
+        _ => *unknown.entry(shown(keyword)).or_insert(0) += 1,
+    }
+    Ok(())
+}
+
+fn scalar(mut rest: &[u8]) -> Result<f32, String> {
+    let word = next_word(&mut rest).ok_or("needs a number")?;
+    let value = number(word).map(|v| v as f32).filter(|v| v.is_finite());
+    value.ok_or_else(|| format!("\"{}\" is not a finite number", shown(word)))
+}
+
+/// `r g b`, or `r` for a grey.
+fn color(mut rest: &[u8]) -> Result<Vec3, String> {
+    let mut values = Vec::with_capacity(3);
+    while let (Some(word), true) = (next_word(&mut rest), values.len() < 3) {
+        if matches!(word, b"spectral" | b"xyz") {
+            return Err(format!("{} colours are not supported", shown(word)));
+        }
+        values.push(scalar(word)?);
+    }
+    match values[..] {
+        [r, g, b] => Ok(Vec3::new(r, g, b)),
+        [grey] => Ok(Vec3::splat(grey)),
+        _ => Err("needs one or three numbers".to_string()),
+    }
+}
+
+/// Options, then the file name, which may hold spaces.
+fn map(rest: &[u8]) -> Result<Map, String> {
+    let mut out =
+        Map { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false, strength: 1.0 };
+    let mut rest = rest;
+    loop {
+        let before = rest;
+        let Some(word) = next_word(&mut rest) else { return Err("names no file".to_string()) };
+        let plain = |rest: &mut &[u8]| -> Option<f32> {
+            let mut ahead = *rest;
+            let value = number(next_word(&mut ahead)?)? as f32;
+            *rest = ahead;
+            Some(value).filter(|v| v.is_finite())
+        };
+        match word {
+            b"-o" | b"-s" | b"-t" => {
+                // One to three numbers; a missing second one is that of the default.
+                let default = if word == b"-s" { 1.0 } else { 0.0 };
+                let u = plain(&mut rest).ok_or_else(|| format!("{} needs a number", shown(word)))?;
+                let v = plain(&mut rest);
+                let _depth = v.and_then(|_| plain(&mut rest));
+                let value = Vec2::new(u, v.unwrap_or(default));
+                match word {
+                    b"-o" => out.offset = value,
+                    b"-s" => out.scale = value,
+                    _ => {}
+                }
+            }
+            b"-clamp" => out.clamp = next_word(&mut rest) == Some(b"on"),
+            b"-bm" => out.strength = plain(&mut rest).ok_or("-bm needs a number")?,
+            b"-mm" => {
+                let _base = plain(&mut rest);
+                let _gain = plain(&mut rest);
+            }
+            b"-blendu" | b"-blendv" | b"-cc" | b"-imfchan" | b"-type" | b"-boost" | b"-texres" => {
+                let _value = next_word(&mut rest);
+            }
+            _ => {
+                out.file = String::from_utf8_lossy(before.trim_ascii()).into_owned();
+                return Ok(out);
+            }
+        }
+    }
+}
+
+/// Where textures come from.
+pub struct Source<'a> {
+    pub textures: Option<&'a mut Textures>,
+    pub files: &'a dyn Files,
+    pub budget: &'a Budget,
+    pub notes: &'a Notes,
+    pub srgb: bool,
+}
+
+/// A material, and its bump map where it has one: whether that is a normal map shows in the decoded picture.
+pub fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureRef, f32)>) {
+    let srgb = source.srgb;
+    let color = |c: Vec3| Vec3::from(c.to_array().map(|c| linear(c, srgb)));
+    let mut diffuse = color(m.diffuse.unwrap_or(Vec3::splat(0.8)));
+    let diffuse_map = texture(m, Slot::Diffuse, source);
+    if diffuse_map.is_some() && m.diffuse.is_none_or(|d| d == Vec3::ZERO) {
+        if m.diffuse.is_some() {
+            source.notes.warn(
+                m.place.as_str(),
+                format!("\"{}\" has a texture and the colour black; the colour is taken as white", m.name),
+            );
+        }
+        diffuse = Vec3::ONE;
+    }
+    let pbr = m.roughness.is_some()
+        || m.metallic.is_some()
+        || m.maps.contains_key(&Slot::Roughness)
+        || m.maps.contains_key(&Slot::Metallic);
+    // Blinn–Phong here is normalised by (s + 8) / 8; MTL's highlight is not, and has Ks at its peak.
+    let specular = if m.illum == Some(1) || m.illum == Some(0) {
+        Vec3::ZERO
+    } else {
+        color(m.specular.unwrap_or_default())
+    };
+    let mut out = Material {
+        name: m.name.clone(),
+        shading: if pbr { Shading::MetallicRoughness } else { Shading::BlinnPhong },
+        base_color: diffuse.extend(m.alpha),
+        base_color_texture: diffuse_map,
+        metallic: m.metallic.unwrap_or(0.0),
+        roughness: m.roughness.unwrap_or(0.5),
+        emissive: color(m.emissive.unwrap_or_default()),
+        shininess: m.shininess.clamp(1.0, 10_000.0),
+        alpha_mode: if m.alpha < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque },
+        // The format does not say which side is seen.
+        double_sided: true,
+        ..Material::default()
+    };
+    if !pbr {
+        out.specular_color = specular * (8.0 / (out.shininess + 8.0));
+        out.specular_color_texture = texture(m, Slot::Specular, source);
+    }
+    out.emissive_texture = texture(m, Slot::Emissive, source);
+    if out.emissive_texture.is_some() && m.emissive.is_none_or(|e| e == Vec3::ZERO) {
+        out.emissive = Vec3::ONE;
+    }
+    if let Some(alpha) = m.maps.get(&Slot::Alpha) {
+        match m.maps.get(&Slot::Diffuse) {
+            Some(diffuse) if diffuse.file == alpha.file => out.alpha_mode = AlphaMode::Blend,
+            _ => source.notes.warn(m.place.as_str(), format!("map_d \"{}\" is not the file of map_Kd; only its alpha channel can be used, so it is left out", alpha.file)),
+        }
+    }
+    if pbr {
+        // glTF's layout: G roughness, B metallic.
+        match (m.maps.get(&Slot::Roughness), m.maps.get(&Slot::Metallic)) {
+            (Some(a), Some(b)) if a.file == b.file => {
+                out.metallic_roughness_texture = texture(m, Slot::Roughness, source);
+                out.metallic = m.metallic.unwrap_or(1.0);
+                out.roughness = m.roughness.unwrap_or(1.0);
+            }
+            (None, None) => {}
+            _ => source.notes.warn(m.place.as_str(), "map_Pr and map_Pm are used where both are one file (roughness in green, metallic in blue); they are left out"),
+        }
+    }
+    if let Some(normal) = texture(m, Slot::Normal, source) {
+        out.normal_texture = Some(normal);
+        out.normal_scale = m.maps.get(&Slot::Normal).map_or(1.0, |m| m.strength);
+        return (out, None);
+    }
+    let strength = m.maps.get(&Slot::Bump).map_or(1.0, |m| m.strength);
+    let bump = texture(m, Slot::Bump, source).map(|t| (t, strength));
+    (out, bump)
+}
+
+fn texture(m: &Mtl, slot: Slot, source: &mut Source<'_>) -> Option<TextureRef> {
+    let map = m.maps.get(&slot)?;
+    let textures = source.textures.as_deref_mut()?;
+    let image = textures.find(&map.file, &m.place, source.files, source.budget, source.notes)?;
+    let wrap = if map.clamp { Wrap::ClampToEdge } else { Wrap::Repeat };
+    // The map is looked up at uv · scale + offset with v from the bottom; ours runs from the top: 1 − ((1 − v) · s + o).
+    let uv_transform = Affine2 {
+        matrix2: Mat2::from_diagonal(map.scale),
+        translation: Vec2::new(map.offset.x, 1.0 - map.scale.y - map.offset.y),
+    };
+    Some(TextureRef {
+        image,
+        sampler: Sampler { wrap_u: wrap, wrap_v: wrap, ..Sampler::default() },
+        uv_set: 0,
+        uv_transform,
+    })
+}
