@@ -197,7 +197,7 @@ pub struct TestArgs {
     /// Say which sections there are, and run none
     #[arg(long)]
     pub list: bool,
-    /// Run again whenever a file changes
+    /// Run what a change touches after every save, until Ctrl-C
     #[arg(long, conflicts_with_all = ["list", "json"])]
     pub watch: bool,
     /// Draw all pictures on this device instead of the one that the scripts say (cpu, unless they say another)

@@ -34,6 +34,8 @@ pub struct Painter {
     effects: Vec<Arc<dyn Effect>>,
     /// Where compiled pipelines are kept between runs.
     gpu_cache: Option<PathBuf>,
+    /// Vulkan under the validation layer; what it says makes a picture fail.
+    pub validation: bool,
     cpu: Option<CpuRenderer>,
     vulkan: Option<Result<Box<VulkanRenderer>, NoPicture>>,
     /// What each of the two holds: pictures of one stage often follow each other.
@@ -53,7 +55,14 @@ pub struct Shot {
 
 impl Painter {
     pub fn new(effects: &[Arc<dyn Effect>], gpu_cache: Option<PathBuf>) -> Painter {
-        Painter { effects: effects.to_vec(), gpu_cache, cpu: None, vulkan: None, loaded: [None, None] }
+        Painter {
+            effects: effects.to_vec(),
+            gpu_cache,
+            validation: false,
+            cpu: None,
+            vulkan: None,
+            loaded: [None, None],
+        }
     }
 
     /// The picture, and the class of device that drew it (see [`device_class`]).
@@ -78,9 +87,10 @@ impl Painter {
             Device::Cpu => self.cpu.get_or_insert_with(|| CpuRenderer::new(&effects)),
             Device::Vulkan => {
                 let cache_dir = self.gpu_cache.clone();
-                let start = || {
-                    start_vulkan(GpuOptions { cache_dir, effects: effects.clone(), ..GpuOptions::default() })
-                };
+                let validation = self.validation;
+                let effects = effects.clone();
+                let start =
+                    || start_vulkan(GpuOptions { validation, cache_dir, effects, ..GpuOptions::default() });
                 match self.vulkan.get_or_insert_with(start) {
                     Ok(renderer) => renderer.as_mut(),
                     Err(why) => return Err(why.clone()),

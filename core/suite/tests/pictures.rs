@@ -261,6 +261,7 @@ fn a_folder_that_cannot_be_written_fails_the_check_with_its_reason() {
 fn vulkan_pictures_carry_device_and_driver() {
     let mut bench = Bench::new();
     bench.wanted.device = Some("vulkan".into());
+    bench.painter.validation = true;
     match bench.judged() {
         Judged::Skipped(reason) => println!("SKIP 1: {reason}"),
         Judged::Check(_) => {

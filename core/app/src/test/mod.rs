@@ -89,7 +89,8 @@ impl Job {
             },
             jobs: args.jobs.as_deref().map(ranges::jobs).transpose()?.unwrap_or(0),
             results: program.is_some().then_some(results),
-            changed: args.changed,
+            // After a save only what it touches is of interest.
+            changed: args.changed || args.watch,
             program: program.unwrap_or_default(),
             gpu_cache: device::cache_dir(),
         };

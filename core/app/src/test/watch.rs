@@ -16,6 +16,9 @@ use std::time::Duration;
 /// Editors write a file in several steps; what comes within this time is one change.
 const QUIET: Duration = Duration::from_millis(150);
 
+/// The system has only so many watches for a user.
+const MOST_FOLDERS: usize = 2000;
+
 pub fn run(args: &TestArgs, job: &Job, registry: &Registry) -> Result<(), Failure> {
     let (to, changes) = channel();
     let failed = |e: notify::Error| Failure::input(format!("--watch: cannot watch files: {e}"));
@@ -48,14 +51,33 @@ pub fn run(args: &TestArgs, job: &Job, registry: &Registry) -> Result<(), Failur
     }
 }
 
-/// Of all files read, and those below the paths given, so that new tests are seen.
+/// Of all files read, and all below the paths given, so that new tests are seen.
 fn folders(paths: &[PathBuf], read: &BTreeSet<PathBuf>) -> BTreeSet<PathBuf> {
     let mut folders: BTreeSet<PathBuf> =
         read.iter().filter_map(|f| f.parent()).map(Path::to_path_buf).collect();
+    let mut open: Vec<PathBuf> = Vec::new();
     for path in paths {
         let folder = if path.is_dir() { Some(path.as_path()) } else { path.parent() };
         let folder = folder.map(|f| if f.as_os_str().is_empty() { Path::new(".") } else { f });
-        folders.extend(folder.and_then(|f| f.canonicalize().ok()));
+        let Some(folder) = folder.and_then(|f| f.canonicalize().ok()) else { continue };
+        match path.is_dir() {
+            true => open.push(folder),
+            false => drop(folders.insert(folder)),
+        }
+    }
+    while let Some(folder) = open.pop() {
+        if folders.len() >= MOST_FOLDERS {
+            break;
+        }
+        for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+            let name = entry.file_name();
+            let passed_over = name.to_string_lossy().starts_with('.') || name == "target";
+            // Links are not followed: they can lead in a circle.
+            if !passed_over && entry.file_type().is_ok_and(|t| t.is_dir()) {
+                open.push(entry.path());
+            }
+        }
+        folders.insert(folder);
     }
     folders
 }
