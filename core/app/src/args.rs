@@ -179,7 +179,8 @@ pub struct PoseArgs {
 
 #[derive(Args, Debug)]
 pub struct TestArgs {
-    /// Scripts and folders of them (default: tests/suite and scripts where they are, else all below this folder)
+    /// Scripts and folders of them (default: tests/suite and scripts where they are, else all below this folder).
+    /// Tests may read below the folder that this is started in
     #[arg(value_name = "PATH")]
     pub paths: Vec<PathBuf>,
     /// Take over what was drawn as the expected picture: all that failed, or the one of this name; repeatable

@@ -236,6 +236,28 @@ fn known_bugs_expected_errors_and_plain_scripts_pass() {
     assert!(titles.contains(&"can be drawn, at 0.25 s"), "{titles:?}");
 }
 
+/// Tests use the scenes of their project, and nothing beyond it.
+#[test]
+fn tests_read_below_the_folder_that_they_are_started_in() {
+    let dir = suite();
+    let d = dir.path();
+    std::fs::create_dir(d.join("scenes")).unwrap();
+    write(d, "scenes/s.rhai", "cast(\"a\", shape(\"box\"));");
+    write(
+        d,
+        "suite/t.rhai",
+        "test(\"a\", || { expect(scene(\"../scenes/s.rhai\").actor(\"a\")).near([0, 0, 0]); });",
+    );
+    let run = test(d, &["suite/t.rhai"]);
+    assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+    let run = test(&d.join("suite"), &["t.rhai"]);
+    assert!(
+        run.code == 1 && run.out.contains("it leads out of the folders this script may read"),
+        "{}",
+        run.out
+    );
+}
+
 #[test]
 fn sections_are_listed_filtered_and_dealt_out() {
     let dir = suite();

@@ -17,7 +17,7 @@ pub struct Case {
     pub path: PathBuf,
     /// As messages name it: with `/`.
     pub file: String,
-    /// The folder that was given and that holds the file; its test may read there.
+    /// A folder that holds the file, and in which its test may read: the one of the options, else the one that was given.
     pub root: Option<PathBuf>,
     /// An error: the file cannot be read.
     pub section: Result<SectionInfo, Vec<Diagnostic>>,
@@ -57,7 +57,8 @@ impl Case {
     }
 }
 
-/// All sections of the files and folders, in the order given; folders sorted by name.
+/// All sections of the files and folders, in the order given; folders sorted by name. `options.root` counts for the files
+/// that it holds.
 pub fn collect(
     paths: &[PathBuf],
     registry: &Registry,
@@ -88,7 +89,12 @@ pub fn collect(
     let mut cases = Vec::new();
     for (path, root) in files {
         let file = shown(&path);
-        let options = TestOptions { root: root.clone().or_else(|| options.root.clone()), ..options.clone() };
+        let holds = |root: &PathBuf| {
+            let real = path.canonicalize().ok().zip(root.canonicalize().ok());
+            real.is_some_and(|(path, root)| path.starts_with(root))
+        };
+        let root = options.root.clone().filter(holds).or_else(|| root.clone());
+        let options = TestOptions { root, ..options.clone() };
         let listed = list_sections(&path, registry, &options);
         let spans: Arc<[(usize, usize)]> = listed.iter().flatten().map(|s| (s.line, s.end_line)).collect();
         let case = |section| Case {

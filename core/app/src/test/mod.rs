@@ -80,7 +80,8 @@ impl Job {
         // A program that cannot be told from another build of it must not take over that one's results.
         let program = results::program();
         let options = RunOptions {
-            test: TestOptions { script, root: None },
+            // A project is tested from its folder: its tests may use its scenes and assets.
+            test: TestOptions { script, root: std::env::current_dir().ok() },
             pictures: PictureOptions {
                 accept,
                 device,
