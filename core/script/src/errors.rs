@@ -282,8 +282,10 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
         return ApiError::new(format!("write {name}({args}) with numbers, not {name}({})", got()))
             .hint(format!("{name}: {about}"));
     }
-    if let Some(def) = same.first() {
-        let kinds: Vec<&str> = same.iter().map(|d| d.on.name()).collect();
+    // What only tests can call would be a strange guess: many of its names are words of every day.
+    let plain: Vec<&Def> = same.iter().filter(|d| !d.tests).copied().collect();
+    if let Some(def) = plain.first() {
+        let kinds: Vec<&str> = plain.iter().map(|d| d.on.name()).collect();
         return ApiError::new(format!(
             "{name} is a method of {}, not of {}",
             kinds.join(", "),

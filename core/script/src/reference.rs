@@ -55,4 +55,6 @@ Angles are degrees in what moves things and radians in mathematics. A color is a
 A point is `[x, y, z]`. Methods without an arrow give back what they were called on, so that calls chain. `x?` may be left out.
 What bears a ◦ can also be called inside `on_frame`, where it holds for that frame only.
 `import \"steps\" as steps;` brings in `steps.rhai` from the script's own folder. `print(…)` and `debug(…)` write to the program's messages.
+A script may end with tests, or be nothing but tests: `test(\"name\", || { … })` is a section, which `choreo test` runs on a stage of its own and other commands leave alone.
+What the chapters on tests list is for sections only. `//~ error: TEXT` or `//~ warning: TEXT` says that the line it stands on, or below, gives such a message.
 ";

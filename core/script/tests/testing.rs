@@ -72,7 +72,7 @@ fn a_section_has_a_stage_of_its_own_and_expectations_with_places() {
     assert!(run.errors.is_empty(), "{}", show(&run.errors));
     assert_eq!((run.stages.len(), run.stages[0].actors.len()), (1, 1));
     let at: Vec<_> = run.expectations.iter().map(|e| (e.place.line, e.place.column, e.when)).collect();
-    assert_eq!(at, [(7, 18, When::Always), (8, 41, When::At(Time::from_secs(0.5)))]);
+    assert_eq!(at, [(7, 18, When::Always), (8, 40, When::At(Time::from_secs(0.5)))]);
     assert_eq!(run.expectations[0].source, "expect(anna).near([1, 2, 3]);");
     assert!(!run.asserts_nothing());
     assert_eq!(run.files_used.len(), 2);

@@ -397,7 +397,12 @@ pub fn find_joint(asset: &Asset, name: &str) -> Result<u32, ApiError> {
     if let Some(joint) = asset.skeleton.find(name) {
         return Ok(joint as u32);
     }
-    let names: Vec<&str> = asset.skeleton.names().iter().map(String::as_str).collect();
+    // `mixamorig:LeftHand` is found as `LeftHand`, and suggested so: with its prefix it is far from any slip of the hand.
+    let bare = |full: &'_ str| -> usize {
+        let tail = full.rfind([':', '|']).map_or(0, |at| at + 1);
+        if asset.skeleton.find(&full[tail..]).is_some() { tail } else { 0 }
+    };
+    let names: Vec<&str> = asset.skeleton.names().iter().map(|n| &n[bare(n)..]).collect();
     Err(unknown("joint", name, &format!(" in skeleton \"{}\"", asset.name), names))
 }
 

@@ -1,17 +1,14 @@
 //! The comparisons that end an `expect(…)`: each is recorded with its place and judged when the stage is finished.
 
-use super::actor::euler;
-use super::expect::{camera_subject, contact, subject, value};
+use super::expect::{camera_subject, contact, subject};
+use super::goals::{events, formula, rotation_goal, tolerance};
 use super::test::record;
-use crate::build::Shared;
+use super::values::value;
 use crate::call::{ApiError, Call, Def, Gives, Reply, numbers, point};
-use crate::hook::{HookDraft, ScriptHook, own_captures};
 use crate::testing::*;
 use crate::value::*;
 use choreo_motion::Time;
-use glam::{DQuat, DVec3};
-use rhai::{Dynamic, FnPtr};
-use std::sync::{Arc, PoisonError};
+use rhai::Dynamic;
 
 const THIS: Gives = Gives::A(Kind::Expect);
 
@@ -110,46 +107,16 @@ fn done(c: &Call, mut expect: ExpectRef, claim: Claim) -> Reply {
         ))
         .hint("leave out .at, .during and .every"));
     }
+    if expect.sometime && !claim.graded() {
+        return Err(ApiError::new(format!(
+            "{}: sometime is for numbers, points, rotations, flags and frames",
+            c.def.name
+        )));
+    }
     record(c, &expect, claim)?;
     expect.negated = false;
+    expect.sometime = false;
     Ok(Dynamic::from(expect))
-}
-
-fn tolerance(c: &Call, default: f64) -> Result<f64, ApiError> {
-    if c.len() < 2 { Ok(default) } else { c.number_in(1, 0.0, 1e12) }
-}
-
-/// A function of the time of which `widths` numbers are expected.
-fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Formula>, ApiError> {
-    let Some(callback) = c.value(i).try_cast::<FnPtr>() else { return Ok(None) };
-    let callback = own_captures(&callback)?;
-    let Some(engine) = c.shared.engine.lock().unwrap_or_else(PoisonError::into_inner).upgrade() else {
-        return Err(ApiError::new("near: the script is over"));
-    };
-    #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
-    let context = {
-        let mut context = c.context.store_data();
-        context.global.num_operations = Default::default();
-        context
-    };
-    let draft = HookDraft { callback, context, at: c.place.clone() };
-    let shared: Arc<Shared> = c.shared.clone();
-    let hook = ScriptHook::new(engine, shared, draft, "");
-    Ok(Some(Formula(Arc::new(move |time| {
-        let given = hook.value_at(time)?;
-        let single = crate::call::number(&given, "").ok().map(|n| vec![n]);
-        let list = single.or_else(|| numbers(&given)).filter(|list| widths.contains(&list.len()));
-        list.ok_or_else(|| {
-            let widths: Vec<&str> =
-                widths.iter().map(|w| if *w == 1 { "a number" } else { "[x, y, z]" }).collect();
-            hook.diagnose(&ApiError::new(format!(
-                "near: the function must give {}, got {} at {} s",
-                widths.join(" or "),
-                crate::call::describe(&given),
-                time.as_secs()
-            )))
-        })
-    }))))
 }
 
 fn near(c: &mut Call) -> Reply {
@@ -204,34 +171,6 @@ fn numeric(v: &Value) -> bool {
         Value::Int(_) | Value::Number(_) => true,
         Value::List(list) => list.iter().all(numeric),
         _ => false,
-    }
-}
-
-fn rotation_goal(c: &Call) -> Result<RotationGoal, ApiError> {
-    let given = c.value(0);
-    if let Some(subject) = subject(&given) {
-        return Ok(RotationGoal::Subject(subject));
-    }
-    if given.is_int() || given.is_float() {
-        return Ok(RotationGoal::Rotation(euler(DVec3::new(0.0, c.number(0)?, 0.0))));
-    }
-    match numbers(&given).as_deref() {
-        Some([x, y, z]) => Ok(RotationGoal::Rotation(euler(DVec3::new(*x, *y, *z)))),
-        Some([x, y, z, w]) => {
-            let q = DQuat::from_xyzw(*x, *y, *z, *w);
-            // A slip of the pen is not a rotation.
-            if (q.length() - 1.0).abs() > 1e-3 {
-                return Err(ApiError::new(format!(
-                    "near: this quaternion has length {:.4}, must be 1",
-                    q.length()
-                )));
-            }
-            Ok(RotationGoal::Rotation(q.normalize()))
-        }
-        _ => Err(c.wrong(
-            0,
-            "degrees about y, [x, y, z] in degrees, a quaternion [x, y, z, w], an Actor, Joint, Camera or Light",
-        )),
     }
 }
 
@@ -346,30 +285,6 @@ fn empty(c: &mut Call) -> Reply {
         other => return Err(c.not_for("a text, an array or lines of text", other)),
     };
     done(c, expect, claim)
-}
-
-/// `[[0.0, "anna: Walk starts"], "anna: Walk ends"]`, one of these or one text, with their tolerance.
-fn events(c: &Call) -> Result<(Vec<EventPattern>, Time), ApiError> {
-    let allowed = "an array of [time, text] or of texts";
-    let given = c.value(0);
-    let one = |v: &Dynamic| -> Result<EventPattern, ApiError> {
-        if v.is_string() {
-            return Ok(EventPattern { at: None, text: crate::call::text(v, "")? });
-        }
-        let pair = v.read_lock::<rhai::Array>().filter(|pair| pair.len() == 2 && pair[1].is_string());
-        let pair = pair.ok_or_else(|| {
-            crate::call::wrong(v, &format!("{}: an event", c.def.name), "[time, text] or a text")
-        })?;
-        let at = crate::call::time(&pair[0], &format!("{}: time of an event", c.def.name))?;
-        Ok(EventPattern { at: Some(at), text: crate::call::text(&pair[1], "")? })
-    };
-    let patterns = if given.is_string() {
-        vec![one(&given)?]
-    } else {
-        let Some(array) = given.read_lock::<rhai::Array>() else { return Err(c.wrong(0, allowed)) };
-        array.iter().map(one).collect::<Result<Vec<_>, _>>()?
-    };
-    Ok((patterns, Time::from_secs(tolerance(c, 1e-6)?)))
 }
 
 fn event_test(c: &Call, test: impl FnOnce(Vec<EventPattern>, Time) -> EventsTest) -> Reply {

@@ -1,13 +1,14 @@
 //! `expect(…)`: what is looked at, and when.
 
 use super::actor::{attachment, morph_targets};
+use super::values::{COUNTS, PLAN_COUNTS, value};
 use crate::call::{ApiError, Call, Def, Gives, Options, Reply};
 use crate::suggest::did_you_mean;
 use crate::testing::*;
 use crate::value::*;
 use choreo_motion::Time;
 use choreo_stage::Attachment;
-use rhai::{Dynamic, Map};
+use rhai::Dynamic;
 
 const THIS: Gives = Gives::A(Kind::Expect);
 
@@ -39,6 +40,7 @@ pub const DEFS: &[Def] = &[
         every,
     ),
     selector("not", "", "Turns the next comparison around: it must fail, at every time looked at.", not),
+    selector("sometime", "", "The next comparison must hold at one time looked at, rather than at each; with not: it must fail at one.", sometime),
     selector("position", "", "Where it stands, in metres.", position),
     selector("rotation", "", "How it is turned.", rotation),
     selector("direction", "", "Where it looks, a unit vector: +z of actors and joints, where cameras and lights point.", direction),
@@ -95,7 +97,15 @@ fn expect(c: &mut Call) -> Reply {
     let stage = given.read_lock::<StageRef>().map_or(test.current_stage, |s| s.0);
     test.asked.push((c.place.clone(), 0));
     let id = test.asked.len() - 1;
-    Ok(Dynamic::from(ExpectRef { id, stage, measure, when: When::Always, step: None, negated: false }))
+    Ok(Dynamic::from(ExpectRef {
+        id,
+        stage,
+        measure,
+        when: When::Always,
+        step: None,
+        negated: false,
+        sometime: false,
+    }))
 }
 
 pub fn subject(v: &Dynamic) -> Option<Subject> {
@@ -108,39 +118,6 @@ pub fn subject(v: &Dynamic) -> Option<Subject> {
     } else {
         v.read_lock::<LightRef>().map(|light| Subject::Light(light.0))
     }
-}
-
-/// A plain value, arrays and maps of these included.
-pub fn value(v: &Dynamic, depth: usize) -> Option<Value> {
-    // Deeper values are not written by hand.
-    const DEEPEST: usize = 16;
-    if depth > DEEPEST {
-        return None;
-    }
-    let v = v.flatten_clone();
-    if v.is_unit() {
-        return Some(Value::Nothing);
-    }
-    if let Ok(b) = v.as_bool() {
-        return Some(Value::Bool(b));
-    }
-    if let Ok(n) = v.as_int() {
-        return Some(Value::Int(n));
-    }
-    if let Ok(n) = v.as_float() {
-        return Some(Value::Number(n));
-    }
-    if v.is_string() || v.is_char() {
-        return Some(Value::Text(v.to_string()));
-    }
-    if let Some(array) = v.read_lock::<rhai::Array>() {
-        return array.iter().map(|e| value(e, depth + 1)).collect::<Option<_>>().map(Value::List);
-    }
-    if let Some(map) = v.read_lock::<Map>() {
-        let pair = |(k, v): (&rhai::Identifier, &Dynamic)| Some((k.to_string(), value(v, depth + 1)?));
-        return map.iter().map(pair).collect::<Option<_>>().map(Value::Map);
-    }
-    None
 }
 
 /// The receiver, changed.
@@ -178,6 +155,10 @@ fn every(c: &mut Call) -> Reply {
 
 fn not(c: &mut Call) -> Reply {
     changed(c, |expect| expect.negated = !expect.negated)
+}
+
+fn sometime(c: &mut Call) -> Reply {
+    changed(c, |expect| expect.sometime = true)
 }
 
 impl Call<'_, '_> {
@@ -480,34 +461,6 @@ fn tilt(c: &mut Call) -> Reply {
     };
     measured(c, Measure::Number(Quantity::Tilt { subject, camera }))
 }
-
-const COUNTS: &[(&str, Count)] = &[
-    ("actors", Count::Actors),
-    ("cameras", Count::Cameras),
-    ("cuts", Count::Cuts),
-    ("lights", Count::Lights),
-    ("effects", Count::Effects),
-    ("layers", Count::Layers),
-    ("cues", Count::Cues),
-    ("callbacks", Count::Callbacks),
-    ("assets", Count::Assets),
-    ("joints", Count::Joints),
-    ("triangles", Count::Triangles),
-    ("vertices", Count::Vertices),
-    ("frames", Count::Frames),
-];
-
-const PLAN_COUNTS: &[(&str, PlanCount)] = &[
-    ("passes", PlanCount::Passes),
-    ("post_passes", PlanCount::PostPasses),
-    ("pipelines", PlanCount::Pipelines),
-    ("draws", PlanCount::Draws),
-    ("copies", PlanCount::Copies),
-    ("triangles", PlanCount::Triangles),
-    ("lights", PlanCount::Lights),
-    ("joint_matrices", PlanCount::JointMatrices),
-    ("morphs", PlanCount::Morphs),
-];
 
 fn count(c: &mut Call) -> Reply {
     fn find<T: Copy>(c: &Call, known: &[(&'static str, T)]) -> Result<T, ApiError> {

@@ -7,11 +7,13 @@ pub mod compare;
 pub mod cue;
 pub mod effect;
 pub mod expect;
+pub mod goals;
 pub mod keys;
 pub mod light;
 pub mod maths;
 pub mod stage;
 pub mod test;
+pub mod values;
 
 use crate::call::Def;
 

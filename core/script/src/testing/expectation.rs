@@ -23,6 +23,8 @@ pub struct Expectation {
     pub step: Option<Time>,
     /// The claim must fail: at every time looked at.
     pub negated: bool,
+    /// One look at which it holds, or, negated, fails, is enough.
+    pub sometime: bool,
     pub claim: Claim,
 }
 

@@ -85,6 +85,8 @@ pub struct SectionRun {
     pub broken: Vec<Diagnostic>,
     /// Of a file that is a test as it stands and has no errors: content hash of the stage that a second run gave.
     pub hash_again: Option<[u8; 32]>,
+    /// How long judging it may take.
+    pub seconds: f64,
     /// Lines of `print` and `debug`.
     pub printed: Vec<String>,
     /// Canonical paths of all that was read, the file itself included, with the BLAKE3 of their content; sorted.

@@ -114,6 +114,8 @@ fn run_here(
         warnings,
         broken,
         hash_again: None,
+        // Running the script may take as long; looking at it at many times takes longer.
+        seconds: 3.0 * shared.limits.seconds,
         printed: std::mem::take(&mut build.printed),
         files_used,
     })

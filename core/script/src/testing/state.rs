@@ -51,6 +51,7 @@ pub struct ExpectRef {
     pub when: When,
     pub step: Option<Time>,
     pub negated: bool,
+    pub sometime: bool,
 }
 
 /// What is compared.
@@ -75,6 +76,7 @@ impl ExpectRef {
             when: When::Always,
             step: None,
             negated: false,
+            sometime: false,
         }
     }
 
@@ -87,6 +89,7 @@ impl ExpectRef {
             when: self.when,
             step: self.step,
             negated: self.negated,
+            sometime: self.sometime,
             claim,
         }
     }
@@ -114,6 +117,18 @@ impl Measure {
 }
 
 impl Claim {
+    /// Judged look by look.
+    pub fn graded(&self) -> bool {
+        matches!(
+            self,
+            Claim::Number { .. }
+                | Claim::Vector { .. }
+                | Claim::Rotation { .. }
+                | Claim::Flag(_)
+                | Claim::InFrame(_)
+        )
+    }
+
     /// Whether the time plays no part in it.
     pub fn timeless(&self) -> bool {
         match self {

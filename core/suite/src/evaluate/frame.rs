@@ -1,8 +1,8 @@
 //! Where things are in the picture, from the posed vertices themselves.
 
 use super::Judged;
+use super::band::{Band, Series, judge_band};
 use super::looks::Looks;
-use super::number::{Band, Series, judge_band};
 use super::words;
 use choreo_motion::Time;
 use choreo_script::testing::{Expectation, InFrame, Subject};
@@ -205,7 +205,7 @@ fn try_judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Result<Judg
         times: series.times.clone(),
         values: series.values.iter().map(|v| if v.is_finite() { *v } else { 0.0 }).collect(),
     };
-    let mut judged = judge_band(&known, &band, e.negated, &format!("{name} height in the picture"), "");
+    let mut judged = judge_band(&known, &band, e, &format!("{name} height in the picture"), "");
     let worst = judged.traces.first().and_then(|trace| trace.mark).unwrap_or(0.0);
     if let Some(i) = series.times.iter().position(|t| t.as_secs() == worst) {
         let when = judged.got.split_once(" at ").map_or(String::new(), |(_, when)| format!(" at {when}"));

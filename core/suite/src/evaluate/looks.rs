@@ -10,16 +10,42 @@ use choreo_stage::{
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Most looks that one expectation may take: hours of film, and no more memory than a machine has.
 const MOST: i64 = 200_000;
 /// Snapshots kept for the next expectation.
 const KEPT: usize = 4096;
 
+/// When judging a section must be over: a script may ask for more looks than anybody waits for.
+#[derive(Clone, Copy, Debug)]
+pub struct Deadline {
+    at: Option<Instant>,
+    seconds: f64,
+}
+
+impl Deadline {
+    pub fn after(seconds: f64) -> Deadline {
+        let span = Duration::try_from_secs_f64(seconds).ok();
+        Deadline { at: span.and_then(|span| Instant::now().checked_add(span)), seconds }
+    }
+
+    fn check(&self) -> Result<(), String> {
+        match self.at.is_some_and(|at| Instant::now() > at) {
+            true => Err(format!(
+                "judging this section takes longer than {} s: look at less, or raise --limit seconds=NUMBER",
+                self.seconds
+            )),
+            false => Ok(()),
+        }
+    }
+}
+
 /// One stage as seen by its expectations.
 pub struct Looks<'a> {
     pub stage: Arc<Stage>,
     pub registry: &'a Registry,
+    deadline: Deadline,
     evaluator: Evaluator,
     seen: BTreeMap<Time, Arc<Snapshot>>,
     /// The stage with one camera on all the time, by camera.
@@ -30,10 +56,11 @@ pub struct Looks<'a> {
 }
 
 impl<'a> Looks<'a> {
-    pub fn new(stage: &Arc<Stage>, registry: &'a Registry) -> Looks<'a> {
+    pub fn new(stage: &Arc<Stage>, registry: &'a Registry, deadline: Deadline) -> Looks<'a> {
         Looks {
             stage: stage.clone(),
             registry,
+            deadline,
             evaluator: Evaluator::new(stage.clone()),
             seen: BTreeMap::new(),
             cameras: BTreeMap::new(),
@@ -47,8 +74,14 @@ impl<'a> Looks<'a> {
         self.catalog.get_or_insert_with(|| Arc::new(Catalog::new(stage))).clone()
     }
 
+    /// An error once the section's time is used up.
+    pub fn go_on(&self) -> Result<(), String> {
+        self.deadline.check()
+    }
+
     /// The error of a callback, with its place.
     pub fn at(&mut self, time: Time) -> Result<Arc<Snapshot>, String> {
+        self.go_on()?;
         if let Some(snapshot) = self.seen.get(&time) {
             return Ok(snapshot.clone());
         }

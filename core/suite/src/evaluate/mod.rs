@@ -5,8 +5,11 @@
 //! ```
 //! A claim over a span is judged at every frame in it; the check tells the worst time.
 
+mod band;
+mod contact;
 mod cost;
 mod events;
+mod flags;
 mod frame;
 mod looks;
 mod number;
@@ -23,7 +26,7 @@ use crate::outcome::{Check, Evidence, Place, Trace};
 use choreo_plugin::Registry;
 use choreo_script::Severity;
 use choreo_script::testing::{Claim, Expectation, SectionRun, TextsQuantity};
-use looks::Looks;
+use looks::{Deadline, Looks};
 
 /// Every check of a section but its pictures, in the order of the script: its expectations, its `//~` comments, and the errors
 /// and warnings that none expects. A file that is a test as it stands is judged as such.
@@ -44,7 +47,9 @@ pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
         }
         return checks;
     }
-    let mut looks: Vec<Looks> = run.stages.iter().map(|stage| Looks::new(stage, registry)).collect();
+    let deadline = Deadline::after(run.seconds);
+    let mut looks: Vec<Looks> =
+        run.stages.iter().map(|stage| Looks::new(stage, registry, deadline)).collect();
     if run.info.as_it_stands() {
         checks.extend(stands::judge(run, &mut looks));
         return checks;
@@ -122,7 +127,7 @@ fn judge(run: &SectionRun, e: &Expectation, looks: &mut [Looks]) -> Option<Judge
         Claim::Rotation { quantity, goal, tolerance_deg } => {
             rotation::judge(own, e, quantity, goal, *tolerance_deg)
         }
-        Claim::Flag(flag) => number::judge_flag(own, e, flag),
+        Claim::Flag(flag) => flags::judge(own, e, flag),
         Claim::InFrame(claim) => frame::judge(own, e, claim),
         Claim::Same { what, other } => same::judge(looks, e, *what, *other),
         Claim::Events { of, test } => events::judge(own, e, *of, test),

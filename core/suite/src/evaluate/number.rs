@@ -1,30 +1,13 @@
 //! Numbers over time, and what is allowed of them.
 
+use super::band::{Band, Series, judge_band};
 use super::looks::{Looks, angle_deg};
-use super::words::{self, times_tolerance, with_unit};
-use super::{Judged, frame, plan, rotation, vector};
-use crate::outcome::Trace;
+use super::words::{self, with_unit};
+use super::{Judged, contact, frame, plan, rotation, vector};
 use choreo_motion::Time;
 use choreo_script::testing::*;
 use choreo_stage::{Actor, Attachment, Heard, Projection, Target};
 use glam::DVec3;
-
-/// Values at times, ascending.
-pub struct Series {
-    pub times: Vec<Time>,
-    pub values: Vec<f64>,
-}
-
-/// What is allowed at each time, and how far off each value is: at most 0 is allowed, NaN and infinity never.
-pub struct Band {
-    pub allowed: Vec<[f64; 2]>,
-    pub off: Vec<f64>,
-    /// Where a whole curve is expected.
-    pub goal: Vec<f64>,
-    pub tolerance: f64,
-    /// `at most 1.5 m/s`
-    pub words: String,
-}
 
 /// Looks that a value is taken from, before and after its own, in steps.
 fn stencil(quantity: &Quantity) -> (i64, i64) {
@@ -87,7 +70,7 @@ pub fn series(looks: &mut Looks, e: &Expectation, quantity: &Quantity) -> Result
         return Ok(Series { times: vec![Time::ZERO], values: vec![count as f64] });
     }
     if let Quantity::Slide(contact) = quantity {
-        return slide(looks, e, contact);
+        return contact::slide(looks, e, contact);
     }
     let (before, after) = stencil(quantity);
     if before == 0 && after == 0 {
@@ -244,57 +227,16 @@ fn clip_time(actor: &Actor, clip: &str, time: Time) -> f64 {
     best.map_or(f64::NAN, |(_, at)| at.as_secs())
 }
 
-fn foot_at(looks: &mut Looks, contact: &Contact, time: Time) -> Result<DVec3, String> {
-    let at = Attachment { actor: contact.actor, joint: Some(contact.joint) };
-    Ok(looks.attachment(&at, time)?.translation)
-}
-
-fn touches(contact: &Contact, before: DVec3, now: DVec3, secs: f64) -> bool {
-    now.y - contact.ground <= contact.height && (now.y - before.y).abs() <= contact.speed * secs
-}
-
-fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Series, String> {
-    let step = looks.step(e);
-    // How far it has slid at one time is known from its touching down on.
-    let times = match e.when {
-        When::At(time) => {
-            let from = When::During(Time::ZERO.min(time - step), time);
-            looks.times_and_ends(&Expectation { when: from, ..e.clone() })?
-        }
-        _ => looks.times(e)?,
-    };
-    let mut values = Vec::with_capacity(times.len());
-    let Some(first) = times.first() else { return Ok(Series { times, values }) };
-    let mut before = (foot_at(looks, contact, *first - step)?, *first - step);
-    let mut slid: Option<f64> = None;
-    for time in &times {
-        let now = foot_at(looks, contact, *time)?;
-        let down = touches(contact, before.0, now, (*time - before.1).as_secs());
-        slid = down.then(|| match slid {
-            Some(slid) => slid + (now - before.0).with_y(0.0).length(),
-            None => 0.0,
-        });
-        values.push(if now.is_nan() { f64::NAN } else { slid.unwrap_or(0.0) });
-        before = (now, *time);
-    }
-    match e.when {
-        When::At(time) => {
-            Ok(Series { times: vec![time], values: values.last().copied().into_iter().collect() })
-        }
-        _ => Ok(Series { times, values }),
-    }
-}
-
 pub fn judge(looks: &mut Looks, e: &Expectation, quantity: &Quantity, test: &NumberTest) -> Judged {
     let unit = unit(quantity);
     let label = label(looks, quantity);
     let judged = series(looks, e, quantity).and_then(|series| {
-        let band = band(&series, test, unit)?;
+        let band = band(looks, &series, test, unit)?;
         Ok((series, band))
     });
     match judged {
         Ok((series, band)) => {
-            let mut judged = judge_band(&series, &band, e.negated, &label, unit);
+            let mut judged = judge_band(&series, &band, e, &label, unit);
             if !judged.passed && !matches!(quantity, Quantity::Count(_)) {
                 around(looks, e, quantity, &mut judged);
             }
@@ -324,7 +266,7 @@ fn around(looks: &mut Looks, e: &Expectation, quantity: &Quantity, judged: &mut 
     }
 }
 
-fn band(series: &Series, test: &NumberTest, unit: &str) -> Result<Band, String> {
+fn band(looks: &Looks, series: &Series, test: &NumberTest, unit: &str) -> Result<Band, String> {
     let n = series.times.len();
     let plain = |low: f64, high: f64, words: String| Band {
         allowed: vec![[low, high]; n],
@@ -348,9 +290,12 @@ fn band(series: &Series, test: &NumberTest, unit: &str) -> Result<Band, String> 
             let goals: Vec<f64> = match goal {
                 NumberGoal::Number(goal) => vec![*goal; n],
                 NumberGoal::Formula(formula) => {
-                    let one = |t: &Time| formula.at(*t).map(|v| v.first().copied().unwrap_or(f64::NAN));
-                    let all: Result<Vec<f64>, _> = series.times.iter().map(one).collect();
-                    all.map_err(|d| d.to_string())?
+                    let one = |t: &Time| {
+                        looks.go_on()?;
+                        let v = formula.at(*t).map_err(|d| d.to_string())?;
+                        Ok(v.first().copied().unwrap_or(f64::NAN))
+                    };
+                    series.times.iter().map(one).collect::<Result<Vec<f64>, String>>()?
                 }
             };
             let shown = match goal {
@@ -366,112 +311,4 @@ fn band(series: &Series, test: &NumberTest, unit: &str) -> Result<Band, String> 
             }
         }
     })
-}
-
-/// All values must be allowed; negated: none may be.
-pub fn judge_band(series: &Series, band: &Band, negated: bool, label: &str, unit: &str) -> Judged {
-    let n = series.values.len();
-    if n == 0 {
-        return Judged::impossible(band.words.clone(), "nothing to look at: the span is empty");
-    }
-    // Unknown values are neither allowed nor forbidden: both claims fail.
-    let off = |i: usize| if band.off[i].is_nan() { f64::INFINITY } else { band.off[i] };
-    let unknown = |i: usize| series.values[i].is_nan();
-    let fails = |i: usize| unknown(i) || if negated { off(i) <= 0.0 } else { off(i) > 0.0 };
-    let mut worst = 0;
-    for i in 0..n {
-        let worse = if negated { off(i) < off(worst) } else { off(i) > off(worst) };
-        if (worse && !unknown(worst)) || (unknown(i) && !unknown(worst)) {
-            worst = i;
-        }
-    }
-    let failing: Vec<usize> = (0..n).filter(|i| fails(*i)).collect();
-    let mut got =
-        format!("{} at {}", with_unit(series.values[worst], unit), words::time(series.times[worst]));
-    if n > 1 && !failing.is_empty() {
-        let (first, last) = (series.times[failing[0]], series.times[failing[failing.len() - 1]]);
-        got.push_str(&format!(", the worst of {n} looks"));
-        got.push_str(&match failing.len() {
-            1 => "; only there".to_string(),
-            count => format!("; {count} wrong, from {} to {}", words::time(first), words::time(last)),
-        });
-    }
-    let expected = if negated { format!("not {}", band.words) } else { band.words.clone() };
-    let mut judged = Judged::new(failing.is_empty(), expected, got);
-    let by = off(worst).abs();
-    if !judged.passed && by.is_finite() && !negated {
-        let distance = by + band.tolerance;
-        judged.by = match band.tolerance > 0.0 {
-            true => format!("{}{}", with_unit(distance, unit), times_tolerance(distance, band.tolerance)),
-            false => with_unit(by, unit),
-        };
-    }
-    judged.traces = vec![Trace {
-        label: label.to_string(),
-        unit: unit.to_string(),
-        times: series.times.iter().map(|t| t.as_secs()).collect(),
-        got: series.values.clone(),
-        expected: band.goal.clone(),
-        band: band.allowed.clone(),
-        mark: Some(series.times[worst].as_secs()),
-    }];
-    judged
-}
-
-/// What is so or not, at each time.
-pub fn judge_flag(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
-    let (label, words) = flag_words(looks, flag);
-    let step = looks.step(e);
-    let is = |looks: &mut Looks, time: Time| -> Result<bool, String> {
-        Ok(match flag {
-            Flag::Visible(actor) => looks.at(time)?.actors.get(*actor).is_some_and(|state| state.visible),
-            Flag::On(camera) => looks.at(time)?.camera.camera == Some(*camera),
-            Flag::Effect(name) => {
-                let on = looks.at(time)?.effects.clone();
-                on.iter().any(|e| looks.stage.effects.get(*e).is_some_and(|e| e.plugin == *name))
-            }
-            Flag::OnFloor(contact) => {
-                let (before, now) = (foot_at(looks, contact, time - step)?, foot_at(looks, contact, time)?);
-                touches(contact, before, now, step.as_secs())
-            }
-        })
-    };
-    let series = looks.times_and_ends(e).and_then(|times| {
-        let values: Result<Vec<f64>, String> =
-            times.iter().map(|t| Ok(f64::from(u8::from(is(looks, *t)?)))).collect();
-        Ok(Series { times, values: values? })
-    });
-    match series {
-        Err(why) => Judged::impossible(words, why),
-        Ok(series) => {
-            let band = Band {
-                allowed: vec![[1.0, 1.0]; series.values.len()],
-                off: series.values.iter().map(|v| 1.0 - v).collect(),
-                goal: Vec::new(),
-                tolerance: 0.0,
-                words,
-            };
-            let mut judged = judge_band(&series, &band, e.negated, &label, "");
-            let so = if e.negated { "yes" } else { "no" };
-            let (_, when) = judged.got.split_once(' ').unwrap_or(("", ""));
-            judged.got = match judged.passed {
-                true => if e.negated { "no" } else { "yes" }.to_string(),
-                false => format!("{so} {when}"),
-            };
-            judged.by = String::new();
-            judged
-        }
-    }
-}
-
-fn flag_words(looks: &Looks, flag: &Flag) -> (String, String) {
-    let (who, what) = match flag {
-        Flag::Visible(actor) => (vector::name(looks, Subject::Actor(*actor)), "visible"),
-        Flag::On(camera) => (vector::name(looks, Subject::Camera(*camera)), "on"),
-        Flag::Effect(name) => (format!("effect \"{name}\""), "on"),
-        Flag::OnFloor(c) => {
-            (vector::name(looks, Subject::Joint { actor: c.actor, joint: c.joint }), "on the floor")
-        }
-    };
-    (format!("{who} {what}"), format!("{who} is {what}"))
 }

@@ -31,7 +31,7 @@ pub fn count(looks: &mut Looks, options: &PlanOptions, what: PlanCount, time: Ti
     };
     let counts = || record(&plan, RecordOptions::default(), triangles).counts();
     Ok(match what {
-        PlanCount::Passes => counts().passes,
+        PlanCount::Passes => counts().passes + plan.post.len(),
         PlanCount::PostPasses => plan.post.len(),
         PlanCount::Pipelines => counts().distinct_pipelines,
         PlanCount::Draws => plan.draws.len(),

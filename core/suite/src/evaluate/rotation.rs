@@ -1,8 +1,8 @@
 //! Rotations over time: how far from what they should be, in degrees.
 
 use super::Judged;
+use super::band::{Band, Series, judge_band};
 use super::looks::{Looks, angle_deg, rotation_of};
-use super::number::{Band, Series, judge_band};
 use super::vector::name;
 use super::words::{self, times_tolerance, with_unit};
 use choreo_motion::Time;
@@ -90,7 +90,7 @@ fn try_judge(
     let allowed = vec![[0.0, tolerance_deg]; values.len()];
     let series = Series { times, values };
     let band = Band { allowed, off, goal: Vec::new(), tolerance: 0.0, words: String::new() };
-    let mut judged = judge_band(&series, &band, e.negated, &format!("{label}, off by"), "°");
+    let mut judged = judge_band(&series, &band, e, &format!("{label}, off by"), "°");
     let worst = judged.traces.first().and_then(|trace| trace.mark).unwrap_or(0.0);
     let Some(i) = series.times.iter().position(|t| t.as_secs() == worst) else { return Ok(judged) };
     let when = judged.got.split_once(" at ").map_or(String::new(), |(_, when)| format!(" at {when}"));

@@ -1,7 +1,8 @@
 //! Points, directions and colours over time.
 
+use super::band::{Band, Series, judge_band};
 use super::looks::{Looks, rotation_of};
-use super::number::{Band, Series, judge_band, target_at};
+use super::number::target_at;
 use super::words::{self, times_tolerance, with_unit};
 use super::{Judged, frame};
 use crate::outcome::Trace;
@@ -135,7 +136,7 @@ fn try_judge(
         tolerance: 0.0,
         words: expected.clone(),
     };
-    let mut judged = judge_band(&distances, &band, e.negated, label, unit);
+    let mut judged = judge_band(&distances, &band, e, label, unit);
     let worst = judged.traces.first().and_then(|trace| trace.mark).unwrap_or(0.0);
     let Some(i) = distances.times.iter().position(|t| t.as_secs() == worst) else { return Ok(judged) };
     // The distance in the text gives way to the point itself.

@@ -1,0 +1,49 @@
+//! Feet on the floor: when a joint touches it, and how far it slides.
+
+use super::band::Series;
+use super::looks::Looks;
+use choreo_motion::Time;
+use choreo_script::testing::{Contact, Expectation, When};
+use choreo_stage::Attachment;
+use glam::DVec3;
+
+pub fn foot_at(looks: &mut Looks, contact: &Contact, time: Time) -> Result<DVec3, String> {
+    let at = Attachment { actor: contact.actor, joint: Some(contact.joint) };
+    Ok(looks.attachment(&at, time)?.translation)
+}
+
+pub fn touches(contact: &Contact, before: DVec3, now: DVec3, secs: f64) -> bool {
+    now.y - contact.ground <= contact.height && (now.y - before.y).abs() <= contact.speed * secs
+}
+
+pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Series, String> {
+    let step = looks.step(e);
+    // How far it has slid at one time is known from its touching down on.
+    let times = match e.when {
+        When::At(time) => {
+            let from = When::During(Time::ZERO.min(time - step), time);
+            looks.times_and_ends(&Expectation { when: from, ..e.clone() })?
+        }
+        _ => looks.times(e)?,
+    };
+    let mut values = Vec::with_capacity(times.len());
+    let Some(first) = times.first() else { return Ok(Series { times, values }) };
+    let mut before = (foot_at(looks, contact, *first - step)?, *first - step);
+    let mut slid: Option<f64> = None;
+    for time in &times {
+        let now = foot_at(looks, contact, *time)?;
+        let down = touches(contact, before.0, now, (*time - before.1).as_secs());
+        slid = down.then(|| match slid {
+            Some(slid) => slid + (now - before.0).with_y(0.0).length(),
+            None => 0.0,
+        });
+        values.push(if now.is_nan() { f64::NAN } else { slid.unwrap_or(0.0) });
+        before = (now, *time);
+    }
+    match e.when {
+        When::At(time) => {
+            Ok(Series { times: vec![time], values: values.last().copied().into_iter().collect() })
+        }
+        _ => Ok(Series { times, values }),
+    }
+}

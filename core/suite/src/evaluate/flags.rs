@@ -1,0 +1,66 @@
+//! What is so or not at a time: seen, on, on the floor.
+
+use super::band::{Band, Series, judge_band};
+use super::contact::{foot_at, touches};
+use super::looks::Looks;
+use super::{Judged, vector};
+use choreo_motion::Time;
+use choreo_script::testing::{Expectation, Flag, Subject};
+
+/// What is so or not, at each time.
+pub fn judge(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
+    let (label, words) = flag_words(looks, flag);
+    let step = looks.step(e);
+    let is = |looks: &mut Looks, time: Time| -> Result<bool, String> {
+        Ok(match flag {
+            Flag::Visible(actor) => looks.at(time)?.actors.get(*actor).is_some_and(|state| state.visible),
+            Flag::On(camera) => looks.at(time)?.camera.camera == Some(*camera),
+            Flag::Effect(name) => {
+                let on = looks.at(time)?.effects.clone();
+                on.iter().any(|e| looks.stage.effects.get(*e).is_some_and(|e| e.plugin == *name))
+            }
+            Flag::OnFloor(contact) => {
+                let (before, now) = (foot_at(looks, contact, time - step)?, foot_at(looks, contact, time)?);
+                touches(contact, before, now, step.as_secs())
+            }
+        })
+    };
+    let series = looks.times_and_ends(e).and_then(|times| {
+        let values: Result<Vec<f64>, String> =
+            times.iter().map(|t| Ok(f64::from(u8::from(is(looks, *t)?)))).collect();
+        Ok(Series { times, values: values? })
+    });
+    match series {
+        Err(why) => Judged::impossible(words, why),
+        Ok(series) => {
+            let band = Band {
+                allowed: vec![[1.0, 1.0]; series.values.len()],
+                off: series.values.iter().map(|v| 1.0 - v).collect(),
+                goal: Vec::new(),
+                tolerance: 0.0,
+                words,
+            };
+            let mut judged = judge_band(&series, &band, e, &label, "");
+            let so = if e.negated { "yes" } else { "no" };
+            let (_, when) = judged.got.split_once(' ').unwrap_or(("", ""));
+            judged.got = match judged.passed {
+                true => if e.negated { "no" } else { "yes" }.to_string(),
+                false => format!("{so} {when}"),
+            };
+            judged.by = String::new();
+            judged
+        }
+    }
+}
+
+fn flag_words(looks: &Looks, flag: &Flag) -> (String, String) {
+    let (who, what) = match flag {
+        Flag::Visible(actor) => (vector::name(looks, Subject::Actor(*actor)), "visible"),
+        Flag::On(camera) => (vector::name(looks, Subject::Camera(*camera)), "on"),
+        Flag::Effect(name) => (format!("effect \"{name}\""), "on"),
+        Flag::OnFloor(c) => {
+            (vector::name(looks, Subject::Joint { actor: c.actor, joint: c.joint }), "on the floor")
+        }
+    };
+    (format!("{who} {what}"), format!("{who} is {what}"))
+}
