@@ -16,6 +16,12 @@ Exit codes:
 A result appears whole or not at all: files are written beside their place as NAME.part and renamed when complete.
 A render that was killed goes on with --resume.";
 
+/// What `--help`, unlike `-h`, ends with.
+fn limits_help() -> String {
+    let table = choreo_script::Limits::table();
+    format!("Limits, set with --limit NAME=NUMBER:\n{table}\n{EXIT_CODES}")
+}
+
 /// Turns a script and a folder of ready-made characters and clips into an animated scene.
 #[derive(Parser, Debug)]
 #[command(name = "choreo", version, after_help = EXIT_CODES, disable_help_subcommand = true)]
@@ -27,9 +33,10 @@ pub struct Cli {
 #[derive(Subcommand, Debug)]
 pub enum Command {
     /// Render a script, or a model file as it is, to video or pictures
-    #[command(after_help = EXIT_CODES)]
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Render(RenderArgs),
     /// Find everything that can be found without drawing
+    #[command(after_long_help = limits_help())]
     Check(CheckArgs),
     /// What is in a model file; how a picture or video was made
     Info(InfoArgs),
@@ -61,7 +68,7 @@ pub struct SceneArgs {
     /// A further folder in which load(…) looks for files; repeatable
     #[arg(long = "search", value_name = "DIR")]
     pub search: Vec<PathBuf>,
-    /// Raise a limit of the script; repeatable
+    /// Raise or lower a limit (see --help); repeatable
     #[arg(long = "limit", value_name = "NAME=NUMBER")]
     pub limit: Vec<String>,
 }

@@ -4,10 +4,11 @@ use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json};
 use crate::{registry, scene};
 use choreo_plugin::Registry;
-use choreo_script::Diagnostic;
+use choreo_script::{Diagnostic, Limits, raise_hint};
 use choreo_stage::{Evaluator, Stage, StageError};
 use serde_json::json;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Videos longer than this are checked at as many frames, spread evenly.
 const MOST_FRAMES: i64 = 20_000;
@@ -20,7 +21,7 @@ pub fn run(args: CheckArgs) -> Result<(), Failure> {
     if !args.json {
         scene.printed.iter().for_each(|line| eprintln!("{line}"));
     }
-    let problems = problems(&scene.stage, &registry);
+    let problems = problems(&scene.stage, &registry, &scene.limits);
     if !problems.is_empty() {
         if !args.json {
             scene.warnings.iter().for_each(|w| eprintln!("{w}"));
@@ -41,7 +42,7 @@ pub fn run(args: CheckArgs) -> Result<(), Failure> {
     print(&format!("{}: good, {frames} frame{plural}, {warnings}\n", args.scene.input.display()))
 }
 
-fn problems(stage: &Arc<Stage>, registry: &Registry) -> Vec<Problem> {
+fn problems(stage: &Arc<Stage>, registry: &Registry, limits: &Limits) -> Vec<Problem> {
     let mut problems: Vec<Problem> = stage.check().iter().map(|e| Problem::Text(e.to_string())).collect();
     for used in &stage.effects {
         if registry.effect(&used.plugin).is_none() {
@@ -59,7 +60,17 @@ fn problems(stage: &Arc<Stage>, registry: &Registry) -> Vec<Problem> {
     let mut evaluator = Evaluator::new(stage.clone());
     // Equal but for the time: (problem, first time, how many).
     let mut failed: Vec<(Problem, f64, u64)> = Vec::new();
-    for frame in (0..frames).step_by(step.max(1) as usize) {
+    let started = Instant::now();
+    for (done, frame) in (0..frames).step_by(step.max(1) as usize).enumerate() {
+        if started.elapsed().as_secs_f64() > limits.check_seconds {
+            let all = (frames + step - 1) / step;
+            problems.push(Problem::Text(format!(
+                "the frames could not all be looked at in {} s: {done} of {all} were\n    hint: {}",
+                limits.check_seconds,
+                raise_hint("check_seconds", format!("{} s", limits.check_seconds))
+            )));
+            break;
+        }
         let time = settings.fps.time_of(frame);
         let Err(error) = evaluator.at(time) else { continue };
         // A camera that frames the whole scene looks at other times too: a callback tells when it failed.

@@ -16,6 +16,7 @@ use choreo_plugin::{Registry, VideoInfo};
 use choreo_render::{Catalog, Plan, PlanOptions, Renderer};
 use choreo_stage::Evaluator;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Pictures being encoded take at most about this much memory, however large each is.
 const PICTURE_BYTES: usize = 256 << 20;
@@ -69,7 +70,7 @@ pub fn draw(
 
 struct Drawing<'a> {
     args: &'a RenderArgs,
-    job: &'a Job<'a>,
+    job: &'a Job,
     registry: &'a Registry,
     info: &'a VideoInfo,
     samples: u32,
@@ -84,11 +85,11 @@ impl Drawing<'_> {
             return self.pictures(renderer);
         }
         let (video, begun) = match &job.target {
-            Target::Stdout => (Some(Video::to_stdout(&**job.exporter, self.info)?), Default::default()),
+            Target::Stdout => (Some(Video::to_stdout(&*job.exporter, self.info)?), Default::default()),
             target => {
                 let identity = self.identity();
                 let file = target.file(0);
-                Video::to_file(&file, &**job.exporter, self.info, &identity, self.args.resume)?
+                Video::to_file(&file, &*job.exporter, self.info, &identity, self.args.resume)?
             }
         };
         begun.note.iter().for_each(|line| say(line));
@@ -125,7 +126,7 @@ impl Drawing<'_> {
         let bytes = 4 * info.width as usize * info.height as usize;
         let workers = self.jobs.unwrap_or_else(device::cores).min(frames.len()).min(PICTURE_BYTES / bytes);
         let encode = || -> Encode {
-            Box::new(|frame, picture| pictures::write(&job.target, &**job.exporter, info, frame, picture))
+            Box::new(|frame, picture| pictures::write(&job.target, &*job.exporter, info, frame, picture))
         };
         self.frames(renderer, &frames, (0..workers.clamp(1, 16)).map(|_| encode()).collect())
     }
@@ -145,7 +146,12 @@ impl Drawing<'_> {
         let size = self.job.settings.size;
         let options =
             PlanOptions { effects: self.registry.effects(), ..PlanOptions::new(size, self.samples) };
+        let (started, limit) = (Instant::now(), self.job.scene.limits.render_seconds);
         let plan: PlanAt = Box::new(move |time| {
+            if started.elapsed().as_secs_f64() > limit {
+                let hint = choreo_script::raise_hint("render_seconds", format!("{limit} s"));
+                return Err(Failure::input(format!("the render takes too long\n    hint: {hint}")));
+            }
             let snapshot = evaluator.at(time).map_err(|e| Failure::input(e.to_string()))?;
             Ok(Plan::new(&catalog, evaluator.stage(), &snapshot, &options))
         });

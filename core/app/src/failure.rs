@@ -1,6 +1,6 @@
 //! Why a command ended without a result, and the exit code that says so.
 
-use choreo_script::{Diagnostic, Severity};
+use choreo_script::{Diagnostic, Severity, printable};
 use serde_json::json;
 
 #[derive(Debug)]
@@ -30,7 +30,7 @@ pub enum Problem {
 impl std::fmt::Display for Problem {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Problem::Text(text) => f.write_str(text),
+            Problem::Text(text) => f.write_str(&printable(text)),
             Problem::Script(diagnostic) => diagnostic.fmt(f),
         }
     }

@@ -1,6 +1,7 @@
 //! The command line of choreo. Each command is one module; `failure` says how commands end.
 
 mod args;
+mod budget;
 mod check;
 mod device;
 mod draw;
@@ -10,6 +11,7 @@ mod info;
 mod interrupt;
 mod journal;
 mod media;
+mod memory;
 mod model;
 mod output;
 mod part;

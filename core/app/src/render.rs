@@ -1,6 +1,7 @@
 //! `choreo render`: from the command line to files, with everything that can be refused refused before the first frame.
 
 use crate::args::RenderArgs;
+use crate::budget::Budgeted;
 use crate::failure::Failure;
 use crate::output::Target;
 use crate::scene::{self, Scene};
@@ -8,14 +9,15 @@ use crate::{device, draw, ranges, registry, summary};
 use choreo_motion::Time;
 use choreo_plugin::{ExportOptions, Exporter, Registry};
 use choreo_stage::Settings;
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
 /// What is to be made, checked.
-pub struct Job<'r> {
+pub struct Job {
     pub scene: Scene,
     pub target: Target,
-    pub exporter: &'r Arc<dyn Exporter>,
+    pub exporter: Arc<dyn Exporter>,
     pub frames: Vec<(i64, Time)>,
     pub settings: Settings,
     pub samples: Option<u32>,
@@ -41,7 +43,7 @@ pub fn run(args: RenderArgs) -> Result<(), Failure> {
     summary::report(&args, &job, &drawn, start.elapsed().as_secs_f64())
 }
 
-fn prepare<'r>(args: &RenderArgs, target: Target, registry: &'r Registry) -> Result<Job<'r>, Failure> {
+fn prepare(args: &RenderArgs, target: Target, registry: &Registry) -> Result<Job, Failure> {
     let exporter = target.exporter(registry)?;
     let mut options = ExportOptions::default();
     for text in &args.export {
@@ -62,6 +64,8 @@ fn prepare<'r>(args: &RenderArgs, target: Target, registry: &'r Registry) -> Res
     Arc::make_mut(&mut scene.stage).settings.size = settings.size;
     settings.fps = fps.unwrap_or(settings.fps);
     let total = settings.fps.frames_in(settings.length).max(1);
+    let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
+    too_many(pixels, "pixels", scene.limits.pixels)?;
     let mut notes = Vec::new();
     let range = args.frames.as_deref().map(|f| ranges::frames(f, total)).transpose()?;
     let one_picture = exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. });
@@ -84,9 +88,25 @@ fn prepare<'r>(args: &RenderArgs, target: Target, registry: &'r Registry) -> Res
             )));
         }
         (None, None) if one_picture => vec![(0, Time::ZERO)],
-        (None, range) => range.unwrap_or(0..total).map(|f| (f, settings.fps.time_of(f))).collect(),
+        (None, range) => within(range.unwrap_or(0..total), scene.limits.frames)?
+            .map(|f| (f, settings.fps.time_of(f)))
+            .collect(),
     };
+    let exporter = Arc::new(Budgeted::new(exporter.clone(), scene.limits.output));
     Ok(Job { scene, target, exporter, frames, settings, samples, options, notes })
+}
+
+fn within(range: Range<i64>, limit: u64) -> Result<Range<i64>, Failure> {
+    too_many((range.end - range.start).unsigned_abs(), "frames", limit)?;
+    Ok(range)
+}
+
+fn too_many(count: u64, name: &str, limit: u64) -> Result<(), Failure> {
+    if count <= limit {
+        return Ok(());
+    }
+    let hint = choreo_script::raise_hint(name, limit);
+    Err(Failure::input(format!("too many {name} for one render: {count}\n    hint: {hint}")))
 }
 
 /// `out.png` → `out/%04d.png`.

@@ -2,7 +2,7 @@
 
 use crate::args::SceneArgs;
 use crate::failure::{Failure, Problem};
-use crate::{model, ranges};
+use crate::{memory, model, ranges};
 use choreo_plugin::Registry;
 use choreo_script::{Diagnostic, Limits, ScriptOptions, Severity, run_file};
 use choreo_stage::Stage;
@@ -15,6 +15,7 @@ pub struct Scene {
     pub is_script: bool,
     /// What was guessed or left; each complete with its place.
     pub warnings: Vec<String>,
+    pub limits: Limits,
     /// What the script printed.
     pub printed: Vec<String>,
     /// Parameters that change the picture, for provenance: `set`, `clip`.
@@ -28,6 +29,7 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
     for limit in &args.limit {
         limits.set(limit).map_err(|e| Failure::Usage(format!("--limit {limit}: {e}")))?;
     }
+    memory::guard(limits.memory);
     let name = args.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let mut set = Vec::new();
     for text in &args.set {
@@ -46,8 +48,12 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
             return Err(Failure::Usage(what.into()));
         }
         model::must_be_file(&args.input)?;
-        let options =
-            ScriptOptions { set, search_paths: args.search.clone(), limits, ..ScriptOptions::default() };
+        let options = ScriptOptions {
+            set,
+            search_paths: args.search.clone(),
+            limits: limits.clone(),
+            ..ScriptOptions::default()
+        };
         let script = run_file(&args.input, registry, &options).map_err(|d| Failure::Input(errors(d)))?;
         let mut warnings: Vec<String> = script.warnings.iter().map(ToString::to_string).collect();
         warnings.extend(asset_warnings(&script.stage));
@@ -56,6 +62,7 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
             stage: Arc::new(script.stage),
             is_script,
             warnings,
+            limits,
             printed: script.printed,
             arguments,
             input_hash: script.script_hash,
@@ -82,6 +89,7 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
         stage: Arc::new(stage),
         is_script,
         warnings,
+        limits,
         printed: Vec::new(),
         arguments,
         input_hash,

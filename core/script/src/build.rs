@@ -23,6 +23,8 @@ pub struct Shared {
     pub sources: Mutex<BTreeMap<String, Arc<str>>>,
     /// Functions that the script defines, with their number of arguments.
     pub functions: Mutex<Vec<(String, usize)>>,
+    /// Where the token read last begins, as line and column.
+    pub last_token: Mutex<(usize, usize)>,
     /// Time to stop; moved on by what loading takes.
     pub deadline: Mutex<Option<Instant>>,
     /// Set once the engine is made: what runs later, callbacks and formulas, keeps it alive.
@@ -118,6 +120,9 @@ pub struct Build {
     pub keys: u64,
     pub parameters: Vec<Parameter>,
     pub printed: Vec<String>,
+    pub printed_bytes: u64,
+    /// Lines beyond the limit.
+    pub unprinted: u64,
     pub diagnostics: Vec<Diagnostic>,
     /// Diagnostics beyond the most that are kept.
     pub more: usize,
@@ -197,6 +202,27 @@ pub struct CameraDraft {
 }
 
 impl Build {
+    /// Keeps a printed line while the limit allows; what is beyond it is counted.
+    pub fn print(&mut self, line: &str, limit: u64) {
+        let bytes = line.len() as u64 + 1;
+        if self.unprinted > 0 || self.printed_bytes + bytes > limit {
+            self.unprinted += 1;
+            return;
+        }
+        self.printed_bytes += bytes;
+        self.printed.push(crate::diagnostic::printable(line));
+    }
+
+    /// The printed lines, with a last one that tells how many there are not.
+    pub fn take_printed(&mut self, limit: u64) -> Vec<String> {
+        let mut lines = std::mem::take(&mut self.printed);
+        if self.unprinted > 0 {
+            let hint = raise_hint("printed", format!("{limit} bytes"));
+            lines.push(format!("… and {} printed lines more; {hint}", self.unprinted));
+        }
+        lines
+    }
+
     pub fn note(&mut self, diagnostic: Diagnostic) {
         const MOST: usize = 50;
         if self.diagnostics.contains(&diagnostic) {
@@ -238,10 +264,19 @@ impl Build {
 
 /// Refuses one more than the limit allows.
 pub fn room(count: usize, what: &str, limits: &Limits) -> Result<(), ApiError> {
-    if (count as u64) < limits.things {
+    let (name, limit) = match what {
+        "actors" => ("actors", limits.actors),
+        "cameras" => ("cameras", limits.cameras),
+        "lights" => ("lights", limits.lights),
+        "cues" => ("cues", limits.cues),
+        "effects" => ("effects", limits.effects),
+        "on_frame callbacks" => ("callbacks", limits.callbacks),
+        _ => ("things", limits.things),
+    };
+    if (count as u64) < limit {
         return Ok(());
     }
     let error = ApiError::new(format!("too many {what}: this would be number {}", count + 1))
-        .hint(raise_hint("things", limits.things));
+        .hint(raise_hint(name, limit));
     Err(ApiError { fatal: true, ..error })
 }

@@ -209,6 +209,18 @@ impl Call<'_, '_> {
     pub fn text(&self, i: usize) -> Result<String, ApiError> {
         text(&self.value(i), &self.label(i))
     }
+    /// Of something on stage: of a length that messages and tables can show.
+    pub fn name(&self, i: usize) -> Result<String, ApiError> {
+        const MOST: usize = 200;
+        let name = self.text(i)?;
+        match name.chars().count() {
+            count if count > MOST => Err(ApiError::new(format!(
+                "{} must have at most {MOST} letters, this has {count}",
+                self.label(i)
+            ))),
+            _ => Ok(name),
+        }
+    }
     pub fn color(&self, i: usize) -> Result<Vec4, ApiError> {
         color(&self.value(i), &self.label(i))
     }
@@ -219,7 +231,8 @@ impl Call<'_, '_> {
     /// A point from one array or three numbers, from argument `i` on.
     pub fn point(&self, i: usize) -> Result<DVec3, ApiError> {
         if self.len() >= i + 3 {
-            return Ok(DVec3::new(self.number(i)?, self.number(i + 1)?, self.number(i + 2)?));
+            let p = DVec3::new(self.number(i)?, self.number(i + 1)?, self.number(i + 2)?);
+            return near(p, self.def.name);
         }
         point(&self.value(i), &self.label(i))
     }
@@ -339,7 +352,9 @@ pub fn describe(v: &Dynamic) -> String {
         return format!("the text \"{shown}{}\"", if s.chars().count() > 40 { "…" } else { "" });
     }
     if let Some(a) = v.read_lock::<rhai::Array>() {
-        return format!("an array of {}", a.len());
+        let short = (1..=4).contains(&a.len()) && a.iter().all(|n| n.is_int() || n.is_float());
+        let numbers = || a.iter().map(describe).collect::<Vec<_>>().join(", ");
+        return if short { format!("[{}]", numbers()) } else { format!("an array of {}", a.len()) };
     }
     if v.is_map() {
         return "an object map".into();
@@ -414,12 +429,16 @@ const FARTHEST: f64 = 1e15;
 
 pub fn point(v: &Dynamic, label: &str) -> Result<DVec3, ApiError> {
     match numbers(v).as_deref() {
-        Some([x, y, z]) if x.abs() <= FARTHEST && y.abs() <= FARTHEST && z.abs() <= FARTHEST => {
-            Ok(DVec3::new(*x, *y, *z))
-        }
-        Some([_, _, _]) => Err(ApiError::new(format!("{label} must be within ±{FARTHEST:e} m"))),
+        Some([x, y, z]) => near(DVec3::new(*x, *y, *z), label),
         _ => Err(wrong(v, label, "a point, [x, y, z]")),
     }
+}
+
+fn near(p: DVec3, label: &str) -> Result<DVec3, ApiError> {
+    if p.abs().max_element() <= FARTHEST {
+        return Ok(p);
+    }
+    Err(ApiError::new(format!("{label} must be within ±{FARTHEST:e} m")))
 }
 
 pub fn target(v: &Dynamic, label: &str) -> Result<Target, ApiError> {

@@ -72,7 +72,7 @@ impl fmt::Display for Diagnostic {
         if self.severity == Severity::Warning {
             write!(f, "warning: ")?;
         }
-        write!(f, "{}", printable(&self.message))?;
+        write!(f, "{}", one_message(&self.message))?;
         if self.line > 0 && !self.source_line.trim().is_empty() {
             let (shown, before) = excerpt(&self.source_line, self.column);
             write!(f, "\n    {shown}")?;
@@ -81,7 +81,7 @@ impl fmt::Display for Diagnostic {
             }
         }
         if let Some(hint) = &self.hint {
-            write!(f, "\n    hint: {}", printable(hint))?;
+            write!(f, "\n    hint: {}", one_message(hint))?;
         }
         Ok(())
     }
@@ -89,16 +89,44 @@ impl fmt::Display for Diagnostic {
 
 impl std::error::Error for Diagnostic {}
 
-/// Without what would steer a terminal: names in messages come from files and scripts.
-fn printable(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
+/// Without what would steer a terminal or turn the reading direction around: names in messages come from files and scripts.
+pub fn printable(text: &str) -> String {
+    text.chars().map(|c| if c != '\n' && steers(c) { '\u{fffd}' } else { c }).collect()
+}
+
+/// Printable, of a length that somebody reads, and with its further lines set in: none can pass for a message of its own.
+fn one_message(text: &str) -> String {
+    const MOST: usize = 2_000;
+    let mut shown: String = printable(text).chars().take(MOST).collect::<String>().replace('\n', "\n    ");
+    let more = text.chars().count().saturating_sub(MOST);
+    if more > 0 {
+        shown.push_str(&format!("… ({more} characters more)"));
+    }
+    shown
+}
+
+/// Control characters, and those of Unicode's bidirectional algorithm (UAX #9), which show a text in another order than it has.
+fn steers(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 /// The part of a line to show, and how many characters of it come before the column. Indentation is dropped,
 /// tabs become blanks, and of a very long line only the surroundings of the column are kept.
 fn excerpt(line: &str, column: usize) -> (String, usize) {
     const WIDTH: usize = 160;
-    let chars: Vec<char> = line.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    let chars: Vec<char> = line
+        .chars()
+        .map(|c| {
+            if c.is_control() {
+                ' '
+            } else if steers(c) {
+                '\u{fffd}'
+            } else {
+                c
+            }
+        })
+        .collect();
     let indent = chars.iter().take_while(|c| **c == ' ').count();
     let at = column.saturating_sub(1).min(chars.len());
     let mut start = indent.min(at);

@@ -11,7 +11,10 @@ use crate::modules::Modules;
 use crate::testing::ExpectRef;
 use crate::value::*;
 use rhai::packages::*;
-use rhai::{Dynamic, Engine, EvalAltResult, NativeCallContext, Scope, Token};
+use rhai::{
+    AST, Dynamic, Engine, EvalAltResult, LexError, NativeCallContext, ParseError, ParseErrorType, Position,
+    Scope, Token,
+};
 use std::any::TypeId;
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -89,42 +92,31 @@ fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
     // Deeper expressions could use up a thread's stack.
     engine.set_max_expr_depths(64, 48);
     let watched = Arc::downgrade(shared);
-    let (operations, frame_operations, memory) = (limits.operations, limits.frame_operations, limits.memory);
+    let (operations, memory) = (limits.operations, limits.memory);
     engine.on_progress(move |steps| {
+        if crate::memory::in_use() > memory {
+            return Some("memory".into());
+        }
         if hook::in_frame() {
-            return (steps > frame_operations).then(|| "frame_operations".into());
+            return hook::over(steps).map(Into::into);
         }
         if steps > operations {
             return Some("operations".into());
         }
-        // A single step may copy a large array, so the clock is read often; the memory is dearer to ask for.
-        if steps & 0xff == 0 && watched.upgrade().is_some_and(|shared| shared.late()) {
+        // A single step may copy a large array, so the clock is read often.
+        if steps & 0x3f == 0 && watched.upgrade().is_some_and(|shared| shared.late()) {
             return Some("seconds".into());
-        }
-        if steps & 0x3ff == 0 && memory_in_use().is_some_and(|m| m > memory) {
-            return Some("memory".into());
         }
         None
     });
 }
 
-/// Bytes of memory that this process holds, where the system tells at little cost (Linux).
-fn memory_in_use() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/self/statm").ok()?;
-    let pages: u64 = text.split(' ').nth(1)?.parse().ok()?;
-    // 4 KiB is the smallest page: where pages are larger, the limit comes late rather than early.
-    Some(pages * 4096)
-}
-
 fn capture_output(engine: &mut Engine, shared: &Arc<Shared>) {
-    // Lines beyond these are dropped: a loop that prints must not fill the memory.
-    const MOST: usize = 10_000;
+    // Lines beyond the limit are only counted: a loop that prints must not fill the memory.
     let keep = |shared: &std::sync::Weak<Shared>, line: String| {
         if let Some(shared) = shared.upgrade() {
             let mut build = shared.build.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            if build.printed.len() < MOST {
-                build.printed.push(line);
-            }
+            build.print(&line, shared.limits.printed);
         }
     };
     let weak = Arc::downgrade(shared);
@@ -135,6 +127,38 @@ fn capture_output(engine: &mut Engine, shared: &Arc<Shared>) {
         keep(&weak, format!("{}:{line}: {text}", file.unwrap_or("")));
     });
 }
+
+/// Reads a script. Rhai takes a comment that is never closed for the end of the script, without a word: the last
+/// statement of the script as read would be missing from the same script with one more at its end.
+pub fn compile(engine: &Engine, shared: &Shared, text: &str) -> Result<AST, ParseError> {
+    let last_token = || *shared.last_token.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    *shared.last_token.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = (0, 0);
+    let ast = engine.compile_with_scope(&constants(), text)?;
+    if !text.contains("/*") {
+        return Ok(ast);
+    }
+    let last = last_token();
+    engine.compile_with_scope(&constants(), format!("{text}\n;"))?;
+    if last_token() != last {
+        return Ok(ast);
+    }
+    let (mut line, mut column) = last;
+    let from = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum::<usize>();
+    let rest = text.get(from..).unwrap_or("");
+    let skip: usize = rest.chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();
+    if let Some(at) = rest.get(skip..).and_then(|r| r.find("/*")) {
+        let before = &rest[..skip + at];
+        line = line.max(1) + before.matches('\n').count();
+        column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+    }
+    let place =
+        Position::new(u16::try_from(line).unwrap_or(u16::MAX), u16::try_from(column).unwrap_or(u16::MAX));
+    let why = LexError::Runtime(OPEN_COMMENT.into());
+    Err(ParseError(Box::new(ParseErrorType::BadInput(why)), place))
+}
+
+/// What the parser ends with in a comment without an end; `errors` knows it.
+pub const OPEN_COMMENT: &str = "comment";
 
 /// What the parser ends with past the time limit; `errors` knows it.
 pub const TOO_SLOW: &str = "seconds";
@@ -149,7 +173,11 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
     let watched = Arc::downgrade(shared);
     let count = AtomicU32::new(0);
     #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
-    engine.on_parse_token(move |token, _, _| {
+    engine.on_parse_token(move |token, at, _| {
+        if let Some(shared) = watched.upgrade() {
+            let here = (at.line().unwrap_or(0), at.position().unwrap_or(0));
+            *shared.last_token.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = here;
+        }
         if count.fetch_add(1, Ordering::Relaxed) & 0x3f == 0x3f
             && watched.upgrade().is_some_and(|shared| shared.late())
         {
@@ -256,6 +284,10 @@ fn dispatch(
             Some(value) if !in_frame && !error.fatal => {
                 shared.note(Severity::Error, &place, &error);
                 Ok(value)
+            }
+            // What ends the script cannot be caught by it.
+            _ if error.fatal => {
+                Err(Box::new(EvalAltResult::ErrorTerminated(Dynamic::from(Thrown { error, place }), at)))
             }
             _ => Err(Box::new(EvalAltResult::ErrorRuntime(Dynamic::from(Thrown { error, place }), at))),
         },

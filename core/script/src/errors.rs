@@ -2,7 +2,7 @@
 
 use crate::api;
 use crate::build::Shared;
-use crate::call::{ApiError, Def, Place};
+use crate::call::{ApiError, Def, Place, describe};
 use crate::engine::REFUSED;
 use crate::limits::raise_hint;
 use crate::suggest::{closest, did_you_mean, list};
@@ -58,6 +58,7 @@ pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, Ap
             (place(*at), unknown_function(signature, shared))
         }
         EvalAltResult::ErrorModuleNotFound(name, at) => plain(format!("unknown module \"{name}\""), *at),
+        EvalAltResult::ErrorTerminated(value, at) if value.is::<Thrown>() => runtime(value, place(*at)),
         EvalAltResult::ErrorTerminated(limit, at) => (place(*at), limit_reached(limit, shared)),
         EvalAltResult::ErrorStackOverflow(at) => {
             let levels = shared.limits.call_levels;
@@ -90,6 +91,7 @@ pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, Ap
             }
         }
         EvalAltResult::ErrorIndexingType(kind, at) => {
+            let kind = kind.split(" [").next().unwrap_or(kind);
             plain(format!("{} cannot be indexed with []", a_type_word(kind)), *at)
         }
         EvalAltResult::ErrorArrayBounds(len, index, at) => {
@@ -97,6 +99,18 @@ pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, Ap
         }
         EvalAltResult::ErrorStringBounds(len, index, at) => {
             plain(format!("index {index} is outside this text, which has {len} characters"), *at)
+        }
+        EvalAltResult::ErrorDataRace(name, at) => {
+            let error = ApiError::new(match name.is_empty() {
+                true => "this value is in use by the call that would change it".to_string(),
+                false => format!("{name} is in use by the call that would change it"),
+            });
+            (
+                place(*at),
+                error.hint(
+                    "a closure cannot reach the variable that it is stored in, nor can a list hold itself",
+                ),
+            )
         }
         EvalAltResult::ErrorFor(at) => {
             plain("only arrays, ranges, maps and texts can be gone through with for".to_string(), *at)
@@ -120,7 +134,8 @@ fn runtime(value: &Dynamic, place: Place) -> (Place, ApiError) {
     let text = match value.clone().into_string() {
         Ok(text) if !text.is_empty() => text,
         _ if value.is_unit() => "the script gave up (throw)".to_string(),
-        _ => format!("the script gave up: {value}"),
+        _ if value.is_array() || value.is_map() => format!("the script gave up: {value}"),
+        _ => format!("the script gave up: {}", describe(value)),
     };
     (place, ApiError::new(text))
 }
@@ -131,8 +146,10 @@ fn limit_reached(limit: &Dynamic, shared: &Shared) -> ApiError {
     match name.as_str() {
         "frame_operations" => {
             ApiError::new("this on_frame callback takes too many steps; does a loop never end?")
-                .hint(raise_hint(&name, format!("{} steps a call", limits.frame_operations)))
+                .hint(raise_hint(&name, format!("{} steps a frame", limits.frame_operations)))
         }
+        "frame_seconds" => ApiError::new("this on_frame callback takes too long; does a loop never end?")
+            .hint(raise_hint(&name, format!("{} s a frame", limits.frame_seconds))),
         "seconds" => ApiError::new("the script takes too long; does a loop never end?")
             .hint(raise_hint(&name, format!("{} s", limits.seconds))),
         "memory" => ApiError::new("the script uses too much memory")
@@ -171,6 +188,10 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
             ApiError::new("the script takes too long to read; split it into functions and modules")
                 .hint(raise_hint("seconds", format!("{} s", shared.limits.seconds)))
         }
+        ParseErrorType::BadInput(LexError::Runtime(why)) if why == crate::engine::OPEN_COMMENT => {
+            ApiError::new("this comment is never closed: nothing after it is read")
+                .hint("close it with */; comments may lie inside comments, so each /* needs its own")
+        }
         ParseErrorType::Reserved(word) => {
             ApiError::new(format!("\"{word}\" is a reserved word and cannot be a name"))
         }
@@ -178,6 +199,11 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
         ParseErrorType::PropertyExpected => ApiError::new("expected the name of a property")
             .hint("words of the language, like if or loop, are none unless quoted: #{ \"loop\": 1 }"),
         ParseErrorType::UnexpectedEOF => ApiError::new("the script ends too early; is a bracket left open?"),
+        ParseErrorType::BadInput(LexError::UnexpectedInput(letters)) if !letters.is_ascii() => {
+            let codes: Vec<String> = letters.chars().map(|c| format!("U+{:04X}", c as u32)).collect();
+            ApiError::new(format!("unexpected '{letters}' ({})", codes.join(" ")))
+                .hint("names are of the letters a to z, digits and _; others belong into texts and comments")
+        }
         ParseErrorType::BadInput(LexError::UnterminatedString) => {
             ApiError::new("this text has no closing quote")
         }

@@ -25,6 +25,9 @@ pub fn finish(shared: &Arc<Shared>, engine: &Arc<Engine>, identity: &dyn Fn(&Pla
         crate::check::before(&build, &mut notes);
         let layers = layers(&build, &mut notes);
         cycles(&build, &mut notes);
+        if let Some((place, error)) = crate::totals::too_much(&build, &shared.limits) {
+            notes.push((Severity::Error, place, error));
+        }
         stage.actors = std::mem::take(&mut build.actors).into_iter().zip(layers).map(actor).collect();
         stage.cameras =
             std::mem::take(&mut build.cameras).into_iter().map(|draft| camera(draft, &mut notes)).collect();
@@ -60,9 +63,10 @@ fn add_hooks(
     engine: &Arc<Engine>,
     identity: &dyn Fn(&Place) -> String,
 ) {
+    let all = hooks.len();
     for draft in hooks {
         let identity = identity(&draft.at);
-        let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, &identity);
+        let hook = ScriptHook::new(engine.clone(), shared.clone(), draft, &identity, all);
         if let Err(diagnostic) = hook.try_at(Time::ZERO) {
             shared.build.lock().unwrap_or_else(PoisonError::into_inner).note(diagnostic);
         }

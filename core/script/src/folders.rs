@@ -50,7 +50,10 @@ fn words(error: &std::io::Error) -> String {
     match error.kind() {
         std::io::ErrorKind::NotADirectory => "a part of the path is a file, not a folder".to_string(),
         std::io::ErrorKind::PermissionDenied => "permission denied".to_string(),
-        _ => error.to_string(),
+        _ => {
+            let text = error.to_string();
+            text.split_once(" (os error").map_or(text.clone(), |(words, _)| words.to_string())
+        }
     }
 }
 
@@ -107,8 +110,7 @@ impl Folders {
     /// Finds `name` relative to `start` (a canonical folder within the roots), else in each root.
     pub fn find(&self, start: Option<&Path>, name: &str) -> Result<Found, LoadError> {
         let refuse = |why: &str| {
-            let shown: String = name.chars().take(200).collect();
-            Err(LoadError::new(format!("cannot read \"{shown}\": {why}")).hint(format!(
+            Err(LoadError::new(format!("cannot read \"{}\": {why}", cut(name))).hint(format!(
                 "a script reads files in its own folder and in the folders given with --search: {}",
                 self.shown()
             )))
@@ -132,7 +134,9 @@ impl Folders {
             let path = match candidate.canonicalize() {
                 Ok(path) => path,
                 Err(e) if e.kind() == std::io::ErrorKind::NotFound => continue,
-                Err(e) => return Err(LoadError::new(format!("cannot read \"{name}\": {}", words(&e)))),
+                Err(e) => {
+                    return Err(LoadError::new(format!("cannot read \"{}\": {}", cut(name), words(&e))));
+                }
             };
             if !self.roots.iter().any(|(_, r)| path.starts_with(r)) {
                 return refuse("it is a link that leads out of the folders this script may read");
@@ -209,7 +213,7 @@ impl Folders {
         }
         names.sort();
         names.dedup();
-        let mut message = format!("cannot read \"{name}\": no such file in {}", self.shown());
+        let mut message = format!("cannot read \"{}\": no such file in {}", cut(name), self.shown());
         if let Some(close) = closest(file, names.iter().map(String::as_str)) {
             let close = if folder.is_empty() { close.to_string() } else { format!("{folder}/{close}") };
             message.push_str(&format!("; did you mean \"{close}\"?"));
@@ -220,6 +224,11 @@ impl Folders {
         }
         error.hint(format!("files there: {}", list(names.iter().map(String::as_str), 12)))
     }
+}
+
+/// A name in a message, where it must not take pages.
+fn cut(name: &str) -> String {
+    name.chars().take(200).collect()
 }
 
 /// The parts of `prefix/name` with `.` and `..` resolved; `None` where `..` climbs above the root.

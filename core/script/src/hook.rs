@@ -9,13 +9,34 @@ use choreo_stage::{FrameEdits, FrameHook, StageError};
 #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
 use rhai::NativeCallContextStore;
 use rhai::{Dynamic, Engine, FnPtr};
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 thread_local! {
     /// The edits of the callback that runs on this thread. Handle methods find them here, since a method is one
     /// function whether it is called while the stage is built or for a frame, and frames run on many threads.
     static FRAME: RefCell<Option<FrameEdits>> = const { RefCell::new(None) };
+    /// What the callback that runs on this thread may use up.
+    static SHARE: Cell<Share> = const { Cell::new(Share { steps: 0, until: None }) };
+}
+
+/// One callback's part of what the callbacks of a frame may use up.
+#[derive(Clone, Copy)]
+struct Share {
+    steps: u64,
+    until: Option<Instant>,
+}
+
+/// The limit that the callback on this thread has reached after so many steps.
+pub fn over(steps: u64) -> Option<&'static str> {
+    let share = SHARE.get();
+    if steps > share.steps {
+        return Some("frame_operations");
+    }
+    // A single step may copy a large array, so the clock is read often.
+    let late = steps & 0x3f == 0 && share.until.is_some_and(|until| Instant::now() > until);
+    late.then_some("frame_seconds")
 }
 
 pub fn in_frame() -> bool {
@@ -47,6 +68,8 @@ pub struct ScriptHook {
     at: Place,
     shared: Arc<Shared>,
     identity: String,
+    /// Callbacks of the stage.
+    all: u64,
 }
 
 impl std::fmt::Debug for ScriptHook {
@@ -57,17 +80,24 @@ impl std::fmt::Debug for ScriptHook {
 
 impl ScriptHook {
     /// `script`: tells this script, its parameters and files from others.
-    pub fn new(engine: Arc<Engine>, shared: Arc<Shared>, draft: HookDraft, script: &str) -> ScriptHook {
+    pub fn new(
+        engine: Arc<Engine>,
+        shared: Arc<Shared>,
+        draft: HookDraft,
+        script: &str,
+        all: usize,
+    ) -> ScriptHook {
         let HookDraft { callback, context, at } = draft;
         // Captured values follow from the script too, unless they are its own constants: all are in its hash.
         let identity = format!("{script} {}:{}", at.line, at.column);
-        ScriptHook { engine, callback, context, at, shared, identity }
+        ScriptHook { engine, callback, context, at, shared, identity, all: all as u64 }
     }
 
     /// Runs the callback; the error as an interpreter error.
     fn call(&self, time: Time, edits: &mut FrameEdits) -> Result<(), Box<rhai::EvalAltResult>> {
         #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
         let context = self.context.create_context(&self.engine);
+        SHARE.set(self.share());
         FRAME.with_borrow_mut(|frame| *frame = Some(std::mem::take(edits)));
         let result = self.callback.call_raw(&context, None, [Dynamic::from_float(time.as_secs())]);
         if let Some(after) = FRAME.with_borrow_mut(Option::take) {
@@ -80,6 +110,7 @@ impl ScriptHook {
     pub fn value_at(&self, time: Time) -> Result<Dynamic, crate::Diagnostic> {
         #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
         let context = self.context.create_context(&self.engine);
+        SHARE.set(self.share());
         // Inside a frame nothing can be added to the stage, and a call may take as many steps as a frame's.
         FRAME.with_borrow_mut(|frame| *frame = Some(FrameEdits::default()));
         let result = self.callback.call_raw(&context, None, [Dynamic::from_float(time.as_secs())]);
@@ -89,6 +120,19 @@ impl ScriptHook {
 
     pub fn diagnose(&self, error: &ApiError) -> crate::Diagnostic {
         self.shared.diagnose(Severity::Error, &self.at, error)
+    }
+
+    /// Equal parts for all callbacks of the stage, so that many small ones take no longer than one large one.
+    fn share(&self) -> Share {
+        /// Less would fail on a machine that is busy with something else.
+        const LEAST: Duration = Duration::from_millis(100);
+        let limits = &self.shared.limits;
+        let all = self.all.max(1);
+        let secs = Duration::try_from_secs_f64(limits.frame_seconds / all as f64).unwrap_or(Duration::MAX);
+        Share {
+            steps: (limits.frame_operations / all).max(1),
+            until: Instant::now().checked_add(secs.max(LEAST)),
+        }
     }
 
     pub fn try_at(&self, time: Time) -> Result<(), crate::Diagnostic> {

@@ -2,57 +2,85 @@
 
 use crate::suggest::{did_you_mean, list};
 
-#[derive(Clone, Debug, PartialEq)]
-pub struct Limits {
-    /// Steps of the interpreter while the stage is built.
-    pub operations: u64,
-    /// Steps of the interpreter in one call of an `on_frame` callback.
-    pub frame_operations: u64,
-    /// Functions inside functions.
-    pub call_levels: u64,
-    /// Bytes of one string.
-    pub string: u64,
-    /// Elements of one array, those of arrays inside included.
-    pub array: u64,
-    /// Entries of one object map, those of maps inside included.
-    pub map: u64,
-    /// Variables in scope at once.
-    pub variables: u64,
-    /// Functions that one script file may define.
-    pub functions: u64,
-    /// Files imported with `import`.
-    pub modules: u64,
-    /// Seconds that the script itself may take, files being loaded not counted.
-    pub seconds: f64,
-    /// Actors, cameras, lights, cues, cuts, effects and callbacks, each.
-    pub things: u64,
-    /// Keys of all `.key(…)` calls together.
-    pub keys: u64,
-    /// Bytes of one file.
-    pub file: u64,
-    /// Bytes of the memory that the program may have in use while the script runs (where the system tells).
-    pub memory: u64,
+/// A limit's value of either kind, by reference.
+enum Slot<'a> {
+    Whole(&'a mut u64),
+    Secs(&'a mut f64),
 }
 
-impl Default for Limits {
-    fn default() -> Self {
-        Limits {
-            operations: 20_000_000,
-            frame_operations: 1_000_000,
-            call_levels: 48,
-            string: 1 << 20,
-            array: 100_000,
-            map: 10_000,
-            variables: 1_000,
-            functions: 1_000,
-            modules: 64,
-            seconds: 20.0,
-            things: 10_000,
-            keys: 1_000_000,
-            file: 1 << 30,
-            memory: 4 << 30,
-        }
+impl<'a> From<&'a mut u64> for Slot<'a> {
+    fn from(value: &'a mut u64) -> Slot<'a> {
+        Slot::Whole(value)
     }
+}
+
+impl<'a> From<&'a mut f64> for Slot<'a> {
+    fn from(value: &'a mut f64) -> Slot<'a> {
+        Slot::Secs(value)
+    }
+}
+
+/// The struct, its defaults and the table of names from one list.
+macro_rules! limits {
+    ($($name:ident: $kind:ty = $default:expr, $about:literal;)*) => {
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct Limits {
+            $(#[doc = $about] pub $name: $kind,)*
+        }
+
+        impl Default for Limits {
+            fn default() -> Self {
+                Limits { $($name: $default,)* }
+            }
+        }
+
+        impl Limits {
+            /// Name, default and what it holds back, of every limit.
+            pub const ALL: &[(&str, f64, &str)] = &[$((stringify!($name), $default as f64, $about),)*];
+
+            fn slot(&mut self, name: &str) -> Option<Slot<'_>> {
+                match name {
+                    $(stringify!($name) => Some((&mut self.$name).into()),)*
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+limits! {
+    operations: u64 = 20_000_000, "steps of the interpreter while the stage is built";
+    frame_operations: u64 = 1_000_000, "steps of the interpreter in the on_frame callbacks of one frame, shared among them";
+    call_levels: u64 = 48, "functions inside functions; 64 at most";
+    string: u64 = 1 << 20, "bytes of one text";
+    array: u64 = 100_000, "elements of one array, those of arrays inside included";
+    map: u64 = 10_000, "entries of one object map, those of maps inside included";
+    variables: u64 = 1_000, "variables in scope at once";
+    functions: u64 = 1_000, "functions that one script file defines";
+    modules: u64 = 64, "files imported with import";
+    seconds: f64 = 20.0, "seconds that the script itself takes, files being loaded not counted";
+    frame_seconds: f64 = 5.0, "seconds that the on_frame callbacks of one frame take, shared among them";
+    check_seconds: f64 = 120.0, "seconds that choreo check looks through the frames";
+    render_seconds: f64 = 86_400.0, "seconds that a render takes";
+    actors: u64 = 10_000, "actors";
+    cameras: u64 = 1_000, "cameras";
+    lights: u64 = 1_000, "lights";
+    cues: u64 = 100_000, "cues, layers included";
+    effects: u64 = 64, "effects over the picture";
+    callbacks: u64 = 100, "on_frame callbacks";
+    things: u64 = 10_000, "cuts, parameters, shapes, and looks of one actor, each";
+    keys: u64 = 1_000_000, "keys of all .key(…) calls together";
+    joints: u64 = 2_000_000, "joints of all actors together";
+    instances: u64 = 1_000_000, "meshes of all actors together";
+    vertices: u64 = 50_000_000, "vertices of all actors together";
+    texels: u64 = 256 << 20, "pixels of all textures together, each picture counted once";
+    files: u64 = 1_000, "files loaded";
+    file: u64 = 1 << 30, "bytes of one file";
+    memory: u64 = 4 << 30, "bytes of memory that the program has in use (where the system tells)";
+    printed: u64 = 256 << 10, "bytes of what print and debug write";
+    frames: u64 = 1_000_000, "frames of the stage and of one render";
+    pixels: u64 = 64 << 20, "pixels of one picture";
+    output: u64 = 64 << 30, "bytes that a render writes";
 }
 
 impl Limits {
@@ -60,49 +88,38 @@ impl Limits {
     pub const DEEPEST: u64 = 64;
 
     /// The names that [`Limits::set`] knows.
-    pub const NAMES: &[&str] = &[
-        "operations",
-        "frame_operations",
-        "call_levels",
-        "string",
-        "array",
-        "map",
-        "variables",
-        "functions",
-        "modules",
-        "seconds",
-        "things",
-        "keys",
-        "file",
-        "memory",
-    ];
+    pub fn names() -> impl Iterator<Item = &'static str> + Clone {
+        Limits::ALL.iter().map(|(name, ..)| *name)
+    }
 
     /// Sets a limit from the command line, `operations=50000000`. The error says what is allowed.
     pub fn set(&mut self, text: &str) -> Result<(), String> {
         let Some((name, value)) = text.split_once('=') else {
             return Err(format!("a limit is written NAME=NUMBER, not \"{text}\""));
         };
-        if name == "seconds" {
-            self.seconds = value
-                .parse()
-                .ok()
-                .filter(|v: &f64| *v > 0.0 && v.is_finite())
-                .ok_or_else(|| format!("limit seconds takes a number above 0, not \"{value}\""))?;
-            return Ok(());
-        }
         let Some(slot) = self.slot(name) else {
             return Err(format!(
                 "unknown limit \"{name}\"{}; known limits: {}",
-                did_you_mean(name, Self::NAMES.iter().copied()),
-                list(Self::NAMES.iter().copied(), 20)
+                did_you_mean(name, Limits::names()),
+                list(Limits::names(), 100)
             ));
         };
-        // Rhai reads 0 as "no limit", so it is not offered.
-        *slot = value
-            .parse()
-            .ok()
-            .filter(|v| *v > 0)
-            .ok_or_else(|| format!("limit {name} takes a whole number above 0, not \"{value}\""))?;
+        match slot {
+            Slot::Secs(slot) => {
+                *slot = value
+                    .parse()
+                    .ok()
+                    .filter(|v: &f64| *v > 0.0 && v.is_finite())
+                    .ok_or_else(|| format!("limit {name} takes a number above 0, not \"{value}\""))?;
+            }
+            Slot::Whole(slot) => {
+                // Rhai reads 0 as "no limit", so it is not offered.
+                *slot =
+                    value.parse().ok().filter(|v| *v > 0).ok_or_else(|| {
+                        format!("limit {name} takes a whole number above 0, not \"{value}\"")
+                    })?;
+            }
+        }
         if self.call_levels > Self::DEEPEST {
             self.call_levels = Self::DEEPEST;
             return Err(format!("limit call_levels can be raised to {} at most", Self::DEEPEST));
@@ -110,23 +127,12 @@ impl Limits {
         Ok(())
     }
 
-    fn slot(&mut self, name: &str) -> Option<&mut u64> {
-        Some(match name {
-            "operations" => &mut self.operations,
-            "frame_operations" => &mut self.frame_operations,
-            "call_levels" => &mut self.call_levels,
-            "string" => &mut self.string,
-            "array" => &mut self.array,
-            "map" => &mut self.map,
-            "variables" => &mut self.variables,
-            "functions" => &mut self.functions,
-            "modules" => &mut self.modules,
-            "things" => &mut self.things,
-            "keys" => &mut self.keys,
-            "file" => &mut self.file,
-            "memory" => &mut self.memory,
-            _ => return None,
-        })
+    /// All limits with their defaults, a line each, for `--help` and API.md.
+    pub fn table() -> String {
+        let width = Limits::names().map(str::len).max().unwrap_or(0);
+        let row =
+            |(name, default, about): &(&str, f64, &str)| format!("  {name:width$}  {default:>12}  {about}\n");
+        Limits::ALL.iter().map(row).collect()
     }
 }
 

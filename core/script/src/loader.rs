@@ -93,6 +93,11 @@ impl Loader {
         self.state.lock().unwrap_or_else(PoisonError::into_inner).used.clone()
     }
 
+    /// How many assets were loaded so far, each pair of file and options once.
+    pub fn loaded(&self) -> usize {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner).assets.len()
+    }
+
     pub fn note_used(&self, path: &Path, bytes: &[u8]) {
         let hash = *blake3::hash(bytes).as_bytes();
         self.state.lock().unwrap_or_else(PoisonError::into_inner).used.insert(path.to_path_buf(), hash);

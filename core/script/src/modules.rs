@@ -4,6 +4,7 @@ use crate::build::Shared;
 use crate::call::{ApiError, Place};
 use crate::engine::constants;
 use crate::errors::throw;
+use crate::limits::raise_hint;
 use rhai::{Engine, EvalAltResult, Module, ModuleResolver, Position, Shared as RhaiShared};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -51,6 +52,12 @@ impl ModuleResolver for Modules {
         let Some(shared) = self.shared.upgrade() else {
             return Err(fail(ApiError::new("modules cannot be imported inside on_frame")));
         };
+        if crate::hook::in_frame() {
+            let error = ApiError::new("import cannot be used inside on_frame");
+            return Err(fail(
+                error.hint("import at the top of the script; the callback sees what is imported there"),
+            ));
+        }
         let name = if path.ends_with(".rhai") { path.to_string() } else { format!("{path}.rhai") };
         let folders = shared.loader.folders().base_only();
         let start = source.and_then(|s| self.state().folders.get(s).cloned());
@@ -74,6 +81,11 @@ impl ModuleResolver for Modules {
                 chain.join(" → ")
             ))));
         }
+        // Rhai counts only those of one file, not those that modules import in turn.
+        let (count, most) = (self.state().loaded.len() + open.len(), shared.limits.modules);
+        if count as u64 >= most {
+            return Err(fail(ApiError::new("too many imported files").hint(raise_hint("modules", most))));
+        }
         let text = read_text(&shared, &found, &name).map_err(fail)?;
         shared
             .sources
@@ -83,8 +95,7 @@ impl ModuleResolver for Modules {
         if let Some(folder) = found.path.parent() {
             self.state().folders.insert(name.clone(), folder.to_path_buf());
         }
-        let mut ast = engine
-            .compile_with_scope(&constants(), &text)
+        let mut ast = crate::engine::compile(engine, &shared, &text)
             .map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
         ast.set_source(name.as_str());
         self.state().open.push((found.path.clone(), name.clone()));

@@ -42,7 +42,13 @@ pub fn reference() -> String {
     for (name, why) in REFUSED {
         let _ = writeln!(out, "- `{name}`: {why}");
     }
-    let _ = writeln!(out, "\n## Limits\n\nRaised with `--limit NAME=NUMBER`: {}.", Limits::NAMES.join(", "));
+    let _ = writeln!(
+        out,
+        "\n## Limits\n\nSet with `--limit NAME=NUMBER`; the message that one is reached names it.\n"
+    );
+    for (name, default, about) in Limits::ALL {
+        let _ = writeln!(out, "- `{name}` = {default} — {about}");
+    }
     out
 }
 

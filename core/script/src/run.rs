@@ -141,6 +141,7 @@ fn new_shared(folders: Folders, mode: Mode, registry: &Registry, options: &Scrip
         set: options.set.clone(),
         sources: Mutex::default(),
         functions: Mutex::default(),
+        last_token: Mutex::default(),
         deadline: Mutex::default(),
         engine: Mutex::default(),
         mode,
@@ -175,7 +176,7 @@ pub fn execute(name: &str, text: &str, shared: &Arc<Shared>) -> Arc<Engine> {
     let set_deadline =
         |to: Option<Instant>| *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = to;
     set_deadline(Instant::now().checked_add(limit));
-    match engine.compile_with_scope(&engine::constants(), text) {
+    match engine::compile(&engine, shared, text) {
         Err(e) => failed(&e.into()),
         Ok(mut ast) => {
             ast.set_source(name);
@@ -202,6 +203,11 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
     let script_hash = hash(text, shared);
     let identity = hex(&script_hash);
     let stage = finish(shared, &engine, &|_| identity.clone());
+    if stage.actors.is_empty() {
+        let error = ApiError::new("nothing is on stage: no actor is cast")
+            .hint("let hero = cast(\"hero\", load(\"hero.glb\")); puts one there");
+        shared.note(Severity::Warning, &Place { file: name.to_string(), ..Place::default() }, &error);
+    }
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
     let diagnostics = std::mem::take(&mut build.diagnostics);
     if diagnostics.iter().any(|d| d.severity == Severity::Error) {
@@ -220,7 +226,7 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
         script_hash,
         warnings: diagnostics,
         parameters: std::mem::take(&mut build.parameters),
-        printed: std::mem::take(&mut build.printed),
+        printed: build.take_printed(shared.limits.printed),
     })
 }
 

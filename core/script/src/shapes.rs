@@ -31,6 +31,7 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     if let Some(asset) = c.build().shapes.get(&key) {
         return Ok(asset.clone());
     }
+    crate::build::room(c.build().shapes.len(), "shapes", &c.shared.limits)?;
     let size = read_size(&o, kind)?.as_vec3();
     let mut mesh = match kind {
         "plane" => plane(size),

@@ -122,7 +122,7 @@ fn a_cue_without_until_ends_with_its_clip_and_fades_while_moving() {
 #[test]
 fn frames_are_times() {
     let s = good(
-        r#"stage(#{ fps: 23.976, length: f(48) }); camera("c").cut(f(24)); camera("d").cut(f(12) + f(0.5));"#,
+        r#"stage(#{ fps: 23.976, length: f(48) }); cast("a", shape("box")); camera("c").cut(f(24)); camera("d").cut(f(12) + f(0.5));"#,
     );
     assert!(s.warnings.is_empty());
     let s = s.stage;

@@ -154,7 +154,7 @@ pub const DEFS: &[Def] = &[
 ];
 
 fn cast(c: &mut Call) -> Reply {
-    let name = c.text(0)?;
+    let name = c.name(0)?;
     let Some(asset) = c.value(1).try_cast::<AssetRef>() else {
         return Err(c.wrong(1, "an Asset, from load(…) or shape(…)"));
     };
@@ -257,7 +257,8 @@ fn scale(c: &mut Call) -> Reply {
     let allowed = |v: f64| (1e-6..=1e6).contains(&v.abs());
     if !factor.to_array().into_iter().all(allowed) {
         return Err(ApiError::new(format!(
-            "scale: factor must be from 0.000001 to 1000000 (or mirrored, negative), got {factor}"
+            "scale: factor must be from 0.000001 to 1000000 (or mirrored, negative), got {:?}, {:?}, {:?}",
+            factor.x, factor.y, factor.z
         ))
         .hint("use .hide() for what must not be seen"));
     }

@@ -2,6 +2,7 @@
 
 use crate::call::{ApiError, Call, Def, Gives, Reply, describe, unknown};
 use crate::folders::LoadError;
+use crate::limits::raise_hint;
 use crate::loader::ImportChoice;
 use crate::shapes;
 use crate::value::{AssetRef, ClipRef, Kind};
@@ -9,7 +10,7 @@ use choreo_motion::Clip;
 use choreo_plugin::OptionValue;
 use rhai::{Dynamic, Map};
 use std::sync::{Arc, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 pub const DEFS: &[Def] = &[
     Def::new(
@@ -73,12 +74,22 @@ fn load(c: &mut Call) -> Reply {
             choice.options.0.insert(key.to_string(), option_value(key, value)?);
         }
     }
-    // Loading takes as long as the files are large: the script's own time stands still.
+    let (loaded, most) = (c.shared.loader.loaded(), c.shared.limits.files);
+    if loaded as u64 >= most {
+        let error = ApiError::new("load: too many files").hint(raise_hint("files", most));
+        return Err(ApiError { fatal: true, ..error });
+    }
+    // Loading takes as long as the files are large: the script's own time stands still, but not for what fails or is there
+    // already, which could be asked for without end.
     let before = Instant::now();
     let start = c.shared.test().scene.as_ref().map(|scene| scene.folder.clone());
     let loaded = c.shared.loader.load_from(start.as_deref(), &name, &choice);
-    if let Some(deadline) = c.shared.deadline.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
-        *deadline += before.elapsed();
+    let taken = before.elapsed();
+    if let Some(deadline) = c.shared.deadline.lock().unwrap_or_else(PoisonError::into_inner).as_mut()
+        && loaded.is_ok()
+        && taken > Duration::from_millis(1)
+    {
+        *deadline += taken;
     }
     let asset = loaded.map_err(|e| from_load(e).focus(name))?;
     Ok(Dynamic::from(AssetRef { asset, dead: false }))

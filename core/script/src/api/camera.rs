@@ -103,7 +103,7 @@ fn draft(c: &Call, name: String) -> CameraDraft {
 }
 
 fn camera(c: &mut Call) -> Reply {
-    let name = c.text(0)?;
+    let name = c.name(0)?;
     let mut build = c.build();
     room(build.cameras.len(), "cameras", &c.shared.limits)?;
     if let Some(before) = build.cameras.iter().find(|k| k.name == name) {

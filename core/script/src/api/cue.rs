@@ -175,7 +175,7 @@ fn ease_of(name: &str) -> Ease {
 fn set_speed(cue: &mut CueDraft, speed: f64, label: &str) -> Result<(), ApiError> {
     if !(0.001..=1000.0).contains(&speed.abs()) {
         return Err(ApiError::new(format!(
-            "{label} must be from 0.001 to 1000 (or negative, backwards), got {speed}"
+            "{label} must be from 0.001 to 1000 (or negative, backwards), got {speed:?}"
         )));
     }
     cue.speed = speed.abs();

@@ -31,7 +31,7 @@ pub fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Fo
     };
     let draft = HookDraft { callback, context, at: c.place.clone() };
     let shared: Arc<Shared> = c.shared.clone();
-    let hook = ScriptHook::new(engine, shared, draft, "");
+    let hook = ScriptHook::new(engine, shared, draft, "", 1);
     Ok(Some(Formula(Arc::new(move |time| {
         let given = hook.value_at(time)?;
         let single = crate::call::number(&given, "").ok().map(|n| vec![n]);

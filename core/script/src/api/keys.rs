@@ -1,7 +1,7 @@
 //! `.key("position", [[t, value], …], how)`: keyed properties.
 
 use super::actor::{euler, morph_targets};
-use crate::call::{ApiError, Call, color, describe, number, numbers, one_of, rgb, time, wrong};
+use crate::call::{ApiError, Call, color, describe, number, number_in, numbers, one_of, rgb, time, wrong};
 use crate::limits::raise_hint;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::{Asset, Channel, Property};
@@ -66,9 +66,9 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
             values(&|v, l| {
                 let n = number(v, l)?;
                 if n < 0.0 {
-                    Err(ApiError::new(format!("{l} must not be negative, got {n}")))
+                    Err(ApiError::new(format!("{l} must not be negative, got {n:?}")))
                 } else {
-                    Ok(vec![n])
+                    number_in(v, l, 0.0, 1e9).map(|n| vec![n])
                 }
             })?,
         ),
@@ -81,7 +81,7 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
         }
         "rotation" => vec![rotation(c, how, &times, &values(&angles)?)?],
         _ => {
-            let weights = values(&|v, l| Ok(vec![number(v, l)?]))?;
+            let weights = values(&|v, l| Ok(vec![number_in(v, l, -1000.0, 1000.0)?]))?;
             let channel =
                 |(instance, target)| channel(Property::Morph { instance, target }, how, &times, &weights);
             targets.into_iter().map(channel).collect()
@@ -129,9 +129,8 @@ fn count(c: &Call, more: usize) -> Result<(), ApiError> {
     let mut build = c.build();
     build.keys += more as u64;
     if build.keys > c.shared.limits.keys {
-        return Err(
-            ApiError::new("key: too many keys on this stage").hint(raise_hint("keys", c.shared.limits.keys))
-        );
+        let error = ApiError::new("key: too many keys on this stage");
+        return Err(ApiError { fatal: true, ..error.hint(raise_hint("keys", c.shared.limits.keys)) });
     }
     Ok(())
 }
@@ -141,9 +140,15 @@ fn three(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
 }
 
 fn factors(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
-    match numbers(v).filter(|n| n.len() == 3) {
-        Some(three) => Ok(three),
-        None => number(v, label).map(|n| vec![n; 3]).map_err(|_| wrong(v, label, "a number or [x, y, z]")),
+    /// As for `scale`; but a thing may shrink to nothing on its way.
+    const LARGEST: f64 = 1e6;
+    let three = match numbers(v).filter(|n| n.len() == 3) {
+        Some(three) => three,
+        None => number(v, label).map(|n| vec![n; 3]).map_err(|_| wrong(v, label, "a number or [x, y, z]"))?,
+    };
+    match three.iter().all(|n| n.abs() <= LARGEST) {
+        true => Ok(three),
+        false => Err(wrong(v, label, "within ±1000000")),
     }
 }
 

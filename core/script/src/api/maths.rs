@@ -114,7 +114,7 @@ pub fn register(engine: &mut Engine) {
             return Ok(x as i64);
         }
         Err(Box::new(EvalAltResult::ErrorArithmetic(
-            format!("to_int: {x} does not fit an int"),
+            format!("to_int: {x:?} does not fit an int"),
             Position::NONE,
         )))
     });

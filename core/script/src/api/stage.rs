@@ -3,6 +3,7 @@
 use crate::build::{Parameter, room};
 use crate::call::{ApiError, Call, Def, Gives, Reply, color, numbers, point, rgb, wrong};
 use crate::hook::{HookDraft, own_captures};
+use crate::limits::raise_hint;
 use crate::value::{Kind, StageRef};
 use choreo_motion::{FrameRate, Time};
 use choreo_stage::Background;
@@ -64,11 +65,19 @@ fn stage(c: &mut Call) -> Reply {
         let sides = sides
             .ok_or_else(|| wrong(&size, "stage: size", "[width, height], whole numbers from 1 to 16384"))?;
         s.size = [sides[0] as u32, sides[1] as u32];
+        let (pixels, most) = (s.size[0] as u64 * s.size[1] as u64, c.shared.limits.pixels);
+        if pixels > most {
+            return Err(ApiError::new(format!(
+                "stage: a picture of {} x {} has too many pixels",
+                s.size[0], s.size[1]
+            ))
+            .hint(raise_hint("pixels", most)));
+        }
     }
     let mut length = None;
     if let Some(fps) = o.number("fps")? {
         s.fps = FrameRate::from_fps(fps)
-            .ok_or_else(|| ApiError::new(format!("stage: fps must be from 0.001 to 1000, got {fps}")))?;
+            .ok_or_else(|| ApiError::new(format!("stage: fps must be from 0.001 to 1000, got {fps:?}")))?;
         // The frames of `stage(#{ fps: 25, length: f(50) })` are counted before the call: they are counted again.
         let own_length = o.number("length").ok().flatten();
         let changed = s.fps != c.build_fps();
@@ -104,6 +113,14 @@ fn stage(c: &mut Call) -> Reply {
             return Err(ApiError::new(format!("stage: samples must be 1 or 4, got {samples}")));
         }
         s.samples = Some(samples as u32);
+    }
+    let frames = s.fps.frames_in(s.length);
+    if frames > i64::try_from(c.shared.limits.frames).unwrap_or(i64::MAX) {
+        let (length, fps) = (s.length.as_secs(), s.fps.as_fps());
+        return Err(ApiError::new(format!(
+            "stage: {length} s at {fps} frames a second are too many frames, {frames}"
+        ))
+        .hint(raise_hint("frames", c.shared.limits.frames)));
     }
     let place = c.place.clone();
     let mut build = c.build();
@@ -147,7 +164,7 @@ fn seconds(rate: FrameRate, frame: f64) -> f64 {
 }
 
 fn param(c: &mut Call) -> Reply {
-    let name = c.text(0)?;
+    let name = c.name(0)?;
     let valid = name.starts_with(|ch: char| ch.is_ascii_alphabetic() || ch == '_')
         && name.chars().all(|ch| ch.is_ascii_alphanumeric() || ch == '_' || ch == '-');
     if !valid {

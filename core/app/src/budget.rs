@@ -1,0 +1,102 @@
+//! How much a render may write, over all its files.
+
+use choreo_plugin::{ExportError, Exporter, FrameSink, Manifest, VideoInfo};
+use std::io::{Read, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+#[derive(Clone, Debug)]
+struct Budget {
+    limit: u64,
+    written: Arc<AtomicU64>,
+}
+
+impl Budget {
+    fn count(&self, inner: Box<dyn Write + Send>) -> Box<dyn Write + Send> {
+        Box::new(Counted { budget: self.clone(), inner })
+    }
+}
+
+/// An exporter whose bytes count; more than the limit is an error.
+pub struct Budgeted {
+    inner: Arc<dyn Exporter>,
+    budget: Budget,
+}
+
+impl Budgeted {
+    pub fn new(inner: Arc<dyn Exporter>, limit: u64) -> Budgeted {
+        Budgeted { inner, budget: Budget { limit, written: Arc::default() } }
+    }
+}
+
+type Begun = Result<Box<dyn FrameSink>, ExportError>;
+
+impl Exporter for Budgeted {
+    fn manifest(&self) -> &Manifest {
+        self.inner.manifest()
+    }
+    fn one_frame_per_file(&self) -> bool {
+        self.inner.one_frame_per_file()
+    }
+    fn notes(&self, info: &VideoInfo) -> Vec<String> {
+        self.inner.notes(info)
+    }
+    fn head_comes_last(&self) -> bool {
+        self.inner.head_comes_last()
+    }
+    fn begin(&self, info: &VideoInfo, out: Box<dyn Write + Send>) -> Begun {
+        self.inner.begin(info, self.budget.count(out))
+    }
+    fn resume(
+        &self,
+        info: &VideoInfo,
+        states: &[Vec<u8>],
+        so_far: &mut dyn Read,
+        out: Box<dyn Write + Send>,
+    ) -> Begun {
+        self.inner.resume(info, states, so_far, self.budget.count(out))
+    }
+}
+
+struct Counted {
+    budget: Budget,
+    inner: Box<dyn Write + Send>,
+}
+
+impl Write for Counted {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let before = self.budget.written.fetch_add(bytes.len() as u64, Ordering::Relaxed);
+        if before.saturating_add(bytes.len() as u64) > self.budget.limit {
+            return Err(std::io::Error::other(format!(
+                "the output is too large\n    hint: {}",
+                choreo_script::raise_hint("output", format!("{} bytes", self.budget.limit))
+            )));
+        }
+        let done = self.inner.write(bytes)?;
+        self.budget.written.fetch_sub((bytes.len() - done) as u64, Ordering::Relaxed);
+        Ok(done)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.inner.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_files_share_one_budget() {
+        let budget = Budget { limit: 10, written: Arc::default() };
+        let mut a = budget.count(Box::new(Vec::new()));
+        let mut b = budget.count(Box::new(Vec::new()));
+        a.write_all(&[0; 6]).unwrap();
+        b.write_all(&[0; 4]).unwrap();
+        let error = b.write_all(&[0]).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "the output is too large\n    hint: the limit is 10 bytes; raise it with --limit output=NUMBER if the script means it"
+        );
+    }
+}

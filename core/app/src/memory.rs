@@ -1,0 +1,45 @@
+//! The last resort where memory runs out: a script is told by the interpreter at which line; importers and renderers are
+//! watched from outside, and ended before the machine suffers.
+
+use crate::failure::Failure;
+use crate::part;
+use choreo_script::memory::in_use;
+use std::time::{Duration, Instant};
+
+/// How long the interpreter has to say it better.
+const PATIENCE: Duration = Duration::from_secs(2);
+const EVERY: Duration = Duration::from_millis(10);
+
+/// Ends the program with a message once it holds more than `limit` bytes.
+pub fn guard(limit: u64) {
+    if in_use() == 0 {
+        return;
+    }
+    // Where no thread can be had, the interpreter's own check is left.
+    let _ = std::thread::Builder::new().name("memory guard".into()).stack_size(256 << 10).spawn(move || {
+        let mut since = None;
+        loop {
+            std::thread::sleep(EVERY);
+            let now = in_use();
+            if now <= limit {
+                since = None;
+                continue;
+            }
+            let since = *since.get_or_insert_with(Instant::now);
+            if since.elapsed() > PATIENCE || now / 3 * 2 > limit {
+                end(now, limit);
+            }
+        }
+    });
+}
+
+fn end(now: u64, limit: u64) -> ! {
+    part::remove_parts();
+    let failure = Failure::input(format!(
+        "the program would need more memory than it may use: it holds {} MB\n    hint: smaller pictures, textures and models \
+         need less; the limit is {limit} bytes; raise it with --limit memory=NUMBER if the scene means it",
+        now / 1_000_000
+    ));
+    failure.lines().iter().for_each(|line| eprintln!("{line}"));
+    std::process::exit(i32::from(failure.code()))
+}

@@ -1,0 +1,60 @@
+//! What all actors take together: the sums that no single call can see.
+
+use crate::build::Build;
+use crate::call::{ApiError, Place};
+use crate::limits::{Limits, raise_hint};
+use choreo_stage::{Asset, Image};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// The first actor with which a sum is too much, and which sum.
+pub fn too_much(build: &Build, limits: &Limits) -> Option<(Place, ApiError)> {
+    let mut sums = [
+        ("joints", limits.joints, 0u64),
+        ("instances", limits.instances, 0),
+        ("vertices", limits.vertices, 0),
+        ("texels", limits.texels, 0),
+    ];
+    let mut seen: BTreeSet<*const Image> = BTreeSet::new();
+    for draft in &build.actors {
+        let asset = &draft.actor.asset;
+        let more = [
+            asset.skeleton.len() as u64,
+            asset.instances.len() as u64,
+            vertices(asset),
+            asset.images.iter().filter(|i| seen.insert(Arc::as_ptr(i))).map(|i| texels(i)).sum(),
+        ];
+        for ((name, limit, sum), more) in sums.iter_mut().zip(more) {
+            *sum = sum.saturating_add(more);
+            if *sum > *limit {
+                let error = ApiError::new(format!(
+                    "the actors up to \"{}\" have too many {}, {sum} together",
+                    draft.actor.name,
+                    in_words(name)
+                ));
+                return Some((draft.at.clone(), error.hint(raise_hint(name, limit))));
+            }
+        }
+    }
+    None
+}
+
+fn in_words(name: &str) -> &str {
+    match name {
+        "instances" => "meshes",
+        "texels" => "pixels in textures",
+        other => other,
+    }
+}
+
+fn vertices(asset: &Asset) -> u64 {
+    let of_mesh = |mesh: u32| -> u64 {
+        let primitives = asset.meshes.get(mesh as usize).map_or(&[][..], |m| &m.primitives);
+        primitives.iter().map(|p| p.positions.len() as u64).sum()
+    };
+    asset.instances.iter().map(|i| of_mesh(i.mesh)).sum()
+}
+
+fn texels(image: &Image) -> u64 {
+    u64::from(image.width) * u64::from(image.height)
+}

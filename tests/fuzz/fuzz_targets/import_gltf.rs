@@ -1,0 +1,7 @@
+//! glTF and GLB bytes; what is let through is played and drawn.
+#![no_main]
+
+use import_gltf::GltfImporter;
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|bytes: &[u8]| choreo_fuzz::import(&GltfImporter::new(), "fuzz.glb", bytes));

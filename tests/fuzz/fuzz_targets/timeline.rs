@@ -1,0 +1,182 @@
+//! Timelines built at random: seeking to any time gives the bits that playing up to it gives, in any order, and anything
+//! that `Stage::check` lets through can be evaluated at any time.
+#![no_main]
+
+use choreo_fuzz::finite;
+use choreo_motion::{Interpolation, Time};
+use choreo_plugin::{Importer, Needs, Source};
+use choreo_stage::*;
+use glam::{DQuat, DVec3, Vec3};
+use libfuzzer_sys::arbitrary::{Result, Unstructured};
+use libfuzzer_sys::fuzz_target;
+use std::sync::{Arc, LazyLock};
+
+static PERSON: LazyLock<Arc<Asset>> = LazyLock::new(|| {
+    let source = Source { name: "choreo:mannequin".into(), bytes: Arc::default() };
+    let asset = import_mannequin::Mannequin.import(&source, &choreo_fuzz::Nothing, Needs::ALL, &Default::default());
+    Arc::new(asset.expect("the built-in figure can be made"))
+});
+
+fn time(u: &mut Unstructured) -> Result<Time> {
+    Ok(match u.int_in_range(0..=9)? {
+        0 => Time::from_secs(f64::from(u.arbitrary::<i32>()?) / 1000.0),
+        1 => Time(u.int_in_range(-1_000..=1_000)?),
+        _ => Time::from_secs(f64::from(u.int_in_range(-500..=4_000i32)?) / 500.0),
+    })
+}
+
+fn span(u: &mut Unstructured) -> Result<Time> {
+    Ok(Time::from_secs(f64::from(u.int_in_range(0..=2_000u32)?) / 1000.0))
+}
+
+fn number(u: &mut Unstructured) -> Result<f64> {
+    Ok(match u.int_in_range(0..=15)? {
+        0 => u.arbitrary::<f64>()?,
+        1 => [0.0, -0.0, 1e15, -1e15, 1e-12, 1e6][u.choose_index(6)?],
+        _ => f64::from(u.arbitrary::<i16>()?) / 500.0,
+    })
+}
+
+fn point(u: &mut Unstructured) -> Result<DVec3> {
+    Ok(DVec3::new(number(u)?, number(u)?, number(u)?))
+}
+
+fn target(u: &mut Unstructured, actors: usize) -> Result<Target> {
+    let actor = u.int_in_range(0..=actors)?;
+    Ok(match u.int_in_range(0..=2)? {
+        0 => Target::Point(point(u)?),
+        1 => Target::Actor(actor),
+        _ => Target::Joint { actor, joint: u.int_in_range(0..=60)? },
+    })
+}
+
+fn cue(u: &mut Unstructured) -> Result<Cue> {
+    let clip = PERSON.clips[u.choose_index(PERSON.clips.len())?].clone();
+    let ends = [span(u)?, span(u)?];
+    let trim = if u.arbitrary()? { (Time::ZERO, clip.duration) } else { (ends[0].min(ends[1]), ends[0].max(ends[1])) };
+    Ok(Cue {
+        clip,
+        start: time(u)?,
+        end: if u.arbitrary()? { Some(time(u)?) } else { None },
+        fade_in: span(u)?,
+        fade_out: span(u)?,
+        ease: if u.arbitrary()? { Ease::Linear } else { Ease::Smooth },
+        speed: number(u)?,
+        trim,
+        repeat: [Repeat::Once, Repeat::Loop, Repeat::PingPong][u.choose_index(3)?],
+        weight: f32::from(u.arbitrary::<u8>()?) / 255.0,
+    })
+}
+
+fn channel(u: &mut Unstructured) -> Result<Channel> {
+    let property = [Property::Translation, Property::Rotation, Property::Scale, Property::Visible, Property::Tint];
+    let property = property[u.choose_index(5)?];
+    let interpolation = [Interpolation::Step, Interpolation::Linear, Interpolation::CubicSpline][u.choose_index(3)?];
+    let mut times = (0..u.int_in_range(1..=4)?).map(|_| time(u)).collect::<Result<Vec<_>>>()?;
+    times.sort_unstable();
+    times.dedup();
+    let width = property.width() * if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+    let values = (0..times.len() * width).map(|_| number(u)).collect::<Result<Vec<_>>>()?;
+    Ok(Channel { property, interpolation, times, values })
+}
+
+fn stage(u: &mut Unstructured) -> Result<Stage> {
+    let mut stage = Stage::default();
+    stage.settings.size = [u.int_in_range(1..=64)?, u.int_in_range(1..=64)?];
+    let count = u.int_in_range(1..=3usize)?;
+    let joints = PERSON.skeleton.len();
+    for i in 0..count {
+        let id = stage.cast(&format!("a{i}"), PERSON.clone());
+        for _ in 0..u.int_in_range(0..=2)? {
+            let mut cues = (0..u.int_in_range(0..=4)?).map(|_| cue(u)).collect::<Result<Vec<_>>>()?;
+            cues.sort_by_key(|c| c.start);
+            let mask = if u.arbitrary()? {
+                Some(Arc::new((0..joints).map(|j| if j % 3 == 0 { 1.0 } else { 0.25 }).collect()))
+            } else {
+                None
+            };
+            stage.actors[id].layers.push(Layer { mask, cues });
+        }
+        let actor = &mut stage.actors[id];
+        actor.transform.translation = point(u)?;
+        actor.transform.rotation = DQuat::from_rotation_y(number(u)? % 7.0);
+        actor.visible = u.ratio(7, 8)?;
+        if u.ratio(1, 3)? {
+            actor.channels.push(channel(u)?);
+        }
+        if u.ratio(1, 3)? {
+            let joint = if u.arbitrary()? { Some(u.int_in_range(0..=60)?) } else { None };
+            actor.parent = Some(Attachment { actor: u.int_in_range(0..=count)?, joint });
+        }
+        if u.ratio(1, 4)? {
+            actor.face = Some(u.int_in_range(0..=count)?);
+        }
+        if u.ratio(1, 3)? {
+            let (target, joint) = (target(u, count)?, u.int_in_range(0..=60)?);
+            let end = if u.arbitrary()? { Some(time(u)?) } else { None };
+            actor.look_at.push(LookAt { joint, target, start: time(u)?, end, fade: span(u)?, weight: 0.75 });
+        }
+    }
+    for i in 0..u.int_in_range(0..=2)? {
+        let rig = match u.int_in_range(0..=3)? {
+            0 => Rig::Fixed { position: point(u)?, rotation: DQuat::IDENTITY, look_at: Some(target(u, count)?) },
+            1 => Rig::Follow { target: target(u, count)?, offset: point(u)? },
+            2 => Rig::Orbit {
+                target: target(u, count)?,
+                distance: number(u)?.abs(),
+                elevation: 0.3,
+                azimuth: number(u)?,
+                speed: number(u)?,
+            },
+            _ => Rig::Frame { azimuth: number(u)?, elevation: 0.2 },
+        };
+        let camera = Camera { name: format!("c{i}"), projection: Projection::default(), rig, channels: Vec::new() };
+        stage.cameras.push(camera);
+        stage.cuts.push(Cut { at: time(u)?, camera: i });
+    }
+    stage.cuts.sort_by_key(|c| c.at);
+    if u.ratio(1, 4)? {
+        let parent = Some(Attachment { actor: u.int_in_range(0..=count)?, joint: None });
+        let light = Light::default();
+        let channels = Vec::new();
+        let position = point(u)?;
+        stage.lights.push(StageLight { name: "l".into(), light, position, direction: -Vec3::Y, parent, channels });
+    }
+    Ok(stage)
+}
+
+/// All bits of a snapshot, as text: `{:?}` of a float tells every one apart but the kinds of NaN.
+fn shown(stage: &Result2<Snapshot>) -> String {
+    format!("{stage:?}")
+}
+
+type Result2<T> = std::result::Result<T, StageError>;
+
+fn compare(u: &mut Unstructured) -> Result<()> {
+    let stage = stage(u)?;
+    if !stage.check().is_empty() {
+        // Lenient: it leaves out what is not there, and must not panic.
+        let _ = stage.at(time(u)?);
+        return Ok(());
+    }
+    let mut times = (0..u.int_in_range(2..=6)?).map(|_| time(u)).collect::<Result<Vec<_>>>()?;
+    let sought: Vec<String> = times.iter().map(|t| shown(&stage.at(*t))).collect();
+    let mut order: Vec<usize> = (0..times.len()).collect();
+    order.sort_by_key(|i| times[*i]);
+    let mut evaluator = Evaluator::new(Arc::new(stage));
+    let mut snapshot = Snapshot::default();
+    for i in order.iter().copied().chain(order.iter().rev().copied()).chain(0..times.len()) {
+        let played = evaluator.at_into(times[i], &mut snapshot).map(|()| snapshot.clone());
+        assert_eq!(shown(&played), sought[i], "at {} s", times[i].as_secs());
+        if let Ok(played) = &played {
+            finite(played);
+        }
+    }
+    times.clear();
+    Ok(())
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    // Too few bytes is no finding.
+    let _ = compare(&mut Unstructured::new(bytes));
+});
