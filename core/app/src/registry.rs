@@ -13,6 +13,7 @@ pub fn registry() -> Registry {
     let mut registry = Registry::default();
     registry.add_importer(import_gltf::GltfImporter);
     registry.add_importer(import_mannequin::Mannequin);
+    registry.add_importer(import_fbx::FbxImporter);
     registry.add_importer(import_bvh::BvhImporter);
     registry.add_importer(import_obj::ObjImporter);
     registry.add_importer(import_stl::StlImporter);

@@ -25,7 +25,12 @@ pub fn add_bones(asset: &mut Asset) {
     let model_from_joint = rest(&skeleton);
     let mut primitive = Primitive { influences: 4, ..Primitive::default() };
     let at = |joint: usize| model_from_joint[joint].translation;
+    // Lone nodes, such as a program's own cameras far away, are no part of the skeleton's size.
+    let mut linked: Vec<bool> = skeleton.parents().iter().map(Option::is_some).collect();
+    skeleton.parents().iter().flatten().for_each(|p| linked[*p as usize] = true);
+    let alone = !linked.contains(&true);
     let (min, max) = (0..skeleton.len())
+        .filter(|joint| alone || linked[*joint])
         .map(at)
         .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(p), max.max(p)));
     let size = (max - min).max_element();

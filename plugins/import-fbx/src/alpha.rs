@@ -1,0 +1,50 @@
+//! How a material with a see-through picture is drawn: cut out where its alpha is all or nothing, else blended.
+
+use choreo_stage::asset::{AlphaMode, Image};
+
+/// Where a material's alpha comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alpha {
+    /// The number in its base colour.
+    Constant,
+    /// The alpha of its base colour's picture.
+    OfTexture,
+}
+
+/// Share of texels between clear and solid above which edges are not all there is to them.
+const SOFT_SHARE: f64 = 0.1;
+
+pub fn mode(image: &Image) -> AlphaMode {
+    let mut clear = 0usize;
+    let mut soft = 0usize;
+    for alpha in image.rgba.chunks_exact(4).map(|p| p[3]) {
+        match alpha {
+            0..=15 => clear += 1,
+            240..=255 => {}
+            _ => soft += 1,
+        }
+    }
+    let all = image.rgba.len() / 4;
+    match (clear, soft) {
+        (0, 0) => AlphaMode::Opaque,
+        _ if soft as f64 > SOFT_SHARE * all as f64 => AlphaMode::Blend,
+        _ => AlphaMode::Mask(0.5),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(alphas: &[u8]) -> Image {
+        let rgba = alphas.iter().flat_map(|a| [1, 2, 3, *a]).collect();
+        Image { name: String::new(), width: alphas.len() as u32, height: 1, rgba }
+    }
+
+    #[test]
+    fn cut_out_or_blended() {
+        assert_eq!(mode(&image(&[255; 8])), AlphaMode::Opaque);
+        assert_eq!(mode(&image(&[255, 255, 0, 0])), AlphaMode::Mask(0.5));
+        assert_eq!(mode(&image(&[128; 8])), AlphaMode::Blend);
+    }
+}

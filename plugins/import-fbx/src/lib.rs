@@ -1,0 +1,113 @@
+//! Autodesk FBX into an [`Asset`], by the C library ufbx. What it reads, limits and options: README.md.
+
+#[cfg(test)]
+mod accuracy;
+mod alpha;
+mod clips;
+mod convert;
+mod file;
+mod keys;
+mod load;
+mod materials;
+mod meshes;
+mod morphs;
+mod nodes;
+mod objects;
+mod refine;
+mod skinning;
+mod textures;
+mod vertices;
+
+use choreo_import::{Result, bones, pictures};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_stage::Asset;
+use file::File;
+use std::sync::{Arc, LazyLock};
+
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new(
+        "fbx",
+        env!("CARGO_PKG_VERSION"),
+        "Autodesk FBX 6.1–7.7, binary or text: meshes, skins, blend shapes, clips, materials, cameras, lights",
+    )
+    .extensions(["fbx"])
+    .magic(BINARY_MAGIC)
+    .number("rate", "keys a second where a curve is no straight line; 0: the file's own rate, and more where they are needed", 0.0, 0.0..=1000.0)
+    .flag("bones", "show the bones of a file that has no mesh", true)
+    .flag("hidden", "show meshes that the file hides, too", false)
+    .flag("vertex_colors", "multiply the mesh's colours, taken as sRGB, into the material", true)
+});
+
+const BINARY_MAGIC: &[u8] = b"Kaydara FBX Binary  \0";
+/// How far into a text file its first section may be.
+const TEXT_HEAD: usize = 4096;
+
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FbxImporter;
+
+impl Importer for FbxImporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    /// Binary files by their magic number, text by its first section.
+    fn claim(&self, source: &Source) -> Claim {
+        let head = &source.bytes[..source.bytes.len().min(TEXT_HEAD)];
+        if head.starts_with(BINARY_MAGIC) {
+            return Claim::Content(100);
+        }
+        let says = |word: &[u8]| head.windows(word.len()).any(|w| w == word);
+        if says(b"FBXHeaderExtension:") && !head.contains(&0) {
+            return Claim::Content(95);
+        }
+        if MANIFEST.has_extension(&source.extension()) { Claim::Extension } else { Claim::NotMine }
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        files: &dyn Files,
+        needs: Needs,
+        options: &ImportOptions,
+    ) -> std::result::Result<Asset, ImportError> {
+        import(source, files, needs, options).map_err(|p| p.in_file(&source.name))
+    }
+}
+
+fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+    let scene = load::load(&source.bytes, needs)?;
+    let file = File::new(&scene, source.bytes.len(), files, needs, options);
+    load::pass_warnings(&file);
+    let tree = nodes::read(&file)?;
+    let mut table = textures::Table::default();
+    let mut materials = materials::read(&file, &mut table)?;
+
+    // Pictures take as long as everything else together: they are decoded beside it.
+    let (pictures, rest) = pictures::decode_beside(table.pictures(), || decode(&file, &tree, &materials));
+    let mut asset = rest?;
+    let show_bones = options.bool("bones").unwrap_or(true) && !scene.bones.is_empty();
+    asset.name = source.name.clone();
+    asset.images = table.finish(&file, pictures, &mut materials)?;
+    asset.materials = materials.into_iter().map(|m| m.material).collect();
+    asset.origin = file.origin();
+    asset.skeleton = Arc::new(tree.skeleton);
+    asset.warnings = file.notes.into_warnings();
+    if needs.geometry && show_bones && asset.instances.is_empty() {
+        bones::add_bones(&mut asset);
+    }
+    Ok(asset)
+}
+
+fn decode(file: &File<'_>, tree: &nodes::Tree, materials: &[materials::Read]) -> Result<Asset> {
+    let mut asset = Asset::default();
+    let shown = meshes::shown(file, tree);
+    if file.needs.geometry {
+        meshes::read(file, tree, &shown, materials, &mut asset)?;
+    }
+    asset.cameras = objects::cameras(file, tree)?;
+    asset.lights = objects::lights(file, tree)?;
+    if file.needs.clips {
+        asset.clips = clips::read(file, tree, &shown)?;
+    }
+    Ok(asset)
+}

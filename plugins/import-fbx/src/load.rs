@@ -1,0 +1,122 @@
+//! The file through ufbx: what it is asked for, the limits it works under, what it says when it gives up.
+
+use crate::file::File;
+use choreo_import::{Problem, Result};
+use choreo_plugin::Needs;
+use std::cell::Cell;
+use ufbx::{
+    AllocatorOpts, CoordinateAxes, ElementType, ErrorType, FileFormat, GeometryTransformHandling,
+    IndexErrorHandling, InheritModeHandling, LoadOpts, MirrorAxis, ProgressCb, ProgressResult, SceneRoot,
+    SpaceConversion, WarningType,
+};
+
+/// Nodes below one another.
+pub const MAX_DEPTH: u32 = 4096;
+/// Each of three: what ufbx works with, what it hands over, what the importer makes of that. The first is free again before
+/// the third grows, so that together they stay within 16 times the file and 64 MiB.
+pub const MEMORY_OF_FILE: usize = 8;
+pub const MEMORY_BESIDE: usize = 32 << 20;
+
+/// Bytes that one of the three may take for a file of this size.
+pub fn memory_limit(file_size: usize) -> usize {
+    file_size.saturating_mul(MEMORY_OF_FILE).saturating_add(MEMORY_BESIDE)
+}
+
+pub fn allocator(file_size: usize) -> AllocatorOpts {
+    AllocatorOpts {
+        memory_limit: memory_limit(file_size),
+        // Small files would else take chunks that they do not fill.
+        max_chunk_size: 1 << 20,
+        huge_threshold: 64 << 10,
+        ..AllocatorOpts::default()
+    }
+}
+
+/// The file from memory: ufbx opens nothing itself.
+pub fn load(bytes: &[u8], needs: Needs) -> Result<SceneRoot> {
+    let reached = Cell::new(0);
+    let progress = |p: &ufbx::Progress| {
+        reached.set(p.bytes_read);
+        ProgressResult::Continue
+    };
+    let axes = CoordinateAxes::right_handed_y_up();
+    let options = LoadOpts {
+        temp_allocator: allocator(bytes.len()),
+        result_allocator: allocator(bytes.len()),
+        ignore_geometry: !needs.geometry,
+        ignore_animation: !needs.clips,
+        ignore_embedded: !needs.textures,
+        load_external_files: false,
+        file_format: FileFormat::Fbx,
+        node_depth_limit: MAX_DEPTH,
+        index_error_handling: IndexErrorHandling::Clamp,
+        clean_skin_weights: true,
+        generate_missing_normals: true,
+        normalize_normals: true,
+        use_blender_pbr_material: true,
+        // One tree of translations, rotations and scales, in metres: what it cannot say otherwise becomes helper nodes.
+        geometry_transform_handling: GeometryTransformHandling::ModifyGeometry,
+        inherit_mode_handling: InheritModeHandling::Compensate,
+        space_conversion: SpaceConversion::ModifyGeometry,
+        handedness_conversion_axis: MirrorAxis::X,
+        target_axes: axes,
+        target_unit_meters: 1.0,
+        target_camera_axes: axes,
+        target_light_axes: axes,
+        geometry_transform_helper_name: "(geometry)".into(),
+        scale_helper_name: "(scale)".into(),
+        progress_cb: ProgressCb::Ref(&progress),
+        progress_interval_hint: 256,
+        ..LoadOpts::default()
+    };
+    ufbx::load_memory(bytes, options).map_err(|error| problem(&error, reached.get(), bytes.len()))
+}
+
+/// ufbx does not say where it stopped; how far it had read is known.
+fn problem(error: &ufbx::Error, reached: u64, size: usize) -> Problem {
+    let place = format!("byte {} of {size}", reached.min(size as u64));
+    let info = error.info();
+    let described = match (error.description.as_ref(), info) {
+        (what, "") => what.to_string(),
+        (what, info) => format!("{what} ({info})"),
+    };
+    let limit = memory_limit(size) >> 20;
+    match error.type_ {
+        ErrorType::EmptyFile => Problem::new("byte 0", "the file is empty"),
+        ErrorType::TruncatedFile => {
+            Problem::new(place, "the file ends too early").hint("it was cut off while it was copied or saved")
+        }
+        ErrorType::MemoryLimit | ErrorType::AllocationLimit | ErrorType::OutOfMemory => Problem::new(
+            place,
+            format!("needs more than {limit} MiB, which is the limit for a file of {size} bytes (8 times its size and 32 MiB)"),
+        )
+        .hint("the file is damaged, or its data are packed beyond all measure"),
+        ErrorType::NodeDepthLimit => {
+            Problem::new(place, format!("has nodes more than {MAX_DEPTH} deep, which is the limit"))
+        }
+        ErrorType::UnrecognizedFileFormat => Problem::new("byte 0", "is not an FBX file"),
+        ErrorType::UnsupportedVersion => Problem::new(place, format!("is of a version that cannot be read: {described}"))
+            .hint("export it again as FBX 2013 or later"),
+        _ => Problem::new(place, format!("is damaged: {described}")),
+    }
+}
+
+/// What ufbx had to guess.
+pub fn pass_warnings(file: &File<'_>) {
+    let element = |w: &ufbx::Warning| file.scene.elements.as_ref().get(w.element_id as usize);
+    let mut names = 0;
+    for warning in &file.scene.metadata.warnings {
+        if warning.type_ == WarningType::BadUnicode {
+            // MotionBuilder writes such names for what is no part of the scene.
+            let of_scene = element(warning).is_none_or(|e| e.type_ != ElementType::Unknown);
+            names += if of_scene { warning.count } else { 0 };
+            continue;
+        }
+        let place = element(warning).map_or(String::new(), |e| crate::file::place_of(e));
+        let times = if warning.count > 1 { format!(" ({} times)", warning.count) } else { String::new() };
+        file.notes.warn(place, format!("{}{times}", warning.description.as_ref()));
+    }
+    if names > 0 {
+        file.notes.warn("", format!("{names} texts are not UTF-8; what cannot be read in them is replaced"));
+    }
+}

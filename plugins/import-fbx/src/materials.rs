@@ -1,0 +1,313 @@
+//! Materials: Phong and Lambert as Blinn–Phong, the physical ones of 3ds Max, Arnold, Stingray and Blender as metallic-roughness.
+
+use crate::alpha::Alpha;
+use crate::file::{File, place_of};
+use crate::textures::{Channel, Source, Table};
+use choreo_import::Result;
+use choreo_stage::asset::{AlphaMode, Material, Shading, TextureRef};
+use glam::{Vec3, Vec4};
+use ufbx::{MaterialMap, ShaderType, Texture};
+
+/// Reflectance of a dielectric of index 1.5 looked at straight on, which `Material::specular_color` multiplies.
+const DIELECTRIC_F0: f32 = 0.04;
+
+/// A material, and what becomes of it when its pictures are known.
+pub struct Read {
+    pub material: Material,
+    /// Sets of texture coordinates that its textures name.
+    pub uv_names: Vec<String>,
+    pub alpha: Alpha,
+}
+
+pub fn read(file: &File<'_>, table: &mut Table) -> Result<Vec<Read>> {
+    let scene = file.scene;
+    file.charge(scene.materials.len(), size_of::<Read>() + 64, || "materials".into())?;
+    // The first mesh that uses each material says which set a name means.
+    let mut mesh_of = vec![None; scene.materials.len()];
+    for mesh in &scene.meshes {
+        for material in &mesh.materials {
+            if let Some(slot) = mesh_of.get_mut(material.element.typed_id as usize) {
+                slot.get_or_insert(mesh);
+            }
+        }
+    }
+    let mut out = Vec::with_capacity(scene.materials.len());
+    for (material, mesh) in scene.materials.as_ref().iter().zip(mesh_of) {
+        let place = place_of(&material.element);
+        let mut reader = Reader { file, table, place: &place, mesh, uv_names: Vec::new() };
+        let (mut own, alpha) = match material.shader_type {
+            ShaderType::FbxLambert
+            | ShaderType::FbxPhong
+            | ShaderType::Unknown
+            | ShaderType::WavefrontMtl => reader.phong(material)?,
+            _ => reader.physical(material)?,
+        };
+        own.name = material.element.name.to_string();
+        let double_sided = &material.features.double_sided;
+        // FBX's own materials do not cull.
+        own.double_sided = !double_sided.is_explicit || double_sided.enabled;
+        if material.features.unlit.enabled {
+            own.shading = Shading::Unlit;
+        }
+        repair(file, &mut own, &place);
+        out.push(Read { material: own, uv_names: reader.uv_names, alpha });
+    }
+    Ok(out)
+}
+
+struct Reader<'a, 'f> {
+    file: &'a File<'f>,
+    table: &'a mut Table,
+    place: &'a str,
+    mesh: Option<&'a ufbx::Mesh>,
+    uv_names: Vec<String>,
+}
+
+fn real(map: &MaterialMap, default: f32) -> f32 {
+    if map.has_value { map.value_vec4.x as f32 } else { default }
+}
+
+fn color(map: &MaterialMap, default: Vec3) -> Vec3 {
+    let v = &map.value_vec4;
+    if map.has_value { Vec3::new(v.x as f32, v.y as f32, v.z as f32) } else { default }
+}
+
+fn texture(map: &MaterialMap) -> Option<&Texture> {
+    map.texture.as_ref().filter(|_| map.texture_enabled).map(|t| t.as_ref())
+}
+
+impl Reader<'_, '_> {
+    /// A connected texture replaces the colour; the factor stays.
+    fn tinted(
+        &mut self,
+        map: &MaterialMap,
+        factor: f32,
+        default: Vec3,
+    ) -> Result<(Vec3, Option<TextureRef>)> {
+        let found = self.texture(texture(map))?;
+        let own = if found.is_some() { Vec3::ONE } else { color(map, default) };
+        Ok((own * factor, found))
+    }
+
+    fn texture(&mut self, texture: Option<&Texture>) -> Result<Option<TextureRef>> {
+        let Some(texture) = texture else { return Ok(None) };
+        let slot = self.uv_slot(texture);
+        self.table.reference(self.file, texture, slot)
+    }
+
+    /// 0 for the mesh's first set of texture coordinates, 1 for any other.
+    fn uv_slot(&mut self, texture: &Texture) -> u8 {
+        let name = texture.uv_set.as_ref();
+        let set = self.mesh.and_then(|m| m.uv_sets.as_ref().iter().position(|s| s.name.as_ref() == name));
+        match set {
+            Some(set) if set > 0 => {
+                self.uv_names.push(name.to_string());
+                1
+            }
+            _ => 0,
+        }
+    }
+
+    /// FBX's own shading models.
+    fn phong(&mut self, m: &ufbx::Material) -> Result<(Material, Alpha)> {
+        let fbx = &m.fbx;
+        let (diffuse, base_color_texture) =
+            self.tinted(&fbx.diffuse_color, real(&fbx.diffuse_factor, 1.0), Vec3::splat(0.8))?;
+        let (emissive, emissive_texture) =
+            self.tinted(&fbx.emission_color, real(&fbx.emission_factor, 1.0), Vec3::ZERO)?;
+        let mut out = Material {
+            shading: Shading::BlinnPhong,
+            base_color: diffuse.extend(1.0),
+            base_color_texture,
+            metallic: 0.0,
+            emissive,
+            emissive_texture,
+            specular_color: Vec3::ZERO,
+            ..Material::default()
+        };
+        if m.shader_type != ShaderType::FbxLambert {
+            let (specular, texture) =
+                self.tinted(&fbx.specular_color, real(&fbx.specular_factor, 1.0), Vec3::ZERO)?;
+            // Phong's lobe about the reflection is as wide as Blinn's about the half vector at four times the exponent; ours is
+            // normalised, FBX's is not: the highlight's middle keeps its brightness.
+            out.shininess = (4.0 * real(&fbx.specular_exponent, 20.0)).clamp(1.0, 4096.0);
+            out.specular_color = specular * (8.0 / (out.shininess + 8.0));
+            out.specular_color_texture = texture;
+        }
+        out.normal_texture = self.normal(texture(&fbx.normal_map), texture(&fbx.bump))?;
+        let cover = texture(&fbx.transparency_color).or(texture(&fbx.transparency_factor));
+        let alpha = match cover {
+            // The map says how much shows through.
+            Some(cover) => self.cover(cover, base_texture(m), &mut out, true)?,
+            None => {
+                out.base_color.w = self.opacity(m);
+                Alpha::Constant
+            }
+        };
+        Ok((out, alpha))
+    }
+
+    /// Programs disagree on `TransparencyFactor`: what would make the material invisible is taken for "not transparent".
+    fn opacity(&self, m: &ufbx::Material) -> f32 {
+        let explicit = m.element.props.props.as_ref().iter().find(|p| p.name.as_ref() == "Opacity");
+        if let Some(opacity) = explicit {
+            return (opacity.value_vec4.x as f32).clamp(0.0, 1.0);
+        }
+        let seen_through = color(&m.fbx.transparency_color, Vec3::ONE).element_sum() / 3.0;
+        let transparent = (real(&m.fbx.transparency_factor, 0.0) * seen_through).clamp(0.0, 1.0);
+        if transparent >= 1.0 {
+            self.file.notes.warn(self.place, "is wholly transparent by the file's word, which some programs write for solid materials; it is shown solid");
+            return 1.0;
+        }
+        1.0 - transparent
+    }
+
+    fn physical(&mut self, m: &ufbx::Material) -> Result<(Material, Alpha)> {
+        let pbr = &m.pbr;
+        let multiplies = m.shader_type == ShaderType::GltfMaterial;
+        let (mut base, base_color_texture) =
+            self.tinted(&pbr.base_color, real(&pbr.base_factor, 1.0), Vec3::splat(0.8))?;
+        if multiplies {
+            base = color(&pbr.base_color, Vec3::ONE) * real(&pbr.base_factor, 1.0);
+        }
+        let (emissive, emissive_texture) =
+            self.tinted(&pbr.emission_color, real(&pbr.emission_factor, 1.0), Vec3::ZERO)?;
+        let glossy = m.features.roughness_as_glossiness.enabled;
+        let roughness = match glossy {
+            true => 1.0 - real(&pbr.glossiness, real(&pbr.roughness, 0.5)),
+            false => real(&pbr.roughness, 0.5),
+        };
+        let mut out = Material {
+            base_color: base.extend(1.0),
+            base_color_texture,
+            emissive,
+            emissive_texture,
+            roughness,
+            metallic: real(&pbr.metalness, 0.0),
+            specular: real(&pbr.specular_factor, 1.0).clamp(0.0, 1.0),
+            ..Material::default()
+        };
+        if m.shader_type == ShaderType::E3DsMaxPbrSpecGloss {
+            let (specular, texture) = self.tinted(&pbr.specular_color, 1.0, Vec3::splat(DIELECTRIC_F0))?;
+            out.specular_color = specular / DIELECTRIC_F0;
+            out.specular_color_texture = texture;
+        } else {
+            out.specular_color = color(&pbr.specular_color, Vec3::ONE);
+        }
+        self.metal_and_roughness(pbr, glossy, &mut out)?;
+        out.normal_texture = self.normal(texture(&pbr.normal_map), texture(&m.fbx.bump))?;
+        out.occlusion_texture = self.texture(texture(&pbr.ambient_occlusion))?;
+        let alpha = match texture(&pbr.opacity) {
+            Some(cover) => self.cover(cover, texture(&pbr.base_color), &mut out, false)?,
+            None => {
+                out.base_color.w = real(&pbr.opacity, 1.0).clamp(0.0, 1.0);
+                Alpha::Constant
+            }
+        };
+        if m.features.transmission.enabled && real(&pbr.transmission_factor, 0.0) > 0.0 {
+            self.file.notes.warn(self.place, "lets light through, which is not drawn");
+        }
+        Ok((out, alpha))
+    }
+
+    /// Two pictures, or one for both, as the green and blue of one.
+    fn metal_and_roughness(
+        &mut self,
+        pbr: &ufbx::MaterialPbrMaps,
+        glossy: bool,
+        out: &mut Material,
+    ) -> Result<()> {
+        let rough = texture(if glossy && pbr.glossiness.texture.is_some() {
+            &pbr.glossiness
+        } else {
+            &pbr.roughness
+        });
+        let metal = texture(&pbr.metalness);
+        let slot = rough.or(metal).map_or(0, |t| self.uv_slot(t));
+        let rough_source = rough.map(|t| Source { texture: t, channel: Channel::Gray, invert: glossy });
+        let metal_source = metal.map(|t| Source { texture: t, channel: Channel::Gray, invert: false });
+        if let Some(made) = self.table.combined(self.file, [None, rough_source, metal_source, None], slot)? {
+            if rough.is_some() {
+                out.roughness = 1.0;
+            }
+            if metal.is_some() {
+                out.metallic = 1.0;
+            }
+            out.metallic_roughness_texture = Some(made);
+        }
+        Ok(())
+    }
+
+    /// Many programs write normal maps where FBX has bumps; a true height map is left.
+    fn normal(&mut self, normal: Option<&Texture>, bump: Option<&Texture>) -> Result<Option<TextureRef>> {
+        if normal.is_some() {
+            return self.texture(normal);
+        }
+        let Some(bump) = bump else { return Ok(None) };
+        let said =
+            format!("{} {}", bump.element.name.as_ref(), bump.relative_filename.as_ref()).to_lowercase();
+        if ["normal", "nrm", "_n.", "_nor"].iter().any(|mark| said.contains(mark)) {
+            return self.texture(Some(bump));
+        }
+        self.file
+            .notes
+            .warn(self.place, format!("has a height map, {}, which is not drawn", place_of(&bump.element)));
+        Ok(None)
+    }
+
+    /// A picture of where the surface is: the alpha of the base colour's picture, or one of its own put into that.
+    fn cover(
+        &mut self,
+        cover: &Texture,
+        base: Option<&Texture>,
+        out: &mut Material,
+        shows_through: bool,
+    ) -> Result<Alpha> {
+        let same = match (self.table.picture(self.file, cover)?, base) {
+            (None, _) => return Ok(Alpha::Constant),
+            (Some(cover), Some(base)) => self.table.picture(self.file, base)? == Some(cover),
+            (Some(_), None) => false,
+        };
+        if same {
+            return Ok(Alpha::OfTexture);
+        }
+        let slot = self.uv_slot(base.unwrap_or(cover));
+        let of = |channel| base.map(|texture| Source { texture, channel, invert: false });
+        let alpha = Source { texture: cover, channel: Channel::AlphaOrGray, invert: shows_through };
+        let sources = [of(Channel::Red), of(Channel::Green), of(Channel::Blue), Some(alpha)];
+        if let Some(made) = self.table.combined(self.file, sources, slot)? {
+            out.base_color_texture = Some(made);
+        }
+        Ok(Alpha::OfTexture)
+    }
+}
+
+fn base_texture(m: &ufbx::Material) -> Option<&Texture> {
+    texture(&m.fbx.diffuse_color)
+}
+
+/// Numbers that no renderer can use.
+fn repair(file: &File<'_>, m: &mut Material, place: &str) {
+    let mut bad = false;
+    let mut number = |v: &mut f32, low: f32, high: f32, default: f32| {
+        bad |= !v.is_finite();
+        *v = if v.is_finite() { v.clamp(low, high) } else { default };
+    };
+    number(&mut m.metallic, 0.0, 1.0, 0.0);
+    number(&mut m.roughness, 0.0, 1.0, 0.5);
+    number(&mut m.shininess, 1.0, 4096.0, 32.0);
+    number(&mut m.specular, 0.0, 1.0, 1.0);
+    for v in [&mut m.emissive, &mut m.specular_color] {
+        for c in [&mut v.x, &mut v.y, &mut v.z] {
+            number(c, 0.0, 1e6, 0.0);
+        }
+    }
+    let mut base = m.base_color.to_array();
+    base[..3].iter_mut().for_each(|c| number(c, 0.0, 1e3, 1.0));
+    number(&mut base[3], 0.0, 1.0, 1.0);
+    m.base_color = Vec4::from_array(base);
+    if bad {
+        file.notes.warn(place, "has a number that is not finite; a usual one is used");
+    }
+    m.alpha_mode = if m.base_color.w < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque };
+}

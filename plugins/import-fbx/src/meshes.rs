@@ -1,0 +1,143 @@
+//! Which meshes hang where, with which materials; each combination is built once.
+
+use crate::file::{File, place_of};
+use crate::materials::Read;
+use crate::nodes::Tree;
+use crate::{morphs, skinning, vertices};
+use choreo_import::{Problem, Result};
+use choreo_stage::Asset;
+use choreo_stage::asset::{Mesh, MeshInstance};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use ufbx::{Node, SubdivisionDisplayMode};
+
+/// A mesh on a node that is shown.
+pub struct Shown<'a> {
+    pub joint: u32,
+    pub node: &'a Node,
+    pub mesh: &'a ufbx::Mesh,
+}
+
+/// In the order of joints. Also says what of the file is not shown, and why.
+pub fn shown<'a>(file: &File<'a>, tree: &Tree) -> Vec<Shown<'a>> {
+    let mut out = Vec::new();
+    for (joint, id) in tree.node_of_joint.iter().enumerate() {
+        let Some(node) = file.scene.nodes.as_ref().get(*id) else { continue };
+        let node: &Node = node;
+        let mut meshes = 0;
+        for attribute in node.all_attribs.as_ref() {
+            let place = || place_of(&node.element);
+            if let Some(mesh) = ufbx::as_mesh(attribute) {
+                if !tree.shown[joint] {
+                    file.notes.warn(
+                        place(),
+                        "its mesh is hidden in the file and left out; the option hidden shows it",
+                    );
+                    break;
+                }
+                meshes += 1;
+                out.push(Shown { joint: joint as u32, node, mesh });
+                continue;
+            }
+            let kind = match attribute.type_ {
+                ufbx::ElementType::NurbsSurface
+                | ufbx::ElementType::NurbsCurve
+                | ufbx::ElementType::NurbsTrimSurface => "NURBS",
+                ufbx::ElementType::LineCurve => "a line",
+                ufbx::ElementType::ProceduralGeometry => "procedural geometry",
+                ufbx::ElementType::StereoCamera => "a stereo camera",
+                _ => continue,
+            };
+            file.notes.warn(place(), format!("is {kind}, which is not read"));
+        }
+        if meshes > 1 {
+            let what = format!("has {meshes} meshes; blend weights of clips reach the first only");
+            file.notes.warn(place_of(&node.element), what);
+        }
+    }
+    out
+}
+
+pub fn read(
+    file: &File<'_>,
+    tree: &Tree,
+    shown: &[Shown<'_>],
+    materials: &[Read],
+    asset: &mut Asset,
+) -> Result<()> {
+    // By mesh and the materials that its node gives it.
+    let mut known: BTreeMap<(u32, Vec<u32>), Option<u32>> = BTreeMap::new();
+    for one in shown {
+        let of_node = one.node.materials.as_ref().iter().map(|m| m.element.typed_id);
+        let slots: Vec<u32> = of_node.collect();
+        file.charge(slots.len() + 8, 8, || place_of(&one.node.element))?;
+        let key = (one.mesh.element.typed_id, slots);
+        let mesh = match known.get(&key) {
+            Some(mesh) => *mesh,
+            None => {
+                let built = build(file, one, &key.1, materials)?;
+                let index = built.map(|mesh| {
+                    asset.meshes.push(Arc::new(mesh));
+                    asset.meshes.len() as u32 - 1
+                });
+                known.insert(key, index);
+                index
+            }
+        };
+        let Some(mesh) = mesh else { continue };
+        let skin = skinning::skin(file, tree, one)?.map(|skin| {
+            asset.skins.push(skin);
+            asset.skins.len() as u32 - 1
+        });
+        let weights = morphs::rest_weights(one.mesh);
+        asset.instances.push(MeshInstance { joint: one.joint, mesh, skin, weights });
+    }
+    Ok(())
+}
+
+/// `None` for a mesh without a face that has an area.
+fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[Read]) -> Result<Option<Mesh>> {
+    let mesh = one.mesh;
+    let place = || match mesh.element.name.as_ref() {
+        "" => format!("mesh of {}", place_of(&one.node.element)),
+        _ => place_of(&mesh.element),
+    };
+    left_out(file, mesh, &place());
+    let weights = skinning::weights(file, mesh, &place)?;
+    let targets = morphs::targets(file, mesh, &place)?;
+    let primitives = vertices::primitives(file, mesh, slots, materials, weights.as_ref(), &targets, &place)?;
+    if primitives.is_empty() {
+        file.notes.warn(place(), "has no face with three or more corners and is left out");
+        return Ok(None);
+    }
+    if primitives.iter().flat_map(|p| &p.positions).any(|p| !p.is_finite()) {
+        return Err(Problem::new(place(), "a vertex position is not finite"));
+    }
+    let name = match mesh.element.name.as_ref() {
+        "" => one.node.element.name.to_string(),
+        name => name.to_string(),
+    };
+    Ok(Some(Mesh { name, primitives, morph_targets: targets.len(), morph_names: morphs::names(mesh) }))
+}
+
+/// What of a mesh is not read.
+fn left_out(file: &File<'_>, mesh: &ufbx::Mesh, place: &str) {
+    let few = mesh.num_point_faces + mesh.num_line_faces;
+    if few > 0 {
+        file.notes.warn(place, format!("{few} faces with one or two corners are left out"));
+    }
+    if !mesh.cache_deformers.as_ref().is_empty() {
+        file.notes.warn(place, "a point cache moves it, which is not read; it is shown at rest");
+    }
+    if mesh.color_sets.len() > 1 {
+        file.notes
+            .warn(place, format!("has {} sets of vertex colours; the first is used", mesh.color_sets.len()));
+    }
+    let smooth = matches!(
+        mesh.subdivision_display_mode,
+        SubdivisionDisplayMode::HullAndSmooth | SubdivisionDisplayMode::Smooth
+    );
+    if smooth && mesh.subdivision_render_levels > 0 {
+        file.notes.warn(place, "is a subdivision surface; its cage is shown");
+    }
+}

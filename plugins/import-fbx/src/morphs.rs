@@ -1,0 +1,119 @@
+//! Blend shapes. A channel with shapes in between gives one morph target for each of its shapes; their weights follow the
+//! channel's, piecewise linear, as FBX has it.
+
+use crate::convert::vec3;
+use crate::file::File;
+use choreo_import::Result;
+use glam::Vec3;
+use ufbx::{BlendChannel, BlendShape, Mesh};
+
+/// Offsets of every point of the mesh.
+pub struct Target {
+    pub positions: Vec<Vec3>,
+    /// Empty where the file has none.
+    pub normals: Vec<Vec3>,
+}
+
+/// All channels of a mesh, in the order of its morph targets.
+pub fn channels(mesh: &Mesh) -> impl Iterator<Item = &BlendChannel> {
+    mesh.blend_deformers.as_ref().iter().flat_map(|d| d.channels.as_ref().iter()).map(|c| c.as_ref())
+}
+
+pub fn count(mesh: &Mesh) -> usize {
+    channels(mesh).map(|c| c.keyframes.len()).sum()
+}
+
+pub fn names(mesh: &Mesh) -> Vec<String> {
+    let mut out = Vec::new();
+    for channel in channels(mesh) {
+        let full = channel.keyframes.as_ref().iter().map(|k| k.target_weight).fold(f64::MIN, f64::max);
+        for key in &channel.keyframes {
+            let own = match channel.element.name.as_ref() {
+                "" => key.shape.element.name.as_ref(),
+                name => name,
+            };
+            out.push(match key.target_weight == full {
+                true => own.to_string(),
+                false => format!("{own} ({} %)", (key.target_weight * 100.0).round()),
+            });
+        }
+    }
+    out
+}
+
+/// Where no clip says otherwise.
+pub fn rest_weights(mesh: &Mesh) -> Vec<f32> {
+    let mut out = Vec::with_capacity(count(mesh));
+    channels(mesh).for_each(|channel| shape_weights(channel, channel.weight, &mut out));
+    out
+}
+
+/// Appends the weight of each of a channel's shapes at a weight of the channel: 1 at the shape's own place, falling to 0 at
+/// its neighbours', where 0 is a place without a shape; past the outermost it goes on as before.
+pub fn shape_weights(channel: &BlendChannel, weight: f64, out: &mut Vec<f32>) {
+    let places = || channel.keyframes.as_ref().iter().map(|k| k.target_weight);
+    for (index, place) in places().enumerate() {
+        if place == 0.0 {
+            // A shape at rest shows nothing.
+            out.push(0.0);
+            continue;
+        }
+        // Away from zero, on the same side.
+        let outward = |p: f64| p * place.signum();
+        let inner = places().map(outward).filter(|p| *p > 0.0 && *p < place.abs()).fold(0.0, f64::max);
+        let outer = places().map(outward).filter(|p| *p > place.abs()).fold(f64::INFINITY, f64::min);
+        let double = places().take(index).any(|p| p == place);
+        let at = outward(weight);
+        let up = (at - inner) / (place.abs() - inner);
+        let value = match at {
+            _ if double || at <= inner => 0.0,
+            _ if at <= place.abs() || outer.is_infinite() => up,
+            // Past the outermost shape, the last two go on as they were.
+            _ if at > outer && places().map(outward).any(|p| p > outer) => 0.0,
+            _ => (outer - at) / (outer - place.abs()),
+        };
+        out.push(if value.is_finite() { value as f32 } else { 0.0 });
+    }
+}
+
+/// Weights of the channel at which the weights of its shapes bend.
+pub fn bends(channel: &BlendChannel) -> Vec<f64> {
+    let mut out: Vec<f64> = channel.keyframes.as_ref().iter().map(|k| k.target_weight).chain([0.0]).collect();
+    out.retain(|p| p.is_finite());
+    out.sort_by(f64::total_cmp);
+    out.dedup();
+    out
+}
+
+pub fn targets(file: &File<'_>, mesh: &Mesh, place: &dyn Fn() -> String) -> Result<Vec<Target>> {
+    let mut out = Vec::new();
+    for key in channels(mesh).flat_map(|c| c.keyframes.as_ref()) {
+        out.push(target(file, mesh, &key.shape, place)?);
+    }
+    Ok(out)
+}
+
+fn target(file: &File<'_>, mesh: &Mesh, shape: &BlendShape, place: &dyn Fn() -> String) -> Result<Target> {
+    let points = mesh.num_vertices;
+    let with_normals = !shape.normal_offsets.is_empty();
+    file.charge(points, if with_normals { 24 } else { 12 }, place)?;
+    let mut out = Target {
+        positions: vec![Vec3::ZERO; points],
+        normals: if with_normals { vec![Vec3::ZERO; points] } else { Vec::new() },
+    };
+    for (i, point) in shape.offset_vertices.as_ref().iter().enumerate() {
+        let Some(position) = out.positions.get_mut(*point as usize) else { continue };
+        // Only Blender writes a weight for each offset.
+        let weight = shape.offset_weights.as_ref().get(i).copied().unwrap_or(1.0) as f32;
+        let finite = |v: Vec3| if v.is_finite() { v } else { Vec3::ZERO };
+        if let Some(offset) = shape.position_offsets.as_ref().get(i) {
+            *position += finite(vec3(offset) * weight);
+        }
+        if let (Some(normal), Some(offset)) =
+            (out.normals.get_mut(*point as usize), shape.normal_offsets.as_ref().get(i))
+        {
+            *normal += finite(vec3(offset) * weight);
+        }
+    }
+    Ok(out)
+}

@@ -1,0 +1,108 @@
+//! All nodes of the file as one skeleton.
+
+use crate::convert;
+use crate::file::{File, place_of};
+use choreo_import::{Problem, Result};
+use choreo_motion::Skeleton;
+use ufbx::{Node, PropFlags};
+
+pub struct Tree {
+    pub skeleton: Skeleton,
+    /// Joint of each node of the file, by `typed_id`; `None` for the root that only holds the others.
+    pub joint_of_node: Vec<Option<u32>>,
+    /// `typed_id` of each joint's node.
+    pub node_of_joint: Vec<usize>,
+    /// Nodes that the file shows, by joint.
+    pub shown: Vec<bool>,
+}
+
+pub fn read(file: &File<'_>) -> Result<Tree> {
+    let scene = file.scene;
+    let count = scene.nodes.len();
+    file.charge(count, 512, || "nodes".into())?;
+    let root: &Node = &scene.root_node;
+    let mut tree = Walk { joint_of_node: vec![None; count], ..Walk::default() };
+    tree.add(file, root);
+    let names = names(&tree.nodes);
+    let rest =
+        tree.nodes.iter().map(|node| convert::transform(&node.local_transform, || place_of(&node.element)));
+    let rest = rest.collect::<Result<_>>()?;
+    let node_of_joint = tree.nodes.iter().map(|n| n.element.typed_id as usize).collect();
+    let skeleton =
+        Skeleton::new(names, tree.parents, rest).map_err(|e| Problem::new("nodes", e.to_string()))?;
+    Ok(Tree { skeleton, joint_of_node: tree.joint_of_node, node_of_joint, shown: tree.shown })
+}
+
+#[derive(Default)]
+struct Walk<'a> {
+    joint_of_node: Vec<Option<u32>>,
+    nodes: Vec<&'a Node>,
+    parents: Vec<Option<u32>>,
+    shown: Vec<bool>,
+}
+
+impl<'a> Walk<'a> {
+    /// Depth first with its own stack: a file can nest deeper than the machine's stack reaches.
+    fn add(&mut self, file: &File<'_>, root: &'a Node) {
+        let mut stack = vec![(root, None, true)];
+        while let Some((node, parent, parent_shown)) = stack.pop() {
+            let shown = file.hidden || (node.visible && (parent_shown || !inherits_visibility(node)));
+            // The root belongs to no object of the file.
+            let joint = match node.is_root && node.all_attribs.is_empty() {
+                true => None,
+                false => {
+                    let joint = self.nodes.len() as u32;
+                    let Some(slot) = self.joint_of_node.get_mut(node.element.typed_id as usize) else {
+                        continue;
+                    };
+                    if slot.replace(joint).is_some() {
+                        continue;
+                    }
+                    self.nodes.push(node);
+                    self.parents.push(parent);
+                    self.shown.push(shown);
+                    Some(joint)
+                }
+            };
+            let levels = is_lod_group(node);
+            for (index, child) in node.children.as_ref().iter().enumerate().rev() {
+                // Of the levels of detail, the first is the finest.
+                let child_shown = shown && (!levels || index == 0 || file.hidden);
+                stack.push((child_of(child), joint, child_shown));
+            }
+        }
+    }
+}
+
+fn child_of<T>(child: &ufbx::Ref<T>) -> &T {
+    child
+}
+
+fn is_lod_group(node: &Node) -> bool {
+    node.all_attribs.as_ref().iter().any(|a| a.type_ == ufbx::ElementType::LodGroup)
+}
+
+/// FBX: a node is as hidden as its parent, unless it says otherwise.
+fn inherits_visibility(node: &Node) -> bool {
+    match node.element.props.find_prop("Visibility Inheritance") {
+        Some(prop) if !prop.flags.has_any(PropFlags::NO_VALUE) => prop.value_int != 0,
+        _ => true,
+    }
+}
+
+/// Names as in the file; helper nodes after what they help; nodes without one by number.
+fn names(nodes: &[&Node]) -> Vec<String> {
+    let name = |node: &&Node| {
+        let own = node.element.name.as_ref();
+        if node.is_geometry_transform_helper || node.is_scale_helper {
+            let parent = node.parent.as_ref().map_or("", |p| p.element.name.as_ref());
+            return format!("{parent} {own}");
+        }
+        match own {
+            "" if node.is_root => "root".to_string(),
+            "" => format!("node {}", node.element.typed_id),
+            own => own.to_string(),
+        }
+    };
+    nodes.iter().map(name).collect()
+}

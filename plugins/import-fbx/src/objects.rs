@@ -1,0 +1,158 @@
+//! Cameras and lights.
+
+use crate::convert::vec3;
+use crate::file::{File, place_of};
+use crate::nodes::Tree;
+use choreo_import::{Problem, Result};
+use choreo_stage::asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
+use glam::{DVec3, Vec3};
+use std::f64::consts::PI;
+use ufbx::{Camera, LightDecay, LightType, Node, ProjectionMode};
+
+/// A near plane nearer than this, or none, is this.
+const MIN_NEAR_M: f32 = 0.001;
+/// Spots narrower than this shine nowhere.
+const MIN_OUTER_RAD: f64 = 1e-4;
+/// A light in the middle of the scene shines as if this far from it.
+const MIN_REFERENCE_M: f64 = 1.0;
+
+const PRODUCERS: [&str; 7] = [
+    "Producer Perspective",
+    "Producer Front",
+    "Producer Back",
+    "Producer Right",
+    "Producer Left",
+    "Producer Top",
+    "Producer Bottom",
+];
+
+fn name(element: &ufbx::Element, node: &Node) -> String {
+    let own = if element.name.is_empty() { &node.element.name } else { &element.name };
+    own.to_string()
+}
+
+pub fn cameras(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetCamera>> {
+    let mut out = Vec::new();
+    for (joint, id) in tree.node_of_joint.iter().enumerate() {
+        let Some(node) = file.scene.nodes.as_ref().get(*id) else { continue };
+        // The views of MotionBuilder's window, which it writes into every file.
+        if PRODUCERS.contains(&node.element.name.as_ref()) {
+            continue;
+        }
+        for camera in node.all_attribs.as_ref().iter().filter_map(|a| ufbx::as_camera(a)) {
+            let projection = projection(camera)?;
+            out.push(AssetCamera { name: name(&camera.element, node), joint: joint as u32, projection });
+        }
+    }
+    Ok(out)
+}
+
+fn projection(camera: &Camera) -> Result<Projection> {
+    let fail = |what: &str| Problem::new(place_of(&camera.element), what);
+    let (near, far) = (camera.near_plane as f32, camera.far_plane as f32);
+    let near = if near.is_finite() { near.max(MIN_NEAR_M) } else { MIN_NEAR_M };
+    let far = Some(far).filter(|f| f.is_finite() && *f > near);
+    match camera.projection_mode {
+        ProjectionMode::Perspective => {
+            let yfov = (camera.field_of_view_deg.y * (PI / 180.0)) as f32;
+            if !(yfov > 0.0 && f64::from(yfov) < PI) {
+                return Err(fail("its field of view must be between 0° and 180°"));
+            }
+            Ok(Projection::Perspective { yfov, near, far })
+        }
+        ProjectionMode::Orthographic => {
+            let height = camera.orthographic_size.y as f32;
+            if !(height > 0.0 && height.is_finite()) {
+                return Err(fail("its orthographic height must be above 0"));
+            }
+            Ok(Projection::Orthographic { height, near, far: far.unwrap_or(near + 1000.0) })
+        }
+    }
+}
+
+pub fn lights(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetLight>> {
+    let mut out = Vec::new();
+    for (joint, id) in tree.node_of_joint.iter().enumerate() {
+        let Some(node) = file.scene.nodes.as_ref().get(*id) else { continue };
+        for light in node.all_attribs.as_ref().iter().filter_map(|a| ufbx::as_light(a)) {
+            if !light.cast_light || !tree.shown[joint] {
+                file.notes.warn(place_of(&node.element), "its light is off in the file and left out");
+                continue;
+            }
+            let light_name = name(&light.element, node);
+            out.push(AssetLight { name: light_name, joint: joint as u32, light: read(file, node, light)? });
+        }
+    }
+    Ok(out)
+}
+
+fn read(file: &File<'_>, node: &Node, light: &ufbx::Light) -> Result<Light> {
+    let color = vec3(&light.color);
+    let fail = |what: &str| Problem::new(place_of(&node.element), what);
+    if !color.is_finite() || !light.intensity.is_finite() {
+        return Err(fail("the colour and intensity of its light must be finite"));
+    }
+    let kind = match light.type_ {
+        LightType::Directional => LightKind::Directional,
+        LightType::Point => LightKind::Point,
+        LightType::Spot => {
+            // The file has full angles, in degrees.
+            let half = |degrees: f64| if degrees.is_finite() { degrees * (PI / 360.0) } else { PI / 4.0 };
+            let outer = half(light.outer_angle).clamp(MIN_OUTER_RAD, PI / 2.0);
+            let inner = half(light.inner_angle).clamp(0.0, outer * 0.9999);
+            LightKind::Spot { inner: inner as f32, outer: outer as f32 }
+        }
+        LightType::Area | LightType::Volume => {
+            let what = format!("is a light of kind {:?}, which shines as a point here", light.type_);
+            file.notes.warn(place_of(&node.element), what.to_lowercase());
+            LightKind::Point
+        }
+    };
+    let intensity = (light.intensity.max(0.0) * unit(file, node, light, kind)) as f32;
+    let intensity = if intensity.is_finite() { intensity } else { f32::MAX.sqrt() };
+    Ok(Light { kind, color: color.max(Vec3::ZERO), intensity, range: None })
+}
+
+/// Lux or candela of intensity 1. FBX has no unit: 1 makes a white surface white, at the distance of one unit where the light
+/// fades. Blender writes W/m² and W, of which glTF's exporters make lux and W/4π.
+fn unit(file: &File<'_>, node: &Node, light: &ufbx::Light, kind: LightKind) -> f64 {
+    let blender = file.is_from_blender();
+    if kind == LightKind::Directional {
+        return if blender { 1.0 } else { PI };
+    }
+    if blender {
+        return 1.0 / (4.0 * PI);
+    }
+    let metres = file.scene.settings.unit_meters;
+    let metres = if metres.is_finite() && metres > 0.0 { metres } else { 0.01 };
+    // Only the square of the distance can be had: other laws agree with it in the middle of the scene.
+    let at = distance_to_middle(file, node);
+    let (law, units) = match light.decay {
+        LightDecay::Quadratic => return PI * metres * metres,
+        LightDecay::None => ("does not fade with the distance", 1.0),
+        LightDecay::Linear => ("fades with the distance", metres / at),
+        LightDecay::Cubic => ("fades with the third power of the distance", (metres / at).powi(3)),
+    };
+    let what = format!(
+        "its light {law} in the file; here it fades with the square, and is equally bright at {at:.2} m, in the middle of the scene"
+    );
+    file.notes.warn(place_of(&node.element), what);
+    PI * units * at * at
+}
+
+/// From a light to the middle of the box of all nodes at rest.
+fn distance_to_middle(file: &File<'_>, node: &Node) -> f64 {
+    let at = |n: &Node| DVec3::new(n.node_to_world.m03, n.node_to_world.m13, n.node_to_world.m23);
+    let others = file
+        .scene
+        .nodes
+        .as_ref()
+        .iter()
+        .map(|n| n.as_ref())
+        .filter(|n: &&Node| !n.is_root && n.light.is_none() && n.camera.is_none());
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (min, max) = others.map(at).filter(|p| p.is_finite()).fold(none, |(a, b), p| (a.min(p), b.max(p)));
+    let middle = if min.x <= max.x { (min + max) * 0.5 } else { DVec3::ZERO };
+    let distance = at(node).distance(middle);
+    if distance.is_finite() { distance.max(MIN_REFERENCE_M) } else { MIN_REFERENCE_M }
+}

@@ -1,0 +1,151 @@
+//! More keys where straight lines leave the file's curve: an interval is halved until the line is close enough.
+
+use choreo_motion::Time;
+
+/// How far from the file's own curve a line may be, between any two keys.
+pub const MAX_DEGREES: f64 = 0.05;
+pub const MAX_METRES: f64 = 1e-4;
+pub const MAX_SCALE: f64 = 1e-4;
+pub const MAX_WEIGHT: f64 = 1e-3;
+
+/// Halvings of one interval.
+const MAX_DEPTH: u32 = 7;
+/// Closer keys than this are a step, or as close as anything needs.
+const MIN_TICKS: i64 = Time::TICKS_PER_SECOND / 4000;
+/// Where in an interval the line is compared: off the middle, where an S-shaped curve would cross it.
+const PROBE: f64 = 0.375;
+
+/// What one part of a row is, for measuring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    Translation,
+    Rotation,
+    Scale,
+    Weight,
+}
+
+impl Part {
+    pub fn width(self) -> usize {
+        match self {
+            Part::Translation | Part::Scale => 3,
+            Part::Rotation => 4,
+            Part::Weight => 1,
+        }
+    }
+
+    /// Whether the line from `a` to `b` passes further from `truth` than allowed.
+    fn misses(self, a: &[f64], b: &[f64], truth: &[f64]) -> bool {
+        let limit = match self {
+            Part::Translation => MAX_METRES,
+            Part::Scale => MAX_SCALE,
+            Part::Weight => MAX_WEIGHT,
+            // Half an angle is the chord of its quaternions.
+            Part::Rotation => MAX_DEGREES * (std::f64::consts::PI / 360.0),
+        };
+        let line = |i: usize, b: f64| a[i] + (b - a[i]) * PROBE;
+        if self != Part::Rotation {
+            let square: f64 = (0..a.len()).map(|i| line(i, b[i]) - truth[i]).map(|d| d * d).sum();
+            return square > limit * limit;
+        }
+        // For steps as small as matter here, the chord, normalised, is the arc.
+        let dot = |p: &[f64], q: &[f64]| -> f64 { p.iter().zip(q).map(|(p, q)| p * q).sum() };
+        let sign = if dot(a, b) < 0.0 { -1.0 } else { 1.0 };
+        let mixed: [f64; 4] = std::array::from_fn(|i| line(i, sign * b[i]));
+        let scale = dot(&mixed, &mixed).sqrt() * dot(truth, truth).sqrt();
+        let cosine = if scale > 0.0 { dot(&mixed, truth).abs() / scale } else { 1.0 };
+        2.0 - 2.0 * cosine.min(1.0) > limit * limit
+    }
+}
+
+/// Rows of numbers at shared times; `parts` says what lies in a row.
+pub struct Rows<'a> {
+    pub parts: &'a [Part],
+    pub times: Vec<Time>,
+    pub values: Vec<f64>,
+}
+
+/// `evaluate` appends the row of a time. `room` is asked before keys are added; `false` ends it.
+pub fn refine(
+    rows: Rows<'_>,
+    mut evaluate: impl FnMut(Time, &mut Vec<f64>),
+    mut room: impl FnMut() -> bool,
+) -> Rows<'_> {
+    let width: usize = rows.parts.iter().map(|p| p.width()).sum();
+    let mut out = Rows { parts: rows.parts, times: Vec::new(), values: Vec::new() };
+    let mut truth = Vec::with_capacity(width);
+    for (i, pair) in rows.times.windows(2).enumerate() {
+        let row = |i: usize| rows.values[i * width..(i + 1) * width].to_vec();
+        out.times.push(pair[0]);
+        out.values.extend_from_slice(&rows.values[i * width..(i + 1) * width]);
+        // What is right of the place reached, nearest last.
+        let mut ahead = vec![(pair[1], row(i + 1), 0u32)];
+        let (mut from, mut a) = (pair[0], row(i));
+        while let Some((to, b, depth)) = ahead.pop() {
+            let ticks = to.0 - from.0;
+            let deeper = depth < MAX_DEPTH && ticks >= 2 * MIN_TICKS;
+            if deeper {
+                truth.clear();
+                evaluate(Time(from.0 + (ticks as f64 * PROBE) as i64), &mut truth);
+            }
+            if deeper && misses(rows.parts, &a, &b, &truth) && room() {
+                let middle = Time(from.0 + ticks / 2);
+                let mut between = Vec::with_capacity(width);
+                evaluate(middle, &mut between);
+                ahead.push((to, b, depth + 1));
+                ahead.push((middle, between, depth + 1));
+                continue;
+            }
+            if !ahead.is_empty() {
+                out.times.push(to);
+                out.values.extend_from_slice(&b);
+            }
+            (from, a) = (to, b);
+        }
+    }
+    if let Some(last) = rows.times.last() {
+        out.times.push(*last);
+        out.values.extend_from_slice(&rows.values[rows.values.len() - width..]);
+    }
+    out
+}
+
+fn misses(parts: &[Part], a: &[f64], b: &[f64], truth: &[f64]) -> bool {
+    let mut at = 0;
+    parts.iter().any(|part| {
+        let range = at..at + part.width();
+        at = range.end;
+        part.misses(&a[range.clone()], &b[range.clone()], &truth[range])
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// x² from 0 to 1 s: halving stops where the line is within 0.1 mm.
+    #[test]
+    fn a_parabola_gets_as_many_keys_as_it_needs() {
+        let parts = [Part::Translation];
+        let curve = |t: Time, out: &mut Vec<f64>| out.extend([t.as_secs() * t.as_secs(), 0.0, 0.0]);
+        let mut values = Vec::new();
+        let times = vec![Time::ZERO, Time::from_secs(1.0)];
+        times.iter().for_each(|t| curve(*t, &mut values));
+        let rows = refine(Rows { parts: &parts, times, values }, curve, || true);
+        // A line over h misses by h²/4 at most: 1/64 s is close enough, 1/32 is not.
+        assert_eq!(rows.times.len(), 65);
+        assert!(rows.times.windows(2).all(|p| p[0] < p[1]));
+        assert_eq!(rows.values.len(), 65 * 3);
+        for (t, v) in rows.times.iter().zip(rows.values.chunks(3)) {
+            assert_eq!(v[0], t.as_secs() * t.as_secs());
+        }
+    }
+
+    #[test]
+    fn lines_and_steps_get_none() {
+        let parts = [Part::Weight];
+        let times = vec![Time::ZERO, Time(1), Time::from_secs(1.0)];
+        let line = |t: Time, out: &mut Vec<f64>| out.push(5.0 + t.as_secs());
+        let rows = Rows { parts: &parts, times: times.clone(), values: vec![0.0, 5.0, 6.0] };
+        assert_eq!(refine(rows, line, || true).times, times);
+    }
+}

@@ -1,0 +1,130 @@
+//! Skins: any number of influences a point, cut to the eight largest.
+
+use crate::convert;
+use crate::file::{File, place_of};
+use crate::meshes::Shown;
+use crate::nodes::Tree;
+use choreo_import::{Problem, Result};
+use choreo_stage::asset::Skin;
+use glam::Mat4;
+use ufbx::{Mesh, SkinDeformer, SkinningMethod};
+
+const MAX_INFLUENCES: usize = 8;
+/// Joints of a skin, as vertices number them.
+const MAX_JOINTS: usize = 1 << 16;
+
+/// Influences of each point of a mesh, `influences` a point, sum 1.
+pub struct Weights {
+    pub influences: usize,
+    pub joints: Vec<u16>,
+    pub weights: Vec<f32>,
+}
+
+fn deformer(mesh: &Mesh) -> Option<&SkinDeformer> {
+    let skin: Option<&SkinDeformer> = mesh.skin_deformers.as_ref().first().map(|s| s.as_ref());
+    skin.filter(|s| !s.clusters.is_empty() && !s.vertices.is_empty())
+}
+
+/// The joints and bind matrices of the mesh on one node. After the clusters comes the node itself: it carries the points
+/// that no cluster has.
+pub fn skin(file: &File<'_>, tree: &Tree, one: &Shown<'_>) -> Result<Option<Skin>> {
+    let Some(deformer) = deformer(one.mesh) else { return Ok(None) };
+    let place = || place_of(&deformer.element);
+    let mut skin = Skin::default();
+    file.charge(deformer.clusters.len() + 1, size_of::<Mat4>() + 4, place)?;
+    for cluster in &deformer.clusters {
+        let bone = cluster.bone_node.as_ref().map(|b| b.element.typed_id as usize);
+        let joint = bone.and_then(|b| tree.joint_of_node.get(b).copied().flatten());
+        let joint =
+            joint.ok_or_else(|| Problem::new(place_of(&cluster.element), "has no bone among the nodes"))?;
+        skin.joints.push(joint);
+        skin.inverse_bind.push(convert::matrix(&cluster.geometry_to_bone, || place_of(&cluster.element))?);
+    }
+    skin.joints.push(one.joint);
+    skin.inverse_bind.push(convert::matrix(&one.node.geometry_to_node, place)?);
+    Ok(Some(skin))
+}
+
+pub fn weights(file: &File<'_>, mesh: &Mesh, place: &dyn Fn() -> String) -> Result<Option<Weights>> {
+    let Some(deformer) = deformer(mesh) else { return Ok(None) };
+    let of_node = deformer.clusters.len();
+    if of_node >= MAX_JOINTS {
+        return Err(Problem::new(
+            place(),
+            format!("its skin has {of_node} joints, at most {} are allowed", MAX_JOINTS - 1),
+        ));
+    }
+    if mesh.skin_deformers.len() > 1 {
+        file.notes.warn(place(), format!("has {} skins; the first is used", mesh.skin_deformers.len()));
+    }
+    if matches!(deformer.skinning_method, SkinningMethod::DualQuaternion | SkinningMethod::BlendedDqLinear) {
+        file.notes.warn(
+            place(),
+            "is skinned by dual quaternions in the file; here it is by matrices, which twists bend thinner",
+        );
+    }
+    let influences = if deformer.max_weights_per_vertex > 4 { MAX_INFLUENCES } else { 4 };
+    let points = mesh.num_vertices;
+    file.charge(points, influences * 6, place)?;
+    let mut out =
+        Weights { influences, joints: vec![0; points * influences], weights: vec![0.0; points * influences] };
+    let mut loss = Loss::default();
+    for point in 0..points {
+        let at = point * influences;
+        let vertex = deformer.vertices.as_ref().get(point);
+        let of_vertex = vertex.map_or(&[][..], |v| {
+            let from = v.weight_begin as usize;
+            deformer.weights.as_ref().get(from..from + v.num_weights as usize).unwrap_or(&[])
+        });
+        // The largest come first.
+        let kept = &of_vertex[..of_vertex.len().min(influences)];
+        let sum = |list: &[ufbx::SkinWeight]| list.iter().map(|w| w.weight).sum::<f64>();
+        let total = sum(kept);
+        if !(total > 0.0 && total.is_finite()) {
+            out.joints[at] = of_node as u16;
+            out.weights[at] = 1.0;
+            loss.free += 1;
+            continue;
+        }
+        if of_vertex.len() > kept.len() {
+            let all = sum(of_vertex);
+            loss.cut += 1;
+            loss.most = loss.most.max(of_vertex.len());
+            loss.worst = loss.worst.max((all - total) / all);
+        }
+        for (k, weight) in kept.iter().enumerate() {
+            out.joints[at + k] = (weight.cluster_index as usize).min(of_node) as u16;
+            out.weights[at + k] = (weight.weight / total) as f32;
+        }
+    }
+    loss.tell(file, points, place);
+    Ok(Some(out))
+}
+
+#[derive(Default)]
+struct Loss {
+    cut: usize,
+    most: usize,
+    worst: f64,
+    free: usize,
+}
+
+impl Loss {
+    fn tell(&self, file: &File<'_>, points: usize, place: &dyn Fn() -> String) {
+        if self.cut > 0 {
+            let what = format!(
+                "{} of {points} points have more than {MAX_INFLUENCES} influences, up to {}; the {MAX_INFLUENCES} largest are kept and stretched to 1, at worst {:.2} % of the weight is lost",
+                self.cut,
+                self.most,
+                self.worst * 100.0
+            );
+            file.notes.warn(place(), what);
+        }
+        if self.free > 0 {
+            file.notes.warn(
+                place(),
+                format!("{} of {points} points have no influence; they go with the mesh's node", self.free),
+            );
+        }
+    }
+}

@@ -1,0 +1,315 @@
+//! Textures: where their pictures are found, and pictures put together from channels of others.
+
+use crate::alpha::{self, Alpha};
+use crate::file::{File, place_of};
+use crate::materials::Read;
+use choreo_import::pictures::{Encoded, Formats};
+use choreo_import::{Problem, Result};
+use choreo_stage::asset::{Image, Sampler, TextureRef, Wrap};
+use glam::{Affine2, Mat2, Vec2};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use ufbx::{Texture, TextureType, WrapMode};
+
+/// Above this, an image index means a combined picture.
+const COMBINED: u32 = 1 << 30;
+
+/// Bytes of a picture: of the file beside, or copied out of this one.
+pub struct Bytes(Arc<Vec<u8>>);
+
+impl AsRef<[u8]> for Bytes {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Channel {
+    Red,
+    Green,
+    Blue,
+    /// The mean of the colours.
+    Gray,
+    /// Alpha where the picture has any, else the mean.
+    AlphaOrGray,
+}
+
+/// One channel of a combined picture.
+#[derive(Clone, Copy)]
+pub struct Source<'a> {
+    pub texture: &'a Texture,
+    pub channel: Channel,
+    pub invert: bool,
+}
+
+/// A picture, its channel, and whether it is inverted; white where `None`.
+type Recipe = [Option<(u32, Channel, bool)>; 4];
+
+/// The pictures that materials ask for, each once.
+#[derive(Default)]
+pub struct Table {
+    /// By texture.
+    known: BTreeMap<u32, Option<u32>>,
+    pictures: Vec<Encoded<Bytes>>,
+    recipes: Vec<Recipe>,
+}
+
+impl Table {
+    pub fn pictures(&self) -> &[Encoded<Bytes>] {
+        &self.pictures
+    }
+
+    pub fn reference(
+        &mut self,
+        file: &File<'_>,
+        texture: &Texture,
+        uv_set: u8,
+    ) -> Result<Option<TextureRef>> {
+        let image = self.picture(file, texture)?;
+        Ok(image.map(|image| place(file, texture, image, uv_set)))
+    }
+
+    /// Red, green, blue, alpha from elsewhere; `None` where no source can be found.
+    pub fn combined(
+        &mut self,
+        file: &File<'_>,
+        sources: [Option<Source<'_>>; 4],
+        uv_set: u8,
+    ) -> Result<Option<TextureRef>> {
+        let mut recipe: Recipe = [None; 4];
+        let mut leader = None;
+        for (slot, source) in recipe.iter_mut().zip(&sources) {
+            let Some(source) = source else { continue };
+            if let Some(picture) = self.picture(file, source.texture)? {
+                *slot = Some((picture, source.channel, source.invert));
+                leader.get_or_insert(source.texture);
+            }
+        }
+        let Some(leader) = leader else { return Ok(None) };
+        let index = match self.recipes.iter().position(|r| *r == recipe) {
+            Some(known) => known,
+            None => {
+                let size =
+                    recipe.iter().flatten().map(|r| self.pictures[r.0 as usize].pixels()).max().unwrap_or(0);
+                file.picture_budget
+                    .charge(size, 4)
+                    .map_err(|what| Problem::new(place_of(&leader.element), what))?;
+                self.recipes.push(recipe);
+                self.recipes.len() - 1
+            }
+        };
+        Ok(Some(place(file, leader, COMBINED + index as u32, uv_set)))
+    }
+
+    /// Index of a texture's picture; `None`, with a warning, where there is none to be had.
+    pub fn picture(&mut self, file: &File<'_>, texture: &Texture) -> Result<Option<u32>> {
+        if !file.needs.textures {
+            return Ok(None);
+        }
+        if let Some(known) = self.known.get(&texture.element.typed_id) {
+            return Ok(*known);
+        }
+        let place = place_of(&texture.element);
+        let of_file = texture.file_textures.as_ref();
+        if texture.type_ != TextureType::File || of_file.len() > 1 {
+            let what = match of_file.len() {
+                0 => "is made by a program, not a picture, and is left out".to_string(),
+                n => format!("is put together of {n} pictures; the first is used"),
+            };
+            file.notes.warn(place.clone(), what);
+        }
+        let found = match of_file
+            .first()
+            .map(|t| t.as_ref())
+            .or((texture.type_ == TextureType::File).then_some(texture))
+        {
+            Some(picture) => self.load(file, picture, &place)?,
+            None => None,
+        };
+        self.known.insert(texture.element.typed_id, found);
+        Ok(found)
+    }
+
+    fn load(&mut self, file: &File<'_>, texture: &Texture, place: &str) -> Result<Option<u32>> {
+        let Some((name, bytes)) = fetch(file, texture, place)? else { return Ok(None) };
+        for (index, known) in self.pictures.iter().enumerate() {
+            if known.bytes.0.len() == bytes.len() && known.bytes.0 == bytes {
+                return Ok(Some(index as u32));
+            }
+        }
+        let encoded = match Encoded::examine(place.to_string(), name, Bytes(bytes), Formats::All) {
+            Ok(encoded) => encoded,
+            Err(problem) => {
+                file.notes.warn(problem.place, format!("{}; the texture is left out", problem.what));
+                return Ok(None);
+            }
+        };
+        let too_much = |what| Problem::new(place, format!("\"{}\" {what}", encoded.name));
+        file.picture_budget.charge(encoded.pixels(), 4).map_err(too_much)?;
+        self.pictures.push(encoded);
+        Ok(Some(self.pictures.len() as u32 - 1))
+    }
+
+    /// The pictures of the asset: those that materials use, with their references to them made right.
+    pub fn finish(
+        &self,
+        file: &File<'_>,
+        decoded: Vec<Result<Arc<Image>>>,
+        materials: &mut [Read],
+    ) -> Result<Vec<Arc<Image>>> {
+        let decoded: Vec<Option<Arc<Image>>> = decoded
+            .into_iter()
+            .map(|picture| {
+                picture
+                    .map_err(|p| file.notes.warn(p.place, format!("{}; the texture is left out", p.what)))
+                    .ok()
+            })
+            .collect();
+        let combined: Vec<Option<Arc<Image>>> = self.recipes.iter().map(|r| combine(r, &decoded)).collect();
+        let mut out = Vec::new();
+        let mut index_of: BTreeMap<u32, Option<u32>> = BTreeMap::new();
+        for read in materials {
+            let m = &mut read.material;
+            for slot in [
+                &mut m.base_color_texture,
+                &mut m.metallic_roughness_texture,
+                &mut m.normal_texture,
+                &mut m.occlusion_texture,
+                &mut m.emissive_texture,
+                &mut m.specular_texture,
+                &mut m.specular_color_texture,
+            ] {
+                let Some(reference) = slot else { continue };
+                let index = *index_of.entry(reference.image).or_insert_with(|| {
+                    let image = match reference.image.checked_sub(COMBINED) {
+                        Some(recipe) => combined.get(recipe as usize),
+                        None => decoded.get(reference.image as usize),
+                    };
+                    image.cloned().flatten().map(|image| {
+                        out.push(image);
+                        out.len() as u32 - 1
+                    })
+                });
+                match index {
+                    Some(index) => reference.image = index,
+                    None => *slot = None,
+                }
+            }
+            if read.alpha == Alpha::OfTexture
+                && let Some(base) = &m.base_color_texture
+            {
+                m.alpha_mode = alpha::mode(&out[base.image as usize]);
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// Of the texture's own size where it is the largest of those put together; others are sampled to the nearest texel.
+fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>> {
+    let image = |r: &Option<(u32, Channel, bool)>| r.and_then(|r| decoded.get(r.0 as usize)?.as_ref());
+    let largest = recipe.iter().filter_map(image).max_by_key(|i| u64::from(i.width) * u64::from(i.height))?;
+    let (width, height) = (largest.width, largest.height);
+    let mut rgba = vec![255; width as usize * height as usize * 4];
+    for (to, source) in recipe.iter().enumerate() {
+        let (Some((_, channel, invert)), Some(from)) = (source, image(source)) else { continue };
+        let has_alpha = from.rgba.chunks_exact(4).any(|p| p[3] != 255);
+        let value = |p: &[u8]| {
+            let mean = ((u32::from(p[0]) + u32::from(p[1]) + u32::from(p[2]) + 1) / 3) as u8;
+            match channel {
+                Channel::Red => p[0],
+                Channel::Green => p[1],
+                Channel::Blue => p[2],
+                Channel::Gray => mean,
+                Channel::AlphaOrGray if has_alpha => p[3],
+                Channel::AlphaOrGray => mean,
+            }
+        };
+        // An alpha channel says what is there, a gray picture in a slot for transparency what is not.
+        let invert = *invert && !(*channel == Channel::AlphaOrGray && has_alpha);
+        for y in 0..height as usize {
+            let from_y = y * from.height as usize / height as usize;
+            for x in 0..width as usize {
+                let from_x = x * from.width as usize / width as usize;
+                let at = (from_y * from.width as usize + from_x) * 4;
+                let v = value(&from.rgba[at..at + 4]);
+                rgba[(y * width as usize + x) * 4 + to] = if invert { 255 - v } else { v };
+            }
+        }
+    }
+    let names: Vec<&str> = recipe.iter().filter_map(image).map(|i| i.name.as_str()).collect();
+    let mut unique: Vec<&str> = Vec::new();
+    names.into_iter().for_each(|n| {
+        if !unique.contains(&n) {
+            unique.push(n)
+        }
+    });
+    Some(Arc::new(Image { name: unique.join(" + "), width, height, rgba }))
+}
+
+/// v points down here and up in FBX: its map is turned over before and after.
+fn place(file: &File<'_>, texture: &Texture, image: u32, uv_set: u8) -> TextureRef {
+    let wrap = |mode| if mode == WrapMode::Clamp { Wrap::ClampToEdge } else { Wrap::Repeat };
+    let m = &texture.uv_to_texture;
+    let number = |v: f64| v as f32;
+    let mut uv_transform = match texture.has_uv_transform {
+        true => Affine2::from_mat2_translation(
+            Mat2::from_cols(
+                Vec2::new(number(m.m00), number(-m.m10)),
+                Vec2::new(number(-m.m01), number(m.m11)),
+            ),
+            Vec2::new(number(m.m01 + m.m03), number(1.0 - m.m11 - m.m13)),
+        ),
+        false => Affine2::IDENTITY,
+    };
+    if !uv_transform.is_finite() {
+        file.notes.warn(place_of(&texture.element), "its placement is not finite and is left out");
+        uv_transform = Affine2::IDENTITY;
+    }
+    let sampler =
+        Sampler { wrap_u: wrap(texture.wrap_u), wrap_v: wrap(texture.wrap_v), ..Sampler::default() };
+    TextureRef { image, sampler, uv_set, uv_transform }
+}
+
+/// The last part of a path of any system.
+fn file_name(path: &str) -> &str {
+    path.rsplit(['/', '\\']).next().unwrap_or(path)
+}
+
+/// Embedded, else as the file says relative to it, else by its name beside it: absolute paths are those of another machine.
+fn fetch(file: &File<'_>, texture: &Texture, place: &str) -> Result<Option<(String, Arc<Vec<u8>>)>> {
+    let paths =
+        [texture.relative_filename.as_ref(), texture.absolute_filename.as_ref(), texture.filename.as_ref()];
+    let named = paths.into_iter().find(|p| !p.is_empty()).unwrap_or("");
+    let name = match file_name(named) {
+        "" => texture.element.name.to_string(),
+        name => name.to_string(),
+    };
+    let content: &[u8] = &texture.content;
+    if !content.is_empty() {
+        file.charge(content.len(), 1, || place.to_string())?;
+        return Ok(Some((name, Arc::new(content.to_vec()))));
+    }
+    let mut tried: Vec<String> = Vec::new();
+    let relative = texture.relative_filename.replace('\\', "/");
+    let absolute = relative.starts_with('/') || relative.as_bytes().get(1) == Some(&b':');
+    let beside = (!relative.is_empty() && !absolute).then_some(relative);
+    let others = [name.clone(), format!("textures/{name}")];
+    for path in beside.into_iter().chain(others) {
+        if path.is_empty() || tried.contains(&path) {
+            continue;
+        }
+        if let Ok(bytes) = file.files.read(&path) {
+            return Ok(Some((name, bytes)));
+        }
+        tried.push(path);
+    }
+    let what = match tried.as_slice() {
+        [] => "names no file and holds no picture; it is left out".to_string(),
+        _ => {
+            format!("its picture \"{named}\" cannot be read; looked for {} beside the file", tried.join(", "))
+        }
+    };
+    file.notes.warn(place, what);
+    Ok(None)
+}

@@ -1,0 +1,291 @@
+//! Faces to triangles, corners to vertices: one primitive for each material of a mesh.
+
+use crate::convert::{linear_from_srgb, vec3};
+use crate::file::File;
+use crate::materials::Read;
+use crate::morphs::Target;
+use crate::skinning::Weights;
+use choreo_import::{Result, normals, tangents};
+use choreo_stage::asset::{MorphTarget, Primitive};
+use glam::{Vec2, Vec3, Vec4};
+use ufbx::{Face, Mesh, MeshPart, VertexVec2, VertexVec3, VertexVec4};
+
+/// Vertices at one point of the mesh that a corner is compared with; beyond that it gets a vertex of its own.
+const MAX_COMPARED: usize = 64;
+const NONE: u32 = u32::MAX;
+
+pub fn primitives(
+    file: &File<'_>,
+    mesh: &Mesh,
+    slots: &[u32],
+    materials: &[Read],
+    weights: Option<&Weights>,
+    targets: &[Target],
+    place: &dyn Fn() -> String,
+) -> Result<Vec<Primitive>> {
+    let uv_sets = uv_sets(file, mesh, slots, materials, place);
+    file.charge(mesh.num_vertices, 8, place)?;
+    let mut first = vec![(0, NONE); mesh.num_vertices];
+    let mut out = Vec::new();
+    for (number, part) in mesh.material_parts.as_ref().iter().enumerate() {
+        let material = slots.get(part.index as usize).copied().filter(|m| (*m as usize) < materials.len());
+        let maker = Maker {
+            file,
+            mesh,
+            weights,
+            targets,
+            uv_sets: &uv_sets,
+            // 0 is no part's mark.
+            part: number as u32 + 1,
+            first: &mut first,
+            next: Vec::new(),
+            of_file: Vec::new(),
+            out: Primitive { material, ..Primitive::default() },
+        };
+        let normal_map = material.and_then(|m| materials[m as usize].material.normal_texture.as_ref());
+        if let Some(primitive) = maker.make(part, normal_map.map(|t| t.uv_set), place)? {
+            out.push(primitive);
+        }
+    }
+    Ok(out)
+}
+
+/// The mesh's sets for the two of a primitive: the first, and the one that its materials name.
+fn uv_sets<'m>(
+    file: &File<'_>,
+    mesh: &'m Mesh,
+    slots: &[u32],
+    materials: &[Read],
+    place: &dyn Fn() -> String,
+) -> [Option<&'m VertexVec2>; 2] {
+    let sets = mesh.uv_sets.as_ref();
+    let mut named: Vec<usize> = Vec::new();
+    for name in slots.iter().filter_map(|m| materials.get(*m as usize)).flat_map(|m| &m.uv_names) {
+        match sets.iter().position(|set| set.name.as_ref() == name) {
+            Some(set) if set > 0 && !named.contains(&set) => named.push(set),
+            _ => {}
+        }
+    }
+    if named.len() > 1 {
+        let what = format!(
+            "its materials use {} sets of texture coordinates; the first two are read",
+            named.len() + 1
+        );
+        file.notes.warn(place(), what);
+    }
+    let second = named.first().copied().unwrap_or(1);
+    [sets.first(), sets.get(second)].map(|set| set.map(|s| &s.vertex_uv).filter(|uv| uv.exists))
+}
+
+struct Maker<'a, 'f> {
+    file: &'a File<'f>,
+    mesh: &'a Mesh,
+    weights: Option<&'a Weights>,
+    targets: &'a [Target],
+    uv_sets: &'a [Option<&'a VertexVec2>; 2],
+    part: u32,
+    /// By point of the mesh: the part that wrote it, and the latest vertex there.
+    first: &'a mut [(u32, u32)],
+    /// By vertex: the one before it at the same point.
+    next: Vec<u32>,
+    /// By vertex: its point of the mesh.
+    of_file: Vec<u32>,
+    out: Primitive,
+}
+
+/// What one corner of a face is.
+#[derive(Clone, Copy, PartialEq)]
+struct Corner {
+    normal: Vec3,
+    uv: [Vec2; 2],
+    color: Vec4,
+}
+
+impl Maker<'_, '_> {
+    fn make(
+        mut self,
+        part: &MeshPart,
+        normal_map: Option<u8>,
+        place: &dyn Fn() -> String,
+    ) -> Result<Option<Primitive>> {
+        if part.num_triangles == 0 {
+            return Ok(None);
+        }
+        // As if no two corners shared a vertex; 120 bytes hold one with everything but skin and morphs.
+        let skin = self.weights.map_or(0, |w| w.influences * 6);
+        let morphs: usize = self.targets.iter().map(|t| if t.normals.is_empty() { 12 } else { 24 }).sum();
+        self.file.charge(part.num_triangles, 12, place)?;
+        self.triangles(part);
+        self.file.charge(self.out.positions.len(), 120 + skin + morphs, place)?;
+        if self.out.positions.is_empty() {
+            return Ok(None);
+        }
+        self.finish(place);
+        self.skin();
+        self.morphs();
+        let mut out = self.out;
+        if let Some(set) = normal_map {
+            let uvs = &out.uvs[usize::from(set).min(1)];
+            if uvs.is_empty() {
+                self.file
+                    .notes
+                    .warn(place(), "its material has a normal map, but it has no texture coordinates");
+            } else {
+                self.file.charge(out.indices.len(), 72 + skin + morphs, place)?;
+                let made = tangents::corner_tangents(&out.indices, &out.positions, &out.normals, uvs);
+                normals::apply_tangents(&mut out, &made);
+            }
+        }
+        Ok(Some(out))
+    }
+
+    fn triangles(&mut self, part: &MeshPart) {
+        let mesh = self.mesh;
+        let mut corners: Vec<u32> = Vec::new();
+        let holes = mesh.face_hole.as_ref();
+        for face_index in part.face_indices.as_ref() {
+            let Some(&Face { index_begin, num_indices }) = mesh.faces.as_ref().get(*face_index as usize)
+            else {
+                continue;
+            };
+            if num_indices < 3 || holes.get(*face_index as usize) == Some(&true) {
+                continue;
+            }
+            if num_indices == 3 {
+                (index_begin..index_begin + 3).for_each(|corner| self.corner(corner));
+                continue;
+            }
+            corners.clear();
+            corners.resize((num_indices as usize - 2) * 3, 0);
+            let count = mesh.triangulate_face(&mut corners, Face { index_begin, num_indices });
+            corners.iter().take(count as usize * 3).for_each(|corner| self.corner(*corner));
+        }
+        // A face that ends in the middle cannot be: `corner` refuses single corners of none.
+        debug_assert!(self.out.indices.len().is_multiple_of(3));
+    }
+
+    fn corner(&mut self, index: u32) {
+        let mesh = self.mesh;
+        let at = index as usize;
+        // Indices are in range as ufbx clamps them.
+        let point = mesh.vertex_indices.as_ref().get(at).copied().unwrap_or(0);
+        let corner = Corner {
+            normal: at3(&mesh.vertex_normal, at).map_or(Vec3::ZERO, vec3),
+            uv: self.uv_sets.map(|set| {
+                // v points up in FBX, down here.
+                set.and_then(|s| at2(s, at)).map_or(Vec2::ZERO, |v| Vec2::new(v.x as f32, (1.0 - v.y) as f32))
+            }),
+            color: match self.file.vertex_colors {
+                true => at4(&mesh.vertex_color, at)
+                    .map_or(Vec4::ONE, |c| Vec4::new(c.x as f32, c.y as f32, c.z as f32, c.w as f32)),
+                false => Vec4::ONE,
+            },
+        };
+        let (mark, head) = self.first.get(point as usize).copied().unwrap_or((0, NONE));
+        let head = if mark == self.part { head } else { NONE };
+        let mut vertex = head;
+        for _ in 0..MAX_COMPARED {
+            if vertex == NONE || self.is(vertex as usize, &corner) {
+                break;
+            }
+            vertex = self.next[vertex as usize];
+        }
+        if vertex == NONE || !self.is(vertex as usize, &corner) {
+            vertex = self.push(point, corner);
+            self.next.push(head);
+            if let Some(slot) = self.first.get_mut(point as usize) {
+                *slot = (self.part, vertex);
+            }
+        }
+        self.out.indices.push(vertex);
+    }
+
+    fn is(&self, vertex: usize, corner: &Corner) -> bool {
+        let uv = |set: usize| self.out.uvs[set].get(vertex).copied().unwrap_or(Vec2::ZERO);
+        self.out.normals[vertex] == corner.normal
+            && uv(0) == corner.uv[0]
+            && uv(1) == corner.uv[1]
+            && self.out.colors.get(vertex).copied().unwrap_or(Vec4::ONE) == corner.color
+    }
+
+    fn push(&mut self, point: u32, corner: Corner) -> u32 {
+        let position = self.mesh.vertices.as_ref().get(point as usize).map_or(Vec3::ZERO, vec3);
+        let vertex = self.out.positions.len() as u32;
+        self.out.positions.push(position);
+        self.out.normals.push(corner.normal);
+        for set in 0..2 {
+            if self.uv_sets[set].is_some() {
+                self.out.uvs[set].push(corner.uv[set]);
+            }
+        }
+        if self.file.vertex_colors && self.mesh.vertex_color.exists {
+            self.out.colors.push(corner.color);
+        }
+        self.of_file.push(point);
+        vertex
+    }
+
+    fn finish(&mut self, place: &dyn Fn() -> String) {
+        for color in &mut self.out.colors {
+            let finite =
+                if color.is_finite() { color.clamp(Vec4::ZERO, Vec4::splat(1e4)) } else { Vec4::ONE };
+            let rgb = finite.truncate().to_array().map(linear_from_srgb);
+            *color = Vec3::from(rgb).extend(finite.w.min(1.0));
+        }
+        for uv in self.out.uvs.iter_mut().flatten().filter(|uv| !uv.is_finite()) {
+            *uv = Vec2::ZERO;
+        }
+        let mut zero = 0;
+        for normal in &mut self.out.normals {
+            *normal = normal.try_normalize().unwrap_or_else(|| {
+                zero += 1;
+                Vec3::Y
+            });
+        }
+        if zero > 0 {
+            self.file.notes.warn(place(), format!("{zero} normals have length 0; +Y is used"));
+        }
+    }
+
+    fn skin(&mut self) {
+        let Some(weights) = self.weights else { return };
+        let n = weights.influences;
+        self.out.influences = n;
+        self.out.joint_indices.reserve(self.of_file.len() * n);
+        self.out.joint_weights.reserve(self.of_file.len() * n);
+        for point in &self.of_file {
+            let range = *point as usize * n..(*point as usize + 1) * n;
+            self.out.joint_indices.extend_from_slice(&weights.joints[range.clone()]);
+            self.out.joint_weights.extend_from_slice(&weights.weights[range]);
+        }
+    }
+
+    fn morphs(&mut self) {
+        for target in self.targets {
+            let moves = |offsets: &[Vec3]| -> Vec<Vec3> {
+                let get = |p: &u32| offsets.get(*p as usize).copied().unwrap_or(Vec3::ZERO);
+                match self.of_file.iter().any(|p| get(p) != Vec3::ZERO) {
+                    true => self.of_file.iter().map(get).collect(),
+                    false => Vec::new(),
+                }
+            };
+            self.out.morphs.push(MorphTarget {
+                positions: moves(&target.positions),
+                normals: moves(&target.normals),
+                tangents: Vec::new(),
+            });
+        }
+    }
+}
+
+fn at2(a: &VertexVec2, index: usize) -> Option<&ufbx::Vec2> {
+    a.values.as_ref().get(*a.indices.as_ref().get(index)? as usize)
+}
+
+fn at3(a: &VertexVec3, index: usize) -> Option<&ufbx::Vec3> {
+    a.values.as_ref().get(*a.indices.as_ref().get(index)? as usize)
+}
+
+fn at4(a: &VertexVec4, index: usize) -> Option<&ufbx::Vec4> {
+    a.values.as_ref().get(*a.indices.as_ref().get(index)? as usize)
+}
