@@ -205,6 +205,7 @@ fn scene(c: &mut Call) -> Reply {
     {
         let mut test = c.shared.test();
         test.scene_at = Some(c.place.clone());
+        test.scenes.push((name.clone(), c.place.clone()));
         test.scene = Some(Scene { folder, set: set.clone() });
         test.running = false;
     }

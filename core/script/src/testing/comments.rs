@@ -1,6 +1,7 @@
 //! `//~ error: text`: what must go wrong, written on the line where it does.
 
 use super::ExpectedDiagnostic;
+use crate::call::Place;
 use crate::diagnostic::{Diagnostic, Severity};
 
 const MARK: &str = "//~";
@@ -73,12 +74,20 @@ fn find_mark(row: &str) -> Option<usize> {
 }
 
 /// Takes the diagnostics that are expected out of `came`, and marks the expectations that they meet. One comment may meet
-/// several diagnostics of its line.
-pub fn meet(file: &str, expected: &mut [ExpectedDiagnostic], came: &mut Vec<Diagnostic>) {
+/// several diagnostics of its line; those of another script belong to the line that runs it, too.
+pub fn meet(
+    file: &str,
+    scenes: &[(String, Place)],
+    expected: &mut [ExpectedDiagnostic],
+    came: &mut Vec<Diagnostic>,
+) {
     came.retain(|d| {
         let mut unexpected = true;
         for e in expected.iter_mut() {
-            if d.file == file && d.line == e.line && d.severity == e.severity && d.message.contains(&e.text) {
+            let own = d.file == file && d.line == e.line;
+            let by = |(name, at): &(String, Place)| *name == d.file && at.file == file && at.line == e.line;
+            let here = own || scenes.iter().any(by);
+            if here && d.severity == e.severity && d.message.contains(&e.text) {
                 e.met = true;
                 unexpected = false;
             }

@@ -91,7 +91,7 @@ fn run_here(
     let mut came = std::mem::take(&mut build.diagnostics);
     let warning = |d: &Diagnostic| d.severity == Severity::Warning;
     stage.warnings.extend(came.iter().filter(|d| warning(d)).map(ToString::to_string));
-    comments::meet(name, &mut expected, &mut came);
+    comments::meet(name, &test.scenes, &mut expected, &mut came);
     let (warnings, mut errors): (Vec<_>, Vec<_>) = came.into_iter().partition(warning);
     errors.extend(wrong_comments);
     if build.more > 0 {

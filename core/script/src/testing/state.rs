@@ -26,6 +26,8 @@ pub struct TestState {
     pub current_stage: usize,
     /// The other script that is being run.
     pub scene: Option<Scene>,
+    /// Other scripts by their names in messages, with the place of the call that ran them.
+    pub scenes: Vec<(String, Place)>,
     /// Where `scene` was called for the stage being built.
     pub scene_at: Option<Place>,
     /// Last line of each function of the script.
