@@ -107,6 +107,9 @@ pub struct Pictures {
     pub got: Vec<u8>,
     #[serde(skip)]
     pub difference: Vec<u8>,
+    /// What the eye sees of it (ꟻLIP), from black over violet and orange to pale yellow.
+    #[serde(skip)]
+    pub seen: Vec<u8>,
     /// Where the three were written, in the order expected, got, difference; empty where they were not.
     pub written: Vec<PathBuf>,
     pub measures: Option<Measures>,

@@ -5,7 +5,7 @@ use crate::painter::{Device, NoPicture, Painter, Shot};
 use crate::stored::{self, MOST_BYTES, Stored, Unreadable};
 use choreo_plugin::Frame;
 use choreo_render::compare::{compare, difference_picture};
-use choreo_render::flip::flip;
+use choreo_render::flip::{flip, map_picture};
 use choreo_script::testing::PictureExpectation;
 use choreo_stage::Stage;
 use std::path::{Path, PathBuf};
@@ -176,6 +176,7 @@ pub fn judge(
             if let Ok(difference) = difference_picture(&found.expected, &frame) {
                 pictures.difference = stored::encode(&difference, &[]).unwrap_or_default();
             }
+            pictures.seen = stored::encode(&found.seen, &[]).unwrap_or_default();
             pictures.measures = Some(found.measures);
         }
     }
@@ -231,6 +232,8 @@ struct Found {
     expected: Frame,
     bytes: Vec<u8>,
     measures: Measures,
+    /// Where the eye sees it.
+    seen: Frame,
     /// What was allowed.
     share: f64,
     visible: f64,
@@ -278,6 +281,7 @@ fn find(
             expected: expected.frame,
             bytes,
             measures,
+            seen: map_picture(&visible, [frame.width, frame.height]),
             share,
             visible: allowed,
         })),

@@ -45,6 +45,7 @@ fn all_kinds() -> Report {
         expected: png(10),
         got: png(200),
         difference: png(255),
+        seen: png(0),
         written: vec!["out/e.png".into(), "out/g.png".into(), "out/d.png".into()],
         measures: Some(Measures {
             worst: 190,
@@ -201,7 +202,7 @@ fn json_tells_all_and_says_what_to_type() {
 #[test]
 fn the_page_needs_nothing_else_and_no_text_breaks_it() {
     let page = html::report(&all_kinds(), "choreo <1>: t");
-    assert_eq!(page.matches("src=\"data:image/png;base64,").count(), 5);
+    assert_eq!(page.matches("src=\"data:image/png;base64,").count(), 6);
     for outside in ["http:", "https:", "src=\"/", "<link", "@import", "url("] {
         assert!(!page.contains(outside), "{outside}");
     }
@@ -215,6 +216,7 @@ fn the_page_needs_nothing_else_and_no_text_breaks_it() {
         "class=\"band\"",
         "class=\"view blink\"",
         "class=\"view diff\"",
+        "class=\"view seen\"",
         "3 sections failed",
         "prefers-color-scheme: dark",
     ] {

@@ -198,6 +198,10 @@ fn pictures(html: &mut String, o: &Outcome, c: &Check, p: &Pictures) {
         let what = "difference: blue 1–2 steps of 255, orange to 15, red to 63, white beyond";
         views.push(("difference", "diff", figure(&p.difference, what)));
     }
+    if !p.seen.is_empty() {
+        let what = "what the eye sees when they alternate: black nothing, pale yellow as much as can be";
+        views.push(("to the eye", "seen", figure(&p.seen, what)));
+    }
     for (i, (name, class, _)) in views.iter().enumerate() {
         let checked = if i == 0 { " checked" } else { "" };
         let _ = write!(

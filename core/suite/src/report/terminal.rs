@@ -3,6 +3,7 @@
 use super::{accept, printable, rerun};
 use crate::collect::{Case, shown};
 use crate::outcome::{Check, Evidence, Outcome, Status};
+use crate::pictures::ACCEPTED;
 use crate::run::Report;
 use std::fmt::Write;
 
@@ -81,6 +82,9 @@ pub fn summary(report: &Report) -> String {
     }
     for (reason, count) in skips {
         let _ = writeln!(text, "skipped {count}: {reason}");
+    }
+    for check in report.outcomes.iter().flat_map(|o| &o.checks).filter(|c| c.by == ACCEPTED) {
+        let _ = writeln!(text, "accepted {}", check.expected);
     }
     for path in &report.unused {
         let _ = writeln!(text, "no section asks for {}: remove it if it is not needed", shown(path));
