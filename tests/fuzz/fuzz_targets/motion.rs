@@ -33,7 +33,11 @@ fn transform(u: &mut Unstructured) -> Result<Transform> {
     Ok(Transform { translation: vec3(u)?, rotation, scale: vec3(u)? })
 }
 
-fn list<T>(u: &mut Unstructured, most: usize, make: impl Fn(&mut Unstructured) -> Result<T>) -> Result<Vec<T>> {
+fn list<T>(
+    u: &mut Unstructured,
+    most: usize,
+    make: impl Fn(&mut Unstructured) -> Result<T>,
+) -> Result<Vec<T>> {
     let count = u.int_in_range(0..=most)?;
     (0..count).map(|_| make(u)).collect()
 }
@@ -44,7 +48,11 @@ fn skeleton(u: &mut Unstructured) -> Result<Option<Skeleton>> {
     for i in 0..joints {
         // Mostly a parent that comes before.
         let parent = u.int_in_range(0..=i as u32 + 1)?;
-        parents.push(if parent as usize > i { u.arbitrary::<Option<u32>>()?.map(|p| p % 30) } else { parent.checked_sub(1) });
+        parents.push(if parent as usize > i {
+            u.arbitrary::<Option<u32>>()?.map(|p| p % 30)
+        } else {
+            parent.checked_sub(1)
+        });
     }
     let names = (0..joints).map(|i| format!("joint {}", i % 15)).collect();
     let rest = (0..joints).map(|_| transform(u)).collect::<Result<Vec<_>>>()?;
@@ -55,7 +63,8 @@ fn clip(u: &mut Unstructured, joints: usize) -> Result<Option<Clip>> {
     let curves = list(u, 12, |u| {
         let path = [Path::Translation, Path::Rotation, Path::Scale, Path::Weights(u.int_in_range(0..=5)?)];
         let path = path[u.choose_index(4)?];
-        let interpolation = [Interpolation::Step, Interpolation::Linear, Interpolation::CubicSpline][u.choose_index(3)?];
+        let interpolation =
+            [Interpolation::Step, Interpolation::Linear, Interpolation::CubicSpline][u.choose_index(3)?];
         let mut times = list(u, 6, time)?;
         if u.ratio(7, 8)? {
             times.sort_unstable();
@@ -64,7 +73,11 @@ fn clip(u: &mut Unstructured, joints: usize) -> Result<Option<Clip>> {
         let stride = path.width() * if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
         let count = if u.ratio(15, 16)? { times.len() * stride } else { u.int_in_range(0..=40)? };
         let values = (0..count).map(|_| float(u)).collect::<Result<Vec<_>>>()?;
-        let joint = if u.ratio(15, 16)? { u.int_in_range(0..=joints.saturating_sub(1) as u32)? } else { u.arbitrary()? };
+        let joint = if u.ratio(15, 16)? {
+            u.int_in_range(0..=joints.saturating_sub(1) as u32)?
+        } else {
+            u.arbitrary()?
+        };
         Ok(Curve { joint, path, interpolation, times: times.into(), values: values.into() })
     })?;
     Ok(Clip::new("fuzz".into(), joints, curves).ok())
@@ -107,7 +120,8 @@ fn poses(u: &mut Unstructured) -> Result<()> {
         sample.run_on(level);
         let mut other = Pose::rest(&skeleton);
         Sample { clip: &b, time: tb, pose: &mut other }.run_on(level);
-        let mask: Vec<f32> = (0..joints + usize::from(wrong)).map(|j| j as f32 / (joints + 1) as f32).collect();
+        let mask: Vec<f32> =
+            (0..joints + usize::from(wrong)).map(|j| j as f32 / (joints + 1) as f32).collect();
         let mut out = Pose::identity(0);
         let mut blend = Blend { from: &pose, to: &other, weight, mask: Some(&mask), out: &mut out };
         if blend.check().is_ok() {
@@ -158,7 +172,8 @@ fn vertices(u: &mut Unstructured) -> Result<()> {
     let joints = list(u, 6, |u| u.int_in_range(0..=6u32))?;
     let bind = list(u, 6, |u| Ok(Mat4::from(matrix(u)?)))?;
     let mut matrices = vec![Affine3A::IDENTITY; joints.len()];
-    let mut job = SkinMatrices { model_from_joint: &model, joints: &joints, inverse_bind: &bind, out: &mut matrices };
+    let mut job =
+        SkinMatrices { model_from_joint: &model, joints: &joints, inverse_bind: &bind, out: &mut matrices };
     if job.check().is_ok() {
         job.run();
     }

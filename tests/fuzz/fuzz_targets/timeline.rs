@@ -13,7 +13,8 @@ use std::sync::{Arc, LazyLock};
 
 static PERSON: LazyLock<Arc<Asset>> = LazyLock::new(|| {
     let source = Source { name: "choreo:mannequin".into(), bytes: Arc::default() };
-    let asset = import_mannequin::Mannequin.import(&source, &choreo_fuzz::Nothing, Needs::ALL, &Default::default());
+    let asset =
+        import_mannequin::Mannequin.import(&source, &choreo_fuzz::Nothing, Needs::ALL, &Default::default());
     Arc::new(asset.expect("the built-in figure can be made"))
 });
 
@@ -53,7 +54,11 @@ fn target(u: &mut Unstructured, actors: usize) -> Result<Target> {
 fn cue(u: &mut Unstructured) -> Result<Cue> {
     let clip = PERSON.clips[u.choose_index(PERSON.clips.len())?].clone();
     let ends = [span(u)?, span(u)?];
-    let trim = if u.arbitrary()? { (Time::ZERO, clip.duration) } else { (ends[0].min(ends[1]), ends[0].max(ends[1])) };
+    let trim = if u.arbitrary()? {
+        (Time::ZERO, clip.duration)
+    } else {
+        (ends[0].min(ends[1]), ends[0].max(ends[1]))
+    };
     Ok(Cue {
         clip,
         start: time(u)?,
@@ -69,9 +74,11 @@ fn cue(u: &mut Unstructured) -> Result<Cue> {
 }
 
 fn channel(u: &mut Unstructured) -> Result<Channel> {
-    let property = [Property::Translation, Property::Rotation, Property::Scale, Property::Visible, Property::Tint];
+    let property =
+        [Property::Translation, Property::Rotation, Property::Scale, Property::Visible, Property::Tint];
     let property = property[u.choose_index(5)?];
-    let interpolation = [Interpolation::Step, Interpolation::Linear, Interpolation::CubicSpline][u.choose_index(3)?];
+    let interpolation =
+        [Interpolation::Step, Interpolation::Linear, Interpolation::CubicSpline][u.choose_index(3)?];
     let mut times = (0..u.int_in_range(1..=4)?).map(|_| time(u)).collect::<Result<Vec<_>>>()?;
     times.sort_unstable();
     times.dedup();
@@ -119,7 +126,11 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
     }
     for i in 0..u.int_in_range(0..=2)? {
         let rig = match u.int_in_range(0..=3)? {
-            0 => Rig::Fixed { position: point(u)?, rotation: DQuat::IDENTITY, look_at: Some(target(u, count)?) },
+            0 => Rig::Fixed {
+                position: point(u)?,
+                rotation: DQuat::IDENTITY,
+                look_at: Some(target(u, count)?),
+            },
             1 => Rig::Follow { target: target(u, count)?, offset: point(u)? },
             2 => Rig::Orbit {
                 target: target(u, count)?,
@@ -130,7 +141,8 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
             },
             _ => Rig::Frame { azimuth: number(u)?, elevation: 0.2 },
         };
-        let camera = Camera { name: format!("c{i}"), projection: Projection::default(), rig, channels: Vec::new() };
+        let camera =
+            Camera { name: format!("c{i}"), projection: Projection::default(), rig, channels: Vec::new() };
         stage.cameras.push(camera);
         stage.cuts.push(Cut { at: time(u)?, camera: i });
     }
@@ -140,7 +152,14 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
         let light = Light::default();
         let channels = Vec::new();
         let position = point(u)?;
-        stage.lights.push(StageLight { name: "l".into(), light, position, direction: -Vec3::Y, parent, channels });
+        stage.lights.push(StageLight {
+            name: "l".into(),
+            light,
+            position,
+            direction: -Vec3::Y,
+            parent,
+            channels,
+        });
     }
     Ok(stage)
 }

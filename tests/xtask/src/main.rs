@@ -4,10 +4,12 @@
 //! cargo xtask test [--no-install] [FILTER]   install what the tests need, run all of them, count
 //! cargo xtask lint                           formatting and clippy
 //! cargo xtask bench [--quick]                the README's table: CPU seconds, memory, first picture
+//! cargo xtask fuzz TARGET [--seconds N]      libFuzzer on a target of tests/fuzz
 //! cargo xtask strip                          the README's picture strip of the first script
 //! ```
 
 mod bench;
+mod fuzz;
 mod setup;
 mod strip;
 mod suite;
@@ -23,9 +25,12 @@ fn main() -> ExitCode {
         ["lint"] => suite::lint(),
         ["bench", rest @ ..] => bench::bench(rest),
         ["measured", rest @ ..] => bench::measured(rest),
+        ["fuzz", rest @ ..] => fuzz::fuzz(rest),
         ["strip"] => strip::strip(),
         _ => {
-            eprintln!("usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | strip");
+            eprintln!(
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | fuzz TARGET [--seconds N] | strip"
+            );
             return ExitCode::from(2);
         }
     };
