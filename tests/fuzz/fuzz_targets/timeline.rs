@@ -149,7 +149,7 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
     stage.cuts.sort_by_key(|c| c.at);
     if u.ratio(1, 4)? {
         let parent = Some(Attachment { actor: u.int_in_range(0..=count)?, joint: None });
-        let light = Light::default();
+        let light = Light { kind: LightKind::Directional, color: Vec3::ONE, intensity: 3.0, range: None };
         let channels = Vec::new();
         let position = point(u)?;
         stage.lights.push(StageLight {
