@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::pipeline::render_failure;
 use choreo_plugin::Effect;
 use choreo_render::cpu::CpuRenderer;
-use choreo_render::gpu::{GpuOptions, VulkanRenderer};
+use choreo_render::gpu::{GpuOptions, SteadyRenderer};
 use choreo_render::{DeviceInfo, DeviceKind, RenderError, Renderer};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -41,7 +41,7 @@ fn open(device: Device, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failur
         return cpu(None);
     }
     let options = GpuOptions { cache_dir: cache_dir(), effects: effects.clone(), ..GpuOptions::default() };
-    match VulkanRenderer::new(options) {
+    match SteadyRenderer::new(options) {
         Ok(renderer) => Ok(Started { renderer: Box::new(renderer), note: None }),
         Err(error) if device == Device::Vulkan => Err(render_failure(error)),
         Err(RenderError::NoVulkan { why }) => cpu(Some(on_the_cpu(&why))),

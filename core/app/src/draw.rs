@@ -82,7 +82,7 @@ impl Drawing<'_> {
     fn run(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<u64, Failure> {
         let job = self.job;
         if job.exporter.one_frame_per_file() {
-            return self.pictures(renderer);
+            return self.pictures(renderer, say);
         }
         let (video, begun) = match &job.target {
             Target::Stdout => (Some(Video::to_stdout(&*job.exporter, self.info)?), Default::default()),
@@ -95,7 +95,7 @@ impl Drawing<'_> {
         begun.note.iter().for_each(|line| say(line));
         let Some(mut video) = video else { return Ok(0) };
         let encode: Vec<Encode> = vec![Box::new(|_, frame| video.frame(frame))];
-        match self.frames(renderer, &job.frames[begun.done..], encode) {
+        match self.frames(renderer, &job.frames[begun.done..], encode, say) {
             Ok(drawn) => video.finish().map(|()| drawn),
             Err(failure) => {
                 // What a full disk or a lost device ends can be gone on with; what the user or the script ends was not wanted.
@@ -108,7 +108,7 @@ impl Drawing<'_> {
         }
     }
 
-    fn pictures(&self, renderer: Box<dyn Renderer>) -> Result<u64, Failure> {
+    fn pictures(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<u64, Failure> {
         let (job, info) = (self.job, self.info);
         let numbers = job.frames.first().zip(job.frames.last());
         let _claim = match numbers {
@@ -128,7 +128,7 @@ impl Drawing<'_> {
         let encode = || -> Encode {
             Box::new(|frame, picture| pictures::write(&job.target, &*job.exporter, info, frame, picture))
         };
-        self.frames(renderer, &frames, (0..workers.clamp(1, 16)).map(|_| encode()).collect())
+        self.frames(renderer, &frames, (0..workers.clamp(1, 16)).map(|_| encode()).collect(), say)
     }
 
     fn frames(
@@ -136,6 +136,7 @@ impl Drawing<'_> {
         mut renderer: Box<dyn Renderer>,
         frames: &[(i64, Time)],
         encoders: Vec<Encode>,
+        say: &dyn Fn(&str),
     ) -> Result<u64, Failure> {
         if frames.is_empty() {
             return Ok(0);
@@ -159,6 +160,7 @@ impl Drawing<'_> {
         let frames = frames.to_vec();
         let drawn = Pipeline { frames, plan, renderer: &mut *renderer, encoders, progress: &progress }.run();
         progress.clear();
+        renderer.take_notes().iter().for_each(|line| say(line));
         drawn
     }
 

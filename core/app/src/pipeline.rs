@@ -166,12 +166,46 @@ fn encode_pictures(
     }
 }
 
+/// With what to lower where the device could not do it.
 pub fn render_failure(error: RenderError) -> Failure {
-    let text = error.to_string();
-    match text.to_ascii_lowercase().contains("out of memory") {
-        true => Failure::Device(format!(
-            "{text}\n    hint: smaller pictures (--size) or one sample (--samples 1) need less"
-        )),
-        false => Failure::Device(text),
+    let cause = match &error {
+        RenderError::Twice { second, .. } => second,
+        error => error,
+    };
+    let hint = match cause {
+        RenderError::OutOfMemory { .. } => {
+            "\n    hint: smaller pictures (--size), one sample (--samples 1) or smaller textures need less memory; \
+             --device cpu uses the machine's own"
+        }
+        RenderError::DeviceLost { .. } | RenderError::TimedOut { .. } => {
+            "\n    hint: smaller pictures (--size) or one sample (--samples 1) are less work at once; \
+             --device cpu draws without the driver"
+        }
+        _ => "",
+    };
+    Failure::Device(format!("{error}{hint}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_that_failed_twice_says_what_to_lower() {
+        let lost = || Box::new(RenderError::DeviceLost { object: "frame 7".into() });
+        let full = || Box::new(RenderError::OutOfMemory { object: "memory of depth".into() });
+        let text = |error| render_failure(error).lines().concat();
+        assert_eq!(
+            text(RenderError::Twice { first: lost(), second: full() }),
+            "Vulkan: memory of depth: out of memory; tried twice, before that: Vulkan: frame 7: the device was lost; the \
+             kernel log may say why the driver gave it up\n    hint: smaller pictures (--size), one sample (--samples 1) or \
+             smaller textures need less memory; --device cpu uses the machine's own"
+        );
+        let timed_out = RenderError::TimedOut { object: "frame 7".into(), secs: 300 };
+        assert!(
+            text(timed_out)
+                .starts_with("Vulkan: frame 7: not finished after 300 s\n    hint: smaller pictures")
+        );
+        assert_eq!(text(RenderError::Usage("no".into())), "no");
     }
 }

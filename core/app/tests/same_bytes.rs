@@ -1,5 +1,5 @@
-//! The same script gives the same bytes: twice, in any order of frames, in two halves by two processes, with any number of
-//! threads, on the CPU and on Vulkan.
+//! The same script gives the same bytes: twice, in any order of frames, played or sought, in parts by several processes, with
+//! any number of threads, in every format, on the CPU and on Vulkan.
 
 mod common;
 
@@ -36,14 +36,31 @@ fn pictures(folder: &Path, device: &str, out: &str, ranges: &[&str], jobs: &str)
     Some(())
 }
 
+/// A video of some frames; gives its bytes.
+fn video(folder: &Path, device: &str, name: &str, frames: &str, jobs: &str) -> Vec<u8> {
+    let script = script("07_keys_and_frames.rhai");
+    let mut args = vec!["render", script.to_str().unwrap(), "-o", name, "--frames", frames];
+    args.extend(["--device", device, "--jobs", jobs, "--size", "160x90", "--samples", "1"]);
+    let run = choreo(folder, &args);
+    assert_eq!(run.code, 0, "{}", run.err);
+    read(folder, name)
+}
+
 fn processes(device: &str) {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
-    let ways: [(&str, &[&str], &str); 4] = [
+    // Played, again, with any number of threads, in parts by several processes, and each frame sought alone.
+    let alone: Vec<String> = (40..52).rev().map(|f| f.to_string()).collect();
+    let alone: Vec<&str> =
+        alone.iter().map(String::as_str).step_by(if device == "cpu" { 1 } else { 4 }).collect();
+    let ways: [(&str, &[&str], &str); 7] = [
         ("whole", &["40..52"], "2"),
         ("again", &["40..52"], "2"),
         ("one_thread", &["40..52"], "1"),
-        ("halves", &["46..52", "40..46"], "2"),
+        ("three_threads", &["40..52"], "3"),
+        ("seven_threads", &["40..52"], "7"),
+        ("parts", &["46..52", "40..43", "43..46"], "2"),
+        ("alone", &alone, "2"),
     ];
     for (out, ranges, jobs) in ways {
         if pictures(d, device, out, ranges, jobs).is_none() {
@@ -52,9 +69,10 @@ fn processes(device: &str) {
     }
     let whole = names(&d.join("whole"));
     assert_eq!(whole.len(), 12);
-    for (out, ..) in ways {
-        assert_eq!(names(&d.join(out)), whole, "{out}");
-        for name in &whole {
+    for (out, ranges, _) in ways {
+        let made = names(&d.join(out));
+        assert_eq!(made.len(), if out == "alone" { ranges.len() } else { 12 }, "{out}");
+        for name in &made {
             let same = read(d, &format!("whole/{name}")) == read(d, &format!("{out}/{name}"));
             assert!(same, "{device}: {name} differs between whole and {out}");
         }
@@ -62,15 +80,19 @@ fn processes(device: &str) {
     // The comparison can fail: people move.
     assert!(read(d, "whole/0040.png") != read(d, "whole/0041.png"));
 
-    let script = script("07_keys_and_frames.rhai");
-    for (name, jobs) in [("a.y4m", "1"), ("b.y4m", "2")] {
-        let mut args = vec!["render", script.to_str().unwrap(), "-o", name, "--frames", "40..48"];
-        args.extend(["--device", device, "--jobs", jobs, "--size", "160x90", "--samples", "1"]);
-        let run = choreo(d, &args);
-        assert_eq!(run.code, 0, "{}", run.err);
+    for format in ["y4m", "mp4", "gif"] {
+        let whole = video(d, device, &format!("whole.{format}"), "40..48", "1");
+        for jobs in ["2", "7"] {
+            let other = video(d, device, &format!("{jobs}.{format}"), "40..48", jobs);
+            assert!(other == whole, "{device}: {format} with {jobs} threads");
+        }
     }
-    assert!(read(d, "a.y4m") == read(d, "b.y4m"), "{device}: y4m");
-    assert!(read(d, "a.y4m").len() > 8 * 160 * 90);
+    // A stream's parts, joined, are the stream.
+    let (whole, mut joined) = (read(d, "whole.y4m"), video(d, device, "first.y4m", "40..43", "2"));
+    let rest = video(d, device, "rest.y4m", "43..48", "1");
+    let header = rest.iter().position(|b| *b == b'\n').unwrap() + 1;
+    joined.extend(&rest[header..]);
+    assert!(joined == whole && whole.len() > 8 * 160 * 90, "{device}: y4m in parts");
 }
 
 #[test]

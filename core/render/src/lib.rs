@@ -21,7 +21,7 @@ pub mod view;
 
 pub use catalog::Catalog;
 pub use cpu::CpuRenderer;
-pub use gpu::{GpuOptions, VulkanRenderer};
+pub use gpu::{GpuOptions, SteadyRenderer, VulkanRenderer};
 pub use plan::Plan;
 pub use planner::PlanOptions;
 pub use renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};

@@ -19,6 +19,11 @@ pub trait Renderer: Send {
 
     /// The oldest submitted frame, waiting for it. The given frame's buffer is reused.
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError>;
+
+    /// What went wrong and was made good since the last call, for the user.
+    fn take_notes(&mut self) -> Vec<String> {
+        Vec::new()
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +52,18 @@ pub enum RenderError {
     /// A Vulkan call failed.
     #[error("Vulkan: {object}: {result}")]
     Vulkan { object: String, result: String },
+    /// The device is gone for good; another one can be made.
+    #[error("Vulkan: {object}: the device was lost; the kernel log may say why the driver gave it up")]
+    DeviceLost { object: String },
+    /// Of the device or of the machine.
+    #[error("Vulkan: {object}: out of memory")]
+    OutOfMemory { object: String },
+    /// The driver may hang: what it was given is never touched again.
+    #[error("Vulkan: {object}: not finished after {secs} s")]
+    TimedOut { object: String, secs: u64 },
+    /// Failed twice, the second time on a device made afresh and asked for less.
+    #[error("{second}; tried twice, before that: {first}")]
+    Twice { first: Box<RenderError>, second: Box<RenderError> },
     /// The validation layer said something (tests only).
     #[error("Vulkan validation: {0}")]
     Validation(String),

@@ -1,11 +1,13 @@
 //! Loader, instance, validation, device, queue, allocator.
 
 use super::error::Named;
+use super::faults::{FaultPlace, Faults};
 use crate::{DeviceInfo, DeviceKind, RenderError};
 use ash::{ext, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 use std::ffi::{CStr, CString, c_void};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Everything of warning or error severity that the validation layer said.
@@ -27,6 +29,9 @@ pub struct Context {
     /// `None` only while being dropped.
     allocator: Option<Arc<Mutex<Allocator>>>,
     pub info: DeviceInfo,
+    faults: Faults,
+    /// By a fault: a lost device answers nothing any more.
+    lost: AtomicBool,
 }
 
 pub struct ContextOptions<'a> {
@@ -36,6 +41,9 @@ pub struct ContextOptions<'a> {
     /// What a window system wants beside (none for a renderer without a window).
     pub instance_extensions: &'a [CString],
     pub device_extensions: &'a [CString],
+    /// Small blocks of memory: less is left over in them.
+    pub frugal: bool,
+    pub faults: Faults,
 }
 
 fn no_vulkan(why: impl Into<String>) -> RenderError {
@@ -65,18 +73,24 @@ impl Context {
         };
         let (physical, queue_family) = choose_device(&instance, options.device).map_err(destroy)?;
         let (properties, info) = describe(&instance, physical);
+        options.faults.check(FaultPlace::Device).named(&format!("device {}", info.name)).map_err(destroy)?;
         let device = create_device(&instance, physical, queue_family, &info, options).map_err(destroy)?;
         // SAFETY: the family and index 0 are those the device was created with.
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
         // Small blocks: memory of a driver that runs on the CPU is the machine's own.
-        let block = if properties.device_type == vk::PhysicalDeviceType::CPU { 16 << 20 } else { 64 << 20 };
+        let block = match properties.device_type {
+            // The least that the allocator takes.
+            _ if options.frugal => 4 << 20,
+            vk::PhysicalDeviceType::CPU => 16 << 20,
+            _ => 64 << 20,
+        };
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.clone(),
             device: device.clone(),
             physical_device: physical,
             debug_settings: AllocatorDebugSettings::default(),
             buffer_device_address: false,
-            allocation_sizes: AllocationSizes::new(block, 16 << 20),
+            allocation_sizes: AllocationSizes::new(block, block.min(16 << 20)),
         })
         .map_err(|e| {
             // SAFETY: nothing was made from the device yet.
@@ -99,7 +113,21 @@ impl Context {
             queue_family,
             allocator: Some(Arc::new(Mutex::new(allocator))),
             info,
+            faults: options.faults.clone(),
+            lost: AtomicBool::new(false),
         })
+    }
+
+    /// Where a test may make a call fail.
+    pub fn fault(&self, place: FaultPlace) -> Result<(), vk::Result> {
+        if self.lost.load(Ordering::Relaxed) {
+            return Err(vk::Result::ERROR_DEVICE_LOST);
+        }
+        let fault = self.faults.check(place);
+        if fault == Err(vk::Result::ERROR_DEVICE_LOST) {
+            self.lost.store(true, Ordering::Relaxed);
+        }
+        fault
     }
 
     pub fn limits(&self) -> &vk::PhysicalDeviceLimits {

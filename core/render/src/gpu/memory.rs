@@ -2,10 +2,11 @@
 
 use super::context::Context;
 use super::error::Named;
+use super::faults::FaultPlace;
 use crate::RenderError;
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use gpu_allocator::{AllocationError, MemoryLocation};
 
 pub struct Buffer {
     pub raw: vk::Buffer,
@@ -13,8 +14,13 @@ pub struct Buffer {
     pub size: u64,
 }
 
-fn allocation_error(name: &str, e: gpu_allocator::AllocationError) -> RenderError {
-    RenderError::Vulkan { object: format!("memory of {name}"), result: e.to_string() }
+fn allocate(gpu: &Context, desc: &AllocationCreateDesc<'_>) -> Result<Allocation, RenderError> {
+    let object = format!("memory of {}", desc.name);
+    gpu.fault(FaultPlace::Memory).named(&object)?;
+    gpu.allocator().allocate(desc).map_err(|e| match e {
+        AllocationError::OutOfMemory => RenderError::OutOfMemory { object },
+        e => RenderError::Vulkan { object, result: e.to_string() },
+    })
 }
 
 impl Buffer {
@@ -52,22 +58,14 @@ impl Buffer {
         let mut buffer = Buffer { raw, allocation: None, size };
         // SAFETY: the buffer was just made.
         let requirements = unsafe { gpu.device.get_buffer_memory_requirements(raw) };
-        let bound = gpu
-            .allocator()
-            .allocate(&AllocationCreateDesc {
-                name,
-                requirements,
-                location,
-                linear: true,
-                allocation_scheme: scheme(raw),
-            })
-            .map_err(|e| allocation_error(name, e))
-            .and_then(|a| {
-                // SAFETY: the memory was allocated for this buffer's requirements and is bound once.
-                let bound = unsafe { gpu.device.bind_buffer_memory(raw, a.memory(), a.offset()) };
-                buffer.allocation = Some(a);
-                bound.named(&format!("memory of {name}"))
-            });
+        let allocation_scheme = scheme(raw);
+        let desc = AllocationCreateDesc { name, requirements, location, linear: true, allocation_scheme };
+        let bound = allocate(gpu, &desc).and_then(|a| {
+            // SAFETY: the memory was allocated for this buffer's requirements and is bound once.
+            let bound = unsafe { gpu.device.bind_buffer_memory(raw, a.memory(), a.offset()) };
+            buffer.allocation = Some(a);
+            bound.named(&format!("memory of {name}"))
+        });
         match bound {
             Ok(()) => Ok(buffer),
             Err(e) => {
@@ -152,16 +150,14 @@ impl Image {
     fn bind_and_view(&mut self, gpu: &Context, d: &ImageDesc<'_>) -> Result<(), RenderError> {
         // SAFETY: the image was just made.
         let requirements = unsafe { gpu.device.get_image_memory_requirements(self.raw) };
-        let allocation = gpu
-            .allocator()
-            .allocate(&AllocationCreateDesc {
-                name: d.name,
-                requirements,
-                location: MemoryLocation::GpuOnly,
-                linear: false,
-                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-            })
-            .map_err(|e| allocation_error(d.name, e))?;
+        let desc = AllocationCreateDesc {
+            name: d.name,
+            requirements,
+            location: MemoryLocation::GpuOnly,
+            linear: false,
+            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        };
+        let allocation = allocate(gpu, &desc)?;
         // SAFETY: the memory was allocated for this image's requirements and is bound once.
         let bound =
             unsafe { gpu.device.bind_image_memory(self.raw, allocation.memory(), allocation.offset()) };

@@ -2,17 +2,20 @@
 //!
 //! Compromises, on one page: one queue, one primary command buffer a frame; targets shared by the frames in flight (the
 //! queue runs them in order anyway), everything a frame writes from the host in one mapped buffer of its own;
-//! resources are made when a frame first draws them and kept by content; `load` waits for the device.
+//! resources are made when a frame first draws them and kept by content; `load` waits for the device. What fails here is not
+//! tried again here: `steady` does, with a new device that is asked for less.
 
 mod cache;
 mod context;
 mod descriptors;
 mod error;
 mod execute;
+pub mod faults;
 mod memory;
 mod pipelines;
 mod resources;
 mod slot;
+mod steady;
 mod targets;
 mod upload;
 
@@ -26,6 +29,7 @@ use context::{Context, ContextOptions};
 use descriptors::{Layouts, Pools};
 use error::Named;
 use execute::Execution;
+use faults::{FaultPlace, Faults};
 use pipelines::Pipelines;
 use resources::Resources;
 use slot::Slot;
@@ -33,6 +37,7 @@ use std::collections::VecDeque;
 use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::Arc;
+pub use steady::SteadyRenderer;
 use targets::{Needs, Targets};
 use upload::Uploads;
 
@@ -51,15 +56,27 @@ pub struct GpuOptions {
     /// What a window system asks for beside.
     pub instance_extensions: Vec<CString>,
     pub device_extensions: Vec<CString>,
+    /// As little memory as can be: one frame in flight, small blocks, uploads in small parts.
+    pub frugal: bool,
+    /// Tests only.
+    pub faults: Faults,
 }
 
 /// On a GPU a third frame hides uneven frames; a driver that draws on the CPU is busy with two, and each costs a picture's memory three times.
-fn frames_in_flight(kind: DeviceKind) -> usize {
-    if kind == DeviceKind::VulkanCpu { 2 } else { 3 }
+fn frames_in_flight(kind: DeviceKind, frugal: bool) -> usize {
+    match kind {
+        _ if frugal => 1,
+        DeviceKind::VulkanCpu => 2,
+        _ => 3,
+    }
 }
 
-/// A frame that takes longer is given up: a driver that hangs must not hang the program.
-const TIMEOUT_SECS: u64 = 300;
+/// A frame that takes longer is given up: a driver that hangs must not hang the program. Five minutes: a driver that draws
+/// on a busy CPU takes seconds for a large frame, and drivers of GPUs give up by themselves after some seconds.
+pub const TIMEOUT_SECS: u64 = 300;
+
+/// Bytes that a frugal renderer sends to the device at once.
+const FRUGAL_UPLOAD: usize = 8 << 20;
 
 pub struct VulkanRenderer {
     gpu: Context,
@@ -77,6 +94,7 @@ pub struct VulkanRenderer {
     last: Option<Recording>,
     /// No frame of this catalogue was collected yet: its uploads and pipelines still leave freed memory behind.
     fresh: bool,
+    frugal: bool,
 }
 
 impl VulkanRenderer {
@@ -86,6 +104,8 @@ impl VulkanRenderer {
             device: options.device.as_deref(),
             instance_extensions: &options.instance_extensions,
             device_extensions: &options.device_extensions,
+            frugal: options.frugal,
+            faults: options.faults,
         })?;
         let mut layouts = Layouts::new(&gpu)?;
         let sources = ShaderSources { folder: options.shader_dir };
@@ -111,6 +131,7 @@ impl VulkanRenderer {
             catalog: Arc::default(),
             last: None,
             fresh: true,
+            frugal: options.frugal,
         };
         // From here on `drop` cleans up.
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
@@ -119,7 +140,7 @@ impl VulkanRenderer {
         renderer.timeline =
             unsafe { renderer.gpu.device.create_semaphore(&info, None) }.named("frame timeline")?;
         renderer.gpu.name(renderer.timeline, "frame timeline");
-        for _ in 0..frames_in_flight(renderer.gpu.info.kind) {
+        for _ in 0..frames_in_flight(renderer.gpu.info.kind, options.frugal) {
             let slot = Slot::new(&renderer.gpu, &renderer.layouts, &mut renderer.pools)?;
             renderer.slots.push(slot);
         }
@@ -166,6 +187,7 @@ impl VulkanRenderer {
     fn wait_for(&self, value: u64) -> Result<(), RenderError> {
         let (semaphores, values) = ([self.timeline], [value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        self.gpu.fault(FaultPlace::Wait).named(&format!("frame {value}"))?;
         // SAFETY: the semaphore is alive.
         unsafe { self.gpu.device.wait_semaphores(&info, TIMEOUT_SECS * 1_000_000_000) }
             .named(&format!("frame {value}"))
@@ -259,7 +281,36 @@ impl VulkanRenderer {
         unsafe { gpu.device.end_command_buffer(slot.commands) }.named("frame commands")
     }
 
+    /// Sends uploads ahead of their frame in small parts, each done before the next is made.
+    fn upload_in_parts(&mut self, index: usize, uploads: Uploads) -> Result<(), RenderError> {
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        for part in uploads.split(FRUGAL_UPLOAD) {
+            let (pool, commands) = (self.slots[index].pool, self.slots[index].commands);
+            // SAFETY: the slot's last commands are done.
+            unsafe {
+                let device = &self.gpu.device;
+                device.reset_command_pool(pool, vk::CommandPoolResetFlags::empty()).named("command pool")?;
+                device.begin_command_buffer(commands, &begin).named("upload commands")?;
+            }
+            self.slots[index].staging = Some(part.record(&self.gpu, commands)?);
+            // SAFETY: recording was begun above.
+            unsafe { self.gpu.device.end_command_buffer(commands) }.named("upload commands")?;
+            self.run(index)?;
+            self.wait_idle()?;
+            self.slots[index].release_staging(&self.gpu);
+        }
+        Ok(())
+    }
+
     fn queue(&mut self, index: usize) -> Result<(), RenderError> {
+        self.run(index)?;
+        self.slots[index].done_at = self.submitted;
+        self.pending.push_back(index);
+        Ok(())
+    }
+
+    /// Sends the slot's commands to the device.
+    fn run(&mut self, index: usize) -> Result<(), RenderError> {
         let value = self.submitted + 1;
         let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(self.slots[index].commands)];
         let signals = [vk::SemaphoreSubmitInfo::default()
@@ -268,12 +319,56 @@ impl VulkanRenderer {
             .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
         let submit =
             [vk::SubmitInfo2::default().command_buffer_infos(&commands).signal_semaphore_infos(&signals)];
+        self.gpu.fault(FaultPlace::Submit).named(&format!("frame {value}"))?;
         // SAFETY: queue and semaphore belong to the device; only this renderer submits to the queue.
         unsafe { self.gpu.device.queue_submit2(self.gpu.queue, &submit, vk::Fence::null()) }
             .named(&format!("frame {value}"))?;
         self.submitted = value;
-        self.slots[index].done_at = value;
-        self.pending.push_back(index);
+        Ok(())
+    }
+
+    /// As [`Renderer::submit`], and the plan stays the caller's.
+    pub fn submit_plan(&mut self, plan: &Plan) -> Result<(), RenderError> {
+        let index = self.free_slot().ok_or_else(|| {
+            RenderError::Usage(format!("{} frames are in flight; collect one first", self.slots.len()))
+        })?;
+        self.check(plan)?;
+        let options = RecordOptions { cpu_device: self.gpu.info.kind == DeviceKind::VulkanCpu };
+        let recording = record(plan, options, |primitive| {
+            let entry = self.catalog.primitives.get(primitive as usize);
+            entry.map_or(0, |p| p.primitive().indices.len() / 3)
+        });
+        let ids = pipelines::ids(&recording);
+        self.prepare_targets(plan, &recording)?;
+        self.pipelines.prepare(&self.gpu, &ids)?;
+        let mut uploads = Uploads::default();
+        let prepared = self
+            .resources
+            .prepare(&self.gpu, &self.layouts, &self.catalog, &recording, &mut uploads)
+            .and_then(|()| {
+                let slot = &mut self.slots[index];
+                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording)
+            })
+            .and_then(|()| match self.frugal && !uploads.is_empty() {
+                true => self.upload_in_parts(index, std::mem::take(&mut uploads)),
+                false => Ok(()),
+            })
+            .and_then(|()| self.record_commands(index, &recording, &ids, uploads))
+            .and_then(|()| self.queue(index));
+        if let Err(e) = prepared {
+            // What was to be uploaded never arrived: forget everything, the next frame makes it again.
+            self.wait_idle()?;
+            self.resources.forget(&self.gpu);
+            self.slots[index].release_staging(&self.gpu);
+            return Err(e);
+        }
+        self.last = Some(recording);
+        if let Err(e) = self.gpu.check_messages() {
+            // An error means that nothing was submitted.
+            self.wait_idle()?;
+            self.pending.pop_back();
+            return Err(e);
+        }
         Ok(())
     }
 }
@@ -297,43 +392,7 @@ impl Renderer for VulkanRenderer {
     }
 
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
-        let index = self.free_slot().ok_or_else(|| {
-            RenderError::Usage(format!("{} frames are in flight; collect one first", self.slots.len()))
-        })?;
-        self.check(&plan)?;
-        let options = RecordOptions { cpu_device: self.gpu.info.kind == DeviceKind::VulkanCpu };
-        let recording = record(&plan, options, |primitive| {
-            let entry = self.catalog.primitives.get(primitive as usize);
-            entry.map_or(0, |p| p.primitive().indices.len() / 3)
-        });
-        let ids = pipelines::ids(&recording);
-        self.prepare_targets(&plan, &recording)?;
-        self.pipelines.prepare(&self.gpu, &ids)?;
-        let mut uploads = Uploads::default();
-        let prepared = self
-            .resources
-            .prepare(&self.gpu, &self.layouts, &self.catalog, &recording, &mut uploads)
-            .and_then(|()| {
-                let slot = &mut self.slots[index];
-                slot.write(&self.gpu, &self.layouts, &mut self.pools, &plan, &recording)
-            })
-            .and_then(|()| self.record_commands(index, &recording, &ids, uploads))
-            .and_then(|()| self.queue(index));
-        if let Err(e) = prepared {
-            // What was to be uploaded never arrived: forget everything, the next frame makes it again.
-            self.wait_idle()?;
-            self.resources.forget(&self.gpu);
-            self.slots[index].release_staging(&self.gpu);
-            return Err(e);
-        }
-        self.last = Some(recording);
-        if let Err(e) = self.gpu.check_messages() {
-            // An error means that nothing was submitted.
-            self.wait_idle()?;
-            self.pending.pop_back();
-            return Err(e);
-        }
-        Ok(())
+        self.submit_plan(&plan)
     }
 
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {

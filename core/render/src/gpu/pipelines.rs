@@ -4,6 +4,7 @@ use super::cache::PipelineCache;
 use super::context::Context;
 use super::descriptors::Layouts;
 use super::error::Named;
+use super::faults::FaultPlace;
 use super::targets::{DEPTH, format};
 use crate::RenderError;
 use crate::plan::TopologyKey;
@@ -320,6 +321,7 @@ impl Pipelines {
             .dynamic_state(&dynamic)
             .layout(state.layout)
             .push_next(&mut rendering)];
+        gpu.fault(FaultPlace::Pipeline).named(&state.name)?;
         // SAFETY: modules, layout and cache belong to this device; the cache is synchronised by the driver.
         let made = unsafe { gpu.device.create_graphics_pipelines(self.cache.raw, &info, None) };
         let pipeline = made.map_err(|(_, r)| r).named(&state.name)?[0];

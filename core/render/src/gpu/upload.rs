@@ -55,6 +55,38 @@ impl Uploads {
         self.images.push(ImageUpload { image: to, levels });
     }
 
+    /// The same in parts of at most `bytes` each, where no single buffer or image is larger.
+    pub fn split(self, bytes: usize) -> Vec<Uploads> {
+        let mut all = Vec::new();
+        let mut open = Uploads::default();
+        for (to, at, size) in &self.buffers {
+            open = open.closed_before(*size as usize, bytes, &mut all);
+            open.buffer(*to, &self.bytes[*at as usize..(*at + *size) as usize]);
+        }
+        for image in &self.images {
+            let sizes = image
+                .levels
+                .iter()
+                .map(|l| l.image_extent.width as usize * l.image_extent.height as usize * 4);
+            open = open.closed_before(sizes.clone().sum(), bytes, &mut all);
+            let levels = image.levels.iter().zip(sizes).map(|(level, size)| {
+                let at = level.buffer_offset as usize;
+                (level.image_extent.width, level.image_extent.height, &self.bytes[at..at + size])
+            });
+            open.image(image.image, levels);
+        }
+        all.push(open);
+        all
+    }
+
+    fn closed_before(self, size: usize, most: usize, closed: &mut Vec<Uploads>) -> Uploads {
+        if self.bytes.is_empty() || self.bytes.len() + size <= most {
+            return self;
+        }
+        closed.push(self);
+        Uploads::default()
+    }
+
     /// Records the copies; the staging buffer must live until the commands have run.
     pub fn record(self, gpu: &Context, commands: vk::CommandBuffer) -> Result<Buffer, RenderError> {
         let mut staging = Buffer::staging(gpu, self.bytes.len() as u64)?;

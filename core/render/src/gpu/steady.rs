@@ -1,0 +1,163 @@
+//! A Vulkan renderer that survives its device: lost, out of memory or silent for too long, the frames that were not yet
+//! collected are drawn again, once, on a device made afresh that is asked for less. The same plans on the same device give the
+//! same bytes, so nobody sees it in the pictures.
+
+use super::{GpuOptions, VulkanRenderer};
+use crate::{Catalog, DeviceInfo, Plan, RenderError, Renderer};
+use choreo_plugin::Frame;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+pub struct SteadyRenderer {
+    options: GpuOptions,
+    /// `None` only after a device could not be made again.
+    inner: Option<VulkanRenderer>,
+    info: DeviceInfo,
+    frames_in_flight: usize,
+    catalog: Option<Arc<Catalog>>,
+    /// Submitted and not collected, the oldest first.
+    plans: VecDeque<Plan>,
+    /// How many of them the inner renderer has.
+    inside: usize,
+    /// What failed, until a frame was collected after it.
+    failed: Option<RenderError>,
+    notes: Vec<String>,
+}
+
+impl SteadyRenderer {
+    pub fn new(options: GpuOptions) -> Result<SteadyRenderer, RenderError> {
+        let inner = VulkanRenderer::new(options.clone())?;
+        Ok(SteadyRenderer {
+            options,
+            info: inner.device().clone(),
+            frames_in_flight: inner.frames_in_flight(),
+            inner: Some(inner),
+            catalog: None,
+            plans: VecDeque::new(),
+            inside: 0,
+            failed: None,
+            notes: Vec::new(),
+        })
+    }
+
+    fn inner(&mut self) -> Result<&mut VulkanRenderer, RenderError> {
+        let name = &self.info.name;
+        self.inner.as_mut().ok_or_else(|| RenderError::Usage(format!("{name} failed twice and was given up")))
+    }
+
+    /// Hands plans on as far as the inner renderer takes them.
+    fn feed(&mut self) -> Result<(), RenderError> {
+        while let Some(plan) = self.plans.get(self.inside) {
+            let Some(inner) = &mut self.inner else { return Ok(()) };
+            if self.inside >= inner.frames_in_flight() {
+                break;
+            }
+            inner.submit_plan(plan)?;
+            self.inside += 1;
+        }
+        Ok(())
+    }
+
+    /// Does something until it succeeds or has failed twice.
+    fn steadily<T>(
+        &mut self,
+        mut what: impl FnMut(&mut SteadyRenderer) -> Result<T, RenderError>,
+    ) -> Result<T, RenderError> {
+        loop {
+            match what(self) {
+                Err(error) if is_mishap(&error) => self.start_again(error)?,
+                result => return result,
+            }
+        }
+    }
+
+    fn start_again(&mut self, error: RenderError) -> Result<(), RenderError> {
+        self.let_go(&error);
+        if let Some(first) = self.failed.take() {
+            return Err(RenderError::Twice { first: Box::new(first), second: Box::new(error) });
+        }
+        self.notes.push(format!("{error}; drawn again on a fresh device, one frame at a time"));
+        self.failed = Some(error);
+        self.options.frugal = true;
+        // The same one: another would draw other bytes.
+        self.options.device = Some(self.info.name.clone());
+        let mut again = || {
+            let inner = VulkanRenderer::new(self.options.clone())?;
+            if *inner.device() != self.info {
+                let why = format!("{} has become {}", self.info.name, inner.device().name);
+                return Err(RenderError::NoVulkan { why });
+            }
+            let inner = self.inner.insert(inner);
+            self.catalog.clone().map_or(Ok(()), |catalog| inner.load(catalog))
+        };
+        again().map_err(|second| match self.failed.take() {
+            Some(first) => RenderError::Twice { first: Box::new(first), second: Box::new(second) },
+            None => second,
+        })
+    }
+
+    fn let_go(&mut self, error: &RenderError) {
+        self.inside = 0;
+        let Some(inner) = self.inner.take() else { return };
+        if matches!(error, RenderError::TimedOut { .. }) {
+            // The driver may still be at it, so nothing of it may be freed, and waiting for it could take for ever: it stays
+            // until the program ends.
+            std::mem::forget(inner);
+        }
+    }
+}
+
+/// What a fresh device and less at once may mend.
+fn is_mishap(error: &RenderError) -> bool {
+    matches!(
+        error,
+        RenderError::DeviceLost { .. } | RenderError::OutOfMemory { .. } | RenderError::TimedOut { .. }
+    )
+}
+
+impl Renderer for SteadyRenderer {
+    fn device(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    fn frames_in_flight(&self) -> usize {
+        self.frames_in_flight
+    }
+
+    fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError> {
+        self.catalog = Some(catalog.clone());
+        self.steadily(|this| this.inner()?.load(catalog.clone()))
+    }
+
+    fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
+        if self.plans.len() >= self.frames_in_flight {
+            return Err(RenderError::Usage(format!(
+                "{} frames are in flight; collect one first",
+                self.plans.len()
+            )));
+        }
+        self.plans.push_back(plan);
+        let submitted = self.steadily(SteadyRenderer::feed);
+        if submitted.is_err() {
+            self.plans.pop_back();
+            self.inside = self.inside.min(self.plans.len());
+        }
+        submitted
+    }
+
+    fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
+        let mut reuse = reuse;
+        let frame = self.steadily(|this| {
+            this.feed()?;
+            this.inner()?.collect(reuse.take())
+        })?;
+        self.plans.pop_front();
+        self.inside = self.inside.saturating_sub(1);
+        self.failed = None;
+        Ok(frame)
+    }
+
+    fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
+    }
+}
