@@ -28,7 +28,8 @@ pub fn write(
     part.commit()
 }
 
-/// The frames that no file holds yet. A picture that is whole and was made otherwise is an error: it would be replaced.
+/// The frames that no file holds yet. A picture that is whole and was made otherwise, or by others, is an error: it would be
+/// replaced.
 pub fn missing(
     target: &Target,
     info: &VideoInfo,
@@ -39,14 +40,11 @@ pub fn missing(
         let place = target.file(number);
         let found = std::fs::read(&place).ok().and_then(|bytes| media::whole_png(&bytes));
         match found {
-            Some(found)
-                if (found.width, found.height) == (info.width, info.height)
-                    || !found.provenance.is_empty() =>
-            {
-                let shown = target.shown();
-                provenance::same(&shown, &place, &found.provenance, &provenance::at(&info.provenance, time))?;
+            Some(found) => {
+                let wanted = provenance::at(&info.provenance, time);
+                provenance::same(&target.shown(), &place, &found.provenance, &wanted)?;
             }
-            // None there, one cut short, or one of somebody else, which a render replaces as it would without --resume.
+            // None there, or one cut short.
             _ => missing.push((number, time)),
         }
     }

@@ -141,11 +141,11 @@ fn command_lines_that_are_wrong() {
         ),
         (
             &["render", "tri.gltf", "-o", "o.mp4", "--export", "quality=900"],
-            "--export quality=900: quality is a number from 0 to 100, not \"900\"",
+            "--export quality=900: mp4: option quality must be a number from 0 to 100, got \"900\"",
         ),
         (
             &["render", "tri.gltf", "-o", "o.mp4", "--export", "qality=9"],
-            "--export qality=9: mp4 has no option \"qality\"; it knows quality, keyframes",
+            "--export qality=9: mp4 has no option \"qality\"; did you mean \"quality\"?",
         ),
     ] {
         assert_eq!(refused(d, args), (2, expected.to_string()), "{args:?}");
