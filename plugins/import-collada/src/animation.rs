@@ -1,0 +1,231 @@
+//! `<animation>` and `<animation_clip>`: which value of which node each channel drives, and the clips.
+
+use crate::bake::{self, Bound, Part};
+use crate::controller::MorphTargets;
+use crate::nodes::Tree;
+use crate::sampler::Sampler;
+use crate::xml::{Xml, child, children, descendant, name_of};
+use choreo_import::text::shown;
+use choreo_import::{Problem, Result};
+use choreo_motion::{Clip, Time};
+use roxmltree::{Node, NodeId};
+use std::collections::{BTreeMap, HashMap};
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// What a channel drives.
+enum Target {
+    /// Of a joint's stack: element and which of its values.
+    Joints(Vec<u32>, usize, Part),
+    /// Weight `1` of the morph controller that `0` names.
+    Morph(NodeId, usize),
+}
+
+pub fn read<'a, 'i>(
+    xml: &Xml<'a, 'i>,
+    tree: &Tree<'a, 'i>,
+    morphs: &[MorphTargets],
+    file: &str,
+) -> Result<Vec<Arc<Clip>>> {
+    let mut reader = Reader { xml, tree, samplers: HashMap::new(), left_out: BTreeMap::new() };
+    let mut out = Vec::new();
+    let mut in_clips: Vec<u32> = Vec::new();
+    for library in children(xml.root(), "library_animation_clips") {
+        for (index, clip) in children(library, "animation_clip").enumerate() {
+            let time = |name: &str| -> Result<Option<Time>> {
+                let Some(text) = clip.attribute(name) else { return Ok(None) };
+                let secs = choreo_import::text::number(text.trim().as_bytes()).filter(|t| t.abs() <= 1e7);
+                let secs = secs.ok_or_else(|| {
+                    xml.problem(clip, format!("{name}=\"{}\" is not a time", shown(text.as_bytes())))
+                })?;
+                Ok(Some(Time::from_secs(secs)))
+            };
+            let range = (time("start")?.unwrap_or(Time::ZERO), time("end")?);
+            if range.1.is_some_and(|end| end < range.0) {
+                xml.warn(clip, "ends before it starts; it is left out");
+                continue;
+            }
+            let mut channels = Vec::new();
+            for instance in children(clip, "instance_animation") {
+                let animation = xml.follow(instance, "url")?;
+                for channel in animation.descendants().filter(|n| name_of(*n) == "channel") {
+                    in_clips.push(channel.id().get());
+                    channels.push(channel);
+                }
+            }
+            let name = clip
+                .attribute("name")
+                .or(clip.attribute("id"))
+                .map_or(format!("clip {index}"), str::to_string);
+            out.extend(reader.clip(name, &channels, range, morphs)?);
+        }
+    }
+    in_clips.sort_unstable();
+    let mut rest = Vec::new();
+    for library in children(xml.root(), "library_animations") {
+        let channels = library.descendants().filter(|n| name_of(*n) == "channel");
+        rest.extend(channels.filter(|c| in_clips.binary_search(&c.id().get()).is_err()));
+    }
+    if !rest.is_empty() {
+        out.extend(reader.clip(file.to_string(), &rest, (Time::ZERO, None), morphs)?);
+    }
+    for (what, (count, place)) in reader.left_out {
+        xml.notes.warn(place, format!("{count} channels {what}; they are left out"));
+    }
+    Ok(out)
+}
+
+struct Reader<'x, 'a, 'i> {
+    xml: &'x Xml<'a, 'i>,
+    tree: &'x Tree<'a, 'i>,
+    samplers: HashMap<NodeId, Rc<Sampler>>,
+    /// Why channels are not used: how many, and the first.
+    left_out: BTreeMap<&'static str, (usize, String)>,
+}
+
+impl<'a, 'i> Reader<'_, 'a, 'i> {
+    fn clip(
+        &mut self,
+        name: String,
+        channels: &[Node<'a, 'i>],
+        range: (Time, Option<Time>),
+        morphs: &[MorphTargets],
+    ) -> Result<Option<Arc<Clip>>> {
+        let mut joints: BTreeMap<u32, Vec<Bound>> = BTreeMap::new();
+        let mut weights: BTreeMap<u32, Vec<(usize, Rc<Sampler>)>> = BTreeMap::new();
+        let mut before_zero = 0;
+        for channel in channels {
+            let Some(target) = self.target(*channel) else { continue };
+            let sampler = self.sampler(*channel)?;
+            before_zero +=
+                usize::from(range.0 == Time::ZERO && sampler.times.first().is_some_and(|t| *t < Time::ZERO));
+            match target {
+                Target::Joints(targets, element, part) => {
+                    let wanted = match part {
+                        Part::One(_) => 1,
+                        Part::All => self.tree.joints[targets[0] as usize].stack[element].values.len(),
+                    };
+                    if sampler.width != wanted {
+                        let what = format!("drives {wanted} values, but its keys have {}", sampler.width);
+                        return Err(self.xml.problem(*channel, what));
+                    }
+                    for joint in targets {
+                        let bound = Bound { element, part, sampler: sampler.clone() };
+                        joints.entry(joint).or_default().push(bound);
+                    }
+                }
+                Target::Morph(controller, index) => {
+                    if sampler.width != 1 {
+                        return Err(self.xml.problem(
+                            *channel,
+                            format!("drives one weight, but its keys have {} values", sampler.width),
+                        ));
+                    }
+                    weights.entry(controller.get()).or_default().push((index, sampler));
+                }
+            }
+        }
+        if before_zero > 0 {
+            self.xml.notes.warn(
+                format!("clip \"{name}\""),
+                format!(
+                    "{before_zero} channels have keys before 0 s, where the clip begins; those are left out"
+                ),
+            );
+        }
+        let last = |s: &Rc<Sampler>| s.times.last().copied().unwrap_or(Time::ZERO);
+        let samplers =
+            joints.values().flatten().map(|b| &b.sampler).chain(weights.values().flatten().map(|w| &w.1));
+        let end = range.1.or_else(|| samplers.map(last).max()).unwrap_or(Time::ZERO).max(range.0);
+        let mut curves = Vec::new();
+        for (joint, bound) in &joints {
+            let made = bake::joint(self.xml, self.tree, *joint, bound, (range.0, end));
+            curves.extend(made.map_err(|what| {
+                Problem::new(self.xml.place(self.tree.joints[*joint as usize].node), what)
+            })?);
+        }
+        for (controller, samplers) in &weights {
+            for morph in morphs.iter().filter(|m| m.controller.get() == *controller) {
+                curves.extend(bake::weights(self.xml, morph, samplers, (range.0, end))?);
+            }
+        }
+        if curves.is_empty() {
+            return Ok(None);
+        }
+        let clip = Clip::new(name.clone(), self.tree.joints.len(), curves);
+        clip.map(|c| Some(Arc::new(c))).map_err(|e| Problem::new(format!("clip \"{name}\""), e.to_string()))
+    }
+
+    fn sampler(&mut self, channel: Node<'a, 'i>) -> Result<Rc<Sampler>> {
+        let node = self.xml.follow(channel, "source")?;
+        if name_of(node) != "sampler" {
+            return Err(self.xml.problem(channel, format!("source is a {}, not a sampler", name_of(node))));
+        }
+        if let Some(known) = self.samplers.get(&node.id()) {
+            return Ok(known.clone());
+        }
+        let sampler = Rc::new(Sampler::read(self.xml, node)?);
+        self.samplers.insert(node.id(), sampler.clone());
+        Ok(sampler)
+    }
+
+    /// `id/sid`, `id/sid/sid.MEMBER`, `id/sid(1)(2)`.
+    fn target(&mut self, channel: Node<'a, 'i>) -> Option<Target> {
+        let text = channel.attribute("target").unwrap_or_default();
+        let mut parts: Vec<&str> = text.split('/').collect();
+        let last = parts.pop().unwrap_or_default();
+        let (sid, member) = match last.find(['(', '.']) {
+            Some(at) if !parts.is_empty() || last[at..].starts_with('(') => last.split_at(at),
+            _ => (last, ""),
+        };
+        let Some(first) = parts.first().copied().or((!sid.is_empty()).then_some(sid)) else {
+            return self.leave(channel, "have no target");
+        };
+        let Some(mut node) = self.xml.node_by_id(first).or(self.xml.by_id(first)) else {
+            return self.leave(channel, "drive something that is not in the file");
+        };
+        if name_of(node) != "node" {
+            return match self.morph(node, member) {
+                Some(target) => Some(target),
+                None => self.leave(channel, "drive something that is neither a node nor a morph weight"),
+            };
+        }
+        for sid in parts.iter().skip(1) {
+            let Some(below) = node.descendants().find(|n| n.attribute("sid") == Some(sid)) else {
+                return self.leave(channel, "drive something that is not in the file");
+            };
+            node = below;
+        }
+        let Some(joints) = self.tree.of_element.get(&node.id()) else {
+            return self.leave(channel, "drive nodes that are not in the scene");
+        };
+        let stack = &self.tree.joints[*joints.first()? as usize].stack;
+        let Some(element) = stack.iter().position(|e| e.sid == sid) else {
+            return self.leave(channel, "drive something of a node that is no transform");
+        };
+        match Part::of(member, stack[element].kind) {
+            Some(part) => Some(Target::Joints(joints.clone(), element, part)),
+            None => self.leave(channel, "name a part of a transform that it does not have"),
+        }
+    }
+
+    /// `weights-source(2)`, `controller/…(2)`: the morph controller around the element, and the number.
+    fn morph(&self, element: Node<'a, 'i>, member: &str) -> Option<Target> {
+        let controller = element.ancestors().find(|n| name_of(*n) == "controller")?;
+        descendant(controller, "morph")?;
+        let index = member.strip_prefix('(')?.strip_suffix(')')?.parse().ok()?;
+        Some(Target::Morph(controller.id(), index))
+    }
+
+    fn leave(&mut self, channel: Node<'a, 'i>, why: &'static str) -> Option<Target> {
+        let entry = self.left_out.entry(why);
+        entry.or_insert_with(|| (0, self.xml.place(channel))).0 += 1;
+        None
+    }
+}
+
+/// The name of the program that wrote the file.
+pub fn authoring_tool<'a>(xml: &Xml<'a, '_>) -> &'a str {
+    let tool = child(xml.root(), "asset").and_then(|a| descendant(a, "authoring_tool"));
+    tool.map_or("", crate::xml::text_of)
+}

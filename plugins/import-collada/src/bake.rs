@@ -1,0 +1,337 @@
+//! Channels of one node to curves of its translation, rotation and scale.
+//!
+//! A matrix that is animated as a whole keeps its keys: each is taken apart, and between them lies what lies between
+//! translations, rotations and scales. Everything else (angles about axes, single coordinates, curved keys) is sampled at
+//! all keys and, between them, where the straight way would be off by more than the tolerances below.
+
+use crate::controller::MorphTargets;
+use crate::nodes::{Element, Kind, Tree, transform};
+use crate::sampler::{Interpolation as Between, Sampler};
+use crate::xml::Xml;
+use choreo_import::decompose::{Parts, decompose};
+use choreo_import::{Problem, Result};
+use choreo_motion::{Curve, Interpolation, Path, Time};
+use glam::DQuat;
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// Radians; relative; and for lengths relative to the longest translation of the node.
+const TOLERANCE: f64 = 5e-5;
+/// Halvings of an interval between two keys.
+const MAX_DEPTH: u32 = 9;
+/// Keys one node may come to.
+const MAX_KEYS: usize = 1_000_000;
+
+/// Which values of a transform a channel drives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    All,
+    One(usize),
+}
+
+impl Part {
+    /// `.X`, `.ANGLE`, `(2)`, `(3)(0)`: of a matrix by column and row.
+    pub fn of(member: &str, kind: Kind) -> Option<Part> {
+        if member.is_empty() {
+            return Some(Part::All);
+        }
+        let index = match member.strip_prefix('.') {
+            Some("X") => 0,
+            Some("Y") => 1,
+            Some("Z") => 2,
+            Some("ANGLE") => 3,
+            Some(_) => return None,
+            None => {
+                let mut numbers = member.split(['(', ')']).filter(|t| !t.is_empty());
+                let first: usize = numbers.next()?.parse().ok()?;
+                match numbers.next() {
+                    None => first,
+                    Some(second) if kind == Kind::Matrix && first < 4 => {
+                        second.parse::<usize>().ok()?.checked_mul(4)? + first
+                    }
+                    Some(_) => return None,
+                }
+            }
+        };
+        let count = match kind {
+            Kind::Matrix => 16,
+            Kind::Translate | Kind::Scale => 3,
+            Kind::Rotate => 4,
+            Kind::LookAt => 9,
+        };
+        (index < count).then_some(Part::One(index))
+    }
+}
+
+pub struct Bound {
+    pub element: usize,
+    pub part: Part,
+    pub sampler: Rc<Sampler>,
+}
+
+struct Node<'t, 'a, 'i> {
+    tree: &'t Tree<'a, 'i>,
+    root: bool,
+    stack: Vec<Element<'a>>,
+    bound: &'t [Bound],
+    /// The matrix is the only thing that moves, as a whole, from key to key.
+    whole: Option<&'t Sampler>,
+}
+
+impl Node<'_, '_, '_> {
+    fn fill(&mut self, time: Time) {
+        for b in self.bound {
+            let values = &mut self.stack[b.element].values;
+            match b.part {
+                Part::One(index) => values[index] = b.sampler.value(time, 0),
+                Part::All => values.iter_mut().enumerate().for_each(|(i, v)| *v = b.sampler.value(time, i)),
+            }
+        }
+    }
+
+    fn at(&mut self, time: Time) -> Parts {
+        if let Some(sampler) = self.whole {
+            let (key, part) = sampler.locate(time);
+            if part > 0.0 {
+                let (a, b) = (self.at(sampler.times[key]), self.at(sampler.times[key + 1]));
+                return between(&a, &b, part);
+            }
+        }
+        self.fill(time);
+        decompose(&self.tree.convention.local(&self.stack, self.root))
+    }
+}
+
+/// What the motion crate makes of two keys.
+fn between(a: &Parts, b: &Parts, part: f64) -> Parts {
+    Parts {
+        translation: a.translation.lerp(b.translation, part),
+        rotation: slerp(a.rotation, b.rotation, part),
+        scale: a.scale.lerp(b.scale, part),
+        error: 0.0,
+    }
+}
+
+fn slerp(a: DQuat, b: DQuat, part: f64) -> DQuat {
+    let b = if a.dot(b) < 0.0 { -b } else { b };
+    let angle = libm::acos(a.dot(b).clamp(-1.0, 1.0));
+    if angle < 1e-9 {
+        return a;
+    }
+    let sin = libm::sin(angle);
+    (a * (libm::sin((1.0 - part) * angle) / sin) + b * (libm::sin(part * angle) / sin)).normalize()
+}
+
+struct Key {
+    time: Time,
+    parts: Parts,
+}
+
+pub fn joint(
+    xml: &Xml<'_, '_>,
+    tree: &Tree<'_, '_>,
+    joint: u32,
+    bound: &[Bound],
+    (start, end): (Time, Time),
+) -> std::result::Result<Vec<Curve>, String> {
+    let stack = tree.joints[joint as usize].stack.clone();
+    let root = tree.joints[joint as usize].parent.is_none();
+    let whole = match bound {
+        [b] if stack[b.element].kind == Kind::Matrix && b.part == Part::All && b.sampler.is_plain() => {
+            Some(&*b.sampler)
+        }
+        _ => None,
+    };
+    let rest = transform(&decompose(&tree.convention.local(&stack, root)));
+    let mut node = Node { tree, root, stack, bound, whole };
+    let times = key_times(bound.iter().map(|b| &*b.sampler), start, end);
+    let all_step = bound.iter().all(|b| b.sampler.steps().1);
+    let mut keys: Vec<Key> = Vec::with_capacity(times.len());
+    let longest = times.iter().map(|t| node.at(*t).translation.length()).fold(1e-6, f64::max);
+    for (index, time) in times.iter().enumerate() {
+        if let Some(before) = index.checked_sub(1).filter(|_| !all_step).map(|i| times[i]) {
+            let jumps = bound.iter().any(|b| {
+                let key = b.sampler.locate(before).0;
+                b.sampler.interpolation[key] == Between::Step && b.sampler.times.binary_search(time).is_ok()
+            });
+            // Where a value jumps at this key, it is held to one tick before.
+            let until = if jumps { Time(time.0 - 1) } else { *time };
+            if whole.is_none() && until > before {
+                let (a, b) = (node.at(before), node.at(until));
+                refine(&mut node, (before, &a), (until, &b), longest, 0, &mut keys);
+            }
+            if jumps && until > before {
+                let parts = node.at(until);
+                keys.push(Key { time: until, parts });
+            }
+        }
+        let parts = node.at(*time);
+        keys.push(Key { time: *time, parts });
+        if keys.len() > MAX_KEYS {
+            return Err(format!("its animation comes to more than {MAX_KEYS} keys, which is the limit"));
+        }
+    }
+    xml.budget.charge(keys.len() as u64, 48)?;
+    let interpolation = if all_step { Interpolation::Step } else { Interpolation::Linear };
+    let key_times: Arc<[Time]> = keys.iter().map(|k| k.time - start).collect();
+    let mut curves = Vec::with_capacity(3);
+    // What stays as it is at rest needs no curve.
+    let still = rest.translation;
+    let near = still.abs().max_element().max(1e-6) * 2e-7;
+    let translations: Vec<f32> = keys.iter().flat_map(|k| k.parts.translation.as_vec3().to_array()).collect();
+    if translations.chunks_exact(3).any(|v| v.iter().zip(still.to_array()).any(|(a, b)| (a - b).abs() > near))
+    {
+        let values = translations.into();
+        curves.push(Curve {
+            joint,
+            path: Path::Translation,
+            interpolation,
+            times: key_times.clone(),
+            values,
+        });
+    }
+    // Rotations are kept even where they do not move, so that the clip drives its joints.
+    let rotations: Vec<f32> = keys.iter().flat_map(|k| k.parts.rotation.as_quat().to_array()).collect();
+    curves.push(Curve {
+        joint,
+        path: Path::Rotation,
+        interpolation,
+        times: key_times.clone(),
+        values: rotations.into(),
+    });
+    let scales: Vec<f32> = keys.iter().flat_map(|k| k.parts.scale.as_vec3().to_array()).collect();
+    let still = rest.scale.to_array();
+    // Matrices of six digits give scales of 0.999998.
+    if scales
+        .chunks_exact(3)
+        .any(|v| v.iter().zip(&still).any(|(a, b)| (a - b).abs() > 1e-5 * b.abs().max(1e-3)))
+    {
+        curves.push(Curve {
+            joint,
+            path: Path::Scale,
+            interpolation,
+            times: key_times,
+            values: scales.into(),
+        });
+    }
+    Ok(curves)
+}
+
+/// Start, end, and all keys between.
+fn key_times<'s>(samplers: impl Iterator<Item = &'s Sampler>, start: Time, end: Time) -> Vec<Time> {
+    let mut times = vec![start, end];
+    let mut first = end;
+    let mut last = start;
+    for sampler in samplers {
+        times.extend(sampler.times.iter().filter(|t| (start..=end).contains(*t)));
+        first = first.min(sampler.times.first().copied().unwrap_or(end));
+        last = last.max(sampler.times.last().copied().unwrap_or(start));
+    }
+    times.sort_unstable();
+    times.dedup();
+    // Before the first key and after the last nothing moves.
+    times.retain(|t| *t >= first.max(start).min(end) && *t <= last.min(end).max(start));
+    if times.is_empty() {
+        times.push(start);
+    }
+    times
+}
+
+/// Adds keys between two times until the straight way is near enough.
+fn refine(
+    node: &mut Node<'_, '_, '_>,
+    a: (Time, &Parts),
+    b: (Time, &Parts),
+    longest: f64,
+    depth: u32,
+    out: &mut Vec<Key>,
+) {
+    let span = b.0.0 - a.0.0;
+    if depth == MAX_DEPTH || span < Time::TICKS_PER_SECOND / 2000 || out.len() > MAX_KEYS {
+        return;
+    }
+    let time_at = |quarter: i64| Time(a.0.0 + span / 4 * quarter);
+    let quarters = [1, 2, 3].map(|q| (time_at(q), node.at(time_at(q))));
+    let off = quarters.iter().any(|(time, truth)| {
+        let part = (time.0 - a.0.0) as f64 / span as f64;
+        let guess = between(a.1, b.1, part);
+        let angle = 2.0 * libm::acos(guess.rotation.dot(truth.rotation).abs().min(1.0));
+        guess.translation.distance(truth.translation) > longest * TOLERANCE
+            || angle > TOLERANCE
+            || (guess.scale - truth.scale).abs().max_element()
+                > truth.scale.abs().max_element().max(1e-9) * TOLERANCE
+    });
+    if !off {
+        return;
+    }
+    let (time, parts) = &quarters[1];
+    refine(node, a, (*time, parts), longest, depth + 1, out);
+    out.push(Key { time: *time, parts: *parts });
+    refine(node, (*time, parts), b, longest, depth + 1, out);
+}
+
+/// Morph weights of one mesh instance: all of them in one curve, at all keys.
+pub fn weights(
+    xml: &Xml<'_, '_>,
+    morph: &MorphTargets,
+    samplers: &[(usize, Rc<Sampler>)],
+    (start, end): (Time, Time),
+) -> Result<Vec<Curve>> {
+    let count = morph.weights.len();
+    let mut times = key_times(samplers.iter().map(|s| &*s.1), start, end);
+    if samplers.iter().any(|s| !s.1.is_plain() || s.1.steps().0) {
+        // Curved weights at 60 Hz.
+        let frame = Time::TICKS_PER_SECOND / 60;
+        let frames = ((end.0 - start.0) / frame).clamp(0, MAX_KEYS as i64);
+        times.extend((0..frames).map(|i| Time(start.0 + i * frame)));
+        times.sort_unstable();
+        times.dedup();
+    }
+    let place = || format!("morph of node {}", morph.joint);
+    xml.budget.charge(times.len() as u64, count * 4 + 8).map_err(|what| Problem::new(place(), what))?;
+    let mut values = Vec::with_capacity(times.len() * count);
+    for time in &times {
+        let mut row = morph.weights.clone();
+        for (index, sampler) in samplers {
+            if let Some(slot) = row.get_mut(*index) {
+                *slot = sampler.value(*time, 0) as f32;
+            }
+        }
+        values.extend(row);
+    }
+    let times: Arc<[Time]> = times.iter().map(|t| *t - start).collect();
+    Ok(vec![Curve {
+        joint: morph.joint,
+        path: Path::Weights(count as u32),
+        interpolation: Interpolation::Linear,
+        times,
+        values: values.into(),
+    }])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn parts_of_transforms() {
+        assert_eq!(Part::of("", Kind::Matrix), Some(Part::All));
+        assert_eq!(Part::of(".Y", Kind::Translate), Some(Part::One(1)));
+        assert_eq!(Part::of(".ANGLE", Kind::Rotate), Some(Part::One(3)));
+        assert_eq!(Part::of(".ANGLE", Kind::Scale), None);
+        // Column 3, row 1: the y of the translation, as rows are written.
+        assert_eq!(Part::of("(3)(1)", Kind::Matrix), Some(Part::One(7)));
+        assert_eq!(Part::of("(2)", Kind::Translate), Some(Part::One(2)));
+        for wrong in [".W", "(4)(0)", "(0)(4)", "(-1)", "(x)", "(99999999999999999999)"] {
+            assert_eq!(Part::of(wrong, Kind::Matrix), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn slerp_takes_the_short_way() {
+        let a = DQuat::IDENTITY;
+        let b = -DQuat::from_axis_angle(DVec3::Z, 1.0);
+        assert!(slerp(a, b, 0.5).angle_between(DQuat::from_axis_angle(DVec3::Z, 0.5)) < 1e-7);
+    }
+}

@@ -1,0 +1,362 @@
+//! `<geometry>`: sources and faces to indexed primitives.
+
+use crate::source::{Floats, Input, floats, inputs};
+use crate::xml::{Xml, child, children, name_of};
+use choreo_import::polygon::{Cut, Triangulator};
+use choreo_import::{Problem, Result};
+use choreo_stage::asset::{Primitive, Topology};
+use glam::{Vec2, Vec3, Vec4};
+use roxmltree::Node;
+use std::collections::HashMap;
+
+/// One `<triangles>`, `<polylist>` …, without skin, normals as in the file (or none).
+#[derive(Clone)]
+pub struct Part {
+    pub primitive: Primitive,
+    /// Of each vertex, its position's index in the source.
+    pub origin: Vec<u32>,
+    pub symbol: String,
+    /// The `set` of each uv list.
+    pub uv_sets: Vec<usize>,
+}
+
+pub struct Geometry {
+    pub name: String,
+    pub parts: Vec<Part>,
+    /// Positions of the source, in metres.
+    pub positions: Vec<Vec3>,
+}
+
+pub fn read<'a, 'i>(xml: &Xml<'a, 'i>, geometry: Node<'a, 'i>, metres: f64, srgb: bool) -> Result<Geometry> {
+    let name = geometry.attribute("name").or(geometry.attribute("id")).unwrap_or("mesh").to_string();
+    let mut out = Geometry { name, parts: Vec::new(), positions: Vec::new() };
+    let Some(mesh) = child(geometry, "mesh") else {
+        let kind = geometry.children().find(Node::is_element).map_or("nothing", name_of);
+        xml.warn(geometry, format!("is {kind}, not a mesh; it is left out"));
+        return Ok(out);
+    };
+    let mut sources = HashMap::new();
+    let mut triangulator = Triangulator::default();
+    for element in mesh.children().filter(Node::is_element) {
+        let shape = match name_of(element) {
+            "triangles" => Shape::Triangles,
+            "polylist" => Shape::Polylist,
+            "polygons" => Shape::Polygons,
+            "tristrips" => Shape::Strips,
+            "trifans" => Shape::Fans,
+            "lines" => Shape::Lines,
+            "linestrips" => Shape::LineStrips,
+            _ => continue,
+        };
+        let mut reader = Reader {
+            xml,
+            element,
+            shape,
+            metres,
+            srgb,
+            sources: &mut sources,
+            triangulator: &mut triangulator,
+        };
+        if let Some((part, positions)) = reader.read()? {
+            if out.positions.is_empty() {
+                out.positions = positions;
+            }
+            out.parts.push(part);
+        }
+    }
+    Ok(out)
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Shape {
+    Triangles,
+    Polylist,
+    Polygons,
+    Strips,
+    Fans,
+    Lines,
+    LineStrips,
+}
+
+struct Reader<'x, 'a, 'i> {
+    xml: &'x Xml<'a, 'i>,
+    element: Node<'a, 'i>,
+    shape: Shape,
+    metres: f64,
+    srgb: bool,
+    /// Sources that several elements of the mesh share are read once.
+    sources: &'x mut HashMap<roxmltree::NodeId, std::rc::Rc<Floats>>,
+    triangulator: &'x mut Triangulator,
+}
+
+/// A source and where its index stands among a corner's.
+#[derive(Clone)]
+struct Stream {
+    floats: std::rc::Rc<Floats>,
+    offset: usize,
+}
+
+/// Colours of three numbers, or of four.
+const NONE: usize = usize::MAX;
+
+impl<'a, 'i> Reader<'_, 'a, 'i> {
+    fn stream(&mut self, input: Option<&Input<'a, 'i>>, stride: usize) -> Result<Option<Stream>> {
+        let Some(input) = input else { return Ok(None) };
+        let floats = match self.sources.get(&input.source.id()) {
+            Some(known) => known.clone(),
+            None => {
+                let read = std::rc::Rc::new(floats(self.xml, input.source, stride)?);
+                self.sources.insert(input.source.id(), read.clone());
+                read
+            }
+        };
+        Ok(Some(Stream { floats, offset: input.offset }))
+    }
+
+    fn read(&mut self) -> Result<Option<(Part, Vec<Vec3>)>> {
+        let inputs = inputs(self.xml, self.element)?;
+        let find = |semantic: &str| inputs.iter().find(|i| i.semantic == semantic);
+        let Some(positions) = self.stream(find("POSITION"), 3)? else {
+            self.xml.warn(self.element, "has no positions; it is left out");
+            return Ok(None);
+        };
+        let normals = self.stream(find("NORMAL"), 3)?;
+        let colors = self.stream(find("COLOR"), 4)?;
+        let mut texcoords: Vec<&Input<'_, '_>> = inputs.iter().filter(|i| i.semantic == "TEXCOORD").collect();
+        texcoords.sort_by_key(|i| i.set);
+        if texcoords.len() > 2 {
+            self.xml.warn(
+                self.element,
+                format!("has {} sets of texture coordinates; two are used", texcoords.len()),
+            );
+            texcoords.truncate(2);
+        }
+        let uv_sets = texcoords.iter().map(|i| i.set).collect();
+        let mut uvs = Vec::new();
+        for input in texcoords {
+            uvs.extend(self.stream(Some(input), 2)?);
+        }
+        let width = inputs.iter().map(|i| i.offset + 1).max().unwrap_or(1);
+        let (indices, runs) = self.indices(width)?;
+        let corners = self.corners(&indices, width, &runs, &positions)?;
+        self.xml.charge(self.element, corners.len(), 72)?;
+
+        let metres = self.metres;
+        let place = |p: [f32; 3]| (Vec3::from(p).as_dvec3() * metres).as_vec3();
+        let all: Vec<Vec3> = (0..positions.floats.count).map(|i| place(positions.floats.get(i))).collect();
+        if all.iter().any(|p| !p.is_finite()) {
+            return Err(self.problem("its positions in metres are not finite"));
+        }
+        let streams = [Some(&positions), normals.as_ref(), colors.as_ref(), uvs.first(), uvs.get(1)];
+        let lines = matches!(self.shape, Shape::Lines | Shape::LineStrips);
+        let mut primitive = Primitive {
+            topology: if lines { Topology::Lines } else { Topology::Triangles },
+            indices: Vec::with_capacity(corners.len()),
+            ..Primitive::default()
+        };
+        let mut origin = Vec::new();
+        let mut known: HashMap<[u32; 5], u32> = HashMap::with_capacity(all.len());
+        for corner in &corners {
+            let at = *corner as usize * width;
+            let key = streams.map(|s| s.map_or(0, |s| indices[at + s.offset] as u32));
+            let next = origin.len() as u32;
+            let vertex = *known.entry(key).or_insert(next);
+            primitive.indices.push(vertex);
+            if vertex != next {
+                continue;
+            }
+            for (stream, index) in streams.iter().zip(key) {
+                self.check(stream.map_or(NONE, |s| s.floats.count), index)?;
+            }
+            origin.push(key[0]);
+            primitive.positions.push(all[key[0] as usize]);
+            if let Some(s) = &normals {
+                primitive.normals.push(Vec3::from(s.floats.get(key[1] as usize)));
+            }
+            if let Some(s) = &colors {
+                primitive.colors.push(self.color(s, key[2] as usize));
+            }
+            for (list, (stream, index)) in primitive.uvs.iter_mut().zip(uvs.iter().zip([key[3], key[4]])) {
+                let [u, v] = stream.floats.get(index as usize);
+                // COLLADA counts v from the bottom.
+                list.push(Vec2::new(u, 1.0 - v));
+            }
+        }
+        if primitive.indices.is_empty() {
+            return Ok(None);
+        }
+        repair_normals(&mut primitive);
+        let symbol = self.element.attribute("material").unwrap_or_default().to_string();
+        Ok(Some((Part { primitive, origin, symbol, uv_sets }, all)))
+    }
+
+    fn problem(&self, what: impl Into<String>) -> Problem {
+        self.xml.problem(self.element, what)
+    }
+
+    fn check(&self, count: usize, index: u32) -> Result<()> {
+        match (index as usize) < count {
+            true => Ok(()),
+            false => Err(self.problem(format!("refers to element {index} of a source that has {count}"))),
+        }
+    }
+
+    fn color(&self, stream: &Stream, index: usize) -> Vec4 {
+        let [r, g, b, a] = stream.floats.get(index);
+        let alpha = if stream.floats.stride > 3 { a.clamp(0.0, 1.0) } else { 1.0 };
+        let [r, g, b] = [r, g, b].map(|c| crate::materials::linear(c.clamp(0.0, 1.0), self.srgb));
+        Vec4::new(r, g, b, alpha)
+    }
+
+    /// All indices of the `<p>`s, and how many corners each polygon, strip or line has; empty where all have the same.
+    fn indices(&self, width: usize) -> Result<(Vec<i32>, Vec<u32>)> {
+        let mut indices = Vec::new();
+        let mut runs = Vec::new();
+        let mut holes = 0;
+        for child in self.element.children().filter(Node::is_element) {
+            let p = match name_of(child) {
+                "p" => child,
+                "ph" => {
+                    holes += 1;
+                    match children(child, "p").next() {
+                        Some(p) => p,
+                        None => continue,
+                    }
+                }
+                _ => continue,
+            };
+            let read = self.xml.integers(p)?;
+            if let Some(at) = read.iter().position(|i| *i < 0) {
+                return Err(self.xml.problem(p, format!("value {at} is {}; an index starts at 0", read[at])));
+            }
+            let rest = read.len() % width;
+            if rest != 0 {
+                let what = format!(
+                    "has {} indices, which is no multiple of the {width} that a corner needs",
+                    read.len()
+                );
+                return Err(self.xml.problem(p, what));
+            }
+            runs.push((read.len() / width) as u32);
+            // The usual case has one list.
+            if indices.is_empty() { indices = read } else { indices.extend(read) }
+        }
+        if holes > 0 {
+            self.xml.warn(self.element, format!("{holes} polygons have holes, which are filled"));
+        }
+        if self.shape == Shape::Polylist {
+            runs.clear();
+            for vcount in children(self.element, "vcount") {
+                let counts = self.xml.integers(vcount)?;
+                runs.extend(counts.iter().map(|c| (*c).max(0) as u32));
+            }
+            let wanted: u64 = runs.iter().map(|r| u64::from(*r)).sum();
+            let there = (indices.len() / width) as u64;
+            if wanted != there {
+                return Err(self.problem(format!("vcount asks for {wanted} corners, but p has {there}")));
+            }
+        }
+        Ok((indices, runs))
+    }
+
+    /// Corner numbers of a triangle or line list.
+    fn corners(
+        &mut self,
+        indices: &[i32],
+        width: usize,
+        runs: &[u32],
+        positions: &Stream,
+    ) -> Result<Vec<u32>> {
+        let total = (indices.len() / width) as u32;
+        let whole = |n: u32, of: u32| -> Vec<u32> {
+            if !n.is_multiple_of(of) {
+                self.xml.warn(
+                    self.element,
+                    format!("{} corners at the end make no whole line or triangle", n % of),
+                );
+            }
+            (0..n - n % of).collect()
+        };
+        let mut out = Vec::new();
+        let mut start = 0;
+        let (mut short, mut crossing, mut fans) = (0, 0, 0);
+        match self.shape {
+            Shape::Triangles => return Ok(whole(total, 3)),
+            Shape::Lines => return Ok(whole(total, 2)),
+            _ => {}
+        }
+        let (mut points, mut triangles) = (Vec::new(), Vec::new());
+        for run in runs {
+            let (first, count) = (start, *run);
+            start += count;
+            let least = if self.shape == Shape::LineStrips { 2 } else { 3 };
+            if count < least {
+                short += 1;
+                continue;
+            }
+            match self.shape {
+                Shape::LineStrips => out.extend((1..count).flat_map(|i| [first + i - 1, first + i])),
+                Shape::Fans => out.extend((2..count).flat_map(|i| [first, first + i - 1, first + i])),
+                Shape::Strips => out.extend((2..count).flat_map(|i| {
+                    let odd = i % 2;
+                    [first + i - 2 + odd, first + i - 1 - odd, first + i]
+                })),
+                _ if count == 3 => out.extend([first, first + 1, first + 2]),
+                _ => {
+                    points.clear();
+                    triangles.clear();
+                    for corner in first..first + count {
+                        let index = indices[corner as usize * width + positions.offset] as u32;
+                        self.check(positions.floats.count, index)?;
+                        points.push(Vec3::from(positions.floats.get(index as usize)).as_dvec3());
+                    }
+                    match self.triangulator.cut(&points, &mut triangles) {
+                        Cut::Whole => {}
+                        Cut::Crossing => crossing += 1,
+                        Cut::TooMuch => fans += 1,
+                    }
+                    out.extend(triangles.iter().flatten().map(|i| first + i));
+                }
+            }
+        }
+        for (count, what) in [
+            (short, "have too few corners; they are left out"),
+            (crossing, "cross themselves or have no area; their triangles are a guess"),
+            (fans, "have too many corners to be cut properly; they are fans"),
+        ] {
+            if count > 0 {
+                self.xml.warn(self.element, format!("{count} polygons {what}"));
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// Normals of the file at unit length; those of length zero become that of a triangle that uses them.
+fn repair_normals(p: &mut Primitive) {
+    let mut zero = false;
+    for n in &mut p.normals {
+        *n = n.as_dvec3().normalize_or_zero().as_vec3();
+        zero |= *n == Vec3::ZERO;
+    }
+    if !zero {
+        return;
+    }
+    if p.topology != Topology::Triangles {
+        p.normals.clear();
+        return;
+    }
+    for triangle in p.indices.chunks_exact(3) {
+        let [a, b, c] = [triangle[0], triangle[1], triangle[2]].map(|i| p.positions[i as usize].as_dvec3());
+        let face = (b - a).cross(c - a).normalize_or_zero().as_vec3().normalize_or(Vec3::Y);
+        for i in triangle {
+            let normal = &mut p.normals[*i as usize];
+            if *normal == Vec3::ZERO {
+                *normal = face;
+            }
+        }
+    }
+    for n in p.normals.iter_mut().filter(|n| **n == Vec3::ZERO) {
+        *n = Vec3::Y;
+    }
+}

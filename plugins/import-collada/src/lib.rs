@@ -1,0 +1,175 @@
+//! COLLADA 1.4 and 1.5 into an [`Asset`]. What it reads, limits and options: README.md.
+
+mod animation;
+mod bake;
+mod controller;
+mod encoding;
+mod geometry;
+mod materials;
+mod meshes;
+mod nodes;
+mod objects;
+mod sampler;
+mod source;
+mod xml;
+
+use choreo_import::text::{shown, stem};
+use choreo_import::textures::is_normal_map;
+use choreo_import::{Budget, Notes, Result, bones, normals, tangents};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_stage::asset::{Asset, Origin, Topology};
+use glam::{DMat4, DVec4};
+use std::sync::{Arc, LazyLock};
+
+/// As import-gltf: all that is decoded of one file together.
+const MAX_DECODED_BYTES: u64 = 2 << 30;
+
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new(
+        "collada",
+        env!("CARGO_PKG_VERSION"),
+        "COLLADA: meshes, skins, morphs, clips, materials, cameras, lights",
+    )
+    .extensions(["dae"])
+    .number("smooth", "degrees up to which an edge is smooth, where normals are missing", 30.0, 0.0..=180.0)
+    .text(
+        "colors",
+        "what colours are: as shown (srgb) or linear; auto: linear from Blender",
+        "auto",
+        &["auto", "srgb", "linear"],
+    )
+    .flag("bones", "a mesh of the bones where the file has no mesh", true)
+});
+
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ColladaImporter;
+
+impl Importer for ColladaImporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    /// By the root element, in any encoding.
+    fn claim(&self, source: &Source) -> Claim {
+        let head = &source.bytes[..source.bytes.len().min(4096)];
+        // Of UTF-16 every other byte.
+        let letters: Vec<u8> = head.iter().copied().filter(|b| *b != 0).collect();
+        if letters.windows(8).any(|w| w == b"<COLLADA") {
+            Claim::Content(95)
+        } else if MANIFEST.has_extension(&source.extension()) {
+            Claim::Extension
+        } else {
+            Claim::NotMine
+        }
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        files: &dyn Files,
+        needs: Needs,
+        options: &ImportOptions,
+    ) -> std::result::Result<Asset, ImportError> {
+        import(source, files, needs, options).map_err(|p| p.in_file(&source.name))
+    }
+}
+
+fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+    let notes = Notes::default();
+    let budget = Budget::new(MAX_DECODED_BYTES);
+    let text = encoding::decode(&source.bytes)?;
+    let doc = xml::parse(&text)?;
+    let xml = xml::Xml::new(&doc, &notes, &budget);
+    let root = xml.root();
+    if xml::name_of(root) != "COLLADA" {
+        let what = format!("the root element is {}, not COLLADA", shown(xml::name_of(root).as_bytes()));
+        return Err(choreo_import::Problem::new("line 1", what).hint("this is another kind of XML file"));
+    }
+    let (metres, up) = objects::convention(&xml)?;
+    let tool = animation::authoring_tool(&xml).to_string();
+    let srgb = match options.text("colors") {
+        Some("srgb") => true,
+        Some("linear") => false,
+        _ => !tool.contains("Blender"),
+    };
+    let tree = nodes::Tree::read(&xml, nodes::Convention { metres, up: upright(up) })?;
+    let mut asset = Asset {
+        name: source.name.clone(),
+        skeleton: Arc::new(tree.skeleton(&xml)?),
+        origin: Origin {
+            format: format!("COLLADA {}", shown(root.attribute("version").unwrap_or("?").as_bytes())),
+            writer: tool,
+            metres_per_unit: Some(metres),
+            up: up.into(),
+        },
+        ..Asset::default()
+    };
+    asset.cameras = objects::cameras(&xml, &tree)?;
+    asset.lights = objects::lights(&xml, &tree)?;
+    let materials = materials::Materials::new(needs.textures, files, srgb);
+    let smooth_rad = options.number("smooth").unwrap_or(30.0).to_radians();
+    let mut meshes = meshes::Builder::new(&xml, &tree, materials, smooth_rad);
+    if needs.geometry {
+        meshes.build(&mut asset)?;
+    }
+    let meshes::Builder { materials, morphs, .. } = meshes;
+    asset.materials = materials.list;
+    // Pictures take long: they are decoded beside the clips.
+    let clips = || match needs.clips {
+        true => animation::read(&xml, &tree, &morphs, stem(&source.name)),
+        false => Ok(Vec::new()),
+    };
+    let (images, clips) = materials.textures.unwrap_or_default().decode_beside(&notes, clips);
+    (asset.images, asset.clips) = (images, clips?);
+    take_normal_maps(&mut asset, materials.bumps, &notes);
+    add_tangents(&mut asset);
+    let has_bones = tree.joints.iter().any(|j| j.parent.is_some());
+    if needs.geometry && asset.meshes.is_empty() && has_bones && options.bool("bones").unwrap_or(true) {
+        bones::add_bones(&mut asset);
+    }
+    asset.warnings = notes.into_warnings();
+    Ok(asset)
+}
+
+/// The turn that brings the file's upward axis to +Y: the shortest one, about z or x.
+fn upright(up: &str) -> DMat4 {
+    match up {
+        // x goes up, y goes left.
+        "+X" => DMat4::from_cols(DVec4::Y, DVec4::NEG_X, DVec4::Z, DVec4::W),
+        // z goes up, y goes away from the viewer.
+        "+Z" => DMat4::from_cols(DVec4::X, DVec4::NEG_Z, DVec4::Y, DVec4::W),
+        _ => DMat4::IDENTITY,
+    }
+}
+
+/// A bump map that holds directions is used as the normal map that it is.
+fn take_normal_maps(asset: &mut Asset, bumps: Vec<materials::Bump>, notes: &Notes) {
+    for (material, texture) in bumps {
+        let image = &asset.images[texture.image as usize];
+        let Some(material) = asset.materials.get_mut(material) else { continue };
+        let place = format!("material \"{}\"", material.name);
+        if is_normal_map(image) {
+            material.normal_texture = Some(texture);
+        } else {
+            notes.warn(
+                place,
+                format!("the bump map \"{}\" holds heights, which are not supported", image.name),
+            );
+        }
+    }
+}
+
+fn add_tangents(asset: &mut Asset) {
+    let materials = &asset.materials;
+    for mesh in asset.meshes.iter_mut().filter_map(Arc::get_mut) {
+        for p in &mut mesh.primitives {
+            let material = p.material.and_then(|m| materials.get(m as usize));
+            let Some(map) = material.and_then(|m| m.normal_texture.as_ref()) else { continue };
+            let uvs = &p.uvs[usize::from(map.uv_set)];
+            if p.topology == Topology::Triangles && !uvs.is_empty() {
+                let made = tangents::corner_tangents(&p.indices, &p.positions, &p.normals, uvs);
+                normals::apply_tangents(p, &made);
+            }
+        }
+    }
+}

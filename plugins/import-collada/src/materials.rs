@@ -1,0 +1,296 @@
+//! `<material>` and `<effect>` (profile_COMMON), bound to a mesh instance.
+
+use crate::xml::{Xml, child, children, descendant, name_of, text_of};
+use choreo_import::Result;
+use choreo_import::color::linear_from_srgb;
+use choreo_import::textures::Textures;
+use choreo_plugin::Files;
+use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
+use glam::{Affine2, Vec3, Vec4};
+use roxmltree::Node;
+use std::collections::BTreeMap;
+
+/// One channel of a colour as the file has it.
+pub fn linear(value: f32, srgb: bool) -> f32 {
+    if srgb && value <= 1.0 { linear_from_srgb(value.max(0.0)) } else { value.max(0.0) }
+}
+
+/// A bump map: which material, and its texture. Whether it holds directions shows in the decoded picture.
+pub type Bump = (usize, TextureRef);
+
+pub struct Materials<'f> {
+    pub textures: Option<Textures>,
+    pub files: &'f dyn Files,
+    pub srgb: bool,
+    pub list: Vec<Material>,
+    pub bumps: Vec<Bump>,
+    /// By material element and the uv sets in use.
+    known: BTreeMap<String, u32>,
+}
+
+/// Which of a primitive's uv lists the texture coordinates of an effect mean.
+#[derive(Clone, Debug, Default)]
+struct Uvs {
+    /// Semantic of the effect → `set` of the mesh.
+    bound: BTreeMap<String, usize>,
+    /// `set` of each list.
+    sets: Vec<usize>,
+}
+
+impl Uvs {
+    fn list(&self, texcoord: &str) -> u8 {
+        let digits = texcoord.trim_start_matches(|c: char| !c.is_ascii_digit());
+        let set = self.bound.get(texcoord).copied().or_else(|| digits.parse().ok());
+        set.and_then(|set| self.sets.iter().position(|s| *s == set)).unwrap_or(0) as u8
+    }
+}
+
+/// `<color>`, `<float>` or `<texture>` of an effect.
+#[derive(Clone, Debug, Default)]
+struct Value {
+    color: Option<Vec4>,
+    texture: Option<TextureRef>,
+}
+
+impl<'f> Materials<'f> {
+    pub fn new(textures: bool, files: &'f dyn Files, srgb: bool) -> Materials<'f> {
+        let textures = textures.then(Textures::default);
+        Materials { textures, files, srgb, list: Vec::new(), bumps: Vec::new(), known: BTreeMap::new() }
+    }
+
+    /// The material that an instance binds to a symbol of its mesh.
+    pub fn bind<'a, 'i>(
+        &mut self,
+        xml: &Xml<'a, 'i>,
+        instance: Node<'a, 'i>,
+        symbol: &str,
+        uv_sets: &[usize],
+    ) -> Result<u32> {
+        let bindings = descendant(instance, "bind_material").and_then(|b| child(b, "technique_common"));
+        let bound = bindings
+            .and_then(|b| children(b, "instance_material").find(|m| m.attribute("symbol") == Some(symbol)));
+        let mut uvs = Uvs { bound: BTreeMap::new(), sets: uv_sets.to_vec() };
+        let material = match bound {
+            Some(bound) => {
+                for input in children(bound, "bind_vertex_input") {
+                    let set = input.attribute("input_set").and_then(|s| s.trim().parse().ok()).unwrap_or(0);
+                    uvs.bound.insert(input.attribute("semantic").unwrap_or_default().to_string(), set);
+                }
+                Some(xml.follow(bound, "target")?)
+            }
+            // Some exporters bind nothing and name the material itself.
+            None => xml.by_id(symbol).filter(|n| name_of(*n) == "material"),
+        };
+        let key = format!("{:?} {uvs:?}", material.map(|m| m.id()));
+        if let Some(known) = self.known.get(&key) {
+            return Ok(*known);
+        }
+        let made = match material {
+            Some(material) => self.material(xml, material, &uvs)?,
+            None => {
+                if !symbol.is_empty() {
+                    xml.warn(
+                        instance,
+                        format!("material \"{symbol}\" of the mesh is not bound; grey is used"),
+                    );
+                }
+                Material {
+                    name: symbol.to_string(),
+                    base_color: Vec4::new(0.6, 0.6, 0.6, 1.0),
+                    metallic: 0.0,
+                    roughness: 0.7,
+                    ..Material::default()
+                }
+            }
+        };
+        let index = self.list.len() as u32;
+        self.list.push(made);
+        self.known.insert(key, index);
+        Ok(index)
+    }
+
+    fn material<'a, 'i>(&mut self, xml: &Xml<'a, 'i>, material: Node<'a, 'i>, uvs: &Uvs) -> Result<Material> {
+        let name = material.attribute("name").or(material.attribute("id")).unwrap_or_default().to_string();
+        let mut out = Material {
+            name,
+            shading: Shading::BlinnPhong,
+            specular_color: Vec3::ZERO,
+            ..Material::default()
+        };
+        let Some(instance) = child(material, "instance_effect") else { return Ok(out) };
+        let effect = xml.follow(instance, "url")?;
+        let Some(profile) = child(effect, "profile_COMMON") else {
+            xml.warn(effect, "has no profile_COMMON; white is used");
+            return Ok(out);
+        };
+        let technique = child(profile, "technique");
+        let shader = technique.and_then(|t| {
+            t.children()
+                .find(|n| n.is_element() && ["phong", "blinn", "lambert", "constant"].contains(&name_of(*n)))
+        });
+        let Some(shader) = shader else {
+            xml.warn(effect, "has no phong, blinn, lambert or constant technique; white is used");
+            return Ok(out);
+        };
+        let mut value = |slot: &'static str| -> Result<Value> {
+            child(shader, slot).map_or(Ok(Value::default()), |n| self.value(xml, profile, n, uvs))
+        };
+        let (emission, diffuse, specular) = (value("emission")?, value("diffuse")?, value("specular")?);
+        let transparent = value("transparent")?;
+        let float = |slot: &'static str| -> Result<Option<f64>> {
+            child(shader, slot).and_then(|n| child(n, "float")).map(|n| xml.number(n)).transpose()
+        };
+        let (shininess, transparency) = (float("shininess")?, float("transparency")?);
+
+        let srgb = self.srgb;
+        let rgb = |c: Vec4| Vec3::from(c.truncate().to_array().map(|c| linear(c, srgb)));
+        let white = if diffuse.texture.is_some() { Vec4::ONE } else { Vec4::new(0.8, 0.8, 0.8, 1.0) };
+        let base = rgb(diffuse.color.unwrap_or(white));
+        let alpha = self.alpha(xml, shader, transparent.color, transparency);
+        out.base_color = base.extend(alpha);
+        out.base_color_texture = diffuse.texture;
+        out.emissive = emission.color.map_or(Vec3::ZERO, rgb);
+        if emission.texture.is_some() {
+            out.emissive = Vec3::ONE;
+            out.emissive_texture = emission.texture;
+        }
+        out.alpha_mode = if alpha < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque };
+        if let Some(mask) = &transparent.texture {
+            match out.base_color_texture.as_ref().is_some_and(|b| b.image == mask.image) {
+                true => out.alpha_mode = AlphaMode::Blend,
+                false => xml.warn(shader, "the transparent texture is not that of diffuse; only its alpha channel can be used, so it is left out"),
+            }
+        }
+        match name_of(shader) {
+            "constant" => {
+                // Nothing but emission.
+                out.shading = Shading::Unlit;
+                out.base_color = out.emissive.extend(alpha);
+                out.base_color_texture = out.emissive_texture.take();
+                out.emissive = Vec3::ZERO;
+            }
+            "lambert" => {}
+            _ => {
+                // Exporters write exponents, and some of them 0 to 1 of 128.
+                let s = shininess.unwrap_or(20.0);
+                out.shininess = if s > 0.0 && s <= 1.0 { s * 128.0 } else { s }.clamp(1.0, 10_000.0) as f32;
+                // Blinn–Phong here is normalised by (s + 8) / 8; the file's highlight has its colour at the peak.
+                out.specular_color = specular.color.map_or(Vec3::ZERO, rgb) * (8.0 / (out.shininess + 8.0));
+                out.specular_color_texture = specular.texture;
+            }
+        }
+        out.double_sided = [Some(effect), Some(material), technique].into_iter().flatten().any(|n| {
+            descendant(n, "double_sided")
+                .is_some_and(|d| text_of(d) == "1" || text_of(d).eq_ignore_ascii_case("true"))
+        });
+        if let Some(bump) = descendant(effect, "bump") {
+            let found = self.value(xml, profile, bump, uvs)?.texture;
+            self.bumps.extend(found.map(|t| (self.list.len(), t)));
+        }
+        Ok(out)
+    }
+
+    /// COLLADA 1.4.1, "Determining Transparency". Many files have it the wrong way round, which makes everything invisible:
+    /// then it is taken as opaque.
+    fn alpha<'a, 'i>(
+        &self,
+        xml: &Xml<'a, 'i>,
+        shader: Node<'a, 'i>,
+        color: Option<Vec4>,
+        transparency: Option<f64>,
+    ) -> f32 {
+        if color.is_none() && transparency.is_none() {
+            return 1.0;
+        }
+        let mode = child(shader, "transparent").and_then(|t| t.attribute("opaque")).unwrap_or("A_ONE");
+        let factor = transparency.unwrap_or(1.0) as f32;
+        let c = color.unwrap_or(Vec4::ONE);
+        let luminance = c.truncate().dot(Vec3::new(0.212671, 0.715160, 0.072169));
+        let alpha = match mode {
+            "RGB_ZERO" => 1.0 - luminance * factor,
+            "A_ZERO" => 1.0 - c.w * factor,
+            "RGB_ONE" => luminance * factor,
+            _ => c.w * factor,
+        };
+        if alpha <= 0.0 || !alpha.is_finite() {
+            xml.warn(shader, format!("transparent and transparency ({mode}) make it invisible, which many exporters write for opaque; opaque is used"));
+            return 1.0;
+        }
+        alpha.min(1.0)
+    }
+
+    fn value<'a, 'i>(
+        &mut self,
+        xml: &Xml<'a, 'i>,
+        profile: Node<'a, 'i>,
+        slot: Node<'a, 'i>,
+        uvs: &Uvs,
+    ) -> Result<Value> {
+        let mut out = Value::default();
+        if let Some(color) = child(slot, "color") {
+            let c = xml.floats(color)?;
+            match c.len() {
+                3 => out.color = Some(Vec4::new(c[0], c[1], c[2], 1.0)),
+                4 => out.color = Some(Vec4::new(c[0], c[1], c[2], c[3])),
+                n => return Err(xml.problem(color, format!("has {n} numbers, but needs 4"))),
+            }
+        } else if let Some(float) = child(slot, "float") {
+            let v = xml.number(float)? as f32;
+            out.color = Some(Vec4::new(v, v, v, 1.0));
+        }
+        if let Some(texture) = child(slot, "texture") {
+            out.texture = self.texture(xml, profile, texture, uvs);
+        }
+        Ok(out)
+    }
+
+    fn texture<'a, 'i>(
+        &mut self,
+        xml: &Xml<'a, 'i>,
+        profile: Node<'a, 'i>,
+        texture: Node<'a, 'i>,
+        uvs: &Uvs,
+    ) -> Option<TextureRef> {
+        let textures = self.textures.as_mut()?;
+        let name = texture.attribute("texture").unwrap_or_default();
+        let (image, sampler) = image(xml, profile, name);
+        let Some(image) = image else {
+            xml.warn(texture, format!("texture \"{name}\" leads to no image; it is left out"));
+            return None;
+        };
+        let from = descendant(image, "init_from")?;
+        // 1.4: the path itself; 1.5: in a <ref>.
+        let path = child(from, "ref").map_or(text_of(from), text_of);
+        let index = textures.find(path, &xml.place(image), self.files, xml.budget, xml.notes)?;
+        let wrap = |name: &'static str| match sampler.and_then(|s| child(s, name)).map(text_of) {
+            Some("CLAMP" | "BORDER") => Wrap::ClampToEdge,
+            Some("MIRROR") => Wrap::MirroredRepeat,
+            _ => Wrap::Repeat,
+        };
+        let sampler = Sampler { wrap_u: wrap("wrap_s"), wrap_v: wrap("wrap_t"), ..Sampler::default() };
+        let uv_set = uvs.list(texture.attribute("texcoord").unwrap_or_default());
+        Some(TextureRef { image: index, sampler, uv_set, uv_transform: Affine2::IDENTITY })
+    }
+}
+
+/// From a sampler's sid through its surface to the image; or an image's id, as older exporters write.
+fn image<'a, 'i>(
+    xml: &Xml<'a, 'i>,
+    profile: Node<'a, 'i>,
+    name: &str,
+) -> (Option<Node<'a, 'i>>, Option<Node<'a, 'i>>) {
+    let param = |sid: &str| {
+        let effect = profile.parent();
+        let both = [Some(profile), effect].into_iter().flatten();
+        both.flat_map(|n| children(n, "newparam")).find(|n| n.attribute("sid") == Some(sid))
+    };
+    let by_id = |id: &str| xml.by_id(id).filter(|n| name_of(*n) == "image");
+    let Some(sampler) = param(name).and_then(|p| child(p, "sampler2D")) else { return (by_id(name), None) };
+    if let Some(instance) = child(sampler, "instance_image") {
+        return (xml.follow(instance, "url").ok(), Some(sampler));
+    }
+    let source = child(sampler, "source").map(text_of).unwrap_or_default();
+    let surface = param(source).and_then(|p| child(p, "surface"));
+    let id = surface.and_then(|s| child(s, "init_from")).map(text_of);
+    (id.and_then(by_id).or_else(|| by_id(source)), Some(sampler))
+}

@@ -1,0 +1,243 @@
+//! Instanced geometries and controllers to meshes, skins and instances.
+
+use crate::controller::{self, Morph, MorphTargets, SkinData};
+use crate::geometry::{self, Geometry};
+use crate::materials::Materials;
+use crate::nodes::Tree;
+use crate::xml::{Xml, children, name_of, text_of};
+use choreo_import::{Result, smooth};
+use choreo_stage::asset::{Asset, Mesh, MeshInstance, Topology};
+use roxmltree::{Node, NodeId};
+use std::collections::{BTreeMap, HashMap};
+use std::rc::Rc;
+use std::sync::Arc;
+
+pub struct Builder<'x, 'a, 'i, 'f> {
+    pub xml: &'x Xml<'a, 'i>,
+    pub tree: &'x Tree<'a, 'i>,
+    pub materials: Materials<'f>,
+    pub smooth_rad: f64,
+    pub morphs: Vec<MorphTargets>,
+    geometries: HashMap<NodeId, Rc<Geometry>>,
+    /// Meshes by what they are made of.
+    known: BTreeMap<String, (u32, Option<u32>)>,
+    without_normals: usize,
+}
+
+impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
+    pub fn new(
+        xml: &'x Xml<'a, 'i>,
+        tree: &'x Tree<'a, 'i>,
+        materials: Materials<'f>,
+        smooth_rad: f64,
+    ) -> Self {
+        Builder {
+            xml,
+            tree,
+            materials,
+            smooth_rad,
+            morphs: Vec::new(),
+            geometries: HashMap::new(),
+            known: BTreeMap::new(),
+            without_normals: 0,
+        }
+    }
+
+    pub fn build(&mut self, asset: &mut Asset) -> Result<()> {
+        for (joint, node) in (0u32..).zip(self.tree.joints.iter().map(|j| j.node)) {
+            for element in node.children().filter(Node::is_element) {
+                match name_of(element) {
+                    "instance_geometry" => {
+                        if let Some(target) = self.target(element, "geometry")? {
+                            self.place(asset, joint, element, target, None, None)?;
+                        }
+                    }
+                    "instance_controller" => {
+                        if let Some(target) = self.target(element, "controller")? {
+                            self.controller(asset, joint, element, target)?;
+                        }
+                    }
+                    _ => {}
+                }
+            }
+        }
+        if self.without_normals > 0 {
+            let what = format!(
+                "{} parts have no normals; edges of up to {:.0}° are smooth (option smooth)",
+                self.without_normals,
+                self.smooth_rad.to_degrees()
+            );
+            self.xml.notes.warn("library_geometries", what);
+        }
+        Ok(())
+    }
+
+    /// What an instance refers to; a missing one is left out with a warning, as skeletons are often kept without their mesh.
+    fn target(&self, instance: Node<'a, 'i>, kind: &str) -> Result<Option<Node<'a, 'i>>> {
+        match self.xml.follow(instance, "url") {
+            Ok(node) if name_of(node) == kind => Ok(Some(node)),
+            Ok(node) => {
+                Err(self.xml.problem(instance, format!("refers to a {}, not a {kind}", name_of(node))))
+            }
+            Err(problem) => {
+                self.xml.notes.warn(problem.place, format!("{}; it is left out", problem.what));
+                Ok(None)
+            }
+        }
+    }
+
+    fn controller(
+        &mut self,
+        asset: &mut Asset,
+        joint: u32,
+        instance: Node<'a, 'i>,
+        controller: Node<'a, 'i>,
+    ) -> Result<()> {
+        let (mut skin, mut morph) = (None, None);
+        let mut at = controller;
+        // A skin over a morph over a geometry; no deeper.
+        for _ in 0..3 {
+            let inner = at.children().find(|n| matches!(name_of(*n), "skin" | "morph"));
+            let Some(inner) = inner else {
+                self.xml.warn(at, "is neither skin nor morph; it is left out");
+                return Ok(());
+            };
+            match name_of(inner) {
+                "skin" => skin = Some(inner),
+                _ => morph = Some((inner, at.id())),
+            }
+            let source = match self.xml.follow(inner, "source") {
+                Ok(source) => source,
+                Err(problem) => {
+                    self.xml.notes.warn(problem.place, format!("{}; the mesh is left out", problem.what));
+                    return Ok(());
+                }
+            };
+            if name_of(source) == "geometry" {
+                return self.place(asset, joint, instance, source, skin, morph);
+            }
+            at = source;
+        }
+        Err(self.xml.problem(controller, "refers to controllers more than three deep, or to itself"))
+    }
+
+    fn geometry(&mut self, node: Node<'a, 'i>) -> Result<Rc<Geometry>> {
+        if let Some(known) = self.geometries.get(&node.id()) {
+            return Ok(known.clone());
+        }
+        let read = Rc::new(geometry::read(self.xml, node, self.tree.convention.metres, self.materials.srgb)?);
+        self.geometries.insert(node.id(), read.clone());
+        Ok(read)
+    }
+
+    fn place(
+        &mut self,
+        asset: &mut Asset,
+        joint: u32,
+        instance: Node<'a, 'i>,
+        geometry: Node<'a, 'i>,
+        skin: Option<Node<'a, 'i>>,
+        morph: Option<(Node<'a, 'i>, NodeId)>,
+    ) -> Result<()> {
+        let source = self.geometry(geometry)?;
+        if source.parts.is_empty() {
+            return Ok(());
+        }
+        let mut materials = Vec::with_capacity(source.parts.len());
+        for part in &source.parts {
+            materials.push(self.materials.bind(self.xml, instance, &part.symbol, &part.uv_sets)?);
+        }
+        let skeletons: Vec<&str> = children(instance, "skeleton").map(text_of).collect();
+        let morphed = morph.map(|(node, _)| self.morph(node, &source)).transpose()?;
+        let key = format!(
+            "{:?} {:?} {:?} {materials:?} {skeletons:?}",
+            geometry.id(),
+            skin.map(|s| s.id()),
+            morph.map(|m| m.1)
+        );
+        let (mesh, skin) = match self.known.get(&key) {
+            Some(known) => *known,
+            None => {
+                let skinned = skin.map(|s| {
+                    let roots =
+                        skeletons.iter().filter_map(|s| self.xml.node_by_id(s.trim_start_matches('#')));
+                    let roots =
+                        roots.flat_map(|n| self.tree.of_element.get(&n.id()).cloned().unwrap_or_default());
+                    let roots: Vec<u32> = roots.collect();
+                    controller::skin(self.xml, self.tree, s, &roots, joint)
+                });
+                let skinned = skinned.transpose()?;
+                if let (Some(data), Some(node)) = (&skinned, skin)
+                    && data.weights.len() != source.positions.len()
+                {
+                    let what = format!(
+                        "has weights for {} positions, the geometry has {}; the first joint moves the rest",
+                        data.weights.len(),
+                        source.positions.len()
+                    );
+                    self.xml.warn(node, what);
+                }
+                let mesh = self.mesh(&source, geometry, &materials, skinned.as_ref(), morphed.as_ref())?;
+                let skin = skinned.map(|data| {
+                    asset.skins.push(data.skin);
+                    asset.skins.len() as u32 - 1
+                });
+                asset.meshes.push(Arc::new(mesh));
+                let made = (asset.meshes.len() as u32 - 1, skin);
+                self.known.insert(key, made);
+                made
+            }
+        };
+        let weights = morphed.map_or(Vec::new(), |m| m.weights);
+        if let Some((_, controller)) = morph {
+            self.morphs.push(MorphTargets { controller, joint, weights: weights.clone() });
+        }
+        asset.instances.push(MeshInstance { joint, mesh, skin, weights });
+        Ok(())
+    }
+
+    fn morph(&mut self, node: Node<'a, 'i>, base: &Geometry) -> Result<Morph> {
+        let xml = self.xml;
+        controller::morph(xml, node, base, |target| {
+            let read = self.geometry(target)?;
+            Ok(read.positions.clone())
+        })
+    }
+
+    fn mesh(
+        &mut self,
+        source: &Geometry,
+        geometry: Node<'a, 'i>,
+        materials: &[u32],
+        skin: Option<&SkinData>,
+        morph: Option<&Morph>,
+    ) -> Result<Mesh> {
+        let mut out = Mesh {
+            name: source.name.clone(),
+            morph_targets: morph.map_or(0, |m| m.offsets.len()),
+            morph_names: morph.map_or(Vec::new(), |m| m.names.clone()),
+            ..Mesh::default()
+        };
+        for (part, material) in source.parts.iter().zip(materials) {
+            let corners = part.primitive.indices.len();
+            self.xml.charge(geometry, corners, 96 + out.morph_targets * 12)?;
+            let mut primitive = part.primitive.clone();
+            primitive.material = Some(*material);
+            if let Some(skin) = skin {
+                primitive.influences = skin.weights.influences;
+                for origin in &part.origin {
+                    skin.weights.of(*origin, &mut primitive.joint_indices, &mut primitive.joint_weights);
+                }
+            }
+            if let Some(morph) = morph {
+                primitive.morphs = morph.targets(&part.origin);
+            }
+            if primitive.normals.is_empty() && primitive.topology == Topology::Triangles {
+                self.without_normals += 1;
+                smooth::normals(&mut primitive, self.smooth_rad, None);
+            }
+            out.primitives.push(primitive);
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,258 @@
+//! The visual scene to a parents-first list of joints, each with its stack of transforms.
+
+use crate::xml::{Xml, child, descendant, name_of};
+use choreo_import::decompose::{Parts, decompose};
+use choreo_import::{Problem, Result};
+use choreo_motion::{Skeleton, Transform};
+use glam::{DMat4, DQuat, DVec3};
+use roxmltree::{Node, NodeId};
+use std::collections::HashMap;
+
+/// Bounds what instance_node multiplies.
+const MAX_JOINTS: usize = 65_536;
+/// Relative difference of a matrix from its nearest translation, rotation and scale that is worth a word.
+const SHEAR: f64 = 1e-3;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    Matrix,
+    Translate,
+    Rotate,
+    Scale,
+    LookAt,
+}
+
+/// One transform of a node's stack; the first stands leftmost in the product.
+#[derive(Clone, Debug)]
+pub struct Element<'a> {
+    pub sid: &'a str,
+    pub kind: Kind,
+    /// 16, 3, 4, 3, 9 numbers, as written (matrices by rows, angles in degrees).
+    pub values: Vec<f64>,
+}
+
+pub struct Joint<'a, 'i> {
+    pub node: Node<'a, 'i>,
+    pub parent: Option<u32>,
+    pub name: String,
+    pub stack: Vec<Element<'a>>,
+}
+
+/// From the file's units and axes to metres and +Y up: translations are scaled, and the roots are turned, which carries
+/// everything below them. Joints keep their own axes.
+#[derive(Clone, Copy, Debug)]
+pub struct Convention {
+    pub metres: f64,
+    pub up: DMat4,
+}
+
+pub struct Tree<'a, 'i> {
+    pub joints: Vec<Joint<'a, 'i>>,
+    /// Joints of an XML element: several where it is instanced.
+    pub of_element: HashMap<NodeId, Vec<u32>>,
+    pub convention: Convention,
+}
+
+impl Element<'_> {
+    pub fn matrix(&self) -> DMat4 {
+        let v = &self.values;
+        match self.kind {
+            Kind::Matrix => DMat4::from_cols_slice(v).transpose(),
+            Kind::Translate => DMat4::from_translation(DVec3::new(v[0], v[1], v[2])),
+            Kind::Scale => DMat4::from_scale(DVec3::new(v[0], v[1], v[2])),
+            Kind::Rotate => {
+                let (sin, cos) = libm::sincos(v[3].to_radians() * 0.5);
+                match DVec3::new(v[0], v[1], v[2]).try_normalize() {
+                    Some(axis) => {
+                        DMat4::from_quat(DQuat::from_xyzw(axis.x * sin, axis.y * sin, axis.z * sin, cos))
+                    }
+                    None => DMat4::IDENTITY,
+                }
+            }
+            Kind::LookAt => {
+                let point = |at: usize| DVec3::new(v[at], v[at + 1], v[at + 2]);
+                let back = (point(0) - point(3)).normalize_or(DVec3::Z);
+                let right =
+                    point(6).cross(back).try_normalize().unwrap_or_else(|| back.any_orthonormal_vector());
+                let up = back.cross(right);
+                DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), point(0).extend(1.0))
+            }
+        }
+    }
+}
+
+impl Convention {
+    /// A matrix of the file's lengths to metres; `m` maps lengths to lengths.
+    pub fn scaled(&self, mut m: DMat4) -> DMat4 {
+        let t = m.w_axis.truncate() * self.metres;
+        m.w_axis = t.extend(m.w_axis.w);
+        m
+    }
+
+    /// parent-from-joint of a stack.
+    pub fn local(&self, stack: &[Element<'_>], root: bool) -> DMat4 {
+        let file = stack.iter().fold(DMat4::IDENTITY, |m, e| m * e.matrix());
+        let scaled = self.scaled(file);
+        if root { self.up * scaled } else { scaled }
+    }
+}
+
+impl<'a, 'i> Tree<'a, 'i> {
+    pub fn read(xml: &Xml<'a, 'i>, convention: Convention) -> Result<Tree<'a, 'i>> {
+        let mut tree = Tree { joints: Vec::new(), of_element: HashMap::new(), convention };
+        let Some(scene) = scene(xml)? else { return Ok(tree) };
+        let mut open: Vec<(Node<'a, 'i>, Option<u32>)> =
+            nodes_in(xml, scene)?.into_iter().rev().map(|n| (n, None)).collect();
+        while let Some((node, parent)) = open.pop() {
+            if tree.joints.len() == MAX_JOINTS {
+                let what = format!(
+                    "the scene has more than {MAX_JOINTS} nodes, which is the limit; an instance_node may contain itself"
+                );
+                return Err(xml.problem(node, what));
+            }
+            let index = tree.joints.len() as u32;
+            let name = node.attribute("name").or(node.attribute("id")).or(node.attribute("sid"));
+            let name = name.filter(|n| !n.is_empty()).map_or(format!("node {index}"), str::to_string);
+            tree.of_element.entry(node.id()).or_default().push(index);
+            tree.joints.push(Joint { node, parent, name, stack: stack(xml, node)? });
+            open.extend(nodes_in(xml, node)?.into_iter().rev().map(|n| (n, Some(index))));
+        }
+        Ok(tree)
+    }
+
+    pub fn skeleton(&self, xml: &Xml<'a, 'i>) -> Result<Skeleton> {
+        let mut rest = Vec::with_capacity(self.joints.len());
+        for joint in &self.joints {
+            let m = self.convention.local(&joint.stack, joint.parent.is_none());
+            let parts = decompose(&m);
+            let transform = transform(&parts);
+            if !transform.is_finite() || transform.scale.max_element().abs() > 1e18 {
+                return Err(xml.problem(joint.node, "its transforms together are not finite"));
+            }
+            if parts.error > SHEAR {
+                let what = format!(
+                    "the transform is sheared; the nearest translation, rotation and scale differ from it by {:.1} %",
+                    parts.error * 100.0
+                );
+                xml.warn(joint.node, what);
+            }
+            rest.push(transform);
+        }
+        let names = self.joints.iter().map(|j| j.name.clone()).collect();
+        let parents = self.joints.iter().map(|j| j.parent).collect();
+        Skeleton::new(names, parents, rest).map_err(|e| Problem::new("visual_scene", e.to_string()))
+    }
+}
+
+pub fn transform(parts: &Parts) -> Transform {
+    Transform {
+        translation: parts.translation.as_vec3(),
+        rotation: parts.rotation.as_quat().normalize(),
+        scale: parts.scale.as_vec3(),
+    }
+}
+
+/// The scene that the file shows, else its first one.
+fn scene<'a, 'i>(xml: &Xml<'a, 'i>) -> Result<Option<Node<'a, 'i>>> {
+    let shown = child(xml.root(), "scene").and_then(|s| child(s, "instance_visual_scene"));
+    if let Some(instance) = shown {
+        return xml.follow(instance, "url").map(Some);
+    }
+    let first = descendant(xml.root(), "visual_scene");
+    match first {
+        Some(scene) => xml.warn(scene, "the file does not say which scene it shows; this one is used"),
+        None => xml.notes.warn("visual_scene", "the file has no scene"),
+    }
+    Ok(first)
+}
+
+/// Nodes and instanced nodes in a scene or node, in order.
+fn nodes_in<'a, 'i>(xml: &Xml<'a, 'i>, parent: Node<'a, 'i>) -> Result<Vec<Node<'a, 'i>>> {
+    let mut out = Vec::new();
+    for element in parent.children().filter(Node::is_element) {
+        match name_of(element) {
+            "node" => out.push(element),
+            "instance_node" => {
+                let url = element.attribute("url").unwrap_or_default();
+                if !url.starts_with('#') {
+                    xml.warn(element, format!("url=\"{url}\" is in another file, which is not read"));
+                    continue;
+                }
+                let Some(node) = xml.node_by_id(&url[1..]) else {
+                    return Err(xml.problem(element, format!("url=\"{url}\" is no node of this file")));
+                };
+                out.push(node);
+            }
+            _ => {}
+        }
+    }
+    Ok(out)
+}
+
+fn stack<'a, 'i>(xml: &Xml<'a, 'i>, node: Node<'a, 'i>) -> Result<Vec<Element<'a>>> {
+    let mut out = Vec::new();
+    for element in node.children().filter(Node::is_element) {
+        let (kind, count) = match name_of(element) {
+            "matrix" => (Kind::Matrix, 16),
+            "translate" => (Kind::Translate, 3),
+            "rotate" => (Kind::Rotate, 4),
+            "scale" => (Kind::Scale, 3),
+            "lookat" => (Kind::LookAt, 9),
+            "skew" => {
+                xml.warn(element, "skew is not supported; it is left out");
+                continue;
+            }
+            _ => continue,
+        };
+        let values = xml.numbers(element)?;
+        if values.len() != count {
+            let what = format!("has {} numbers, but needs {count}", values.len());
+            return Err(xml.problem(element, what));
+        }
+        if kind == Kind::Matrix && values[12..] != [0.0, 0.0, 0.0, 1.0] {
+            xml.warn(element, "the matrix has a fourth row other than 0 0 0 1, which is ignored");
+        }
+        let mut values = values;
+        if kind == Kind::Matrix {
+            values[12..].copy_from_slice(&[0.0, 0.0, 0.0, 1.0]);
+        }
+        out.push(Element { sid: element.attribute("sid").unwrap_or_default(), kind, values });
+    }
+    Ok(out)
+}
+
+/// The joint of a skin by its name: a sid below the skeleton's roots, then anywhere; then an id; then a name.
+pub fn find_joint<'a, 'i>(
+    xml: &Xml<'a, 'i>,
+    tree: &Tree<'a, 'i>,
+    roots: &[u32],
+    name: &str,
+    is_id: bool,
+) -> Option<u32> {
+    let below = |joint: u32| -> bool {
+        let mut at = Some(joint);
+        while let Some(j) = at {
+            if roots.contains(&j) {
+                return true;
+            }
+            at = tree.joints[j as usize].parent;
+        }
+        false
+    };
+    let with = |attribute: &'static str| {
+        (0u32..)
+            .zip(&tree.joints)
+            .filter(move |(_, j)| j.node.attribute(attribute) == Some(name))
+            .map(|(i, _)| i)
+    };
+    let by_id =
+        || xml.by_id(name).and_then(|n| tree.of_element.get(&n.id())).and_then(|j| j.first().copied());
+    if is_id && let Some(joint) = by_id() {
+        return Some(joint);
+    }
+    with("sid")
+        .find(|j| below(*j))
+        .or_else(|| with("sid").next())
+        .or_else(by_id)
+        .or_else(|| with("name").next())
+}

@@ -1,0 +1,184 @@
+//! Cameras and lights.
+
+use crate::nodes::Tree;
+use crate::xml::{Xml, child, children, descendant, name_of};
+use choreo_import::Result;
+use choreo_stage::asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
+use glam::Vec3;
+use roxmltree::Node;
+use std::f64::consts::PI;
+
+/// Where a light's own attenuation and the inverse square that the renderer has are made equal, metres.
+const EQUAL_AT: f64 = 5.0;
+
+pub fn cameras<'a, 'i>(xml: &Xml<'a, 'i>, tree: &Tree<'a, 'i>) -> Result<Vec<AssetCamera>> {
+    let mut out = Vec::new();
+    for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
+        for instance in children(node, "instance_camera") {
+            let camera = xml.follow(instance, "url")?;
+            let technique = child(camera, "optics").and_then(|o| child(o, "technique_common"));
+            let Some(lens) = technique.and_then(|t| t.children().find(Node::is_element)) else {
+                xml.warn(camera, "has no optics; it is left out");
+                continue;
+            };
+            let metres = tree.convention.metres;
+            let value = |name: &'static str| child(lens, name).map(|n| xml.number(n)).transpose();
+            let near = value("znear")?.filter(|v| *v > 0.0).map_or(0.05, |v| v * metres);
+            let far = value("zfar")?.map(|v| v * metres).filter(|f| *f > near && f.is_finite());
+            let aspect = value("aspect_ratio")?.filter(|a| *a > 0.0);
+            let from_width = |width: f64, height_of: &dyn Fn(f64, f64) -> f64| -> f64 {
+                let aspect = aspect.unwrap_or_else(|| {
+                    xml.warn(lens, "gives its width without an aspect ratio; 16:9 is used");
+                    16.0 / 9.0
+                });
+                height_of(width, aspect)
+            };
+            let projection = match name_of(lens) {
+                "perspective" => {
+                    let wide = |x: f64, aspect: f64| 2.0 * libm::atan(libm::tan(x / 2.0) / aspect);
+                    let yfov = match (value("yfov")?, value("xfov")?) {
+                        (Some(y), _) => y.to_radians(),
+                        (None, Some(x)) => from_width(x.to_radians(), &wide),
+                        (None, None) => {
+                            xml.warn(lens, "has neither xfov nor yfov; 40 degrees are used");
+                            40f64.to_radians()
+                        }
+                    };
+                    if !(yfov > 0.0 && yfov < PI) {
+                        xml.warn(
+                            lens,
+                            format!(
+                                "sees {:.1} degrees, which no lens does; it is left out",
+                                yfov.to_degrees()
+                            ),
+                        );
+                        continue;
+                    }
+                    Projection::Perspective {
+                        yfov: yfov as f32,
+                        near: near as f32,
+                        far: far.map(|f| f as f32),
+                    }
+                }
+                "orthographic" => {
+                    // Magnifications are half the extents.
+                    let height = match (value("ymag")?, value("xmag")?) {
+                        (Some(y), _) => 2.0 * y,
+                        (None, Some(x)) => from_width(2.0 * x, &|w, aspect| w / aspect),
+                        (None, None) => 2.0,
+                    };
+                    let height = height * metres;
+                    if !(height > 0.0 && height.is_finite()) {
+                        xml.warn(lens, "has no height; it is left out");
+                        continue;
+                    }
+                    Projection::Orthographic {
+                        height: height as f32,
+                        near: near as f32,
+                        far: far.unwrap_or(near + 1000.0) as f32,
+                    }
+                }
+                other => {
+                    xml.warn(lens, format!("is {other}, which is not supported; it is left out"));
+                    continue;
+                }
+            };
+            out.push(AssetCamera { name: name(camera), joint, projection });
+        }
+    }
+    Ok(out)
+}
+
+/// A directional light of colour 1 shines on a white surface until it is white: π lux. Others fall off as their attenuation
+/// says, which becomes an inverse square that is equal at five metres.
+pub fn lights<'a, 'i>(xml: &Xml<'a, 'i>, tree: &Tree<'a, 'i>) -> Result<Vec<AssetLight>> {
+    let mut out = Vec::new();
+    for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
+        for instance in children(node, "instance_light") {
+            let light = xml.follow(instance, "url")?;
+            let Some(kind) =
+                child(light, "technique_common").and_then(|t| t.children().find(Node::is_element))
+            else {
+                xml.warn(light, "has no technique_common; it is left out");
+                continue;
+            };
+            let value =
+                |name: &'static str, default: f64| child(kind, name).map_or(Ok(default), |n| xml.number(n));
+            let color = match child(kind, "color") {
+                Some(c) => Vec3::from(xml.array::<3>(c)?.map(|v| v.max(0.0) as f32)),
+                None => Vec3::ONE,
+            };
+            let strength = f64::from(color.max_element()).max(1.0);
+            let (constant, along, squared) = (
+                value("constant_attenuation", 1.0)?,
+                value("linear_attenuation", 0.0)?,
+                value("quadratic_attenuation", 0.0)?,
+            );
+            let at = |d: f64| (constant + along * d + squared * d * d).max(1e-6);
+            let d = EQUAL_AT / tree.convention.metres;
+            let candela = PI * EQUAL_AT * EQUAL_AT / at(d) * strength;
+            let (kind_of, intensity) = match name_of(kind) {
+                "directional" => (LightKind::Directional, PI * strength),
+                "point" => (LightKind::Point, candela),
+                "spot" => {
+                    // The full angle; the exponent makes a soft edge of it.
+                    let outer = (value("falloff_angle", 180.0)?.to_radians() / 2.0).clamp(0.001, PI / 2.0);
+                    let soft = if value("falloff_exponent", 0.0)? > 0.0 { 0.5 } else { 0.98 };
+                    (LightKind::Spot { inner: (outer * soft) as f32, outer: outer as f32 }, candela)
+                }
+                "ambient" => {
+                    xml.warn(light, "ambient light is not part of a scene here; it is left out");
+                    continue;
+                }
+                other => {
+                    xml.warn(light, format!("is {other}, which is not supported; it is left out"));
+                    continue;
+                }
+            };
+            if !matches!(kind_of, LightKind::Directional) && (along != 0.0 || constant != 0.0) {
+                xml.warn(light, "its attenuation becomes an inverse square, equal at 5 m");
+            }
+            let light_of = Light {
+                kind: kind_of,
+                color: color / strength as f32,
+                intensity: intensity as f32,
+                range: None,
+            };
+            if !light_of.intensity.is_finite() {
+                return Err(xml.problem(light, "its colour is not finite"));
+            }
+            out.push(AssetLight { name: name(light), joint, light: light_of });
+        }
+    }
+    Ok(out)
+}
+
+fn name(node: Node<'_, '_>) -> String {
+    node.attribute("name").or(node.attribute("id")).unwrap_or(name_of(node)).to_string()
+}
+
+/// Metres a unit, and the upward axis as written.
+pub fn convention<'a, 'i>(xml: &Xml<'a, 'i>) -> Result<(f64, &'static str)> {
+    let asset = child(xml.root(), "asset");
+    let unit = asset.and_then(|a| child(a, "unit"));
+    let metres = match unit.and_then(|u| u.attribute("meter").map(|m| (u, m))) {
+        None => 1.0,
+        Some((unit, text)) => {
+            let value =
+                choreo_import::text::number(text.trim().as_bytes()).filter(|v| (1e-6..=1e6).contains(v));
+            value.ok_or_else(|| {
+                xml.problem(unit, format!("meter=\"{text}\" is not a number from 0.000001 to 1000000"))
+            })?
+        }
+    };
+    let up = match asset.and_then(|a| descendant(a, "up_axis")).map(crate::xml::text_of) {
+        Some("X_UP") => "+X",
+        Some("Z_UP") => "+Z",
+        Some("Y_UP") | None => "+Y",
+        Some(other) => {
+            xml.notes.warn("asset/up_axis", format!("\"{other}\" is not an axis; Y_UP is used"));
+            "+Y"
+        }
+    };
+    Ok((metres, up))
+}

@@ -1,0 +1,132 @@
+//! `<source>` with its accessor, and the inputs that refer to sources.
+
+use crate::xml::{Xml, child, children, name_of};
+use choreo_import::Result;
+use roxmltree::Node;
+
+/// Floats with the layout that the accessor gives.
+pub struct Floats {
+    pub values: Vec<f32>,
+    pub offset: usize,
+    pub stride: usize,
+    pub count: usize,
+}
+
+impl Floats {
+    /// Element `index`, its first `N` numbers; missing ones are zero.
+    pub fn get<const N: usize>(&self, index: usize) -> [f32; N] {
+        let start = self.offset + index * self.stride;
+        std::array::from_fn(|i| {
+            if i < self.stride { self.values.get(start + i).copied().unwrap_or(0.0) } else { 0.0 }
+        })
+    }
+}
+
+/// The accessor's offset, stride and count, made to fit what the array holds.
+fn layout<'a, 'i>(
+    xml: &Xml<'a, 'i>,
+    source: Node<'a, 'i>,
+    length: usize,
+    default_stride: usize,
+) -> Result<(usize, usize, usize)> {
+    let accessor = child(source, "technique_common").and_then(|t| child(t, "accessor"));
+    let read = |name: &str, default: usize| -> Result<usize> {
+        match accessor.and_then(|a| a.attribute(name)) {
+            None => Ok(default),
+            Some(text) => text.trim().parse().map_err(|_| {
+                xml.problem(accessor.unwrap_or(source), format!("{name}=\"{text}\" is not a whole number"))
+            }),
+        }
+    };
+    // Without a stride it is 1 by the schema, but some exporters leave it out where the params say more.
+    let stride = read("stride", default_stride)?.max(1);
+    let offset = read("offset", 0)?;
+    let room = length.saturating_sub(offset) / stride;
+    let count = read("count", room)?;
+    if count > room {
+        let what =
+            format!("announces {count} elements of {stride} values, but the array has room for {room}");
+        return Err(xml.problem(accessor.unwrap_or(source), what));
+    }
+    Ok((offset, stride, count))
+}
+
+pub fn floats<'a, 'i>(xml: &Xml<'a, 'i>, source: Node<'a, 'i>, default_stride: usize) -> Result<Floats> {
+    let Some(array) = child(source, "float_array") else {
+        return Err(xml.problem(source, "has no float_array"));
+    };
+    let values = xml.floats(array)?;
+    let (offset, stride, count) = layout(xml, source, values.len(), default_stride)?;
+    Ok(Floats { values, offset, stride, count })
+}
+
+/// Numbers of a source in f64, `stride` a key: for times, matrices and tangents.
+pub fn doubles<'a, 'i>(
+    xml: &Xml<'a, 'i>,
+    source: Node<'a, 'i>,
+    default_stride: usize,
+) -> Result<(Vec<f64>, usize)> {
+    let Some(array) = child(source, "float_array") else {
+        return Err(xml.problem(source, "has no float_array"));
+    };
+    let mut values = xml.numbers(array)?;
+    let (offset, stride, count) = layout(xml, source, values.len(), default_stride)?;
+    if offset > 0 {
+        values.drain(..offset);
+    }
+    values.truncate(count * stride);
+    Ok((values, stride))
+}
+
+/// Words of a Name_array or IDREF_array, and whether they are ids.
+pub fn names<'a, 'i>(xml: &Xml<'a, 'i>, source: Node<'a, 'i>) -> Result<(Vec<&'a str>, bool)> {
+    let array =
+        child(source, "Name_array").map(|a| (a, false)).or(child(source, "IDREF_array").map(|a| (a, true)));
+    let Some((array, ids)) = array else {
+        return Err(xml.problem(source, "has neither Name_array nor IDREF_array"));
+    };
+    let text = array.text().unwrap_or_default();
+    let names: Vec<&str> = text.split_ascii_whitespace().collect();
+    xml.charge(array, names.len(), 16)?;
+    let (offset, stride, count) = layout(xml, source, names.len(), 1)?;
+    Ok((names.into_iter().skip(offset).step_by(stride).take(count).collect(), ids))
+}
+
+/// One `<input>`.
+#[derive(Clone, Copy)]
+pub struct Input<'a, 'i> {
+    pub semantic: &'a str,
+    pub source: Node<'a, 'i>,
+    pub offset: usize,
+    pub set: usize,
+}
+
+/// Far more than any format of vertices needs.
+const MAX_OFFSET: usize = 255;
+
+/// The inputs of an element, with `VERTEX` resolved to those of `<vertices>` (at the offset of the `VERTEX`).
+pub fn inputs<'a, 'i>(xml: &Xml<'a, 'i>, element: Node<'a, 'i>) -> Result<Vec<Input<'a, 'i>>> {
+    let mut out = Vec::new();
+    for (index, input) in children(element, "input").enumerate() {
+        let number = |name: &str, default: usize| match input.attribute(name) {
+            None => Ok(default),
+            Some(text) => text.trim().parse().ok().filter(|n| *n <= MAX_OFFSET).ok_or_else(|| {
+                xml.problem(input, format!("{name}=\"{text}\" is not a number from 0 to {MAX_OFFSET}"))
+            }),
+        };
+        // Inputs without an offset share one stream (those of vertices, joints, samplers).
+        let offset = number("offset", if input.has_attribute("offset") { index } else { 0 })?;
+        let set = number("set", 0)?;
+        let semantic = input.attribute("semantic").unwrap_or_default();
+        let source = xml.follow(input, "source")?;
+        if semantic == "VERTEX" && name_of(source) == "vertices" {
+            for inner in children(source, "input") {
+                let semantic = inner.attribute("semantic").unwrap_or_default();
+                out.push(Input { semantic, source: xml.follow(inner, "source")?, offset, set });
+            }
+        } else {
+            out.push(Input { semantic, source, offset, set });
+        }
+    }
+    Ok(out)
+}
