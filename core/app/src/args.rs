@@ -42,6 +42,8 @@ pub enum Command {
     Info(InfoArgs),
     /// What a scene needs, what was left out, and why
     Explain(ExplainArgs),
+    /// Error against run time for each numerical choice that this scene could make
+    Measure(MeasureArgs),
     /// Every actor's joints in world space at one time
     Pose(PoseArgs),
     /// Scenes tested by scripts: sections with assertions and pictures
@@ -137,6 +139,12 @@ pub enum Device {
 pub struct CheckArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
+    /// Warnings fail too
+    #[arg(long)]
+    pub strict: bool,
+    /// Also what is often meant: ends of clips cut off, layers over each other, unused variables
+    #[arg(long)]
+    pub notes: bool,
     #[arg(long)]
     pub json: bool,
 }
@@ -166,6 +174,32 @@ pub struct ExplainArgs {
     pub size: Option<String>,
     #[arg(long, value_name = "1|4")]
     pub samples: Option<String>,
+    /// Also draw what it holds on the device, as a picture
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct MeasureArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Only this choice: bake, crossfade, vertices, mips, renderer or video; repeatable
+    #[arg(long, value_name = "CHOICE")]
+    pub only: Vec<String>,
+    /// When pictures are taken, in seconds (default: in the middle)
+    #[arg(long, value_name = "SECS", allow_hyphen_values = true)]
+    pub at: Option<String>,
+    /// Pixels, as 1280x720
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    /// auto: Vulkan beside the CPU renderer where a driver works
+    #[arg(long, value_enum, default_value_t = Device::Auto)]
+    pub device: Device,
+    /// Also draw error against run time, as pictures below each other
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
     #[arg(long)]
     pub json: bool,
 }
@@ -253,6 +287,7 @@ impl Command {
             Command::Check(a) => a.json,
             Command::Info(a) => a.json,
             Command::Explain(a) => a.json,
+            Command::Measure(a) => a.json,
             Command::Pose(a) => a.json,
             Command::Test(a) => a.json,
             Command::Plugins(a) => a.json,

@@ -37,11 +37,16 @@ impl std::fmt::Display for Problem {
 }
 
 impl Problem {
-    fn json(&self) -> serde_json::Value {
+    pub fn json(&self) -> serde_json::Value {
         match self {
             Problem::Text(text) => json!({ "message": text }),
             Problem::Script(d) => json!({
-                "severity": if d.severity == Severity::Error { "error" } else { "warning" },
+                "severity": match d.severity {
+                    Severity::Error => "error",
+                    Severity::Warning => "warning",
+                    Severity::Note => "note",
+                },
+                "rule": d.rule,
                 "file": d.file, "line": d.line, "column": d.column, "message": d.message, "hint": d.hint,
             }),
         }

@@ -10,6 +10,7 @@ mod failure;
 mod info;
 mod interrupt;
 mod journal;
+mod measure;
 mod media;
 mod memory;
 mod model;
@@ -17,6 +18,7 @@ mod output;
 mod part;
 mod pictures;
 mod pipeline;
+mod plot;
 mod pose;
 mod progress;
 mod provenance;
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         Command::Check(args) => check::run(args),
         Command::Info(args) => info::run(args),
         Command::Explain(args) => explain::run(args),
+        Command::Measure(args) => measure::run(args),
         Command::Pose(args) => pose::run(args),
         Command::Test(args) => test::run(args),
         Command::Plugins(args) => registry::run(args),

@@ -4,7 +4,7 @@ use crate::args::SceneArgs;
 use crate::failure::{Failure, Problem};
 use crate::{memory, model, ranges};
 use choreo_plugin::Registry;
-use choreo_script::{Diagnostic, Limits, ScriptOptions, Severity, run_file};
+use choreo_script::{Diagnostic, Limits, Places, ScriptOptions, Severity, run_file};
 use choreo_stage::Stage;
 use std::sync::Arc;
 
@@ -15,6 +15,11 @@ pub struct Scene {
     pub is_script: bool,
     /// What was guessed or left; each complete with its place.
     pub warnings: Vec<String>,
+    /// The same, apart: of the assets, and of the script.
+    pub asset_warnings: Vec<String>,
+    pub script_warnings: Vec<Diagnostic>,
+    /// Where the script made what is on stage; empty for a model.
+    pub places: Places,
     pub limits: Limits,
     /// What the script printed.
     pub printed: Vec<String>,
@@ -56,12 +61,16 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
         };
         let script = run_file(&args.input, registry, &options).map_err(|d| Failure::Input(errors(d)))?;
         let mut warnings: Vec<String> = script.warnings.iter().map(ToString::to_string).collect();
-        warnings.extend(asset_warnings(&script.stage));
+        let asset_warnings = asset_warnings(&script.stage);
+        warnings.extend(asset_warnings.iter().cloned());
         return Ok(Scene {
             name,
             stage: Arc::new(script.stage),
             is_script,
             warnings,
+            asset_warnings,
+            script_warnings: script.warnings,
+            places: script.places,
             limits,
             printed: script.printed,
             arguments,
@@ -88,7 +97,10 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
         name,
         stage: Arc::new(stage),
         is_script,
+        asset_warnings: warnings.clone(),
         warnings,
+        script_warnings: Vec::new(),
+        places: Places::default(),
         limits,
         printed: Vec::new(),
         arguments,

@@ -70,7 +70,80 @@ fn explain_names_what_is_left_out() {
     let left: Vec<&str> =
         value["left_out"].as_array().unwrap().iter().map(|l| l["what"].as_str().unwrap()).collect();
     assert!(left.contains(&"skinning") && left.contains(&"morph targets"), "{left:?}");
-    assert!(choreo(dir.path(), &["explain", "tri.gltf"]).out.contains("skinning: no mesh has a skin"));
+    let run = choreo(dir.path(), &["explain", "tri.gltf"]);
+    let out: Vec<String> =
+        run.out.lines().map(|l| l.split_whitespace().collect::<Vec<_>>().join(" ")).collect();
+    assert!(out.contains(&"skinning no mesh has a skin".to_string()), "{}", run.out);
+    // Three positions of 12 bytes and normals of 8, three 16-bit indices; asked for by the one actor there is.
+    let mesh = value["in"].as_array().unwrap().iter().find(|p| p["kind"] == "mesh").unwrap();
+    assert_eq!(
+        (mesh["bytes"].as_u64(), mesh["asked_by"]["actors"][0]["name"].as_str()),
+        (Some(66), Some("model")),
+        "{mesh}"
+    );
+    assert!(
+        out.iter().any(|l| l.starts_with("mesh \"Tri\" 0: 3 vertices of 20 bytes, 3 indices 66.0 B model")),
+        "{}",
+        run.out
+    );
+}
+
+#[test]
+fn explain_says_where_in_the_script_something_was_asked_for() {
+    let dir = tempfile::tempdir().unwrap();
+    let script = "stage(#{ length: 1.0 });\nlet m = load(\"choreo:mannequin\");\ncast(\"ada\", m).play(m.clip(\"Walk\"));\n\
+                  cast(\"box\", shape(\"box\")).at(1.0, 0.0, 0.0);\neffect(\"vignette\");\n";
+    std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+    let value = json(dir.path(), &["explain", "s.rhai", "--json"]);
+    let part = |kind: &str, what: &str| {
+        let parts = value["in"].as_array().unwrap();
+        parts
+            .iter()
+            .find(|p| p["kind"] == kind && p["what"].as_str().unwrap().contains(what))
+            .unwrap()
+            .clone()
+    };
+    let skin = part("feature", "SKIN");
+    assert_eq!(
+        skin["asked_by"]["actors"],
+        serde_json::json!([{ "name": "ada", "file": "s.rhai", "line": 3, "column": 1 }])
+    );
+    assert_eq!(part("pass", "vignette")["asked_by"]["effects"][0], "vignette");
+    let run = choreo(dir.path(), &["explain", "s.rhai", "--plot", "in.svg"]);
+    assert!(run.out.contains("ada (line 3)") && run.out.contains("effect vignette (line 5)"), "{}", run.out);
+    assert!(std::fs::read_to_string(dir.path().join("in.svg")).unwrap().starts_with("<svg "));
+    assert_eq!(choreo(dir.path(), &["explain", "s.rhai", "--plot", "s.rhai"]).code, 2);
+    assert_eq!(std::fs::read_to_string(dir.path().join("s.rhai")).unwrap(), script);
+}
+
+#[test]
+fn measure_names_a_way_for_each_choice() {
+    let dir = tempfile::tempdir().unwrap();
+    let script = "stage(#{ size: [64, 48], length: 2.0 });\nlet m = load(\"choreo:mannequin\");\n\
+                  cast(\"ada\", m).play(m.clip(\"Walk\")).until(1.0).then(m.clip(\"Run\"), #{ fade: 0.4 });\n";
+    std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+    let value = json(dir.path(), &["measure", "s.rhai", "--device", "cpu", "--json", "--plot", "m.svg"]);
+    let choices = value["choices"].as_array().unwrap();
+    let named: Vec<&str> = choices.iter().map(|c| c["choice"].as_str().unwrap()).collect();
+    assert_eq!(named, ["bake", "crossfade", "normals", "weights", "renderer", "video"]);
+    for choice in choices {
+        assert!(choice["chosen"].is_string() && !choice["why"].as_str().unwrap().is_empty(), "{choice}");
+        for row in choice["rows"].as_array().unwrap() {
+            assert!(
+                row["worst"].is_number() && (row["nanos"].is_number() || row["bytes"].is_number()),
+                "{row}"
+            );
+        }
+    }
+    // As authored is exact to f32; a baked clip is not; slerp is nearer to slerp than nlerp.
+    let worst = |choice: usize, row: usize| choices[choice]["rows"][row]["worst"].as_f64().unwrap();
+    assert!(worst(0, 0) < 0.01 && worst(0, 1) > worst(0, 0), "{}", choices[0]);
+    assert!(worst(1, 0) < worst(1, 3), "{}", choices[1]);
+    assert_eq!(value["left_out"][0]["what"], "mips");
+    assert!(std::fs::read_to_string(dir.path().join("m.svg")).unwrap().matches("<svg ").count() >= 6);
+    let run = choreo(dir.path(), &["measure", "s.rhai", "--only", "bakes"]);
+    assert_eq!(run.code, 2);
+    assert!(run.err.contains("did you mean \"bake\"?"), "{}", run.err);
 }
 
 #[test]

@@ -19,6 +19,8 @@ pub struct Plan {
     /// Empty where no lit draw is in.
     pub lights: Vec<PlanLight>,
     pub instances: Vec<Instance>,
+    /// Of each instance: index into `Stage::actors`.
+    pub instance_actors: Vec<u32>,
     /// relative-from-mesh of every skin joint in use: `world translation − camera`, rows of a 3×4 matrix.
     pub joint_matrices: Vec<Rows>,
     /// (target, weight) pairs with weight ≠ 0, ranges given by the instances.

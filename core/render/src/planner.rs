@@ -6,7 +6,9 @@ use crate::needs::{DrawNeeds, Facts, features, left_out};
 use crate::plan::*;
 use crate::view::relative;
 use choreo_plugin::{Effect, OptionKind};
-use choreo_stage::{ActorState, AlphaMode, Asset, LightKind, LightState, MeshInstance, Snapshot, Stage};
+use choreo_stage::{
+    ActorState, AlphaMode, Asset, EffectUse, LightKind, LightState, MeshInstance, Snapshot, Stage,
+};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -65,6 +67,7 @@ struct Item {
     /// The smallest depth among the copies that share its draw.
     nearest: f32,
     instance: Instance,
+    actor: u32,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -116,7 +119,9 @@ impl Planner<'_> {
             });
             let weights = state.morph_weights.get(i).unwrap_or(&instance.weights);
             let skin = skin.map(|s| &mut skins[s]);
+            let first = self.items.len();
             self.mesh(primitives, instance, relative_from_model, skin, weights, state);
+            self.items[first..].iter_mut().for_each(|item| item.actor = index as u32);
         }
     }
 
@@ -219,6 +224,7 @@ impl Planner<'_> {
                 depth,
                 nearest: depth,
                 instance: planned,
+                actor: 0,
             });
         }
     }
@@ -245,6 +251,7 @@ impl Planner<'_> {
 
         let mut draws: Vec<Draw> = Vec::new();
         let mut instances = Vec::with_capacity(self.items.len());
+        let instance_actors = self.items.iter().map(|item| item.actor).collect();
         let mut previous = None;
         let mut all = Features::default();
         for item in &self.items {
@@ -283,6 +290,7 @@ impl Planner<'_> {
             ambient_down: if lit { snapshot.ambient_down } else { Vec3::ZERO },
             lights: if lit { lights } else { Vec::new() },
             instances,
+            instance_actors,
             joint_matrices: self.joint_matrices,
             morphs: self.morphs,
             draws,
@@ -359,6 +367,24 @@ fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, usize) {
     (out, dark)
 }
 
+/// What a script gives an effect, in manifest order; defaults where it gives nothing.
+pub fn effect_parameters(effect: &dyn Effect, used: &EffectUse) -> [f32; 8] {
+    let mut parameters = [0.0; 8];
+    for (slot, option) in parameters.iter_mut().zip(&effect.manifest().options) {
+        let given = used.parameters.iter().rev().find(|(name, _)| *name == option.name);
+        *slot = match (given, &option.kind) {
+            (Some((_, value)), _) => *value as f32,
+            (None, OptionKind::Number { default, .. }) => *default as f32,
+            (None, OptionKind::Bool { default }) => f32::from(u8::from(*default)),
+            // Texts are handed over as their place in the list.
+            (None, OptionKind::Text { default, one_of }) => {
+                one_of.iter().position(|o| o == default).unwrap_or(0) as f32
+            }
+        };
+    }
+    parameters
+}
+
 /// Effects that are on, with parameters in manifest order; defaults where the script gives none.
 fn post_passes(
     stage: &Stage,
@@ -373,19 +399,7 @@ fn post_passes(
             unknown.push(LeftOut { what: format!("effect \"{}\"", used.plugin), why });
             continue;
         };
-        let mut parameters = [0.0; 8];
-        for (slot, option) in parameters.iter_mut().zip(&effect.manifest().options) {
-            let given = used.parameters.iter().rev().find(|(name, _)| *name == option.name);
-            *slot = match (given, &option.kind) {
-                (Some((_, value)), _) => *value as f32,
-                (None, OptionKind::Number { default, .. }) => *default as f32,
-                (None, OptionKind::Bool { default }) => f32::from(u8::from(*default)),
-                // Texts are handed over as their place in the list.
-                (None, OptionKind::Text { default, one_of }) => {
-                    one_of.iter().position(|o| o == default).unwrap_or(0) as f32
-                }
-            };
-        }
+        let parameters = effect_parameters(effect.as_ref(), used);
         passes.push(PostPass { effect: used.plugin.clone(), parameters });
     }
     (passes, unknown)

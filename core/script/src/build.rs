@@ -75,6 +75,7 @@ impl Shared {
         }
         Diagnostic {
             severity,
+            rule: "",
             file: place.file.clone(),
             line: place.line,
             column,
@@ -115,7 +116,12 @@ pub struct Build {
     pub cameras: Vec<CameraDraft>,
     pub cuts: Vec<(Time, usize, Place)>,
     pub lights: Vec<StageLight>,
+    pub light_places: Vec<Place>,
     pub effects: Vec<EffectUse>,
+    pub effect_places: Vec<Place>,
+    pub loads: Vec<LoadDraft>,
+    /// Variables of the script that nothing reads.
+    pub declared: Vec<crate::lint::Declared>,
     pub hooks: Vec<crate::hook::HookDraft>,
     pub keys: u64,
     pub parameters: Vec<Parameter>,
@@ -129,6 +135,14 @@ pub struct Build {
     /// Clips bound to another skeleton, by the addresses of clip and asset.
     pub bound: BTreeMap<(usize, usize), Bound>,
     pub shapes: BTreeMap<String, Arc<Asset>>,
+}
+
+/// What a `load` or `shape` gave.
+pub struct LoadDraft {
+    pub asset: Arc<Asset>,
+    pub at: Place,
+    /// Cast, or a clip of it played, or the script asked what is in it.
+    pub used: bool,
 }
 
 /// A bound clip, and what it was made of: kept alive, so that the addresses stay theirs.
@@ -155,6 +169,8 @@ pub struct ActorDraft {
     pub at: Place,
     /// Placed by `.at`, `.attach` or a key.
     pub placed: bool,
+    /// Where each look of `actor.look_at` was made.
+    pub looks: Vec<Place>,
     /// Turned to this point at the end, when the position is known.
     pub face_point: Option<DVec3>,
 }
@@ -237,6 +253,19 @@ impl Build {
 
     pub fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
+    }
+
+    pub fn loaded(&mut self, asset: &Arc<Asset>, at: &Place) {
+        // A loop loads many from one place.
+        let known = |l: &&LoadDraft| Arc::ptr_eq(&l.asset, asset) && l.at == *at;
+        if !self.loads.iter().any(|l| known(&l)) {
+            self.loads.push(LoadDraft { asset: asset.clone(), at: at.clone(), used: false });
+        }
+    }
+
+    pub fn used(&mut self, asset: &Arc<Asset>) {
+        let same = |l: &&mut LoadDraft| Arc::ptr_eq(&l.asset, asset);
+        self.loads.iter_mut().filter(same).for_each(|l| l.used = true);
     }
 
     /// Joint mask etc. are looked up in the actor's own asset.

@@ -6,6 +6,8 @@ use std::fmt;
 pub enum Severity {
     Error,
     Warning,
+    /// Often meant; told by `check` on demand.
+    Note,
 }
 
 /// Printed as
@@ -18,6 +20,8 @@ pub enum Severity {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
     pub severity: Severity,
+    /// A fixed name of the kind of finding, for `// allow: …` and machines; empty for what has none.
+    pub rule: &'static str,
     /// As the user wrote it; empty where no file is to blame (the command line).
     pub file: String,
     /// From 1; 0 = the file as a whole.
@@ -33,6 +37,7 @@ impl Diagnostic {
     pub fn error(message: impl Into<String>) -> Diagnostic {
         Diagnostic {
             severity: Severity::Error,
+            rule: "",
             file: String::new(),
             line: 0,
             column: 0,
@@ -69,10 +74,15 @@ impl fmt::Display for Diagnostic {
             }
             write!(f, " ")?;
         }
-        if self.severity == Severity::Warning {
-            write!(f, "warning: ")?;
+        match self.severity {
+            Severity::Error => {}
+            Severity::Warning => write!(f, "warning: ")?,
+            Severity::Note => write!(f, "note: ")?,
         }
         write!(f, "{}", one_message(&self.message))?;
+        if !self.rule.is_empty() {
+            write!(f, " [{}]", self.rule)?;
+        }
         if self.line > 0 && !self.source_line.trim().is_empty() {
             let (shown, before) = excerpt(&self.source_line, self.column);
             write!(f, "\n    {shown}")?;
@@ -146,6 +156,7 @@ mod tests {
     fn the_caret_stands_below_the_column() {
         let d = Diagnostic {
             severity: Severity::Error,
+            rule: "",
             file: "walk.rhai".into(),
             line: 12,
             column: 9,

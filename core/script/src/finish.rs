@@ -6,23 +6,36 @@ use crate::build::{ActorDraft, Build, CameraDraft, Shared};
 use crate::call::{ApiError, Place};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::hook::{HookDraft, ScriptHook};
+use crate::lint::Places;
 use choreo_motion::Time;
 use choreo_stage::*;
 use glam::{DQuat, DVec3};
 use rhai::Engine;
 use std::sync::{Arc, PoisonError};
 
-/// Empties the build into a stage; what is wrong is noted among the build's diagnostics.
+/// Empties the build into a stage, and where its things were made; what is wrong is noted among the build's diagnostics.
 ///
 /// `identity`: of the script that a callback is in, with its parameters and files.
-pub fn finish(shared: &Arc<Shared>, engine: &Arc<Engine>, identity: &dyn Fn(&Place) -> String) -> Stage {
+pub fn finish(
+    shared: &Arc<Shared>,
+    engine: &Arc<Engine>,
+    identity: &dyn Fn(&Place) -> String,
+) -> (Stage, Places) {
     let mut stage = Stage::default();
+    let mut places = Places::default();
     let mut notes: Vec<(Severity, Place, ApiError)> = Vec::new();
     let hooks;
     {
         let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
         stage.settings = build.settings.clone();
         crate::check::before(&build, &mut notes);
+        places.remarks = crate::lint::remarks(&build);
+        places.settings = build.settings_at.clone().unwrap_or_default();
+        places.actors = build.actors.iter().map(|a| a.at.clone()).collect();
+        places.looks = build.actors.iter_mut().map(|a| std::mem::take(&mut a.looks)).collect();
+        places.cameras = build.cameras.iter().map(|c| c.at.clone()).collect();
+        places.lights = std::mem::take(&mut build.light_places);
+        places.effects = std::mem::take(&mut build.effect_places);
         let layers = layers(&build, &mut notes);
         cycles(&build, &mut notes);
         if let Some((place, error)) = crate::totals::too_much(&build, &shared.limits) {
@@ -33,12 +46,14 @@ pub fn finish(shared: &Arc<Shared>, engine: &Arc<Engine>, identity: &dyn Fn(&Pla
             std::mem::take(&mut build.cameras).into_iter().map(|draft| camera(draft, &mut notes)).collect();
         let mut cuts = std::mem::take(&mut build.cuts);
         cuts.sort_by_key(|(at, _, _)| *at);
+        places.cuts = cuts.iter().map(|(.., place)| place.clone()).collect();
         stage.cuts = cuts.into_iter().map(|(at, camera, _)| Cut { at, camera }).collect();
         stage.lights = std::mem::take(&mut build.lights);
         stage.effects = std::mem::take(&mut build.effects);
         hooks = std::mem::take(&mut build.hooks);
         build.bound.clear();
         build.shapes.clear();
+        build.loads.clear();
         build.cues.clear();
         build.chains.clear();
     }
@@ -52,7 +67,9 @@ pub fn finish(shared: &Arc<Shared>, engine: &Arc<Engine>, identity: &dyn Fn(&Pla
             build.note(Diagnostic::error(problem.to_string()));
         }
     }
-    stage
+    drop(build);
+    places.sources = Arc::new(shared.sources.lock().unwrap_or_else(PoisonError::into_inner).clone());
+    (stage, places)
 }
 
 /// Every hook runs once at time 0: its mistakes are found now, not in the middle of a render.

@@ -9,6 +9,7 @@ use crate::errors;
 use crate::finish::finish;
 use crate::folders::{Folders, LoadError};
 use crate::limits::Limits;
+use crate::lint::Places;
 use crate::loader::Loader;
 use crate::modules::read_text;
 use crate::suggest::{did_you_mean, list};
@@ -57,6 +58,8 @@ pub struct Script {
     pub parameters: Vec<Parameter>,
     /// Lines of `print` and `debug`.
     pub printed: Vec<String>,
+    /// Where the things on stage were made, and what `check` tells beyond the warnings.
+    pub places: Places,
 }
 
 /// Runs a script file. The errors are all that could be found in one run, in the order of their finding.
@@ -180,6 +183,8 @@ pub fn execute(name: &str, text: &str, shared: &Arc<Shared>) -> Arc<Engine> {
         Err(e) => failed(&e.into()),
         Ok(mut ast) => {
             ast.set_source(name);
+            let declared = crate::lint::declared(&ast, name, text);
+            shared.build.lock().unwrap_or_else(PoisonError::into_inner).declared = declared;
             *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) =
                 ast.iter_functions().map(|f| (f.name.to_string(), f.params.len())).collect();
             shared.test().ends = ast
@@ -202,13 +207,14 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
     let engine = execute(name, text, shared);
     let script_hash = hash(text, shared);
     let identity = hex(&script_hash);
-    let stage = finish(shared, &engine, &|_| identity.clone());
+    let (stage, mut places) = finish(shared, &engine, &|_| identity.clone());
     if stage.actors.is_empty() {
         let error = ApiError::new("nothing is on stage: no actor is cast")
             .hint("let hero = cast(\"hero\", load(\"hero.glb\")); puts one there");
         shared.note(Severity::Warning, &Place { file: name.to_string(), ..Place::default() }, &error);
     }
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
+    places.main = name.to_string();
     let diagnostics = std::mem::take(&mut build.diagnostics);
     if diagnostics.iter().any(|d| d.severity == Severity::Error) {
         let mut errors: Vec<Diagnostic> =
@@ -227,6 +233,7 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
         warnings: diagnostics,
         parameters: std::mem::take(&mut build.parameters),
         printed: build.take_printed(shared.limits.printed),
+        places,
     })
 }
 

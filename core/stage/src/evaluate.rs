@@ -70,6 +70,11 @@ impl Evaluator {
         self
     }
 
+    /// What the callbacks changed at the last evaluation.
+    pub(crate) fn edits(&self) -> &FrameEdits {
+        &self.scratch.edits
+    }
+
     /// How many poses the last evaluation took.
     pub fn poses(&self) -> usize {
         self.scratch.poses

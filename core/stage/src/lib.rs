@@ -20,6 +20,7 @@ mod pose;
 pub mod posed_mesh;
 pub mod snapshot;
 pub mod stage;
+mod survey;
 mod timeline;
 
 pub use asset::*;
@@ -32,4 +33,5 @@ pub use look_at::LOOK_AT_LIMIT_RAD;
 pub use posed_mesh::{PosedInstance, PosedPrimitive, posed_meshes, posed_meshes_in};
 pub use snapshot::*;
 pub use stage::*;
+pub use survey::{Finding, Subject};
 pub use timeline::Heard;

@@ -50,8 +50,8 @@ pub(crate) fn evaluate(
     }
 }
 
-/// Keyed, then edited, then moved with its parent.
-fn stage_light(
+/// Keyed, then edited, then moved with its parent; `None` where it does not shine.
+pub(crate) fn stage_light(
     stage: &Stage,
     light: &StageLight,
     index: usize,

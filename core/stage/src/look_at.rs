@@ -75,7 +75,7 @@ pub(crate) fn turn(stage: &Stage, aim: &Aim, state: &mut ActorState, turned: &mu
 }
 
 /// The direction in a joint's space that is the model's +Z at rest; +Z where the rest pose is flat.
-fn forward_in_joint(rest_model_from_joint: &Affine3A) -> Vec3A {
+pub(crate) fn forward_in_joint(rest_model_from_joint: &Affine3A) -> Vec3A {
     let forward = rest_model_from_joint.matrix3.inverse() * Vec3A::Z;
     if forward.is_finite() { forward.normalize_or(Vec3A::Z) } else { Vec3A::Z }
 }

@@ -5,6 +5,7 @@
 //! cargo xtask lint                           formatting and clippy
 //! cargo xtask bench [--quick]                the README's table: CPU seconds, memory, first picture
 //! cargo xtask fuzz TARGET [--seconds N]      libFuzzer on a target of tests/fuzz
+//! cargo xtask report [NAME…]                 tests/report: error against run time of the project's own choices
 //! cargo xtask strip                          the README's picture strip of the first script
 //! ```
 
@@ -26,10 +27,11 @@ fn main() -> ExitCode {
         ["bench", rest @ ..] => bench::bench(rest),
         ["measured", rest @ ..] => bench::measured(rest),
         ["fuzz", rest @ ..] => fuzz::fuzz(rest),
+        ["report", rest @ ..] => report(rest),
         ["strip"] => strip::strip(),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | fuzz TARGET [--seconds N] | strip"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | fuzz TARGET [--seconds N] | report [NAME…] | strip"
             );
             return ExitCode::from(2);
         }
@@ -58,6 +60,13 @@ fn cargo(args: &[&str]) -> Command {
 fn run(mut command: Command, what: &str) -> Result<(), String> {
     let status = command.status().map_err(|e| format!("{what} did not start: {e}"))?;
     if status.success() { Ok(()) } else { Err(format!("{what} failed ({status})")) }
+}
+
+/// In release: times are part of it.
+fn report(names: &[&str]) -> Result<(), String> {
+    let mut command = cargo(&["run", "--release", "--quiet", "-p", "report", "--"]);
+    command.args(names);
+    run(command, "the report")
 }
 
 /// Builds the release binary and gives its path.

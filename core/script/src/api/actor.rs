@@ -183,7 +183,9 @@ fn cast(c: &mut Call) -> Reply {
         file_lights: true,
     };
     let id = build.actors.len();
-    build.actors.push(ActorDraft { actor, at: c.place.clone(), placed: false, face_point: None });
+    build.used(&asset.asset);
+    let at = c.place.clone();
+    build.actors.push(ActorDraft { actor, at, placed: false, looks: Vec::new(), face_point: None });
     Ok(Dynamic::from(ActorRef { id, asset: asset.asset }))
 }
 
@@ -438,6 +440,7 @@ fn look_at(c: &mut Call) -> Reply {
     let draft = build.actor(this.id)?;
     room(draft.actor.look_at.len(), "looks of one actor", &c.shared.limits)?;
     let fade = Time::from_secs(0.3);
+    draft.looks.push(c.place.clone());
     draft.actor.look_at.push(LookAt { joint, target, start: Time::ZERO, end: None, fade, weight });
     Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))
 }

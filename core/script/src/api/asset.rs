@@ -92,6 +92,7 @@ fn load(c: &mut Call) -> Reply {
         *deadline += taken;
     }
     let asset = loaded.map_err(|e| from_load(e).focus(name))?;
+    c.build().loaded(&asset, &c.place);
     Ok(Dynamic::from(AssetRef { asset, dead: false }))
 }
 
@@ -122,6 +123,7 @@ fn option_value(key: &str, value: &Dynamic) -> Result<OptionValue, ApiError> {
 
 fn shape(c: &mut Call) -> Reply {
     let asset = shapes::shape(c)?;
+    c.build().loaded(&asset, &c.place);
     Ok(Dynamic::from(AssetRef { asset, dead: false }))
 }
 
@@ -158,16 +160,19 @@ fn texts<'a>(names: impl Iterator<Item = &'a str>) -> Reply {
 
 fn clips(c: &mut Call) -> Reply {
     let this: AssetRef = c.this()?;
+    c.build().used(&this.asset);
     texts(this.asset.clips.iter().map(|clip| clip.name.as_str()))
 }
 
 fn joints(c: &mut Call) -> Reply {
     let this: AssetRef = c.this()?;
+    c.build().used(&this.asset);
     texts(this.asset.skeleton.names().iter().map(String::as_str))
 }
 
 fn morphs(c: &mut Call) -> Reply {
     let this: AssetRef = c.this()?;
+    c.build().used(&this.asset);
     let mut names: Vec<&str> =
         this.asset.meshes.iter().flat_map(|m| m.morph_names.iter().map(String::as_str)).collect();
     names.sort_unstable();
@@ -177,6 +182,7 @@ fn morphs(c: &mut Call) -> Reply {
 
 fn duration(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
+    c.build().used(&this.asset);
     Ok(Dynamic::from_float(this.clip.duration.as_secs()))
 }
 

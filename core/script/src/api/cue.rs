@@ -102,6 +102,7 @@ pub fn bound_clip(c: &Call, i: usize, asset: &Arc<Asset>) -> Result<Arc<Clip>, A
     let Some(given) = c.value(i).try_cast::<ClipRef>() else {
         return Err(c.wrong(i, "a Clip, as in asset.clip(\"name\")"));
     };
+    c.build().used(&given.asset);
     if Arc::ptr_eq(&given.asset, asset) {
         return Ok(given.clip);
     }

@@ -41,6 +41,7 @@ fn effect(c: &mut Call) -> Reply {
     let mut build = c.build();
     room(build.effects.len(), "effects", &c.shared.limits)?;
     build.effects.push(used);
+    build.effect_places.push(c.place.clone());
     Ok(Dynamic::from(EffectRef(build.effects.len() - 1)))
 }
 

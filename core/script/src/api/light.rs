@@ -86,6 +86,7 @@ fn add(c: &Call, o: &Options, light: Light, position: DVec3, direction: Vec3) ->
     let number = build.lights.len() + 1;
     let name = o.text("name")?.unwrap_or_else(|| format!("{} {number}", o.function));
     build.lights.push(StageLight { name, light, position, direction, parent: None, channels: Vec::new() });
+    build.light_places.push(c.place.clone());
     Ok(Dynamic::from(LightRef(build.lights.len() - 1)))
 }
 

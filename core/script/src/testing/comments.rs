@@ -35,6 +35,7 @@ pub fn parse(file: &str, text: &str) -> (Vec<ExpectedDiagnostic>, Vec<Diagnostic
                     met: false,
                 }),
                 _ => wrong.push(Diagnostic {
+                    rule: "",
                     severity: Severity::Error,
                     file: file.to_string(),
                     line: index + 1,

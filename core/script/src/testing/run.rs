@@ -129,7 +129,7 @@ pub fn finish_stage(shared: &Arc<Shared>, engine: &Arc<Engine>) -> (Stage, Vec<D
         let text = sources.get(&place.file).cloned().unwrap_or_default();
         hex(blake3::hash(text.as_bytes()).as_bytes())
     };
-    let stage = finish(shared, engine, &identity);
+    let (stage, _) = finish(shared, engine, &identity);
     let broken = stage.check().iter().map(|problem| Diagnostic::error(problem.to_string())).collect();
     (stage, broken)
 }

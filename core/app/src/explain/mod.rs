@@ -1,15 +1,22 @@
-//! `choreo explain`: what one frame of a scene needs, what was left out, and why.
+//! `choreo explain`: what one frame of a scene needs and who asked for it, what was left out, and why.
+
+mod inside;
 
 use crate::args::ExplainArgs;
 use crate::failure::{Failure, print, print_json};
+use crate::plot;
 use crate::{ranges, registry, scene};
+use choreo_render::record::{RecordOptions, record};
 use choreo_render::{Catalog, Plan, PlanOptions};
+use choreo_report::{Cell, Table, byte_bars};
 use choreo_stage::{Evaluator, Stage};
+use inside::Inside;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
 pub fn run(args: ExplainArgs) -> Result<(), Failure> {
+    plot::check(args.plot.as_deref())?;
     let at = ranges::at(&args.at)?;
     let size = args.size.as_deref().map(ranges::size).transpose()?;
     let samples = args.samples.as_deref().map(ranges::samples).transpose()?;
@@ -22,11 +29,20 @@ pub fn run(args: ExplainArgs) -> Result<(), Failure> {
     let snapshot = Evaluator::new(stage.clone()).at(at).map_err(|e| Failure::input(e.to_string()))?;
     let options = PlanOptions { effects: registry.effects(), ..PlanOptions::new(size, samples) };
     let plan = Plan::new(&catalog, stage, &snapshot, &options);
-    let facts = facts(stage, &catalog, &plan, at.as_secs());
+    let triangles = |p: u32| catalog.primitives[p as usize].primitive().indices.len() / 3;
+    let recording = record(&plan, RecordOptions::default(), triangles);
+    let parts = choreo_render::explain::explain(&catalog, &plan, &recording);
+    let inside = Inside { stage, catalog: &catalog, places: &scene.places, parts };
+    if let Some(path) = &args.plot {
+        let title = format!("{} at {} s: what one frame holds on the device", scene.name, at.as_secs());
+        plot::write(path, &byte_bars(&title, &inside.amounts()))?;
+    }
+    let mut facts = facts(stage, &catalog, &plan, at.as_secs());
     if args.json {
+        facts["in"] = inside.json();
         return print_json(&facts);
     }
-    print(&text(&facts))
+    print(&format!("{}\n{}\n{}", text(&facts), inside.table().text(), left_out(&plan).text()))
 }
 
 fn facts(stage: &Stage, catalog: &Catalog, plan: &Plan, at: f64) -> Value {
@@ -109,10 +125,11 @@ fn text(f: &Value) -> String {
     for effect in frame["effects"].as_array().into_iter().flatten() {
         let _ = writeln!(t, "effect     {}", effect.as_str().unwrap_or_default());
     }
-    t.push_str("left out\n");
-    for out in f["left_out"].as_array().into_iter().flatten() {
-        let word = |k: &str| out[k].as_str().unwrap_or_default();
-        let _ = writeln!(t, "  {}: {}", word("what"), word("why"));
-    }
     t
+}
+
+fn left_out(plan: &Plan) -> Table {
+    let mut table = Table::new("", &[("what is left out", "what"), ("why", "why")]);
+    table.rows = plan.left_out.iter().map(|l| vec![Cell::text(&l.what), Cell::text(&l.why)]).collect();
+    table
 }

@@ -1,0 +1,126 @@
+//! `choreo check`: everything that can be found without drawing: the script, its assets, its callbacks at every frame, and
+//! what of the stage never shows.
+
+mod callbacks;
+
+use crate::args::CheckArgs;
+use crate::failure::{Failure, Problem, print, print_json};
+use crate::registry;
+use crate::scene::{self, Scene};
+use choreo_plugin::{Effect, Registry};
+use choreo_script::{Diagnostic, Severity};
+use choreo_stage::{EffectUse, Finding, Stage, Subject};
+use glam::{Vec2, Vec4};
+use serde_json::json;
+
+pub fn run(args: CheckArgs) -> Result<(), Failure> {
+    let registry = registry::registry();
+    let scene = scene::open(&args.scene, &registry)?;
+    if !args.json {
+        scene.printed.iter().for_each(|line| eprintln!("{line}"));
+    }
+    let (problems, findings) = look(&scene, &registry);
+    let count = |severity| findings.iter().filter(|f| f.severity == severity).count();
+    let (warnings, notes) = (scene.warnings.len() + count(Severity::Warning), count(Severity::Note));
+    let shown = |d: &&Diagnostic| args.notes || d.severity != Severity::Note;
+    if !problems.is_empty() || (args.strict && warnings > 0) {
+        return Err(Failure::Input(failures(
+            &args,
+            &scene,
+            problems,
+            findings.iter().filter(shown),
+            warnings,
+        )));
+    }
+    let frames = scene.stage.settings.fps.frames_in(scene.stage.settings.length);
+    if args.json {
+        let texts = findings.iter().filter(|f| f.severity == Severity::Warning).map(ToString::to_string);
+        let texts: Vec<String> = scene.warnings.iter().cloned().chain(texts).collect();
+        let of_assets = scene.asset_warnings.iter().map(|w| json!({ "severity": "warning", "message": w }));
+        let all = scene.script_warnings.iter().chain(&findings).map(|d| Problem::Script(d.clone()).json());
+        let all: Vec<serde_json::Value> = of_assets.chain(all).collect();
+        return print_json(&json!({ "ok": true, "frames": frames, "warnings": texts, "findings": all }));
+    }
+    scene.warnings.iter().for_each(|w| eprintln!("{w}"));
+    findings.iter().filter(shown).for_each(|d| eprintln!("{d}"));
+    let many = |n: usize, one: &str| if n == 1 { format!("1 {one}") } else { format!("{n} {one}s") };
+    let warned = if warnings == 0 { "no warnings".to_string() } else { many(warnings, "warning") };
+    let noted = match (notes, args.notes) {
+        (0, _) => String::new(),
+        (n, true) => format!(", {}", many(n, "note")),
+        (n, false) => format!(", {} (--notes shows {})", many(n, "note"), if n == 1 { "it" } else { "them" }),
+    };
+    let frames = many(frames as usize, "frame");
+    print(&format!("{}: good, {frames}, {warned}{noted}\n", args.scene.input.display()))
+}
+
+/// What is wrong, and what is hardly meant.
+fn look(scene: &Scene, registry: &Registry) -> (Vec<Problem>, Vec<Diagnostic>) {
+    let stage = &scene.stage;
+    let mut problems: Vec<Problem> = stage.check().iter().map(|e| Problem::Text(e.to_string())).collect();
+    problems.extend(unknown_effects(stage, registry));
+    problems.extend(callbacks::failures(stage, &scene.limits));
+    let mut on_stage = Vec::new();
+    if !problems.is_empty() {
+        // What never shows is hard to say of a stage that is wrong, and takes its callbacks' time.
+        return (problems, on_stage);
+    }
+    match stage.survey() {
+        Ok(found) => on_stage = found,
+        Err(error) => problems.push(Problem::Text(error.to_string())),
+    }
+    for (index, used) in stage.effects.iter().enumerate() {
+        if let Some(effect) = registry.effect(&used.plugin)
+            && changes_nothing(effect.as_ref(), used)
+        {
+            let text = format!("effect \"{}\" changes no pixel with these parameters", used.plugin);
+            let subject = Subject::Effect(index);
+            on_stage.push(Finding { rule: "effect_changes_nothing", note: false, subject, text, hint: None });
+        }
+    }
+    (problems, scene.places.findings(&on_stage))
+}
+
+fn failures<'a>(
+    args: &CheckArgs,
+    scene: &'a Scene,
+    problems: Vec<Problem>,
+    findings: impl Iterator<Item = &'a Diagnostic>,
+    warnings: usize,
+) -> Vec<Problem> {
+    let wrong = problems.len();
+    let warned = scene.asset_warnings.iter().cloned().map(Problem::Text);
+    let mut all: Vec<Problem> = warned.collect();
+    all.extend(scene.script_warnings.iter().chain(findings).cloned().map(Problem::Script));
+    // Errors last, next to the prompt.
+    all.extend(problems);
+    if wrong == 0 {
+        let plural = if warnings == 1 { "warning" } else { "warnings" };
+        all.push(Problem::Text(format!(
+            "{}: {warnings} {plural}, and --strict lets none pass",
+            args.scene.input.display()
+        )));
+    }
+    all
+}
+
+fn unknown_effects(stage: &Stage, registry: &Registry) -> Vec<Problem> {
+    let unknown = stage.effects.iter().filter(|used| registry.effect(&used.plugin).is_none());
+    let names = || registry.effects().iter().map(|e| e.manifest().name.as_str());
+    unknown
+        .map(|used| {
+            let near = choreo_script::did_you_mean(&used.plugin, names());
+            Problem::Text(format!("unknown effect \"{}\"{near}", used.plugin))
+        })
+        .collect()
+}
+
+/// Its function, tried on some colors all over the picture.
+fn changes_nothing(effect: &dyn Effect, used: &EffectUse) -> bool {
+    let parameters = choreo_render::effect_parameters(effect, used);
+    let colors = [Vec4::new(0.0, 0.0, 0.0, 1.0), Vec4::new(0.8, 0.4, 0.1, 1.0), Vec4::ONE];
+    (0..81).all(|i| {
+        let uv = Vec2::new((i % 9) as f32, (i / 9) as f32) / 8.0;
+        colors.iter().all(|color| effect.cpu(*color, uv, &parameters) == *color)
+    })
+}

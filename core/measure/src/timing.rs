@@ -1,0 +1,109 @@
+//! Times that other work on the machine disturbs little: CPU time, ways measured in turn, medians.
+
+use std::time::Instant;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// CPU time of this thread.
+    Thread,
+    /// CPU time of all threads of the process: for work that is shared out.
+    Process,
+    /// A device of its own does the work.
+    Wall,
+}
+
+impl Clock {
+    pub fn words(self) -> &'static str {
+        match self {
+            Clock::Thread => "CPU time of one thread",
+            Clock::Process => "CPU time of all threads",
+            Clock::Wall => "time on the clock",
+        }
+    }
+
+    /// Nanoseconds since some start.
+    fn now(self) -> f64 {
+        #[cfg(unix)]
+        {
+            use rustix::time::{ClockId, clock_gettime};
+            let of = |id| {
+                let t = clock_gettime(id);
+                t.tv_sec as f64 * 1e9 + t.tv_nsec as f64
+            };
+            match self {
+                Clock::Thread => return of(ClockId::ThreadCPUTime),
+                Clock::Process => return of(ClockId::ProcessCPUTime),
+                Clock::Wall => {}
+            }
+        }
+        use std::sync::OnceLock;
+        static START: OnceLock<Instant> = OnceLock::new();
+        START.get_or_init(Instant::now).elapsed().as_nanos() as f64
+    }
+}
+
+/// One way to be timed: how many items one run makes, and the run.
+pub struct Case<'a> {
+    pub items: usize,
+    pub run: Box<dyn FnMut() + 'a>,
+}
+
+impl<'a> Case<'a> {
+    pub fn new(items: usize, run: impl FnMut() + 'a) -> Case<'a> {
+        Case { items: items.max(1), run: Box::new(run) }
+    }
+}
+
+/// Median nanoseconds an item of each case. Each round runs all cases one after the other, so that what else the machine
+/// does falls on all of them alike; `budget_secs` is for all together. At least three rounds, at most 400.
+pub fn interleaved(clock: Clock, budget_secs: f64, cases: &mut [Case]) -> Vec<f64> {
+    /// Shorter runs are repeated until the clock's own grain does not count.
+    const LEAST: f64 = 100_000.0;
+    let begun = Instant::now();
+    let mut repeats = Vec::with_capacity(cases.len());
+    for case in cases.iter_mut() {
+        (case.run)();
+        let start = clock.now();
+        (case.run)();
+        let once = (clock.now() - start).max(20.0);
+        repeats.push((LEAST / once).ceil().clamp(1.0, 1e5) as usize);
+    }
+    let mut times: Vec<Vec<f64>> = vec![Vec::new(); cases.len()];
+    for round in 0..400 {
+        if round >= 3 && begun.elapsed().as_secs_f64() > budget_secs {
+            break;
+        }
+        for ((case, repeat), times) in cases.iter_mut().zip(&repeats).zip(&mut times) {
+            let start = clock.now();
+            (0..*repeat).for_each(|_| (case.run)());
+            times.push((clock.now() - start) / (*repeat * case.items) as f64);
+        }
+    }
+    times.iter_mut().map(|t| median(t)).collect()
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_is_the_middle_one() {
+        assert_eq!(median(&mut [3.0, 1.0, 100.0]), 3.0);
+        assert!(median(&mut []).is_nan());
+    }
+
+    #[test]
+    fn every_case_is_run() {
+        let (mut a, mut b) = (0, 0);
+        let mut cases = [Case::new(1, || a += 1), Case::new(10, || b += 1)];
+        let times = interleaved(Clock::Thread, 0.01, &mut cases);
+        assert!(times.iter().all(|t| *t >= 0.0) && times.len() == 2);
+        drop(cases);
+        assert!(a >= 5 && b >= 5);
+    }
+}

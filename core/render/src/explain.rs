@@ -1,0 +1,361 @@
+//! What one frame's commands need — passes, pipelines, shader features, buffers, textures, targets —, how large each is,
+//! and which actors and materials asked for it. The other half, what was left out and why, is in the plan.
+
+use crate::catalog::Catalog;
+use crate::gpu_types::{FrameUniform, MaterialUniform, PostUniform};
+use crate::mip::level_count;
+use crate::plan::{ActiveMorph, Draw, Instance, Plan, PlanLight, Rows};
+use crate::record::{Command, Recording, Target};
+use crate::shader::{SceneVariant, switches};
+use crate::vertex::{VertexLayout, pack, pack_morphs};
+use std::collections::{BTreeMap, BTreeSet};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    Pass,
+    Pipeline,
+    Feature,
+    /// Made anew for every frame.
+    FrameData,
+    Mesh,
+    Material,
+    Texture,
+    Target,
+}
+
+impl Kind {
+    pub fn word(self) -> &'static str {
+        match self {
+            Kind::Pass => "pass",
+            Kind::Pipeline => "pipeline",
+            Kind::Feature => "feature",
+            Kind::FrameData => "frame data",
+            Kind::Mesh => "mesh",
+            Kind::Material => "material",
+            Kind::Texture => "texture",
+            Kind::Target => "target",
+        }
+    }
+}
+
+/// Who wants something.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Askers {
+    /// Indices into `Stage::actors`, sorted.
+    pub actors: BTreeSet<u32>,
+    /// Indices into `Catalog::materials`, sorted.
+    pub materials: BTreeSet<u32>,
+    /// Plugin names.
+    pub effects: BTreeSet<String>,
+    /// In words, where it is none of these: "the stage's background".
+    pub other: Option<&'static str>,
+}
+
+/// One thing that is in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    pub kind: Kind,
+    pub what: String,
+    /// On the device; `None` for what is no memory.
+    pub bytes: Option<u64>,
+    pub asked_by: Askers,
+}
+
+/// Everything that is in, in the order of the kinds. Sizes are of one frame in flight, as the Vulkan renderer makes them.
+pub fn explain(catalog: &Catalog, plan: &Plan, recording: &Recording) -> Vec<Part> {
+    let mut parts = Parts { catalog, plan, all: Vec::new() };
+    parts.passes(recording);
+    parts.pipelines(recording);
+    parts.frame_data(recording);
+    parts.meshes(recording);
+    parts.materials_and_textures(recording);
+    parts.targets(recording);
+    parts.all.sort_by_key(|p| p.kind);
+    parts.all
+}
+
+struct Parts<'a> {
+    catalog: &'a Catalog,
+    plan: &'a Plan,
+    all: Vec<Part>,
+}
+
+impl Parts<'_> {
+    fn add(&mut self, kind: Kind, what: String, bytes: Option<u64>, asked_by: Askers) {
+        self.all.push(Part { kind, what, bytes, asked_by });
+    }
+
+    fn askers<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> Askers {
+        let mut askers = Askers::default();
+        for draw in draws {
+            let first = draw.first_instance as usize;
+            let copies = self.plan.instance_actors.get(first..first + draw.instance_count as usize);
+            askers.actors.extend(copies.unwrap_or_default());
+            askers.materials.insert(draw.material);
+        }
+        askers
+    }
+
+    /// Without materials.
+    fn actors<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> Askers {
+        Askers { materials: BTreeSet::new(), ..self.askers(draws) }
+    }
+
+    fn passes(&mut self, recording: &Recording) {
+        let stage = |other| Askers { other: Some(other), ..Askers::default() };
+        for command in &recording.commands {
+            match command {
+                Command::BeginPass { target, samples, depth, .. } => {
+                    let depth = if *depth { ", depth" } else { "" };
+                    let plural = if *samples == 1 { "" } else { "s" };
+                    let what = format!("scene → {}, {samples} sample{plural} a pixel{depth}", name(*target));
+                    let askers = match self.plan.draws.is_empty() {
+                        true => stage("the stage's background: nothing else is in view"),
+                        false => self.actors(self.plan.draws.iter()),
+                    };
+                    self.add(Kind::Pass, what, None, askers);
+                }
+                Command::PostPass { effect, from, to, .. } => {
+                    let mut askers = Askers::default();
+                    askers.effects.insert(effect.clone());
+                    let what = format!("effect {effect}: {} → {}", name(*from), name(*to));
+                    self.add(Kind::Pass, what, None, askers);
+                }
+                Command::CopyBackground => {
+                    self.add(
+                        Kind::Pass,
+                        "copy of the gradient".into(),
+                        None,
+                        stage("the stage's background"),
+                    );
+                }
+                Command::DrawBackground => {
+                    let what = "pipeline of the gradient, behind all else".to_string();
+                    self.add(Kind::Pipeline, what, None, stage("the stage's background"));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn pipelines(&mut self, recording: &Recording) {
+        // Each draw follows the commands that bind its state; a draw may be made twice, for back and front faces.
+        let mut of_variant: BTreeMap<SceneVariant, Vec<Draw>> = BTreeMap::new();
+        let mut bound = None;
+        for command in &recording.commands {
+            match command {
+                Command::BindPipeline(variant) => bound = Some(*variant),
+                Command::Draw { first_instance, .. } => {
+                    let drawn = self.plan.draws.iter().find(|d| d.first_instance == *first_instance);
+                    if let (Some(variant), Some(draw)) = (bound, drawn) {
+                        let draws = of_variant.entry(variant).or_default();
+                        if !draws.contains(draw) {
+                            draws.push(*draw);
+                        }
+                    }
+                }
+                _ => {}
+            }
+        }
+        let mut of_feature: BTreeMap<&'static str, Vec<Draw>> = BTreeMap::new();
+        for (variant, draws) in &of_variant {
+            let triangles: usize = draws.iter().map(|d| self.elements(d)).sum();
+            let copies: u32 = draws.iter().map(|d| d.instance_count).sum();
+            let mut topology = format!("{:?}", variant.key.topology).to_lowercase();
+            if variant.key.mirrored {
+                topology += ", mirrored";
+            }
+            let features = switches(variant);
+            let many = |n: usize, one: &str, more: &str| format!("{n} {}", if n == 1 { one } else { more });
+            let what = format!(
+                "{topology} {}: {}, {}, {triangles} elements",
+                features.join(" "),
+                many(draws.len(), "draw", "draws"),
+                many(copies as usize, "copy", "copies")
+            );
+            let askers = self.askers(draws.iter());
+            self.add(Kind::Pipeline, what, None, askers);
+            for feature in features {
+                of_feature.entry(feature).or_default().extend(draws);
+            }
+        }
+        for (feature, draws) in of_feature {
+            let askers = self.askers(draws.iter());
+            self.add(Kind::Feature, feature.to_string(), None, askers);
+        }
+    }
+
+    /// Triangles, lines or points of all copies.
+    fn elements(&self, draw: &Draw) -> usize {
+        let primitive = self.catalog.primitives[draw.primitive as usize].primitive();
+        let corners = match primitive.topology {
+            choreo_stage::Topology::Triangles => 3,
+            choreo_stage::Topology::Lines => 2,
+            choreo_stage::Topology::Points => 1,
+        };
+        primitive.indices.len() / corners * draw.instance_count as usize
+    }
+
+    fn frame_data(&mut self, recording: &Recording) {
+        use crate::plan::Features;
+        let Some(Command::UploadFrameData { instances, joints, morphs, lights }) = recording.commands.first()
+        else {
+            return;
+        };
+        let size = |n: usize, each: usize| Some((n * each) as u64);
+        let with =
+            |feature: Features| self.plan.draws.iter().filter(move |d| d.pipeline.features.has(feature));
+        let lit = self.plan.draws.iter().filter(|d| d.pipeline.features.is_lit());
+        let frame = Askers { other: Some("every frame"), ..Askers::default() };
+        let (all, skinned, morphed, lit) = (
+            self.actors(self.plan.draws.iter()),
+            self.actors(with(Features::SKIN)),
+            self.actors(with(Features::MORPH)),
+            self.actors(lit),
+        );
+        self.add(
+            Kind::FrameData,
+            "camera and ambient light".into(),
+            size(1, size_of::<FrameUniform>()),
+            frame,
+        );
+        for (n, each, what, askers) in [
+            (*instances, size_of::<Instance>(), "copies", all),
+            (*joints, size_of::<Rows>(), "joint matrices", skinned),
+            (*morphs, size_of::<ActiveMorph>(), "active morph targets", morphed),
+            (*lights, size_of::<PlanLight>(), "lights", lit),
+        ] {
+            if n > 0 {
+                self.add(Kind::FrameData, format!("{n} {what}"), size(n, each), askers);
+            }
+        }
+        for pass in &self.plan.post {
+            let mut askers = Askers::default();
+            askers.effects.insert(pass.effect.clone());
+            let what = format!("parameters of {}", pass.effect);
+            self.add(Kind::FrameData, what, size(1, size_of::<PostUniform>()), askers);
+        }
+    }
+
+    fn meshes(&mut self, recording: &Recording) {
+        let mut meshes: BTreeSet<(u32, VertexLayout, bool)> = BTreeSet::new();
+        for command in &recording.commands {
+            if let Command::BindMesh { primitive, layout, morphs } = command {
+                meshes.insert((*primitive, *layout, *morphs));
+            }
+        }
+        for (primitive, layout, morphs) in meshes {
+            let entry = &self.catalog.primitives[primitive as usize];
+            let packed = pack(entry.primitive(), layout);
+            let mut bytes = packed.vertices.len().next_multiple_of(4) + packed.indices.len();
+            let mut what = format!(
+                "\"{}\" {}: {} vertices of {} bytes, {} indices",
+                entry.mesh.name,
+                entry.index,
+                packed.vertex_count,
+                layout.attributes().1,
+                packed.index_count
+            );
+            if morphs {
+                bytes += pack_morphs(entry.primitive(), layout).len();
+                what += &format!(", {} morph targets", entry.primitive().morphs.len());
+            }
+            let draws: Vec<Draw> =
+                self.plan.draws.iter().filter(|d| d.primitive == primitive).copied().collect();
+            let askers = self.askers(draws.iter());
+            self.add(Kind::Mesh, what, Some(bytes as u64), askers);
+        }
+    }
+
+    fn materials_and_textures(&mut self, recording: &Recording) {
+        let mut slots_of: BTreeMap<u32, u8> = BTreeMap::new();
+        for command in &recording.commands {
+            if let Command::BindMaterial { material, slots } = command {
+                *slots_of.entry(*material).or_default() |= slots;
+            }
+        }
+        let mut textures: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for (material, slots) in &slots_of {
+            let entry = &self.catalog.materials[*material as usize];
+            for (slot, texture) in entry.texture_refs().iter().enumerate() {
+                if let Some(texture) = texture.filter(|_| slots >> slot & 1 == 1) {
+                    textures.entry(texture.texture).or_default().push(*material);
+                }
+            }
+            let draws: Vec<Draw> =
+                self.plan.draws.iter().filter(|d| d.material == *material).copied().collect();
+            let askers = self.actors(draws.iter());
+            let what = format!("\"{}\"", entry.material.name);
+            self.add(Kind::Material, what, Some(size_of::<MaterialUniform>() as u64), askers);
+        }
+        for (texture, materials) in textures {
+            let entry = &self.catalog.textures[texture as usize];
+            let (w, h) = (entry.image.width, entry.image.height);
+            let levels = if entry.mipmaps { level_count(w, h) } else { 1 };
+            let bytes =
+                (0..levels).map(|l| 4 * u64::from((w >> l).max(1)) * u64::from((h >> l).max(1))).sum();
+            let color = if entry.srgb { "colors" } else { "data" };
+            let what = format!("\"{}\": {w}×{h}, {levels} levels, {color}", entry.image.name);
+            let draws = self.plan.draws.iter().filter(|d| materials.contains(&d.material));
+            let askers = self.askers(draws);
+            self.add(Kind::Texture, what, Some(bytes), askers);
+        }
+    }
+
+    fn targets(&mut self, recording: &Recording) {
+        let pixels = u64::from(recording.size[0]) * u64::from(recording.size[1]);
+        let (mut floats, mut scene) = (0, None);
+        for command in &recording.commands {
+            let mut seen = |t: &Target| {
+                if let Target::Float(i) = t {
+                    floats = floats.max(*i as usize + 1);
+                }
+            };
+            match command {
+                Command::BeginPass { target, samples, depth, .. } => {
+                    seen(target);
+                    scene = Some((*target, u64::from(*samples), *depth));
+                }
+                Command::PostPass { from, to, .. } => {
+                    seen(from);
+                    seen(to);
+                }
+                _ => {}
+            }
+        }
+        let asked = |other| Askers { other: Some(other), ..Askers::default() };
+        let size = format!("{}×{}", recording.size[0], recording.size[1]);
+        self.add(
+            Kind::Target,
+            format!("picture {size}, 8 bits sRGB"),
+            Some(4 * pixels),
+            asked("every frame"),
+        );
+        self.add(Kind::Target, format!("read back {size}"), Some(4 * pixels), asked("every frame"));
+        let mut effects = Askers::default();
+        effects.effects.extend(self.plan.post.iter().map(|p| p.effect.clone()));
+        for i in 0..floats {
+            let what = format!("linear picture {i} {size}, 16-bit floats");
+            self.add(Kind::Target, what, Some(8 * pixels), effects.clone());
+        }
+        if let Some((target, samples, depth)) = scene {
+            if depth {
+                let what = format!("depth {size}, {samples} samples of 32-bit float");
+                let askers = self.actors(self.plan.draws.iter());
+                self.add(Kind::Target, what, Some(4 * samples * pixels), askers);
+            }
+            if samples > 1 {
+                let each = if target == Target::Picture { 4 } else { 8 };
+                let what = format!("multisampled picture {size}, {samples} samples");
+                self.add(Kind::Target, what, Some(each * samples * pixels), asked("smooth edges: samples"));
+            }
+        }
+    }
+}
+
+fn name(target: Target) -> String {
+    match target {
+        Target::Picture => "picture".into(),
+        Target::Float(i) => format!("linear picture {i}"),
+    }
+}

@@ -1,0 +1,183 @@
+//! Cues that leave a gap, freeze, hide each other or are cut off.
+
+use super::Remark;
+use crate::api::cue;
+use crate::build::{Build, CueDraft};
+use choreo_motion::Time;
+use choreo_stage::Repeat;
+
+/// A cue and when it is heard.
+struct Timed<'a> {
+    draft: &'a CueDraft,
+    start: Time,
+    /// `None`: it repeats without end.
+    end: Option<Time>,
+    layer: bool,
+}
+
+impl Timed<'_> {
+    fn name(&self) -> &str {
+        &self.draft.clip.name
+    }
+
+    /// The script said that the last pose is held.
+    fn asked_to_hold(&self) -> bool {
+        self.draft.repeat == Some(Repeat::Once)
+    }
+}
+
+pub fn look(build: &Build, found: &mut Vec<Remark>) {
+    let times = cue::all_times(build);
+    let timed: Vec<Timed> = build
+        .cues
+        .iter()
+        .zip(&times)
+        .map(|(draft, (start, end))| {
+            let layer = build.chains[draft.chain].mask.is_some();
+            Timed { draft, start: *start, end: *end, layer }
+        })
+        .collect();
+    let mut next_in_chain: Vec<Option<usize>> = vec![None; timed.len()];
+    for (id, cue) in timed.iter().enumerate() {
+        if let Some(before) = cue.draft.after {
+            next_in_chain[before] = Some(id);
+        }
+    }
+    // A hold shorter than this is seen by nobody.
+    let frame = build.settings.fps.time_of(1);
+    for actor in 0..build.actors.len() {
+        let of_actor = |t: &&Timed| build.chains[t.draft.chain].actor == actor;
+        let mut base: Vec<&Timed> = timed.iter().filter(of_actor).filter(|t| !t.layer).collect();
+        base.sort_by_key(|t| t.start);
+        base_layer(build, &build.actors[actor].actor.name, &base, frame, found);
+        let upper: Vec<&Timed> = timed.iter().filter(of_actor).filter(|t| t.layer).collect();
+        layers(build, &upper, found);
+    }
+    for (id, cue) in timed.iter().enumerate() {
+        one(cue, next_in_chain[id].map(|next| &timed[next]), found);
+    }
+}
+
+fn base_layer(build: &Build, actor: &str, base: &[&Timed], frame: Time, found: &mut Vec<Remark>) {
+    let length = build.settings.length;
+    if let Some(first) = base.first()
+        && first.start >= frame
+        && first.start < length
+    {
+        let text = format!(
+            "\"{actor}\" holds the first pose of \"{}\" until {} s",
+            first.name(),
+            first.start.as_secs()
+        );
+        found.push(Remark::note("starts_late", &first.draft.at, text));
+    }
+    for pair in base.windows(2) {
+        let (a, b) = (pair[0], pair[1]);
+        let Some(end) = a.end else { continue };
+        if end + frame <= b.start && end < length && !a.asked_to_hold() {
+            let text = format!(
+                "nothing plays on \"{actor}\" from {} s to {} s: the last pose of \"{}\" is held",
+                end.as_secs(),
+                b.start.min(length).as_secs(),
+                a.name()
+            );
+            let remark = Remark::warning("gap", &a.draft.at, text);
+            found.push(remark.hint("leave .until out to let it play on, or add .once() where it is meant"));
+        }
+        // A cue that comes in over the end of another is a crossfade.
+        let covered = a.start < b.start && b.start + b.draft.fade_in + frame <= end;
+        if covered && a.draft.chain != b.draft.chain && b.start < length {
+            let text = format!(
+                "clip \"{}\" is to play until {} s, but \"{}\" takes over at {} s",
+                a.name(),
+                end.as_secs(),
+                b.name(),
+                b.start.as_secs()
+            );
+            let remark = Remark::warning("cues_overlap", &b.draft.at, text);
+            found.push(remark.hint("begin later with .from, or add .on(\"Spine..\") to play both at once"));
+        }
+    }
+    let last_end = base.last().and_then(|last| Some((last, last.end?)));
+    if let Some((last, end)) = last_end
+        && end + frame < length
+        && end > Time::ZERO
+        && !last.asked_to_hold()
+    {
+        let text = format!(
+            "nothing follows \"{}\" after {} s: \"{actor}\" holds its last pose until the end of the stage, {} s",
+            last.name(),
+            end.as_secs(),
+            length.as_secs()
+        );
+        let remark = Remark::warning("frozen_at_end", &last.draft.at, text);
+        found.push(
+            remark.hint("leave .until out to let it play on, add .then(…), or .once() where it is meant"),
+        );
+    }
+}
+
+/// Two layers that move the same joints at the same time.
+fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<Remark>) {
+    for (i, b) in upper.iter().enumerate() {
+        for a in &upper[..i] {
+            if a.draft.chain == b.draft.chain {
+                continue;
+            }
+            let masks = [a, b].map(|t| build.chains[t.draft.chain].mask.as_deref().unwrap_or_default());
+            let shared = masks[0].iter().zip(masks[1]).filter(|(x, y)| **x > 0.0 && **y > 0.0).count();
+            let from = a.start.max(b.start);
+            let to = a.end.unwrap_or(Time::MAX).min(b.end.unwrap_or(Time::MAX)).min(build.settings.length);
+            if shared > 0 && from < to {
+                let text = format!(
+                    "\"{}\" and \"{}\" both move {shared} joints from {} s to {} s: the later layer wins",
+                    a.name(),
+                    b.name(),
+                    from.as_secs(),
+                    to.as_secs()
+                );
+                found.push(Remark::note("layers_overlap", &b.draft.at, text));
+            }
+        }
+    }
+}
+
+fn one(cue: &Timed, next: Option<&Timed>, found: &mut Vec<Remark>) {
+    let Timed { draft, start, end, layer } = cue;
+    let (name, place) = (cue.name(), &draft.at);
+    let length = draft.length();
+    if draft.weight == 0.0 {
+        let text = format!("clip \"{name}\" is never seen: its weight is 0");
+        found.push(Remark::warning("weight_zero", place, text));
+    }
+    let Some(end) = *end else { return };
+    if end <= Time::ZERO && (*layer || next.is_some()) {
+        let text = format!(
+            "clip \"{name}\" is never seen: it is over at {} s, before the stage begins",
+            end.as_secs()
+        );
+        found.push(Remark::warning("before_start", place, text));
+        return;
+    }
+    let slot = end - *start;
+    let fade_out = draft.fade_out.unwrap_or(draft.fade_in);
+    if *layer && next.is_none() && draft.fade_in <= slot && draft.fade_in + fade_out > slot {
+        let text = format!(
+            "clip \"{name}\" fades in over {} s and out over {} s, but its cue lasts {} s: it is never fully seen",
+            draft.fade_in.as_secs(),
+            fade_out.as_secs(),
+            slot.as_secs()
+        );
+        found.push(Remark::warning("fades_meet", place, text));
+    }
+    // What the next one fades in over is still seen.
+    let heard = slot + next.map_or(Time::ZERO, |n| n.draft.fade_in);
+    if draft.until.is_some() && slot > Time::ZERO && heard < length && draft.trim.is_none() {
+        let text = format!(
+            "clip \"{name}\" takes {} s, its cue {} s: its end is cut off",
+            length.as_secs(),
+            slot.as_secs()
+        );
+        found.push(Remark::note("cut_off", place, text));
+    }
+}

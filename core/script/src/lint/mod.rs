@@ -1,0 +1,157 @@
+//! What `check` finds in a script beyond what every run warns of: hardly meant, but sometimes.
+//!
+//! ```text
+//! drafts ─► cues, unused ─┐
+//!                         ├─► Remark ─► findings (places, lines, `// allow:` comments, equals put together)
+//! Stage::survey ──────────┘
+//! ```
+
+mod cues;
+mod unused;
+
+pub(crate) use unused::{Declared, declared};
+
+use crate::build::Build;
+use crate::call::Place;
+use crate::diagnostic::{Diagnostic, Severity};
+use choreo_stage::{Finding, Subject};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Something found, and where.
+#[derive(Clone, Debug)]
+pub(crate) struct Remark {
+    pub rule: &'static str,
+    pub severity: Severity,
+    pub place: Place,
+    pub text: String,
+    pub hint: Option<String>,
+}
+
+impl Remark {
+    pub fn warning(rule: &'static str, place: &Place, text: String) -> Remark {
+        Remark { rule, severity: Severity::Warning, place: place.clone(), text, hint: None }
+    }
+
+    pub fn note(rule: &'static str, place: &Place, text: String) -> Remark {
+        Remark { severity: Severity::Note, ..Remark::warning(rule, place, text) }
+    }
+
+    pub fn hint(mut self, hint: impl Into<String>) -> Remark {
+        self.hint = Some(hint.into());
+        self
+    }
+}
+
+/// Looks through the drafts, before they become a stage.
+pub(crate) fn remarks(build: &Build) -> Vec<Remark> {
+    let mut found = Vec::new();
+    cues::look(build, &mut found);
+    unused::look(build, &mut found);
+    found
+}
+
+/// Where in the script the things on stage were made, and the script's text.
+#[derive(Clone, Debug, Default)]
+pub struct Places {
+    pub settings: Place,
+    pub actors: Vec<Place>,
+    /// By actor.
+    pub looks: Vec<Vec<Place>>,
+    pub cameras: Vec<Place>,
+    pub cuts: Vec<Place>,
+    pub lights: Vec<Place>,
+    pub effects: Vec<Place>,
+    /// The script's name in messages.
+    pub(crate) main: String,
+    pub(crate) remarks: Vec<Remark>,
+    pub(crate) sources: Arc<BTreeMap<String, Arc<str>>>,
+}
+
+impl Places {
+    /// Nowhere for what the script did not make.
+    pub fn of(&self, subject: Subject) -> Place {
+        let place = match subject {
+            Subject::Stage => Some(&self.settings),
+            Subject::Actor(i) => self.actors.get(i),
+            Subject::Look { actor, look } => self.looks.get(actor).and_then(|l| l.get(look)),
+            Subject::Camera(i) => self.cameras.get(i),
+            Subject::Cut(i) => self.cuts.get(i),
+            Subject::Light(i) => self.lights.get(i),
+            Subject::Effect(i) => self.effects.get(i),
+        };
+        place.cloned().unwrap_or_default()
+    }
+
+    /// What was found in the script and, given by the caller, on its stage: sorted by place, equal kinds from one place put
+    /// together, those left out that a comment `// allow: rule` on the line or the one above it says are meant.
+    pub fn findings(&self, on_stage: &[Finding]) -> Vec<Diagnostic> {
+        let from_stage = on_stage.iter().map(|f| Remark {
+            rule: f.rule,
+            severity: if f.note { Severity::Note } else { Severity::Warning },
+            place: self.of(f.subject),
+            text: f.text.clone(),
+            hint: f.hint.clone(),
+        });
+        let mut all: Vec<Remark> = self.remarks.iter().cloned().chain(from_stage).collect();
+        all.retain(|r| !self.allowed(r));
+        all.sort_by(|a, b| a.place.cmp(&b.place).then(a.rule.cmp(b.rule)));
+        let mut found: Vec<Diagnostic> = Vec::new();
+        let mut last: Option<(Place, &str, usize)> = None;
+        for remark in all {
+            if let Some((place, rule, more)) = &mut last
+                && *place == remark.place
+                && *rule == remark.rule
+                && place.line > 0
+            {
+                *more += 1;
+                continue;
+            }
+            close(&mut found, last.take());
+            found.push(self.diagnostic(&remark));
+            last = Some((remark.place, remark.rule, 0));
+        }
+        close(&mut found, last);
+        found
+    }
+
+    /// Whether a file is the script itself and no module.
+    pub fn is_main(&self, file: &str) -> bool {
+        self.main == file
+    }
+
+    fn diagnostic(&self, remark: &Remark) -> Diagnostic {
+        Diagnostic {
+            severity: remark.severity,
+            rule: remark.rule,
+            file: remark.place.file.clone(),
+            line: remark.place.line,
+            column: remark.place.column,
+            source_line: self.line(&remark.place, 0).unwrap_or_default().to_string(),
+            message: remark.text.clone(),
+            hint: remark.hint.clone(),
+        }
+    }
+
+    /// The line of a place, or one above it.
+    fn line(&self, place: &Place, above: usize) -> Option<&str> {
+        let number = place.line.checked_sub(1 + above)?;
+        self.sources.get(&place.file)?.lines().nth(number)
+    }
+
+    fn allowed(&self, remark: &Remark) -> bool {
+        (0..2).filter_map(|above| self.line(&remark.place, above)).any(|line| {
+            let comment = line.split_once("//").map_or("", |(_, comment)| comment);
+            let rules = comment.trim_start().strip_prefix("allow:").unwrap_or("");
+            rules.split([',', ' ']).any(|rule| rule == remark.rule)
+        })
+    }
+}
+
+fn close(found: &mut [Diagnostic], last: Option<(Place, &str, usize)>) {
+    if let (Some((.., more)), Some(diagnostic)) = (last, found.last_mut())
+        && more > 0
+    {
+        diagnostic.message += &format!(" (and {more} more from this line)");
+    }
+}

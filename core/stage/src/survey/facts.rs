@@ -1,0 +1,415 @@
+//! What was seen at the times looked at, and what that means.
+
+use super::sight::Miss;
+use super::{Finding, Sight, Subject, cameras_on};
+use crate::evaluate::target_position;
+use crate::look_at::{self, forward_in_joint};
+use crate::*;
+use choreo_motion::Time;
+use glam::{DVec3, Vec3};
+
+/// A head that is turned to within this of its target looks at it.
+const REACHED_RAD: f64 = 15.0 * std::f64::consts::PI / 180.0;
+/// Characters outside this are files in other units than metres.
+const PERSON_METRES: std::ops::RangeInclusive<f64> = 0.05..=30.0;
+
+#[derive(Clone, Debug, Default)]
+struct ActorFacts {
+    visible: bool,
+    posed_by_hook: bool,
+    in_picture: bool,
+    /// Pixels of its larger side, at most.
+    largest: f64,
+    /// Where it was instead; `None` once that differs from time to time.
+    miss: Option<Option<Miss>>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct LookFacts {
+    counted: bool,
+    reached: bool,
+}
+
+#[derive(Clone, Debug, Default)]
+struct LightFacts {
+    shines: bool,
+    reaches: bool,
+}
+
+#[derive(Clone, Debug, Default)]
+struct CameraFacts {
+    looked: bool,
+    sees: bool,
+    in_its_target: bool,
+}
+
+#[derive(Debug)]
+pub struct Facts {
+    actors: Vec<ActorFacts>,
+    looks: Vec<Vec<LookFacts>>,
+    lights: Vec<LightFacts>,
+    /// The last one: the framing camera of a stage without any.
+    cameras: Vec<CameraFacts>,
+    on: Vec<Time>,
+    pub times: usize,
+    /// Not every frame was looked at.
+    pub gave_up: bool,
+}
+
+impl Facts {
+    pub fn new(stage: &Stage) -> Facts {
+        Facts {
+            actors: vec![ActorFacts::default(); stage.actors.len()],
+            looks: stage.actors.iter().map(|a| vec![LookFacts::default(); a.look_at.len()]).collect(),
+            lights: vec![LightFacts::default(); stage.lights.len()],
+            cameras: vec![CameraFacts::default(); stage.cameras.len() + 1],
+            on: cameras_on(stage),
+            times: 0,
+            gave_up: false,
+        }
+    }
+
+    /// Notes one time.
+    pub fn look(&mut self, stage: &Stage, edits: &FrameEdits, snapshot: &Snapshot, time: Time) {
+        self.times += 1;
+        let sight = Sight::new(&snapshot.camera, stage.settings.size);
+        let camera = snapshot.camera.camera.unwrap_or(stage.cameras.len());
+        let mut boxes = Vec::with_capacity(stage.actors.len());
+        for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
+            if !state.visible {
+                continue;
+            }
+            let facts = &mut self.actors[index];
+            facts.visible = true;
+            let bounds = sight.bounds(&actor.asset, state);
+            if bounds.is_empty() {
+                continue;
+            }
+            match sight.covers(&bounds) {
+                Ok(pixels) => {
+                    facts.in_picture = true;
+                    facts.largest = facts.largest.max(pixels);
+                    self.cameras[camera].sees = true;
+                }
+                Err(miss) => {
+                    let same = facts.miss.is_none_or(|before| before == Some(miss));
+                    facts.miss = Some(same.then_some(miss));
+                }
+            }
+            boxes.push(bounds);
+        }
+        self.cameras[camera].looked = true;
+        if let Some(Rig::Fixed { look_at: Some(target), .. }) = stage.cameras.get(camera).map(|c| &c.rig) {
+            let at = target_position(stage, &snapshot.actors, target);
+            let from = snapshot.camera.world_from_view.translation;
+            self.cameras[camera].in_its_target |= at.is_some_and(|at| (at - from).length() < 1e-6);
+        }
+        for edit in &edits.actors {
+            if let ActorEdit::TurnJoint { actor, .. } = edit
+                && let Some(facts) = self.actors.get_mut(*actor)
+            {
+                facts.posed_by_hook = true;
+            }
+        }
+        self.look_at_looks(stage, snapshot, time);
+        for (index, light) in stage.lights.iter().enumerate() {
+            let state = lights::stage_light(stage, light, index, edits, time, &snapshot.actors);
+            if let Some(state) = state {
+                self.lights[index].shines = true;
+                self.lights[index].reaches |= boxes.iter().any(|b| reaches(&state, &sight, b));
+            }
+        }
+    }
+
+    fn look_at_looks(&mut self, stage: &Stage, snapshot: &Snapshot, time: Time) {
+        for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
+            for (look, facts) in actor.look_at.iter().zip(&mut self.looks[index]) {
+                // Not at all, or on its way.
+                if look_at::share(look, time) < 0.999 {
+                    continue;
+                }
+                facts.counted = true;
+                let joint = look.joint as usize;
+                let rest = actor.asset.rest_model_from_joint();
+                let (Some(posed), Some(rest)) = (state.model_from_joint.get(joint), rest.get(joint)) else {
+                    facts.reached = true;
+                    continue;
+                };
+                let Some(target) = target_position(stage, &snapshot.actors, &look.target) else { continue };
+                let target = state.world_from_model.inverse().transform_point3(target);
+                let way = (target - Vec3::from(posed.translation).as_dvec3()).try_normalize();
+                let ahead = Vec3::from(posed.matrix3 * forward_in_joint(rest)).as_dvec3().try_normalize();
+                facts.reached |= match (way, ahead) {
+                    (Some(way), Some(ahead)) => libm::acos(way.dot(ahead).clamp(-1.0, 1.0)) < REACHED_RAD,
+                    // The target is in the joint.
+                    _ => true,
+                };
+            }
+        }
+    }
+
+    /// Whether another time could still take something away from the findings.
+    pub fn open(&self, stage: &Stage) -> bool {
+        let unseen = |(actor, f): (&Actor, &ActorFacts)| {
+            has_meshes(&actor.asset) && (!f.in_picture || f.largest < 1.0)
+        };
+        let hooked = !stage.hooks.is_empty();
+        stage.actors.iter().zip(&self.actors).any(unseen)
+            || self.actors.iter().any(|f| !f.visible)
+            || hooked && stage.actors.iter().zip(&self.actors).any(|(a, f)| still(a) && !f.posed_by_hook)
+            || self.looks.iter().flatten().any(|f| !f.counted || !f.reached)
+            || self.lights.iter().any(|f| !f.shines || !f.reaches)
+            || self.on.iter().zip(&self.cameras).any(|(on, f)| *on > Time::ZERO && !(f.looked && f.sees))
+    }
+
+    pub fn findings(&self, stage: &Stage) -> Vec<Finding> {
+        let mut findings = Vec::new();
+        for index in 0..stage.actors.len() {
+            findings.extend(self.actor(stage, index));
+            findings.extend(self.looks_of(stage, index));
+        }
+        for (index, camera) in stage.cameras.iter().enumerate() {
+            let facts = &self.cameras[index];
+            let mut say = |rule, text: String, hint: &str| {
+                let hint = (!hint.is_empty()).then(|| hint.to_string());
+                findings.push(Finding { rule, note: false, subject: Subject::Camera(index), text, hint });
+            };
+            if facts.in_its_target {
+                say(
+                    "camera_in_target",
+                    format!("camera \"{}\" stands in the point that it looks at", camera.name),
+                    "move it away: .at(x, y, z)",
+                );
+            } else if facts.looked && !facts.sees && stage.actors.iter().any(|a| has_meshes(&a.asset)) {
+                say(
+                    "camera_sees_nothing",
+                    format!(
+                        "camera \"{}\" never has anything in its picture{}",
+                        camera.name,
+                        self.times_said()
+                    ),
+                    "aim it with .look_at(actor), or leave .at out to frame everything",
+                );
+            }
+        }
+        for (index, light) in stage.lights.iter().enumerate() {
+            findings.extend(self.light(stage, index, light));
+        }
+        findings
+    }
+
+    /// Only where that is not every frame.
+    fn times_said(&self) -> String {
+        match self.gave_up {
+            true => format!(" (at {} times looked at)", self.times),
+            false => String::new(),
+        }
+    }
+
+    fn actor(&self, stage: &Stage, index: usize) -> Vec<Finding> {
+        let (actor, facts) = (&stage.actors[index], &self.actors[index]);
+        let name = &actor.name;
+        let mut found = Vec::new();
+        let mut say = |rule, note, text: String, hint: &str| {
+            let hint = (!hint.is_empty()).then(|| hint.to_string());
+            found.push(Finding { rule, note, subject: Subject::Actor(index), text, hint });
+        };
+        let helps = is_used(stage, index);
+        if !has_meshes(&actor.asset) {
+            if !helps {
+                let text = format!("\"{name}\" has nothing to draw: \"{}\" holds no mesh", actor.asset.name);
+                say("nothing_to_draw", false, text, "cast a file with a model; clips are played with .play");
+            }
+            return found;
+        }
+        if !facts.visible {
+            if let Some(hidden) = hidden_parent(stage, &self.actors, index) {
+                let text =
+                    format!("\"{name}\" is never seen: it is attached to \"{hidden}\", which is hidden");
+                say(
+                    "attached_to_hidden",
+                    false,
+                    text,
+                    "what is attached is hidden with what it is attached to",
+                );
+            } else if !helps {
+                say("always_hidden", true, format!("\"{name}\" is hidden all the time"), "");
+            }
+            return found;
+        }
+        if !facts.in_picture {
+            let place = match facts.miss {
+                Some(Some(miss)) => format!(": it is {}", miss.words()),
+                _ => String::new(),
+            };
+            let text = format!("\"{name}\" is never in the picture{place}{}", self.times_said());
+            say("never_in_picture", false, text, "");
+        } else if facts.largest < 1.0 {
+            let text =
+                format!("\"{name}\" is never larger than {:.2} pixels{}", facts.largest, self.times_said());
+            say(
+                "smaller_than_a_pixel",
+                false,
+                text,
+                "is its file in other units? .scale(100.0) makes metres of centimetres",
+            );
+        }
+        if still(actor) && !facts.posed_by_hook && facts.in_picture {
+            let text = format!("\"{name}\" plays no clip: it stands in its rest pose");
+            let clips = actor.asset.clips.iter().map(|c| format!("\"{}\"", c.name)).take(6);
+            let clips: Vec<String> = clips.collect();
+            let more = if actor.asset.clips.len() > clips.len() { ", …" } else { "" };
+            say("no_clip", false, text, &format!("its file has {}{more}", clips.join(", ")));
+        }
+        if !actor.asset.skins.is_empty() && facts.in_picture {
+            let bounds = actor.asset.rest_bounds();
+            let high = f64::from((bounds.max - bounds.min).max_element())
+                * actor.transform.scale.abs().max_element();
+            let keyed = actor.channels.iter().any(|c| c.property == Property::Scale);
+            if bounds.is_empty() || keyed || actor.parent.is_some() || PERSON_METRES.contains(&high) {
+                return found;
+            }
+            let digits = if high < 0.001 { 9 } else { 3 };
+            let text = format!("\"{name}\" is {high:.digits$} m large");
+            say(
+                "odd_size",
+                true,
+                text,
+                "is its file in other units than metres? .scale(0.01) makes metres of centimetres",
+            );
+        }
+        found
+    }
+
+    fn looks_of(&self, stage: &Stage, index: usize) -> Vec<Finding> {
+        let actor = &stage.actors[index];
+        let mut found = Vec::new();
+        if !self.actors[index].visible {
+            return found;
+        }
+        for (number, (look, facts)) in actor.look_at.iter().zip(&self.looks[index]).enumerate() {
+            let joint = actor.asset.skeleton.names().get(look.joint as usize).map_or("", String::as_str);
+            let mut say = |rule, text: String| {
+                let subject = Subject::Look { actor: index, look: number };
+                found.push(Finding { rule, note: false, subject, text, hint: None });
+            };
+            let length = stage.settings.length;
+            if look.weight == 0.0 || look.start >= length || look.end.is_some_and(|e| e <= Time::ZERO) {
+                let why = match look.weight == 0.0 {
+                    true => "its weight is 0".to_string(),
+                    false => format!(
+                        "it begins at {} s, the stage ends at {} s",
+                        look.start.as_secs(),
+                        length.as_secs()
+                    ),
+                };
+                say("look_never", format!("\"{}\" never looks there: {why}", actor.name));
+            } else if facts.counted && !facts.reached {
+                say(
+                    "look_out_of_reach",
+                    format!(
+                        "\"{joint}\" of \"{}\" never gets to look there: the target is farther round than the {}° that it \
+                         can turn{}",
+                        actor.name,
+                        LOOK_AT_LIMIT_RAD.to_degrees().round(),
+                        self.times_said()
+                    ),
+                );
+            }
+        }
+        found
+    }
+
+    fn light(&self, stage: &Stage, index: usize, light: &StageLight) -> Option<Finding> {
+        let facts = &self.lights[index];
+        let name = &light.name;
+        let subject = Subject::Light(index);
+        if !facts.shines {
+            let why = match light.light.intensity > 0.0 {
+                true => "its color is black",
+                false => "its intensity is 0",
+            };
+            let text = format!("light \"{name}\" never shines: {why}{}", self.times_said());
+            return Some(Finding { rule: "light_never_shines", note: false, subject, text, hint: None });
+        }
+        if facts.reaches
+            || !stage.actors.iter().zip(&self.actors).any(|(a, f)| f.visible && has_meshes(&a.asset))
+        {
+            return None;
+        }
+        let why = match (light.light.kind, light.light.range) {
+            (LightKind::Spot { .. }, None) => "nothing is in its cone".to_string(),
+            (LightKind::Spot { .. }, Some(range)) => {
+                format!("nothing is in its cone within its range of {range} m")
+            }
+            (_, range) => format!("nothing is within its range of {} m", range.unwrap_or(f32::INFINITY)),
+        };
+        let text = format!("light \"{name}\" reaches nothing: {why}{}", self.times_said());
+        Some(Finding { rule: "light_reaches_nothing", note: false, subject, text, hint: None })
+    }
+}
+
+fn has_meshes(asset: &Asset) -> bool {
+    asset.instance_bounds().iter().any(|i| !i.parts.is_empty())
+}
+
+/// A character that could play something and does not.
+fn still(actor: &Actor) -> bool {
+    let plays = actor.layers.iter().any(|l| !l.cues.is_empty());
+    !plays && !actor.asset.skins.is_empty() && !actor.asset.clips.is_empty()
+}
+
+/// Something else hangs on it, looks at it or is seen from it.
+fn is_used(stage: &Stage, index: usize) -> bool {
+    let on = |target: &Target| match *target {
+        Target::Point(_) => false,
+        Target::Actor(actor) | Target::Joint { actor, .. } => actor == index,
+    };
+    let attached = |at: &Option<Attachment>| at.is_some_and(|a| a.actor == index);
+    let camera = |c: &Camera| match &c.rig {
+        Rig::Fixed { look_at, .. } => look_at.as_ref().is_some_and(on),
+        Rig::Follow { target, .. } | Rig::Orbit { target, .. } => on(target),
+        Rig::File { actor, .. } => *actor == index,
+        Rig::Frame { .. } => false,
+    };
+    let actor = |a: &Actor| {
+        attached(&a.parent) || a.face == Some(index) || a.look_at.iter().any(|look| on(&look.target))
+    };
+    stage.actors.iter().any(actor)
+        || stage.cameras.iter().any(camera)
+        || stage.lights.iter().any(|l| attached(&l.parent))
+        || (stage.actors[index].file_lights && !stage.actors[index].asset.lights.is_empty())
+}
+
+/// The nearest of those that it is attached to that is never visible, where it itself is not hidden.
+fn hidden_parent<'a>(stage: &'a Stage, facts: &[ActorFacts], index: usize) -> Option<&'a str> {
+    if !stage.actors[index].visible {
+        return None;
+    }
+    let parent = stage.actors[index].parent?.actor;
+    let hidden = facts.get(parent).is_some_and(|f| !f.visible);
+    hidden.then(|| stage.actors[parent].name.as_str())
+}
+
+/// Whether light can fall on a box (in the axes of the view); on the safe side.
+fn reaches(light: &LightState, sight: &Sight, bounds: &DAabb) -> bool {
+    if light.light.kind == LightKind::Directional {
+        return true;
+    }
+    let position = sight.view_from_world.transform_point3(light.position);
+    let nearest = position.clamp(bounds.min, bounds.max);
+    if light.light.range.is_some_and(|range| (nearest - position).length() > f64::from(range)) {
+        return false;
+    }
+    let LightKind::Spot { outer, .. } = light.light.kind else { return true };
+    let direction: DVec3 =
+        sight.view_from_world.transform_vector3(light.direction.as_dvec3()).normalize_or(DVec3::NEG_Y);
+    let (center, radius) = ((bounds.min + bounds.max) * 0.5, (bounds.max - bounds.min).length() * 0.5);
+    let way = center - position;
+    let distance = way.length();
+    if distance <= radius {
+        return true;
+    }
+    let angle = libm::acos((way.dot(direction) / distance).clamp(-1.0, 1.0));
+    angle <= f64::from(outer) + libm::asin(radius / distance)
+}

@@ -1,0 +1,198 @@
+//! What a stage shows over its length, and what in it never shows: found by evaluating it at some times, without drawing.
+//!
+//! Boxes are conservative (never smaller than what they hold), so "never in the picture" is true of what is told; something
+//! that hides behind another thing, or whose box alone is in the picture, is not found.
+
+mod facts;
+mod sight;
+
+use crate::evaluate::Evaluator;
+use crate::*;
+use choreo_motion::Time;
+use facts::Facts;
+use sight::Sight;
+
+/// What a finding is about; indices into the stage's lists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Subject {
+    Stage,
+    Actor(usize),
+    /// Index into `Actor::look_at`.
+    Look {
+        actor: usize,
+        look: usize,
+    },
+    Camera(usize),
+    Cut(usize),
+    Light(usize),
+    Effect(usize),
+}
+
+/// Something that is not wrong, but hardly meant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// A fixed name of the kind of finding: `never_in_picture`.
+    pub rule: &'static str,
+    /// Often meant: told for information, no warning.
+    pub note: bool,
+    pub subject: Subject,
+    pub text: String,
+    pub hint: Option<String>,
+}
+
+/// What looking may cost: poses, with [`HOOK_COST`] for each callback. About 20 ms for characters of 50 joints.
+const MAX_COST: usize = 3000;
+const HOOK_COST: usize = 20;
+
+impl Stage {
+    /// Everything that never shows, in the order of the stage. Looks at frames spread over the whole length until each thing
+    /// has been seen, at most at as many as [`MAX_COST`] allows; fails where a callback does.
+    pub fn survey(self: &std::sync::Arc<Stage>) -> Result<Vec<Finding>, StageError> {
+        let mut evaluator = Evaluator::new(self.clone());
+        let mut snapshot = Snapshot::default();
+        let mut facts = Facts::new(self);
+        let rate = self.settings.fps;
+        let frames = rate.frames_in(self.settings.length).max(1);
+        let mut cost = 0;
+        for frame in spread(frames) {
+            let time = rate.time_of(frame);
+            evaluator.at_into(time, &mut snapshot)?;
+            facts.look(self, evaluator.edits(), &snapshot, time);
+            cost += evaluator.poses() + self.actors.len() / 8 + HOOK_COST * self.hooks.len() + 1;
+            if !facts.open(self) {
+                break;
+            }
+            if cost > MAX_COST {
+                facts.gave_up = facts.times < frames as usize;
+                break;
+            }
+        }
+        let mut findings = facts.findings(self);
+        never_used(self, &mut findings);
+        findings.sort_by_key(|f| f.subject);
+        Ok(findings)
+    }
+}
+
+/// 0, and then always the middle of what is still far from any number before: each of `0..count` once.
+fn spread(count: i64) -> impl Iterator<Item = i64> {
+    let bits = (count as u64).next_power_of_two().trailing_zeros();
+    let reversed = move |i: u64| if bits == 0 { 0 } else { (i.reverse_bits() >> (64 - bits)) as i64 };
+    (0..1u64 << bits).map(reversed).filter(move |i| *i < count)
+}
+
+/// What the lists alone tell.
+fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
+    let length = stage.settings.length;
+    let warn = |rule, subject, text: String, hint: &str| Finding {
+        rule,
+        note: false,
+        subject,
+        text,
+        hint: (!hint.is_empty()).then(|| hint.to_string()),
+    };
+    let on = cameras_on(stage);
+    for (index, camera) in stage.cameras.iter().enumerate() {
+        if on[index] > Time::ZERO {
+            continue;
+        }
+        let name = &camera.name;
+        let cut_to = stage.cuts.iter().any(|c| c.camera == index);
+        let text = match cut_to {
+            true => format!("camera \"{name}\" is never on: another is cut to before a frame of it is drawn"),
+            false => format!("camera \"{name}\" is never on: nothing cuts to it"),
+        };
+        let hint = if cut_to { "" } else { "the first camera is on from the start, others from .cut(time)" };
+        findings.push(warn("camera_never_on", Subject::Camera(index), text, hint));
+    }
+    for (index, cut) in stage.cuts.iter().enumerate() {
+        let before = match index {
+            0 => 0,
+            _ => stage.cuts[index - 1].camera,
+        };
+        if before == cut.camera && cut.at > Time::ZERO && cut.at < length {
+            let name = stage.cameras.get(cut.camera).map_or("", |c| c.name.as_str());
+            let text = format!("camera \"{name}\" is on already at {} s", cut.at.as_secs());
+            findings.push(Finding { note: true, ..warn("cut_to_itself", Subject::Cut(index), text, "") });
+        }
+    }
+    for (index, effect) in stage.effects.iter().enumerate() {
+        let end = effect.end.unwrap_or(length);
+        if effect.start >= length || end <= effect.start.max(Time::ZERO) {
+            let text = format!(
+                "effect \"{}\" is never on: it runs from {} s to {} s, the stage from 0 s to {} s",
+                effect.plugin,
+                effect.start.as_secs(),
+                end.as_secs(),
+                length.as_secs()
+            );
+            findings.push(warn("effect_never_on", Subject::Effect(index), text, ""));
+        }
+    }
+    let late = |channels: &[Channel]| -> Option<String> {
+        let late = |c: &&Channel| c.times.first().is_some_and(|t| *t >= length) && c.times.len() > 1;
+        let first = channels.iter().find(late)?;
+        let at = first.times.first().map_or(0.0, |t| t.as_secs());
+        Some(format!(
+            "all keys of {} come after the end of the stage: the first at {at} s, the end at {} s",
+            property_name(first.property),
+            length.as_secs()
+        ))
+    };
+    let lists = stage.actors.iter().enumerate().map(|(i, a)| (Subject::Actor(i), &a.name, &a.channels));
+    let lists = lists
+        .chain(stage.cameras.iter().enumerate().map(|(i, c)| (Subject::Camera(i), &c.name, &c.channels)))
+        .chain(stage.lights.iter().enumerate().map(|(i, l)| (Subject::Light(i), &l.name, &l.channels)));
+    for (subject, name, channels) in lists {
+        if let Some(text) = late(channels) {
+            findings.push(warn("keys_after_end", subject, format!("\"{name}\": {text}"), ""));
+        }
+    }
+}
+
+fn property_name(property: Property) -> &'static str {
+    match property {
+        Property::Translation => "the position",
+        Property::Rotation => "the rotation",
+        Property::Scale => "the scale",
+        Property::Visible => "the visibility",
+        Property::Tint => "the tint",
+        Property::Morph { .. } => "a morph target",
+        Property::FieldOfView => "the field of view",
+        Property::Intensity => "the intensity",
+        Property::Color => "the color",
+    }
+}
+
+/// How long each camera is on within the stage's length.
+fn cameras_on(stage: &Stage) -> Vec<Time> {
+    let length = stage.settings.length;
+    let mut on = vec![Time::ZERO; stage.cameras.len()];
+    let starts = std::iter::once((Time::ZERO, 0)).chain(stage.cuts.iter().map(|c| (c.at, c.camera)));
+    let ends = stage.cuts.iter().map(|c| c.at).chain([length]);
+    for ((start, camera), end) in starts.zip(ends) {
+        let (start, end) = (start.max(Time::ZERO), end.min(length));
+        if let Some(on) = on.get_mut(camera)
+            && end > start
+        {
+            *on += end - start;
+        }
+    }
+    on
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spread_order_holds_each_number_once() {
+        for count in [1, 2, 3, 8, 100, 257] {
+            let order: Vec<i64> = spread(count).collect();
+            let mut sorted = order.clone();
+            sorted.sort_unstable();
+            assert_eq!(sorted, (0..count).collect::<Vec<_>>());
+        }
+        assert_eq!(spread(8).collect::<Vec<_>>(), [0, 4, 2, 6, 1, 5, 3, 7]);
+    }
+}

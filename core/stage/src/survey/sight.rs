@@ -1,0 +1,142 @@
+//! Whether a box is in a camera's picture, and how large.
+
+use crate::evaluate::widen;
+use crate::*;
+use glam::DAffine3;
+
+/// Why something is not in the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Miss {
+    Behind,
+    TooNear,
+    TooFar,
+    Left,
+    Right,
+    Above,
+    Below,
+}
+
+impl Miss {
+    pub fn words(self) -> &'static str {
+        match self {
+            Miss::Behind => "behind the camera",
+            Miss::TooNear => "nearer than the camera's near plane",
+            Miss::TooFar => "beyond the camera's far plane",
+            Miss::Left => "left of the picture",
+            Miss::Right => "right of the picture",
+            Miss::Above => "above the picture",
+            Miss::Below => "below the picture",
+        }
+    }
+}
+
+pub struct Sight {
+    pub view_from_world: DAffine3,
+    projection: Projection,
+    /// Pixels.
+    size: [f64; 2],
+}
+
+impl Sight {
+    pub fn new(camera: &CameraState, size: [u32; 2]) -> Sight {
+        let view_from_world = camera.world_from_view.inverse();
+        let size = size.map(|n| f64::from(n.max(1)));
+        Sight { view_from_world, projection: camera.projection, size }
+    }
+
+    /// Around a posed actor, in the axes of the view (right, up, back); empty where it has no meshes or is not posed.
+    pub fn bounds(&self, asset: &Asset, state: &ActorState) -> DAabb {
+        let mut bounds = DAabb::EMPTY;
+        let view_from_model = self.view_from_world * state.world_from_model;
+        for (index, instance) in asset.instance_bounds().iter().enumerate() {
+            let weights = state.morph_weights.get(index).map_or(&[][..], Vec::as_slice);
+            for part in &instance.parts {
+                let Some(joint) = state.model_from_joint.get(part.joint as usize) else { continue };
+                bounds.add_box(&(view_from_model * widen(joint)), &part.morphed(weights));
+            }
+        }
+        bounds
+    }
+
+    /// The larger side in pixels of what a box in the axes of the view covers, or where it is instead. Exact for such
+    /// boxes: at its greatest depth the view is widest.
+    pub fn covers(&self, bounds: &DAabb) -> Result<f64, Miss> {
+        let (nearest, farthest) = (-bounds.max.z, -bounds.min.z);
+        let aspect = self.size[0] / self.size[1];
+        // Half of the picture's width and height at a depth.
+        let half = |depth: f64| match self.projection {
+            Projection::Perspective { yfov, .. } => {
+                let up = libm::tan(f64::from(yfov) / 2.0) * depth;
+                (up * aspect, up)
+            }
+            Projection::Orthographic { height, .. } => {
+                let up = f64::from(height) / 2.0;
+                (up * aspect, up)
+            }
+        };
+        let (near, far) = match self.projection {
+            Projection::Perspective { near, far, .. } => {
+                (f64::from(near), far.map_or(f64::INFINITY, f64::from))
+            }
+            Projection::Orthographic { near, far, .. } => (f64::from(near), f64::from(far)),
+        };
+        if farthest < near {
+            return Err(if farthest < 0.0 { Miss::Behind } else { Miss::TooNear });
+        }
+        if nearest > far {
+            return Err(Miss::TooFar);
+        }
+        let (wide, high) = half(farthest.min(far));
+        let misses = [
+            (bounds.max.x < -wide, Miss::Left),
+            (bounds.min.x > wide, Miss::Right),
+            (bounds.min.y > high, Miss::Above),
+            (bounds.max.y < -high, Miss::Below),
+        ];
+        if let Some((_, miss)) = misses.iter().find(|(outside, _)| *outside) {
+            return Err(*miss);
+        }
+        let (wide, high) = half(nearest.max(near));
+        let size = bounds.max - bounds.min;
+        Ok((size.x / (2.0 * wide) * self.size[0]).max(size.y / (2.0 * high) * self.size[1]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    fn sight(projection: Projection) -> Sight {
+        Sight::new(&CameraState { projection, ..CameraState::default() }, [200, 100])
+    }
+
+    #[test]
+    fn boxes_are_found_where_they_are() {
+        // A field of view of 90°: at depth d the picture is 2d high and 4d wide.
+        let yfov = std::f32::consts::FRAC_PI_2;
+        let s = sight(Projection::Perspective { yfov, near: 0.5, far: Some(100.0) });
+        let at = |x: f64, y: f64, z: f64| {
+            let p = DVec3::new(x, y, z);
+            s.covers(&DAabb { min: p - 0.5, max: p + 0.5 })
+        };
+        // Its front, 1 m high, is 9.5 m away, where the picture is 19 m high: 100 / 19 pixels.
+        assert!((at(0.0, 0.0, -10.0).unwrap() - 100.0 / 19.0).abs() < 1e-4);
+        assert_eq!(at(0.0, 0.0, 10.0), Err(Miss::Behind));
+        assert_eq!(at(0.0, 0.0, 0.2), Err(Miss::TooNear));
+        assert_eq!(at(0.0, 0.0, -101.0), Err(Miss::TooFar));
+        // The far side of the box, at 10.5 m, is in while |x| − 0.5 ≤ 21.
+        assert!(at(21.4, 0.0, -10.0).is_ok() && at(-21.4, 10.9, -10.0).is_ok());
+        assert_eq!(at(21.6, 0.0, -10.0), Err(Miss::Right));
+        assert_eq!(at(-21.6, 0.0, -10.0), Err(Miss::Left));
+        assert_eq!(at(0.0, 11.1, -10.0), Err(Miss::Above));
+        assert_eq!(at(0.0, -11.1, -10.0), Err(Miss::Below));
+        // The camera stands in it.
+        assert!(at(0.0, 0.0, 0.0).is_ok_and(|pixels| pixels > 90.0));
+        let s = sight(Projection::Orthographic { height: 2.0, near: -5.0, far: 5.0 });
+        let cube =
+            |x: f64| s.covers(&DAabb { min: DVec3::new(x, 0.0, 0.0), max: DVec3::new(x + 1.0, 1.0, 1.0) });
+        assert!((cube(0.0).unwrap() - 50.0).abs() < 1e-9);
+        assert_eq!(cube(2.1), Err(Miss::Right));
+    }
+}

@@ -1,0 +1,133 @@
+//! Local transforms to model space along chains of joints.
+
+use crate::{BUDGET_SECS, Random, Section};
+use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_measure::truth::{self, Spread};
+use choreo_motion::{LocalToModel, Pose, Skeleton, Transform};
+use choreo_report::{Cell, Choice, Row, Table, quantity};
+use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3};
+
+const LENGTHS: [usize; 5] = [1, 10, 50, 200, 1000];
+/// Metres a joint.
+const BONE: f32 = 0.1;
+/// A figure with a long spine or a tail.
+const TYPICAL: usize = 2;
+const OURS: &str = "f32 matrices, by depth (LocalToModel)";
+const WAYS: [&str; 4] =
+    ["f64 matrices", OURS, "f32 rotation and translation", "f32 rotation, made unit at each joint"];
+
+pub fn section() -> Result<Section, String> {
+    let mut by_length = vec![vec![Spread::default(); LENGTHS.len()]; WAYS.len()];
+    let mut nanos = vec![f64::NAN; WAYS.len()];
+    for (at, length) in LENGTHS.iter().enumerate() {
+        for seed in 0..8 {
+            let (skeleton, pose) = chain(*length, seed)?;
+            let exact = truth::model_from_joint(&skeleton, &truth::rest(&skeleton));
+            for way in 0..WAYS.len() {
+                let tips = run(way, &skeleton, &pose);
+                let error = (tips[length - 1] - exact[length - 1].translation).length() * 1e6;
+                by_length[way][at].add(error);
+            }
+        }
+        if at == TYPICAL {
+            let (skeleton, pose) = chain(*length, 0)?;
+            let (skeleton, pose) = (&skeleton, &pose);
+            let case = |way: usize| -> Case {
+                if way == 1 {
+                    let mut out = vec![Affine3A::IDENTITY; skeleton.len()];
+                    return Case::new(*length, move || {
+                        LocalToModel { skeleton, pose, model_from_joint: &mut out }.run();
+                        std::hint::black_box(&out);
+                    });
+                }
+                Case::new(*length, move || drop(std::hint::black_box(run(way, skeleton, pose))))
+            };
+            let mut cases: Vec<Case> = (0..WAYS.len()).map(case).collect();
+            nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
+        }
+    }
+    let mut choice = Choice::new("chains", "In what numbers are joints brought to model space?");
+    choice.error_unit = "µm";
+    choice.reference = format!(
+        "the tip of a chain of {} joints of 10 cm, each turned by up to 40°, in f64 from the same f32 transforms",
+        LENGTHS[TYPICAL]
+    );
+    choice.per = "joint".into();
+    for (way, name) in WAYS.iter().enumerate() {
+        let error = &by_length[way][TYPICAL];
+        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
+    }
+    choice.choose(OURS, "micrometres at the tip, and the GPU wants f32 matrices anyway");
+    let titles: Vec<String> = LENGTHS.iter().map(|n| format!(">{n} joints")).collect();
+    let mut columns: Vec<(&str, &'static str)> = vec![("worst error of the tip in µm", "way")];
+    columns.extend(titles.iter().map(|t| (t.as_str(), "joints")));
+    let mut table = Table::new("By the length of the chain", &columns);
+    for (name, errors) in WAYS.iter().zip(&by_length) {
+        let cells = errors.iter().map(|e| Cell::number(quantity(e.worst), e.worst));
+        table.rows.push([Cell::text(*name)].into_iter().chain(cells).collect());
+    }
+    Ok(Section {
+        title: "Chains of joints",
+        text: "Rounding grows with the length of the chain and with its reach. Only a chain of a thousand joints comes near to a \
+               millimetre."
+            .into(),
+        choices: vec![choice],
+        tables: vec![table],
+        off_front: Vec::new(),
+    })
+}
+
+/// Each joint on the one before.
+fn chain(length: usize, seed: u64) -> Result<(Skeleton, Pose), String> {
+    let mut random = Random(seed * 77 + 1);
+    let rest: Vec<Transform> = (0..length)
+        .map(|_| {
+            let axis = random.direction().as_vec3().normalize();
+            let angle = (random.unit() * 40.0f64.to_radians()) as f32;
+            Transform {
+                translation: Vec3::new(0.0, BONE, 0.0),
+                rotation: Quat::from_axis_angle(axis, angle).normalize(),
+                scale: Vec3::ONE,
+            }
+        })
+        .collect();
+    let names = (0..length).map(|i| i.to_string()).collect();
+    let parents = (0..length).map(|i| i.checked_sub(1).map(|p| p as u32)).collect();
+    let skeleton = Skeleton::new(names, parents, rest).map_err(|e| e.to_string())?;
+    let pose = Pose::rest(&skeleton);
+    Ok((skeleton, pose))
+}
+
+/// Where each joint is.
+fn run(way: usize, skeleton: &Skeleton, pose: &Pose) -> Vec<DVec3> {
+    match way {
+        0 => {
+            let mut all: Vec<DAffine3> = Vec::with_capacity(pose.len());
+            for (local, parent) in pose.iter().zip(skeleton.parents()) {
+                let local = DAffine3::from_scale_rotation_translation(
+                    local.scale.as_dvec3(),
+                    local.rotation.as_dquat(),
+                    local.translation.as_dvec3(),
+                );
+                all.push(parent.map_or(local, |p| all[p as usize] * local));
+            }
+            all.iter().map(|m| m.translation).collect()
+        }
+        1 => {
+            let mut out = vec![Affine3A::IDENTITY; skeleton.len()];
+            LocalToModel { skeleton, pose, model_from_joint: &mut out }.run();
+            out.iter().map(|m| Vec3::from(m.translation).as_dvec3()).collect()
+        }
+        _ => {
+            let mut all: Vec<(Quat, Vec3)> = Vec::with_capacity(pose.len());
+            for (local, parent) in pose.iter().zip(skeleton.parents()) {
+                let (rotation, translation) =
+                    parent.map_or((Quat::IDENTITY, Vec3::ZERO), |p| all[p as usize]);
+                let turned = rotation * local.rotation;
+                let turned = if way == 3 { turned.normalize() } else { turned };
+                all.push((turned, translation + rotation * local.translation));
+            }
+            all.iter().map(|(_, t)| t.as_dvec3()).collect()
+        }
+    }
+}

@@ -1,0 +1,49 @@
+//! Blending two poses.
+
+use crate::{BUDGET_SECS, Section, scenes};
+use choreo_measure::scene::crossfade::{Fade, crossfade};
+use choreo_motion::{Pose, Sample};
+
+/// Clips faded into each other, and where in each the middle of the fade lies.
+const FADES: [(&str, f64, &str, f64); 6] = [
+    ("Walk", 0.3, "Run", 0.1),
+    ("Run", 0.2, "Idle", 0.5),
+    ("Idle", 1.0, "Dance_Spin", 0.7),
+    ("Dance_Groove", 3.1, "Bow", 0.4),
+    ("Jump", 0.5, "Walk", 0.6),
+    ("Wave", 1.2, "Dance_Groove", 5.3),
+];
+
+pub fn section() -> Result<Section, String> {
+    let asset = scenes::mannequin()?;
+    let skeleton = &asset.skeleton;
+    let pose = |name: &str, share: f64| -> Result<Pose, String> {
+        let clip =
+            asset.clips.iter().find(|c| c.name == name).ok_or(format!("the mannequin has no clip {name}"))?;
+        let mut pose = Pose::rest(skeleton);
+        let time = choreo_motion::Time::from_secs(share % clip.duration.as_secs());
+        Sample { clip, time, pose: &mut pose }.run();
+        Ok(pose)
+    };
+    let mut fades = Vec::new();
+    for (from, at, to, there) in FADES {
+        let (from_pose, to_pose) = (pose(from, at)?, pose(to, there)?);
+        let place = format!("{from} at {at} s → {to} at {there} s");
+        fades.push(Fade { from: from_pose, to: to_pose, skeleton: skeleton.clone(), place });
+    }
+    let mut choice = crossfade(&fades, BUDGET_SECS);
+    choice.choose(
+        "nlerp, eight at once",
+        "a fade has no authored speed to keep: what differs from slerp is a slightly other easing",
+    );
+    Ok(Section {
+        title: "Crossfades",
+        text: "Both ways go along the same arc and agree at weights 0, ½ and 1. Between, nlerp is ahead or behind by what the table \
+               says, at the end of chains of joints that differ by tens of degrees. Nobody authored the speed of a fade, so this is \
+               no visible fault; slerp is there where a speed counts, between keys."
+            .into(),
+        choices: vec![choice],
+        tables: Vec::new(),
+        off_front: Vec::new(),
+    })
+}

@@ -1,0 +1,219 @@
+//! `cargo xtask report [NAME…]`: error against run time of the project's own numerical choices. Writes `tests/report/README.md`
+//! and a picture for each choice into `tests/report/plots/`. The truth is a closed form, f64 or more samples.
+//!
+//! A new choice: a file here with `pub fn section() -> Section`, and its line in `SECTIONS`.
+
+mod baking;
+mod chains;
+mod crossfade;
+mod far_away;
+mod mipmaps;
+mod packing;
+mod rotation;
+mod samples;
+mod scenes;
+mod time;
+mod video;
+mod yuv;
+
+use choreo_report::{Choice, Table, plot};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// One chapter of the report.
+pub struct Section {
+    pub title: &'static str,
+    /// What is at stake, and what the tables say.
+    pub text: String,
+    pub choices: Vec<Choice>,
+    /// The same by another measure: by distance, by length.
+    pub tables: Vec<Table>,
+    /// Why a chosen way is not on the front, by the key of its choice.
+    pub off_front: Vec<(&'static str, &'static str)>,
+}
+
+/// By name, in the order of the report.
+const SECTIONS: [(&str, fn() -> Result<Section, String>); 11] = [
+    ("rotation", rotation::section),
+    ("crossfade", crossfade::section),
+    ("baking", baking::section),
+    ("chains", chains::section),
+    ("far_away", far_away::section),
+    ("time", time::section),
+    ("packing", packing::section),
+    ("mipmaps", mipmaps::section),
+    ("samples", samples::section),
+    ("yuv", yuv::section),
+    ("video", video::section),
+];
+
+/// Seconds for the timings of one choice.
+pub const BUDGET_SECS: f64 = 1.0;
+
+fn main() -> ExitCode {
+    let wanted: Vec<String> = std::env::args().skip(1).collect();
+    match report(&wanted) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(text) => {
+            eprintln!("report: {text}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// This crate's folder.
+fn folder() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn report(wanted: &[String]) -> Result<(), String> {
+    if let Some(unknown) = wanted.iter().find(|w| !SECTIONS.iter().any(|s| s.0 == w.as_str())) {
+        let names: Vec<&str> = SECTIONS.iter().map(|s| s.0).collect();
+        return Err(format!("there is no section {unknown}; sections: {}", names.join(", ")));
+    }
+    let plots = folder().join("plots");
+    std::fs::create_dir_all(&plots).map_err(|e| format!("{}: {e}", plots.display()))?;
+    let mut text = String::from(INTRODUCTION);
+    let mut complaints = Vec::new();
+    for (name, section) in SECTIONS {
+        if !wanted.is_empty() && !wanted.iter().any(|w| w == name) {
+            continue;
+        }
+        eprintln!("{name} …");
+        let section = section().map_err(|e| format!("{name}: {e}"))?;
+        complaints.extend(off_front(&section));
+        write_section(&mut text, &section, &plots)?;
+        if !wanted.is_empty() {
+            section.choices.iter().for_each(|c| println!("{}", c.table().text()));
+            section.tables.iter().for_each(|t| println!("{}", t.text()));
+        }
+    }
+    // A part of the report would replace the whole.
+    if wanted.is_empty() {
+        let path = folder().join("README.md");
+        std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+    }
+    match complaints.is_empty() {
+        true => Ok(()),
+        false => Err(complaints.join("\n")),
+    }
+}
+
+const INTRODUCTION: &str = "\
+# Error against run time
+
+What each numerical choice of the project costs and how far it is from the truth: a closed form, f64 or many more samples,
+never our own earlier output. `cargo xtask report` writes this page and its pictures; `choreo measure SCRIPT` measures the choices
+that one scene could make.
+
+Times are CPU time of one thread (of all threads for pictures), medians of rounds in which all ways take turns, on a shared virtual
+machine with two cores (Xeon, AVX2) that is busy with other work: compare them within one table only. → is what runs. A way is on
+the front (the dashed line) where no other is both cheaper and more exact; where a default is not, the text says why, else
+the command fails.
+";
+
+/// Defaults belong on the front.
+fn off_front(section: &Section) -> Vec<String> {
+    let unexplained = |c: &&Choice| {
+        c.chosen.is_some()
+            && !c.chosen_is_on_front()
+            && !section.off_front.iter().any(|(key, _)| *key == c.key)
+    };
+    let told = |c: &Choice| {
+        let chosen = c.chosen.map_or("", |i| c.rows[i].name.as_str());
+        format!("{}: {chosen} is not on the front, and nothing says why", c.key)
+    };
+    section.choices.iter().filter(unexplained).map(told).collect()
+}
+
+fn write_section(text: &mut String, section: &Section, plots: &Path) -> Result<(), String> {
+    let _ = writeln!(text, "\n## {}\n\n{}", section.title, section.text);
+    for choice in &section.choices {
+        let _ = writeln!(text, "\n**{}**\n", choice.question);
+        if let Some(svg) = plot(choice) {
+            let path = plots.join(format!("{}.svg", choice.key));
+            std::fs::write(&path, svg).map_err(|e| format!("{}: {e}", path.display()))?;
+            let _ = writeln!(text, "![{}](plots/{}.svg)\n", choice.question, choice.key);
+        }
+        let _ = writeln!(text, "{}", choice.table().markdown().trim_end());
+        for (_, why) in section.off_front.iter().filter(|(key, _)| *key == choice.key) {
+            let _ = writeln!(text, "\nNot on the front: {why}");
+        }
+    }
+    for table in &section.tables {
+        let _ = writeln!(text, "\n**{}**\n\n{}", table.title, table.markdown().trim_end());
+    }
+    Ok(())
+}
+
+/// splitmix64: the same numbers everywhere.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    /// 0..1
+    pub fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// −1..1
+    pub fn signed(&mut self) -> f64 {
+        self.unit() * 2.0 - 1.0
+    }
+
+    /// Any direction, evenly.
+    pub fn direction(&mut self) -> glam::DVec3 {
+        loop {
+            let v = glam::DVec3::new(self.signed(), self.signed(), self.signed());
+            if (0.01..1.0).contains(&v.length_squared()) {
+                return v.normalize();
+            }
+        }
+    }
+
+    pub fn rotation(&mut self) -> glam::DQuat {
+        glam::DQuat::from_axis_angle(self.direction(), self.unit() * std::f64::consts::TAU)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_report::Row;
+
+    #[test]
+    fn a_default_off_the_front_needs_a_reason() {
+        let mut choice = Choice::new("c", "?");
+        choice.rows =
+            vec![Row::new("good").error(1.0, 1.0).nanos(1.0), Row::new("bad").error(2.0, 2.0).nanos(2.0)];
+        choice.choose("bad", "habit");
+        let mut section = Section {
+            title: "t",
+            text: String::new(),
+            choices: vec![choice],
+            tables: Vec::new(),
+            off_front: Vec::new(),
+        };
+        assert_eq!(off_front(&section), ["c: bad is not on the front, and nothing says why"]);
+        section.off_front.push(("c", "it is the only one that works"));
+        assert!(off_front(&section).is_empty());
+    }
+
+    /// The committed page belongs to the sections there are.
+    #[test]
+    fn every_section_is_in_the_page() {
+        let page = std::fs::read_to_string(folder().join("README.md")).unwrap();
+        assert_eq!(page.matches("\n## ").count(), SECTIONS.len());
+        for plot in page.split("](plots/").skip(1).filter_map(|rest| rest.split(')').next()) {
+            assert!(folder().join("plots").join(plot).is_file(), "{plot} is missing");
+        }
+    }
+}

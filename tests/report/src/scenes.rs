@@ -1,0 +1,38 @@
+//! Scenes and characters that several sections use.
+
+use choreo_plugin::{ImportOptions, Importer, Needs, Registry, Source};
+use choreo_script::{ScriptOptions, run_file};
+use choreo_stage::{Asset, Stage};
+use std::path::Path;
+use std::sync::Arc;
+
+/// The built-in character.
+pub fn mannequin() -> Result<Asset, String> {
+    struct NoFiles;
+    impl choreo_plugin::Files for NoFiles {
+        fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
+            Err(format!("{relative}: there are no files"))
+        }
+    }
+    let source = Source { name: import_mannequin::SOURCE_NAME.into(), bytes: Arc::default() };
+    import_mannequin::Mannequin
+        .import(&source, &NoFiles, Needs::ALL, &ImportOptions::default())
+        .map_err(|e| e.to_string())
+}
+
+/// What the scripts of the repository use.
+pub fn registry() -> Registry {
+    let mut registry = Registry::default();
+    registry.add_importer(import_mannequin::Mannequin);
+    registry.add_effect(effect_vignette::Vignette);
+    registry.add_exporter(export_mp4::Mp4Exporter);
+    registry
+}
+
+/// A script of the repository's `scripts` folder.
+pub fn script(name: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").join(name);
+    let script = run_file(&path, registry, &ScriptOptions::default())
+        .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
+    Ok(Arc::new(script.stage))
+}

@@ -1,0 +1,137 @@
+//! How a time on the timeline is held.
+
+use crate::{BUDGET_SECS, Section};
+use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_measure::truth::Spread;
+use choreo_motion::{FrameRate, Time};
+use choreo_report::{Cell, Choice, Row, Table, quantity};
+
+const HOURS: [(f64, &str); 5] =
+    [(1.0 / 3600.0, "1 s"), (1.0 / 60.0, "1 min"), (1.0, "1 h"), (100.0, "100 h"), (1000.0, "1000 h")];
+const TYPICAL: usize = 2;
+const NTSC: FrameRate = FrameRate { num: 30_000, den: 1001 };
+const OURS: &str = "ticks of 1/705 600 000 s";
+const WAYS: [&str; 5] = [
+    OURS,
+    "f64 seconds",
+    "f32 seconds",
+    "f64, a frame's time added each frame",
+    "f32, a frame's time added each frame",
+];
+
+pub fn section() -> Result<Section, String> {
+    let mut by_length = vec![vec![Spread::default(); HOURS.len()]; WAYS.len()];
+    let mut added = (0.0f64, 0.0f32);
+    let (step64, step32) = (1001.0 / 30_000.0, 1001.0f32 / 30_000.0);
+    let mut frame: i64 = 0;
+    for (at, (hours, _)) in HOURS.iter().enumerate() {
+        let last = (hours * 3600.0 * NTSC.as_fps()).round() as i64;
+        // Some frames before the end; the sums go through all.
+        let first = (last - 200).max(1);
+        while frame < last {
+            frame += 1;
+            added.0 += step64;
+            added.1 += step32;
+            if frame < first {
+                continue;
+            }
+            let held = [
+                NTSC.time_of(frame).0 as f64 / Time::TICKS_PER_SECOND as f64,
+                frame as f64 * 1001.0 / 30_000.0,
+                f64::from(frame as f32 * 1001.0 / 30_000.0),
+                added.0,
+                f64::from(added.1),
+            ];
+            for (way, held) in held.into_iter().enumerate() {
+                by_length[way][at].add(match way {
+                    // Ticks are compared as they are: frame · 1001 / 30 000 s is a whole number of them.
+                    0 => {
+                        let exact = i128::from(frame) * 1001 * i128::from(Time::TICKS_PER_SECOND);
+                        let off = exact - i128::from(NTSC.time_of(frame).0) * 30_000;
+                        off.unsigned_abs() as f64 / 30_000.0 / Time::TICKS_PER_SECOND as f64 * 1e6
+                    }
+                    _ => off_microseconds(held, frame),
+                });
+            }
+        }
+    }
+    let mut choice = Choice::new("time", "How is a time on the timeline held?");
+    choice.error_unit = "µs";
+    choice.reference = format!(
+        "frame · 1001 / 30 000 s as a fraction of whole numbers; {} into the timeline",
+        HOURS[TYPICAL].1
+    );
+    choice.per = "frame number turned into a time".into();
+    let nanos = times();
+    for (way, name) in WAYS.iter().enumerate() {
+        let error = &by_length[way][TYPICAL];
+        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).nanos(nanos[way]));
+    }
+    choice.choose(
+        OURS,
+        "exact for every common frame rate, at any time; two ways to a time give the same time",
+    );
+    let titles: Vec<String> = HOURS.iter().map(|h| format!(">after {}", h.1)).collect();
+    let mut columns: Vec<(&str, &'static str)> = vec![("worst error in µs", "way")];
+    columns.extend(titles.iter().map(|t| (t.as_str(), "hours")));
+    let mut table = Table::new("By the time on the timeline (NTSC, 29.97 frames a second)", &columns);
+    for (name, errors) in WAYS.iter().zip(&by_length) {
+        let cells = errors.iter().map(|e| Cell::number(quantity(e.worst), e.worst));
+        table.rows.push([Cell::text(*name)].into_iter().chain(cells).collect());
+    }
+    Ok(Section {
+        title: "Time",
+        text: "A frame lasts 33 367 µs. f32 seconds are wrong by a frame after some hours, sums in f32 within one; f64 would do for \
+               pictures, but a frame's time is then not the key's time that stands at the same place, and whether a cut is before or \
+               after a frame becomes a matter of luck."
+            .into(),
+        choices: vec![choice],
+        tables: vec![table],
+        off_front: Vec::new(),
+    })
+}
+
+/// f64 holds the whole part of a time and of 1001 · frame exactly, so that the difference is found in whole numbers:
+/// held = m · 2^e.
+fn off_microseconds(held: f64, frame: i64) -> f64 {
+    let whole = held.floor();
+    // frame · 1001 / 30 000 in whole seconds and what is left of them, exactly.
+    let exact = i128::from(frame) * 1001;
+    let left = exact - whole as i128 * 30_000;
+    // Below some seconds: f64 has 1e-16 of it to spare.
+    ((left as f64 / 30_000.0) - (held - whole)).abs() * 1e6
+}
+
+fn times() -> Vec<f64> {
+    const FRAMES: i64 = 1000;
+    let mut cases = vec![
+        Case::new(FRAMES as usize, || {
+            for frame in 0..FRAMES {
+                std::hint::black_box(NTSC.time_of(std::hint::black_box(frame)));
+            }
+        }),
+        Case::new(FRAMES as usize, || {
+            for frame in 0..FRAMES {
+                std::hint::black_box(std::hint::black_box(frame) as f64 * 1001.0 / 30_000.0);
+            }
+        }),
+        Case::new(FRAMES as usize, || {
+            for frame in 0..FRAMES {
+                std::hint::black_box(std::hint::black_box(frame) as f32 * 1001.0 / 30_000.0);
+            }
+        }),
+        Case::new(FRAMES as usize, || {
+            let mut sum = 0.0f64;
+            for _ in 0..FRAMES {
+                sum = std::hint::black_box(sum + 1001.0 / 30_000.0);
+            }
+        }),
+        Case::new(FRAMES as usize, || {
+            let mut sum = 0.0f32;
+            for _ in 0..FRAMES {
+                sum = std::hint::black_box(sum + 1001.0 / 30_000.0);
+            }
+        }),
+    ];
+    interleaved(Clock::Thread, BUDGET_SECS, &mut cases)
+}
