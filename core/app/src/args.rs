@@ -145,6 +145,9 @@ pub struct CheckArgs {
     /// Also what is often meant: ends of clips cut off, layers over each other, unused variables
     #[arg(long)]
     pub notes: bool,
+    /// Also draw who plays what when, with what was found, as a picture
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
     #[arg(long)]
     pub json: bool,
 }

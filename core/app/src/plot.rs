@@ -1,7 +1,7 @@
 //! Pictures of reports: SVG files, whole or not at all.
 
 use crate::failure::{Failure, output_error};
-use crate::output::Part;
+use crate::part::Part;
 use std::io::Write;
 use std::path::Path;
 

@@ -69,6 +69,8 @@ pub struct Choice {
     /// What the error is measured against, and over what.
     pub reference: String,
     pub error_unit: &'static str,
+    /// The mean decides, not the worst: of pictures, whose worst pixel is one pixel.
+    pub by_mean: bool,
     /// What one item is: "sample of 41 joints".
     pub per: String,
     pub rows: Vec<Row>,
@@ -87,6 +89,11 @@ impl Choice {
         self.why = why.into();
     }
 
+    /// The error that decides.
+    pub fn error_of(&self, row: &Row) -> f64 {
+        if self.by_mean { row.mean } else { row.worst }
+    }
+
     /// Rows that no other beats in both error and cost, in the order of the rows. A row at the same place as another is on
     /// the front with it. Times within 5 % of each other count as equal.
     pub fn front(&self) -> Vec<usize> {
@@ -96,8 +103,9 @@ impl Choice {
             !self.rows.iter().enumerate().any(|(j, other)| {
                 let Some(other_cost) = other.cost() else { return false };
                 let slack = if row.nanos.is_some() { 1.05 } else { 1.0 };
-                let (cheaper, better) = (other_cost * slack < cost, other.worst < row.worst);
-                j != *i && (cheaper && other.worst <= row.worst || better && other_cost <= cost)
+                let (error, other_error) = (self.error_of(row), self.error_of(other));
+                let (cheaper, better) = (other_cost * slack < cost, other_error < error);
+                j != *i && (cheaper && other_error <= error || better && other_cost <= cost)
             })
         };
         (0..self.rows.len()).filter(on_front).collect()

@@ -65,7 +65,7 @@ pub fn plot(choice: &Choice) -> Option<String> {
         .iter()
         .enumerate()
         .filter_map(|(i, row)| Some((i, row, row.cost()?)))
-        .filter(|(_, row, cost)| row.worst.is_finite() && *cost > 0.0)
+        .filter(|(_, row, cost)| choice.error_of(row).is_finite() && *cost > 0.0)
         .collect();
     if points.is_empty() {
         return None;
@@ -73,12 +73,13 @@ pub fn plot(choice: &Choice) -> Option<String> {
     let timed = points.iter().any(|(_, row, _)| row.nanos.is_some());
     let (left, right) = (MARGIN[0], WIDTH - MARGIN[2]);
     let (top, bottom) = (MARGIN[1], HEIGHT - MARGIN[3]);
-    let exact = points.iter().any(|(_, row, _)| row.worst <= 0.0);
+    let exact = points.iter().any(|(_, row, _)| choice.error_of(row) <= 0.0);
     let floor = if exact { bottom - EXACT } else { bottom };
     let x = Axis::new(points.iter().map(|p| p.2), (left, right));
-    let y = Axis::new(points.iter().map(|p| p.1.worst), (floor, top));
+    let y = Axis::new(points.iter().map(|p| choice.error_of(p.1)), (floor, top));
     let place = |row: &Row, cost: f64| {
-        (x.at(cost), if row.worst > 0.0 { y.at(row.worst) } else { bottom - EXACT * 0.4 })
+        let error = choice.error_of(row);
+        (x.at(cost), if error > 0.0 { y.at(error) } else { bottom - EXACT * 0.4 })
     };
 
     let mut svg = Svg::new(WIDTH, HEIGHT);
@@ -113,7 +114,12 @@ pub fn plot(choice: &Choice) -> Option<String> {
     };
     svg.text(((left + right) * 0.5, HEIGHT - 14.0), &per, 12.0, INK, Anchor::Middle);
     let unit = if choice.error_unit.is_empty() { String::new() } else { format!(", {}", choice.error_unit) };
-    svg.text_up((20.0, (top + bottom) * 0.5), &format!("worst error{unit}"), 12.0, INK);
+    svg.text_up(
+        (20.0, (top + bottom) * 0.5),
+        &format!("{} error{unit}", if choice.by_mean { "mean" } else { "worst" }),
+        12.0,
+        INK,
+    );
 
     let mut front: Vec<(f64, f64)> = Vec::new();
     for i in choice.front() {

@@ -121,7 +121,7 @@ fn escaped(text: &str) -> String {
 
 /// About as wide as a sans-serif font of this size draws it.
 pub fn text_width(text: &str, size: f64) -> f64 {
-    text.chars().map(|c| if "iljt.,:'|! ".contains(c) { 0.3 } else { 0.56 }).sum::<f64>() * size
+    text.chars().map(|c| if "iljt.,:'|! ".contains(c) { 0.34 } else { 0.63 }).sum::<f64>() * size
 }
 
 /// Boxes that are taken.

@@ -206,14 +206,4 @@ mod tests {
         section.off_front.push(("c", "it is the only one that works"));
         assert!(off_front(&section).is_empty());
     }
-
-    /// The committed page belongs to the sections there are.
-    #[test]
-    fn every_section_is_in_the_page() {
-        let page = std::fs::read_to_string(folder().join("README.md")).unwrap();
-        assert_eq!(page.matches("\n## ").count(), SECTIONS.len());
-        for plot in page.split("](plots/").skip(1).filter_map(|rest| rest.split(')').next()) {
-            assert!(folder().join("plots").join(plot).is_file(), "{plot} is missing");
-        }
-    }
 }

@@ -46,7 +46,8 @@ pub fn section() -> Result<Section, String> {
         tables: vec![edges()],
         off_front: vec![(
             "samples",
-            "the worst pixel of the two renderers differs by a step or two of 255, since it is one pixel; by the mean error they are equal.",
+            "on a machine without a GPU our CPU renderer draws four samples in less time than the driver, and a little more exactly; Vulkan is \
+             taken wherever a driver works, since on GPUs it is many times faster, and one rule is easier to know than two.",
         )],
     })
 }

@@ -2,11 +2,12 @@
 //! what of the stage never shows.
 
 mod callbacks;
+mod sheet;
 
 use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json};
-use crate::registry;
 use crate::scene::{self, Scene};
+use crate::{plot, registry};
 use choreo_plugin::{Effect, Registry};
 use choreo_script::{Diagnostic, Severity};
 use choreo_stage::{EffectUse, Finding, Stage, Subject};
@@ -14,12 +15,18 @@ use glam::{Vec2, Vec4};
 use serde_json::json;
 
 pub fn run(args: CheckArgs) -> Result<(), Failure> {
+    plot::check(args.plot.as_deref())?;
     let registry = registry::registry();
     let scene = scene::open(&args.scene, &registry)?;
     if !args.json {
         scene.printed.iter().for_each(|line| eprintln!("{line}"));
     }
-    let (problems, findings) = look(&scene, &registry);
+    let (problems, on_stage) = look(&scene, &registry);
+    let findings = scene.places.findings(&on_stage);
+    if let Some(path) = &args.plot {
+        let sheet = sheet::sheet(&scene.name, &scene.stage, &scene.places.marks(&on_stage));
+        plot::write(path, &sheet.svg())?;
+    }
     let count = |severity| findings.iter().filter(|f| f.severity == severity).count();
     let (warnings, notes) = (scene.warnings.len() + count(Severity::Warning), count(Severity::Note));
     let shown = |d: &&Diagnostic| args.notes || d.severity != Severity::Note;
@@ -54,8 +61,8 @@ pub fn run(args: CheckArgs) -> Result<(), Failure> {
     print(&format!("{}: good, {frames}, {warned}{noted}\n", args.scene.input.display()))
 }
 
-/// What is wrong, and what is hardly meant.
-fn look(scene: &Scene, registry: &Registry) -> (Vec<Problem>, Vec<Diagnostic>) {
+/// What is wrong, and what of the stage is hardly meant.
+fn look(scene: &Scene, registry: &Registry) -> (Vec<Problem>, Vec<Finding>) {
     let stage = &scene.stage;
     let mut problems: Vec<Problem> = stage.check().iter().map(|e| Problem::Text(e.to_string())).collect();
     problems.extend(unknown_effects(stage, registry));
@@ -78,7 +85,7 @@ fn look(scene: &Scene, registry: &Registry) -> (Vec<Problem>, Vec<Diagnostic>) {
             on_stage.push(Finding { rule: "effect_changes_nothing", note: false, subject, text, hint: None });
         }
     }
-    (problems, scene.places.findings(&on_stage))
+    (problems, on_stage)
 }
 
 fn failures<'a>(

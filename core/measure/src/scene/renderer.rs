@@ -26,6 +26,7 @@ pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, String> {
     let truth = moment.supersampled(size).map_err(told)?;
     let mut choice = Choice::new("renderer", "Which renderer draws, with how many samples a pixel?");
     choice.error_unit = "steps of 255";
+    choice.by_mean = true;
     choice.reference = format!(
         "64 samples a pixel, textures included, at {}×{}; mean over all channels of all pixels; at most {TOLERANCE} steps are \
          hard to see",

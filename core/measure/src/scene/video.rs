@@ -32,6 +32,7 @@ pub fn choices(scene: &Scene, moment: &Moment) -> Result<Found, String> {
 pub fn video(frame: &Frame, exporter: &dyn Exporter) -> Result<Choice, String> {
     let mut choice = Choice::new("video", "At which quality is a frame written as MP4?");
     choice.error_unit = "steps of 255";
+    choice.by_mean = true;
     choice.reference = "the frame before it was encoded; the video decoded again, BT.709 and chroma by straight lines in f64".into();
     let row = |name: String, back: &Frame, bytes: usize| -> Result<Row, String> {
         let c = compare(back, frame, TOLERANCE).map_err(|e| e.to_string())?;

@@ -4,7 +4,7 @@ use super::Remark;
 use crate::api::cue;
 use crate::build::{Build, CueDraft};
 use choreo_motion::Time;
-use choreo_stage::Repeat;
+use choreo_stage::{Repeat, Subject};
 
 /// A cue and when it is heard.
 struct Timed<'a> {
@@ -45,20 +45,32 @@ pub fn look(build: &Build, found: &mut Vec<Remark>) {
     }
     // A hold shorter than this is seen by nobody.
     let frame = build.settings.fps.time_of(1);
-    for actor in 0..build.actors.len() {
-        let of_actor = |t: &&Timed| build.chains[t.draft.chain].actor == actor;
-        let mut base: Vec<&Timed> = timed.iter().filter(of_actor).filter(|t| !t.layer).collect();
+    let mut of_actors: Vec<Vec<&Timed>> = vec![Vec::new(); build.actors.len()];
+    for cue in &timed {
+        of_actors[build.chains[cue.draft.chain].actor].push(cue);
+    }
+    for (actor, cues) in of_actors.iter().enumerate() {
+        let mut base: Vec<&Timed> = cues.iter().filter(|t| !t.layer).copied().collect();
         base.sort_by_key(|t| t.start);
-        base_layer(build, &build.actors[actor].actor.name, &base, frame, found);
-        let upper: Vec<&Timed> = timed.iter().filter(of_actor).filter(|t| t.layer).collect();
+        let subject = Subject::Actor(actor);
+        base_layer(build, subject, &build.actors[actor].actor.name, &base, frame, found);
+        let upper: Vec<&Timed> = cues.iter().filter(|t| t.layer).copied().collect();
         layers(build, &upper, found);
     }
     for (id, cue) in timed.iter().enumerate() {
-        one(cue, next_in_chain[id].map(|next| &timed[next]), found);
+        let subject = Subject::Actor(build.chains[cue.draft.chain].actor);
+        one(cue, subject, next_in_chain[id].map(|next| &timed[next]), found);
     }
 }
 
-fn base_layer(build: &Build, actor: &str, base: &[&Timed], frame: Time, found: &mut Vec<Remark>) {
+fn base_layer(
+    build: &Build,
+    subject: Subject,
+    actor: &str,
+    base: &[&Timed],
+    frame: Time,
+    found: &mut Vec<Remark>,
+) {
     let length = build.settings.length;
     if let Some(first) = base.first()
         && first.start >= frame
@@ -69,7 +81,7 @@ fn base_layer(build: &Build, actor: &str, base: &[&Timed], frame: Time, found: &
             first.name(),
             first.start.as_secs()
         );
-        found.push(Remark::note("starts_late", &first.draft.at, text));
+        found.push(Remark::note("starts_late", &first.draft.at, text).on(subject, Time::ZERO));
     }
     for pair in base.windows(2) {
         let (a, b) = (pair[0], pair[1]);
@@ -81,7 +93,7 @@ fn base_layer(build: &Build, actor: &str, base: &[&Timed], frame: Time, found: &
                 b.start.min(length).as_secs(),
                 a.name()
             );
-            let remark = Remark::warning("gap", &a.draft.at, text);
+            let remark = Remark::warning("gap", &a.draft.at, text).on(subject, end);
             found.push(remark.hint("leave .until out to let it play on, or add .once() where it is meant"));
         }
         // A cue that comes in over the end of another is a crossfade.
@@ -94,7 +106,7 @@ fn base_layer(build: &Build, actor: &str, base: &[&Timed], frame: Time, found: &
                 b.name(),
                 b.start.as_secs()
             );
-            let remark = Remark::warning("cues_overlap", &b.draft.at, text);
+            let remark = Remark::warning("cues_overlap", &b.draft.at, text).on(subject, b.start);
             found.push(remark.hint("begin later with .from, or add .on(\"Spine..\") to play both at once"));
         }
     }
@@ -110,17 +122,20 @@ fn base_layer(build: &Build, actor: &str, base: &[&Timed], frame: Time, found: &
             end.as_secs(),
             length.as_secs()
         );
-        let remark = Remark::warning("frozen_at_end", &last.draft.at, text);
+        let remark = Remark::warning("frozen_at_end", &last.draft.at, text).on(subject, end);
         found.push(
             remark.hint("leave .until out to let it play on, add .then(…), or .once() where it is meant"),
         );
     }
 }
 
+/// Layers before one that it is compared with: more at once nobody writes by hand.
+const MOST_LAYERS: usize = 32;
+
 /// Two layers that move the same joints at the same time.
 fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<Remark>) {
     for (i, b) in upper.iter().enumerate() {
-        for a in &upper[..i] {
+        for a in &upper[i.saturating_sub(MOST_LAYERS)..i] {
             if a.draft.chain == b.draft.chain {
                 continue;
             }
@@ -142,13 +157,13 @@ fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<Remark>) {
     }
 }
 
-fn one(cue: &Timed, next: Option<&Timed>, found: &mut Vec<Remark>) {
+fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Remark>) {
     let Timed { draft, start, end, layer } = cue;
     let (name, place) = (cue.name(), &draft.at);
     let length = draft.length();
     if draft.weight == 0.0 {
         let text = format!("clip \"{name}\" is never seen: its weight is 0");
-        found.push(Remark::warning("weight_zero", place, text));
+        found.push(Remark::warning("weight_zero", place, text).on(subject, *start));
     }
     let Some(end) = *end else { return };
     if end <= Time::ZERO && (*layer || next.is_some()) {
@@ -156,7 +171,7 @@ fn one(cue: &Timed, next: Option<&Timed>, found: &mut Vec<Remark>) {
             "clip \"{name}\" is never seen: it is over at {} s, before the stage begins",
             end.as_secs()
         );
-        found.push(Remark::warning("before_start", place, text));
+        found.push(Remark::warning("before_start", place, text).on(subject, *start));
         return;
     }
     let slot = end - *start;
@@ -168,7 +183,7 @@ fn one(cue: &Timed, next: Option<&Timed>, found: &mut Vec<Remark>) {
             fade_out.as_secs(),
             slot.as_secs()
         );
-        found.push(Remark::warning("fades_meet", place, text));
+        found.push(Remark::warning("fades_meet", place, text).on(subject, *start));
     }
     // What the next one fades in over is still seen.
     let heard = slot + next.map_or(Time::ZERO, |n| n.draft.fade_in);

@@ -14,6 +14,7 @@ pub(crate) use unused::{Declared, declared};
 use crate::build::Build;
 use crate::call::Place;
 use crate::diagnostic::{Diagnostic, Severity};
+use choreo_motion::Time;
 use choreo_stage::{Finding, Subject};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -26,11 +27,15 @@ pub(crate) struct Remark {
     pub place: Place,
     pub text: String,
     pub hint: Option<String>,
+    pub subject: Subject,
+    /// When on the stage; zero where it is no moment.
+    pub at: Time,
 }
 
 impl Remark {
     pub fn warning(rule: &'static str, place: &Place, text: String) -> Remark {
-        Remark { rule, severity: Severity::Warning, place: place.clone(), text, hint: None }
+        let (subject, at) = (Subject::Stage, Time::ZERO);
+        Remark { rule, severity: Severity::Warning, place: place.clone(), text, hint: None, subject, at }
     }
 
     pub fn note(rule: &'static str, place: &Place, text: String) -> Remark {
@@ -39,6 +44,11 @@ impl Remark {
 
     pub fn hint(mut self, hint: impl Into<String>) -> Remark {
         self.hint = Some(hint.into());
+        self
+    }
+
+    pub fn on(mut self, subject: Subject, at: Time) -> Remark {
+        (self.subject, self.at) = (subject, at);
         self
     }
 }
@@ -86,16 +96,7 @@ impl Places {
     /// What was found in the script and, given by the caller, on its stage: sorted by place, equal kinds from one place put
     /// together, those left out that a comment `// allow: rule` on the line or the one above it says are meant.
     pub fn findings(&self, on_stage: &[Finding]) -> Vec<Diagnostic> {
-        let from_stage = on_stage.iter().map(|f| Remark {
-            rule: f.rule,
-            severity: if f.note { Severity::Note } else { Severity::Warning },
-            place: self.of(f.subject),
-            text: f.text.clone(),
-            hint: f.hint.clone(),
-        });
-        let mut all: Vec<Remark> = self.remarks.iter().cloned().chain(from_stage).collect();
-        all.retain(|r| !self.allowed(r));
-        all.sort_by(|a, b| a.place.cmp(&b.place).then(a.rule.cmp(b.rule)));
+        let all = self.meant(on_stage);
         let mut found: Vec<Diagnostic> = Vec::new();
         let mut last: Option<(Place, &str, usize)> = None;
         for remark in all {
@@ -120,6 +121,31 @@ impl Places {
         self.main == file
     }
 
+    /// For a picture: what each finding is about, when, and its rule. Warnings only.
+    pub fn marks(&self, on_stage: &[Finding]) -> Vec<(Subject, Time, &'static str)> {
+        let warnings = self.meant(on_stage).into_iter().filter(|r| r.severity == Severity::Warning);
+        warnings.map(|r| (r.subject, r.at, r.rule)).collect()
+    }
+
+    /// All remarks but those that a comment allows, by place.
+    fn meant(&self, on_stage: &[Finding]) -> Vec<Remark> {
+        let from_stage = on_stage.iter().map(|f| Remark {
+            rule: f.rule,
+            severity: if f.note { Severity::Note } else { Severity::Warning },
+            place: self.of(f.subject),
+            text: f.text.clone(),
+            hint: f.hint.clone(),
+            subject: f.subject,
+            at: Time::ZERO,
+        });
+        let mut all: Vec<Remark> = self.remarks.iter().cloned().chain(from_stage).collect();
+        let lines: BTreeMap<&str, Vec<&str>> =
+            self.sources.iter().map(|(file, text)| (file.as_str(), text.lines().collect())).collect();
+        all.retain(|r| !allowed(r, lines.get(r.place.file.as_str()).map_or(&[], Vec::as_slice)));
+        all.sort_by(|a, b| a.place.cmp(&b.place).then(a.rule.cmp(b.rule)));
+        all
+    }
+
     fn diagnostic(&self, remark: &Remark) -> Diagnostic {
         Diagnostic {
             severity: remark.severity,
@@ -127,25 +153,26 @@ impl Places {
             file: remark.place.file.clone(),
             line: remark.place.line,
             column: remark.place.column,
-            source_line: self.line(&remark.place, 0).unwrap_or_default().to_string(),
+            source_line: self.line(&remark.place).unwrap_or_default().to_string(),
             message: remark.text.clone(),
             hint: remark.hint.clone(),
         }
     }
 
-    /// The line of a place, or one above it.
-    fn line(&self, place: &Place, above: usize) -> Option<&str> {
-        let number = place.line.checked_sub(1 + above)?;
+    fn line(&self, place: &Place) -> Option<&str> {
+        let number = place.line.checked_sub(1)?;
         self.sources.get(&place.file)?.lines().nth(number)
     }
+}
 
-    fn allowed(&self, remark: &Remark) -> bool {
-        (0..2).filter_map(|above| self.line(&remark.place, above)).any(|line| {
-            let comment = line.split_once("//").map_or("", |(_, comment)| comment);
-            let rules = comment.trim_start().strip_prefix("allow:").unwrap_or("");
-            rules.split([',', ' ']).any(|rule| rule == remark.rule)
-        })
-    }
+/// Whether a comment on its line, or on the one above it, says that it is meant.
+fn allowed(remark: &Remark, lines: &[&str]) -> bool {
+    let numbers = [remark.place.line.checked_sub(1), remark.place.line.checked_sub(2)];
+    numbers.into_iter().flatten().filter_map(|n| lines.get(n)).any(|line| {
+        let comment = line.split_once("//").map_or("", |(_, comment)| comment);
+        let rules = comment.trim_start().strip_prefix("allow:").unwrap_or("");
+        rules.split([',', ' ']).any(|rule| rule == remark.rule)
+    })
 }
 
 fn close(found: &mut [Diagnostic], last: Option<(Place, &str, usize)>) {
