@@ -85,7 +85,8 @@ fn encoded(frame: &Frame, exporter: &dyn Exporter, quality: u32) -> Result<Vec<u
     let bytes = Bytes::default();
     let mut sink = exporter.begin(&info, Box::new(bytes.clone())).map_err(|e| e.to_string())?;
     sink.frame(frame).map_err(|e| e.to_string())?;
-    sink.finish().map_err(|e| e.to_string())?;
-    let written = std::mem::take(&mut *bytes.0.lock().unwrap_or_else(PoisonError::into_inner));
-    Ok(written)
+    // What stands before the pictures is known last.
+    let mut file = sink.finish().map_err(|e| e.to_string())?;
+    file.append(&mut bytes.0.lock().unwrap_or_else(PoisonError::into_inner));
+    Ok(file)
 }
