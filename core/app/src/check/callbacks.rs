@@ -27,7 +27,8 @@ pub fn failures(stage: &Stage, limits: &Limits) -> Vec<Problem> {
     // In the order of the frames, whatever thread ran them.
     let started = Instant::now();
     let late = || started.elapsed().as_secs_f64() > limits.check_seconds;
-    let results: Vec<Looked> = wanted.par_iter().map(|f| if late() { None } else { Some(failure(stage, *f)) }).collect();
+    let results: Vec<Looked> =
+        wanted.par_iter().map(|f| if late() { None } else { Some(failure(stage, *f)) }).collect();
     let done = results.iter().flatten().count();
     // Equal but for the time: (problem, first time, how many).
     let mut failed: Vec<(Problem, f64, u64)> = Vec::new();
