@@ -2,7 +2,7 @@
 //! `cargo bench -p import-fbx`. Medians of runs in turns; textures are left out, as assimp does not decode them.
 
 use choreo_import_testing::{Companions, assets, options, source};
-use choreo_plugin::{Importer, Needs};
+use choreo_plugin::{Importer, Needs, OptionValue};
 use import_fbx::FbxImporter;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -18,11 +18,18 @@ fn assimp(path: &Path) -> Option<f64> {
     Some(after.split_whitespace().next()?.parse::<f64>().ok()? * 1e3)
 }
 
-fn ours(path: &Path) -> f64 {
+fn ours(path: &Path, rate: f64) -> f64 {
     let needs = Needs { textures: false, ..Needs::ALL };
     let start = Instant::now();
     let source = source("a.fbx", std::fs::read(path).unwrap());
-    let asset = FbxImporter.import(&source, &Companions::none(), needs, &options(&FbxImporter, &[])).unwrap();
+    let asset = FbxImporter
+        .import(
+            &source,
+            &Companions::none(),
+            needs,
+            &options(&FbxImporter, &[("rate", OptionValue::Number(rate))]),
+        )
+        .unwrap();
     let elapsed = start.elapsed().as_secs_f64() * 1e3;
     std::hint::black_box(asset);
     elapsed
@@ -52,25 +59,35 @@ fn files(folder: PathBuf) -> Vec<PathBuf> {
 
 fn main() {
     let Some(folder) = assets(1) else { return };
-    println!("| file | KB | choreo | assimp | |\n|---|---|---|---|---|");
-    let (mut all, mut theirs_all) = (0.0, 0.0);
+    println!("| file | KB | choreo | rate 30 | assimp | |\n|---|---|---|---|---|---|");
+    let (mut all, mut plain_all, mut theirs_all) = (0.0, 0.0, 0.0);
     for path in files(folder) {
-        let (mut a, mut b) = (Vec::new(), Vec::new());
+        let (mut a, mut plain, mut b) = (Vec::new(), Vec::new(), Vec::new());
         for _ in 0..RUNS {
-            a.push(ours(&path));
+            a.push(ours(&path, 0.0));
+            plain.push(ours(&path, 30.0));
             b.extend(assimp(&path));
         }
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let kb = std::fs::metadata(&path).map_or(0, |m| m.len()) / 1000;
-        let ours = median(a);
+        let (ours, plain) = (median(a), median(plain));
         if b.is_empty() {
-            println!("| {name} | {kb} | {ours:.2} ms | SKIP 1: no assimp | |");
+            println!("| {name} | {kb} | {ours:.2} ms | {plain:.2} ms | SKIP 1: no assimp | |");
             continue;
         }
         let theirs = median(b);
         all += ours;
+        plain_all += plain;
         theirs_all += theirs;
-        println!("| {name} | {kb} | {ours:.2} ms | {theirs:.2} ms | {:.1}× |", theirs / ours);
+        println!(
+            "| {name} | {kb} | {ours:.2} ms | {plain:.2} ms | {theirs:.2} ms | {:.1}×, {:.1}× |",
+            theirs / ours,
+            theirs / plain
+        );
     }
-    println!("| all | | {all:.1} ms | {theirs_all:.1} ms | {:.1}× |", theirs_all / all);
+    println!(
+        "| all | | {all:.1} ms | {plain_all:.1} ms | {theirs_all:.1} ms | {:.1}×, {:.1}× |",
+        theirs_all / all,
+        theirs_all / plain_all
+    );
 }
