@@ -132,6 +132,19 @@ fn another_program_or_option_starts_anew() {
     assert!(bench.results("1").find(&skipped).is_none());
 }
 
+/// The script was saved while its section ran: what passed is the text from before.
+#[test]
+fn a_text_that_nobody_ran_is_not_kept() {
+    let bench = Bench::new();
+    let own = bench.case().path;
+    for (ran, found) in [(TEXT.to_string(), true), (TEXT.replace("one()", "ten()"), false)] {
+        bench.results("1").forget(&bench.case());
+        let files = [(own.clone(), *blake3::hash(ran.as_bytes()).as_bytes())];
+        bench.results("1").keep(&bench.case(), &mut outcome(), &files, &[], &[]);
+        assert_eq!(bench.found(), found);
+    }
+}
+
 #[test]
 fn damaged_entries_count_as_none() {
     let bench = Bench::new();
