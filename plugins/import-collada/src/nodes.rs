@@ -246,7 +246,7 @@ pub fn find_joint<'a, 'i>(
             .map(|(i, _)| i)
     };
     let by_id =
-        || xml.by_id(name).and_then(|n| tree.of_element.get(&n.id())).and_then(|j| j.first().copied());
+        || xml.node_by_id(name).and_then(|n| tree.of_element.get(&n.id())).and_then(|j| j.first().copied());
     if is_id && let Some(joint) = by_id() {
         return Some(joint);
     }
