@@ -51,6 +51,8 @@ pub enum Command {
     Test(TestArgs),
     /// The importers, effects and exporters that this program has
     Plugins(PluginsArgs),
+    /// Begin a plugin of your own: a crate, or with --single one file
+    New(NewArgs),
 }
 
 /// What is put on stage.
@@ -84,6 +86,9 @@ pub struct ImportArgs {
     /// Model files: an option of the importer (see `choreo plugins`); repeatable
     #[arg(long = "import", value_name = "NAME=VALUE")]
     pub import: Vec<String>,
+    /// A further folder of plugin files: NAME.importer.rhai, NAME.wgsl; repeatable
+    #[arg(long = "plugins", value_name = "DIR")]
+    pub plugins: Vec<PathBuf>,
 }
 
 #[derive(Args, Debug)]
@@ -230,6 +235,9 @@ pub struct TestArgs {
     /// Take over what was drawn as the expected picture: all that failed, or the one of this name; repeatable
     #[arg(long, value_name = "NAME", num_args = 0..=1, require_equals = true, default_missing_value = "", conflicts_with_all = ["watch", "list"])]
     pub accept: Vec<String>,
+    /// A further folder of plugin files: NAME.importer.rhai, NAME.wgsl; repeatable
+    #[arg(long = "plugins", value_name = "DIR")]
+    pub plugins: Vec<PathBuf>,
     /// Only sections with this in "FILE > SECTION", any case, or with this tag; repeatable
     #[arg(long, value_name = "TEXT")]
     pub filter: Vec<String>,
@@ -276,11 +284,37 @@ pub struct TestArgs {
 
 #[derive(Args, Debug)]
 pub struct PluginsArgs {
+    /// A further folder of plugin files: NAME.importer.rhai, NAME.wgsl; repeatable
+    #[arg(long = "plugins", value_name = "DIR")]
+    pub plugins: Vec<PathBuf>,
     /// Only what each importer says of this file; the first reads it
     #[arg(long = "for", value_name = "FILE")]
     pub file: Option<PathBuf>,
     #[arg(long)]
     pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub struct NewArgs {
+    #[arg(value_enum)]
+    pub kind: Kind,
+    /// Lower-case letters, digits and _; as my_format
+    pub name: String,
+    /// One file that needs nothing but this program: NAME.importer.rhai or NAME.wgsl
+    #[arg(long)]
+    pub single: bool,
+    /// The folder to write into (default: this one)
+    #[arg(long, value_name = "DIR")]
+    pub into: Option<PathBuf>,
+    /// The folder of choreo's sources that a crate builds against (default: the one around this folder)
+    #[arg(long, value_name = "DIR", conflicts_with = "single")]
+    pub sources: Option<PathBuf>,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    Importer,
+    Effect,
 }
 
 impl Command {
@@ -294,6 +328,7 @@ impl Command {
             Command::Pose(a) => a.json,
             Command::Test(a) => a.json,
             Command::Plugins(a) => a.json,
+            Command::New(_) => false,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::args::InfoArgs;
 use crate::failure::{Failure, print, print_json};
-use crate::{media, model, registry, scene};
+use crate::{media, model, plugin_files, scene};
 use choreo_plugin::{Registry, Source};
 use choreo_script::Limits;
 use choreo_stage::{Asset, LightKind, Origin, Projection};
@@ -11,7 +11,7 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 pub fn run(args: InfoArgs) -> Result<(), Failure> {
-    let registry = registry::registry();
+    let registry = plugin_files::registry(&args.import.plugins, &[&args.file])?;
     model::must_be_file(&args.file)?;
     if args.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai")) {
         let shown = args.file.display();

@@ -14,11 +14,13 @@ mod measure;
 mod media;
 mod memory;
 mod model;
+mod new;
 mod output;
 mod part;
 mod pictures;
 mod pipeline;
 mod plot;
+mod plugin_files;
 mod pose;
 mod progress;
 mod provenance;
@@ -56,6 +58,7 @@ fn main() -> ExitCode {
         Command::Pose(args) => pose::run(args),
         Command::Test(args) => test::run(args),
         Command::Plugins(args) => registry::run(args),
+        Command::New(args) => new::run(args),
     };
     let Err(failure) = result else { return ExitCode::SUCCESS };
     for line in failure.lines() {

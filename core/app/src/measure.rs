@@ -2,7 +2,7 @@
 
 use crate::args::{Device, MeasureArgs};
 use crate::failure::{Failure, print, print_json};
-use crate::{device, plot, ranges, registry, scene};
+use crate::{device, plot, plugin_files, ranges, scene};
 use choreo_measure::scene::{KEYS, Scene, measure};
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, DeviceKind, Renderer};
@@ -18,7 +18,7 @@ pub fn run(args: MeasureArgs) -> Result<(), Failure> {
     let keys = keys(&args.only)?;
     let at = args.at.as_deref().map(ranges::at).transpose()?;
     let size = args.size.as_deref().map(ranges::size).transpose()?;
-    let registry = registry::registry();
+    let registry = plugin_files::registry(&args.scene.import.plugins, &[&args.scene.input])?;
     let scene = scene::open(&args.scene, &registry)?;
     let stage = &scene.stage;
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(registry.effects()))];

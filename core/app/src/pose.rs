@@ -3,7 +3,7 @@
 use crate::args::PoseArgs;
 use crate::failure::{Failure, output_error, print, print_json};
 use crate::part::Part;
-use crate::{ranges, registry, scene};
+use crate::{plugin_files, ranges, scene};
 use choreo_stage::{Asset, Evaluator, Snapshot, Stage, Topology, posed_meshes};
 use glam::{Affine3A, DAffine3, DMat4, Mat3, Vec3};
 use serde_json::{Value, json};
@@ -18,7 +18,7 @@ pub fn run(args: PoseArgs) -> Result<(), Failure> {
         // A slip of the hand must not replace a script or a model.
         return Err(Failure::Usage(format!("--mesh {}: write a name that ends in .obj", path.display())));
     }
-    let registry = registry::registry();
+    let registry = plugin_files::registry(&args.scene.import.plugins, &[&args.scene.input])?;
     let scene = scene::open(&args.scene, &registry)?;
     let snapshot = Evaluator::new(scene.stage.clone())
         .posing_hidden()

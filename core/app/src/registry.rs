@@ -2,8 +2,8 @@
 
 use crate::args::PluginsArgs;
 use crate::failure::{Failure, print, print_json};
-use crate::model;
-use choreo_plugin::{Claim, Manifest, OptionKind, OptionSpec, OptionValue, Registry, Source};
+use crate::{model, plugin_files};
+use choreo_plugin::{Claim, Manifest, OptionKind, OptionSpec, OptionValue, PluginFile, Registry, Source};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::Path;
@@ -27,27 +27,37 @@ pub fn registry() -> Registry {
 }
 
 pub fn run(args: PluginsArgs) -> Result<(), Failure> {
-    let registry = registry();
+    let beside: Vec<&Path> = std::iter::once(Path::new(".")).chain(args.file.as_deref()).collect();
+    let (registry, problems) = plugin_files::found(&args.plugins, &beside)?;
     if let Some(file) = &args.file {
-        return claims(file, &registry, args.json);
+        claims(file, &registry, args.json)?;
+    } else {
+        list(&registry, args.json)?;
     }
-    let importers = registry.importers().iter().map(|p| p.manifest()).collect::<Vec<_>>();
-    let effects = registry.effects().iter().map(|p| p.manifest()).collect();
-    let exporters = registry.exporters().iter().map(|p| p.manifest()).collect();
+    // What works is shown all the same.
+    if problems.is_empty() { Ok(()) } else { Err(Failure::Input(problems)) }
+}
+
+fn list(registry: &Registry, as_json: bool) -> Result<(), Failure> {
+    type Row<'a> = (&'a Manifest, Option<&'a PluginFile>);
+    let importers: Vec<Row> = registry.importers().iter().map(|p| (p.manifest(), p.file())).collect();
+    let effects = registry.effects().iter().map(|p| (p.manifest(), p.file())).collect();
+    let exporters = registry.exporters().iter().map(|p| (p.manifest(), None)).collect();
     let kinds = [("importers", importers), ("effects", effects), ("exporters", exporters)];
-    if args.json {
+    if as_json {
         let mut all = serde_json::Map::new();
-        for (kind, manifests) in kinds {
-            all.insert(kind.into(), manifests.into_iter().map(manifest_json).collect());
+        for (kind, rows) in kinds {
+            all.insert(kind.into(), rows.into_iter().map(|(m, file)| manifest_json(m, file)).collect());
         }
         return print_json(&Value::Object(all));
     }
     let mut text = String::new();
-    for (kind, manifests) in kinds {
+    for (kind, rows) in kinds {
         let _ = writeln!(text, "{kind}");
-        for m in manifests {
+        for (m, file) in rows {
             let extensions: Vec<String> = m.extensions.iter().map(|e| format!(".{e}")).collect();
-            let _ = writeln!(text, "  {:<12} {:<14} {}", m.name, extensions.join(" "), m.about);
+            let from = file.map(|f| format!(" ({})", f.path.display())).unwrap_or_default();
+            let _ = writeln!(text, "  {:<12} {:<14} {}{from}", m.name, extensions.join(" "), m.about);
             for o in &m.options {
                 let _ = writeln!(text, "      {:<14} {} ({})", o.name, o.about, range(o));
             }
@@ -97,7 +107,7 @@ fn range(option: &OptionSpec) -> String {
     }
 }
 
-fn manifest_json(m: &Manifest) -> Value {
+fn manifest_json(m: &Manifest, file: Option<&PluginFile>) -> Value {
     let options: Vec<Value> = m
         .options
         .iter()
@@ -113,5 +123,6 @@ fn manifest_json(m: &Manifest) -> Value {
             }
         })
         .collect();
-    json!({ "name": m.name, "version": m.version, "about": m.about, "extensions": m.extensions, "options": options })
+    json!({ "name": m.name, "version": m.version, "about": m.about, "extensions": m.extensions, "options": options,
+        "file": file.map(|f| f.path.display().to_string()) })
 }

@@ -5,7 +5,7 @@ use crate::budget::Budgeted;
 use crate::failure::Failure;
 use crate::output::Target;
 use crate::scene::{self, Scene};
-use crate::{device, draw, ranges, registry, summary};
+use crate::{device, draw, plugin_files, ranges, summary};
 use choreo_motion::Time;
 use choreo_plugin::{ExportOptions, Exporter, Registry};
 use choreo_stage::Settings;
@@ -29,7 +29,7 @@ pub fn run(args: RenderArgs) -> Result<(), Failure> {
     let start = Instant::now();
     let jobs = args.jobs.as_deref().map(ranges::jobs).transpose()?;
     let target = Target::parse(&args.output)?;
-    let registry = registry::registry();
+    let registry = plugin_files::registry(&args.scene.import.plugins, &[&args.scene.input])?;
     target.exporter(&registry)?;
     if args.resume && target == Target::Stdout {
         return Err(Failure::Usage("--resume goes on with a file; standard output keeps nothing".into()));

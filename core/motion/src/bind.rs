@@ -3,7 +3,8 @@
 use crate::{Clip, Curve, Skeleton};
 
 /// The clip's curves on the joints of another skeleton that have the same name, exactly or else without namespace
-/// prefixes ([`crate::skeleton::plain_name`]). Keys are shared with the given clip, not copied.
+/// prefixes ([`crate::skeleton::plain_name`]), or else by its place in a human body ([`crate::joint_names::humanoid_name`]):
+/// that fits where both skeletons rest in the same pose with the same axes. Keys are shared with the given clip, not copied.
 /// Also returns the names of animated joints for which `to` has none, in skeleton order.
 ///
 /// Where two joints of the clip's skeleton match one of the target's, the exactly named wins, else the first.
@@ -51,6 +52,23 @@ fn match_joints(from: &Skeleton, to: &Skeleton) -> Vec<Option<u32>> {
     for (slot, name) in matched.iter_mut().zip(from.names()) {
         if slot.is_none()
             && let Some(Some(joint)) = plain.get(&crate::skeleton::plain_name(name))
+            && !taken[*joint as usize]
+        {
+            taken[*joint as usize] = true;
+            *slot = Some(*joint);
+        }
+    }
+    // Last, the same human joint in another family of names.
+    let mut humanoid = std::collections::BTreeMap::new();
+    for (joint, name) in to.names().iter().enumerate() {
+        if let Some(name) = crate::joint_names::humanoid_name(name) {
+            humanoid.entry(name).and_modify(|j| *j = None).or_insert(Some(joint as u32));
+        }
+    }
+    for (slot, name) in matched.iter_mut().zip(from.names()) {
+        if slot.is_none()
+            && let Some(name) = crate::joint_names::humanoid_name(name)
+            && let Some(Some(joint)) = humanoid.get(&name)
             && !taken[*joint as usize]
         {
             taken[*joint as usize] = true;

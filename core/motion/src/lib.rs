@@ -46,6 +46,7 @@ pub mod bind;
 pub mod blend;
 pub mod clip;
 pub mod crossfade;
+pub mod joint_names;
 pub mod local_to_model;
 pub mod playback;
 pub mod pose;

@@ -75,13 +75,22 @@ impl Skeleton {
         &self.by_depth
     }
 
-    /// Index of the joint with this exact name, else of the only joint whose [`plain_name`] matches.
+    /// Index of the joint with this exact name, else of the only joint whose [`plain_name`] matches, else of the only one that
+    /// is the same joint of a human body ([`crate::joint_names::humanoid_name`]).
     pub fn find(&self, name: &str) -> Option<usize> {
         if let Some(i) = self.names.iter().position(|n| n == name) {
             return Some(i);
         }
         let wanted = plain_name(name);
         let mut hits = self.names.iter().enumerate().filter(|(_, n)| plain_name(n) == wanted);
+        match (hits.next(), hits.next()) {
+            (Some((i, _)), None) => return Some(i),
+            (Some(_), Some(_)) => return None,
+            (None, _) => {}
+        }
+        let wanted = crate::joint_names::humanoid_name(name)?;
+        let same = |n: &String| crate::joint_names::humanoid_name(n).as_ref() == Some(&wanted);
+        let mut hits = self.names.iter().enumerate().filter(|(_, n)| same(n));
         match (hits.next(), hits.next()) {
             (Some((i, _)), None) => Some(i),
             _ => None,

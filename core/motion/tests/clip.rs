@@ -110,6 +110,19 @@ fn binding_goes_by_exact_then_plain_names_and_shares_the_keys() {
 }
 
 #[test]
+fn the_same_body_under_other_names_is_bound_joint_by_joint() {
+    let from = named(&["Bip01 Pelvis", "Bip01 L UpperArm", "Bip01 R Calf", "Bip01 Ponytail1"]);
+    let to = named(&["mixamorig:Hips", "mixamorig:RightLeg", "mixamorig:LeftArm"]);
+    let curves = (0..4).map(|j| curve(j, Path::Translation, LINEAR, &[0.0], &[j as f32; 3])).collect();
+    let clip = Clip::new("walk".into(), 4, curves).unwrap();
+    let (bound, unmatched) = bind_clip(&clip, &from, &to);
+    assert_eq!(unmatched, ["Bip01 Ponytail1"]);
+    let joints: Vec<(u32, f32)> = bound.curves().iter().map(|c| (c.joint, c.values[0])).collect();
+    assert_eq!(joints, [(0, 0.0), (2, 1.0), (1, 2.0)]);
+    assert_eq!((to.find("leftUpperArm"), to.find("Bip01 L Thigh")), (Some(2), None));
+}
+
+#[test]
 fn ambiguous_plain_names_are_not_guessed() {
     let from = named(&["a:Arm"]);
     let to = named(&["b:Arm", "c:Arm"]);

@@ -1,6 +1,6 @@
 //! Files in: an importer turns bytes into an [`Asset`].
 
-use crate::Manifest;
+use crate::{Manifest, PluginFile};
 use choreo_stage::Asset;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -20,6 +20,11 @@ pub trait Importer: Send + Sync {
         } else {
             Claim::NotMine
         }
+    }
+
+    /// The file that it was read from, where it is no part of the program: what it makes depends on that file too.
+    fn file(&self) -> Option<&PluginFile> {
+        None
     }
 
     /// `options` are those of the manifest, all of them: the caller has checked the given ones and added the
@@ -86,6 +91,16 @@ pub struct Needs {
 
 impl Needs {
     pub const ALL: Needs = Needs { geometry: true, clips: true, textures: true };
+    pub const CLIPS: Needs = Needs { geometry: false, clips: true, textures: false };
+
+    /// What both need.
+    pub fn both(self, other: Needs) -> Needs {
+        Needs {
+            geometry: self.geometry && other.geometry,
+            clips: self.clips && other.clips,
+            textures: self.textures && other.textures,
+        }
+    }
 }
 
 /// Option values by name.

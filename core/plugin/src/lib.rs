@@ -1,5 +1,6 @@
 //! The three things a plugin can be: [`Importer`], [`Effect`], [`Exporter`]; their manifests as data; the [`Registry`].
 
+pub mod build;
 pub mod effect;
 pub mod exporter;
 pub mod importer;
@@ -8,10 +9,11 @@ pub mod registry;
 pub mod suggest;
 pub mod yuv;
 
+pub use build::{AssetBuilder, BuildError, MeshData};
 pub use effect::Effect;
 pub use exporter::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
 pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source,
 };
-pub use manifest::{Manifest, OptionError, OptionKind, OptionSpec};
+pub use manifest::{Manifest, OptionError, OptionKind, OptionSpec, PluginFile};
 pub use registry::Registry;

@@ -34,6 +34,14 @@ pub struct Manifest {
     pub options: Vec<OptionSpec>,
 }
 
+/// A plugin's own file: with its text, scripts that use it know when it has changed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PluginFile {
+    /// Canonical.
+    pub path: std::path::PathBuf,
+    pub text: String,
+}
+
 /// One option or effect parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OptionSpec {

@@ -13,13 +13,17 @@ pub struct Registry {
 }
 
 impl Registry {
+    /// One of the same name is replaced, here and below: a plugin of the user's own comes in place of ours.
     pub fn add_importer(&mut self, plugin: impl Importer + 'static) {
+        self.importers.retain(|p| p.manifest().name != plugin.manifest().name);
         self.importers.push(Arc::new(plugin));
     }
     pub fn add_exporter(&mut self, plugin: impl Exporter + 'static) {
+        self.exporters.retain(|p| p.manifest().name != plugin.manifest().name);
         self.exporters.push(Arc::new(plugin));
     }
     pub fn add_effect(&mut self, plugin: impl Effect + 'static) {
+        self.effects.retain(|p| p.manifest().name != plugin.manifest().name);
         self.effects.push(Arc::new(plugin));
     }
     pub fn importers(&self) -> &[Arc<dyn Importer>] {

@@ -20,6 +20,8 @@ pub const BUILT_IN: &str = "choreo:";
 pub struct ImportChoice {
     pub importer: Option<String>,
     pub options: ImportOptions,
+    /// Less than the loader's own needs: a file for its clips alone decodes no mesh and no image.
+    pub needs: Option<Needs>,
     /// Options as typed on the command line.
     pub texts: Vec<(String, String)>,
 }
@@ -137,7 +139,8 @@ impl Loader {
             }
         };
         let options = choice.complete(importer.manifest()).map_err(from_option)?;
-        let asset = self.import(&source, importer, found.as_ref(), &options)?;
+        let needs = choice.needs.map_or(self.needs, |n| self.needs.both(n));
+        let asset = self.import(&source, importer, found.as_ref(), &options, needs)?;
         self.state.lock().unwrap_or_else(PoisonError::into_inner).assets.insert(key, asset.clone());
         Ok(asset)
     }
@@ -149,16 +152,22 @@ impl Loader {
         importer: &Arc<dyn Importer>,
         found: Option<&Found>,
         options: &ImportOptions,
+        needs: Needs,
     ) -> Result<Arc<Asset>, LoadError> {
         let start = found.and_then(|f| f.path.parent());
-        let importer_name = importer.manifest().name.to_string();
+        let mut importer_name = importer.manifest().name.to_string();
+        if let Some(file) = importer.file() {
+            self.note_used(&file.path, file.text.as_bytes());
+            // A plugin whose text has changed makes something else of the same bytes.
+            importer_name.push_str(&blake3::hash(file.text.as_bytes()).to_hex());
+        }
         let slot = self.cache.slot(Key {
             path: found.map_or_else(|| PathBuf::from(&source.name), |f| f.path.clone()),
             // The asset bears the name that it was loaded by.
             name: source.name.clone(),
             importer: importer_name,
             options: format!("{options:?}"),
-            needs: format!("{:?}", self.needs),
+            needs: format!("{needs:?}"),
         });
         let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
         let content = *blake3::hash(&source.bytes).as_bytes();
@@ -173,8 +182,15 @@ impl Loader {
             }
         }
         let files = NearFiles { loader: self, start, read: Mutex::default() };
-        let mut asset = importer.import(source, &files, self.needs, options).map_err(from_import)?;
+        let mut asset = importer.import(source, &files, needs, options).map_err(from_import)?;
         asset.name = source.name.clone();
+        if !needs.geometry && self.needs.geometry {
+            // Told where the asset is cast, and only there.
+            asset.warnings.push(choreo_stage::Warning {
+                place: String::new(),
+                text: "it was loaded for its clips only, so nothing of it can be seen; leave only: \"clips\" out".into(),
+            });
+        }
         let asset = Arc::new(asset);
         let side_files = files.read.into_inner().unwrap_or_else(PoisonError::into_inner);
         *slot = Some(crate::cache::Made { source: content, side_files, asset: asset.clone() });

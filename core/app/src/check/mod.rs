@@ -7,7 +7,7 @@ mod sheet;
 use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json};
 use crate::scene::{self, Scene};
-use crate::{plot, registry};
+use crate::{plot, plugin_files};
 use choreo_plugin::{Effect, Registry};
 use choreo_script::{Diagnostic, Severity};
 use choreo_stage::{EffectUse, Finding, Stage, Subject};
@@ -16,7 +16,7 @@ use serde_json::json;
 
 pub fn run(args: CheckArgs) -> Result<(), Failure> {
     plot::check(args.plot.as_deref())?;
-    let registry = registry::registry();
+    let registry = plugin_files::registry(&args.scene.import.plugins, &[&args.scene.input])?;
     let scene = scene::open(&args.scene, &registry)?;
     if !args.json {
         scene.printed.iter().for_each(|line| eprintln!("{line}"));

@@ -5,7 +5,7 @@ mod inside;
 use crate::args::ExplainArgs;
 use crate::failure::{Failure, print, print_json};
 use crate::plot;
-use crate::{ranges, registry, scene};
+use crate::{plugin_files, ranges, scene};
 use choreo_render::record::{RecordOptions, record};
 use choreo_render::{Catalog, Plan, PlanOptions};
 use choreo_report::{Cell, Table, byte_bars};
@@ -20,7 +20,7 @@ pub fn run(args: ExplainArgs) -> Result<(), Failure> {
     let at = ranges::at(&args.at)?;
     let size = args.size.as_deref().map(ranges::size).transpose()?;
     let samples = args.samples.as_deref().map(ranges::samples).transpose()?;
-    let registry = registry::registry();
+    let registry = plugin_files::registry(&args.scene.import.plugins, &[&args.scene.input])?;
     let scene = scene::open(&args.scene, &registry)?;
     let stage = &scene.stage;
     let size = size.unwrap_or(stage.settings.size);

@@ -5,7 +5,7 @@ mod watch;
 
 use crate::args::{Device, TestArgs};
 use crate::failure::{Failure, print, print_json};
-use crate::{device, ranges, registry};
+use crate::{device, plugin_files, ranges};
 use choreo_plugin::Registry;
 use choreo_script::testing::TestOptions;
 use choreo_script::{Limits, ScriptOptions, did_you_mean};
@@ -21,8 +21,9 @@ use std::path::{Path, PathBuf};
 const USUAL: [&str; 2] = ["tests/suite", "scripts"];
 
 pub fn run(args: TestArgs) -> Result<(), Failure> {
-    let registry = registry::registry();
     let job = Job::new(&args)?;
+    let paths: Vec<&Path> = job.paths.iter().map(PathBuf::as_path).collect();
+    let registry = plugin_files::registry(&args.plugins, &paths)?;
     if args.watch {
         return watch::run(&args, &job, &registry);
     }

@@ -1,13 +1,13 @@
 //! `load`, `shape`, clips of an asset.
 
-use crate::call::{ApiError, Call, Def, Gives, Reply, describe, unknown};
+use crate::call::{ApiError, Call, Def, Gives, Reply, describe, one_of, unknown};
 use crate::folders::LoadError;
 use crate::limits::raise_hint;
 use crate::loader::ImportChoice;
 use crate::shapes;
 use crate::value::{AssetRef, ClipRef, Kind};
 use choreo_motion::Clip;
-use choreo_plugin::OptionValue;
+use choreo_plugin::{Needs, OptionValue};
 use rhai::{Dynamic, Map};
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
@@ -18,7 +18,7 @@ pub const DEFS: &[Def] = &[
         "load",
         "file, options?",
         Gives::A(Kind::Asset),
-        "Loads a model or clips from the script's folder or a search path, or a built-in like \"choreo:mannequin\"; options are the importer's, and importer: NAME.",
+        "Loads a model or clips from the script's folder or a search path, or a built-in like \"choreo:mannequin\"; options are the importer's, and importer: NAME, only: \"clips\" for files of which nothing is seen.",
         load,
     ),
     Def::new(
@@ -69,6 +69,11 @@ fn load(c: &mut Call) -> Reply {
         for (key, value) in &map {
             if key == "importer" {
                 choice.importer = Some(crate::call::text(value, "load: importer")?);
+                continue;
+            }
+            if key == "only" {
+                one_of(value, "load: only", &["clips"])?;
+                choice.needs = Some(Needs::CLIPS);
                 continue;
             }
             choice.options.0.insert(key.to_string(), option_value(key, value)?);

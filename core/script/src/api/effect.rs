@@ -32,6 +32,9 @@ fn effect(c: &mut Call) -> Reply {
     let Some(plugin) = c.shared.loader.registry().effect(&name) else {
         return Err(unknown("effect", &name, "", effects.iter().map(|e| e.manifest().name.as_str())));
     };
+    if let Some(file) = plugin.file() {
+        c.shared.loader.note_used(&file.path, file.text.as_bytes());
+    }
     let mut used = EffectUse { plugin: name, parameters: Vec::new(), start: Time::ZERO, end: None };
     let names: Vec<&str> = plugin.manifest().options.iter().map(|o| o.name.as_str()).collect();
     let o = c.options(1, &names)?;

@@ -8,6 +8,7 @@ use choreo_script::{Diagnostic, Script, ScriptOptions, run_file, run_text};
 use choreo_stage::{Asset, AssetCamera, Mesh, MeshInstance, MorphTarget, Primitive, Projection, Topology};
 use glam::{Vec2, Vec3, Vec4};
 use std::path::{Path as FilePath, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock};
 
 static TOY: LazyLock<Manifest> = LazyLock::new(|| {
@@ -18,6 +19,9 @@ static TOY: LazyLock<Manifest> = LazyLock::new(|| {
 });
 
 pub struct Toy;
+
+/// How often a toy's mesh was made in this process.
+pub static MESHES_MADE: AtomicUsize = AtomicUsize::new(0);
 
 pub const JOINTS: [&str; 5] = ["Hips", "Spine", "Head", "LeftHand", "RightHand"];
 
@@ -36,7 +40,7 @@ impl Importer for Toy {
         &self,
         source: &Source,
         files: &dyn Files,
-        _: Needs,
+        needs: Needs,
         _: &ImportOptions,
     ) -> Result<Asset, ImportError> {
         let text = String::from_utf8_lossy(&source.bytes).trim().to_string();
@@ -84,10 +88,14 @@ impl Importer for Toy {
             morph_targets: 1,
             morph_names: vec!["smile".into()],
         };
+        if needs.geometry {
+            MESHES_MADE.fetch_add(1, Ordering::Relaxed);
+        }
+        let seen = usize::from(needs.geometry);
         Ok(Asset {
             skeleton: Arc::new(Skeleton::new(names, parents, rest).unwrap()),
-            meshes: vec![Arc::new(mesh)],
-            instances: vec![MeshInstance { joint: 0, mesh: 0, skin: None, weights: vec![0.0] }],
+            meshes: vec![Arc::new(mesh); seen],
+            instances: vec![MeshInstance { joint: 0, mesh: 0, skin: None, weights: vec![0.0] }; seen],
             cameras: vec![AssetCamera { name: "eye".into(), joint: 2, projection: Projection::default() }],
             clips: vec![clip("Walk", 1.0), clip("Run", 0.8), clip("Wave", 2.0)],
             ..Asset::default()

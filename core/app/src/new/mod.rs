@@ -1,0 +1,198 @@
+//! `choreo new importer NAME` and `new effect NAME`: the example crates under a new name, or with `--single` one file.
+
+use crate::args::{Kind, NewArgs};
+use crate::failure::{Failure, print, reason};
+use std::path::{Path, PathBuf};
+
+/// Of a crate: file name, text. "example" and "Example" become the new name.
+type Files = &'static [(&'static str, &'static str)];
+
+macro_rules! example {
+    ($path:literal) => {
+        include_str!(concat!("../../../../plugins/", $path))
+    };
+}
+
+const IMPORTER: Files = &[
+    ("README.md", example!("import-example/README.md")),
+    ("src/lib.rs", example!("import-example/src/lib.rs")),
+    ("tests/sample.rs", example!("import-example/tests/sample.rs")),
+    ("tests/sample.example", example!("import-example/tests/sample.example")),
+];
+
+const EFFECT: Files = &[
+    ("README.md", example!("effect-example/README.md")),
+    ("src/lib.rs", example!("effect-example/src/lib.rs")),
+    ("src/example.wgsl", example!("effect-example/src/example.wgsl")),
+];
+
+/// Crates of ours that a plugin needs, by kind: always, and for its tests.
+const NEEDS: [(&[&str], &[&str]); 2] = [(&["plugin", "stage"], &[]), (&["plugin"], &["look"])];
+
+pub fn run(args: NewArgs) -> Result<(), Failure> {
+    check_name(&args.name)?;
+    let into = args.into.clone().unwrap_or_default();
+    if !into.as_os_str().is_empty() && !into.is_dir() {
+        return Err(Failure::Output(format!("{}: no such folder", into.display())));
+    }
+    if args.single { single(&args, &into) } else { whole(&args, &into) }
+}
+
+/// A crate's name, a Rust identifier with `_` for `-`, and no word of the language.
+fn check_name(name: &str) -> Result<(), Failure> {
+    let mut chars = name.chars();
+    let good = chars.next().is_some_and(|c| c.is_ascii_lowercase())
+        && chars.all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+        && !name.ends_with('_')
+        && name.len() <= 40;
+    match good {
+        true => Ok(()),
+        false => Err(Failure::Usage(format!(
+            "\"{name}\": a plugin's name is lower-case letters, digits and _, from a letter on, at most 40; as my_format"
+        ))),
+    }
+}
+
+fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
+    let named = |text: &str| text.replace("NAME", &args.name);
+    let name = &args.name;
+    let (file, text, sample) = match args.kind {
+        Kind::Importer => (
+            format!("{name}.importer.rhai"),
+            include_str!("single.importer.rhai"),
+            Some(include_str!("single.sample")),
+        ),
+        Kind::Effect => (format!("{name}.wgsl"), include_str!("single.wgsl"), None),
+    };
+    let mut files = vec![(into.join(&file), named(text))];
+    files.extend(sample.map(|text| (into.join(format!("sample.{name}")), named(text))));
+    write(&files)?;
+    let folder = if into.as_os_str().is_empty() { ".".into() } else { into.display().to_string() };
+    let try_it = match args.kind {
+        Kind::Importer => {
+            format!("choreo info {} --plugins {folder}", into.join(format!("sample.{name}")).display())
+        }
+        Kind::Effect => format!("choreo plugins --plugins {folder}"),
+    };
+    print(&format!("{}: written\n    try: {try_it}\n", files[0].0.display()))
+}
+
+fn whole(args: &NewArgs, into: &Path) -> Result<(), Failure> {
+    let name = &args.name;
+    let sources = sources(args)?;
+    let (prefix, files, needs) = match args.kind {
+        Kind::Importer => ("import", IMPORTER, &NEEDS[0]),
+        Kind::Effect => ("effect", EFFECT, &NEEDS[1]),
+    };
+    let folder = into.join(format!("{prefix}-{}", name.replace('_', "-")));
+    if folder.exists() {
+        return Err(Failure::Output(format!("{}: it exists already; nothing was written", folder.display())));
+    }
+    let here = if into.as_os_str().is_empty() { Path::new(".") } else { into };
+    let in_workspace = here.canonicalize().is_ok_and(|h| h == sources.join("plugins"));
+    let mut all = vec![(folder.join("Cargo.toml"), cargo_toml(prefix, name, needs, &sources, in_workspace))];
+    for (file, text) in files {
+        all.push((folder.join(renamed(file, name)), renamed(text, name)));
+    }
+    write(&all)?;
+    print(&format!(
+        "{}: written\n    try: cargo test --manifest-path {}/Cargo.toml\n",
+        folder.display(),
+        folder.display()
+    ))
+}
+
+/// The sources that the new crate builds against: given, or those around the current folder.
+fn sources(args: &NewArgs) -> Result<PathBuf, Failure> {
+    let is_sources = |folder: &Path| folder.join("core/plugin/Cargo.toml").is_file();
+    if let Some(given) = &args.sources {
+        let found = given.canonicalize().ok().filter(|g| is_sources(g));
+        return found.ok_or_else(|| {
+            Failure::Usage(format!("--sources {}: choreo's sources are not there", given.display()))
+        });
+    }
+    let here = std::env::current_dir().unwrap_or_default();
+    here.ancestors().find(|folder| is_sources(folder)).map(Path::to_path_buf).ok_or_else(|| {
+        Failure::Usage(
+            "a crate needs choreo's sources: give their folder with --sources DIR, or write a single file with --single"
+                .into(),
+        )
+    })
+}
+
+/// `example` as the new name, in the spelling of the place: `import-example`, `import_example`, `ExampleImporter`.
+fn renamed(text: &str, name: &str) -> String {
+    let camel: String = name
+        .split('_')
+        .map(|part| {
+            part.chars()
+                .take(1)
+                .map(|c| c.to_ascii_uppercase())
+                .chain(part.chars().skip(1))
+                .collect::<String>()
+        })
+        .collect();
+    text.replace("import-example", &format!("import-{}", name.replace('_', "-")))
+        .replace("effect-example", &format!("effect-{}", name.replace('_', "-")))
+        .replace("Example", &camel)
+        .replace("example", name)
+        // A folder of ours, which keeps its name.
+        .replace(&format!("core/app/{name}s"), "core/app/examples")
+}
+
+fn cargo_toml(
+    prefix: &str,
+    name: &str,
+    needs: &(&[&str], &[&str]),
+    sources: &Path,
+    in_workspace: bool,
+) -> String {
+    let name = name.replace('_', "-");
+    // A path in a TOML text: backslashes of Windows would be escapes.
+    let sources = sources.display().to_string().replace('\\', "/");
+    let crates = |names: &[&str]| -> String {
+        let one = |n: &&str| match in_workspace {
+            true => format!("choreo-{n}.workspace = true\n"),
+            false => format!("choreo-{n} = {{ path = \"{sources}/core/{n}\" }}\n"),
+        };
+        names.iter().map(one).collect()
+    };
+    let glam = match (prefix, in_workspace) {
+        ("effect", true) => "glam.workspace = true\n",
+        ("effect", false) => {
+            "glam = { version = \"0.34\", default-features = false, features = [\"libm\"] }\n"
+        }
+        _ => "",
+    };
+    let package = match in_workspace {
+        true => {
+            "version.workspace = true\nedition.workspace = true\nrust-version.workspace = true\npublish.workspace = true\n"
+        }
+        false => "version = \"0.1.0\"\nedition = \"2024\"\n",
+    };
+    let own = if in_workspace { "" } else { "\n[workspace]\n" };
+    let tests = match needs.1 {
+        [] => String::new(),
+        tests => format!("\n[dev-dependencies]\n{}", crates(tests)),
+    };
+    format!(
+        "[package]\nname = \"{prefix}-{name}\"\n{package}{own}\n[dependencies]\n{}{glam}{tests}",
+        crates(needs.0)
+    )
+}
+
+/// All files or none: nothing that exists is touched.
+fn write(files: &[(PathBuf, String)]) -> Result<(), Failure> {
+    if let Some((path, _)) = files.iter().find(|(path, _)| path.exists()) {
+        return Err(Failure::Output(format!("{}: it exists already; nothing was written", path.display())));
+    }
+    for (path, text) in files {
+        let failed =
+            |e: std::io::Error| Failure::Output(format!("{}: cannot write: {}", path.display(), reason(&e)));
+        if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
+            std::fs::create_dir_all(folder).map_err(failed)?;
+        }
+        std::fs::write(path, text).map_err(failed)?;
+    }
+    Ok(())
+}

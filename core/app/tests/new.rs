@@ -1,0 +1,66 @@
+//! `choreo new`: what it writes works, and it overwrites nothing.
+
+mod common;
+
+use common::*;
+use std::path::Path;
+use std::process::Command;
+
+fn sources() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+}
+
+#[test]
+fn single_files_work_as_they_are() {
+    let dir = folder();
+    let run = choreo(dir.path(), &["new", "importer", "my_format", "--single"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert_eq!(names(dir.path()), ["my_format.importer.rhai", "sample.my_format", "tri.gltf"]);
+    let run = choreo(dir.path(), &["info", "sample.my_format", "--plugins", ".", "--import", "scale=2"]);
+    assert!(run.code == 0 && run.out.contains("4.000 × 3.000 × 0.000 m"), "{}{}", run.out, run.err);
+    let run = choreo(dir.path(), &["new", "effect", "old_photo", "--single"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    std::fs::write(dir.path().join("s.rhai"), "effect(\"old_photo\", #{ amount: 0.5 });\n").unwrap();
+    let run = choreo(dir.path(), &["check", "s.rhai", "--plugins", "."]);
+    assert_eq!(run.code, 0, "{}", run.err);
+}
+
+#[test]
+fn nothing_is_overwritten_and_names_are_checked() {
+    let dir = folder();
+    std::fs::write(dir.path().join("a.wgsl"), "mine").unwrap();
+    let run = choreo(dir.path(), &["new", "effect", "a", "--single"]);
+    assert_eq!((run.code, run.err.trim()), (3, "a.wgsl: it exists already; nothing was written"));
+    assert_eq!(read(dir.path(), "a.wgsl"), b"mine");
+    for name in ["A", "1a", "a b", "../a", "a_", ""] {
+        let run = choreo(dir.path(), &["new", "importer", name, "--single"]);
+        assert_eq!(run.code, 2, "{name}: {}", run.err);
+    }
+    let run = choreo(dir.path(), &["new", "importer", "a"]);
+    assert!(run.code == 2 && run.err.contains("--sources DIR"), "{}", run.err);
+    let run = choreo(dir.path(), &["new", "importer", "a", "--sources", "."]);
+    assert!(run.code == 2 && run.err.contains("choreo's sources are not there"), "{}", run.err);
+}
+
+/// Against this workspace, with its lock file and without a network. The build products stay, so that only the first run is slow.
+#[test]
+fn new_crates_build_and_pass_their_tests() {
+    let dir = folder();
+    let sources = sources();
+    for (kind, folder) in [("importer", "import-my-format"), ("effect", "effect-my-format")] {
+        let run =
+            choreo(dir.path(), &["new", kind, "my_format", "--sources", &sources.display().to_string()]);
+        assert_eq!(run.code, 0, "{}", run.err);
+        let folder = dir.path().join(folder);
+        std::fs::copy(sources.join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
+        let out = Command::new(env!("CARGO"))
+            .args(["test", "--offline", "--quiet"])
+            .current_dir(&folder)
+            .env("CARGO_TARGET_DIR", sources.join("target/new-plugins"))
+            .output()
+            .unwrap();
+        let text = String::from_utf8_lossy(&out.stdout);
+        assert!(out.status.success(), "{text}{}", String::from_utf8_lossy(&out.stderr));
+        assert!(text.contains("test result: ok."), "{text}");
+    }
+}

@@ -1,0 +1,41 @@
+//! How much a single import may read into arrays: counted, never measured, so that the same file always ends the same way.
+
+use rhai::{EvalAltResult, Position};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Bytes beyond 16 times the file that arrays may take together.
+const BASE: u64 = 64 << 20;
+
+#[derive(Clone, Debug)]
+pub struct Budget {
+    left: Arc<AtomicU64>,
+    all: u64,
+}
+
+pub type Refused = Box<EvalAltResult>;
+
+/// An error of a native function: the interpreter adds the place of the call.
+pub fn refuse(text: impl Into<String>) -> Refused {
+    Box::new(EvalAltResult::ErrorRuntime(text.into().into(), Position::NONE))
+}
+
+impl Budget {
+    pub fn for_file(bytes: usize) -> Budget {
+        let all = BASE + 16 * bytes as u64;
+        Budget { left: Arc::new(AtomicU64::new(all)), all }
+    }
+
+    /// Before an array of so many bytes is made; what is dropped later is not given back.
+    pub fn take(&self, bytes: usize) -> Result<(), Refused> {
+        let taken = self
+            .left
+            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(bytes as u64));
+        taken.map(drop).map_err(|_| {
+            refuse(format!(
+                "too much memory: all arrays together may take {} MB, 64 and 16 times the file's size",
+                self.all >> 20
+            ))
+        })
+    }
+}

@@ -1,0 +1,92 @@
+//! The sandbox of an importer: no files, no clock, no modules; limits on steps, seconds and memory.
+
+use crate::budget::Budget;
+use crate::{bytes, numbers};
+use rhai::packages::*;
+use rhai::{Engine, OptimizationLevel};
+use std::time::{Duration, Instant};
+
+/// Elements of a script's own array or map, those inside included. Numbers in bulk are no script values and do not count.
+pub const MOST_IN_ARRAY: usize = 1_000_000;
+
+/// Steps of the interpreter for one file: some seconds.
+const STEPS: u64 = 50_000_000;
+/// Beyond this a run is ended even within its steps.
+const SECONDS: u64 = 20;
+
+pub const TOO_MANY_STEPS: &str = "steps";
+pub const TOO_SLOW: &str = "seconds";
+
+pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
+    let mut engine = Engine::new_raw();
+    for package in [
+        CorePackage::new().as_shared_module(),
+        LogicPackage::new().as_shared_module(),
+        BitFieldPackage::new().as_shared_module(),
+        BasicArrayPackage::new().as_shared_module(),
+        BasicMapPackage::new().as_shared_module(),
+        MoreStringPackage::new().as_shared_module(),
+    ] {
+        engine.register_global_module(package);
+    }
+    for name in ["eval", "sleep", "timestamp", "import", "export", "**"] {
+        engine.disable_symbol(name);
+    }
+    // Function pointers reach functions whose names are disabled.
+    engine.register_fn("sleep", |_: i64| {});
+    engine.register_fn("sleep", |_: f64| {});
+    engine.set_optimization_level(OptimizationLevel::Simple);
+    engine.set_fail_on_invalid_map_property(true);
+    engine.set_max_call_levels(48);
+    engine.set_max_expr_depths(64, 48);
+    engine.set_max_string_size(64 << 20);
+    engine.set_max_array_size(MOST_IN_ARRAY);
+    engine.set_max_map_size(MOST_IN_ARRAY);
+    engine.set_max_variables(256);
+    engine.set_max_functions(256);
+    engine.set_max_modules(0);
+    engine.on_print(|_| {});
+    engine.on_debug(|_, _, _| {});
+    let most = steps.unwrap_or(STEPS);
+    let end = Instant::now() + Duration::from_secs(SECONDS);
+    engine.on_progress(move |steps| match steps {
+        _ if steps > most => Some(TOO_MANY_STEPS.into()),
+        // A single step may copy a large array, so the clock is read often.
+        _ if steps & 0xff == 0 && Instant::now() > end => Some(TOO_SLOW.into()),
+        _ => None,
+    });
+    maths(&mut engine);
+    bytes::register(&mut engine);
+    numbers::register(&mut engine, budget);
+    engine
+}
+
+/// With `libm`, so that an import gives the same bits on every machine.
+fn maths(engine: &mut Engine) {
+    let one: [(&str, fn(f64) -> f64); 11] = [
+        ("sin", libm::sin),
+        ("cos", libm::cos),
+        ("tan", libm::tan),
+        ("asin", libm::asin),
+        ("acos", libm::acos),
+        ("atan", libm::atan),
+        ("sqrt", libm::sqrt),
+        ("floor", libm::floor),
+        ("ceil", libm::ceil),
+        ("round", libm::round),
+        ("abs", libm::fabs),
+    ];
+    for (name, f) in one {
+        engine.register_fn(name, move |x: f64| f(x));
+        if name != "abs" {
+            engine.register_fn(name, move |x: i64| f(x as f64));
+        }
+    }
+    engine.register_fn("atan2", libm::atan2);
+    engine.register_fn("pow", libm::pow);
+    engine.register_fn("to_float", |x: i64| x as f64);
+    engine.register_fn("to_float", |x: f64| x);
+    engine.register_fn("to_int", |x: f64| x as i64);
+    engine.register_fn("radians", |x: f64| x * (std::f64::consts::PI / 180.0));
+    engine.register_fn("radians", |x: i64| x as f64 * (std::f64::consts::PI / 180.0));
+}

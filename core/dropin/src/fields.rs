@@ -1,0 +1,134 @@
+//! Object maps of a script, `#{ positions: …, normals: … }`, as the values that the asset is built from.
+
+use crate::numbers;
+use choreo_plugin::MeshData;
+use choreo_plugin::suggest::{did_you_mean, list};
+use rhai::{Dynamic, Map};
+
+/// An object map with known names; every error names the function and the field.
+pub struct Fields<'a> {
+    what: &'a str,
+    map: &'a Map,
+}
+
+type Result<T> = std::result::Result<T, String>;
+
+impl<'a> Fields<'a> {
+    /// Refuses names that are not in `known`.
+    pub fn new(what: &'a str, map: &'a Map, known: &[&str]) -> Result<Fields<'a>> {
+        match map.keys().find(|k| !known.contains(&k.as_str())) {
+            None => Ok(Fields { what, map }),
+            Some(key) => {
+                let near = did_you_mean(key, known.iter().copied());
+                Err(format!(
+                    "{what}: unknown field \"{key}\"{near}; it knows {}",
+                    list(known.iter().copied(), 30)
+                ))
+            }
+        }
+    }
+
+    fn wrong<T>(&self, name: &str, expected: &str, got: &Dynamic) -> Result<T> {
+        Err(format!("{}: {name} must be {expected}, got {}", self.what, got.type_name()))
+    }
+
+    pub fn value(&self, name: &str) -> Option<&'a Dynamic> {
+        self.map.get(name).filter(|v| !v.is_unit())
+    }
+
+    pub fn text(&self, name: &str) -> Result<Option<String>> {
+        let Some(value) = self.value(name) else { return Ok(None) };
+        match value.clone().into_string() {
+            Ok(text) => Ok(Some(text)),
+            Err(_) => self.wrong(name, "a text", value),
+        }
+    }
+
+    pub fn number(&self, name: &str) -> Result<Option<f64>> {
+        let Some(value) = self.value(name) else { return Ok(None) };
+        match value.as_float().or_else(|_| value.as_int().map(|i| i as f64)) {
+            Ok(number) => Ok(Some(number)),
+            Err(_) => self.wrong(name, "a number", value),
+        }
+    }
+
+    pub fn flag(&self, name: &str) -> Result<Option<bool>> {
+        let Some(value) = self.value(name) else { return Ok(None) };
+        value.as_bool().map(Some).or_else(|_| self.wrong(name, "true or false", value))
+    }
+
+    /// The number of a joint, material or image, as its function returned it.
+    pub fn index(&self, name: &str) -> Result<Option<u32>> {
+        let Some(value) = self.value(name) else { return Ok(None) };
+        match value.as_int().ok().and_then(|i| u32::try_from(i).ok()) {
+            Some(index) => Ok(Some(index)),
+            None => self.wrong(name, "a number that joint(…), material(…) or image(…) returned", value),
+        }
+    }
+
+    /// Flat: `Numbers`, or an array of numbers, or of arrays of numbers.
+    pub fn numbers(&self, name: &str) -> Result<Vec<f64>> {
+        let Some(value) = self.value(name) else { return Ok(Vec::new()) };
+        if let Some(numbers) = numbers::read(value) {
+            return Ok(numbers);
+        }
+        let rows = value.read_lock::<rhai::Array>();
+        let flat: Option<Vec<f64>> = rows.and_then(|rows| {
+            let rows: Option<Vec<Vec<f64>>> = rows.iter().map(numbers::read).collect();
+            rows.map(|r| r.concat())
+        });
+        flat.ok_or(()).or_else(|()| self.wrong(name, "numbers, or an array of numbers", value))
+    }
+
+    pub fn floats(&self, name: &str) -> Result<Vec<f32>> {
+        Ok(self.numbers(name)?.into_iter().map(|v| v as f32).collect())
+    }
+
+    pub fn indices(&self, name: &str) -> Result<Vec<u32>> {
+        let numbers = self.numbers(name)?;
+        let whole = |(at, v): (usize, &f64)| match f64::from(*v as u32) == *v {
+            true => Ok(*v as u32),
+            false => Err(format!("{}: {name}[{at}] is {v}, must be a whole number from 0", self.what)),
+        };
+        numbers.iter().enumerate().map(whole).collect()
+    }
+
+    /// Exactly `N` numbers.
+    pub fn vector<const N: usize>(&self, name: &str) -> Result<Option<[f32; N]>> {
+        let Some(value) = self.value(name) else { return Ok(None) };
+        let numbers = self.floats(name)?;
+        numbers.try_into().map(Some).or_else(|_| self.wrong(name, &format!("an array of {N} numbers"), value))
+    }
+}
+
+/// What `mesh(#{ … })` knows, but for the material.
+pub const MESH: &[&str] = &[
+    "name",
+    "joint",
+    "positions",
+    "indices",
+    "normals",
+    "uvs",
+    "colors",
+    "joints",
+    "weights",
+    "inverse_bind",
+    "material",
+];
+
+/// The arrays of a `mesh(#{ … })` call.
+pub fn mesh_data(f: &Fields<'_>) -> Result<MeshData> {
+    Ok(MeshData {
+        name: f.text("name")?.unwrap_or_default(),
+        joint: f.index("joint")?,
+        positions: f.floats("positions")?,
+        indices: f.indices("indices")?,
+        normals: f.floats("normals")?,
+        uvs: f.floats("uvs")?,
+        colors: f.floats("colors")?,
+        joints: f.indices("joints")?,
+        weights: f.floats("weights")?,
+        inverse_bind: f.floats("inverse_bind")?,
+        material: f.index("material")?,
+    })
+}

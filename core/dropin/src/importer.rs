@@ -1,0 +1,267 @@
+//! `NAME.importer.rhai`: a script with `fn manifest()`, `fn load(file)` and, where it likes, `fn claim(file)`.
+
+use crate::budget::{Budget, refuse};
+use crate::bytes::Bytes;
+use crate::engine::{TOO_MANY_STEPS, TOO_SLOW, engine};
+use crate::manifest;
+use crate::scene::{self, Request, Scene};
+use choreo_plugin::suggest::did_you_mean;
+use choreo_plugin::{
+    AssetBuilder, Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionValue,
+    PluginFile, Source,
+};
+use choreo_stage::Asset;
+use rhai::{AST, Dynamic, EvalAltResult, Map, Scope};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use thiserror::Error;
+
+/// Names of importer files end so.
+pub const ENDING: &str = ".importer.rhai";
+
+/// Deep enough for the call levels and expressions that the engine allows, in builds without optimisation too.
+const STACK: usize = 64 << 20;
+
+/// Steps that `manifest` and `claim` may take: they run for files that are none of the importer's.
+const FEW_STEPS: u64 = 100_000;
+
+/// What is wrong with an importer's script, and where.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{file}:{line}:{column}: {message}")]
+pub struct ScriptError {
+    pub file: String,
+    /// From 1.
+    pub line: usize,
+    pub column: usize,
+    pub message: String,
+}
+
+/// An importer read from a script. Every import runs in an interpreter of its own.
+pub struct RhaiImporter {
+    /// As shown in messages.
+    file: String,
+    ast: AST,
+    manifest: Manifest,
+    has_claim: bool,
+    origin: Option<PluginFile>,
+    /// Where `fn load` stands, from 1.
+    load_line: usize,
+}
+
+impl RhaiImporter {
+    /// Compiles the script and asks it for its manifest. `file` is its name in messages.
+    pub fn from_text(file: &str, text: &str) -> Result<RhaiImporter, ScriptError> {
+        let budget = Budget::for_file(0);
+        let engine = engine(&budget, Some(FEW_STEPS));
+        let failed = |e| script_error(file, e, &[], line_of(text, "manifest"));
+        let mut ast = engine.compile(text).map_err(|e| failed(e.into()))?;
+        ast.set_source(file);
+        let has = |name: &str, parameters: usize| {
+            ast.iter_functions().any(|f| f.name == name && f.params.len() == parameters)
+        };
+        for (name, parameters, shown) in [("manifest", 0, "fn manifest()"), ("load", 1, "fn load(file)")] {
+            if !has(name, parameters) {
+                return Err(ScriptError {
+                    file: file.into(),
+                    line: 1,
+                    column: 1,
+                    message: format!("an importer needs {shown}"),
+                });
+            }
+        }
+        let has_claim = has("claim", 1);
+        // Statements outside functions are not run: an importer is its functions.
+        let ast = ast.clone_functions_only();
+        let value: Dynamic = engine.call_fn(&mut Scope::new(), &ast, "manifest", ()).map_err(failed)?;
+        let manifest = manifest::read(&value).map_err(|message| ScriptError {
+            file: file.into(),
+            line: line_of(text, "manifest"),
+            column: 1,
+            message,
+        })?;
+        Ok(RhaiImporter {
+            file: file.into(),
+            ast,
+            manifest,
+            has_claim,
+            origin: None,
+            load_line: line_of(text, "load"),
+        })
+    }
+
+    /// Where the text came from.
+    pub fn with_file(mut self, file: PluginFile) -> RhaiImporter {
+        self.origin = Some(file);
+        self
+    }
+
+    fn run(
+        &self,
+        source: &Source,
+        needs: Needs,
+        options: &ImportOptions,
+        budget: &Budget,
+        ask: mpsc::Sender<Request>,
+    ) -> Result<AssetBuilder, Box<EvalAltResult>> {
+        let scene = Arc::new(Mutex::new(Scene { builder: AssetBuilder::default(), needs, ask }));
+        let mut engine = engine(budget, None);
+        scene::register(&mut engine, &scene, budget);
+        let file = self.file_map(source, needs, options, budget);
+        let _: Dynamic = engine.call_fn(&mut Scope::new(), &self.ast, "load", (file,))?;
+        let mut scene = scene.lock().unwrap_or_else(PoisonError::into_inner);
+        Ok(std::mem::take(&mut scene.builder))
+    }
+
+    fn file_map(&self, source: &Source, needs: Needs, options: &ImportOptions, budget: &Budget) -> Map {
+        let options: Map = options.0.iter().map(|(k, v)| (k.as_str().into(), value(v))).collect();
+        [
+            ("name".into(), Dynamic::from(source.name.clone())),
+            ("bytes".into(), Dynamic::from(Bytes::new(source.bytes.clone(), budget))),
+            ("options".into(), options.into()),
+            ("needs".into(), scene::needs_map(needs).into()),
+        ]
+        .into()
+    }
+
+    fn names(&self) -> Vec<String> {
+        const OURS: &[&str] = &[
+            "joint", "mesh", "material", "image", "clip", "warn", "read", "numbers", "words", "u8", "i8",
+            "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64", "u8s", "i8s", "u16s", "i16s", "u32s",
+            "i32s", "u64s", "i64s", "f32s", "f64s", "text", "lines", "json", "find", "part", "big",
+            "columns", "rows", "array", "len",
+        ];
+        let own = self.ast.iter_functions().map(|f| f.name.to_string());
+        OURS.iter().map(ToString::to_string).chain(own).collect()
+    }
+}
+
+fn value(option: &OptionValue) -> Dynamic {
+    match option {
+        OptionValue::Number(v) => Dynamic::from_float(*v),
+        OptionValue::Bool(v) => Dynamic::from_bool(*v),
+        OptionValue::Text(v) => v.clone().into(),
+    }
+}
+
+impl Importer for RhaiImporter {
+    fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    fn file(&self) -> Option<&PluginFile> {
+        self.origin.as_ref()
+    }
+
+    /// `fn claim(file)` answers true, false or a score from 0 to 100; one that fails claims nothing.
+    fn claim(&self, source: &Source) -> Claim {
+        let plain = || {
+            if self.manifest.magic.iter().any(|m| source.bytes.starts_with(m)) {
+                Claim::Content(90)
+            } else if self.manifest.has_extension(&source.extension()) {
+                Claim::Extension
+            } else {
+                Claim::NotMine
+            }
+        };
+        if !self.has_claim {
+            return plain();
+        }
+        let budget = Budget::for_file(0);
+        let engine = engine(&budget, Some(FEW_STEPS));
+        let file = self.file_map(source, Needs::ALL, &ImportOptions::default(), &budget);
+        let answer: Result<Dynamic, _> = engine.call_fn(&mut Scope::new(), &self.ast, "claim", (file,));
+        match answer {
+            Ok(v) if v.as_bool() == Ok(true) => Claim::Content(90),
+            Ok(v) => match v.as_int() {
+                Ok(score @ 1..=100) => Claim::Content(score as u8),
+                _ => Claim::NotMine,
+            },
+            // Too short for the header, say: where the name is right, `import` tells what is wrong.
+            Err(_) => plain().min(Claim::Extension),
+        }
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        files: &dyn Files,
+        needs: Needs,
+        options: &ImportOptions,
+    ) -> Result<Asset, ImportError> {
+        let budget = Budget::for_file(source.bytes.len());
+        let (ask, asked) = mpsc::channel::<Request>();
+        // On a thread of its own, whose stack is known to hold the deepest calls that the limits allow; the files beside
+        // the source are read on this one, which alone may use `files`.
+        let built = std::thread::scope(|scope| {
+            let worker = std::thread::Builder::new().name("importer".into()).stack_size(STACK);
+            let budget = &budget;
+            let worker = worker.spawn_scoped(scope, move || self.run(source, needs, options, budget, ask));
+            for (name, answer) in asked {
+                // A script that has ended by now waits for no answer.
+                let _ = answer.send(files.read(&name));
+            }
+            match worker.map(|w| w.join()) {
+                Ok(Ok(built)) => built,
+                Ok(Err(panic)) => std::panic::resume_unwind(panic),
+                Err(e) => Err(refuse(format!("cannot start a thread: {e}"))),
+            }
+        });
+        let place = |e: Box<EvalAltResult>| {
+            let error = script_error(&self.file, e, &self.names(), self.load_line);
+            ImportError {
+                file: source.name.clone(),
+                place: format!("{}:{}:{}", error.file, error.line, error.column),
+                what: error.message,
+                hint: None,
+            }
+        };
+        built.map_err(place)?.finish(&source.name).map_err(|e| ImportError {
+            file: source.name.clone(),
+            place: self.file.clone(),
+            what: e.to_string(),
+            hint: None,
+        })
+    }
+}
+
+/// The line (from 1) on which a function is defined.
+fn line_of(text: &str, function: &str) -> usize {
+    let starts = |l: &str| {
+        let rest =
+            l.trim_start().strip_prefix("fn ").map(str::trim_start).and_then(|r| r.strip_prefix(function));
+        rest.is_some_and(|r| r.trim_start().starts_with('('))
+    };
+    text.lines().position(starts).map_or(1, |l| l + 1)
+}
+
+/// The innermost place and reason, in the words of this crate. `line` is for limits reached, of which the interpreter
+/// forgets the place on its way out of the function.
+fn script_error(file: &str, error: Box<EvalAltResult>, names: &[String], line: usize) -> ScriptError {
+    let mut error = error;
+    while let EvalAltResult::ErrorInFunctionCall(_, _, inner, _) = *error {
+        error = inner;
+    }
+    let place = error.take_position();
+    let near = |name: &str| did_you_mean(name, names.iter().map(String::as_str));
+    let message = match &*error {
+        EvalAltResult::ErrorRuntime(value, _) => value.to_string(),
+        EvalAltResult::ErrorFunctionNotFound(signature, _) => {
+            let name = signature.split([' ', '(']).next().unwrap_or_default();
+            match names.iter().any(|n| n == name) {
+                true => format!("wrong arguments: there is no {signature}"),
+                false => format!("unknown function {name}{}", near(name)),
+            }
+        }
+        EvalAltResult::ErrorTerminated(why, _) => match why.clone().into_string().as_deref() {
+            Ok(TOO_MANY_STEPS) => "too many steps: is there an endless loop?".to_string(),
+            Ok(TOO_SLOW) => "it takes longer than 20 seconds".to_string(),
+            _ => error.to_string(),
+        },
+        _ => error.to_string(),
+    };
+    ScriptError {
+        file: file.to_string(),
+        line: place.line().unwrap_or(line),
+        column: place.position().unwrap_or(1),
+        message,
+    }
+}

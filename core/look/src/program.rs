@@ -1,0 +1,541 @@
+//! A validated module, evaluated a pixel at a time: the CPU's side of an effect, from the text that Vulkan runs.
+//!
+//! A plain walk over naga's expressions. What it does not know is refused when the effect is loaded, with its line.
+
+use crate::maths;
+use crate::shape::{self, MOST, Shape, Value};
+use naga::valid::ModuleInfo;
+use naga::{
+    Block, Expression, Function, Handle, Literal, Module, RelationalFunction, Span, Statement, SwitchValue,
+};
+
+/// Steps (statements and loop rounds) that one pixel may take.
+pub const MOST_STEPS: u32 = 100_000;
+
+/// What this evaluator does not know, and where it stands.
+pub struct Unsupported {
+    pub what: String,
+    pub span: Span,
+}
+
+pub struct Program {
+    module: Module,
+    entry: Handle<Function>,
+    functions: Vec<Code>,
+    globals: Vec<Value>,
+}
+
+/// What is worked out once a function.
+struct Code {
+    shapes: Vec<Shape>,
+    /// Offset added by an `AccessIndex`, in components.
+    offsets: Vec<usize>,
+    /// Where each local variable starts in the frame's memory, and its size.
+    locals: Vec<(usize, usize)>,
+    memory: usize,
+}
+
+struct Frame<'a> {
+    function: &'a Function,
+    code: &'a Code,
+    arguments: Vec<Value>,
+    slots: Vec<Value>,
+    memory: Vec<u32>,
+}
+
+enum Flow {
+    Next,
+    Break,
+    Continue,
+    Return(Value),
+}
+
+/// The step limit was reached.
+struct TooLong;
+
+impl Program {
+    pub fn new(module: Module, info: &ModuleInfo, entry: Handle<Function>) -> Result<Program, Unsupported> {
+        if let Some((_, variable)) = module.global_variables.iter().next() {
+            let name = variable.name.clone().unwrap_or_default();
+            let span = module
+                .global_variables
+                .iter()
+                .next()
+                .map_or(Span::UNDEFINED, |(h, _)| module.global_variables.get_span(h));
+            return Err(Unsupported {
+                what: format!(
+                    "global variable {name}: an effect is a function of one pixel and has no variables of its own"
+                ),
+                span,
+            });
+        }
+        let functions =
+            module.functions.iter().map(|(h, f)| code(&module, info, h, f)).collect::<Result<_, _>>()?;
+        let mut program = Program { module, entry, functions, globals: Vec::new() };
+        for (handle, expression) in program.module.global_expressions.iter() {
+            let value = program.global(expression).ok_or_else(|| Unsupported {
+                what: "this constant".into(),
+                span: program.module.global_expressions.get_span(handle),
+            })?;
+            program.globals.push(value);
+        }
+        Ok(program)
+    }
+
+    /// `None`: more than [`MOST_STEPS`].
+    pub fn run(&self, color: [f32; 4], uv: [f32; 2], p: &[f32; 8]) -> Option<[f32; 4]> {
+        let arguments = vec![Value::floats(&color), Value::floats(&uv), Value::floats(p)];
+        let mut steps = 0;
+        let out = self.call(self.entry, arguments, &mut steps).ok()?;
+        Some(std::array::from_fn(|i| out.f(i)))
+    }
+
+    /// Constants stand before what uses them; naga has folded everything else.
+    fn global(&self, expression: &Expression) -> Option<Value> {
+        let known = |h: &Handle<Expression>| self.globals.get(h.index()).copied();
+        match expression {
+            Expression::Literal(literal) => Some(value_of(*literal)),
+            Expression::Constant(c) => known(&self.module.constants[*c].init),
+            Expression::ZeroValue(_) => Some(Value::default()),
+            Expression::Splat { size, value } => {
+                let v = known(value)?;
+                Some(Value::floats(&[v.f(0); 4][..*size as usize]))
+            }
+            Expression::Compose { ty, components } => {
+                let sizes = self.component_sizes(*ty, components.len())?;
+                let mut out = Value::default();
+                let mut at = 0;
+                for (part, size) in components.iter().zip(sizes) {
+                    let part = known(part)?;
+                    out.0.get_mut(at..at + size)?.copy_from_slice(&part.0[..size]);
+                    at += size;
+                }
+                Some(out)
+            }
+            _ => None,
+        }
+    }
+
+    fn component_sizes(&self, ty: Handle<naga::Type>, count: usize) -> Option<Vec<usize>> {
+        let types = &self.module.types;
+        match &types[ty].inner {
+            naga::TypeInner::Struct { members, .. } => {
+                members.iter().map(|m| shape::shape(&types[m.ty].inner, types).map(|s| s.size)).collect()
+            }
+            inner => Some(vec![shape::shape(inner, types)?.size / count.max(1); count]),
+        }
+    }
+
+    fn call(
+        &self,
+        function: Handle<Function>,
+        arguments: Vec<Value>,
+        steps: &mut u32,
+    ) -> Result<Value, TooLong> {
+        let code = &self.functions[function.index()];
+        let function = &self.module.functions[function];
+        let mut frame = Frame {
+            function,
+            code,
+            arguments,
+            slots: vec![Value::default(); function.expressions.len()],
+            memory: vec![0; code.memory],
+        };
+        for (handle, variable) in function.local_variables.iter() {
+            if let Some(init) = variable.init {
+                let (at, size) = code.locals[handle.index()];
+                let value = self.read(&frame, init);
+                frame.memory[at..at + size].copy_from_slice(&value.0[..size]);
+            }
+        }
+        match self.block(&mut frame, &function.body, steps)? {
+            Flow::Return(value) => Ok(value),
+            _ => Ok(Value::default()),
+        }
+    }
+
+    fn block(&self, frame: &mut Frame<'_>, block: &Block, steps: &mut u32) -> Result<Flow, TooLong> {
+        for statement in block.iter() {
+            *steps += 1;
+            if *steps > MOST_STEPS {
+                return Err(TooLong);
+            }
+            let flow = self.statement(frame, statement, steps)?;
+            if !matches!(flow, Flow::Next) {
+                return Ok(flow);
+            }
+        }
+        Ok(Flow::Next)
+    }
+
+    fn statement(
+        &self,
+        frame: &mut Frame<'_>,
+        statement: &Statement,
+        steps: &mut u32,
+    ) -> Result<Flow, TooLong> {
+        match statement {
+            Statement::Emit(range) => {
+                for handle in range.clone() {
+                    frame.slots[handle.index()] = self.evaluate(frame, handle);
+                }
+            }
+            Statement::Block(block) => return self.block(frame, block, steps),
+            Statement::If { condition, accept, reject } => {
+                let truth = self.read(frame, *condition).0[0] != 0;
+                return self.block(frame, if truth { accept } else { reject }, steps);
+            }
+            Statement::Switch { selector, cases } => {
+                let value = self.read(frame, *selector).0[0];
+                let hit = |c: &naga::SwitchCase| match c.value {
+                    SwitchValue::I32(v) => v as u32 == value,
+                    SwitchValue::U32(v) => v == value,
+                    SwitchValue::Default => false,
+                };
+                let default = |c: &naga::SwitchCase| c.value == SwitchValue::Default;
+                let start = cases.iter().position(hit).or_else(|| cases.iter().position(default));
+                for case in cases.iter().skip(start.unwrap_or(cases.len())) {
+                    match self.block(frame, &case.body, steps)? {
+                        Flow::Next if case.fall_through => {}
+                        Flow::Next | Flow::Break => break,
+                        other => return Ok(other),
+                    }
+                }
+            }
+            Statement::Loop { body, continuing, break_if } => loop {
+                *steps += 1;
+                if *steps > MOST_STEPS {
+                    return Err(TooLong);
+                }
+                match self.block(frame, body, steps)? {
+                    Flow::Break => break,
+                    Flow::Return(value) => return Ok(Flow::Return(value)),
+                    Flow::Next | Flow::Continue => {}
+                }
+                self.block(frame, continuing, steps)?;
+                if let Some(condition) = break_if
+                    && self.read(frame, *condition).0[0] != 0
+                {
+                    break;
+                }
+            },
+            Statement::Break => return Ok(Flow::Break),
+            Statement::Continue => return Ok(Flow::Continue),
+            Statement::Return { value } => {
+                return Ok(Flow::Return(value.map_or(Value::default(), |v| self.read(frame, v))));
+            }
+            Statement::Store { pointer, value } => {
+                let (at, size) = self.place(frame, *pointer);
+                let value = self.read(frame, *value);
+                if let Some(target) = frame.memory.get_mut(at..at + size.min(MOST)) {
+                    target.copy_from_slice(&value.0[..target.len()]);
+                }
+            }
+            Statement::Call { function, arguments, result } => {
+                let arguments = arguments.iter().map(|a| self.read(frame, *a)).collect();
+                let value = self.call(*function, arguments, steps)?;
+                if let Some(result) = result {
+                    frame.slots[result.index()] = value;
+                }
+            }
+            // Refused by `code`.
+            _ => {}
+        }
+        Ok(Flow::Next)
+    }
+
+    fn read(&self, frame: &Frame<'_>, handle: Handle<Expression>) -> Value {
+        match &frame.function.expressions[handle] {
+            Expression::Literal(literal) => value_of(*literal),
+            Expression::Constant(c) => {
+                self.globals.get(self.module.constants[*c].init.index()).copied().unwrap_or_default()
+            }
+            Expression::ZeroValue(_) => Value::default(),
+            Expression::FunctionArgument(i) => frame.arguments.get(*i as usize).copied().unwrap_or_default(),
+            Expression::Compose { .. } | Expression::Splat { .. } => {
+                // Parts of a variable's first value are never emitted.
+                self.evaluate(frame, handle)
+            }
+            _ => frame.slots[handle.index()],
+        }
+    }
+
+    /// A pointer's first component in the frame's memory, and how many it covers.
+    fn place(&self, frame: &Frame<'_>, pointer: Handle<Expression>) -> (usize, usize) {
+        let size = frame.code.shapes[pointer.index()].size;
+        match &frame.function.expressions[pointer] {
+            Expression::LocalVariable(v) => frame.code.locals[v.index()],
+            Expression::AccessIndex { base, .. } => {
+                (self.place(frame, *base).0 + frame.code.offsets[pointer.index()], size)
+            }
+            Expression::Access { base, index } => {
+                let (at, all) = self.place(frame, *base);
+                (at + self.step(frame, *base, *index, all), size)
+            }
+            _ => (0, 0),
+        }
+    }
+
+    /// Components before the element with this index; beyond the end, the last element's, as WGSL allows.
+    fn step(
+        &self,
+        frame: &Frame<'_>,
+        base: Handle<Expression>,
+        index: Handle<Expression>,
+        all: usize,
+    ) -> usize {
+        let step = frame.code.shapes[base.index()].step.max(1);
+        let last = (all / step).saturating_sub(1);
+        step * (self.read(frame, index).0[0] as usize).min(last)
+    }
+
+    fn evaluate(&self, frame: &Frame<'_>, handle: Handle<Expression>) -> Value {
+        let shape_of = |h: Handle<Expression>| frame.code.shapes[h.index()];
+        let here = shape_of(handle);
+        match &frame.function.expressions[handle] {
+            Expression::Compose { components, .. } => {
+                let mut out = Value::default();
+                let mut at = 0;
+                for part in components {
+                    let size = shape_of(*part).size;
+                    if let Some(target) = out.0.get_mut(at..at + size) {
+                        target.copy_from_slice(&self.read(frame, *part).0[..size]);
+                    }
+                    at += size;
+                }
+                out
+            }
+            Expression::Splat { size, value } => {
+                let mut out = Value::default();
+                out.0[..*size as usize].fill(self.read(frame, *value).0[0]);
+                out
+            }
+            Expression::Swizzle { size, vector, pattern } => {
+                let v = self.read(frame, *vector);
+                let mut out = Value::default();
+                for i in 0..*size as usize {
+                    out.0[i] = v.0[pattern[i] as usize];
+                }
+                out
+            }
+            // Pointers are worked out where they are used.
+            Expression::Access { .. } | Expression::AccessIndex { .. } if here.is_pointer => Value::default(),
+            Expression::Access { base, index } => {
+                let at = self.step(frame, *base, *index, shape_of(*base).size);
+                part(self.read(frame, *base), at, here.size)
+            }
+            Expression::AccessIndex { base, .. } => {
+                part(self.read(frame, *base), frame.code.offsets[handle.index()], here.size)
+            }
+            Expression::Load { pointer } => {
+                let (at, size) = self.place(frame, *pointer);
+                let mut out = Value::default();
+                if let Some(source) = frame.memory.get(at..at + size.min(MOST)) {
+                    out.0[..source.len()].copy_from_slice(source);
+                }
+                out
+            }
+            Expression::Unary { op, expr } => maths::unary(*op, self.read(frame, *expr), here),
+            Expression::Binary { op, left, right } => maths::binary(
+                *op,
+                self.read(frame, *left),
+                shape_of(*left),
+                self.read(frame, *right),
+                shape_of(*right),
+            ),
+            Expression::Select { condition, accept, reject } => {
+                let (c, a, r) =
+                    (self.read(frame, *condition), self.read(frame, *accept), self.read(frame, *reject));
+                let one = shape_of(*condition).size == 1;
+                let mut out = Value::default();
+                for i in 0..here.size {
+                    out.0[i] = if c.0[if one { 0 } else { i }] != 0 { a.0[i] } else { r.0[i] };
+                }
+                out
+            }
+            Expression::Relational { fun, argument } => {
+                let v = self.read(frame, *argument);
+                let s = shape_of(*argument);
+                let mut truths = v.0[..s.size].iter().map(|t| *t != 0);
+                let truth = match fun {
+                    RelationalFunction::All => truths.all(|t| t),
+                    _ => truths.any(|t| t),
+                };
+                let mut out = Value::default();
+                out.0[0] = u32::from(truth);
+                out
+            }
+            Expression::Math { fun, arg, arg1, arg2, arg3 } => {
+                let first = (self.read(frame, *arg), shape_of(*arg));
+                let mut all = [first; 4];
+                let mut count = 1;
+                for next in [arg1, arg2, arg3].into_iter().flatten() {
+                    all[count] = (self.read(frame, *next), shape_of(*next));
+                    count += 1;
+                }
+                maths::maths(*fun, &all[..count])
+            }
+            Expression::As { expr, kind, convert } => {
+                maths::convert(self.read(frame, *expr), shape_of(*expr), *kind, convert.is_none())
+            }
+            _ => self.read(frame, handle),
+        }
+    }
+}
+
+fn part(v: Value, at: usize, size: usize) -> Value {
+    let mut out = Value::default();
+    if let Some(source) = v.0.get(at..at + size) {
+        out.0[..size].copy_from_slice(source);
+    }
+    out
+}
+
+fn value_of(literal: Literal) -> Value {
+    let mut out = Value::default();
+    out.0[0] = match literal {
+        Literal::F32(v) => v.to_bits(),
+        Literal::U32(v) => v,
+        Literal::I32(v) => v as u32,
+        Literal::Bool(v) => u32::from(v),
+        Literal::AbstractInt(v) => v as u32,
+        Literal::AbstractFloat(v) => (v as f32).to_bits(),
+        _ => 0,
+    };
+    out
+}
+
+/// Works out shapes and memory, and refuses what is not known.
+fn code(
+    module: &Module,
+    info: &ModuleInfo,
+    handle: Handle<Function>,
+    function: &Function,
+) -> Result<Code, Unsupported> {
+    let types = &module.types;
+    let info = &info[handle];
+    let mut shapes = Vec::with_capacity(function.expressions.len());
+    let mut offsets = Vec::with_capacity(function.expressions.len());
+    for (handle, expression) in function.expressions.iter() {
+        let span = function.expressions.get_span(handle);
+        let refuse = |what: &str| Unsupported { what: what.to_string(), span };
+        let inner = info[handle].ty.inner_with(types);
+        let shape = shape::shape(inner, types).ok_or_else(|| refuse("this type of value"))?;
+        if shape.size > MOST && !shape.is_pointer {
+            return Err(refuse("a value of more than 16 numbers; index it where it stands"));
+        }
+        if let Some(what) = unknown(expression) {
+            return Err(refuse(what));
+        }
+        let mut offset = 0;
+        if let Expression::AccessIndex { base, index } = expression {
+            let base_type = match info[*base].ty.inner_with(types) {
+                naga::TypeInner::Pointer { base, .. } => &types[*base].inner,
+                other => other,
+            };
+            let base_shape: &Shape = &shapes[base.index()];
+            let member = shape::member_offset(base_type, *index as usize, types);
+            offset = member.unwrap_or(base_shape.step.max(1) * *index as usize);
+        }
+        shapes.push(shape);
+        offsets.push(offset);
+    }
+    let mut locals = Vec::new();
+    let mut memory = 0;
+    for (handle, variable) in function.local_variables.iter() {
+        let size =
+            shape::shape(&types[variable.ty].inner, types).map(|s| s.size).ok_or_else(|| Unsupported {
+                what: "a variable of this type".into(),
+                span: function.local_variables.get_span(handle),
+            })?;
+        if size > MOST && variable.init.is_some() {
+            return Err(Unsupported {
+                what: "a first value of more than 16 numbers".into(),
+                span: function.local_variables.get_span(handle),
+            });
+        }
+        locals.push((memory, size));
+        memory += size;
+    }
+    statements(&function.body)?;
+    Ok(Code { shapes, offsets, locals, memory })
+}
+
+fn unknown(expression: &Expression) -> Option<&'static str> {
+    match expression {
+        Expression::Math { fun, .. } if !maths::is_known(*fun) => Some("this built-in function"),
+        Expression::Relational { fun: RelationalFunction::IsNan | RelationalFunction::IsInf, .. } => {
+            Some("isNan and isInf")
+        }
+        Expression::Derivative { .. } => Some("a derivative: an effect is a function of one pixel"),
+        Expression::ImageSample { .. } | Expression::ImageLoad { .. } | Expression::ImageQuery { .. } => {
+            Some("a texture: an effect is a function of one pixel")
+        }
+        Expression::Override(_) => Some("an override; write const, or a parameter in the head comment"),
+        Expression::Literal(_)
+        | Expression::Constant(_)
+        | Expression::ZeroValue(_)
+        | Expression::Compose { .. }
+        | Expression::Access { .. }
+        | Expression::AccessIndex { .. }
+        | Expression::Splat { .. }
+        | Expression::Swizzle { .. }
+        | Expression::FunctionArgument(_)
+        | Expression::LocalVariable(_)
+        | Expression::Load { .. }
+        | Expression::Unary { .. }
+        | Expression::Binary { .. }
+        | Expression::Select { .. }
+        | Expression::Relational { .. }
+        | Expression::Math { .. }
+        | Expression::As { .. }
+        | Expression::CallResult(_) => None,
+        _ => Some("this expression"),
+    }
+}
+
+fn statements(block: &Block) -> Result<(), Unsupported> {
+    for (statement, span) in block.span_iter() {
+        match statement {
+            Statement::Block(b) => statements(b)?,
+            Statement::If { accept, reject, .. } => {
+                statements(accept)?;
+                statements(reject)?;
+            }
+            Statement::Switch { cases, .. } => {
+                for case in cases {
+                    statements(&case.body)?;
+                }
+            }
+            Statement::Loop { body, continuing, .. } => {
+                statements(body)?;
+                statements(continuing)?;
+            }
+            Statement::Emit(_)
+            | Statement::Break
+            | Statement::Continue
+            | Statement::Return { .. }
+            | Statement::Store { .. }
+            | Statement::Call { .. } => {}
+            Statement::Kill => {
+                return Err(Unsupported {
+                    what: "discard: an effect gives every pixel a color".into(),
+                    span: *span,
+                });
+            }
+            _ => return Err(Unsupported { what: "this statement".into(), span: *span }),
+        }
+    }
+    Ok(())
+}
+
+/// For parameters of functions that are pointers: their place is in another frame.
+pub fn has_pointer_arguments(module: &Module, function: &Function) -> bool {
+    let is_pointer = |ty: Handle<naga::Type>| {
+        matches!(
+            module.types[ty].inner,
+            naga::TypeInner::Pointer { .. } | naga::TypeInner::ValuePointer { .. }
+        )
+    };
+    function.arguments.iter().any(|a| is_pointer(a.ty))
+}

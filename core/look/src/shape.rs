@@ -1,0 +1,92 @@
+//! Values of a shader as flat lists of 32-bit components: scalars, vectors, matrices by columns, arrays, structs.
+
+use naga::{ScalarKind, TypeInner, UniqueArena};
+
+/// Most components of a value held at once (a 4×4 matrix); larger arrays are read through their variable.
+pub const MOST: usize = 16;
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Value(pub [u32; MOST]);
+
+impl Value {
+    pub fn f(self, i: usize) -> f32 {
+        f32::from_bits(self.0[i])
+    }
+    pub fn floats(values: &[f32]) -> Value {
+        let mut all = Value::default();
+        for (slot, v) in all.0.iter_mut().zip(values) {
+            *slot = v.to_bits();
+        }
+        all
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    Float,
+    Int,
+    Uint,
+    Bool,
+}
+
+/// What a type looks like in components.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Of scalars, vectors and matrices.
+    pub kind: Kind,
+    pub size: usize,
+    /// Columns of a matrix, else 0.
+    pub columns: usize,
+    /// Components that one index step skips: 1 in a vector, a column's, an array element's; 0 for structs and scalars.
+    pub step: usize,
+    pub is_pointer: bool,
+}
+
+pub fn kind(kind: ScalarKind, width: u8) -> Option<Kind> {
+    match (kind, width) {
+        (ScalarKind::Float, 4) => Some(Kind::Float),
+        (ScalarKind::Sint, 4) => Some(Kind::Int),
+        (ScalarKind::Uint, 4) => Some(Kind::Uint),
+        (ScalarKind::Bool, _) => Some(Kind::Bool),
+        _ => None,
+    }
+}
+
+/// `None`: a type that an effect does not need (textures, 16- and 64-bit numbers, arrays without a size).
+pub fn shape(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Option<Shape> {
+    let plain = |kind, size, columns, step| Some(Shape { kind, size, columns, step, is_pointer: false });
+    match *inner {
+        TypeInner::Scalar(s) => plain(kind(s.kind, s.width)?, 1, 0, 0),
+        TypeInner::Vector { size, scalar: s } => plain(kind(s.kind, s.width)?, size as usize, 0, 1),
+        TypeInner::Matrix { columns, rows, scalar: s } => {
+            plain(kind(s.kind, s.width)?, columns as usize * rows as usize, columns as usize, rows as usize)
+        }
+        TypeInner::Array { base, size: naga::ArraySize::Constant(count), .. } => {
+            let element = shape(&types[base].inner, types)?;
+            // Longer arrays have no business in a function of one pixel.
+            let size = element.size.checked_mul(count.get() as usize).filter(|s| *s <= 4096)?;
+            plain(element.kind, size, 0, element.size)
+        }
+        TypeInner::Struct { ref members, .. } => {
+            let sizes: Option<Vec<Shape>> =
+                members.iter().map(|m| shape(&types[m.ty].inner, types)).collect();
+            plain(Kind::Float, sizes?.iter().map(|s| s.size).sum(), 0, 0)
+        }
+        TypeInner::Pointer { base, .. } => {
+            shape(&types[base].inner, types).map(|s| Shape { is_pointer: true, ..s })
+        }
+        TypeInner::ValuePointer { size, scalar: s, .. } => {
+            let size = size.map_or(1, |s| s as usize);
+            let step = usize::from(size > 1);
+            Some(Shape { kind: kind(s.kind, s.width)?, size, columns: 0, step, is_pointer: true })
+        }
+        _ => None,
+    }
+}
+
+/// Components before a member of a struct.
+pub fn member_offset(inner: &TypeInner, index: usize, types: &UniqueArena<naga::Type>) -> Option<usize> {
+    let TypeInner::Struct { members, .. } = inner else { return None };
+    let before = members.get(..index)?;
+    before.iter().map(|m| shape(&types[m.ty].inner, types).map(|s| s.size)).sum()
+}

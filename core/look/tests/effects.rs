@@ -1,0 +1,159 @@
+//! Effects in WGSL: what a pixel becomes, against closed forms and a twin written in Rust, and what is refused.
+
+use choreo_look::WgslEffect;
+use choreo_plugin::Effect;
+use effect_vignette::Vignette;
+use glam::{Vec2, Vec4};
+
+fn effect(text: &str) -> WgslEffect {
+    WgslEffect::from_text("my.wgsl", text).unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
+/// `effect` with this body, at color (0.25, 0.5, 0.75, 1), uv (0.2, 0.6), p = 0, 1, 2 …
+fn body(code: &str) -> Vec4 {
+    let text = format!(
+        "// effect: a\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {{\n{code}\n}}"
+    );
+    let p = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+    effect(&text).cpu(Vec4::new(0.25, 0.5, 0.75, 1.0), Vec2::new(0.2, 0.6), &p)
+}
+
+fn error(text: &str) -> String {
+    WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}")).to_string()
+}
+
+/// The plugin in the program has a twin written by hand: the evaluator gives its bits.
+#[test]
+fn the_vignette_is_its_twin_bit_for_bit() {
+    let text = format!("// effect: v\n{}", Vignette.wgsl());
+    let mine = effect(&text);
+    for i in 0..4096u32 {
+        let uv = Vec2::new((i % 64) as f32 / 63.0, (i / 64) as f32 / 63.0);
+        let color = Vec4::new(0.1 + uv.x, uv.y, 2.0 * uv.x, 1.0);
+        let p = [uv.y, 0.99 * uv.x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(mine.cpu(color, uv, &p), Vignette.cpu(color, uv, &p), "{uv}");
+    }
+}
+
+#[test]
+fn operators_and_functions_give_what_the_specification_says() {
+    let cases: [(&str, [f32; 4]); 16] = [
+        ("return color.bgra;", [0.75, 0.5, 0.25, 1.0]),
+        ("return vec4(uv, p[7] % 4.0, (-p[7] - 0.5) % 2.0);", [0.2, 0.6, 3.0, -1.5]),
+        (
+            "return vec4(f32(i32(p[7]) / 2), f32(i32(-p[7]) / 2), f32(u32(p[7]) / 2u), f32(i32(-p[7]) % 4));",
+            [3.0, -3.0, 3.0, -3.0],
+        ),
+        (
+            "let z = i32(p[0]); return vec4(f32(7 / z), f32(7 % z), f32(1u << 3u), f32(-8 >> 1u));",
+            [7.0, 0.0, 8.0, -4.0],
+        ),
+        ("return vec4(f32(i32(2.9)), f32(u32(-2.0)), f32(i32(-2.9)), f32(true));", [2.0, 0.0, -2.0, 1.0]),
+        ("return select(vec4(1.0), vec4(2.0), vec4(p[0]) < color);", [2.0, 2.0, 2.0, 2.0]),
+        (
+            "return vec4(mix(p[1], p[3], 0.25), step(0.5, uv.x), smoothstep(0.0, p[1], color.y), clamp(p[5], 0.0, 2.0));",
+            [1.5, 0.0, 0.5, 2.0],
+        ),
+        (
+            "return vec4(fract(-color.x), floor(-color.y), sign(-p[3]), round(p[2] + 0.5));",
+            [0.75, -1.0, -1.0, 2.0],
+        ),
+        (
+            "return vec4(dot(color.rgb, vec3(1.0)), length(vec2(p[3], 4.0)), distance(vec2(p[1]), vec2(4.0, 5.0)), 1.0);",
+            [1.5, 5.0, 5.0, 1.0],
+        ),
+        (
+            "return vec4(cross(vec3(p[1], 0.0, 0.0), vec3(0.0, 1.0, 0.0)), normalize(vec2(0.0, p[7])).y);",
+            [0.0, 0.0, 1.0, 1.0],
+        ),
+        (
+            "let m = mat2x2(p[1], 2.0, 3.0, 4.0); return vec4(m * vec2(1.0, 10.0), vec2(1.0, 10.0) * m);",
+            [31.0, 42.0, 21.0, 43.0],
+        ),
+        (
+            "let m = mat2x2(p[1], 2.0, 3.0, 4.0) * mat2x2(0.0, p[1], 1.0, 0.0); return vec4(m[0], m[1]);",
+            [3.0, 4.0, 1.0, 2.0],
+        ),
+        (
+            "return vec4(p[u32(p[3])], p[100u % 8u], f32(bitcast<u32>(p[1]) >> 23u), 0.0);",
+            [3.0, 4.0, 127.0, 0.0],
+        ),
+        (
+            "return vec4(f32(all(color > vec4(0.2))), f32(any(color > vec4(0.9))), f32(!true), f32(~0u & 255u));",
+            [1.0, 1.0, 0.0, 255.0],
+        ),
+        (
+            "return vec4(pow(p[2], 3.0), sqrt(p[4] * p[4]), exp2(p[3]), log2(p[4] * 2.0));",
+            [8.0, 4.0, 8.0, 3.0],
+        ),
+        (
+            "return vec4(f32(max(-1, i32(p[2]))), f32(abs(i32(-p[3]))), f32(min(3u, u32(p[2]))), f32(clamp(i32(9.0 * p[1]), 0, 4)));",
+            [2.0, 3.0, 2.0, 4.0],
+        ),
+    ];
+    for (code, expected) in cases {
+        assert_eq!(body(code).to_array(), expected, "{code}");
+    }
+}
+
+#[test]
+fn loops_branches_variables_and_functions() {
+    let sum = "var s = 0.0; for (var i = 0u; i < 8u; i++) { if i == 3u { continue; } if i == 6u { break; } s += p[i]; } return vec4(s);";
+    assert_eq!(body(sum).x, 0.0 + 1.0 + 2.0 + 4.0 + 5.0);
+    let array =
+        "var a = array<vec2<f32>, 3>(); a[1] = uv; a[2].y = 9.0; let k = u32(p[2]); return vec4(a[1], a[k]);";
+    assert_eq!(body(array).to_array(), [0.2, 0.6, 0.0, 9.0]);
+    let switched = "switch u32(p[2]) { case 1u: { return vec4(1.0); } case 2u, 3u: { return vec4(2.0); } default: { return vec4(3.0); } }";
+    assert_eq!(body(switched).x, 2.0);
+    let text = "// effect: a
+        const weights = array<f32, 3>(0.2126, 0.7152, 0.0722);
+        struct Pair { a: vec2<f32>, b: f32 }
+        fn pair(x: f32) -> Pair { return Pair(vec2(x, 2.0 * x), 3.0 * x); }
+        fn luma(c: vec3<f32>) -> f32 { var l = 0.0; for (var i = 0; i < 3; i++) { l += weights[i] * c[i]; } return l; }
+        fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
+            var q = pair(p[1]);
+            q.b += 1.0;
+            return vec4(q.a, q.b, luma(vec3(1.0)));
+        }";
+    let got = effect(text).cpu(Vec4::ZERO, Vec2::ZERO, &[0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    assert!(got.abs_diff_eq(Vec4::new(5.0, 10.0, 16.0, 1.0), 1e-6), "{got}");
+}
+
+#[test]
+fn parameters_are_constants_by_their_name() {
+    let text = "// effect: tint\n// about: one color for all\n// param red = 0.5 in 0..1: how red\n// param blue = 0.25 in 0..1: how blue\n\
+        fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return vec4(p[red], 0.0, p[blue], color.a); }";
+    let e = effect(text);
+    assert_eq!((e.manifest().name.as_str(), e.manifest().options.len()), ("tint", 2));
+    let p = [0.1, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    assert_eq!(e.cpu(Vec4::ONE, Vec2::ZERO, &p), Vec4::new(0.1, 0.0, 0.2, 1.0));
+}
+
+#[test]
+fn mistakes_have_the_line_that_the_author_wrote() {
+    let head = "// effect: a\n";
+    let good = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>";
+    assert_eq!(
+        error("fn effect() {}"),
+        "my.wgsl:1:1: the head comment must name the effect: // effect: NAME"
+    );
+    assert_eq!(
+        error(&format!("{head}fn other() {{}}")),
+        format!("my.wgsl:1:1: there is no function effect; write {good}")
+    );
+    assert_eq!(
+        error(&format!("{head}\nfn effect(c: f32) {{}}")),
+        format!("my.wgsl:3:1: effect must be {good}")
+    );
+    let text = error(&format!("{head}{good} {{\n  return colr;\n}}"));
+    assert!(text.starts_with("my.wgsl:3:10: ") && text.contains("colr"), "{text}");
+    let text = error(&format!("{head}{good} {{\n  return 1;\n}}"));
+    assert!(text.starts_with("my.wgsl:"), "{text}");
+    let text = error(&format!("{head}{good} {{\n  return color * dpdx(uv.x);\n}}"));
+    assert!(text.starts_with("my.wgsl:3:"), "{text}");
+    let text = error(&format!("{head}var<private> x: f32;\n{good} {{\n  return color * x;\n}}"));
+    assert!(text.starts_with("my.wgsl:2:1: not supported: global variable x"), "{text}");
+    let text =
+        error(&format!("{head}{good} {{\n  loop {{ if uv.x > 9.0 {{ break; }} }}\n  return color;\n}}"));
+    assert_eq!(text, "my.wgsl:1:1: a pixel takes more than 100000 steps; does a loop never end?");
+}
