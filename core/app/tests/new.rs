@@ -3,12 +3,6 @@
 mod common;
 
 use common::*;
-use std::path::Path;
-use std::process::Command;
-
-fn sources() -> std::path::PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
-}
 
 #[test]
 fn single_files_work_as_they_are() {
@@ -40,27 +34,4 @@ fn nothing_is_overwritten_and_names_are_checked() {
     assert!(run.code == 2 && run.err.contains("--sources DIR"), "{}", run.err);
     let run = choreo(dir.path(), &["new", "importer", "a", "--sources", "."]);
     assert!(run.code == 2 && run.err.contains("choreo's sources are not there"), "{}", run.err);
-}
-
-/// Against this workspace, with its lock file and without a network. The build products stay, so that only the first run is slow.
-#[test]
-fn new_crates_build_and_pass_their_tests() {
-    let dir = folder();
-    let sources = sources();
-    for (kind, folder) in [("importer", "import-my-format"), ("effect", "effect-my-format")] {
-        let run =
-            choreo(dir.path(), &["new", kind, "my_format", "--sources", &sources.display().to_string()]);
-        assert_eq!(run.code, 0, "{}", run.err);
-        let folder = dir.path().join(folder);
-        std::fs::copy(sources.join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
-        let out = Command::new(env!("CARGO"))
-            .args(["test", "--offline", "--quiet"])
-            .current_dir(&folder)
-            .env("CARGO_TARGET_DIR", sources.join("target/new-plugins"))
-            .output()
-            .unwrap();
-        let text = String::from_utf8_lossy(&out.stdout);
-        assert!(out.status.success(), "{text}{}", String::from_utf8_lossy(&out.stderr));
-        assert!(text.contains("test result: ok."), "{text}");
-    }
 }
