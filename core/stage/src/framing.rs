@@ -77,7 +77,9 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
                     bounds.add_box(&(axes_from_model * widen(joint)), &part.morphed(weights));
                 }
             }
-            if !bounds.is_empty() {
+            // What is beyond all numbers cannot be seen beside anything else, nor on its own.
+            let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
+            if !bounds.is_empty() && reach < FARTHEST {
                 (if is_flat(&actor.asset) { &mut ground } else { &mut boxes }).push(bounds);
             }
         }
@@ -121,6 +123,9 @@ fn is_flat(asset: &Asset) -> bool {
     let size = bounds.max - bounds.min;
     !bounds.is_empty() && size.y <= FLAT * size.x.max(size.z)
 }
+
+/// Metres; a camera that stands off from more has numbers that f32 cannot hold.
+const FARTHEST: f64 = 1e30;
 
 /// Position in the axes of the view, and the projection with a near plane before everything.
 ///

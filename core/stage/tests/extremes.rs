@@ -229,3 +229,19 @@ fn check_names_each_planted_fault_and_at_survives_it() {
         let _ = stage.at(secs(0.5));
     }
 }
+
+/// Found by the fuzz target `timeline`: the framing camera stood at NaN.
+#[test]
+fn a_framing_camera_stays_finite_whatever_it_frames() {
+    for far in [1e20, 1e150, 1e300, f64::MAX] {
+        let mut stage = Stage::default();
+        for (name, x) in [("near", 0.0), ("far", far), ("farther", -far)] {
+            let actor = stage.cast(name, figure());
+            stage.actors[actor].transform.translation = v(x, x, 0.0);
+        }
+        let camera = stage.at(secs(0.0)).unwrap().camera;
+        assert!(camera.world_from_view.is_finite(), "{far:e}: {camera:?}");
+        let Projection::Perspective { near, .. } = camera.projection else { panic!("{camera:?}") };
+        assert!(near.is_finite() && near > 0.0, "{far:e}: {near}");
+    }
+}
