@@ -63,7 +63,8 @@ pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
 
 /// With `libm`, so that an import gives the same bits on every machine.
 fn maths(engine: &mut Engine) {
-    let one: [(&str, fn(f64) -> f64); 11] = [
+    type One = (&'static str, fn(f64) -> f64);
+    let one: [One; 11] = [
         ("sin", libm::sin),
         ("cos", libm::cos),
         ("tan", libm::tan),

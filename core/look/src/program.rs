@@ -313,8 +313,8 @@ impl Program {
             Expression::Swizzle { size, vector, pattern } => {
                 let v = self.read(frame, *vector);
                 let mut out = Value::default();
-                for i in 0..*size as usize {
-                    out.0[i] = v.0[pattern[i] as usize];
+                for (slot, component) in out.0.iter_mut().zip(pattern).take(*size as usize) {
+                    *slot = v.0[*component as usize];
                 }
                 out
             }
