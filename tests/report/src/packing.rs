@@ -21,6 +21,10 @@ pub fn section() -> Result<Section, String> {
             "normals",
             "the octahedron holds nearly as much in half the bytes, but every shader would have to unfold it; vertices are 20 to 52 bytes, \
              and none of our scenes is bound by reading them.",
+        ), (
+            "weights",
+            "as rounded, weights add up to a little more or less than 1, which moves a vertex by its distance from the model's origin: nothing \
+             at the 1 m of this table, 1.5 mm at 100 m.",
         )],
     })
 }

@@ -18,8 +18,8 @@ pub fn section() -> Result<Section, String> {
         "At which quality is a frame written as MP4? (the first dance, 1280×720, its first picture)".into();
     Ok(Section {
         title: "Video quality",
-        text: "The last row is what 4:2:0 loses by itself: thin colored edges. Up to quality 75 the encoder adds less than that to the mean; \
-               beyond, bytes grow and what is left does not."
+        text: "The last row is what 4:2:0 loses by itself: thin colored edges. From quality 65 on the encoder adds less than that to the mean, \
+               and above 75 each quarter more bytes brings less."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),

@@ -45,8 +45,8 @@ pub fn section() -> Result<Section, String> {
     choice.choose(OURS, "as exact as bytes can hold, at the speed of SIMD");
     Ok(Section {
         title: "Video colors",
-        text: "Half a step is the rounding to bytes. Weights in 1/256 add half a step more; a plain mean of four pixels puts chroma half a \
-               pixel to the right of where players expect it."
+        text: "The picture's rounding to bytes and the result's make nine tenths of a step at worst. Weights in 1/256 add half a step more; a \
+               plain mean of four pixels puts chroma half a pixel to the right of where players expect it."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),
