@@ -3,7 +3,12 @@
 use glam::{DVec3, Vec2, Vec3};
 
 /// A way to write a unit vector: name, bytes, and what comes back.
-pub const NORMALS: [(&str, usize, fn(Vec3) -> Vec3); 5] = [
+pub type NormalPacking = (&'static str, usize, fn(Vec3) -> Vec3);
+
+/// A way to write the weights of a vertex: name, bytes of four, and what comes back, with the sum 1.
+pub type WeightPacking = (&'static str, usize, fn(&[f32]) -> Vec<f32>);
+
+pub const NORMALS: [NormalPacking; 5] = [
     ("f32 × 3", 12, |n| n),
     ("16-bit signed × 4", 8, |n| snorm(n, 32767.0)),
     ("octahedron, 16-bit × 2", 4, |n| octahedron(n, 32767.0)),
@@ -39,8 +44,7 @@ pub fn degrees_between(a: Vec3, b: Vec3) -> f64 {
     (2.0 * libm::atan2((a - b).length(), (a + b).length())).to_degrees()
 }
 
-/// A way to write the weights of a vertex: name, bytes of four, and what comes back (sum 1).
-pub const WEIGHTS: [(&str, usize, fn(&[f32]) -> Vec<f32>); 4] = [
+pub const WEIGHTS: [WeightPacking; 4] = [
     ("f32 × 4", 16, |w| w.to_vec()),
     ("16-bit unsigned × 4, sum kept", 8, |w| unorm(w, 65535.0, true)),
     ("16-bit unsigned × 4, as rounded", 8, |w| unorm(w, 65535.0, false)),

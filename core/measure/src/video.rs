@@ -35,7 +35,7 @@ pub fn first_picture(mp4: &[u8]) -> Result<Planes, String> {
         return Ok(planes(&picture));
     }
     let late = decoder.flush_remaining().map_err(failed)?;
-    late.first().map(|p| planes(p)).ok_or_else(|| "the video holds no picture".into())
+    late.first().map(planes).ok_or_else(|| "the video holds no picture".into())
 }
 
 fn planes(picture: &impl YUVSource) -> Planes {

@@ -118,7 +118,7 @@ proptest! {
         let pose = sampled(&skeleton, &clip, Time::from_secs(at));
         let model = model(&skeleton, &pose);
         for (joint, parent) in skeleton.parents().iter().enumerate() {
-            let local = Affine3A::from(pose.get(joint).to_affine());
+            let local = pose.get(joint).to_affine();
             let from_parent = parent.map_or(Affine3A::IDENTITY, |p| model[p as usize]);
             prop_assume!(from_parent.matrix3.determinant().abs() > 1e-3);
             let back = from_parent.inverse() * model[joint];

@@ -17,7 +17,7 @@ pub fn quantity(value: f64) -> String {
         return format!("{value:.2e}");
     }
     // Digits before the point; rounding 9.995 up to 10.0 is a digit more and does not matter here.
-    let before = (size.log10().floor() as i32).max(-4);
+    let before = (libm::log10(size).floor() as i32).max(-4);
     let decimals = (2 - before).clamp(0, 6) as usize;
     format!("{value:.decimals$}")
 }

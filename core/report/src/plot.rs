@@ -39,7 +39,7 @@ impl Axis {
     }
 
     fn at(&self, value: f64) -> f64 {
-        let share = (value.log10() - self.low) / (self.high - self.low);
+        let share = (libm::log10(value) - self.low) / (self.high - self.low);
         self.pixels.0 + share * (self.pixels.1 - self.pixels.0)
     }
 
@@ -50,10 +50,10 @@ impl Axis {
         let mut ticks = Vec::new();
         for decade in (self.low.floor() as i32)..=(self.high.ceil() as i32) {
             if decade.rem_euclid(every) == 0 {
-                ticks.extend(steps.iter().map(|s| s * 10f64.powi(decade)));
+                ticks.extend(steps.iter().map(|s| s * libm::pow(10.0, f64::from(decade))));
             }
         }
-        ticks.retain(|t| (self.low..=self.high).contains(&t.log10()));
+        ticks.retain(|t| (self.low..=self.high).contains(&libm::log10(*t)));
         ticks
     }
 }

@@ -95,7 +95,7 @@ impl Timeline {
 /// About ten round steps: 1, 2 or 5 times a power of ten.
 fn round_step(length: f64) -> f64 {
     let rough = length / 10.0;
-    let decade = 10f64.powf(rough.log10().floor());
+    let decade = libm::pow(10.0, libm::log10(rough).floor());
     [1.0, 2.0, 5.0, 10.0].iter().map(|m| m * decade).find(|s| *s >= rough * 0.999).unwrap_or(decade)
 }
 

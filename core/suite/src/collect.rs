@@ -10,6 +10,8 @@ use std::sync::Arc;
 const MOST_FILES: usize = 20_000;
 /// Folders that hold no tests of their own: modules are imported, pictures compared, the rest is not ours.
 const PASSED_OVER: &[&str] = &["modules", "pictures", "target", "node_modules"];
+/// Plugins in Rhai are no tests.
+const PLUGIN: &str = ".importer.rhai";
 
 /// One section to run.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,13 +59,9 @@ impl Case {
     }
 }
 
-/// All sections of the files and folders, in the order given; folders sorted by name. `options.root` counts for the files
-/// that it holds.
-pub fn collect(
-    paths: &[PathBuf],
-    registry: &Registry,
-    options: &TestOptions,
-) -> Result<Vec<Case>, NothingToRun> {
+/// The scripts of the files and folders, in the order given, each with the folder given that it was found in; folders
+/// sorted by name.
+pub fn files(paths: &[PathBuf]) -> Result<Vec<(PathBuf, Option<PathBuf>)>, NothingToRun> {
     let mut files: Vec<(PathBuf, Option<PathBuf>)> = Vec::new();
     for path in paths {
         let shown = shown(path);
@@ -86,8 +84,17 @@ pub fn collect(
     }
     let mut seen = std::collections::BTreeSet::new();
     files.retain(|(path, _)| seen.insert(path.canonicalize().unwrap_or_else(|_| path.clone())));
+    Ok(files)
+}
+
+/// All sections of the [`files`]. `options.root` counts for the files that it holds.
+pub fn collect(
+    paths: &[PathBuf],
+    registry: &Registry,
+    options: &TestOptions,
+) -> Result<Vec<Case>, NothingToRun> {
     let mut cases = Vec::new();
-    for (path, root) in files {
+    for (path, root) in files(paths)? {
         let file = shown(&path);
         let holds = |root: &PathBuf| {
             let real = path.canonicalize().ok().zip(root.canonicalize().ok());
@@ -131,7 +138,7 @@ fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>)
             if !PASSED_OVER.contains(&text.as_ref()) {
                 walk(&path, root, files)?;
             }
-        } else if text.to_ascii_lowercase().ends_with(".rhai") && path.is_file() {
+        } else if text.to_ascii_lowercase().ends_with(".rhai") && !text.ends_with(PLUGIN) && path.is_file() {
             if files.len() >= MOST_FILES {
                 return Err(NothingToRun::Usage(format!(
                     "more than {MOST_FILES} scripts below {}; name the folder of the tests",

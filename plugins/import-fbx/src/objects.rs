@@ -131,7 +131,9 @@ fn unit(file: &File<'_>, node: &Node, light: &ufbx::Light, kind: LightKind) -> f
         LightDecay::Quadratic => return PI * metres * metres,
         LightDecay::None => ("does not fade with the distance", 1.0),
         LightDecay::Linear => ("fades with the distance", metres / at),
-        LightDecay::Cubic => ("fades with the third power of the distance", (metres / at).powi(3)),
+        LightDecay::Cubic => {
+            ("fades with the third power of the distance", (metres / at) * (metres / at) * (metres / at))
+        }
     };
     let what = format!(
         "its light {law} in the file; here it fades with the square, and is equally bright at {at:.2} m, in the middle of the scene"

@@ -23,10 +23,10 @@ pub fn section() -> Result<Section, String> {
         for seed in 0..8 {
             let (skeleton, pose) = chain(*length, seed)?;
             let exact = truth::model_from_joint(&skeleton, &truth::rest(&skeleton));
-            for way in 0..WAYS.len() {
+            for (way, errors) in by_length.iter_mut().enumerate() {
                 let tips = run(way, &skeleton, &pose);
                 let error = (tips[length - 1] - exact[length - 1].translation).length() * 1e6;
-                by_length[way][at].add(error);
+                errors[at].add(error);
             }
         }
         if at == TYPICAL {

@@ -7,7 +7,7 @@ use choreo_render::plan::View;
 use choreo_render::view::relative;
 use choreo_report::{Cell, Choice, Row, Table, quantity};
 use choreo_stage::{CameraState, Projection};
-use glam::{DAffine3, DMat4, DQuat, DVec3, DVec4, Mat4, Vec3};
+use glam::{DAffine3, DMat4, DQuat, DVec3, DVec4, Vec3};
 
 /// Metres: a room, a town, a country, the Earth, the Moon.
 const DISTANCES: [(f64, &str); 5] =
@@ -27,12 +27,12 @@ pub fn section() -> Result<Section, String> {
         let shot = Shot::new(*distance);
         let mut picture = vec![DVec3::ZERO; POINTS];
         let exact: Vec<DVec3> = shot.draw(0);
-        for way in 0..WAYS.len() {
+        for (way, errors) in by_distance.iter_mut().enumerate() {
             picture.clone_from(&shot.draw(way));
             for (got, exact) in picture.iter().zip(&exact) {
                 // Nothing at all where f32 has no such place: half a picture off.
                 let off = (*got - *exact).truncate().length();
-                by_distance[way][at].add(if off.is_finite() { off } else { HEIGHT });
+                errors[at].add(if off.is_finite() { off } else { HEIGHT });
             }
         }
         if at == TYPICAL {
@@ -127,7 +127,7 @@ impl Shot {
                 self.points.iter().map(|p| single(clip(p))).collect()
             }
             2 => {
-                let world_from_model = Mat4::from(glam::DMat4::from(self.world_from_model).as_mat4());
+                let world_from_model = glam::DMat4::from(self.world_from_model).as_mat4();
                 let view_from_world = DMat4::from(self.world_from_view).as_mat4().inverse();
                 let clip_from_model = |p: &DVec3| {
                     let world = world_from_model * p.as_vec3().extend(1.0);

@@ -33,8 +33,10 @@ pub struct Section {
     pub off_front: Vec<(&'static str, &'static str)>,
 }
 
+type Measure = fn() -> Result<Section, String>;
+
 /// By name, in the order of the report.
-const SECTIONS: [(&str, fn() -> Result<Section, String>); 11] = [
+const SECTIONS: [(&str, Measure); 11] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -153,7 +155,7 @@ fn write_section(text: &mut String, section: &Section, plots: &Path) -> Result<(
 pub struct Random(pub u64);
 
 impl Random {
-    pub fn next(&mut self) -> u64 {
+    pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -163,7 +165,7 @@ impl Random {
 
     /// 0..1
     pub fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// −1..1

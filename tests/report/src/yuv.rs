@@ -10,10 +10,12 @@ const WIDTH: usize = 640;
 const HEIGHT: usize = 360;
 const OURS: &str = "1/2^15 fixed point, [1 2 1] across (what runs)";
 
+type Convert = fn(&[u8]) -> Planes;
+
 pub fn section() -> Result<Section, String> {
     let rgba = picture();
     let exact = exact(&rgba);
-    let ways: [(&str, fn(&[u8]) -> Planes); 4] = [
+    let ways: [(&str, Convert); 4] = [
         ("f64, [1 2 1] across", in_f64),
         (OURS, ours),
         ("1/2^8 fixed point, [1 2 1] across", in_8_bits),

@@ -22,8 +22,10 @@ const USUAL: [&str; 2] = ["tests/suite", "scripts"];
 
 pub fn run(args: TestArgs) -> Result<(), Failure> {
     let job = Job::new(&args)?;
-    let paths: Vec<&Path> = job.paths.iter().map(PathBuf::as_path).collect();
-    let registry = plugin_files::registry(&args.plugins, &paths)?;
+    // Plugins beside any of the tests count for all of them.
+    let files = collect::files(&job.paths).map_err(nothing)?;
+    let beside: Vec<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
+    let registry = plugin_files::registry(&args.plugins, &beside)?;
     if args.watch {
         return watch::run(&args, &job, &registry);
     }
@@ -104,12 +106,15 @@ impl Job {
     }
 
     fn cases(&self, registry: &Registry) -> Result<Vec<Case>, Failure> {
-        let failure = |e: NothingToRun| match e {
-            NothingToRun::Usage(text) => Failure::Usage(text),
-            NothingToRun::Input(text) => Failure::input(text),
-        };
-        let cases = collect::collect(&self.paths, registry, &self.options.test).map_err(failure)?;
-        collect::select(cases, &self.selection).map_err(failure)
+        let cases = collect::collect(&self.paths, registry, &self.options.test).map_err(nothing)?;
+        collect::select(cases, &self.selection).map_err(nothing)
+    }
+}
+
+fn nothing(why: NothingToRun) -> Failure {
+    match why {
+        NothingToRun::Usage(text) => Failure::Usage(text),
+        NothingToRun::Input(text) => Failure::input(text),
     }
 }
 

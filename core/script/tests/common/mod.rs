@@ -94,7 +94,7 @@ impl Importer for Toy {
         let seen = usize::from(needs.geometry);
         Ok(Asset {
             skeleton: Arc::new(Skeleton::new(names, parents, rest).unwrap()),
-            meshes: vec![Arc::new(mesh); seen],
+            meshes: std::iter::repeat_n(Arc::new(mesh), seen).collect(),
             instances: vec![MeshInstance { joint: 0, mesh: 0, skin: None, weights: vec![0.0] }; seen],
             cameras: vec![AssetCamera { name: "eye".into(), joint: 2, projection: Projection::default() }],
             clips: vec![clip("Walk", 1.0), clip("Run", 0.8), clip("Wave", 2.0)],
