@@ -1,10 +1,10 @@
-//! What the tests use beyond cargo: a Vulkan driver, the validation layers, and ffmpeg as a second decoder.
+//! What the tests use beyond cargo: a Vulkan driver, the validation layers, ffmpeg as a second decoder, assimp as a second importer.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// (Debian and Ubuntu package, what is missing without it, a file that shows it is there)
-const NEEDED: [(&str, &str, &[&str]); 5] = [
+const NEEDED: [(&str, &str, &[&str]); 6] = [
     ("libvulkan1", "Vulkan loader", &["libvulkan.so.1"]),
     (
         "mesa-vulkan-drivers",
@@ -22,6 +22,7 @@ const NEEDED: [(&str, &str, &[&str]); 5] = [
     ),
     ("libwayland-client0", "library that the driver loads", &["libwayland-client.so.0"]),
     ("ffmpeg", "second decoder of the videos we write", &["/usr/bin/ffmpeg"]),
+    ("assimp-utils", "second importer that ours are compared with", &["/usr/bin/assimp"]),
 ];
 
 const LIBRARY_FOLDERS: [&str; 6] = [
