@@ -64,10 +64,29 @@ impl Curve {
     }
 }
 
+/// The authored weight of a facial expression over time, by the expression's name: whoever plays the clip looks it up among its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExpressionCurve {
+    pub name: String,
+    pub interpolation: Interpolation,
+    /// As in [`Curve`].
+    pub times: Arc<[Time]>,
+    /// One number a key (three if CubicSpline), 0..=1 where it means something.
+    pub values: Arc<[f32]>,
+}
+
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ClipError {
     #[error("curve {curve} ({path:?} of joint {joint}): {what}")]
     Curve { curve: usize, joint: u32, path: Path, what: String },
+}
+
+/// A curve of an expression that is unsound.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("expression \"{name}\": {what}")]
+pub struct ExpressionError {
+    pub name: String,
+    pub what: String,
 }
 
 /// A checked clip. Times run from zero to `duration`; before the first and after the last key a curve holds its end values.
@@ -83,6 +102,8 @@ pub struct Clip {
     animated: Arc<[u64]>,
     /// (joint, curve), sorted.
     weight_curves: Arc<[(u32, u32)]>,
+    /// By name, each once.
+    expressions: Arc<[ExpressionCurve]>,
 }
 
 /// Morph targets that one curve may drive; a file that says more is refused.
@@ -133,12 +154,51 @@ impl Clip {
             tracks: Arc::default(),
             animated: animated.into(),
             weight_curves: weight_curves.into(),
+            expressions: Arc::default(),
         }
+    }
+
+    /// With curves of expressions, checked as the others are; each name once. The clip lasts as long as its longest curve.
+    pub fn with_expressions(mut self, mut curves: Vec<ExpressionCurve>) -> Result<Clip, ExpressionError> {
+        curves.sort_by(|a, b| a.name.cmp(&b.name));
+        for (index, curve) in curves.iter().enumerate() {
+            let error = |what: String| ExpressionError { name: curve.name.clone(), what };
+            if index > 0 && curves[index - 1].name == curve.name {
+                return Err(error("it has two curves".into()));
+            }
+            let stride = if curve.interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+            check_keys(&curve.times, &curve.values, stride).map_err(error)?;
+            self.duration = self.duration.max(curve.times[curve.times.len() - 1]);
+        }
+        self.expressions = curves.into();
+        Ok(self)
+    }
+
+    /// Authored weights of expressions, by name.
+    pub fn expressions(&self) -> &[ExpressionCurve] {
+        &self.expressions
+    }
+
+    /// Weight of an expression at a time; `None` where the clip does not drive it.
+    pub fn sample_expression(&self, name: &str, time: Time) -> Option<f32> {
+        let at = self.expressions.binary_search_by(|c| c.name.as_str().cmp(name)).ok()?;
+        let curve = &self.expressions[at];
+        let as_curve = Curve {
+            joint: 0,
+            path: Path::Weights(1),
+            interpolation: curve.interpolation,
+            times: curve.times.clone(),
+            values: curve.values.clone(),
+        };
+        let mut weight = [0.0];
+        crate::sample::curve_between(&as_curve, find_interval(&curve.times, time), &mut weight);
+        Some(weight[0])
     }
 
     /// The same clip with other curves, which are known to be sound.
     pub(crate) fn with_curves(&self, joint_count: usize, curves: Vec<Curve>) -> Clip {
-        Clip::from_checked(self.name.clone(), self.duration, joint_count, curves)
+        let clip = Clip::from_checked(self.name.clone(), self.duration, joint_count, curves);
+        Clip { expressions: self.expressions.clone(), ..clip }
     }
 
     /// Lays the keys out for sampling, which else happens when the clip is first sampled.
@@ -176,30 +236,22 @@ impl Clip {
     }
 }
 
-/// Checks one curve and renormalises its rotations; the text says which key is wrong.
-fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), String> {
-    if curve.joint as usize >= joint_count {
-        return Err(format!("the skeleton has only {joint_count} joints"));
-    }
-    if let Path::Weights(n) = curve.path
-        && n > MAX_WEIGHTS
-    {
-        return Err(format!("{n} morph weights, at most {MAX_WEIGHTS} are allowed"));
-    }
-    let keys = curve.times.len();
+/// As many values as the keys need, all finite; at least one key; times that increase.
+fn check_keys(times: &[Time], values: &[f32], stride: usize) -> Result<(), String> {
+    let keys = times.len();
     if keys == 0 {
         return Err("it has no keys".to_string());
     }
-    let wanted = keys.checked_mul(curve.stride());
-    if wanted != Some(curve.values.len()) {
+    let wanted = keys.checked_mul(stride);
+    if wanted != Some(values.len()) {
         return Err(format!(
             "{keys} keys need {} values ({} a key), it has {}",
             wanted.map_or("too many".to_string(), |n| n.to_string()),
-            curve.stride(),
-            curve.values.len()
+            stride,
+            values.len()
         ));
     }
-    for (i, pair) in curve.times.windows(2).enumerate() {
+    for (i, pair) in times.windows(2).enumerate() {
         if pair[1] <= pair[0] {
             let how = if pair[1] == pair[0] { "repeats" } else { "runs backwards from" };
             return Err(format!(
@@ -210,13 +262,27 @@ fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), String> {
             ));
         }
     }
-    let stride = curve.stride();
-    if let Some(at) = curve.values.iter().position(|v| !v.is_finite()) {
-        return Err(format!("key {} holds {}, must be finite", at / stride, curve.values[at]));
+    if let Some(at) = values.iter().position(|v| !v.is_finite()) {
+        return Err(format!("key {} holds {}, must be finite", at / stride, values[at]));
     }
-    if let Some(at) = curve.values.iter().position(|v| v.abs() > MAX_KEY) {
-        return Err(format!("key {} holds {}, at most ±{MAX_KEY} is allowed", at / stride, curve.values[at]));
+    if let Some(at) = values.iter().position(|v| v.abs() > MAX_KEY) {
+        return Err(format!("key {} holds {}, at most ±{MAX_KEY} is allowed", at / stride, values[at]));
     }
+    Ok(())
+}
+
+/// Checks one curve and renormalises its rotations; the text says which key is wrong.
+fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), String> {
+    if curve.joint as usize >= joint_count {
+        return Err(format!("the skeleton has only {joint_count} joints"));
+    }
+    if let Path::Weights(n) = curve.path
+        && n > MAX_WEIGHTS
+    {
+        return Err(format!("{n} morph weights, at most {MAX_WEIGHTS} are allowed"));
+    }
+    check_keys(&curve.times, &curve.values, curve.stride())?;
+    let (keys, stride) = (curve.times.len(), curve.stride());
     if curve.path == Path::Rotation {
         let value_at = if curve.interpolation == Interpolation::CubicSpline { 4 } else { 0 };
         for key in 0..keys {

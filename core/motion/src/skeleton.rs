@@ -1,6 +1,8 @@
 //! A node tree in parent-first order with a rest pose.
 
 use crate::Transform;
+use crate::humanoid::{HumanBone, Humanoid, HumanoidError};
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Joints in parent-first order: `parents[i]` is `None` or smaller than `i`. Any number of roots and joints.
@@ -11,6 +13,7 @@ pub struct Skeleton {
     rest: Vec<Transform>,
     /// (joint, parent) of all joints but roots, by depth.
     by_depth: Vec<[u32; 2]>,
+    humanoid: Option<Arc<Humanoid>>,
 }
 
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -23,6 +26,8 @@ pub enum SkeletonError {
     NotParentFirst { joint: usize, name: String, parent: u32 },
     #[error("rest transform of joint {joint} (\"{name}\") is not finite")]
     NotFinite { joint: usize, name: String },
+    #[error(transparent)]
+    Humanoid(#[from] HumanoidError),
 }
 
 impl Skeleton {
@@ -50,7 +55,18 @@ impl Skeleton {
             }
         }
         let by_depth = by_depth(&parents);
-        Ok(Skeleton { names, parents, rest, by_depth })
+        Ok(Skeleton { names, parents, rest, by_depth, humanoid: None })
+    }
+
+    /// The same skeleton with its file's word on which joint is which bone of a human body: names then count less.
+    pub fn with_humanoid(self, humanoid: Humanoid) -> Result<Skeleton, SkeletonError> {
+        humanoid.check(self.len())?;
+        Ok(Skeleton { humanoid: Some(Arc::new(humanoid)), ..self })
+    }
+
+    /// The bones of a human body, where the file names them; see [`Humanoid::from_names`] for others.
+    pub fn humanoid(&self) -> Option<&Humanoid> {
+        self.humanoid.as_deref()
     }
 
     pub fn len(&self) -> usize {
@@ -75,8 +91,9 @@ impl Skeleton {
         &self.by_depth
     }
 
-    /// Index of the joint with this exact name, else of the only joint whose [`plain_name`] matches, else of the only one that
-    /// is the same joint of a human body ([`crate::joint_names::humanoid_name`]).
+    /// Index of the joint with this exact name, else of the only joint whose [`plain_name`] matches, else of the bone of this name
+    /// of the skeleton's [`Humanoid`], else of the only one that is the same joint of a human body
+    /// ([`crate::joint_names::humanoid_name`]).
     pub fn find(&self, name: &str) -> Option<usize> {
         if let Some(i) = self.names.iter().position(|n| n == name) {
             return Some(i);
@@ -87,6 +104,10 @@ impl Skeleton {
             (Some((i, _)), None) => return Some(i),
             (Some(_), Some(_)) => return None,
             (None, _) => {}
+        }
+        let declared = self.humanoid().zip(HumanBone::of_joint(name));
+        if let Some(joint) = declared.and_then(|(humanoid, bone)| humanoid.joint(bone)) {
+            return Some(joint as usize);
         }
         let wanted = crate::joint_names::humanoid_name(name)?;
         let same = |n: &String| crate::joint_names::humanoid_name(n).as_ref() == Some(&wanted);

@@ -3,6 +3,8 @@
 //! Everything is in choreo's convention: metres, +Y up, right-handed, counter-clockwise front faces,
 //! texture v pointing down (glTF). Colours are linear unless a field says sRGB.
 
+use crate::{Expression, Eyes};
+use choreo_motion::spring::parameters::Springs;
 use choreo_motion::{Clip, Skeleton};
 use glam::{Affine2, Mat4, Vec2, Vec3, Vec4};
 use std::sync::Arc;
@@ -23,6 +25,12 @@ pub struct Asset {
     pub cameras: Vec<AssetCamera>,
     pub lights: Vec<AssetLight>,
     pub clips: Vec<Arc<Clip>>,
+    /// Named faces, each name once.
+    pub expressions: Vec<Expression>,
+    /// Hair, skirts and tails that swing.
+    pub springs: Springs,
+    /// How the eyes follow a target, where the file says.
+    pub eyes: Option<Eyes>,
     /// The file's own convention, which was converted.
     pub origin: Origin,
     /// What the importer had to guess or leave.
@@ -42,6 +50,8 @@ pub struct Origin {
     pub metres_per_unit: Option<f64>,
     /// The file's upward axis: "+Y", "+Z"; may be empty.
     pub up: String,
+    /// What else the file says of itself, as label and text: title, authors, licence.
+    pub about: Vec<(String, String)>,
 }
 
 /// Something an importer guessed or left out; `place` is an element path or byte offset ("materials[2]").

@@ -61,6 +61,7 @@ impl Actor {
             visible: true,
             tint: Vec4::ONE,
             morphs: Vec::new(),
+            expressions: Vec::new(),
             file_lights: true,
         }
     }

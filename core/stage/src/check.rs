@@ -134,6 +134,12 @@ impl Checker<'_> {
             self.morph(&place, &actor.asset, *instance, *target);
             self.need(weight.is_finite(), &place, || format!("morph weight is {weight}, must be finite"));
         }
+        for (expression, weight) in &actor.expressions {
+            self.index(&place, "expression", *expression as usize, actor.asset.expressions.len());
+            self.need(weight.is_finite(), &place, || {
+                format!("weight of an expression is {weight}, must be finite")
+            });
+        }
         for channel in &actor.channels {
             let fits = match channel.property {
                 Property::Translation
@@ -143,6 +149,10 @@ impl Checker<'_> {
                 | Property::Tint => true,
                 Property::Morph { instance, target } => {
                     self.morph(&place, &actor.asset, instance, target);
+                    true
+                }
+                Property::Expression { expression } => {
+                    self.index(&place, "expression", expression as usize, actor.asset.expressions.len());
                     true
                 }
                 Property::FieldOfView | Property::Intensity | Property::Color => false,

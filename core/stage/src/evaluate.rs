@@ -213,7 +213,9 @@ fn run_hooks(
             ActorEdit::Scale { factor, .. } => placement.scale *= factor,
             ActorEdit::Visible { visible, .. } => state.visible = visible,
             ActorEdit::Tint { tint, .. } => state.tint = tint,
-            ActorEdit::Morph { .. } | ActorEdit::TurnJoint { .. } => scratch.pose_edits.push((index, place)),
+            ActorEdit::Morph { .. } | ActorEdit::Expression { .. } | ActorEdit::TurnJoint { .. } => {
+                scratch.pose_edits.push((index, place))
+            }
         }
     }
     scratch.pose_edits.sort_unstable();
@@ -376,6 +378,7 @@ impl ActorEdit {
             | ActorEdit::Visible { actor, .. }
             | ActorEdit::Tint { actor, .. }
             | ActorEdit::Morph { actor, .. }
+            | ActorEdit::Expression { actor, .. }
             | ActorEdit::TurnJoint { actor, .. } => actor,
         }
     }

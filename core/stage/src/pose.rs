@@ -1,8 +1,8 @@
 //! One actor's pose at a time: layers of clips, then hook edits, then model space.
 
 use crate::timeline::{self, Voice};
-use crate::{Actor, ActorEdit, Asset, Layer, MeshInstance, Property, channels};
-use choreo_motion::{BlendOnto, Clip, Crossfade, LocalToModel, Pose, Sample, Time};
+use crate::{Actor, ActorEdit, Asset, Layer, MeshInstance, Property, channels, expression};
+use choreo_motion::{BlendOnto, Clip, Crossfade, HumanBone, LocalToModel, Pose, Sample, Time};
 use glam::Affine3A;
 
 /// Buffers of [`pose_actor`]; what is in them on entry does not matter.
@@ -13,6 +13,7 @@ pub(crate) struct PoseScratch {
     pair: [Pose; 2],
     voices: Vec<Voice>,
     weights: Vec<f32>,
+    expressions: Vec<f32>,
 }
 
 /// Fills `model_from_joint` and `morph_weights` of an actor. A function of the actor, the time and the edits alone: actors can
@@ -32,6 +33,8 @@ pub(crate) fn pose_actor<'e>(
     start_weights(asset, morph_weights);
     let turned = edits.clone().any(|edit| matches!(edit, ActorEdit::TurnJoint { .. }));
     let mut in_model_space = false;
+    scratch.expressions.clear();
+    scratch.expressions.resize(asset.expressions.len(), 0.0);
     scratch.pose.copy_from(asset.rest_pose());
     for (index, layer) in actor.layers.iter().enumerate() {
         let base = index == 0;
@@ -65,9 +68,15 @@ pub(crate) fn pose_actor<'e>(
         }
         for voice in scratch.voices.iter().enumerate().map(blended) {
             voice.blend_weights(asset, layer, base, &mut scratch.weights, morph_weights);
+            voice.blend_expressions(asset, layer, base, &mut scratch.expressions);
         }
     }
     set_weights(actor, time, edits.clone(), morph_weights);
+    if !asset.expressions.is_empty() {
+        set_expressions(actor, time, edits.clone(), &mut scratch.expressions);
+        expression::settle(&asset.expressions, &mut scratch.expressions);
+        expression::add(&asset.expressions, &scratch.expressions, morph_weights);
+    }
     for edit in edits {
         if let ActorEdit::TurnJoint { joint, rotation, .. } = edit
             && (*joint as usize) < joints
@@ -154,6 +163,25 @@ impl BlendedVoice<'_> {
             }
         }
     }
+
+    /// An expression that a clip does not drive is 0 on the base layer, and as below on upper ones. A mask counts at the head.
+    fn blend_expressions(&self, asset: &Asset, layer: &Layer, base: bool, weights: &mut [f32]) {
+        if weights.is_empty() || (self.clip.expressions().is_empty() && !base) {
+            return;
+        }
+        let head = || {
+            let humanoid = asset.skeleton.humanoid();
+            humanoid.and_then(|h| h.joint(HumanBone::Head)).or(asset.skeleton.find("Head").map(|j| j as u32))
+        };
+        let mask = layer.mask.as_ref();
+        let masked = mask.map_or(1.0, |m| head().and_then(|j| m.get(j as usize).copied()).unwrap_or(0.0));
+        let share = self.weight * masked;
+        for (expression, weight) in asset.expressions.iter().zip(weights) {
+            let driven = self.clip.sample_expression(&expression.name, self.time);
+            let over = driven.unwrap_or(if base { 0.0 } else { *weight });
+            *weight = if share == 1.0 { over } else { *weight + (over - *weight) * share };
+        }
+    }
 }
 
 fn rest_weights(instance: &MeshInstance, count: usize) -> impl Iterator<Item = f32> + '_ {
@@ -195,6 +223,35 @@ fn set_weights<'e>(
     for edit in edits {
         if let ActorEdit::Morph { instance, target, weight, .. } = edit {
             set(*instance, *target, *weight);
+        }
+    }
+}
+
+/// Expressions over the clips': as for morph weights.
+fn set_expressions<'e>(
+    actor: &Actor,
+    time: Time,
+    edits: impl Iterator<Item = &'e ActorEdit>,
+    weights: &mut [f32],
+) {
+    let mut set = |expression: u32, weight: f32| {
+        if let Some(slot) = weights.get_mut(expression as usize) {
+            *slot = weight;
+        }
+    };
+    for (expression, weight) in &actor.expressions {
+        set(*expression, *weight);
+    }
+    for channel in &actor.channels {
+        if let Property::Expression { expression } = channel.property
+            && let Some(v) = channel.at(time)
+        {
+            set(expression, v[0] as f32);
+        }
+    }
+    for edit in edits {
+        if let ActorEdit::Expression { expression, weight, .. } = edit {
+            set(*expression, *weight);
         }
     }
 }

@@ -86,6 +86,8 @@ pub struct Actor {
     pub tint: Vec4,
     /// Morph weights by name or index set in the script: (mesh instance, target, weight), over the clips'.
     pub morphs: Vec<(u32, u32, f32)>,
+    /// Weights of expressions set in the script: (index into `Asset::expressions`, weight), over the clips'.
+    pub expressions: Vec<(u32, f32)>,
     /// Whether the file's own lights shine when this actor is on stage.
     pub file_lights: bool,
 }
@@ -171,6 +173,10 @@ pub enum Property {
     Morph {
         instance: u32,
         target: u32,
+    },
+    /// Index into `Asset::expressions`.
+    Expression {
+        expression: u32,
     },
     /// Camera: vertical field of view, radians.
     FieldOfView,
@@ -317,6 +323,11 @@ pub enum ActorEdit {
         actor: usize,
         instance: u32,
         target: u32,
+        weight: f32,
+    },
+    Expression {
+        actor: usize,
+        expression: u32,
         weight: f32,
     },
     /// A joint turned (after its clip) in its own space.

@@ -101,6 +101,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
             writer: tool,
             metres_per_unit: Some(metres),
             up: up.into(),
+            ..Origin::default()
         },
         ..Asset::default()
     };

@@ -80,6 +80,7 @@ impl<'a> File<'a> {
             writer: metadata.creator.to_string(),
             metres_per_unit: (settings.unit_meters > 0.0).then_some(settings.unit_meters),
             up: axis(settings.axes.up).to_string(),
+            ..Origin::default()
         }
     }
 }

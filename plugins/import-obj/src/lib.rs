@@ -129,6 +129,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
             writer: model.comment.clone(),
             metres_per_unit: Some(scale),
             up: if up_z { "+Z" } else { "+Y" }.into(),
+            ..Origin::default()
         },
         ..Asset::default()
     };

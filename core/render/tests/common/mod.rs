@@ -63,6 +63,7 @@ impl Scene {
             visible: true,
             tint: Vec4::ONE,
             morphs: Vec::new(),
+            expressions: Vec::new(),
             file_lights: false,
         });
         let mut model_from_joint: Vec<Affine3A> = Vec::new();

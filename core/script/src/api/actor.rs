@@ -6,9 +6,9 @@ use crate::call::{ApiError, Call, Def, Gives, Reply, rgb, unknown};
 use crate::hook;
 use crate::suggest::list;
 use crate::value::*;
-use choreo_motion::Time;
+use choreo_motion::{HumanBone, Time};
 use choreo_stage::*;
-use glam::{DQuat, DVec3, Vec4};
+use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
 const THIS: Gives = Gives::Itself;
@@ -66,6 +66,15 @@ pub const DEFS: &[Def] = &[
     .in_frames(),
     Def::new(
         Kind::Actor,
+        "expression",
+        "name, weight",
+        THIS,
+        "Sets a facial expression of the file, like \"happy\" or \"blink\", from 0 to 1, over what clips do to it; it adds to the morph targets.",
+        super::expression::of_actor,
+    )
+    .in_frames(),
+    Def::new(
+        Kind::Actor,
         "file_lights",
         "on",
         THIS,
@@ -77,7 +86,7 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, keys, how? | property, name, keys, how?",
         THIS,
-        "Keys [[time, value], …] of \"position\", \"rotation\" (degrees about y, or [x, y, z]), \"scale\", \"visible\", \"tint\" or \"morph\" with its name; how: \"linear\", \"step\", \"smooth\" (rests at each key) or \"cubic\" (runs through them).",
+        "Keys [[time, value], …] of \"position\", \"rotation\" (degrees about y, or [x, y, z]), \"scale\", \"visible\", \"tint\", or \"morph\" or \"expression\" with its name; how: \"linear\", \"step\", \"smooth\" (rests at each key) or \"cubic\" (runs through them).",
         key,
     ),
     Def::new(
@@ -168,20 +177,7 @@ fn cast(c: &mut Call) -> Reply {
         .focus(name)
         .hint("give each actor a name of its own"));
     }
-    let actor = Actor {
-        name,
-        asset: asset.asset.clone(),
-        transform: Placement::default(),
-        parent: None,
-        face: None,
-        layers: Vec::new(),
-        channels: Vec::new(),
-        look_at: Vec::new(),
-        visible: true,
-        tint: Vec4::ONE,
-        morphs: Vec::new(),
-        file_lights: true,
-    };
+    let actor = Actor::new(&name, asset.asset.clone());
     let id = build.actors.len();
     build.used(&asset.asset);
     let at = c.place.clone();
@@ -349,6 +345,12 @@ pub fn morph_targets(asset: &Asset, wanted: &Dynamic, label: &str) -> Result<Vec
     names.sort_unstable();
     names.dedup();
     let wanted = wanted.to_string();
+    if asset.expressions.iter().any(|e| e.name == wanted) {
+        let error = ApiError::new(format!("{label}: \"{wanted}\" of \"{}\" is an expression", asset.name));
+        return Err(error
+            .focus(wanted)
+            .hint("write .expression(name, weight), or key(\"expression\", name, keys)"));
+    }
     if asset.instances.iter().filter_map(mesh).all(|m| m.morph_targets == 0) {
         return Err(ApiError::new(format!("{label}: \"{}\" has no morph targets", asset.name)).focus(wanted));
     }
@@ -427,7 +429,7 @@ fn look_at(c: &mut Call) -> Reply {
     let weight = o.number_in("weight", 0.0, 1.0)?.unwrap_or(1.0) as f32;
     let joint = match o.text("joint")? {
         Some(name) => find_joint(&this.asset, &name)?,
-        None => this.asset.skeleton.find("Head").map(|j| j as u32).ok_or_else(|| {
+        None => head(&this.asset).ok_or_else(|| {
             let names = this.asset.skeleton.names().iter().map(String::as_str);
             ApiError::new(format!("look_at: \"{}\" has no joint \"Head\" to turn", this.asset.name))
                 .hint(format!("name another, #{{ joint: … }}: {}", list(names, 24)))
@@ -443,6 +445,12 @@ fn look_at(c: &mut Call) -> Reply {
     draft.looks.push(c.place.clone());
     draft.actor.look_at.push(LookAt { joint, target, start: Time::ZERO, end: None, fade, weight });
     Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))
+}
+
+/// By the file's own word, else by name.
+fn head(asset: &Asset) -> Option<u32> {
+    let declared = asset.skeleton.humanoid().and_then(|h| h.joint(HumanBone::Head));
+    declared.or_else(|| asset.skeleton.find("Head").map(|j| j as u32))
 }
 
 fn look(c: &Call, change: impl FnOnce(&mut LookAt) -> Result<(), ApiError>) -> Reply {

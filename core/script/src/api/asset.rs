@@ -49,6 +49,14 @@ pub const DEFS: &[Def] = &[
     ),
     Def::new(
         Kind::Asset,
+        "expressions",
+        "",
+        Gives::Value("array of texts"),
+        "Names of the facial expressions.",
+        super::expression::names,
+    ),
+    Def::new(
+        Kind::Asset,
         "camera",
         "name_or_index?",
         Gives::A(Kind::Camera),

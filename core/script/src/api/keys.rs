@@ -1,6 +1,7 @@
 //! `.key("position", [[t, value], …], how)`: keyed properties.
 
 use super::actor::{euler, morph_targets};
+use super::expression;
 use crate::call::{ApiError, Call, color, describe, number, number_in, numbers, one_of, rgb, time, wrong};
 use crate::limits::raise_hint;
 use choreo_motion::{Interpolation, Time};
@@ -23,22 +24,26 @@ type Reader<'a> = dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError> + 'a;
 /// The channels of a `.key(property, [name,] keys, how?)` call.
 pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
     let allowed: &[&'static str] = match owner {
-        Owner::Actor(_) => &["position", "rotation", "scale", "visible", "tint", "morph"],
+        Owner::Actor(_) => &["position", "rotation", "scale", "visible", "tint", "morph", "expression"],
         Owner::Camera => &["position", "rotation", "fov"],
         Owner::Light => &["position", "intensity", "color"],
     };
     let name = one_of(&c.value(0), "key: property", allowed)?;
     let mut next = 1;
     let mut targets = Vec::new();
-    if name == "morph" {
-        let Owner::Actor(asset) = owner else {
-            return Err(ApiError::new("key: only actors have morph targets"));
+    if let ("morph" | "expression", Owner::Actor(asset)) = (name, owner) {
+        let wanted = c.value(1);
+        targets = match name {
+            "morph" => {
+                let found = morph_targets(asset, &wanted, "key: name")?.into_iter();
+                found.map(|(instance, target)| Property::Morph { instance, target }).collect()
+            }
+            _ => vec![Property::Expression { expression: expression::find(asset, &wanted, "key: name")? }],
         };
-        targets = morph_targets(asset, &c.value(1), "key: name")?;
         next = 2;
     }
     if next >= c.len() {
-        return Err(ApiError::new("key: write key(\"morph\", name, keys)"));
+        return Err(ApiError::new(format!("key: write key(\"{name}\", name, keys)")));
     }
     let how = match c.len() > next + 1 {
         true => one_of(&c.value(next + 1), "key: how", HOW)?,
@@ -81,9 +86,9 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
         }
         "rotation" => vec![rotation(c, how, &times, &values(&angles)?)?],
         _ => {
-            let weights = values(&|v, l| Ok(vec![number_in(v, l, -1000.0, 1000.0)?]))?;
-            let channel =
-                |(instance, target)| channel(Property::Morph { instance, target }, how, &times, &weights);
+            let (low, high) = if name == "morph" { (-1000.0, 1000.0) } else { (0.0, 1.0) };
+            let weights = values(&|v, l| Ok(vec![number_in(v, l, low, high)?]))?;
+            let channel = |property| channel(property, how, &times, &weights);
             targets.into_iter().map(channel).collect()
         }
     })

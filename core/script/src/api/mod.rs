@@ -7,6 +7,7 @@ pub mod compare;
 pub mod cue;
 pub mod effect;
 pub mod expect;
+pub mod expression;
 pub mod goals;
 pub mod keys;
 pub mod light;

@@ -1,7 +1,7 @@
 //! What a file holds.
 
-use super::ContentHash;
 use super::writer::{Writer, hash_of};
+use super::{ContentHash, character};
 use crate::*;
 use choreo_motion::{Clip, Path, Skeleton};
 use std::sync::Arc;
@@ -159,7 +159,7 @@ impl Material {
     }
 }
 
-/// Name, tree and rest pose.
+/// Name, tree, rest pose and the bones of a human body.
 pub fn skeleton_hash(skeleton: &Skeleton) -> ContentHash {
     hash_of(|w| {
         w.list(skeleton.names(), |w, name| w.text(name));
@@ -169,6 +169,7 @@ pub fn skeleton_hash(skeleton: &Skeleton) -> ContentHash {
             w.quat(rest.rotation);
             w.vec3(rest.scale);
         });
+        w.option(&skeleton.humanoid(), |w, humanoid| character::humanoid(w, humanoid));
     })
 }
 
@@ -192,6 +193,12 @@ pub fn clip_hash(clip: &Clip) -> ContentHash {
             w.list(&curve.times, |w, t| w.time(*t));
             w.f32s(&curve.values);
         });
+        w.list(clip.expressions(), |w, curve| {
+            w.text(&curve.name);
+            w.interpolation(curve.interpolation);
+            w.list(&curve.times, |w, t| w.time(*t));
+            w.f32s(&curve.values);
+        });
     })
 }
 
@@ -209,6 +216,9 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
             cameras,
             lights,
             clips,
+            expressions,
+            springs,
+            eyes,
             origin: _,
             warnings: _,
             derived: _,
@@ -246,5 +256,8 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
             w.light(&light.light);
         });
         w.list(clips, |w, clip| w.bytes(&clip_hash(clip)));
+        w.list(expressions, character::expression);
+        character::springs(w, springs);
+        w.option(eyes, character::eyes);
     })
 }

@@ -3,6 +3,7 @@
 //! They answer two questions: did a script give the same stage again, and are two meshes, materials or images the same thing.
 
 mod asset;
+mod character;
 mod stage;
 mod writer;
 

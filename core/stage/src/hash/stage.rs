@@ -29,6 +29,7 @@ impl Stage {
                     visible,
                     tint,
                     morphs,
+                    expressions,
                     file_lights,
                 } = actor;
                 w.text(name);
@@ -62,6 +63,10 @@ impl Stage {
                 });
                 w.flag(*visible);
                 w.vec4(*tint);
+                w.list(expressions, |w, (expression, weight)| {
+                    w.u32(*expression);
+                    w.f32(*weight);
+                });
                 w.list(morphs, |w, (instance, target, weight)| {
                     w.u32(*instance);
                     w.u32(*target);
@@ -190,6 +195,10 @@ impl Writer {
                 self.tag(5);
                 self.u32(instance);
                 self.u32(target);
+            }
+            Property::Expression { expression } => {
+                self.tag(9);
+                self.u32(expression);
             }
             Property::FieldOfView => self.tag(6),
             Property::Intensity => self.tag(7),

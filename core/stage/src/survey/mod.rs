@@ -158,6 +158,7 @@ fn property_name(property: Property) -> &'static str {
         Property::Visible => "the visibility",
         Property::Tint => "the tint",
         Property::Morph { .. } => "a morph target",
+        Property::Expression { .. } => "an expression",
         Property::FieldOfView => "the field of view",
         Property::Intensity => "the intensity",
         Property::Color => "the color",

@@ -1,0 +1,3 @@
+//! Spring bones: hair, skirts and tails that follow their body.
+
+pub mod parameters;
