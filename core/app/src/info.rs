@@ -2,7 +2,7 @@
 
 use crate::args::InfoArgs;
 use crate::failure::{Failure, print, print_json};
-use crate::{media, model, plugin_files, scene};
+use crate::{character, media, model, plugin_files, scene};
 use choreo_plugin::{Registry, Source};
 use choreo_script::Limits;
 use choreo_stage::{Asset, LightKind, Origin, Projection};
@@ -127,6 +127,7 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
             clip.curves().len()
         );
     }
+    t.push_str(&character::text(asset, joints));
     for camera in &asset.cameras {
         let _ = writeln!(t, "camera     {} ({})", camera.name, projection(&camera.projection));
     }
@@ -231,6 +232,7 @@ fn facts_json(asset: &Asset, facts: &Facts, joints: bool) -> Value {
         "extents": facts.extents,
         "warnings": asset.warnings.iter().map(|w| json!({ "place": w.place, "text": w.text })).collect::<Vec<_>>(),
     });
+    value["character"] = character::json(asset);
     if joints {
         value["skeleton"] = names.map(|(name, parent)| json!({ "name": name, "parent": parent })).collect();
     }

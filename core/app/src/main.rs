@@ -2,6 +2,7 @@
 
 mod args;
 mod budget;
+mod character;
 mod check;
 mod device;
 mod draw;

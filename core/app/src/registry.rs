@@ -15,6 +15,7 @@ pub fn registry() -> Registry {
     registry.add_importer(import_mannequin::Mannequin);
     registry.add_importer(import_fbx::FbxImporter);
     registry.add_importer(import_bvh::BvhImporter);
+    registry.add_importer(import_vrm::VrmImporter);
     registry.add_importer(import_collada::ColladaImporter);
     registry.add_importer(import_obj::ObjImporter);
     registry.add_importer(import_stl::StlImporter);

@@ -22,6 +22,19 @@ pub struct Container<'a> {
     pub warnings: Vec<(String, String)>,
 }
 
+/// The JSON of a GLB, as far as it is there; empty where the first chunk is none.
+pub fn json_chunk(glb: &[u8]) -> &[u8] {
+    let word =
+        |at: usize| glb.get(at..at + 4).and_then(|b| b.first_chunk::<4>()).map(|b| u32::from_le_bytes(*b));
+    match (word(HEADER_BYTES), word(HEADER_BYTES + 4)) {
+        (Some(length), Some(CHUNK_JSON)) => {
+            let rest = &glb[HEADER_BYTES + CHUNK_HEADER_BYTES..];
+            rest.get(..length as usize).unwrap_or(rest)
+        }
+        _ => &[],
+    }
+}
+
 pub fn split(bytes: &[u8]) -> Result<Container<'_>> {
     if !bytes.starts_with(GLB_MAGIC) {
         let json = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);

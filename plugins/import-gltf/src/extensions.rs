@@ -57,7 +57,8 @@ const ESSENTIAL: &[Essential] = &[
     },
 ];
 
-pub fn check(file: &File<'_>, needs: Needs, pointer_channels: usize) -> Result<()> {
+/// `own`: extensions that the profile reads.
+pub fn check(file: &File<'_>, needs: Needs, pointer_channels: usize, own: &[&str]) -> Result<()> {
     let asset = &file.root.asset;
     let needed = asset.min_version.as_ref().unwrap_or(&asset.version);
     let readable = match asset.min_version.is_some() {
@@ -80,12 +81,9 @@ pub fn check(file: &File<'_>, needs: Needs, pointer_channels: usize) -> Result<(
             return Err(Problem::new("extensionsRequired", what).hint(e.hint));
         }
     }
-    let mut unknown: Vec<&String> =
-        file.root.extensions_used.iter().chain(&file.root.extensions_required).collect();
-    unknown.sort();
-    unknown.dedup();
-    for name in unknown {
-        if !READ.contains(&name.as_str()) && name != "KHR_animation_pointer" {
+    for name in crate::profile::used(&file.root) {
+        let read = READ.contains(&name.as_str()) || own.contains(&name.as_str());
+        if !read && name != "KHR_animation_pointer" {
             file.warn("extensionsUsed", format!("{name} is not supported; what it says is ignored"));
         }
     }

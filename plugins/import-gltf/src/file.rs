@@ -1,7 +1,9 @@
 //! The open file: JSON, buffers (read when first used), the memory budget, the warnings.
 
 use crate::container::Container;
+use crate::nodes::Tree;
 use crate::problem::{Problem, Result, element};
+use crate::profile::Document;
 use crate::uri;
 use choreo_import::{Budget, Notes};
 use choreo_plugin::Files;
@@ -59,6 +61,11 @@ impl<'a> File<'a> {
 
     pub fn warn(&self, place: impl Into<String>, text: impl Into<String>) {
         self.notes.warn(place, text);
+    }
+
+    /// What a profile sees; `tree` once it is known.
+    pub fn document<'d>(&'d self, tree: Option<&'d Tree>) -> Document<'d> {
+        Document { root: &self.root, notes: &self.notes, budget: &self.budget, tree }
     }
 
     pub fn into_warnings(self) -> Vec<Warning> {

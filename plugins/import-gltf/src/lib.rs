@@ -11,15 +11,19 @@ mod materials;
 mod meshes;
 mod nodes;
 mod objects;
+pub mod profile;
 mod skinning;
 mod topology;
 mod uri;
 
-use choreo_import::{pictures, problem};
+use choreo_import::pictures;
+pub use choreo_import::problem;
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::Asset;
 use file::File;
+pub use materials::MaterialTextures;
 use problem::Result;
+use profile::Profile;
 use serde_json::Value;
 use std::sync::{Arc, LazyLock};
 
@@ -29,7 +33,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         env!("CARGO_PKG_VERSION"),
         "glTF 2.0, binary or JSON: meshes, skins, morph targets, clips, materials, cameras, lights",
     )
-    .extensions(["glb", "gltf", "vrm", "vrma"])
+    .extensions(["glb", "gltf"])
     .magic(container::GLB_MAGIC)
     .number(
         "scene",
@@ -80,7 +84,7 @@ impl Importer for GltfImporter {
         needs: Needs,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
-        import(source, files, needs, options).map_err(|p| p.in_file(&source.name))
+        profile::import_with(source, files, needs, options, &profile::Plain)
     }
 }
 
@@ -103,16 +107,22 @@ impl<'de> serde::Deserialize<'de> for Probe {
     }
 }
 
-fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+fn import(
+    source: &Source,
+    files: &dyn Files,
+    needs: Needs,
+    options: &ImportOptions,
+    profile: &dyn Profile,
+) -> Result<Asset> {
     let container = container::split(&source.bytes)?;
     let (root, pointer_channels) = container::parse(&container)?;
     let file = File::new(root, &container, files);
-    extensions::check(&file, needs, pointer_channels)?;
+    extensions::check(&file, needs, pointer_channels, profile.extensions())?;
 
     let scene = options.number("scene").filter(|s| *s >= 0.0).map(|s| s as usize);
-    let tree = nodes::read(&file, scene)?;
+    let mut tree = nodes::read(&file, scene)?;
     let mut table = images::ImageTable::default();
-    let materials = materials::read(&file, &mut table, needs.textures)?;
+    let materials = materials::read(&file, &mut table, needs.textures, profile)?;
 
     // Pictures take as long as everything else together: they are decoded beside it.
     let (images, rest) = pictures::decode_beside(&table.entries, || decode(&file, &tree, needs, &materials));
@@ -121,7 +131,8 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     asset.name = source.name.clone();
     asset.images = images.into_iter().collect::<Result<_>>()?;
     asset.materials = materials;
-    asset.skeleton = Arc::new(tree.skeleton);
+    asset.skeleton = Arc::new(std::mem::take(&mut tree.skeleton));
+    profile.finish(&file.document(Some(&tree)), needs, &mut asset)?;
     asset.warnings = file.into_warnings();
     Ok(asset)
 }

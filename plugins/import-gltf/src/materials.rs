@@ -3,6 +3,7 @@
 use crate::file::File;
 use crate::images::ImageTable;
 use crate::problem::{Problem, Result, element};
+use crate::profile::Profile;
 use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use gltf::json;
@@ -13,12 +14,20 @@ use json::texture::{MagFilter, MinFilter, WrappingMode};
 /// Reflectance at normal incidence of a dielectric with index 1.5 (glTF 2.0 Appendix B.2.2).
 const DIELECTRIC_F0: f32 = 0.04;
 
-pub fn read<'a>(file: &'a File<'_>, images: &mut ImageTable<'a>, textures: bool) -> Result<Vec<Material>> {
+pub fn read<'a>(
+    file: &'a File<'_>,
+    images: &mut ImageTable<'a>,
+    textures: bool,
+    profile: &dyn Profile,
+) -> Result<Vec<Material>> {
+    let none = serde_json::Map::new();
     let mut out = Vec::with_capacity(file.root.materials.len());
     for (index, material) in file.root.materials.iter().enumerate() {
         let place = format!("materials[{index}]");
         let mut reader = Reader { file, images, textures, place: &place };
-        let material = reader.material(material)?;
+        let others = material.extensions.as_ref().map_or(&none, |e| &e.others);
+        let mut material = reader.material(material)?;
+        profile.material(&file.document(None), index, others, &mut reader, &mut material)?;
         if !all_finite(&material) {
             return Err(Problem::new(place, "has a factor that is not finite"));
         }
@@ -32,6 +41,21 @@ struct Reader<'a, 'b, 'f> {
     images: &'b mut ImageTable<'a>,
     textures: bool,
     place: &'b str,
+}
+
+/// Textures that a profile's extension of a material uses.
+pub trait MaterialTextures {
+    /// `info` is a textureInfo as glTF has it: index, texCoord, KHR_texture_transform. `None` where textures are not asked for, or
+    /// cannot be used, which is then said. `slot` names it in messages.
+    fn texture(&mut self, slot: &'static str, info: &serde_json::Value) -> Result<Option<TextureRef>>;
+}
+
+impl MaterialTextures for Reader<'_, '_, '_> {
+    fn texture(&mut self, slot: &'static str, value: &serde_json::Value) -> Result<Option<TextureRef>> {
+        let parsed = serde_json::from_value::<json::texture::Info>(value.clone())
+            .map_err(|e| Problem::new(format!("{}.{slot}", self.place), format!("is no textureInfo: {e}")))?;
+        Reader::texture(self, info(slot, &parsed))
+    }
 }
 
 /// A texture reference of any kind, before it is looked up.

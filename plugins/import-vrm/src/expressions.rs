@@ -1,0 +1,167 @@
+//! Facial expressions: VRM 1.0 `expressions`, and `blendShapeMaster` of VRM 0.x under 1.0's names.
+
+use crate::json::At;
+use choreo_import::{Problem, Result};
+use choreo_plugin::Needs;
+use choreo_stage::asset::Asset;
+use choreo_stage::{Expression, ExpressionGroup, MorphBind, Override};
+use import_gltf::profile::Document;
+
+/// VRM 1.0, "expressions.md".
+pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Asset) -> Result<()> {
+    let Some(expressions) = vrm.get("expressions") else { return Ok(()) };
+    let mut faces = Faces::new(document, needs, asset);
+    for list in ["preset", "custom"] {
+        for (name, at) in expressions.members(list)? {
+            let group =
+                if list == "preset" { ExpressionGroup::of_preset(name) } else { ExpressionGroup::Other };
+            let over = |key: &str| override_of(document, &at, key);
+            let mut face = Expression {
+                name: name.to_string(),
+                binary: at.flag("isBinary")?.unwrap_or(false),
+                group,
+                morphs: Vec::new(),
+                over_mouth: over("overrideMouth"),
+                over_blink: over("overrideBlink"),
+                over_gaze: over("overrideLookAt"),
+            };
+            for bind in at.list("morphTargetBinds")? {
+                let node = bind.needed_index("node")?;
+                let joint = document.joint(node, &|| bind.place_of("node"))?;
+                let weight = bind.number("weight")?.unwrap_or(1.0).clamp(0.0, 1.0);
+                faces.bind(&mut face, &bind, weight, |i| Some(i.joint) == joint)?;
+            }
+            let colors = at.list("materialColorBinds")?.next().is_some();
+            faces.add(face, colors || at.list("textureTransformBinds")?.next().is_some(), &at);
+        }
+    }
+    faces.finish(expressions.place());
+    Ok(())
+}
+
+/// VRM 0.x, "Morph setting": binds name meshes, weights go to 100.
+pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Asset) -> Result<()> {
+    let Some(master) = vrm.get("blendShapeMaster") else { return Ok(()) };
+    let mut faces = Faces::new(document, needs, asset);
+    for at in master.list("blendShapeGroups")? {
+        let own = at.text("name").unwrap_or_default();
+        let preset = at.text("presetName").and_then(preset_v0);
+        let mut face = Expression {
+            name: preset.unwrap_or(own).to_string(),
+            binary: at.flag("isBinary")?.unwrap_or(false),
+            group: preset.map_or(ExpressionGroup::Other, ExpressionGroup::of_preset),
+            ..Expression::default()
+        };
+        for bind in at.list("binds")? {
+            let mesh = bind.needed_index("mesh")?;
+            let weight = bind.number("weight")?.unwrap_or(100.0).clamp(0.0, 100.0) / 100.0;
+            faces.bind(&mut face, &bind, weight, |i| i.mesh as usize == mesh)?;
+        }
+        faces.add(face, at.list("materialValues")?.next().is_some(), &at);
+    }
+    faces.finish(master.place());
+    Ok(())
+}
+
+/// 1.0's name of a preset of 0.x; `None` for "unknown", which custom groups have.
+fn preset_v0(name: &str) -> Option<&'static str> {
+    Some(match name.to_ascii_lowercase().as_str() {
+        "neutral" => "neutral",
+        "a" => "aa",
+        "i" => "ih",
+        "u" => "ou",
+        "e" => "ee",
+        "o" => "oh",
+        "blink" => "blink",
+        "blink_l" => "blinkLeft",
+        "blink_r" => "blinkRight",
+        "joy" => "happy",
+        "angry" => "angry",
+        "sorrow" => "sad",
+        "fun" => "relaxed",
+        "lookup" => "lookUp",
+        "lookdown" => "lookDown",
+        "lookleft" => "lookLeft",
+        "lookright" => "lookRight",
+        _ => return None,
+    })
+}
+
+fn override_of(document: &Document<'_>, at: &At<'_>, key: &str) -> Override {
+    match at.text(key) {
+        None | Some("none") => Override::None,
+        Some("block") => Override::Block,
+        Some("blend") => Override::Blend,
+        Some(_) => {
+            document.warn(at.place_of(key), "is none of none, block and blend; none is used");
+            Override::None
+        }
+    }
+}
+
+struct Faces<'a, 'd> {
+    document: &'a Document<'d>,
+    /// Without geometry there are no meshes to bind to: nothing is missing then.
+    geometry: bool,
+    asset: &'a mut Asset,
+    /// Names of those that also change materials.
+    painted: Vec<String>,
+}
+
+impl<'a, 'd> Faces<'a, 'd> {
+    fn new(document: &'a Document<'d>, needs: Needs, asset: &'a mut Asset) -> Faces<'a, 'd> {
+        Faces { document, geometry: needs.geometry, asset, painted: Vec::new() }
+    }
+
+    fn bind(
+        &self,
+        face: &mut Expression,
+        at: &At<'_>,
+        weight: f32,
+        is_meant: impl Fn(&choreo_stage::MeshInstance) -> bool,
+    ) -> Result<()> {
+        let target = at.needed_index("index")?;
+        if !self.geometry {
+            return Ok(());
+        }
+        // Looking through all instances for each bind is work that a file can ask for at will.
+        self.document.charge(self.asset.instances.len() as u64, 16, &|| at.place())?;
+        let mut found = false;
+        for (instance, i) in self.asset.instances.iter().enumerate().filter(|(_, i)| is_meant(i)) {
+            let targets = self.asset.meshes.get(i.mesh as usize).map_or(0, |m| m.morph_targets);
+            if target >= targets {
+                let what = format!("is {target}, but the mesh has {targets} morph targets");
+                return Err(Problem::new(at.place_of("index"), what));
+            }
+            found = true;
+            face.morphs.push(MorphBind { instance: instance as u32, target: target as u32, weight });
+        }
+        if !found {
+            self.document.warn(at.place(), "binds a mesh that is not in the scene; it is left out");
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, face: Expression, painted: bool, at: &At<'_>) {
+        if face.name.is_empty() {
+            return self.document.warn(at.place(), "has no name; it is left out");
+        }
+        if self.asset.expressions.iter().any(|e| e.name == face.name) {
+            let shown: String = face.name.chars().take(40).collect();
+            return self.document.warn(at.place(), format!("is a second \"{shown}\"; it is left out"));
+        }
+        if painted {
+            self.painted.push(face.name.clone());
+        }
+        self.asset.expressions.push(face);
+    }
+
+    fn finish(self, place: String) {
+        if !self.painted.is_empty() {
+            let names: Vec<&str> = self.painted.iter().take(12).map(String::as_str).collect();
+            let what = "also change colours or texture coordinates of materials, which is not shown";
+            let count = self.painted.len();
+            self.document.warn(place, format!("{count} expressions {what}: {}", names.join(", ")));
+        }
+    }
+}

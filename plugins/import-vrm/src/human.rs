@@ -1,0 +1,105 @@
+//! Bones of a human body: VRM 1.0 `humanoid.humanBones`, the same of VRM animations, and VRM 0.x `humanoid.humanBones`.
+
+use crate::json::At;
+use crate::set_humanoid;
+use choreo_import::Result;
+use choreo_motion::{HumanBone, Humanoid};
+use choreo_stage::asset::Asset;
+use import_gltf::profile::Document;
+use std::collections::BTreeMap;
+
+/// An object: `{ "hips": { "node": 0 }, … }`.
+pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) -> Result<()> {
+    let Some(humanoid) = vrm.get("humanoid") else {
+        document.warn(vrm.place(), "has no humanoid; its joints are matched by their names");
+        return Ok(());
+    };
+    let mut body = Body { document, joints: BTreeMap::new() };
+    for (name, bone) in humanoid.members("humanBones")? {
+        body.add(HumanBone::from_name(name), name, &bone)?;
+    }
+    body.finish(humanoid.place_of("humanBones"), asset)
+}
+
+/// An array: `[{ "bone": "hips", "node": 0 }, …]`.
+pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) -> Result<()> {
+    let Some(humanoid) = vrm.get("humanoid") else {
+        document.warn(vrm.place(), "has no humanoid; its joints are matched by their names");
+        return Ok(());
+    };
+    let mut body = Body { document, joints: BTreeMap::new() };
+    for bone in humanoid.list("humanBones")? {
+        let name = bone.text("bone").unwrap_or_default();
+        body.add(bone_v0(name), name, &bone)?;
+    }
+    body.finish(humanoid.place_of("humanBones"), asset)
+}
+
+/// The names of 1.0 but for the thumb, whose bones it calls one further down the finger.
+fn bone_v0(name: &str) -> Option<HumanBone> {
+    Some(match name {
+        "leftThumbProximal" => HumanBone::LeftThumbMetacarpal,
+        "leftThumbIntermediate" => HumanBone::LeftThumbProximal,
+        "rightThumbProximal" => HumanBone::RightThumbMetacarpal,
+        "rightThumbIntermediate" => HumanBone::RightThumbProximal,
+        "leftThumbMetacarpal" | "rightThumbMetacarpal" => return None,
+        _ => return HumanBone::from_name(name),
+    })
+}
+
+struct Body<'a, 'd> {
+    document: &'a Document<'d>,
+    joints: BTreeMap<u32, HumanBone>,
+}
+
+impl Body<'_, '_> {
+    fn add(&mut self, bone: Option<HumanBone>, name: &str, at: &At<'_>) -> Result<()> {
+        let Some(bone) = bone else {
+            let name: String = name.chars().take(40).collect();
+            self.document.warn(at.place(), format!("\"{name}\" is no human bone; it is left out"));
+            return Ok(());
+        };
+        // Bones that are not there are written as −1, or left out.
+        let Some(node) = at.index("node")? else { return Ok(()) };
+        let Some(joint) = self.document.joint(node, &|| at.place_of("node"))? else {
+            self.document
+                .warn(at.place(), format!("nodes[{node}] is not in the scene; the bone is left out"));
+            return Ok(());
+        };
+        if let Some(first) = self.joints.get(&joint) {
+            let what = format!("nodes[{node}] is {} already; this bone is left out", first.name());
+            self.document.warn(at.place(), what);
+        } else if self.joints.values().any(|b| *b == bone) {
+            self.document.warn(at.place(), format!("{} is there already; this one is left out", bone.name()));
+        } else {
+            self.joints.insert(joint, bone);
+        }
+        Ok(())
+    }
+
+    fn finish(self, place: String, asset: &mut Asset) -> Result<()> {
+        let required = [HumanBone::Hips, HumanBone::Spine, HumanBone::Head];
+        for bone in required.into_iter().filter(|b| !self.joints.values().any(|j| j == b)) {
+            self.document.warn(place.clone(), format!("has no {}, which every VRM must have", bone.name()));
+        }
+        // Each bone and each joint once: this cannot fail.
+        match Humanoid::new(self.joints.into_iter().map(|(joint, bone)| (bone, joint))) {
+            Ok(humanoid) => set_humanoid(asset, humanoid, place),
+            Err(e) => Err(choreo_import::Problem::new(place, e.to_string())),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thumbs_of_0x_are_named_one_bone_further_down() {
+        assert_eq!(bone_v0("leftThumbProximal"), Some(HumanBone::LeftThumbMetacarpal));
+        assert_eq!(bone_v0("rightThumbIntermediate"), Some(HumanBone::RightThumbProximal));
+        assert_eq!(bone_v0("leftThumbDistal"), Some(HumanBone::LeftThumbDistal));
+        assert_eq!(bone_v0("leftIndexProximal"), Some(HumanBone::LeftIndexProximal));
+        assert_eq!((bone_v0("leftThumbMetacarpal"), bone_v0("tail")), (None, None));
+    }
+}

@@ -1,0 +1,151 @@
+//! VRM 0.x and 1.0 characters and VRM animations (.vrma) into an [`Asset`]. What it reads, limits and options: README.md.
+
+mod about;
+mod animation;
+mod expressions;
+mod eyes;
+mod facing;
+mod human;
+mod json;
+mod rest;
+mod springs;
+mod springs_v0;
+
+use choreo_import::{Problem, Result, bones};
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
+use choreo_stage::asset::Asset;
+use import_gltf::profile::{Document, Profile, has_extension, import_with};
+use json::At;
+use std::sync::{Arc, LazyLock};
+
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new(
+        "vrm",
+        env!("CARGO_PKG_VERSION"),
+        "VRM 0.x and 1.0: characters with human bones, expressions, springs; VRM animations (.vrma)",
+    )
+    .extensions(["vrm", "vrma"])
+    .flag("bones", "a mesh of the bones, for animations, which have none", true)
+});
+
+/// The root extension that makes a glTF file each kind.
+const V0: &str = "VRM";
+const V1: &str = "VRMC_vrm";
+const ANIMATION: &str = "VRMC_vrm_animation";
+
+#[derive(Clone, Copy, Debug, Default)]
+pub struct VrmImporter;
+
+impl Importer for VrmImporter {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    /// Surer than glTF's own importer of the same bytes. A file that is cut off but speaks of VRM is claimed where its name says so
+    /// too, so that the message is about what is broken.
+    fn claim(&self, source: &Source) -> Claim {
+        let bytes = source.bytes.as_slice();
+        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
+        if !bytes.starts_with(b"glTF") && !text.starts_with(b"{") {
+            return Claim::NotMine;
+        }
+        let named = MANIFEST.has_extension(&source.extension());
+        match has_extension(bytes, &[V0, V1, ANIMATION]) {
+            Some(true) => Claim::Content(98),
+            None if named => Claim::Content(96),
+            _ => Claim::NotMine,
+        }
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        files: &dyn Files,
+        needs: Needs,
+        options: &ImportOptions,
+    ) -> std::result::Result<Asset, ImportError> {
+        let vrm = Vrm { bones: options.bool("bones").unwrap_or(true) };
+        import_with(source, files, needs, &ImportOptions::default(), &vrm)
+    }
+}
+
+/// What VRM adds to glTF.
+struct Vrm {
+    bones: bool,
+}
+
+impl Profile for Vrm {
+    fn extensions(&self) -> &[&str] {
+        &[V0, V1, ANIMATION, "VRMC_springBone", "VRMC_springBone_extended_collider", "VRMC_materials_mtoon"]
+    }
+
+    fn finish(&self, document: &Document<'_>, needs: Needs, asset: &mut Asset) -> Result<()> {
+        let root = |name: &str| document.extension(name).map(|v| At::new(v, format!("extensions.{name}")));
+        if let Some(vrm) = root(V1) {
+            character(document, &vrm, needs, asset)
+        } else if let Some(vrm) = root(V0) {
+            character_v0(document, &vrm, needs, asset)
+        } else if let Some(vrma) = root(ANIMATION) {
+            animation::read(document, &vrma, asset)?;
+            if self.bones && needs.geometry && asset.meshes.is_empty() {
+                bones::add_bones(asset);
+            }
+            Ok(())
+        } else {
+            let problem = Problem::new("extensions", "has none of VRM, VRMC_vrm and VRMC_vrm_animation");
+            Err(problem.hint("read the file with #{ importer: \"gltf\" }"))
+        }
+    }
+}
+
+/// VRM 1.0.
+fn character(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Asset) -> Result<()> {
+    version(document, vrm, "1.0");
+    about::read(document, vrm, asset);
+    human::read(document, vrm, asset)?;
+    expressions::read(document, vrm, needs, asset)?;
+    asset.eyes = eyes::read(vrm)?;
+    if let Some(springs) = document.extension("VRMC_springBone") {
+        let springs = At::new(springs, "extensions.VRMC_springBone".into());
+        asset.springs = springs::read(document, &springs, asset)?;
+    }
+    checked(asset)
+}
+
+/// VRM 0.x. Its models look along −Z: everything is turned at the end.
+fn character_v0(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Asset) -> Result<()> {
+    about::read_v0(document, vrm, asset);
+    human::read_v0(document, vrm, asset)?;
+    expressions::read_v0(document, vrm, needs, asset)?;
+    asset.eyes = eyes::read_v0(vrm)?;
+    asset.springs = springs_v0::read(document, vrm, asset)?;
+    facing::turn(asset)?;
+    checked(asset)
+}
+
+fn version(document: &Document<'_>, extension: &At<'_>, known: &str) {
+    match extension.text("specVersion") {
+        Some(version) if version == known || version.starts_with(&format!("{known}-")) => {}
+        Some(other) => {
+            let other: String = other.chars().take(40).collect();
+            document.warn(extension.place(), format!("has version \"{other}\"; it is read as {known}"));
+        }
+        None => document.warn(extension.place(), format!("has no specVersion; it is read as {known}")),
+    }
+}
+
+/// The springs go to a solver that trusts them.
+fn checked(asset: &mut Asset) -> Result<()> {
+    asset
+        .springs
+        .check(asset.skeleton.len())
+        .map_err(|e| Problem::new(format!("springs.{}", e.place), e.what))
+}
+
+/// Puts the bones of a human body into the skeleton.
+fn set_humanoid(asset: &mut Asset, humanoid: choreo_motion::Humanoid, place: String) -> Result<()> {
+    let skeleton = asset.skeleton.as_ref().clone();
+    let skeleton = skeleton.with_humanoid(humanoid).map_err(|e| Problem::new(place, e.to_string()))?;
+    asset.skeleton = Arc::new(skeleton);
+    Ok(())
+}

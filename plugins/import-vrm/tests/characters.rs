@@ -1,0 +1,223 @@
+//! What VRM adds to glTF: the same character as 0.x and as 1.0 must come out the same.
+
+mod common;
+
+use choreo_import_testing::{Companions, error_text, import, import_bytes, sound, source, warnings};
+use choreo_motion::spring::parameters::ColliderShape;
+use choreo_motion::{HumanBone, Time, bind_clip};
+use choreo_plugin::{Claim, Importer, Needs};
+use choreo_stage::{Asset, Cue, EyesMovedBy, Repeat, Stage, posed_meshes};
+use common::{Version, animation, character, edited, glb, glb_of};
+use glam::{DVec3, Vec3};
+use import_gltf::GltfImporter;
+use import_vrm::VrmImporter;
+use std::sync::Arc;
+
+/// The mesh instance with the nose; the hat, on a joint of the body, comes before it.
+const FACE: usize = 1;
+
+fn read(version: Version) -> Arc<Asset> {
+    let asset = import_bytes(&VrmImporter, "tiny.vrm", glb(version)).unwrap();
+    sound::check("tiny.vrm", &asset);
+    Arc::new(asset)
+}
+
+/// World places of all vertices of the asset alone on stage while a clip plays, by mesh instance.
+fn vertices(asset: &Arc<Asset>, clip: Option<&choreo_motion::Clip>, secs: f64) -> Vec<Vec<DVec3>> {
+    let mut stage = Stage::default();
+    let actor = stage.cast("a", asset.clone());
+    if let Some(clip) = clip {
+        stage.play(actor, Cue { repeat: Repeat::Once, ..Cue::new(Arc::new(clip.clone())) });
+    }
+    let snapshot = stage.at(Time::from_secs(secs)).unwrap();
+    let posed = posed_meshes(asset, &snapshot.actors[actor]);
+    posed.iter().flat_map(|i| i.primitives.iter().map(|p| p.positions.clone())).collect()
+}
+
+fn difference(a: &[Vec<DVec3>], b: &[Vec<DVec3>]) -> f64 {
+    assert_eq!(a.iter().map(Vec::len).collect::<Vec<_>>(), b.iter().map(Vec::len).collect::<Vec<_>>());
+    a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max)
+}
+
+#[test]
+fn both_versions_face_plus_z_and_move_alike() {
+    let (old, new) = (read(Version::V0), read(Version::V1));
+    for secs in [0.0, 0.3, 1.0] {
+        let [a, b] = [&old, &new].map(|asset| vertices(asset, Some(&asset.clips[0]), secs));
+        assert!(difference(&a, &b) < 1e-6, "{secs}: {a:?} {b:?}");
+    }
+    let rest = vertices(&old, None, 0.0);
+    assert!((rest[FACE][2] - DVec3::new(0.0, 1.5, 0.4)).length() < 1e-6, "the nose points to +Z: {rest:?}");
+    // The clip's morph lengthens the nose by 20 cm, halved at its end; a nod by 60° takes a point 0.5 m before the joint down.
+    let nodded = vertices(&new, Some(&new.clips[0]), 1.0)[FACE][2];
+    let (sin, cos) = (0.75f64.sqrt(), 0.5);
+    let expected = DVec3::new(0.0, 1.5 - 0.6 * sin, 0.6 * cos) + DVec3::new(0.0, 0.05 * cos, 0.05 * sin);
+    assert!((nodded - expected).length() < 1e-6, "{nodded} {expected}");
+    // Joints have the same axes too.
+    for (joint, name) in new.skeleton.names().iter().enumerate() {
+        let other = old.skeleton.names().iter().position(|n| n == name).unwrap();
+        let (a, b) = (old.rest_model_from_joint()[other], new.rest_model_from_joint()[joint]);
+        assert!(a.abs_diff_eq(b, 1e-6), "{name}: {a} {b}");
+    }
+    // The comparison can fail: read as plain glTF, the old one shows its back.
+    let plain = import_bytes(&GltfImporter, "tiny.vrm", glb(Version::V0)).unwrap();
+    let back = vertices(&Arc::new(plain), None, 0.0);
+    assert!((back[FACE][2] - DVec3::new(0.0, 1.5, -0.4)).length() < 1e-6);
+    assert!(difference(&back, &rest) > 0.7);
+}
+
+#[test]
+fn human_bones_have_one_name_in_both() {
+    for asset in [read(Version::V0), read(Version::V1)] {
+        let humanoid = asset.skeleton.humanoid().unwrap();
+        let name = |bone| humanoid.joint(bone).map(|j| asset.skeleton.names()[j as usize].as_str());
+        assert_eq!(name(HumanBone::LeftThumbMetacarpal), Some("thumb a"));
+        assert_eq!(name(HumanBone::LeftThumbProximal), Some("thumb b"));
+        assert_eq!(name(HumanBone::LeftThumbDistal), Some("thumb c"));
+        assert_eq!((name(HumanBone::Head), name(HumanBone::Jaw)), (Some("head"), None));
+        assert_eq!(humanoid.bones().count(), 8);
+        let find = |name: &str| asset.skeleton.find(name).map(|j| asset.skeleton.names()[j].as_str());
+        assert_eq!(find("mixamorig:LeftArm"), Some("left upper arm"));
+        assert_eq!(find("leftThumbMetacarpal"), Some("thumb a"));
+        assert!(warnings(&asset).is_empty(), "{:?}", warnings(&asset));
+    }
+}
+
+#[test]
+fn expressions_are_those_of_1_0() {
+    for (version, over) in [(Version::V0, 0.0), (Version::V1, 1.0)] {
+        let asset = read(version);
+        let mut faces: Vec<_> = asset.expressions.iter().collect();
+        faces.sort_by(|a, b| a.name.cmp(&b.name));
+        let names: Vec<&str> = faces.iter().map(|e| e.name.as_str()).collect();
+        assert_eq!(names, ["blink", "happy", "liar"]);
+        assert_eq!(faces.iter().map(|e| e.binary).collect::<Vec<_>>(), [true, false, false]);
+        let binds = faces.iter().map(|e| (e.morphs[0].target, e.morphs[0].weight)).collect::<Vec<_>>();
+        assert_eq!(binds, [(0, 1.0), (1, 0.5), (0, 1.0)]);
+        // On stage: happy lifts the nose by half a bind, and holds blink down where the file says so.
+        let mut stage = Stage::default();
+        let actor = stage.cast("a", asset.clone());
+        let index = |name: &str| asset.expressions.iter().position(|e| e.name == name).unwrap() as u32;
+        stage.actors[actor].expressions = vec![(index("happy"), 0.5), (index("blink"), 1.0)];
+        let weights = stage.at(Time::ZERO).unwrap().actors[actor].morph_weights[FACE].clone();
+        assert_eq!(weights, [1.0 - over, 0.25], "{version:?}");
+    }
+}
+
+#[test]
+fn springs_come_out_alike_in_choreos_axes() {
+    let (old, new) = (read(Version::V0), read(Version::V1));
+    for asset in [&old, &new] {
+        let springs = &asset.springs;
+        springs.check(asset.skeleton.len()).unwrap();
+        let chain = &springs.chains[0];
+        assert_eq!(
+            (springs.chains.len(), chain.name.as_str(), chain.colliders.as_slice()),
+            (1, "hair", &[0][..])
+        );
+        let name = |joint: u32| asset.skeleton.names()[joint as usize].as_str();
+        assert_eq!(chain.center.map(name), Some("hips"));
+        let first = &chain.joints[0];
+        assert_eq!((name(first.joint), name(chain.joints[1].joint)), ("hair 1", "hair 2"));
+        assert!((first.tail - Vec3::new(0.0, -0.1, -0.05)).length() < 1e-6, "{}", first.tail);
+        assert!((chain.joints[1].tail - Vec3::new(0.0, -0.1, 0.0)).length() < 1e-6);
+        assert_eq!((first.stiffness, first.drag_force, first.hit_radius), (0.5, 0.25, 0.02));
+        // A direction of length 2 doubles the power.
+        assert!((first.gravity_power - 0.2).abs() < 1e-6);
+        assert_eq!(first.gravity_direction, Vec3::NEG_Y);
+        let ColliderShape::Sphere { offset, radius, inside } = springs.colliders[0].shape else { panic!() };
+        assert!((offset - Vec3::new(0.01, 0.05, -0.02)).length() < 1e-6, "{offset}");
+        assert_eq!((name(springs.colliders[0].joint), radius, inside), ("head", 0.1, false));
+    }
+    // 1.0: the last joint is an end only, and each joint has its own numbers. 0.x: the last gets 7 cm more.
+    assert_eq!((new.springs.chains[0].joints.len(), old.springs.chains[0].joints.len()), (2, 3));
+    assert_eq!(new.springs.chains[0].joints[1].stiffness, 0.75);
+    let last = old.springs.chains[0].joints[2].tail;
+    assert!((last - Vec3::new(0.0, -0.07, 0.0)).length() < 1e-6, "{last}");
+}
+
+#[test]
+fn animations_play_on_both_by_the_bones_whatever_axes_they_rest_in() {
+    let (json, bin) = animation();
+    let vrma = import_bytes(&VrmImporter, "yes.vrma", glb_of(&json, &bin)).unwrap();
+    sound::check("yes.vrma", &vrma);
+    assert!(!vrma.meshes.is_empty(), "its bones are shown");
+    assert_eq!(vrma.clips[0].expressions().len(), 1);
+    for version in [Version::V0, Version::V1] {
+        let asset = read(version);
+        let (clip, missing) = bind_clip(&vrma.clips[0], &vrma.skeleton, &asset.skeleton);
+        assert!(missing.is_empty(), "{missing:?}");
+        // The hips rise from 2 m to 3 m there, from 1 m to 1.5 m here; the nose nods by 60°. happy at half its weight, times half a
+        // bind, lifts the tip by 2.5 cm; at the end by 5 cm.
+        let tip = vertices(&asset, Some(&clip), 1.0)[FACE][2];
+        let (sin, cos) = (0.75f64.sqrt(), 0.5);
+        let expected = DVec3::new(0.0, 2.0 - 0.4 * sin + 0.05 * cos, 0.4 * cos + 0.05 * sin);
+        assert!((tip - expected).length() < 1e-6, "{version:?}: {tip} {expected}");
+        // Without the bones' T-poses the same keys would turn the head about another axis.
+        let mut raw = clip.curves().to_vec();
+        for curve in raw.iter_mut().filter(|c| c.path == choreo_motion::Path::Rotation) {
+            let source =
+                vrma.clips[0].curves().iter().find(|c| c.path == choreo_motion::Path::Rotation).unwrap();
+            curve.values = source.values.clone();
+        }
+        let raw = choreo_motion::Clip::new("raw".into(), asset.skeleton.len(), raw).unwrap();
+        assert!((vertices(&asset, Some(&raw), 1.0)[FACE][2] - expected).length() > 0.1);
+    }
+}
+
+#[test]
+fn eyes_and_words_about_the_file_are_kept() {
+    let (old, new) = (read(Version::V0), read(Version::V1));
+    for asset in [&old, &new] {
+        let eyes = asset.eyes.unwrap();
+        assert_eq!(eyes.moved_by, EyesMovedBy::Bones);
+        assert!((eyes.inner.output_scale - 8.0f32.to_radians()).abs() < 1e-6);
+        assert!((eyes.inner.input_max - 90.0f32.to_radians()).abs() < 1e-6);
+        assert!((eyes.offset_from_head - Vec3::new(0.0, 0.06, 0.1)).length() < 1e-6);
+    }
+    let said = |asset: &Asset, label: &str| {
+        asset.origin.about.iter().find(|(l, _)| l == label).map(|(_, t)| t.clone()).unwrap_or_default()
+    };
+    assert_eq!((said(&new, "title"), said(&new, "authors")), ("Tiny".into(), "Ada, Bo".into()));
+    assert_eq!(said(&new, "licence"), "https://vrm.dev/licenses/1.0/");
+    assert_eq!(said(&new, "permissions"), "commercialUsage corporation, redistribution allowed");
+    assert_eq!((said(&old, "authors"), said(&old, "licence")), ("Ada".into(), "CC0".into()));
+    assert_eq!((old.origin.format.as_str(), new.origin.format.as_str()), ("VRM 0.x", "VRM 1.0"));
+}
+
+#[test]
+fn content_decides_who_reads_a_file() {
+    let claim = |name: &str, bytes: Vec<u8>| VrmImporter.claim(&source(name, bytes));
+    let gltf = |bytes: Vec<u8>| GltfImporter::new().claim(&source("x.vrm", bytes));
+    for version in [Version::V0, Version::V1] {
+        assert_eq!(claim("x.bin", glb(version)), Claim::Content(98));
+        assert!(gltf(glb(version)) < Claim::Content(98));
+        // Cut off: only where the name says so too.
+        let cut = glb(version)[..2500].to_vec();
+        assert_eq!(claim("x.glb", cut.clone()), Claim::NotMine);
+        assert_eq!(claim("x.vrm", cut), Claim::Content(96));
+    }
+    let (json, bin) = animation();
+    assert_eq!(claim("x.bin", glb_of(&json, &bin)), Claim::Content(98));
+    // As text, with the words but not as an extension, and without either.
+    let (json, _) = character(Version::V1);
+    assert_eq!(claim("x.gltf", serde_json::to_vec(&json).unwrap()), Claim::Content(98));
+    let plain = edited(Version::V1, |json| {
+        json["extensions"] = serde_json::json!({});
+    });
+    assert_eq!(claim("x.vrm", plain), Claim::NotMine);
+    assert_eq!(claim("x.vrm", b"solid x".to_vec()), Claim::NotMine);
+}
+
+#[test]
+fn what_is_not_needed_is_not_read() {
+    let clips =
+        import(&VrmImporter, &source("a.vrm", glb(Version::V0)), &Companions::none(), Needs::CLIPS).unwrap();
+    assert!(clips.meshes.is_empty() && clips.clips.len() == 1 && clips.skeleton.humanoid().is_some());
+    assert_eq!(warnings(&clips), Vec::<String>::new());
+    let plain = edited(Version::V1, |json| json["extensions"] = serde_json::json!({}));
+    assert_eq!(
+        error_text(import_bytes(&VrmImporter, "a.vrm", plain)),
+        "a.vrm: extensions: has none of VRM, VRMC_vrm and VRMC_vrm_animation"
+    );
+}
