@@ -38,17 +38,20 @@
 //! # Ok(()) }
 //! ```
 //!
-//! Two clips at once: [`Crossfade`]. Names of another skeleton: [`bind_clip`]. `cargo bench -p choreo-motion` says how
+//! Two clips at once: [`Crossfade`]; many, in any order: [`Mix`] and, on top, [`Deltas`]. Names of another skeleton: [`bind_clip`]. `cargo bench -p choreo-motion` says how
 //! fast and how exact all this is.
 
+pub mod additive;
 pub mod bake;
 pub mod bind;
 pub mod blend;
 pub mod clip;
 pub mod crossfade;
+pub mod ease;
 pub mod humanoid;
 pub mod joint_names;
 pub mod local_to_model;
+pub mod mix;
 pub mod playback;
 pub mod pose;
 pub mod sample;
@@ -63,13 +66,16 @@ mod timeline;
 mod tracks;
 pub mod transform;
 
+pub use additive::Deltas;
 pub use bake::{BakeError, BakeTooLarge};
 pub use bind::bind_clip;
 pub use blend::{Blend, BlendOnto};
 pub use clip::{Clip, ClipError, Curve, ExpressionCurve, Interpolation, Path};
 pub use crossfade::Crossfade;
+pub use ease::{Ease, Shape};
 pub use humanoid::{HumanBone, Humanoid};
 pub use local_to_model::LocalToModel;
+pub use mix::Mix;
 pub use playback::{Playback, Repeat};
 pub use pose::{LANES, Lane, Pose, PoseBlock};
 pub use sample::Sample;

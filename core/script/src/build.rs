@@ -178,10 +178,24 @@ pub struct ActorDraft {
 /// A `play` and what follows it by `then`.
 pub struct Chain {
     pub actor: usize,
-    /// A layer of its own, with these joint weights.
+    /// Joint weights.
     pub mask: Option<Vec<f32>>,
+    pub mode: LayerMode,
+    pub priority: Option<u32>,
 }
 
+impl Chain {
+    pub fn new(actor: usize) -> Chain {
+        Chain { actor, mask: None, mode: LayerMode::Override, priority: None }
+    }
+
+    /// Not part of the base layer.
+    pub fn is_layer(&self) -> bool {
+        self.mask.is_some() || self.mode != LayerMode::Override || self.priority.is_some()
+    }
+}
+
+#[derive(Clone)]
 pub struct CueDraft {
     pub chain: usize,
     pub clip: Arc<Clip>,
@@ -199,8 +213,41 @@ pub struct CueDraft {
     pub trim: Option<(Time, Time)>,
     pub repeat: Option<Repeat>,
     pub weight: f32,
+    pub weight_keys: Option<Arc<Channel>>,
     /// Set on cues that another follows: then they play once where nothing else is said.
     pub followed: bool,
+}
+
+impl CueDraft {
+    /// Of a chain, as it is where the script says nothing more.
+    pub fn new(chain: usize, clip: Arc<Clip>, at: Place) -> CueDraft {
+        CueDraft {
+            chain,
+            clip,
+            at,
+            after: None,
+            start: None,
+            until: None,
+            fade_in: Time::ZERO,
+            fade_out: None,
+            ease: Ease::Linear,
+            speed: 1.0,
+            reverse: false,
+            trim: None,
+            repeat: None,
+            weight: 1.0,
+            weight_keys: None,
+            followed: false,
+        }
+    }
+
+    /// Whether it ever counts, as far as its weight says.
+    pub fn counts(&self) -> bool {
+        match &self.weight_keys {
+            Some(keys) => keys.values.iter().any(|v| *v > 0.0),
+            None => self.weight > 0.0,
+        }
+    }
 }
 
 pub struct CameraDraft {

@@ -31,7 +31,7 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
         let (start, end) = times[id];
         let length = draft.length();
         let chain = &build.chains[draft.chain];
-        let repeat = draft.repeats(chain.mask.is_some());
+        let repeat = draft.repeats(chain.is_layer());
         if let (Repeat::Once, Some(until)) = (repeat, draft.until)
             && until - start > length
             && length > Time::ZERO
@@ -73,7 +73,7 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
     let mut begins: std::collections::BTreeMap<(usize, Time), usize> = std::collections::BTreeMap::new();
     for (id, draft) in build.cues.iter().enumerate() {
         let chain = &build.chains[draft.chain];
-        if chain.mask.is_some() {
+        if chain.is_layer() {
             continue;
         }
         if let Some(first) = begins.insert((chain.actor, times[id].0), id) {
@@ -96,7 +96,7 @@ fn restarts(build: &Build, times: &[(Time, Option<Time>)], warn: &mut impl FnMut
         let Some(before) = next.after else { continue };
         let draft = &build.cues[before];
         let length = draft.length().as_secs();
-        let looped = draft.repeats(build.chains[draft.chain].mask.is_some()) == Repeat::Loop;
+        let looped = draft.repeats(build.chains[draft.chain].is_layer()) == Repeat::Loop;
         if draft.trim.is_none() || draft.repeat.is_some() || !looped || length <= 0.0 {
             continue;
         }

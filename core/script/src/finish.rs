@@ -91,6 +91,9 @@ fn add_hooks(
     }
 }
 
+/// Ranks from here on are of layers with a priority.
+const PRIORITIES: u32 = 1 << 30;
+
 /// The layers of every actor: the base first, then each chain with a mask, in the order of the script.
 fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Vec<Vec<Layer>> {
     let times = cue::all_times(build);
@@ -99,13 +102,19 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Vec<Ve
     let mut slots = Vec::with_capacity(build.chains.len());
     for chain in &build.chains {
         let of_actor = &mut layers[chain.actor];
-        slots.push(match &chain.mask {
-            None => 0,
-            Some(mask) => {
-                of_actor.push(Layer { mask: Some(Arc::new(mask.clone())), cues: Vec::new() });
-                of_actor.len() - 1
-            }
-        });
+        if !chain.is_layer() {
+            slots.push(0);
+            continue;
+        }
+        // Sorted below. Without a priority each lies over those before it; additive ones in a row are equals.
+        let last = of_actor.iter().filter(|layer| layer.rank < PRIORITIES).last();
+        let additive = |mode: LayerMode| mode != LayerMode::Override;
+        let joins = last.is_some_and(|last| additive(last.mode) && additive(chain.mode));
+        let next = last.map_or(0, |last| if joins { last.rank } else { last.rank + 1 });
+        let rank = chain.priority.map_or(next.min(PRIORITIES - 1), |priority| PRIORITIES + priority);
+        let mask = chain.mask.clone().map(Arc::new);
+        of_actor.push(Layer { mask, mode: chain.mode, rank, cues: Vec::new() });
+        slots.push(of_actor.len() - 1);
     }
     // Where a cue of the chain takes over, the one before it is over.
     let mut taken_over: Vec<Option<Time>> = vec![None; build.cues.len()];
@@ -116,7 +125,7 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Vec<Ve
     }
     for (id, draft) in build.cues.iter().enumerate() {
         let chain = &build.chains[draft.chain];
-        let layer = chain.mask.is_some();
+        let layer = chain.is_layer();
         let (start, end) = times[id];
         if let Some(until) = draft.until
             && until <= start
@@ -144,12 +153,18 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Vec<Ve
             trim: draft.part(),
             repeat,
             weight: draft.weight,
+            weight_keys: draft.weight_keys.clone(),
         });
     }
     for of_actor in &mut layers {
         for layer in of_actor.iter_mut() {
             layer.cues.sort_by_key(|c| c.start);
         }
+        // Equal layers in an order of their own, so that not even rounding depends on how the script is written.
+        of_actor[1..].sort_by_cached_key(|layer| {
+            let alone = layer.rank < PRIORITIES && layer.mode == LayerMode::Override;
+            (layer.rank, if alone { [0; 32] } else { layer.content_hash() })
+        });
         if of_actor.len() == 1 && of_actor[0].cues.is_empty() {
             of_actor.clear();
         }

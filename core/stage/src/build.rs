@@ -88,6 +88,7 @@ impl Cue {
             trim: (Time::ZERO, clip.duration),
             repeat: Repeat::Loop,
             weight: 1.0,
+            weight_keys: None,
             clip,
         }
     }

@@ -113,6 +113,14 @@ impl Checker<'_> {
                     "the mask has a weight outside 0..=1".to_string()
                 });
             }
+            let place_of_layer = format!("{place}, layer {l}");
+            self.need(l > 0 || layer.mode == LayerMode::Override, &place_of_layer, || {
+                "the base layer cannot be additive: there is nothing below it".to_string()
+            });
+            let ranked = l < 2 || actor.layers[l - 1].rank <= layer.rank;
+            self.need(ranked, &place_of_layer, || {
+                "has a lower rank than the layer before it; sort by rank".to_string()
+            });
             for (c, cue) in layer.cues.iter().enumerate() {
                 let place = format!("{place}, layer {l}, cue {c} (\"{}\")", cue.clip.name);
                 self.cue(&place, cue, joints);
@@ -155,7 +163,7 @@ impl Checker<'_> {
                     self.index(&place, "expression", expression as usize, actor.asset.expressions.len());
                     true
                 }
-                Property::FieldOfView | Property::Intensity | Property::Color => false,
+                Property::FieldOfView | Property::Intensity | Property::Color | Property::Weight => false,
             };
             self.channel(&place, channel, fits);
         }
@@ -175,6 +183,12 @@ impl Checker<'_> {
         self.need((0.0..=1.0).contains(&cue.weight), place, || {
             format!("weight is {}, must be 0..=1", cue.weight)
         });
+        if let Some(keys) = &cue.weight_keys {
+            self.channel(place, keys, keys.property == Property::Weight);
+        }
+        if let Err(what) = cue.ease.check() {
+            self.need(false, place, || what);
+        }
         let fades = [cue.fade_in, cue.fade_out];
         self.need(fades.iter().all(|f| *f >= Time::ZERO), place, || "a fade is negative".to_string());
         self.span(place, cue.start, cue.end);

@@ -15,6 +15,7 @@ pub mod expression;
 pub mod eyes;
 mod framing;
 pub mod hash;
+mod layers;
 mod lights;
 mod look_at;
 mod order;

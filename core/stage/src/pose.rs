@@ -1,5 +1,6 @@
 //! One actor's pose at a time: layers of clips, then hook edits, then model space.
 
+use crate::layers::{self, GroupScratch};
 use crate::timeline::{self, Voice};
 use crate::{Actor, ActorEdit, Asset, Layer, MeshInstance, Property, channels, expression};
 use choreo_motion::{BlendOnto, Clip, Crossfade, HumanBone, LocalToModel, Pose, Sample, Time};
@@ -14,6 +15,7 @@ pub(crate) struct PoseScratch {
     voices: Vec<Voice>,
     weights: Vec<f32>,
     expressions: Vec<f32>,
+    group: GroupScratch,
 }
 
 /// Fills `model_from_joint` and `morph_weights` of an actor. A function of the actor, the time and the edits alone: actors can
@@ -36,8 +38,22 @@ pub(crate) fn pose_actor<'e>(
     scratch.expressions.clear();
     scratch.expressions.resize(asset.expressions.len(), 0.0);
     scratch.pose.copy_from(asset.rest_pose());
-    for (index, layer) in actor.layers.iter().enumerate() {
+    let mut next = 0;
+    while next < actor.layers.len() {
+        let index = next;
+        let layer = &actor.layers[index];
         let base = index == 0;
+        next += 1;
+        if !base {
+            next += actor.layers[next..].iter().take_while(|l| l.rank == layer.rank).count();
+            let equal = &actor.layers[index..next];
+            if layers::is_group(equal) {
+                let (group, pose, expressions) =
+                    (&mut scratch.group, &mut scratch.pose, &mut scratch.expressions);
+                layers::lay_over(equal, asset, time, group, pose, morph_weights, expressions);
+                continue;
+            }
+        }
         if base {
             timeline::base_voices(layer, time, &mut scratch.voices);
         } else {
@@ -169,13 +185,7 @@ impl BlendedVoice<'_> {
         if weights.is_empty() || (self.clip.expressions().is_empty() && !base) {
             return;
         }
-        let head = || {
-            let humanoid = asset.skeleton.humanoid();
-            humanoid.and_then(|h| h.joint(HumanBone::Head)).or(asset.skeleton.find("Head").map(|j| j as u32))
-        };
-        let mask = layer.mask.as_ref();
-        let masked = mask.map_or(1.0, |m| head().and_then(|j| m.get(j as usize).copied()).unwrap_or(0.0));
-        let share = self.weight * masked;
+        let share = self.weight * masked_at_head(asset, layer);
         for (expression, weight) in asset.expressions.iter().zip(weights) {
             let driven = self.clip.sample_expression(&expression.name, self.time);
             let over = driven.unwrap_or(if base { 0.0 } else { *weight });
@@ -184,7 +194,17 @@ impl BlendedVoice<'_> {
     }
 }
 
-fn rest_weights(instance: &MeshInstance, count: usize) -> impl Iterator<Item = f32> + '_ {
+/// What a layer's mask leaves of its weight at the head.
+pub(crate) fn masked_at_head(asset: &Asset, layer: &Layer) -> f32 {
+    let head = || {
+        let humanoid = asset.skeleton.humanoid();
+        humanoid.and_then(|h| h.joint(HumanBone::Head)).or(asset.skeleton.find("Head").map(|j| j as u32))
+    };
+    let mask = layer.mask.as_ref();
+    mask.map_or(1.0, |m| head().and_then(|j| m.get(j as usize).copied()).unwrap_or(0.0))
+}
+
+pub(crate) fn rest_weights(instance: &MeshInstance, count: usize) -> impl Iterator<Item = f32> + '_ {
     instance.weights.iter().copied().chain(std::iter::repeat(0.0)).take(count)
 }
 

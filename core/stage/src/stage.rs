@@ -1,8 +1,8 @@
 //! The stage as a script leaves it: who is there, what plays when, from where it is seen.
 
 use crate::{Asset, Light, Projection};
-pub use choreo_motion::Repeat;
 use choreo_motion::{Clip, FrameRate, Interpolation, Time};
+pub use choreo_motion::{Ease, Repeat};
 use glam::{DQuat, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 use thiserror::Error;
@@ -113,13 +113,41 @@ pub struct Attachment {
     pub joint: Option<u32>,
 }
 
-/// A layer of clips on one actor. Layer 0 is the base; later ones override on their mask.
+/// A layer of clips on one actor. Layer 0 is the base; the others come over it by rank.
 #[derive(Clone, Debug, Default)]
 pub struct Layer {
     /// One weight a joint of the actor's skeleton, 0..=1; `None` = all joints.
     pub mask: Option<Arc<Vec<f32>>>,
+    pub mode: LayerMode,
+    /// Layers are sorted by rank, the base left out. A higher rank lies over a lower one. Those of one rank are equal: their
+    /// order changes nothing but rounding. First those that override are mixed, by weight, over what is below
+    /// ([`choreo_motion::Mix`]), then the additive ones are summed and laid on top ([`choreo_motion::Deltas`]).
+    pub rank: u32,
     /// Sorted by start. A cue fades in over what came before it.
     pub cues: Vec<Cue>,
+}
+
+/// What a layer does to what is below it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LayerMode {
+    /// Goes towards the layer's pose, by its weight.
+    #[default]
+    Override,
+    /// Adds what each of its clips does beyond a reference pose.
+    Additive(Reference),
+    /// Takes it away.
+    Subtractive(Reference),
+}
+
+/// The pose that an additive clip is a difference to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reference {
+    /// The clip where its trim begins.
+    FirstFrame,
+    /// The clip at this time.
+    At(Time),
+    /// The skeleton's rest pose.
+    Rest,
 }
 
 /// A clip placed on the timeline.
@@ -141,14 +169,8 @@ pub struct Cue {
     pub repeat: Repeat,
     /// 0..=1, times the fades. The first cue of the base layer always has all the weight.
     pub weight: f32,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Ease {
-    #[default]
-    Linear,
-    /// 3w² − 2w³
-    Smooth,
+    /// `Property::Weight` over stage time, in place of `weight`; what a spline overshoots is cut off at 0 and 1.
+    pub weight_keys: Option<Arc<Channel>>,
 }
 
 /// Keyed property of an actor, camera or light.
@@ -183,6 +205,8 @@ pub enum Property {
     /// Light.
     Intensity,
     Color,
+    /// Of a cue.
+    Weight,
 }
 
 impl Property {

@@ -1,6 +1,6 @@
 //! Which clips of a layer are heard at a time, at which clip time and with what weight.
 
-use crate::{Actor, Cue, Ease, Layer};
+use crate::{Actor, Cue, Ease, Layer, LayerMode};
 use choreo_motion::{Playback, Repeat, Time};
 
 /// A cue that counts in an actor's pose at a time.
@@ -12,10 +12,13 @@ pub struct Heard {
     pub clip_time: Time,
     /// 0 < weight ≤ 1, over what came before it; times the layer's mask.
     pub weight: f32,
+    /// Its layer adds or subtracts: what came before it keeps its share.
+    pub additive: bool,
 }
 
 impl Actor {
-    /// What plays at a time, in the order in which it is blended: each over what came before it.
+    /// What plays at a time, in the order in which it is blended: each over what came before it, additive ones on top. Of
+    /// layers of one rank each is told as it is by itself.
     pub fn heard(&self, time: Time) -> Vec<Heard> {
         let mut heard = Vec::new();
         let mut voices = Vec::new();
@@ -29,6 +32,7 @@ impl Actor {
                 cue: v.cue,
                 clip_time: v.clip_time,
                 weight: v.weight,
+                additive: of_layer.mode != LayerMode::Override,
             }));
         }
         heard
@@ -59,7 +63,7 @@ pub(crate) fn base_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
     }
     for index in (0..begun).rev() {
         let cue = &cues[index];
-        let weight = if index == 0 { 1.0 } else { faded_in(cue, time) * cue.weight };
+        let weight = if index == 0 { 1.0 } else { faded_in(cue, time) * cue.weight_at(time) };
         if weight > 0.0 {
             // A cue that follows at once takes over a playing clip, not a frozen one.
             let held_from = cue.end.filter(|end| cues.get(index + 1).is_none_or(|next| next.start > *end));
@@ -81,12 +85,12 @@ pub(crate) fn upper_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
     let cues = &layer.cues;
     let begun = cues.partition_point(|cue| cue.start <= time);
     for (index, cue) in cues[..begun].iter().enumerate() {
-        let mut weight = faded_in(cue, time) * cue.weight;
+        let mut weight = faded_in(cue, time) * cue.weight_at(time);
         let next = cues.get(index + 1).filter(|next| cue.end.is_none_or(|end| end == next.start));
         if let Some(next) = next {
             if next.start <= time {
                 let fade = faded_in(next, time);
-                let over = fade * next.weight;
+                let over = fade * next.weight_at(time);
                 if fade >= 1.0 || over >= 1.0 {
                     continue;
                 }
@@ -103,6 +107,24 @@ pub(crate) fn upper_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
             let clip_time = clip_time(cue, time - cue.start, false);
             voices.push(Voice { cue: index, clip_time, weight });
         }
+    }
+}
+
+/// Turns weights over what came before into shares of the layer as a whole: w · Π (1 − w of those after).
+pub(crate) fn shares(voices: &mut [Voice]) {
+    let mut left = 1.0;
+    for voice in voices.iter_mut().rev() {
+        let weight = voice.weight;
+        voice.weight = weight * left;
+        left *= 1.0 - weight;
+    }
+}
+
+impl Cue {
+    /// How much it counts at a time, fades left out, 0..=1.
+    pub fn weight_at(&self, time: Time) -> f32 {
+        let keyed = self.weight_keys.as_ref().and_then(|keys| keys.at(time));
+        keyed.map_or(self.weight, |v| (v[0] as f32).clamp(0.0, 1.0))
     }
 }
 
@@ -131,6 +153,7 @@ pub(crate) fn eased(ease: Ease, w: f32) -> f32 {
     match ease {
         Ease::Linear => w,
         Ease::Smooth => w * w * (3.0 - 2.0 * w),
+        ease => ease.at(w.into()) as f32,
     }
 }
 

@@ -22,7 +22,7 @@ fn scene() -> Stage {
         stage.play(anna, cue.clone());
         stage.play(boris, Cue { start: cue.start + secs(0.3), ease: Ease::Smooth, ..cue });
     }
-    let mut over = Layer { mask: Some(Arc::new(vec![0.0, 0.2, 1.0, 1.0, 0.5])), cues: vec![] };
+    let mut over = Layer { mask: Some(Arc::new(vec![0.0, 0.2, 1.0, 1.0, 0.5])), ..Layer::default() };
     over.add(Cue {
         start: secs(2.0),
         end: Some(secs(3.0)),

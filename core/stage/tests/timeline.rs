@@ -129,7 +129,7 @@ fn a_loop_that_ends_after_whole_rounds_holds_its_last_pose() {
 fn layered(base: usize, mask: Option<Vec<f32>>, cues: Vec<Cue>) -> Stage {
     let f = figure();
     let mut stage = playing(vec![cue(&f, base, 0.0, 0.0)]);
-    stage.actors[0].layers.push(Layer { mask: mask.map(Arc::new), cues });
+    stage.actors[0].layers.push(Layer { mask: mask.map(Arc::new), cues, ..Layer::default() });
     assert_eq!(stage.check().len(), 0, "{:?}", stage.check());
     stage
 }

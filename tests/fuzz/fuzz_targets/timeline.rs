@@ -106,7 +106,7 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
             } else {
                 None
             };
-            stage.actors[id].layers.push(Layer { mask, cues });
+            stage.actors[id].layers.push(Layer { mask, cues, ..Layer::default() });
         }
         let actor = &mut stage.actors[id];
         actor.transform.translation = point(u)?;

@@ -505,26 +505,10 @@ fn play(c: &mut Call) -> Reply {
     let clip = super::cue::bound_clip(c, 0, &this.asset)?;
     let chain = c.build().chains.len();
     room(c.build().cues.len(), "cues", &c.shared.limits)?;
-    let mut cue = CueDraft {
-        chain,
-        clip,
-        at: c.place.clone(),
-        after: None,
-        start: None,
-        until: None,
-        fade_in: Time::ZERO,
-        fade_out: None,
-        ease: Ease::Linear,
-        speed: 1.0,
-        reverse: false,
-        trim: None,
-        repeat: None,
-        weight: 1.0,
-        followed: false,
-    };
+    let mut cue = CueDraft::new(chain, clip, c.place.clone());
     super::cue::read_options(c, 1, &mut cue)?;
     let mut build = c.build();
-    build.chains.push(Chain { actor: this.id, mask: None });
+    build.chains.push(Chain::new(this.id));
     build.cues.push(cue);
     Ok(Dynamic::from(CueRef(build.cues.len() - 1)))
 }

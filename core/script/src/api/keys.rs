@@ -45,11 +45,8 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
     if next >= c.len() {
         return Err(ApiError::new(format!("key: write key(\"{name}\", name, keys)")));
     }
-    let how = match c.len() > next + 1 {
-        true => one_of(&c.value(next + 1), "key: how", HOW)?,
-        false => "linear",
-    };
-    let keys = read_keys(c, next)?;
+    let how = if c.len() > next + 1 { how(c, next + 1)? } else { "linear" };
+    let keys = read_keys(c, &c.value(next), "key")?;
     let values = |read: &Reader| {
         keys.iter()
             .enumerate()
@@ -102,25 +99,47 @@ pub fn replace(channels: &mut Vec<Channel>, new: Vec<Channel>) {
     }
 }
 
-fn read_keys(c: &Call, i: usize) -> Result<Vec<(Time, Dynamic)>, ApiError> {
-    let value = c.value(i);
+/// How one gets from key to key, from argument `i`.
+pub fn how(c: &Call, i: usize) -> Result<&'static str, ApiError> {
+    one_of(&c.value(i), &format!("{}: how", c.def.name), HOW)
+}
+
+/// Keys of one number, [[time, number], …].
+pub fn scalars(
+    c: &Call,
+    value: &Dynamic,
+    label: &str,
+    how: &str,
+    property: Property,
+    read: &dyn Fn(&Dynamic, &str) -> Result<f64, ApiError>,
+) -> Result<Channel, ApiError> {
+    let keys = read_keys(c, value, label)?;
+    let one = |(i, (_, v)): (usize, &(Time, Dynamic))| Ok(vec![read(v, &format!("{label}: key {i}"))?]);
+    let values = keys.iter().enumerate().map(one).collect::<Result<Vec<_>, ApiError>>()?;
+    let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
+    Ok(channel(property, how, &times, &values))
+}
+
+/// The rows of an array of keys; `of` is what messages begin with.
+fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<(Time, Dynamic)>, ApiError> {
     let Some(rows) = value.read_lock::<rhai::Array>() else {
-        return Err(c.wrong(i, "an array of keys, [[time, value], …]"));
+        return Err(wrong(value, &format!("{of}: keys"), "an array of keys, [[time, value], …]"));
     };
     if rows.is_empty() {
-        return Err(ApiError::new("key: there must be at least one key, [[time, value], …]"));
+        return Err(ApiError::new(format!("{of}: there must be at least one key, [[time, value], …]")));
     }
     count(c, rows.len())?;
     let mut keys: Vec<(Time, Dynamic)> = Vec::with_capacity(rows.len());
     for (n, row) in rows.iter().enumerate() {
         let pair = row.flatten_clone().try_cast::<rhai::Array>().filter(|p| p.len() == 2);
         let Some(pair) = pair else {
-            return Err(ApiError::new(format!("key: key {n} must be [time, value], got {}", describe(row))));
+            let got = describe(row);
+            return Err(ApiError::new(format!("{of}: key {n} must be [time, value], got {got}")));
         };
-        let t = time(&pair[0], &format!("key: time of key {n}"))?;
+        let t = time(&pair[0], &format!("{of}: time of key {n}"))?;
         if keys.last().is_some_and(|(before, _)| *before >= t) {
             return Err(ApiError::new(format!(
-                "key: times must increase, but key {n} at {} s follows one at {} s",
+                "{of}: times must increase, but key {n} at {} s follows one at {} s",
                 t.as_secs(),
                 keys[n - 1].0.as_secs()
             )));

@@ -4,7 +4,7 @@ use super::Remark;
 use crate::api::cue;
 use crate::build::{Build, CueDraft};
 use choreo_motion::Time;
-use choreo_stage::{Repeat, Subject};
+use choreo_stage::{LayerMode, Repeat, Subject};
 
 /// A cue and when it is heard.
 struct Timed<'a> {
@@ -33,7 +33,7 @@ pub fn look(build: &Build, found: &mut Vec<Remark>) {
         .iter()
         .zip(&times)
         .map(|(draft, (start, end))| {
-            let layer = build.chains[draft.chain].mask.is_some();
+            let layer = build.chains[draft.chain].is_layer();
             Timed { draft, start: *start, end: *end, layer }
         })
         .collect();
@@ -136,20 +136,27 @@ const MOST_LAYERS: usize = 32;
 fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<Remark>) {
     for (i, b) in upper.iter().enumerate() {
         for a in &upper[i.saturating_sub(MOST_LAYERS)..i] {
-            if a.draft.chain == b.draft.chain {
+            let chains = [a, b].map(|t| &build.chains[t.draft.chain]);
+            // Additive layers share their joints with what is below, and equal ones with each other, by design.
+            let meant = chains.iter().any(|chain| chain.mode != LayerMode::Override)
+                || chains[0].priority.is_some() && chains[0].priority == chains[1].priority;
+            if a.draft.chain == b.draft.chain || meant {
                 continue;
             }
-            let masks = [a, b].map(|t| build.chains[t.draft.chain].mask.as_deref().unwrap_or_default());
-            let shared = masks[0].iter().zip(masks[1]).filter(|(x, y)| **x > 0.0 && **y > 0.0).count();
+            let joints = build.actors[chains[0].actor].actor.asset.skeleton.len();
+            let masks = chains.map(|chain| chain.mask.as_deref());
+            let moves = |mask: Option<&[f32]>, joint: usize| mask.is_none_or(|m| m[joint] > 0.0);
+            let shared = (0..joints).filter(|j| masks.iter().all(|mask| moves(*mask, *j))).count();
             let from = a.start.max(b.start);
             let to = a.end.unwrap_or(Time::MAX).min(b.end.unwrap_or(Time::MAX)).min(build.settings.length);
             if shared > 0 && from < to {
                 let text = format!(
-                    "\"{}\" and \"{}\" both move {shared} joints from {} s to {} s: the later layer wins",
+                    "\"{}\" and \"{}\" both move {shared} joints from {} s to {} s: the {} layer wins",
                     a.name(),
                     b.name(),
                     from.as_secs(),
-                    to.as_secs()
+                    to.as_secs(),
+                    if chains[0].priority == chains[1].priority { "later" } else { "higher" },
                 );
                 found.push(Remark::note("layers_overlap", &b.draft.at, text));
             }
@@ -161,7 +168,7 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Rema
     let Timed { draft, start, end, layer } = cue;
     let (name, place) = (cue.name(), &draft.at);
     let length = draft.length();
-    if draft.weight == 0.0 {
+    if !draft.counts() {
         let text = format!("clip \"{name}\" is never seen: its weight is 0");
         found.push(Remark::warning("weight_zero", place, text).on(subject, *start));
     }

@@ -4,6 +4,7 @@ use super::ContentHash;
 use super::asset::clip_hash;
 use super::writer::{Writer, hash_of};
 use crate::*;
+use choreo_motion::{Clip, Shape};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -40,17 +41,15 @@ impl Stage {
                 w.option(parent, |w, parent| w.attachment(parent));
                 w.option(face, |w, face| w.count(*face));
                 w.list(layers, |w, layer| {
-                    w.option(&layer.mask, |w, mask| {
-                        let key = Arc::as_ptr(mask) as usize;
-                        let hash = *masks.entry(key).or_insert_with(|| hash_of(|w| w.f32s(mask)));
-                        w.bytes(&hash);
-                    });
-                    w.list(&layer.cues, |w, cue| {
-                        let key = Arc::as_ptr(&cue.clip) as usize;
-                        let hash = *clips.entry(key).or_insert_with(|| clip_hash(&cue.clip));
-                        w.bytes(&hash);
-                        w.cue(cue);
-                    });
+                    w.layer(
+                        layer,
+                        |w, mask| {
+                            let key = Arc::as_ptr(mask) as usize;
+                            let hash = *masks.entry(key).or_insert_with(|| hash_of(|w| w.f32s(mask)));
+                            w.bytes(&hash);
+                        },
+                        |clip| *clips.entry(Arc::as_ptr(clip) as usize).or_insert_with(|| clip_hash(clip)),
+                    );
                 });
                 w.list(channels, |w, channel| w.channel(channel));
                 w.list(look_at, |w, look| {
@@ -102,6 +101,15 @@ impl Stage {
                 w.option(&effect.end, |w, end| w.time(*end));
             });
             w.list(hooks, |w, hook| w.text(&hook.identity()));
+        })
+    }
+}
+
+impl Layer {
+    /// Everything that a pose takes from it.
+    pub fn content_hash(&self) -> ContentHash {
+        hash_of(|w| {
+            w.layer(self, |w, mask| w.f32s(mask), |clip| clip_hash(clip));
         })
     }
 }
@@ -164,17 +172,30 @@ impl Writer {
         }
     }
 
+    fn layer(
+        &mut self,
+        layer: &Layer,
+        mut mask: impl FnMut(&mut Writer, &Arc<Vec<f32>>),
+        mut clip: impl FnMut(&Arc<Clip>) -> ContentHash,
+    ) {
+        let Layer { mask: joints, mode, rank, cues } = layer;
+        self.option(joints, |w, joints| mask(w, joints));
+        self.layer_mode(mode);
+        self.u32(*rank);
+        self.list(cues, |w, cue| {
+            w.bytes(&clip(&cue.clip));
+            w.cue(cue);
+        });
+    }
+
     fn cue(&mut self, cue: &Cue) {
-        let Cue { clip: _, start, end, fade_in, fade_out, ease, speed, trim, repeat, weight } = cue;
+        let Cue { clip: _, start, end, fade_in, fade_out, ease, speed, trim, repeat, weight, weight_keys } = cue;
         self.time(*start);
         self.option(end, |w, end| w.time(*end));
         for t in [fade_in, fade_out, &trim.0, &trim.1] {
             self.time(*t);
         }
-        self.tag(match ease {
-            Ease::Linear => 0,
-            Ease::Smooth => 1,
-        });
+        self.ease(ease);
         self.f64(*speed);
         self.tag(match repeat {
             Repeat::Once => 0,
@@ -182,6 +203,41 @@ impl Writer {
             Repeat::PingPong => 2,
         });
         self.f32(*weight);
+        self.option(weight_keys, |w, keys| w.channel(keys));
+    }
+
+    fn layer_mode(&mut self, mode: &LayerMode) {
+        let (tag, reference) = match mode {
+            LayerMode::Override => return self.tag(0),
+            LayerMode::Additive(reference) => (1, reference),
+            LayerMode::Subtractive(reference) => (2, reference),
+        };
+        self.tag(tag);
+        match reference {
+            Reference::FirstFrame => self.tag(0),
+            Reference::Rest => self.tag(1),
+            Reference::At(time) => {
+                self.tag(2);
+                self.time(*time);
+            }
+        }
+    }
+
+    fn ease(&mut self, ease: &Ease) {
+        let (tag, shape) = match ease {
+            Ease::Linear => return self.tag(0),
+            Ease::Smooth => return self.tag(1),
+            Ease::In(shape) => (2, shape),
+            Ease::Out(shape) => (3, shape),
+            Ease::InOut(shape) => (4, shape),
+            Ease::Bezier(points) => {
+                self.tag(5);
+                return points.iter().for_each(|v| self.f64(*v));
+            }
+        };
+        self.tag(tag);
+        let number = Shape::ALL.iter().position(|(_, s)| s == shape);
+        self.count(number.unwrap_or(Shape::ALL.len()));
     }
 
     fn channel(&mut self, channel: &Channel) {
@@ -203,6 +259,7 @@ impl Writer {
             Property::FieldOfView => self.tag(6),
             Property::Intensity => self.tag(7),
             Property::Color => self.tag(8),
+            Property::Weight => self.tag(10),
         }
         self.interpolation(channel.interpolation);
         self.list(&channel.times, |w, t| w.time(*t));

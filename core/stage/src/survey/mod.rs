@@ -162,6 +162,7 @@ fn property_name(property: Property) -> &'static str {
         Property::FieldOfView => "the field of view",
         Property::Intensity => "the intensity",
         Property::Color => "the color",
+        Property::Weight => "the weight",
     }
 }
 

@@ -187,7 +187,10 @@ fn shares(actor: &Actor, time: Time, part: impl Fn(&Heard) -> f64) -> Vec<(Heard
     let mut shares: Vec<(Heard, f64)> = Vec::new();
     for heard in actor.heard(time) {
         let weight = part(&heard);
-        shares.iter_mut().for_each(|(_, share)| *share *= 1.0 - weight);
+        let covers = |under: &Heard| !heard.additive || under.layer == heard.layer;
+        for (_, share) in shares.iter_mut().filter(|(under, _)| covers(under)) {
+            *share *= 1.0 - weight;
+        }
         shares.push((heard, weight));
     }
     shares

@@ -1,0 +1,233 @@
+//! Layers: over which joints, how far, and what they do to what is below.
+
+use crate::build::Chain;
+use crate::call::{ApiError, Call, Reply, describe};
+use crate::suggest::list;
+use crate::value::CueRef;
+use choreo_stage::{Asset, LayerMode, Reference};
+use rhai::{Dynamic, Map};
+
+/// The most joints that a soft edge falls off over: more than any skeleton is deep where it matters.
+const SOFTEST: f64 = 100.0;
+
+/// Changes the chain of this cue.
+fn change(c: &Call, change: impl FnOnce(&mut Chain) -> Result<(), ApiError>) -> Reply {
+    let this: CueRef = c.this()?;
+    let mut build = c.build();
+    let chain = build.cue(this.0)?.chain;
+    change(&mut build.chains[chain])?;
+    drop(build);
+    c.itself()
+}
+
+pub fn on(c: &mut Call) -> Reply {
+    let this: CueRef = c.this()?;
+    let weights = patterns(c)?;
+    let o = c.options(1, &["soft"])?;
+    let soft = o.number_in("soft", 0.0, SOFTEST)?.unwrap_or(0.0);
+    let asset = {
+        let mut build = c.build();
+        let chain = build.cue(this.0)?.chain;
+        let actor = build.chains[chain].actor;
+        build.actor(actor)?.actor.asset.clone()
+    };
+    let mut mask = mask(&asset, &weights)?;
+    soften(&asset, &mut mask, soft);
+    change(c, |chain| {
+        chain.mask = Some(mask);
+        Ok(())
+    })
+}
+
+pub fn additive(c: &mut Call) -> Reply {
+    let mode = LayerMode::Additive(reference(c)?);
+    change(c, |chain| {
+        chain.mode = mode;
+        Ok(())
+    })
+}
+
+pub fn subtractive(c: &mut Call) -> Reply {
+    let mode = LayerMode::Subtractive(reference(c)?);
+    change(c, |chain| {
+        chain.mode = mode;
+        Ok(())
+    })
+}
+
+fn reference(c: &Call) -> Result<Reference, ApiError> {
+    if c.len() == 0 {
+        return Ok(Reference::FirstFrame);
+    }
+    let value = c.value(0);
+    if value.is_string() {
+        return Ok(match crate::call::one_of(&value, &c.label(0), &["first", "rest"])? {
+            "rest" => Reference::Rest,
+            _ => Reference::FirstFrame,
+        });
+    }
+    let this: CueRef = c.this()?;
+    let time = crate::call::duration(&value, &c.label(0))?;
+    let mut build = c.build();
+    let clip = &build.cue(this.0)?.clip;
+    if time > clip.duration {
+        let (at, end) = (time.as_secs(), clip.duration.as_secs());
+        let text = format!("{} at {at} s is after the end of clip \"{}\", {end} s", c.label(0), clip.name);
+        return Err(ApiError::new(text));
+    }
+    Ok(Reference::At(time))
+}
+
+pub fn priority(c: &mut Call) -> Reply {
+    let value = c.value(0);
+    let number = value.as_int().ok().filter(|n| (0..=1000).contains(n));
+    let number = number.ok_or_else(|| c.wrong(0, "a whole number from 0 to 1000"))? as u32;
+    change(c, |chain| {
+        chain.priority = Some(number);
+        Ok(())
+    })
+}
+
+/// Patterns of joints with their weights.
+fn patterns(c: &Call) -> Result<Vec<(String, f32)>, ApiError> {
+    let value = c.value(0);
+    let label = c.label(0);
+    if value.is_string() {
+        return Ok(vec![(c.text(0)?, 1.0)]);
+    }
+    if let Some(array) = value.read_lock::<rhai::Array>() {
+        return array.iter().map(|v| Ok((crate::call::text(v, &label)?, 1.0))).collect();
+    }
+    if let Some(map) = value.read_lock::<Map>() {
+        let weight = |(name, v): (&rhai::Identifier, &Dynamic)| {
+            let weight = crate::call::number_in(v, &format!("{label}: \"{name}\""), 0.0, 1.0)?;
+            Ok((name.to_string(), weight as f32))
+        };
+        return map.iter().map(weight).collect();
+    }
+    let text = format!(
+        "{label} must be text like \"Spine..\", an array of such, or an object map of them with weights, got {}",
+        describe(&value)
+    );
+    let hint = "post effects know .on(actor); a clip is played by the actor that play was called on";
+    Err(ApiError::new(text).hint(hint))
+}
+
+/// How closely a pattern says which joint it means; of several that match, the closest has its way.
+#[derive(Clone, Copy, PartialEq, PartialOrd)]
+enum Closeness {
+    Letters,
+    /// So many joints from the root of the skeleton.
+    Below(usize),
+    Name,
+}
+
+/// Weights of the joints: that of the pattern that means each the most closely, of equally close ones the largest.
+fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError> {
+    let skeleton = &asset.skeleton;
+    let mut best: Vec<Option<(Closeness, f32)>> = vec![None; skeleton.len()];
+    let mut depths: Vec<usize> = Vec::with_capacity(skeleton.len());
+    for parent in skeleton.parents() {
+        depths.push(parent.map_or(0, |p| depths[p as usize] + 1));
+    }
+    for (pattern, weight) in patterns {
+        let (name, below) = match pattern.strip_suffix("..") {
+            Some(name) => (name, true),
+            None => (pattern.as_str(), false),
+        };
+        let mut hit: Vec<Option<Closeness>> = vec![None; skeleton.len()];
+        if name.contains('*') {
+            for (joint, given) in skeleton.names().iter().enumerate() {
+                hit[joint] = matches(name.as_bytes(), given.as_bytes()).then_some(Closeness::Letters);
+            }
+            if hit.iter().all(Option::is_none) {
+                return Err(ApiError::new(format!(
+                    "no joint of skeleton \"{}\" matches \"{pattern}\"",
+                    asset.name
+                ))
+                .focus(pattern.clone())
+                .hint(format!("joints: {}", list(skeleton.names().iter().map(String::as_str), 24))));
+            }
+        } else {
+            let joint = super::super::actor::find_joint(asset, name).map_err(|e| e.focus(pattern.clone()))?;
+            let closeness = if below { Closeness::Below(depths[joint as usize]) } else { Closeness::Name };
+            hit[joint as usize] = Some(closeness);
+        }
+        if below {
+            for joint in 0..skeleton.len() {
+                hit[joint] = hit[joint].or(skeleton.parents()[joint].and_then(|p| hit[p as usize]));
+            }
+        }
+        for (best, hit) in best.iter_mut().zip(hit) {
+            if let Some(closeness) = hit {
+                let closer = best.is_none_or(|(before, most)| {
+                    closeness > before || closeness == before && *weight > most
+                });
+                if closer {
+                    *best = Some((closeness, *weight));
+                }
+            }
+        }
+    }
+    Ok(best.into_iter().map(|best| best.map_or(0.0, |(_, weight)| weight)).collect())
+}
+
+/// Gives the `soft` joints above each joint of the mask a share of its weight: of 2, the parent two thirds, the
+/// grandparent one third.
+fn soften(asset: &Asset, mask: &mut [f32], soft: f64) {
+    let parents = asset.skeleton.parents();
+    let hard = mask.to_vec();
+    for (joint, weight) in hard.iter().enumerate() {
+        let mut above = parents[joint];
+        let mut steps = 1.0;
+        while let Some(parent) = above
+            && steps <= soft
+            && *weight > 0.0
+        {
+            // What the mask itself says of a joint stands, and above it the edge is that joint's.
+            if hard[parent as usize] > 0.0 {
+                break;
+            }
+            let share = *weight * (1.0 - steps / (soft + 1.0)) as f32;
+            mask[parent as usize] = mask[parent as usize].max(share);
+            above = parents[parent as usize];
+            steps += 1.0;
+        }
+    }
+}
+
+/// Whether `*` (any letters) and plain letters, ASCII case ignored, cover the whole text. Greedy with one step back,
+/// so the time is at most the product of the lengths.
+fn matches(pattern: &[u8], text: &[u8]) -> bool {
+    let (mut p, mut t, mut star) = (0, 0, None);
+    while t < text.len() {
+        if p < pattern.len() && pattern[p] == b'*' {
+            star = Some((p, t));
+            p += 1;
+        } else if p < pattern.len() && pattern[p].eq_ignore_ascii_case(&text[t]) {
+            p += 1;
+            t += 1;
+        } else if let Some((at, from)) = star {
+            star = Some((at, from + 1));
+            p = at + 1;
+            t = from + 1;
+        } else {
+            return false;
+        }
+    }
+    pattern[p..].iter().all(|c| *c == b'*')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::matches;
+
+    #[test]
+    fn patterns_cover_the_whole_name() {
+        assert!(matches(b"*Arm*", b"LeftForeArm"));
+        assert!(matches(b"left*", b"LeftForeArm"));
+        assert!(!matches(b"*Arm", b"LeftArmTwist"));
+        assert!(matches(b"*", b""));
+        assert!(!matches(b"a*b*c", b"abbd"));
+    }
+}
