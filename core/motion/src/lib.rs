@@ -49,6 +49,7 @@ pub mod clip;
 pub mod crossfade;
 pub mod ease;
 pub mod humanoid;
+pub mod ik;
 pub mod joint_names;
 pub mod local_to_model;
 pub mod mix;

@@ -48,7 +48,9 @@ impl Stage {
 }
 
 impl Actor {
+    /// At the origin, at rest; what swings in its file swings.
     pub fn new(name: &str, asset: Arc<Asset>) -> Actor {
+        let springs = ActorSprings::of(&asset);
         Actor {
             name: name.to_string(),
             asset,
@@ -58,6 +60,9 @@ impl Actor {
             layers: Vec::new(),
             channels: Vec::new(),
             look_at: Vec::new(),
+            goals: Vec::new(),
+            limits: Vec::new(),
+            springs,
             visible: true,
             tint: Vec4::ONE,
             morphs: Vec::new(),

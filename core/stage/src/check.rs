@@ -138,6 +138,9 @@ impl Checker<'_> {
             });
             self.need(look.fade >= Time::ZERO, &place, || "fade is negative".to_string());
         }
+        for (part, what) in crate::goals::check::problems(self.stage, actor) {
+            self.need(false, &format!("{place}, {part}"), || what);
+        }
         for (instance, target, weight) in &actor.morphs {
             self.morph(&place, &actor.asset, *instance, *target);
             self.need(weight.is_finite(), &place, || format!("morph weight is {weight}, must be finite"));

@@ -1,9 +1,12 @@
 //! `Stage::at`: from the timeline to a snapshot.
 //!
-//! In this order: keyed properties, hooks, visibility, which poses are needed at all, poses, places in the world, look-ats,
-//! places again where a look-at has moved something, lights, camera.
+//! In this order: keyed properties, hooks, visibility, which poses are needed at all, poses, places in the world, goals
+//! (planted feet, aims, looks, reaches), places again where a goal has moved something, springs, lights, camera.
 
 use crate::framing::Framings;
+use crate::goals::plant::Plants;
+use crate::goals::solve::{self, GoalScratch};
+use crate::goals::springs::{self, Kept, Simulation};
 use crate::order::{self, Order, Step};
 use crate::pose::{self, PoseScratch};
 use crate::*;
@@ -28,24 +31,47 @@ impl Stage {
     /// ```
     pub fn at(&self, time: Time) -> Result<Snapshot, StageError> {
         let mut snapshot = Snapshot::default();
-        evaluate(self, &Framings::new(self), &mut Scratch::default(), time, &mut snapshot)?;
+        evaluate(self, &Memory::new(self), &mut Scratch::default(), time, &mut snapshot)?;
         Ok(snapshot)
     }
 }
 
-/// Evaluates one stage at many times without allocating anew. Clones share what a framing camera has found out, so one a
-/// thread is cheap.
+/// Evaluates one stage at many times without allocating anew. Clones share what a framing camera, planted feet and springs have
+/// found out, so one a thread is cheap. None of it changes what comes out.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     stage: Arc<Stage>,
-    framings: Arc<Framings>,
+    memory: Arc<Memory>,
     scratch: Scratch,
+}
+
+/// What has been found out about one stage and holds for every time.
+#[derive(Debug)]
+struct Memory {
+    framings: Framings,
+    plants: Plants,
+    springs: Kept,
+}
+
+impl Memory {
+    fn new(stage: &Stage) -> Memory {
+        Memory { framings: Framings::new(stage), plants: Plants::default(), springs: Kept::default() }
+    }
+}
+
+/// How far actors are evaluated.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Evaluation<'a> {
+    /// As their clips and callbacks have them.
+    Clips,
+    /// With their goals, without springs.
+    Goals(&'a Plants),
 }
 
 impl Evaluator {
     pub fn new(stage: Arc<Stage>) -> Evaluator {
-        let framings = Arc::new(Framings::new(&stage));
-        Evaluator { stage, framings, scratch: Scratch::default() }
+        let memory = Arc::new(Memory::new(&stage));
+        Evaluator { stage, memory, scratch: Scratch::default() }
     }
 
     pub fn stage(&self) -> &Arc<Stage> {
@@ -61,7 +87,7 @@ impl Evaluator {
 
     /// As `at`, reusing a snapshot's memory. After an error the snapshot is half filled.
     pub fn at_into(&mut self, time: Time, snapshot: &mut Snapshot) -> Result<(), StageError> {
-        evaluate(&self.stage, &self.framings, &mut self.scratch, time, snapshot)
+        evaluate(&self.stage, &self.memory, &mut self.scratch, time, snapshot)
     }
 
     /// Hidden actors are posed too: for tools that look at joints and not at pictures. What is seen does not change by it.
@@ -79,6 +105,11 @@ impl Evaluator {
     pub fn poses(&self) -> usize {
         self.scratch.poses
     }
+
+    /// How many poses this evaluator has taken since it was made, those of earlier times for springs included.
+    pub fn poses_in_all(&self) -> usize {
+        self.scratch.all_poses + self.scratch.simulation.poses()
+    }
 }
 
 /// Buffers; what is in them on entry does not matter.
@@ -94,10 +125,38 @@ pub(crate) struct Scratch {
     /// (actor, place in `edits.actors`) of edits that change poses, sorted.
     pose_edits: Vec<(usize, usize)>,
     pub(crate) edits: FrameEdits,
-    aims: Vec<look_at::Aim>,
-    turned: Vec<bool>,
+    goals: GoalScratch,
+    simulation: Simulation,
+    carried: Vec<usize>,
     poses: usize,
+    all_poses: usize,
     pose_hidden: bool,
+    /// The camera whose targets must be known.
+    seen_by: Option<usize>,
+    /// Where given, nobody else is posed but who these hang on.
+    only: Option<Vec<usize>>,
+}
+
+impl Scratch {
+    pub(crate) fn all_poses(&self) -> usize {
+        self.all_poses
+    }
+
+    pub(crate) fn only(actors: Vec<usize>) -> Scratch {
+        Scratch { only: Some(actors), ..Scratch::default() }
+    }
+
+    /// As [`Scratch::only`], from now on.
+    pub(crate) fn look_only_at(&mut self, actors: &[usize]) {
+        let only = self.only.get_or_insert_default();
+        only.clear();
+        only.extend_from_slice(actors);
+    }
+
+    /// Places all actors of the last evaluation anew, after joints have moved that others hang on.
+    pub(crate) fn place_again(&mut self, stage: &Stage, actors: &mut [ActorState]) {
+        place_actors(stage, self, actors);
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -109,13 +168,16 @@ struct Need {
 
 fn evaluate(
     stage: &Stage,
-    framings: &Framings,
+    memory: &Memory,
     scratch: &mut Scratch,
     time: Time,
     out: &mut Snapshot,
 ) -> Result<(), StageError> {
     let camera = camera::on_at(stage, time);
-    evaluate_actors(stage, scratch, time, camera, out)?;
+    let Memory { framings, plants, springs } = memory;
+    scratch.seen_by = camera;
+    evaluate_actors(stage, scratch, time, Evaluation::Goals(plants), out)?;
+    swing(stage, plants, springs, scratch, time, &mut out.actors)?;
     out.time = time;
     out.background = stage.settings.background;
     let ambient = (stage.settings.ambient_up, stage.settings.ambient_down);
@@ -128,12 +190,38 @@ fn evaluate(
     Ok(())
 }
 
-/// All of the snapshot's actors. `camera`: whose targets must be known.
+/// The springs of actors that have done everything else. Costs nothing where there are none.
+fn swing(
+    stage: &Stage,
+    plants: &Plants,
+    kept: &Kept,
+    scratch: &mut Scratch,
+    time: Time,
+    actors: &mut [ActorState],
+) -> Result<(), StageError> {
+    if stage.actors.iter().all(|a| a.springs.is_none()) {
+        return Ok(());
+    }
+    let mut carried = std::mem::take(&mut scratch.carried);
+    carried.clear();
+    carried.extend(scratch.order.steps.iter().filter_map(|step| match step {
+        Step::World(actor) => Some(*actor),
+        Step::Position(_) => None,
+    }));
+    let mut simulation = std::mem::take(&mut scratch.simulation);
+    let edits = std::mem::take(&mut scratch.edits.actors);
+    let place = |actors: &mut [ActorState]| place_actors(stage, scratch, actors);
+    let done = springs::run(stage, plants, kept, &mut simulation, time, &edits, &carried, actors, place);
+    (scratch.simulation, scratch.carried, scratch.edits.actors) = (simulation, carried, edits);
+    done
+}
+
+/// All of the snapshot's actors, but for their springs.
 pub(crate) fn evaluate_actors(
     stage: &Stage,
     scratch: &mut Scratch,
     time: Time,
-    camera: Option<usize>,
+    how: Evaluation,
     out: &mut Snapshot,
 ) -> Result<(), StageError> {
     order::find(stage, &mut scratch.order)?;
@@ -154,7 +242,7 @@ pub(crate) fn evaluate_actors(
             out.actors[a].visible &= out.actors.get(parent.actor).is_none_or(|p| p.visible);
         }
     }
-    find_needs(stage, scratch, time, camera, &out.actors);
+    find_needs(stage, scratch, time, &out.actors);
     scratch.poses = 0;
     for (index, (actor, state)) in stage.actors.iter().zip(&mut out.actors).enumerate() {
         if !scratch.needs[index].pose {
@@ -163,6 +251,7 @@ pub(crate) fn evaluate_actors(
             continue;
         }
         scratch.poses += 1;
+        scratch.all_poses += 1;
         let first = scratch.pose_edits.partition_point(|(a, _)| *a < index);
         let edits = scratch.pose_edits[first..].iter().take_while(|(a, _)| *a == index);
         let edits = edits.map(|(_, place)| &scratch.edits.actors[*place]);
@@ -170,15 +259,12 @@ pub(crate) fn evaluate_actors(
         pose::pose_actor(actor, time, edits, &mut scratch.pose, joints, weights);
     }
     place_actors(stage, scratch, &mut out.actors);
-    look_at::find_aims(stage, time, &out.actors, &mut scratch.aims);
-    if !scratch.aims.is_empty() {
-        for aim in &scratch.aims {
-            look_at::turn(stage, aim, &mut out.actors[aim.actor], &mut scratch.turned);
-        }
-        let turned = |a: usize| scratch.aims.iter().any(|aim| aim.actor == a);
-        if stage.actors.iter().any(|a| a.parent.is_some_and(|p| p.joint.is_some() && turned(p.actor))) {
-            place_actors(stage, scratch, &mut out.actors);
-        }
+    if let Evaluation::Goals(plants) = how {
+        let mut goals = std::mem::take(&mut scratch.goals);
+        let place = |actors: &mut [ActorState]| place_actors(stage, scratch, actors);
+        let done = solve::run(stage, plants, time, &mut goals, &mut out.actors, place);
+        scratch.goals = goals;
+        done?;
     }
     Ok(())
 }
@@ -216,6 +302,7 @@ fn run_hooks(
             ActorEdit::Morph { .. } | ActorEdit::Expression { .. } | ActorEdit::TurnJoint { .. } => {
                 scratch.pose_edits.push((index, place))
             }
+            ActorEdit::Wind { .. } => {}
         }
     }
     scratch.pose_edits.sort_unstable();
@@ -224,13 +311,8 @@ fn run_hooks(
 
 /// An invisible actor is posed only where something visible, the camera, a light or a look-at hangs on one of its joints,
 /// or where all are asked for.
-fn find_needs(
-    stage: &Stage,
-    scratch: &mut Scratch,
-    time: Time,
-    camera: Option<usize>,
-    actors: &[ActorState],
-) {
+fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorState]) {
+    let camera = scratch.seen_by;
     let (needs, work) = (&mut scratch.needs, &mut scratch.work);
     needs.clear();
     needs.resize(stage.actors.len(), Need::default());
@@ -249,12 +331,17 @@ fn find_needs(
         Target::Actor(actor) => Some((actor, false)),
         Target::Joint { actor, .. } => Some((actor, true)),
     };
-    for (index, state) in actors.iter().enumerate() {
-        if state.visible || scratch.pose_hidden {
-            want(work, index, true);
+    if let Some(only) = &scratch.only {
+        only.iter().for_each(|actor| want(work, *actor, true));
+    } else {
+        for (index, state) in actors.iter().enumerate() {
+            if state.visible || scratch.pose_hidden {
+                want(work, index, true);
+            }
         }
     }
-    for parent in stage.lights.iter().filter_map(|light| light.parent) {
+    let lights = if scratch.only.is_none() { &stage.lights[..] } else { &[] };
+    for parent in lights.iter().filter_map(|light| light.parent) {
         want(work, parent.actor, parent.joint.is_some());
     }
     if let Some(camera) = camera.and_then(|c| stage.cameras.get(c)) {
@@ -280,6 +367,11 @@ fn find_needs(
             if look_at::share(look, time) > 0.0
                 && let Some((actor, pose)) = want_target(&look.target)
             {
+                want(work, actor, pose);
+            }
+        }
+        for goal in actor.goals.iter().filter(|g| g.share(time) > 0.0) {
+            for (actor, pose) in goal.targets().filter_map(|t| want_target(&t)) {
                 want(work, actor, pose);
             }
         }
@@ -379,7 +471,8 @@ impl ActorEdit {
             | ActorEdit::Tint { actor, .. }
             | ActorEdit::Morph { actor, .. }
             | ActorEdit::Expression { actor, .. }
-            | ActorEdit::TurnJoint { actor, .. } => actor,
+            | ActorEdit::TurnJoint { actor, .. }
+            | ActorEdit::Wind { actor, .. } => actor,
         }
     }
 }

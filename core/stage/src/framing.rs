@@ -4,7 +4,8 @@
 //! outlines of all visible actors are taken at some times of the stage, once; then a camera costs a few projected corners a frame.
 
 use crate::camera::orbit_rotation;
-use crate::evaluate::{Scratch, evaluate_actors, widen};
+use crate::evaluate::{Evaluation, Scratch, evaluate_actors, widen};
+use crate::goals::plant::Plants;
 use crate::posed_mesh::Carriers;
 use crate::*;
 use choreo_motion::Time;
@@ -59,9 +60,11 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
     let intervals = intervals.min((length.as_secs() * 48.0) as usize).max(1);
     let (mut boxes, mut ground) = (Vec::new(), Vec::new());
     let (mut scratch, mut snapshot) = (Scratch::default(), Snapshot::default());
+    // Hair that flies changes no picture's frame.
+    let plants = Plants::default();
     for i in 0..=intervals {
         let time = Time((i128::from(length.0) * i as i128 / intervals as i128) as i64);
-        evaluate_actors(stage, &mut scratch, time, None, &mut snapshot)?;
+        evaluate_actors(stage, &mut scratch, time, Evaluation::Goals(&plants), &mut snapshot)?;
         for (actor, state) in stage.actors.iter().zip(&snapshot.actors).filter(|(_, s)| s.visible) {
             let mut bounds = DAabb::EMPTY;
             let axes_from_model = axes_from_world * state.world_from_model;

@@ -10,8 +10,8 @@ use glam::{Affine3A, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 /// target is straight behind, so that one that passes behind does not whip the head from one shoulder to the other.
 pub const LOOK_AT_LIMIT_RAD: f64 = 80.0 * std::f64::consts::PI / 180.0;
 
-/// A look-at that counts now. Targets are taken where they are before any look-at, so that two characters can look at each
-/// other's heads, and one at a thing in its own hand.
+/// A look-at that counts now. Of two characters who look at each other's heads, each looks where the other's was before, and so
+/// does one at a thing in its own hand (see [`crate::goals`]).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Aim {
     pub actor: usize,
@@ -20,18 +20,23 @@ pub(crate) struct Aim {
     share: f64,
 }
 
-pub(crate) fn find_aims(stage: &Stage, time: Time, actors: &[ActorState], aims: &mut Vec<Aim>) {
-    aims.clear();
-    for (index, (actor, state)) in stage.actors.iter().zip(actors).enumerate() {
-        for look in &actor.look_at {
-            let share = share(look, time);
-            // Also leaves out actors that are not posed.
-            if share > 0.0
-                && (look.joint as usize) < state.model_from_joint.len()
-                && let Some(world_target) = target_position(stage, actors, &look.target)
-            {
-                aims.push(Aim { actor: index, joint: look.joint, world_target, share: share.into() });
-            }
+/// Adds those of one actor.
+pub(crate) fn find_aims_of(
+    stage: &Stage,
+    time: Time,
+    actors: &[ActorState],
+    index: usize,
+    aims: &mut Vec<Aim>,
+) {
+    let (actor, state) = (&stage.actors[index], &actors[index]);
+    for look in &actor.look_at {
+        let share = share(look, time);
+        // Also leaves out actors that are not posed.
+        if share > 0.0
+            && (look.joint as usize) < state.model_from_joint.len()
+            && let Some(world_target) = target_position(stage, actors, &look.target)
+        {
+            aims.push(Aim { actor: index, joint: look.joint, world_target, share: share.into() });
         }
     }
 }

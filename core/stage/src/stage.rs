@@ -1,6 +1,7 @@
 //! The stage as a script leaves it: who is there, what plays when, from where it is seen.
 
-use crate::{Asset, Light, Projection};
+use crate::{ActorSprings, Asset, Goal, Light, Projection};
+pub use choreo_motion::ik::Limit;
 use choreo_motion::{Clip, FrameRate, Interpolation, Time};
 pub use choreo_motion::{Ease, Repeat};
 use glam::{DQuat, DVec3, Vec3, Vec4};
@@ -80,6 +81,12 @@ pub struct Actor {
     pub layers: Vec<Layer>,
     pub channels: Vec<Channel>,
     pub look_at: Vec<LookAt>,
+    /// What the body does beside its clips; see [`crate::goals`] for the order.
+    pub goals: Vec<Goal>,
+    /// How far joints may turn, whatever clips and goals do.
+    pub limits: Vec<(u32, Limit)>,
+    /// Hair, skirts and tails.
+    pub springs: Option<Arc<ActorSprings>>,
     /// An actor is seen where it and all that it is attached to are visible.
     pub visible: bool,
     /// Multiplies every base colour, linear.
@@ -359,6 +366,11 @@ pub enum ActorEdit {
         actor: usize,
         joint: u32,
         rotation: glam::Quat,
+    },
+    /// Speed of the air about an actor's springs, metres a second, in the world.
+    Wind {
+        actor: usize,
+        wind: DVec3,
     },
 }
 

@@ -1,3 +1,23 @@
 //! Spring bones: hair, skirts and tails that follow their body.
+//!
+//! [`SpringRig`] says which joints swing and how, from the parameters of a VRM file ([`parameters`]) or one's own numbers;
+//! [`SpringStep`] moves them on by a step of any length and turns the joints. [`bone`] has the equation, why it is stable and
+//! where it is exact.
+//!
+//! A step is exact for what it is given, but the pose is only looked at once a step: whoever wants the same motion at every
+//! frame rate steps on a grid of its own, and from the last point of the grid to the frame's time on a copy.
 
+pub mod bone;
+pub mod collide;
+pub mod oscillator;
 pub mod parameters;
+pub mod rig;
+pub mod simulate;
+pub mod sphere;
+
+pub use bone::{BoneState, Drive, SpringBone, TELEPORT_SPEED};
+pub use collide::Obstacle;
+pub use oscillator::Response;
+pub use parameters::{ColliderShape, SpringChain, SpringCollider, SpringError, SpringJoint, Springs};
+pub use rig::{RigBone, SpringRig};
+pub use simulate::{SpringScratch, SpringState, SpringStep};

@@ -27,6 +27,9 @@ impl Stage {
                     layers,
                     channels,
                     look_at,
+                    goals,
+                    limits,
+                    springs,
                     visible,
                     tint,
                     morphs,
@@ -60,6 +63,12 @@ impl Stage {
                     w.time(look.fade);
                     w.f32(look.weight);
                 });
+                w.list(goals, |w, goal| w.goal(goal));
+                w.list(limits, |w, (joint, limit)| {
+                    w.u32(*joint);
+                    w.limit(limit);
+                });
+                w.option(springs, |w, springs| w.springs(springs));
                 w.flag(*visible);
                 w.vec4(*tint);
                 w.list(expressions, |w, (expression, weight)| {
@@ -189,7 +198,8 @@ impl Writer {
     }
 
     fn cue(&mut self, cue: &Cue) {
-        let Cue { clip: _, start, end, fade_in, fade_out, ease, speed, trim, repeat, weight, weight_keys } = cue;
+        let Cue { clip: _, start, end, fade_in, fade_out, ease, speed, trim, repeat, weight, weight_keys } =
+            cue;
         self.time(*start);
         self.option(end, |w, end| w.time(*end));
         for t in [fade_in, fade_out, &trim.0, &trim.1] {
@@ -266,12 +276,12 @@ impl Writer {
         self.list(&channel.values, |w, v| w.f64(*v));
     }
 
-    fn attachment(&mut self, attachment: &Attachment) {
+    pub(super) fn attachment(&mut self, attachment: &Attachment) {
         self.count(attachment.actor);
         self.option(&attachment.joint, |w, joint| w.u32(*joint));
     }
 
-    fn target(&mut self, target: &Target) {
+    pub(super) fn target(&mut self, target: &Target) {
         match target {
             Target::Point(p) => {
                 self.tag(0);

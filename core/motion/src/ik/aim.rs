@@ -1,0 +1,124 @@
+//! Several joints that turn together until the last one points at a target: spine, neck and head, or an arm that points.
+
+use super::share_of;
+use glam::{DQuat, DVec3};
+use std::f64::consts::PI;
+
+/// A joint of an [`Aim`], from the root outwards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AimJoint {
+    pub position: DVec3,
+    /// How much of the turn this joint takes, beside the others'; ≥ 0, finite.
+    pub share: f64,
+}
+
+/// Turns joints until a direction of the last one points at a target. All in one space.
+#[derive(Debug)]
+pub struct Aim<'a> {
+    /// Each further out than the one before; the last one points. Positions are moved as the joints turn.
+    pub joints: &'a mut [AimJoint],
+    /// Where the last joint points now.
+    pub forward: DVec3,
+    pub target: DVec3,
+    /// The last joint turns at most this far, radians, 0..=π. Beyond, the turn fades out until the target is straight behind, so
+    /// that one that passes behind does not whip it from side to side.
+    pub limit: f64,
+    /// 0..=1
+    pub weight: f64,
+}
+
+impl Aim<'_> {
+    /// How each joint is turned, all before it included; `turns` has one a joint. What does not point, or at nothing, is not turned.
+    pub fn run(&mut self, turns: &mut [DQuat]) {
+        turns.fill(DQuat::IDENTITY);
+        let shares = |joints: &[AimJoint]| joints.iter().map(|j| j.share.max(0.0)).sum::<f64>();
+        let Some(last) = self.joints.last().copied() else { return };
+        let whole = limited(self.forward, self.target - last.position, self.limit, self.weight);
+        // What is left to turn is counted from where the limited turn would point, at the target's distance.
+        let Some(whole) = whole else { return };
+        let goal = last.position + whole * self.forward.normalize() * (self.target - last.position).length();
+        let mut forward = self.forward;
+        let mut total = DQuat::IDENTITY;
+        let count = self.joints.len();
+        // As the joints before it turn, the last one moves and its way to the target changes: a few rounds for the others,
+        // then the last one makes up for what remains.
+        for at in 0..count {
+            let left = shares(&self.joints[at..]);
+            let share =
+                if at + 1 == count { 1.0 } else { (self.joints[at].share.max(0.0) / left).clamp(0.0, 1.0) };
+            let tip = self.joints[count - 1].position;
+            if share > 0.0 && share.is_finite() {
+                let turn = share_of(super::arc(forward, goal - tip), share);
+                let pivot = self.joints[at].position;
+                for joint in &mut self.joints[at + 1..] {
+                    joint.position = pivot + turn * (joint.position - pivot);
+                }
+                forward = turn * forward;
+                total = (turn * total).normalize();
+            }
+            turns[at] = total;
+        }
+    }
+}
+
+/// The turn from one direction towards another, at most `limit`, fading out beyond it, times a weight.
+fn limited(now: DVec3, way: DVec3, limit: f64, weight: f64) -> Option<DQuat> {
+    let (now, way) = (now.try_normalize()?, way.try_normalize()?);
+    let cross = now.cross(way);
+    let Some(axis) = cross.try_normalize() else { return Some(DQuat::IDENTITY) };
+    let angle = libm::atan2(cross.length(), now.dot(way));
+    let limit = limit.clamp(0.0, PI);
+    let kept = if angle <= limit { angle } else { limit * (PI - angle) / (PI - limit) };
+    let turn = DQuat::from_axis_angle(axis, kept * weight.clamp(0.0, 1.0));
+    turn.is_finite().then_some(turn)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spine(shares: [f64; 3]) -> [AimJoint; 3] {
+        let at =
+            |i: usize| AimJoint { position: DVec3::new(0.0, 1.0 + 0.3 * i as f64, 0.0), share: shares[i] };
+        [at(0), at(1), at(2)]
+    }
+
+    /// Where the last joint is and points after all turns, by forward kinematics.
+    fn after(turns: &[DQuat; 3], joints: [AimJoint; 3]) -> (DVec3, DVec3) {
+        let (mut at, mut before) = (joints[0].position, joints[0].position);
+        for i in 1..3 {
+            at += turns[i - 1] * (joints[i].position - before);
+            before = joints[i].position;
+        }
+        (at, turns[2] * DVec3::Z)
+    }
+
+    #[test]
+    fn the_last_joint_points_at_the_target_and_all_turn() {
+        for target in [DVec3::new(2.0, 1.0, 1.0), DVec3::new(-0.5, 2.5, 0.9), DVec3::new(0.3, 1.7, 0.4)] {
+            for shares in [[1.0, 1.0, 1.0], [0.2, 0.3, 0.5], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]] {
+                let mut joints = spine(shares);
+                let mut turns = [DQuat::IDENTITY; 3];
+                let limit = 80f64.to_radians();
+                Aim { joints: &mut joints, forward: DVec3::Z, target, limit, weight: 1.0 }.run(&mut turns);
+                let (at, forward) = after(&turns, spine(shares));
+                assert!((at - joints[2].position).length() < 1e-12);
+                let off = super::super::limit::angle_of(super::super::arc(forward, target - at));
+                assert!(off < 1e-9, "{target} {shares:?}: {off}");
+                let first = super::super::limit::angle_of(turns[0]);
+                assert_eq!(first > 1e-6, shares[0] > 0.0, "{shares:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn targets_in_the_joint_behind_or_nowhere_turn_nothing() {
+        let head = spine([1.0; 3])[2].position;
+        for target in [head, head - DVec3::Z, DVec3::NAN] {
+            let mut turns = [DQuat::IDENTITY; 3];
+            Aim { joints: &mut spine([1.0; 3]), forward: DVec3::Z, target, limit: 1.0, weight: 1.0 }
+                .run(&mut turns);
+            assert!(turns.iter().all(|t| super::super::limit::angle_of(*t) < 1e-9), "{target}: {turns:?}");
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! A chain of any number of bones with limits, its forward kinematics, and what can solve it.
+
+use super::{Limit, ccd, fabrik, least_squares};
+use glam::{DQuat, DVec3};
+
+/// A bone and the joint that turns it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChainBone {
+    /// parent-from-bone, unit.
+    pub rotation: DQuat,
+    /// The same at rest, from which limits are counted.
+    pub rest: DQuat,
+    /// From this joint to the next, or to the end, in the bone's space; metres.
+    pub offset: DVec3,
+    pub limit: Limit,
+}
+
+/// Bones from the root outwards; positions are in the space of `origin`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Chain {
+    pub origin: DVec3,
+    /// Of what the first bone hangs on.
+    pub parent: DQuat,
+    pub bones: Vec<ChainBone>,
+}
+
+/// How the bones are turned towards the target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Solver {
+    /// Cyclic coordinate descent: each joint in turn, from the end inwards, points the end at the target (Wang & Chen 1991).
+    Ccd,
+    /// Forward and backward reaching: positions first, then rotations (Aristidou & Lasenby 2011).
+    Fabrik,
+    /// Damped least squares on the Jacobian (Wampler 1986; Levenberg–Marquardt damping): all joints share each step as
+    /// evenly as can be.
+    LeastSquares,
+}
+
+/// What came of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Solved {
+    /// From the end to the target, metres.
+    pub distance: f64,
+    pub iterations: usize,
+}
+
+impl Chain {
+    /// Joint positions and the end's: one more than bones.
+    pub fn positions(&self, out: &mut Vec<DVec3>) {
+        out.clear();
+        let (mut at, mut rotation) = (self.origin, self.parent);
+        out.push(at);
+        for bone in &self.bones {
+            rotation *= bone.rotation;
+            at += rotation * bone.offset;
+            out.push(at);
+        }
+    }
+
+    pub fn end(&self) -> DVec3 {
+        let (mut at, mut rotation) = (self.origin, self.parent);
+        for bone in &self.bones {
+            rotation *= bone.rotation;
+            at += rotation * bone.offset;
+        }
+        at
+    }
+
+    /// Sum of the bones' lengths.
+    pub fn reach(&self) -> f64 {
+        self.bones.iter().map(|b| b.offset.length()).sum()
+    }
+
+    /// Turns the bones so that the end comes within `tolerance` of the target or as near as it gets in so many iterations. Limits
+    /// hold afterwards, those broken before included. A target that is not finite leaves the chain as it is.
+    pub fn solve(&mut self, target: DVec3, solver: Solver, iterations: usize, tolerance: f64) -> Solved {
+        for bone in &mut self.bones {
+            bone.rotation = bone.limit.clamp(bone.rest, bone.rotation);
+        }
+        let mut solved = Solved { distance: (self.end() - target).length(), iterations: 0 };
+        if !target.is_finite() || !solved.distance.is_finite() || self.reach() == 0.0 {
+            return solved;
+        }
+        let mut best = (solved.distance, self.bones.clone());
+        self.bend_if_straight(target);
+        let mut scratch = Scratch::default();
+        for iteration in 1..=iterations {
+            if solved.distance <= tolerance {
+                break;
+            }
+            match solver {
+                Solver::Ccd => ccd::iterate(self, target, &mut scratch),
+                Solver::Fabrik => fabrik::iterate(self, target, &mut scratch),
+                Solver::LeastSquares => least_squares::iterate(self, target, &mut scratch),
+            }
+            solved = Solved { distance: (self.end() - target).length(), iterations: iteration };
+            if solved.distance < best.0 {
+                best.0 = solved.distance;
+                best.1.clone_from(&self.bones);
+            }
+            if scratch.stuck {
+                break;
+            }
+        }
+        if best.0 <= solved.distance {
+            self.bones = best.1;
+            solved.distance = best.0;
+        }
+        solved
+    }
+
+    /// A straight chain with a target on its own line has no direction to bend in: one is chosen, always the same, and each bone
+    /// is turned a little. No method could begin otherwise.
+    fn bend_if_straight(&mut self, target: DVec3) {
+        /// Radians; large enough for a first step, too small to be seen where it is not needed.
+        const NUDGE: f64 = 1e-3;
+        let mut positions = Vec::with_capacity(self.bones.len() + 1);
+        self.positions(&mut positions);
+        let way = target - self.origin;
+        let scale = self.reach() * way.length().max(self.reach());
+        let off_line = positions.iter().map(|p| (*p - self.origin).cross(way).length()).fold(0.0, f64::max);
+        let beyond = way.length() >= self.reach() && (self.end() - self.origin).dot(way) > 0.0;
+        if off_line > 1e-9 * scale || beyond || self.bones.len() < 2 {
+            return;
+        }
+        let line =
+            way.try_normalize().or_else(|| (self.end() - self.origin).try_normalize()).unwrap_or(DVec3::Y);
+        let axis = line.any_orthonormal_vector();
+        let mut parent = self.parent;
+        for (index, bone) in self.bones.iter_mut().enumerate() {
+            // Out first, then back: a bow.
+            let angle = if index == 0 { NUDGE } else { -2.0 * NUDGE };
+            let nudged = parent.inverse() * DQuat::from_axis_angle(axis, angle) * parent * bone.rotation;
+            bone.rotation = bone.limit.clamp(bone.rest, nudged.normalize());
+            parent *= bone.rotation;
+        }
+    }
+}
+
+/// What the methods keep between iterations of one call.
+#[derive(Clone, Debug)]
+pub(super) struct Scratch {
+    pub positions: Vec<DVec3>,
+    pub goals: Vec<DVec3>,
+    pub rotations: Vec<DQuat>,
+    pub before: Vec<ChainBone>,
+    /// Levenberg–Marquardt's, as a share of the squared reach.
+    pub damping: f64,
+    /// No iteration more will change anything.
+    pub stuck: bool,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Scratch {
+            positions: Vec::new(),
+            goals: Vec::new(),
+            rotations: Vec::new(),
+            before: Vec::new(),
+            damping: 1e-4,
+            stuck: false,
+        }
+    }
+}
+
+impl ChainBone {
+    /// Turned by a rotation in the space of the chain; `parent` is chain-from-parent.
+    pub(super) fn turn(&mut self, turn: DQuat, parent: DQuat) {
+        let local = (parent.inverse() * turn * parent * self.rotation).normalize();
+        if local.is_finite() {
+            self.rotation = self.limit.clamp(self.rest, local);
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! Forward and backward reaching.
+
+use super::chain::Scratch;
+use super::{Chain, arc};
+use glam::DVec3;
+
+/// From the target back to the root, then from the root out again; on the way out each bone is turned towards the place found
+/// for its end, within its limits, so that what follows starts from where the bone really ends.
+pub(super) fn iterate(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
+    let Scratch { positions, goals, .. } = scratch;
+    chain.positions(positions);
+    goals.clone_from(positions);
+    let Some(last) = goals.last_mut() else { return };
+    *last = target;
+    for index in (0..chain.bones.len()).rev() {
+        let length = chain.bones[index].offset.length();
+        let way = (goals[index] - goals[index + 1]).try_normalize().unwrap_or(DVec3::Y);
+        goals[index] = goals[index + 1] + way * length;
+    }
+    let (mut at, mut parent) = (chain.origin, chain.parent);
+    for (index, bone) in chain.bones.iter_mut().enumerate() {
+        let now = parent * bone.rotation * bone.offset;
+        bone.turn(arc(now, goals[index + 1] - at), parent);
+        parent *= bone.rotation;
+        at += parent * bone.offset;
+    }
+}

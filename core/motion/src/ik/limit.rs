@@ -1,0 +1,139 @@
+//! How far a joint may turn from its rest pose.
+
+use glam::{DQuat, DVec3};
+use std::f64::consts::PI;
+
+/// Angles in radians; axes are unit vectors in the joint's own space at rest.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Limit {
+    #[default]
+    Free,
+    /// A ball joint: `axis` (usually along the bone) tilts by at most `swing`, and the joint turns about it by `twist.0`..=`twist.1`.
+    /// (Swing after twist; Dobrowolski, "Swing-twist decomposition in Clifford algebra", 2015.)
+    SwingTwist { axis: DVec3, swing: f64, twist: (f64, f64) },
+    /// Turns about one axis only, by `angle.0`..=`angle.1`.
+    Hinge { axis: DVec3, angle: (f64, f64) },
+}
+
+impl Limit {
+    pub fn check(&self) -> Result<(), String> {
+        let (axis, (low, high)) = match self {
+            Limit::Free => return Ok(()),
+            Limit::SwingTwist { axis, swing, twist } => {
+                if !(0.0..=PI).contains(swing) {
+                    return Err(format!("`Limit.swing` is {swing}, must be 0..=π"));
+                }
+                (axis, twist)
+            }
+            Limit::Hinge { axis, angle } => (axis, angle),
+        };
+        if (axis.length() - 1.0).abs() > 1e-6 {
+            return Err(format!("`Limit.axis` has length {}, must be 1", axis.length()));
+        }
+        if !(-PI..=*high).contains(low) || *high > PI {
+            return Err(format!("`Limit` allows {low} to {high}, must be an interval of -π..=π"));
+        }
+        Ok(())
+    }
+
+    /// The nearest rotation that is allowed, as far as swing and twist are counted each on its own. `rest` and `local` are
+    /// parent-from-joint, unit.
+    pub fn clamp(&self, rest: DQuat, local: DQuat) -> DQuat {
+        match *self {
+            Limit::Free => local,
+            Limit::SwingTwist { axis, swing, twist } => {
+                let (tilt, turn) = split(rest.inverse() * local, axis);
+                let kept = turn.clamp(twist.0, twist.1);
+                let angle = angle_of(tilt);
+                if angle <= swing && kept == turn {
+                    return local;
+                }
+                let tilt = if angle <= swing { tilt } else { super::share_of(tilt, swing / angle) };
+                (rest * tilt * DQuat::from_axis_angle(axis, kept)).normalize()
+            }
+            Limit::Hinge { axis, angle } => {
+                let (_, turn) = split(rest.inverse() * local, axis);
+                (rest * DQuat::from_axis_angle(axis, turn.clamp(angle.0, angle.1))).normalize()
+            }
+        }
+    }
+
+    /// Radians by which a rotation is beyond what is allowed.
+    pub fn excess(&self, rest: DQuat, local: DQuat) -> f64 {
+        angle_of(local.inverse() * self.clamp(rest, local))
+    }
+}
+
+/// A rotation as a tilt of the axis after a turn about it, −π..=π.
+fn split(q: DQuat, axis: DVec3) -> (DQuat, f64) {
+    let along = q.xyz().dot(axis);
+    let size = (along * along + q.w * q.w).sqrt();
+    if size < 1e-12 {
+        // The axis is turned right around: any twist is as good.
+        return (q, 0.0);
+    }
+    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
+    let turn = 2.0 * libm::atan2(along * sign, q.w * sign);
+    (q * DQuat::from_axis_angle(axis, turn).inverse(), turn)
+}
+
+/// 0..=π
+pub(crate) fn angle_of(q: DQuat) -> f64 {
+    2.0 * libm::atan2(q.xyz().length(), q.w.abs())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn degrees(axis: DVec3, angle: f64) -> DQuat {
+        DQuat::from_axis_angle(axis.normalize(), angle.to_radians())
+    }
+
+    #[test]
+    fn what_is_within_stays_and_what_is_beyond_is_brought_to_the_edge() {
+        let rest = degrees(DVec3::new(1.0, 2.0, 3.0), 70.0);
+        let limit = Limit::SwingTwist { axis: DVec3::Y, swing: 30f64.to_radians(), twist: (-0.2, 0.1) };
+        assert_eq!(limit.check(), Ok(()));
+        let within = rest * degrees(DVec3::X, 20.0) * degrees(DVec3::Y, 3.0);
+        assert_eq!(limit.clamp(rest, within), within);
+        let beyond = rest * degrees(DVec3::new(1.0, 0.0, 1.0), 80.0) * degrees(DVec3::Y, -60.0);
+        let clamped = limit.clamp(rest, beyond);
+        let (tilt, turn) = split(rest.inverse() * clamped, DVec3::Y);
+        assert!((angle_of(tilt).to_degrees() - 30.0).abs() < 1e-9 && (turn + 0.2).abs() < 1e-9);
+        // In the same direction as before.
+        let way = tilt.xyz().normalize();
+        assert!(way.abs_diff_eq(DVec3::new(1.0, 0.0, 1.0).normalize(), 1e-9), "{way}");
+        assert!(limit.excess(rest, clamped) < 1e-7 && limit.excess(rest, beyond) > 0.5);
+    }
+
+    #[test]
+    fn a_hinge_turns_about_its_axis_only() {
+        let limit = Limit::Hinge { axis: DVec3::X, angle: (0.0, 2.0) };
+        let q = DQuat::from_rotation_x(1.0) * DQuat::from_rotation_y(0.3);
+        let clamped = limit.clamp(DQuat::IDENTITY, q);
+        assert!(clamped.y.abs() < 1e-12 && clamped.z.abs() < 1e-12);
+        assert!((angle_of(limit.clamp(DQuat::IDENTITY, DQuat::from_rotation_x(3.0))) - 2.0).abs() < 1e-9);
+        assert!(angle_of(limit.clamp(DQuat::IDENTITY, DQuat::from_rotation_x(-1.0))) < 1e-9);
+        // The same rotation by the other quaternion.
+        assert!(limit.clamp(DQuat::IDENTITY, -q).dot(clamped).abs() > 1.0 - 1e-12);
+    }
+
+    #[test]
+    fn check_names_what_is_wrong() {
+        let said = |limit: Limit| limit.check().unwrap_err();
+        assert_eq!(
+            said(Limit::Hinge { axis: DVec3::ONE * 0.5, angle: (0.0, 1.0) }),
+            "`Limit.axis` has length 0.8660254037844386, must be 1"
+        );
+        assert_eq!(
+            said(Limit::Hinge { axis: DVec3::X, angle: (1.0, 0.0) }),
+            "`Limit` allows 1 to 0, must be an interval of -π..=π"
+        );
+        let twist = (0.0, 0.0);
+        assert_eq!(
+            said(Limit::SwingTwist { axis: DVec3::X, swing: f64::NAN, twist }),
+            "`Limit.swing` is NaN, must be 0..=π"
+        );
+    }
+}

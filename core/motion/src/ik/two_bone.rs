@@ -1,0 +1,117 @@
+//! An arm or a leg: two bones, in closed form.
+
+use super::arc;
+use glam::{DMat3, DQuat, DVec3};
+
+/// Turns a limb of two bones so that its end comes to a target. All in one space; metres.
+///
+/// The triangle of shoulder, elbow and hand is given by its three sides (the law of cosines); it is laid towards the target, and
+/// turned about that line so that the elbow keeps its side, or goes to the side of the pole.
+#[derive(Clone, Copy, Debug)]
+pub struct TwoBone {
+    /// Shoulder or hip.
+    pub start: DVec3,
+    /// Elbow or knee.
+    pub middle: DVec3,
+    /// Hand or foot.
+    pub end: DVec3,
+    pub target: DVec3,
+    /// A point that the elbow bends towards. One in line with start and target says nothing.
+    pub pole: Option<DVec3>,
+    /// Direction that a straight limb bends to, where there is no pole; zero: any, always the same.
+    pub hint: DVec3,
+    /// Share of the reach, 0..=1, within which the limb slows down instead of snapping straight: its end falls behind a target
+    /// that moves out of reach, smoothly.
+    pub soft: f64,
+}
+
+/// How the two bones are turned in the space of the positions, each about its own start, and where the end comes to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TwoBoneTurn {
+    pub start: DQuat,
+    pub middle: DQuat,
+    pub new_middle: DVec3,
+    pub new_end: DVec3,
+}
+
+impl TwoBone {
+    /// `None` where there is nothing to turn: a bone without length, a target in the start, or a number that is not finite.
+    pub fn solve(&self) -> Option<TwoBoneTurn> {
+        let (upper, lower) = (self.middle - self.start, self.end - self.middle);
+        let (a, b) = (upper.length(), lower.length());
+        let towards = (self.target - self.start).try_normalize()?;
+        let wanted = (self.target - self.start).length();
+        if !(a > 0.0 && b > 0.0 && a.is_finite() && b.is_finite() && wanted.is_finite()) {
+            return None;
+        }
+        let distance = soft_distance(wanted, a + b, self.soft).clamp((a - b).abs(), a + b);
+        let before = self.end - self.start;
+        let line = before.try_normalize().unwrap_or_else(|| upper.any_orthonormal_vector().normalize());
+        let across = |v: DVec3, line: DVec3| {
+            let v_across = v - line * v.dot(line);
+            // f32 poses are as straight as this; what is less is rounding, which has a direction too, but means nothing.
+            (v_across.length() > 1e-5 * v.length()).then(|| v_across.normalize())
+        };
+        let pole = |line| self.pole.and_then(|p| across(p - self.start, line));
+        let bend = across(upper, line).or_else(|| pole(line)).or_else(|| across(self.hint, line));
+        let bend = bend.unwrap_or_else(|| line.any_orthonormal_vector());
+        let new_bend = pole(towards).or_else(|| across(arc(line, towards) * bend, towards))?;
+        // At the start, between the line to the end and the upper bone.
+        let cos = if distance > 0.0 {
+            ((a * a + distance * distance - b * b) / (2.0 * a * distance)).clamp(-1.0, 1.0)
+        } else {
+            0.0
+        };
+        let sin = (1.0 - cos * cos).max(0.0).sqrt();
+        let new_middle = self.start + (towards * cos + new_bend * sin) * a;
+        let new_end = self.start + towards * distance;
+        let (normal, new_normal) = (bend.cross(line), new_bend.cross(towards));
+        let start = turn(upper, normal, new_middle - self.start, new_normal)?;
+        // Folded onto itself the lower bone runs back along the upper.
+        let new_lower = new_end - new_middle;
+        let middle = turn(lower, normal, new_lower, new_normal)?;
+        (start.is_finite() && middle.is_finite()).then_some(TwoBoneTurn {
+            start,
+            middle,
+            new_middle,
+            new_end,
+        })
+    }
+}
+
+/// The rotation that brings a direction and a normal of it to another direction and its normal.
+fn turn(from: DVec3, normal: DVec3, to: DVec3, new_normal: DVec3) -> Option<DQuat> {
+    let frame = |x: DVec3, z: DVec3| {
+        let x = x.try_normalize()?;
+        let z = (z - x * x.dot(z)).try_normalize()?;
+        Some(DMat3::from_cols(x, z.cross(x), z))
+    };
+    let (before, after) = (frame(from, normal)?, frame(to, new_normal)?);
+    Some(DQuat::from_mat3(&(after * before.transpose())).normalize())
+}
+
+/// How far the end goes for a target at a distance: there, up to `reach · (1 − soft)`; from there on it comes ever nearer to the
+/// whole reach, at the same speed at first, and never gets there.
+fn soft_distance(wanted: f64, reach: f64, soft: f64) -> f64 {
+    let softness = reach * soft.clamp(0.0, 1.0);
+    let hard = reach - softness;
+    if softness <= 0.0 || wanted <= hard {
+        return wanted;
+    }
+    reach - softness * libm::exp(-(wanted - hard) / softness)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn soft_reach_has_no_corner_and_no_end() {
+        let at = |d: f64| soft_distance(d, 1.0, 0.2);
+        assert_eq!((at(0.5), at(0.8)), (0.5, 0.8));
+        let slope = |d: f64| (at(d + 1e-7) - at(d - 1e-7)) / 2e-7;
+        assert!((slope(0.8) - 1.0).abs() < 1e-5 && slope(1.0) < 0.5);
+        assert!(at(1.0) < 1.0 && at(50.0) <= 1.0 && at(50.0) > 0.999);
+        assert_eq!(soft_distance(3.0, 1.0, 0.0), 3.0);
+    }
+}

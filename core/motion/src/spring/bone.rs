@@ -1,0 +1,158 @@
+//! One spring bone: a stick that turns about its head, pulled towards where the animation wants it.
+//!
+//! The direction d of the stick is a point of the unit sphere and obeys
+//!
+//! ```text
+//! d'' = K · (way from d to its target) − κ · d' + (f − A / L) across d
+//! ```
+//!
+//! with the stiffness K = (2π · frequency)², the damping κ = 2 · ratio · 2π · frequency, the load f (gravity, and the drag of
+//! moving air, an angle/s²), the acceleration A of its head and its length L. The pull grows with the angle, so that a swing
+//! in a plane is the linear oscillator at any width.
+//!
+//! A step takes the equation in the tangent plane at d, where it is linear but for the load, solves it in closed form
+//! ([`Response`]) with the target moving evenly, and goes that way along the sphere. The load's pull towards its own direction
+//! is taken as a spring of the same force here. Two facts make this stable whatever the step, the stiffness and the damping:
+//! the exponential map of a sphere brings no two points farther apart than they are in the tangent plane (Toponogov's
+//! comparison, positive curvature), and the load's energy, −f cos φ, is concave in φ², so that the spring that touches it
+//! lies above it. Hence kinetic and potential energy together never grow while target, head and load are at rest
+//! ([`SpringBone::energy`]).
+
+use super::oscillator::Response;
+use super::sphere::{exp, log, sinc, tangent};
+use glam::DVec3;
+use std::f64::consts::PI;
+
+/// Metres a second: a head whose speed changes by more in one step has been put elsewhere, and the stick goes with it,
+/// undisturbed. (At 60 steps a second that is an acceleration of 600 g.)
+pub const TELEPORT_SPEED: f64 = 100.0;
+
+/// How a bone swings; the numbers of the equation above.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SpringBone {
+    /// K, 1/s², 0..=1e18.
+    pub stiffness: f64,
+    /// κ, 1/s, 0..=1e18.
+    pub damping: f64,
+}
+
+/// Where a bone is and how it moves. Positions and directions in one space that does not accelerate: the world's, or that
+/// of the joint against which inertia is measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoneState {
+    /// Unit.
+    pub direction: DVec3,
+    /// Change of `direction`, across it, 1/s.
+    pub velocity: DVec3,
+    /// Metres.
+    pub head: DVec3,
+    /// Metres a second, over the last step.
+    pub head_velocity: DVec3,
+    /// Where the animation wants the bone, unit.
+    pub target: DVec3,
+}
+
+/// What acts on a bone during a step, and where the step ends.
+#[derive(Clone, Copy, Debug)]
+pub struct Drive {
+    /// Place of the head at the end of the step, metres.
+    pub head: DVec3,
+    /// Direction that the animation wants at the end of the step, unit.
+    pub target: DVec3,
+    /// Length of the stick, metres, > 0.
+    pub length: f64,
+    /// Gravity, metres/s².
+    pub gravity: DVec3,
+    /// What pulls at a stick whatever its length, 1/s²: VRM's gravity.
+    pub pull: DVec3,
+    /// Speed of the air, metres a second.
+    pub wind: DVec3,
+}
+
+impl SpringBone {
+    /// `frequency` in Hz; `ratio` 0 swings for ever, 1 comes to rest soonest without overshoot. Out of range is brought into it.
+    pub fn new(frequency: f64, ratio: f64) -> SpringBone {
+        let omega = 2.0 * PI * frequency.clamp(0.0, 1e8);
+        SpringBone { stiffness: omega * omega, damping: (2.0 * ratio * omega).clamp(0.0, 1e18) }
+    }
+
+    /// The state at rest: where target and load are in balance.
+    pub fn settled(&self, drive: &Drive) -> BoneState {
+        let load = self.load(drive, DVec3::ZERO);
+        let strength = load.length();
+        let mut direction = drive.target;
+        if strength > 0.0 {
+            // K θ = f sin(φ − θ) on the arc from the target to the load's direction.
+            let way = log(drive.target, load / strength);
+            let whole = way.length();
+            let (mut low, mut high) = (0.0, whole);
+            for _ in 0..64 {
+                let middle = 0.5 * (low + high);
+                if self.stiffness * middle < strength * libm::sin(whole - middle) {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            if whole > 0.0 {
+                direction = exp(drive.target, way * (low / whole), DVec3::ZERO).0;
+            }
+        }
+        let velocity = DVec3::ZERO;
+        BoneState { direction, velocity, head: drive.head, head_velocity: DVec3::ZERO, target: drive.target }
+    }
+
+    /// Moves a state on by `seconds` ≥ 0. A step of no time only takes over the target.
+    pub fn step(&self, state: &mut BoneState, drive: &Drive, seconds: f64) {
+        if !(seconds > 0.0) {
+            (state.head, state.target) = (drive.head, drive.target);
+            return;
+        }
+        let d = state.direction;
+        let mut head_velocity = (drive.head - state.head) / seconds;
+        let jolt = head_velocity - state.head_velocity;
+        let mut velocity = state.velocity;
+        if jolt.length() <= TELEPORT_SPEED {
+            // An impulse between two steps of even motion: the average acceleration of both, at the time between them.
+            // More than half a turn a step could not be told from less the other way round.
+            velocity -= tangent(d, jolt / drive.length).clamp_length_max(PI / seconds);
+        } else {
+            head_velocity = DVec3::ZERO;
+        }
+        let load = self.load(drive, head_velocity);
+        let strength = load.length();
+        let (mut softening, mut towards_load) = (0.0, DVec3::ZERO);
+        if strength > 0.0 {
+            let way = log(d, load / strength);
+            softening = strength * sinc(way.length());
+            towards_load = way * softening;
+        }
+        let (target, next_target) = (log(d, state.target), log(d, drive.target));
+        let stiffness = self.stiffness + softening;
+        let response = Response::new(stiffness, self.damping, seconds);
+        let steady = target * self.stiffness + towards_load;
+        let ramp = (next_target - target) * (self.stiffness / seconds);
+        let way = velocity * response.impulse + steady * response.load + ramp * response.ramp;
+        let after = velocity * response.impulse_rate + steady * response.impulse + ramp * response.load;
+        (state.direction, state.velocity) = exp(d, way, after);
+        // No bone can have more than it would have from half a turn away; a chain of undamped ones would feed on each other.
+        state.velocity = state.velocity.clamp_length_max((PI / seconds).max(PI * stiffness.sqrt()));
+        state.head = drive.head;
+        state.head_velocity = head_velocity;
+        state.target = drive.target;
+    }
+
+    /// Kinetic and potential energy for a unit of inertia, 1/s²: ½ d'² + ½ K φ² + f (1 − cos).
+    pub fn energy(&self, state: &BoneState, drive: &Drive) -> f64 {
+        let load = self.load(drive, DVec3::ZERO);
+        let bent = log(state.direction, state.target).length();
+        0.5 * state.velocity.length_squared() + 0.5 * self.stiffness * bent * bent + load.length()
+            - load.dot(state.direction)
+    }
+
+    /// All that pulls evenly, 1/s².
+    fn load(&self, drive: &Drive, head_velocity: DVec3) -> DVec3 {
+        let load = drive.pull + (drive.gravity + (drive.wind - head_velocity) * self.damping) / drive.length;
+        load.clamp_length_max(1e18)
+    }
+}

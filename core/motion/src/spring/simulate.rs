@@ -1,0 +1,256 @@
+//! All springs of a character, moved on by a step.
+
+use super::{BoneState, Drive, Obstacle, RigBone, SpringRig};
+use crate::Skeleton;
+use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
+
+/// Sticks shorter than this, in metres, have no direction and stay as they are animated.
+const SHORTEST: f64 = 1e-7;
+
+/// Where the bones of a rig are and how they move. Empty: not begun, the first step settles them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SpringState {
+    /// One a bone of the rig; `None` = not begun, or without a direction.
+    bones: Vec<Option<BoneState>>,
+}
+
+impl SpringState {
+    pub fn bones(&self) -> &[Option<BoneState>] {
+        &self.bones
+    }
+
+    pub fn copy_from(&mut self, other: &SpringState) {
+        self.bones.clear();
+        self.bones.extend_from_slice(&other.bones);
+    }
+
+    /// Bytes that a copy takes.
+    pub fn size(&self) -> usize {
+        self.bones.len() * size_of::<Option<BoneState>>()
+    }
+}
+
+/// Buffers; what is in them on entry does not matter.
+#[derive(Clone, Debug, Default)]
+pub struct SpringScratch {
+    /// What each joint has been moved by.
+    moved: Vec<Option<Moved>>,
+    obstacles: Vec<Option<Obstacle>>,
+}
+
+/// A rigid motion in model space.
+#[derive(Clone, Copy, Debug)]
+struct Moved {
+    rotation: DQuat,
+    translation: DVec3,
+}
+
+impl Moved {
+    const NOT: Moved = Moved { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+
+    fn point(&self, p: DVec3) -> DVec3 {
+        self.rotation * p + self.translation
+    }
+}
+
+/// Moves the springs on by a step and turns their joints. Allocates only where the buffers have held less before.
+///
+/// Colliders move with their joints as animated. Without a place in the world that can be inverted (a scale of 0) nothing
+/// swings.
+pub struct SpringStep<'a> {
+    pub rig: &'a SpringRig,
+    pub skeleton: &'a Skeleton,
+    /// At the end of the step.
+    pub world_from_model: DAffine3,
+    /// Speed of the air, metres a second, in world space.
+    pub wind: DVec3,
+    /// Length of the step, ≥ 0.
+    pub seconds: f64,
+    pub state: &'a mut SpringState,
+    pub scratch: &'a mut SpringScratch,
+    /// One a joint: in, as animated at the end of the step; out, with the springs' joints and all below them turned.
+    pub model_from_joint: &'a mut [Affine3A],
+}
+
+impl SpringStep<'_> {
+    pub fn check(&self) -> Result<(), String> {
+        let joints = self.skeleton.len();
+        if self.model_from_joint.len() != joints {
+            let given = self.model_from_joint.len();
+            return Err(format!(
+                "`SpringStep.model_from_joint` is for {given} joints, the skeleton has {joints}"
+            ));
+        }
+        self.rig.check(joints).map_err(|e| format!("`SpringStep.rig`: {e}"))?;
+        if !(self.seconds >= 0.0 && self.seconds.is_finite()) {
+            return Err(format!("`SpringStep.seconds` is {}, must be finite and ≥ 0", self.seconds));
+        }
+        if !self.wind.is_finite() {
+            return Err(format!("`SpringStep.wind` is {}, must be finite", self.wind));
+        }
+        Ok(())
+    }
+
+    pub fn run(&mut self) {
+        let joints = self.skeleton.len().min(self.model_from_joint.len());
+        self.state.bones.resize(self.rig.bones().len(), None);
+        let model_from_world = self.world_from_model.matrix3.inverse();
+        let placed = self.world_from_model.is_finite() && model_from_world.is_finite();
+        if !placed || self.rig.is_empty() {
+            self.state.bones.fill(None);
+            return;
+        }
+        self.find_obstacles();
+        let mut moved = std::mem::take(&mut self.scratch.moved);
+        let mut states = std::mem::take(&mut self.state.bones);
+        moved.clear();
+        moved.resize(joints, None);
+        let mut bones = self.rig.bones().iter().zip(&mut states).peekable();
+        let first = self.rig.bones()[0].joint as usize;
+        let mut space = (None, Space::WORLD);
+        for joint in first..joints {
+            let mut by = self.skeleton.parents()[joint].and_then(|p| moved[p as usize]);
+            if let Some((bone, state)) = bones.next_if(|(bone, _)| bone.joint as usize == joint) {
+                if space.0 != bone.center {
+                    space = (bone.center, self.space(bone.center));
+                }
+                by = self.swing(bone, state, &space.1, by.unwrap_or(Moved::NOT), &model_from_world).or(by);
+            }
+            moved[joint] = by;
+            if let Some(by) = by {
+                let m = &mut self.model_from_joint[joint];
+                let at = by.point(Vec3::from(m.translation).as_dvec3());
+                let turn = Mat3A::from(Mat3::from_quat(by.rotation.as_quat()));
+                *m = Affine3A { matrix3: turn * m.matrix3, translation: Vec3A::from(at.as_vec3()) };
+            }
+        }
+        self.scratch.moved = moved;
+        self.state.bones = states;
+    }
+
+    /// One bone; how its joint is moved then, or `None` where it has no direction.
+    fn swing(
+        &self,
+        bone: &RigBone,
+        state: &mut Option<BoneState>,
+        space: &Space,
+        parent: Moved,
+        model_from_world: &DMat3,
+    ) -> Option<Moved> {
+        let animated = &self.model_from_joint[bone.joint as usize];
+        let head = parent.point(Vec3::from(animated.translation).as_dvec3());
+        let stick = parent.rotation * Vec3::from(animated.matrix3 * Vec3A::from(bone.tail)).as_dvec3();
+        let world_stick = self.world_from_model.matrix3 * stick;
+        let length = world_stick.length();
+        let world_head = self.world_from_model.transform_point3(head);
+        if !(length > SHORTEST && length.is_finite() && world_head.is_finite()) {
+            *state = None;
+            return None;
+        }
+        let drive = Drive {
+            head: space.to(world_head),
+            target: space.turn_to(world_stick / length),
+            length,
+            gravity: space.turn_to(bone.gravity),
+            pull: space.turn_to(bone.pull),
+            wind: space.turn_to(self.wind),
+        };
+        match state {
+            Some(state) => bone.spring.step(state, &drive, self.seconds),
+            None => *state = Some(bone.spring.settled(&drive)),
+        }
+        let swung = state.as_mut()?;
+        let mut direction = space.turn_from(swung.direction);
+        if !bone.colliders.is_empty() || self.rig.ground.is_some() {
+            let mut velocity = space.turn_from(swung.velocity);
+            let radius = bone.hit_radius * (length / f64::from(bone.tail.length()));
+            if self.collide(bone, world_head, length, radius, &mut direction, &mut velocity) {
+                swung.direction = space.turn_to(direction);
+                swung.velocity = space.turn_to(velocity);
+            }
+        }
+        let wanted = (*model_from_world * direction).try_normalize()?;
+        let turn = DQuat::from_rotation_arc(stick.normalize(), wanted);
+        if !turn.is_finite() {
+            return None;
+        }
+        let rotation = (turn * parent.rotation).normalize();
+        Some(Moved { rotation, translation: turn * (parent.translation - head) + head })
+    }
+
+    fn collide(
+        &self,
+        bone: &RigBone,
+        head: DVec3,
+        length: f64,
+        radius: f64,
+        direction: &mut DVec3,
+        velocity: &mut DVec3,
+    ) -> bool {
+        let mut touched = false;
+        let ground = self.rig.ground.map(|y| Obstacle::Plane { point: DVec3::Y * y, normal: DVec3::Y });
+        // What pushes out of one may push into another; the last word has the ground.
+        for _ in 0..2 {
+            let own = bone.colliders.iter().filter_map(|c| self.scratch.obstacles.get(*c as usize)?.as_ref());
+            let before = touched;
+            touched = false;
+            for obstacle in own.chain(&ground) {
+                touched |= obstacle.keep_out(head, length, radius, direction, velocity);
+            }
+            if !touched {
+                return before;
+            }
+        }
+        touched
+    }
+
+    fn find_obstacles(&mut self) {
+        let obstacles = &mut self.scratch.obstacles;
+        obstacles.clear();
+        for collider in self.rig.colliders() {
+            let joint = self.model_from_joint.get(collider.joint as usize);
+            let world_from_joint = joint.map(|j| self.world_from_model * widen(j));
+            obstacles.push(world_from_joint.and_then(|w| Obstacle::new(&collider.shape, &w)));
+        }
+    }
+
+    /// The space in which inertia is measured: turned and moved with a joint, never scaled.
+    fn space(&self, center: Option<u32>) -> Space {
+        let Some(joint) = center.and_then(|c| self.model_from_joint.get(c as usize)) else {
+            return Space::WORLD;
+        };
+        let world = self.world_from_model * widen(joint);
+        let back = world.matrix3.z_axis.try_normalize();
+        let right = back.and_then(|z| world.matrix3.y_axis.cross(z).try_normalize());
+        match (right, back) {
+            (Some(x), Some(z)) if world.is_finite() => {
+                let rotation = DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize();
+                Space { world_from_space: rotation, origin: world.translation }
+            }
+            _ => Space::WORLD,
+        }
+    }
+}
+
+struct Space {
+    world_from_space: DQuat,
+    origin: DVec3,
+}
+
+impl Space {
+    const WORLD: Space = Space { world_from_space: DQuat::IDENTITY, origin: DVec3::ZERO };
+
+    fn to(&self, p: DVec3) -> DVec3 {
+        self.world_from_space.inverse() * (p - self.origin)
+    }
+    fn turn_to(&self, v: DVec3) -> DVec3 {
+        self.world_from_space.inverse() * v
+    }
+    fn turn_from(&self, v: DVec3) -> DVec3 {
+        self.world_from_space * v
+    }
+}
+
+fn widen(a: &Affine3A) -> DAffine3 {
+    DAffine3 { matrix3: Mat3::from(a.matrix3).as_dmat3(), translation: Vec3::from(a.translation).as_dvec3() }
+}

@@ -1,0 +1,61 @@
+//! Directions as points of the unit sphere: straight on, how far, and what is carried along.
+
+use glam::DVec3;
+use std::f64::consts::PI;
+
+/// The way from one direction to another along the great circle: tangent to the sphere at `from`, as long as the angle, 0..=π.
+/// To the opposite direction any way is as good; it is always the same one.
+pub fn log(from: DVec3, to: DVec3) -> DVec3 {
+    let cross = from.cross(to);
+    let sin = cross.length();
+    let cos = from.dot(to);
+    if sin < 1e-150 {
+        return if cos >= 0.0 { DVec3::ZERO } else { from.any_orthonormal_vector() * PI };
+    }
+    cross.cross(from) * (libm::atan2(sin, cos) / sin)
+}
+
+/// From a direction along a tangent vector, by its length in radians: the new direction, and another tangent vector carried
+/// along without being turned (parallel transport).
+pub fn exp(from: DVec3, way: DVec3, carried: DVec3) -> (DVec3, DVec3) {
+    let angle = way.length();
+    if angle == 0.0 {
+        return (from, carried);
+    }
+    let along = way / angle;
+    let (sin, cos) = libm::sincos(angle);
+    let to = (from * cos + along * sin).normalize();
+    let share = carried.dot(along);
+    let carried = carried - along * share + (along * cos - from * sin) * share;
+    (to, tangent(to, carried))
+}
+
+/// The part of a vector across a direction.
+pub fn tangent(direction: DVec3, v: DVec3) -> DVec3 {
+    v - direction * direction.dot(v)
+}
+
+/// sin x / x
+pub fn sinc(x: f64) -> f64 {
+    if x.abs() < 1e-4 { 1.0 - x * x / 6.0 } else { libm::sin(x) / x }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn log_and_exp_are_inverse() {
+        let a = DVec3::new(0.36, 0.48, 0.8);
+        for b in
+            [DVec3::X, DVec3::NEG_Z, DVec3::new(0.6, 0.0, -0.8), a, (a + DVec3::X * 1e-9).normalize(), -a]
+        {
+            let way = log(a, b);
+            assert!(way.dot(a).abs() < 1e-12 && way.length() <= PI + 1e-12);
+            let (there, carried) = exp(a, way, way);
+            assert!((there - b).length() < 1e-12, "{b}: {there}");
+            // What points along the way still does, and is as long.
+            assert!((carried.length() - way.length()).abs() < 1e-12 && carried.dot(there).abs() < 1e-12);
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! Inverse kinematics against forward kinematics.
+
+use choreo_motion::ik::{Chain, ChainBone, Limit, Solver, TwoBone};
+use glam::{DQuat, DVec3};
+
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+    fn vec3(&mut self) -> DVec3 {
+        DVec3::new(self.next(), self.next(), self.next())
+    }
+    fn rotation(&mut self, most: f64) -> DQuat {
+        DQuat::from_axis_angle(self.vec3().normalize_or(DVec3::X), self.next() * most)
+    }
+}
+
+const SOLVERS: [Solver; 3] = [Solver::Ccd, Solver::Fabrik, Solver::LeastSquares];
+
+fn chain(n: &mut Numbers, count: usize, limit: Limit) -> Chain {
+    let bones = (0..count)
+        .map(|_| {
+            let rotation = n.rotation(0.4);
+            ChainBone { rotation, rest: rotation, offset: DVec3::Y * (0.2 + 0.1 * n.next()), limit }
+        })
+        .collect();
+    Chain { origin: n.vec3(), parent: n.rotation(3.0), bones }
+}
+
+#[test]
+fn two_bones_reach_whatever_is_in_reach() {
+    let mut n = Numbers(1);
+    let mut reached = 0;
+    for _ in 0..2000 {
+        let [start, middle, end] = [n.vec3(), n.vec3(), n.vec3()];
+        let limb =
+            TwoBone { start, middle, end, target: n.vec3() * 1.5, pole: None, soft: 0.0, hint: DVec3::ZERO };
+        let turned = limb.solve().unwrap();
+        // Forward kinematics with the two turns.
+        let fk_middle = start + turned.start * (middle - start);
+        let fk_end = fk_middle + turned.middle * (end - middle);
+        assert!(
+            (fk_middle - turned.new_middle).length() < 1e-12 && (fk_end - turned.new_end).length() < 1e-12
+        );
+        let (a, b) = ((middle - start).length(), (end - middle).length());
+        let distance = (limb.target - start).length();
+        let expected = distance.clamp((a - b).abs(), a + b);
+        assert!(((fk_end - limb.target).length() - (distance - expected).abs()).abs() < 1e-9);
+        reached += usize::from(expected == distance);
+        // The elbow stays on its side: the normal of the bend is turned as the line to the target is.
+        let normal = |m: DVec3, e: DVec3| (m - start).cross(e - start);
+        let (before, after) = (normal(middle, end), normal(fk_middle, fk_end));
+        if after.length() > 1e-6 && before.length() > 1e-6 {
+            let carried = choreo_motion::ik::arc(end - start, limb.target - start) * before.normalize();
+            assert!(carried.dot(after.normalize()) > 1.0 - 1e-6);
+        }
+    }
+    assert!(reached > 500);
+}
+
+#[test]
+fn elbows_go_to_the_side_of_the_pole() {
+    let mut n = Numbers(2);
+    for _ in 0..500 {
+        let limb = TwoBone {
+            start: DVec3::ZERO,
+            middle: DVec3::new(0.3, 0.02, 0.0),
+            end: DVec3::new(0.6, 0.0, 0.0),
+            target: n.vec3().normalize() * 0.4,
+            pole: Some(n.vec3()),
+            soft: 0.0,
+            hint: DVec3::ZERO,
+        };
+        let turned = limb.solve().unwrap();
+        let line = limb.target.normalize();
+        let across = |v: DVec3| (v - line * v.dot(line)).normalize();
+        assert!(across(turned.new_middle).dot(across(limb.pole.unwrap())) > 1.0 - 1e-9);
+        assert!((turned.new_end - limb.target).length() < 1e-12);
+    }
+}
+
+#[test]
+fn two_bones_in_every_bad_place() {
+    let x = DVec3::X;
+    let straight = TwoBone {
+        start: DVec3::ZERO,
+        middle: x,
+        end: x * 2.0,
+        target: x,
+        pole: None,
+        soft: 0.0,
+        hint: DVec3::ZERO,
+    };
+    let ok = |limb: TwoBone| {
+        let turned = limb.solve().unwrap();
+        assert!(turned.start.is_finite() && turned.middle.is_finite() && turned.new_end.is_finite());
+        (turned.new_end - limb.target).length()
+    };
+    assert!(ok(straight) < 1e-12, "straight, the target on its line");
+    assert!(ok(TwoBone { pole: Some(x * 5.0), ..straight }) < 1e-12, "the pole in line");
+    assert!(ok(TwoBone { target: -x, ..straight }) < 1e-12, "the target right behind");
+    assert!(ok(TwoBone { end: DVec3::ZERO, target: x * 1.5, ..straight }) < 1e-12, "folded");
+    assert!((ok(TwoBone { target: x * 1e9, ..straight }) - (1e9 - 2.0)).abs() < 1.0, "far out of reach");
+    let unlike = TwoBone { middle: x * 0.1, end: x * 1.1, target: x * 0.01, ..straight };
+    assert!((ok(unlike) - 0.89).abs() < 1e-9, "too near for unequal bones");
+    assert!(ok(TwoBone { middle: x * 1e-9, end: x * 2e-9, target: DVec3::Y * 1e-9, ..straight }) < 1e-18);
+    for nothing in [
+        TwoBone { target: DVec3::ZERO, ..straight },
+        TwoBone { middle: DVec3::ZERO, ..straight },
+        TwoBone { end: x, ..straight },
+        TwoBone { target: DVec3::NAN, ..straight },
+        TwoBone { target: DVec3::splat(f64::INFINITY), ..straight },
+        TwoBone { start: DVec3::NAN, ..straight },
+    ] {
+        assert!(nothing.solve().is_none(), "{nothing:?}");
+    }
+}
+
+#[test]
+fn chains_reach_what_is_in_reach() {
+    for solver in SOLVERS {
+        let mut n = Numbers(5);
+        for case in 0..300 {
+            let count = 2 + case % 9;
+            let mut chain = chain(&mut n, count, Limit::Free);
+            let target = chain.origin + n.vec3().normalize() * chain.reach() * (0.45 + 0.4 * n.next().abs());
+            // Two bones of unlike length cannot reach everywhere inside.
+            let solved = chain.solve(target, solver, 500, 1e-6);
+            assert!(solved.distance < 1e-5, "{solver:?}, case {case}, {count} bones: {solved:?}");
+            assert!(((chain.end() - target).length() - solved.distance).abs() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn limits_hold_whatever_the_target() {
+    let limits = [
+        Limit::SwingTwist { axis: DVec3::Y, swing: 0.5, twist: (-0.3, 0.2) },
+        Limit::Hinge { axis: DVec3::X, angle: (0.0, 1.2) },
+    ];
+    for solver in SOLVERS {
+        for limit in limits {
+            let mut n = Numbers(9);
+            for _ in 0..60 {
+                let mut chain = chain(&mut n, 5, limit);
+                let before = (chain.end() - chain.origin).length();
+                let target = chain.origin + n.vec3() * chain.reach() * 1.5;
+                let start = (chain.end() - target).length();
+                let solved = chain.solve(target, solver, 50, 1e-6);
+                assert!(before > 0.0 && solved.distance <= start + 1e-9);
+                for bone in &chain.bones {
+                    assert!(limit.excess(bone.rest, bone.rotation) < 1e-6, "{solver:?} {limit:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn chains_in_every_bad_place() {
+    let straight = |count: usize, length: f64| {
+        let bone = ChainBone {
+            rotation: DQuat::IDENTITY,
+            rest: DQuat::IDENTITY,
+            offset: DVec3::Y * length,
+            limit: Limit::Free,
+        };
+        Chain { origin: DVec3::ZERO, parent: DQuat::IDENTITY, bones: vec![bone; count] }
+    };
+    for solver in SOLVERS {
+        let end = |chain: &mut Chain, target: DVec3| {
+            let solved = chain.solve(target, solver, 200, 1e-6);
+            assert!(chain.bones.iter().all(|b| b.rotation.is_finite()), "{solver:?} {target}");
+            solved.distance
+        };
+        assert!(end(&mut straight(6, 0.2), DVec3::Y * 0.7) < 1e-4, "{solver:?}: straight, on its line");
+        assert!(end(&mut straight(6, 0.2), DVec3::NEG_Y * 0.7) < 1e-4, "{solver:?}: straight, behind");
+        assert!(end(&mut straight(6, 0.2), DVec3::ZERO) < 1e-3, "{solver:?}: the target in the root");
+        let far = end(&mut straight(6, 0.2), DVec3::X * 100.0);
+        assert!((far - 98.8).abs() < 0.05, "{solver:?}: out of reach: {far}");
+        assert!((end(&mut straight(6, 0.2), DVec3::Y * 100.0) - 98.8).abs() < 1e-9);
+        assert!(end(&mut straight(6, 0.0), DVec3::X) == 1.0, "{solver:?}: no length");
+        assert!(end(&mut straight(3, 1e-9), DVec3::X * 2e-9) < 1e-5);
+        assert!(end(&mut straight(0, 0.2), DVec3::X) == 1.0, "{solver:?}: no bones");
+        assert!(end(&mut straight(4, 0.2), DVec3::NAN).is_nan());
+        assert!(end(&mut straight(1000, 0.01), DVec3::new(3.0, 2.0, 1.0)) < 0.5, "{solver:?}: 1,000 bones");
+    }
+}

@@ -1,0 +1,407 @@
+//! Spring bones against closed forms, energy, finer steps, and everything that goes wrong.
+
+use choreo_motion::spring::{
+    BoneState, Drive, RigBone, SpringBone, SpringRig, SpringScratch, SpringState, SpringStep,
+};
+use choreo_motion::{Skeleton, Transform};
+use glam::{Affine3A, DAffine3, DQuat, DVec3, Vec3};
+
+/// splitmix64, −1..1.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+    fn vec3(&mut self) -> DVec3 {
+        DVec3::new(self.next(), self.next(), self.next())
+    }
+    fn direction(&mut self) -> DVec3 {
+        self.vec3().normalize_or(DVec3::X)
+    }
+    fn power(&mut self, low: f64, high: f64) -> f64 {
+        libm::pow(10.0, low + (high - low) * (self.next() * 0.5 + 0.5))
+    }
+}
+
+fn still(target: DVec3) -> Drive {
+    let zero = DVec3::ZERO;
+    Drive { head: zero, target, length: 0.2, gravity: zero, pull: zero, wind: zero }
+}
+
+fn at(direction: DVec3, drive: &Drive) -> BoneState {
+    let zero = DVec3::ZERO;
+    BoneState { direction, velocity: zero, head: drive.head, head_velocity: zero, target: drive.target }
+}
+
+fn planar(angle: f64) -> DVec3 {
+    DVec3::new(libm::sin(angle), -libm::cos(angle), 0.0)
+}
+
+fn angle(d: DVec3) -> f64 {
+    libm::atan2(d.x, -d.y)
+}
+
+#[test]
+fn a_swing_in_a_plane_is_the_closed_form_at_any_step() {
+    let start = 2.0;
+    for frequency in [0.1, 1.0, 12.0, 1000.0] {
+        for ratio in [0.0, 0.1, 0.5, 1.0, 3.0, 10.0] {
+            for rate in [12.0, 30.0, 60.0, 240.0] {
+                let (bone, drive) = (SpringBone::new(frequency, ratio), still(DVec3::NEG_Y));
+                let mut state = at(planar(start), &drive);
+                for frame in 1..=24 {
+                    bone.step(&mut state, &drive, 1.0 / rate);
+                    let exact = swing(start, frequency, ratio, f64::from(frame) / rate);
+                    let off = (angle(state.direction) - exact).abs();
+                    // The phase of a thousand turns a second is known as well as its time is.
+                    let allowed = if frequency > 100.0 { 1e-8 } else { 1e-11 };
+                    assert!(off < allowed, "{frequency} Hz, ζ {ratio}, {rate} fps, frame {frame}: {off:e}");
+                }
+            }
+        }
+    }
+}
+
+/// Textbook: released from rest.
+fn swing(start: f64, frequency: f64, ratio: f64, t: f64) -> f64 {
+    let w = 2.0 * std::f64::consts::PI * frequency;
+    let fall = libm::exp(-ratio * w * t);
+    if ratio < 1.0 {
+        let wd = w * (1.0 - ratio * ratio).sqrt();
+        start * fall * (libm::cos(wd * t) + ratio * w / wd * libm::sin(wd * t))
+    } else if ratio == 1.0 {
+        start * fall * (1.0 + w * t)
+    } else {
+        let root = (ratio * ratio - 1.0).sqrt();
+        let (a, b) = (-w / (ratio + root), -w * (ratio + root));
+        start * (b * libm::exp(a * t) - a * libm::exp(b * t)) / (b - a)
+    }
+}
+
+/// With gravity, in space, at any step: the energy of a bone whose head and target rest never grows.
+#[test]
+fn free_damped_motion_never_gains_energy() {
+    let mut n = Numbers(7);
+    for case in 0..4000 {
+        let bone = SpringBone {
+            stiffness: n.power(-3.0, 12.0),
+            damping: if case % 4 == 0 { 0.0 } else { n.power(-3.0, 6.0) },
+        };
+        let gravity = if case % 3 == 0 { DVec3::ZERO } else { n.direction() * n.power(-1.0, 4.0) };
+        let drive = Drive { gravity, length: n.power(-3.0, 1.0), ..still(n.direction()) };
+        let step = n.power(-6.0, 1.0);
+        let mut state = BoneState { velocity: DVec3::ZERO, ..at(n.direction(), &drive) };
+        // As fast as from half a turn away at most, which is where speeds are cut.
+        state.velocity = state.direction.any_orthonormal_vector() * bone.stiffness.sqrt();
+        let mut energy = bone.energy(&state, &drive);
+        let scale = energy + gravity.length() / drive.length;
+        for frame in 0..40 {
+            bone.step(&mut state, &drive, step);
+            let now = bone.energy(&state, &drive);
+            assert!(
+                now <= energy + scale * 1e-9,
+                "case {case}, frame {frame}: {energy} → {now}; {bone:?}, {step} s"
+            );
+            energy = now;
+        }
+    }
+}
+
+/// What the test above would say of the semi-implicit Euler method.
+#[test]
+fn the_energy_test_can_fail() {
+    let (bone, drive) = (SpringBone::new(15.0, 0.0), still(DVec3::NEG_Y));
+    let mut state = at(planar(1.0), &drive);
+    let before = bone.energy(&state, &drive);
+    for _ in 0..10 {
+        let bent = angle(state.direction);
+        state.velocity += planar(bent + std::f64::consts::FRAC_PI_2) * (-bent * bone.stiffness / 30.0);
+        state.direction = (state.direction + state.velocity / 30.0).normalize();
+    }
+    assert!(bone.energy(&state, &drive) > 2.0 * before);
+}
+
+/// A head that shakes and a target that turns.
+#[test]
+fn converges_to_a_thousand_times_finer_steps() {
+    let drive_at = |t: f64| Drive {
+        head: DVec3::new(0.1 * libm::sin(7.0 * t), 0.05 * libm::cos(5.0 * t), 0.0),
+        target: DQuat::from_rotation_z(0.6 * libm::sin(4.0 * t))
+            * DQuat::from_rotation_x(0.3 * t)
+            * DVec3::NEG_Y,
+        gravity: DVec3::NEG_Y * 9.81,
+        ..still(DVec3::NEG_Y)
+    };
+    let bone = SpringBone::new(2.0, 0.2);
+    let run = |rate: u32| {
+        let mut state = bone.settled(&drive_at(0.0));
+        for i in 1..=rate {
+            bone.step(&mut state, &drive_at(f64::from(i) / f64::from(rate)), 1.0 / f64::from(rate));
+        }
+        state.direction
+    };
+    let truth = run(60_000);
+    let errors: Vec<f64> = [60, 120, 240].map(|rate| (run(rate) - truth).length()).to_vec();
+    // Radians: a hundredth of a degree at 60 Hz.
+    assert!(errors[0] < 3e-4 && errors[1] < errors[0] && errors[2] < 0.7 * errors[1], "{errors:?}");
+}
+
+#[test]
+fn settles_where_it_stays() {
+    let mut n = Numbers(3);
+    for _ in 0..200 {
+        let bone = SpringBone::new(n.power(-1.0, 1.0), 0.3);
+        let drive = Drive { gravity: n.direction() * 9.81, wind: n.vec3() * 5.0, ..still(n.direction()) };
+        let settled = bone.settled(&drive);
+        let mut state = settled;
+        for _ in 0..60 {
+            bone.step(&mut state, &drive, 1.0 / 60.0);
+        }
+        assert!((state.direction - settled.direction).length() < 1e-9, "{bone:?}");
+    }
+}
+
+/// A tail of `count` sticks along −Y, 10 cm each, the first joint being the body.
+fn tail(count: usize) -> (Skeleton, SpringRig) {
+    let rest = |i: usize| Transform {
+        translation: if i == 0 { Vec3::ZERO } else { Vec3::NEG_Y * 0.1 },
+        ..Transform::IDENTITY
+    };
+    let names = (0..=count).map(|i| format!("Tail{i}")).collect();
+    let parents = (0..=count).map(|i| i.checked_sub(1).map(|p| p as u32)).collect();
+    let skeleton = Skeleton::new(names, parents, (0..=count).map(rest).collect()).unwrap();
+    let mut rig = SpringRig::default();
+    for joint in 1..=count as u32 {
+        rig.add(bone(joint, SpringBone::new(3.0, 0.2)));
+    }
+    (skeleton, rig)
+}
+
+fn bone(joint: u32, spring: SpringBone) -> RigBone {
+    RigBone {
+        joint,
+        tail: Vec3::NEG_Y * 0.1,
+        spring,
+        gravity: DVec3::NEG_Y * 9.81,
+        pull: DVec3::ZERO,
+        hit_radius: 0.0,
+        center: None,
+        colliders: vec![],
+    }
+}
+
+fn animated(skeleton: &Skeleton) -> Vec<Affine3A> {
+    let mut all: Vec<Affine3A> = Vec::new();
+    for (parent, rest) in skeleton.parents().iter().zip(skeleton.rest()) {
+        all.push(parent.map_or(rest.to_affine(), |p| all[p as usize] * rest.to_affine()));
+    }
+    all
+}
+
+struct Run {
+    skeleton: Skeleton,
+    rig: SpringRig,
+    state: SpringState,
+    scratch: SpringScratch,
+    out: Vec<Affine3A>,
+}
+
+impl Run {
+    fn new((skeleton, rig): (Skeleton, SpringRig)) -> Run {
+        let out = animated(&skeleton);
+        Run { skeleton, rig, state: SpringState::default(), scratch: SpringScratch::default(), out }
+    }
+
+    fn step(&mut self, world_from_model: DAffine3, seconds: f64) {
+        self.out = animated(&self.skeleton);
+        let mut step = SpringStep {
+            rig: &self.rig,
+            skeleton: &self.skeleton,
+            world_from_model,
+            wind: DVec3::ZERO,
+            seconds,
+            state: &mut self.state,
+            scratch: &mut self.scratch,
+            model_from_joint: &mut self.out,
+        };
+        assert_eq!(step.check(), Ok(()));
+        step.run();
+    }
+
+    fn sound(&self) -> bool {
+        self.out.iter().all(|m| m.is_finite())
+            && self
+                .state
+                .bones()
+                .iter()
+                .flatten()
+                .all(|b| b.velocity.is_finite() && (b.direction.length() - 1.0).abs() < 1e-9)
+    }
+
+    /// Lengths of the sticks.
+    fn lengths(&self) -> Vec<f32> {
+        self.out.windows(2).skip(1).map(|w| (w[1].translation - w[0].translation).length()).collect()
+    }
+}
+
+#[test]
+fn joints_follow_and_sticks_keep_their_length() {
+    let mut run = Run::new(tail(8));
+    let place = |t: f64| DAffine3::from_translation(DVec3::new(libm::sin(6.0 * t), 0.0, 1e7));
+    let mut widest = 0.0f32;
+    for frame in 0..240 {
+        run.step(place(f64::from(frame) / 60.0), 1.0 / 60.0);
+        assert!(run.sound());
+        assert!(run.lengths().iter().all(|l| (l - 0.1).abs() < 1e-5), "{:?}", run.lengths());
+        widest = widest.max(run.out[8].translation.x.abs());
+    }
+    assert!(widest > 0.3 && widest < 0.8, "{widest}");
+    // Each joint points at the next.
+    let way = run.out[5].translation - run.out[4].translation;
+    let points = run.out[4].transform_vector3(Vec3::NEG_Y);
+    assert!(way.normalize().dot(points.into()) > 0.99999);
+}
+
+#[test]
+fn a_mirrored_or_scaled_actor_swings_as_the_world_does() {
+    for scale in [DVec3::splat(2.0), DVec3::splat(0.01), DVec3::new(-1.0, 1.0, 1.0)] {
+        let (skeleton, mut rig) = tail(3);
+        let length = 0.1 * scale.y.abs();
+        rig.bones_mut().for_each(|b| b.gravity = DVec3::new(3.0 * length, 0.0, 0.0));
+        let mut run = Run::new((skeleton, rig));
+        run.step(DAffine3::from_scale(scale), 0.0);
+        let stick = Vec3::from(run.out[2].translation - run.out[1].translation).as_dvec3();
+        let shown = (scale * stick).normalize();
+        let expected = run.state.bones()[0].unwrap().direction;
+        assert!((shown - expected).length() < 1e-5 && expected.x > 0.005, "{scale}: {shown} {expected}");
+    }
+}
+
+#[test]
+fn extremes_stay_finite() {
+    let bones = [
+        ("stiffness 1e12", SpringBone { stiffness: 1e12, damping: 0.0 }),
+        ("stiffness 1e18", SpringBone { stiffness: 1e18, damping: 1e18 }),
+        ("damping 1e6", SpringBone { stiffness: 0.0, damping: 1e6 }),
+        ("nothing", SpringBone { stiffness: 0.0, damping: 0.0 }),
+        ("mass 1e-6", SpringBone { stiffness: 100.0 / 1e-6, damping: 1.0 / 1e-6 }),
+        ("mass 1e6", SpringBone { stiffness: 100.0 / 1e6, damping: 1.0 / 1e6 }),
+    ];
+    for (name, spring) in bones {
+        for seconds in [0.0, 1e-6, 1.0 / 60.0, 10.0] {
+            for scale in [1.0, 0.0, -1.0, 1e8, 1e-8] {
+                let (skeleton, mut rig) = tail(20);
+                rig.bones_mut().for_each(|b| b.spring = spring);
+                rig.ground = Some(-1.0);
+                let mut run = Run::new((skeleton, rig));
+                for frame in 0..30 {
+                    // Thrown 1 km to and fro.
+                    let x = if frame % 7 == 3 { 1000.0 } else { 0.01 * f64::from(frame) };
+                    let place = DAffine3::from_scale_rotation_translation(
+                        DVec3::new(scale, scale, scale * 3.0),
+                        DQuat::from_rotation_y(f64::from(frame)),
+                        DVec3::new(x, 0.0, 1e7),
+                    );
+                    run.step(place, seconds);
+                    assert!(run.sound(), "{name}, steps of {seconds} s, scale {scale}, frame {frame}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn sticks_without_length_and_hostile_rests_stay_as_animated() {
+    let (skeleton, mut rig) = tail(4);
+    for (bone, length) in rig.bones_mut().zip([0.0, 1e-9, 0.1, 0.1]) {
+        bone.tail = Vec3::NEG_Y * length;
+    }
+    let before = animated(&skeleton);
+    let mut run = Run::new((skeleton, rig));
+    for frame in 0..20 {
+        run.step(DAffine3::from_translation(DVec3::X * 0.1 * f64::from(frame)), 1.0 / 60.0);
+        assert!(run.sound());
+        assert_eq!(run.out[..3], before[..3]);
+        assert!(run.state.bones()[0].is_none() && run.state.bones()[1].is_none());
+    }
+    assert_ne!(run.out[3].matrix3, before[3].matrix3);
+}
+
+#[test]
+fn a_head_thrown_a_kilometre_takes_its_stick_along() {
+    let bone = SpringBone::new(2.0, 0.1);
+    let drive = still(DVec3::NEG_Y);
+    let (mut near, mut far) = (at(planar(0.4), &drive), at(planar(0.4), &drive));
+    for frame in 0..60 {
+        let head = if frame >= 30 { DVec3::X * 1000.0 } else { DVec3::ZERO };
+        bone.step(&mut near, &drive, 1.0 / 60.0);
+        bone.step(&mut far, &Drive { head, ..drive }, 1.0 / 60.0);
+        assert!((near.direction - far.direction).length() < 1e-12, "frame {frame}");
+    }
+    // A push is felt.
+    bone.step(&mut far, &Drive { head: DVec3::X * 1000.05, ..drive }, 1.0 / 60.0);
+    bone.step(&mut near, &drive, 1.0 / 60.0);
+    assert!((near.direction - far.direction).length() > 0.1);
+}
+
+#[test]
+fn a_long_undamped_chain_cannot_run_away() {
+    let (skeleton, mut rig) = tail(100);
+    rig.bones_mut().for_each(|b| b.spring = SpringBone::new(3.0, 0.0));
+    let mut run = Run::new((skeleton, rig));
+    for frame in 0..1200 {
+        let x = if frame < 60 { libm::sin(f64::from(frame) * 0.3) } else { 0.0 };
+        run.step(DAffine3::from_translation(DVec3::X * x), 1.0 / 60.0);
+        assert!(run.sound());
+    }
+    let limit = std::f64::consts::PI * 60.0 + 1.0;
+    assert!(run.state.bones().iter().flatten().all(|b| b.velocity.length() < limit));
+}
+
+#[test]
+fn a_center_takes_its_own_motion_out() {
+    let (skeleton, mut rig) = tail(3);
+    let mut free = Run::new((skeleton.clone(), rig.clone()));
+    rig.bones_mut().for_each(|b| b.center = Some(0));
+    let mut centered = Run::new((skeleton, rig));
+    for frame in 0..30 {
+        let t = f64::from(frame) / 60.0;
+        let place = DAffine3::from_translation(DVec3::X * 4.0 * t * t);
+        free.step(place, 1.0 / 60.0);
+        centered.step(place, 1.0 / 60.0);
+    }
+    assert!(free.out[3].translation.x < -0.05);
+    assert!(centered.out[3].translation.x.abs() < 1e-6);
+}
+
+#[test]
+fn check_names_what_is_wrong() {
+    let (skeleton, rig) = tail(2);
+    let said = |change: fn(&mut SpringRig), seconds: f64| {
+        let mut rig = rig.clone();
+        change(&mut rig);
+        let (mut state, mut scratch, mut out) =
+            (SpringState::default(), SpringScratch::default(), animated(&skeleton));
+        let step = SpringStep {
+            rig: &rig,
+            skeleton: &skeleton,
+            world_from_model: DAffine3::IDENTITY,
+            wind: DVec3::ZERO,
+            seconds,
+            state: &mut state,
+            scratch: &mut scratch,
+            model_from_joint: &mut out,
+        };
+        step.check().unwrap_err()
+    };
+    assert_eq!(said(|_| (), f64::NAN), "`SpringStep.seconds` is NaN, must be finite and ≥ 0");
+    let stiff: fn(&mut SpringRig) = |r| r.bones_mut().for_each(|b| b.spring.stiffness = f64::NAN);
+    assert_eq!(said(stiff, 0.0), "`SpringStep.rig`: bone of joint 1: stiffness is NaN, must be 0..=1e18");
+    let joint: fn(&mut SpringRig) = |r| r.add(bone(9, SpringBone::default()));
+    assert_eq!(said(joint, 0.0), "`SpringStep.rig`: bone of joint 9: joint 9 does not exist, there are 3");
+}
