@@ -46,7 +46,8 @@ impl Deltas {
             if from == to {
                 continue;
             }
-            delta.rotation += rotation_vector(from.rotation.as_dquat().conjugate() * to.rotation.as_dquat()) * w;
+            delta.rotation +=
+                rotation_vector(from.rotation.as_dquat().conjugate() * to.rotation.as_dquat()) * w;
             delta.translation += (to.translation.as_dvec3() - from.translation.as_dvec3()) * w;
             let ratio = ratio(from.scale, to.scale);
             let factor = DVec3::ONE + (ratio - DVec3::ONE) * w.abs();
@@ -57,7 +58,8 @@ impl Deltas {
     /// Lays the sum over a pose of as many joints.
     pub fn apply(&self, pose: &mut Pose) {
         for (joint, delta) in self.joints.iter().enumerate().take(pose.len()) {
-            if delta.rotation == DVec3::ZERO && delta.translation == DVec3::ZERO && delta.scale == DVec3::ONE {
+            if delta.rotation == DVec3::ZERO && delta.translation == DVec3::ZERO && delta.scale == DVec3::ONE
+            {
                 continue;
             }
             let mut local = pose.get(joint);

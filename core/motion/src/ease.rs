@@ -70,9 +70,7 @@ impl Shape {
             Shape::Cubic => (w * w) * (w * w) / 4.0,
             Shape::Quart => (w * w) * (w * w) * w / 5.0,
             Shape::Quint => (w * w * w) * (w * w * w) / 6.0,
-            Shape::Expo => {
-                ((libm::exp2(10.0 * w) - 1.0) / (10.0 * std::f64::consts::LN_2) - w) / 1023.0
-            }
+            Shape::Expo => ((libm::exp2(10.0 * w) - 1.0) / (10.0 * std::f64::consts::LN_2) - w) / 1023.0,
             Shape::Circ => w - 0.5 * (w * (1.0 - w * w).max(0.0).sqrt() + libm::asin(w)),
         }
     }

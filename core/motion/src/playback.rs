@@ -46,15 +46,24 @@ impl Playback {
     ///
     /// A loop of period p shows its start, not its end, at p; ping-pong turns exactly at the ends.
     pub fn clip_time(&self, elapsed: Time) -> Time {
+        self.at_played(self.played(elapsed))
+    }
+
+    /// Ticks of the clip, whole rounds included, that `elapsed` of playing takes, forwards or backwards.
+    pub fn played(&self, elapsed: Time) -> i128 {
+        scaled_ticks(elapsed.0.max(0), self.speed.abs())
+    }
+
+    /// The time in the clip after so many ticks of it; fewer than none go back from the start.
+    pub fn at_played(&self, played: i128) -> Time {
         let (start, end) = self.trim;
         let length = (i128::from(end.0) - i128::from(start.0)).max(0);
-        let played = scaled_ticks(elapsed.0.max(0), self.speed.abs());
         let offset = match self.repeat {
             _ if length == 0 => 0,
-            Repeat::Once => played.min(length),
-            Repeat::Loop => played % length,
+            Repeat::Once => played.clamp(0, length),
+            Repeat::Loop => played.rem_euclid(length),
             Repeat::PingPong => {
-                let phase = played % (2 * length);
+                let phase = played.rem_euclid(2 * length);
                 if phase > length { 2 * length - phase } else { phase }
             }
         };

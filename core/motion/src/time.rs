@@ -43,6 +43,11 @@ impl Time {
         Time((self.0 as f64 * factor).round() as i64)
     }
 
+    /// The time in the middle between two, whatever their signs; rounded down.
+    pub fn middle(self, other: Time) -> Time {
+        Time(((i128::from(self.0) + i128::from(other.0)) >> 1) as i64)
+    }
+
     /// Remainder in `[0, period)`; zero where the period is not positive.
     pub fn wrapped(self, period: Time) -> Time {
         if period.0 <= 0 { Time::ZERO } else { Time(self.0.rem_euclid(period.0)) }

@@ -50,7 +50,10 @@ fn vectors_and_rotations_are_inverse_at_any_angle() {
 fn weights_turn_by_their_share_of_the_angle_and_may_be_negative() {
     let turned = |degrees: f32| {
         let mut pose = Pose::identity(1);
-        pose.set(0, Transform { rotation: Quat::from_rotation_x(degrees.to_radians()), ..Transform::IDENTITY });
+        pose.set(
+            0,
+            Transform { rotation: Quat::from_rotation_x(degrees.to_radians()), ..Transform::IDENTITY },
+        );
         pose
     };
     for (weight, expected) in [(1.0, 130.0), (0.5, 80.0), (0.0, 30.0), (-0.3, 0.0), (0.25, 55.0)] {

@@ -5,7 +5,7 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::limits::{Limits, raise_hint};
 use crate::loader::Loader;
 use crate::testing::TestState;
-use choreo_motion::{Clip, Time};
+use choreo_motion::{Clip, RootParts, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
@@ -135,6 +135,35 @@ pub struct Build {
     /// Clips bound to another skeleton, by the addresses of clip and asset.
     pub bound: BTreeMap<(usize, usize), Bound>,
     pub shapes: BTreeMap<String, Arc<Asset>>,
+    /// Where time zero of what is being performed lies.
+    pub offset: Time,
+    /// By the address of the clip, which is kept alive.
+    pub clip_notes: BTreeMap<usize, ClipNotes>,
+    /// Named times of the stage.
+    pub markers: Vec<(String, Time)>,
+}
+
+/// What the script says of a clip.
+pub struct ClipNotes {
+    pub _clip: Arc<Clip>,
+    /// Named times of the clip, seconds.
+    pub markers: Vec<(String, Time)>,
+    /// When feet come down, where the script says so.
+    pub steps: Option<Vec<Time>>,
+}
+
+/// Root motion as the script asks for it.
+#[derive(Clone, Copy, PartialEq)]
+pub struct RootDraft {
+    pub joint: Option<u32>,
+    pub parts: RootParts,
+    pub used: RootUse,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+pub enum RootUse {
+    Carries,
+    InPlace,
 }
 
 /// What a `load` or `shape` gave.
@@ -171,6 +200,8 @@ pub struct ActorDraft {
     pub placed: bool,
     /// Where each look of `actor.look_at` was made.
     pub looks: Vec<Place>,
+    /// Of its clips on the base layer.
+    pub root: Option<RootDraft>,
     /// Turned to this point at the end, when the position is known.
     pub face_point: Option<DVec3>,
 }
@@ -214,6 +245,16 @@ pub struct CueDraft {
     pub repeat: Option<Repeat>,
     pub weight: f32,
     pub weight_keys: Option<Arc<Channel>>,
+    /// Where its time zero lies.
+    pub origin: Time,
+    pub warp: Option<Arc<Warp>>,
+    pub freezes: Vec<(Time, Time)>,
+    /// A layer played once keeps its last pose.
+    pub hold: bool,
+    /// Keeps step with the one before while it fades in.
+    pub in_step: bool,
+    pub inertial: Time,
+    pub root: Option<RootDraft>,
     /// Set on cues that another follows: then they play once where nothing else is said.
     pub followed: bool,
 }
@@ -237,6 +278,13 @@ impl CueDraft {
             repeat: None,
             weight: 1.0,
             weight_keys: None,
+            origin: Time::ZERO,
+            warp: None,
+            freezes: Vec::new(),
+            hold: false,
+            in_step: false,
+            inertial: Time::ZERO,
+            root: None,
             followed: false,
         }
     }
@@ -265,6 +313,13 @@ pub struct CameraDraft {
 }
 
 impl Build {
+    /// What the script says of a clip, or of the one that it was bound from.
+    pub fn notes_of(&self, clip: &Arc<Clip>) -> Option<&ClipNotes> {
+        let key = |clip: &Arc<Clip>| Arc::as_ptr(clip) as usize;
+        let from = || self.bound.values().find(|bound| Arc::ptr_eq(&bound.clip, clip));
+        self.clip_notes.get(&key(clip)).or_else(|| self.clip_notes.get(&key(&from()?._from)))
+    }
+
     /// Keeps a printed line while the limit allows; what is beyond it is counted.
     pub fn print(&mut self, line: &str, limit: u64) {
         let bytes = line.len() as u64 + 1;

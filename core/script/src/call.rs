@@ -200,8 +200,12 @@ impl Call<'_, '_> {
     pub fn number_in(&self, i: usize, min: f64, max: f64) -> Result<f64, ApiError> {
         number_in(&self.value(i), &self.label(i), min, max)
     }
+    /// On stage: inside `perform` times count from where it begins.
     pub fn time(&self, i: usize) -> Result<Time, ApiError> {
-        time(&self.value(i), &self.label(i))
+        self.stage_time(&self.value(i), &self.label(i))
+    }
+    pub fn stage_time(&self, value: &Dynamic, label: &str) -> Result<Time, ApiError> {
+        Ok(time(value, label)? + self.build().offset)
     }
     pub fn duration(&self, i: usize) -> Result<Time, ApiError> {
         duration(&self.value(i), &self.label(i))

@@ -54,6 +54,18 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
             );
             warn(&draft.at, text);
         }
+        if let Some(end) = end
+            && draft.inertial > end - start
+            && end > start
+            && !draft.followed
+        {
+            let text = format!(
+                "clip \"{name}\" takes {} s to get rid of the pose before it, but its cue lasts {} s",
+                draft.inertial.as_secs(),
+                (end - start).as_secs()
+            );
+            warn(&draft.at, text);
+        }
         if start >= build.settings.length {
             let at = build.settings.length.as_secs();
             warn(

@@ -2,11 +2,12 @@
 
 use crate::api::camera::{DEFAULT_AZIMUTH, DEFAULT_ELEVATION};
 use crate::api::cue;
-use crate::build::{ActorDraft, Build, CameraDraft, Shared};
+use crate::build::{ActorDraft, Build, CameraDraft, RootUse, Shared};
 use crate::call::{ApiError, Place};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::hook::{HookDraft, ScriptHook};
 use crate::lint::Places;
+use crate::motion::{Found, in_step, root};
 use choreo_motion::Time;
 use choreo_stage::*;
 use glam::{DQuat, DVec3};
@@ -91,6 +92,39 @@ fn add_hooks(
     }
 }
 
+/// Metres a second below which nobody walks.
+const STANDING: f64 = 0.01;
+
+/// Root motion of clips that all stand still: nobody meant that.
+fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Vec<(Severity, Place, ApiError)>) {
+    for (index, actor) in build.actors.iter().enumerate() {
+        let paced = actor.actor.walk.as_ref().is_some_and(|walk| walk.pace == Pace::OfClips);
+        let carried = actor.root.is_some_and(|root| root.used == RootUse::Carries);
+        if !paced && !carried {
+            continue;
+        }
+        let own = build.cues.iter().zip(made).filter(|(draft, _)| build.chains[draft.chain].actor == index);
+        let roots = own.filter_map(|(_, cue)| cue.as_ref()?.root.as_deref());
+        let moves = |root: &CueRoot| {
+            let turns =
+                root.motion.frame(root.motion.trim.1).yaw != root.motion.frame(root.motion.trim.0).yaw;
+            let reach = root.motion.frame(root.motion.trim.1).translation.length();
+            turns || reach > STANDING || root.motion.velocity().length() > STANDING
+        };
+        if roots.into_iter().any(moves) {
+            continue;
+        }
+        let name = &actor.actor.name;
+        let error = if paced {
+            ApiError::new(format!("\"{name}\" stays at the start of its path: no clip that it plays walks"))
+                .hint("give a speed, path(points, #{ speed: 1.2 })")
+        } else {
+            ApiError::new(format!("\"{name}\" has root motion, but no clip that it plays gets anywhere"))
+        };
+        notes.push((Severity::Warning, actor.at.clone(), error));
+    }
+}
+
 /// Ranks from here on are of layers with a priority.
 const PRIORITIES: u32 = 1 << 30;
 
@@ -123,7 +157,10 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Vec<Ve
             taken_over[before] = Some(times[id].0);
         }
     }
+    let mut made: Vec<Option<Cue>> = Vec::with_capacity(build.cues.len());
+    let mut found = Found::default();
     for (id, draft) in build.cues.iter().enumerate() {
+        made.push(None);
         let chain = &build.chains[draft.chain];
         let layer = chain.is_layer();
         let (start, end) = times[id];
@@ -139,22 +176,55 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Vec<Ve
             notes.push((Severity::Error, draft.at.clone(), error));
             continue;
         }
-        let repeat = draft.repeats(layer);
         // On the base layer the last pose of a clip played once is held anyway.
-        let natural = layer || draft.until.is_some();
-        layers[chain.actor][slots[draft.chain]].cues.push(Cue {
-            clip: draft.clip.clone(),
-            start,
-            end: taken_over[id].or(if natural { end } else { None }),
-            fade_in: draft.fade_in,
+        let natural = (layer || draft.until.is_some()) && !draft.hold;
+        let ends = if draft.hold { draft.until } else { end.filter(|_| natural) };
+        let mut cue = Cue {
+            end: taken_over[id].or(ends),
             fade_out: draft.fade_out.unwrap_or(if layer { draft.fade_in } else { Time::ZERO }),
-            ease: draft.ease,
-            speed: if draft.reverse { -draft.speed } else { draft.speed },
-            trim: draft.part(),
-            repeat,
-            weight: draft.weight,
-            weight_keys: draft.weight_keys.clone(),
-        });
+            repeat: draft.repeats(layer),
+            root: if layer { None } else { root(build, draft, &mut found) },
+            ..draft.cue(start)
+        };
+        let mut refuse = |what: &str| {
+            let error = ApiError::new(format!("clip \"{}\": {what}", draft.clip.name));
+            notes.push((Severity::Error, draft.at.clone(), error));
+        };
+        if layer && cue.inertial > Time::ZERO {
+            refuse("inertial is for clips that are no layer");
+        }
+        if layer && draft.root.is_some() {
+            refuse("root motion is for clips that are no layer");
+        }
+        if cue.inertial > Time::ZERO && (draft.fade_in > Time::ZERO || draft.in_step) {
+            refuse("inertial begins at once, so there is no fade");
+        }
+        if draft.in_step && !layer {
+            match draft.after.and_then(|before| Some((before, made[before].as_ref()?))) {
+                Some((before, from)) => match in_step(build, [before, id], [from, &cue], &mut found) {
+                    Ok(fade) => {
+                        let fade = Arc::new(fade);
+                        cue.in_step[0] = Some(fade.clone());
+                        if let Some(from) = &mut made[before] {
+                            from.in_step[1] = Some(fade);
+                        }
+                    }
+                    Err(why) => {
+                        let text = format!("clip \"{}\" cannot keep step: {why}", draft.clip.name);
+                        notes.push((Severity::Warning, draft.at.clone(), ApiError::new(text)));
+                    }
+                },
+                None => refuse("in_step keeps step with the clip before; use it with .then"),
+            }
+        } else if draft.in_step {
+            refuse("in_step is for clips that are no layer");
+        }
+        made[id] = Some(cue);
+    }
+    gets_nowhere(build, &made, notes);
+    for (draft, cue) in build.cues.iter().zip(made) {
+        let chain = &build.chains[draft.chain];
+        layers[chain.actor][slots[draft.chain]].cues.extend(cue);
     }
     for of_actor in &mut layers {
         for layer in of_actor.iter_mut() {

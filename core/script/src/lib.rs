@@ -23,6 +23,7 @@ mod lint;
 mod loader;
 pub mod memory;
 mod modules;
+mod motion;
 mod reference;
 mod run;
 mod shapes;

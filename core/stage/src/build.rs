@@ -63,6 +63,7 @@ impl Actor {
             goals: Vec::new(),
             limits: Vec::new(),
             springs,
+            walk: None,
             visible: true,
             tint: Vec4::ONE,
             morphs: Vec::new(),
@@ -94,6 +95,11 @@ impl Cue {
             repeat: Repeat::Loop,
             weight: 1.0,
             weight_keys: None,
+            warp: None,
+            freezes: Vec::new(),
+            in_step: [None, None],
+            inertial: Time::ZERO,
+            root: None,
             clip,
         }
     }

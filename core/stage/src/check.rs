@@ -166,7 +166,12 @@ impl Checker<'_> {
                     self.index(&place, "expression", expression as usize, actor.asset.expressions.len());
                     true
                 }
-                Property::FieldOfView | Property::Intensity | Property::Color | Property::Weight => false,
+                Property::FieldOfView
+                | Property::Intensity
+                | Property::Color
+                | Property::Weight
+                | Property::Speed
+                | Property::ClipTime => false,
             };
             self.channel(&place, channel, fits);
         }
@@ -188,6 +193,21 @@ impl Checker<'_> {
         });
         if let Some(keys) = &cue.weight_keys {
             self.channel(place, keys, keys.property == Property::Weight);
+        }
+        match cue.warp.as_deref() {
+            Some(Warp::Speed(curve)) => {
+                self.channel(place, &curve.keys, curve.keys.property == Property::Speed);
+            }
+            Some(Warp::ClipTime(keys)) => self.channel(place, keys, keys.property == Property::ClipTime),
+            None => {}
+        }
+        let apart = cue.freezes.windows(2).all(|pair| pair[0].1 <= pair[1].0);
+        self.need(apart && cue.freezes.iter().all(|f| f.0 <= f.1), place, || {
+            "its freezes overlap or run backwards; sort them".to_string()
+        });
+        self.need(cue.inertial >= Time::ZERO, place, || "its inertial time is negative".to_string());
+        if let Some(root) = &cue.root {
+            self.index(place, "root joint", root.motion.joint() as usize, joints);
         }
         if let Err(what) = cue.ease.check() {
             self.need(false, place, || what);

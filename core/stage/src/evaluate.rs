@@ -3,6 +3,7 @@
 //! In this order: keyed properties, hooks, visibility, which poses are needed at all, poses, places in the world, goals
 //! (planted feet, aims, looks, reaches), places again where a goal has moved something, springs, lights, camera.
 
+use crate::carry::{self, CarryScratch, Motions};
 use crate::framing::Framings;
 use crate::goals::plant::Plants;
 use crate::goals::solve::{self, GoalScratch};
@@ -71,7 +72,8 @@ pub(crate) enum Evaluation<'a> {
 impl Evaluator {
     pub fn new(stage: Arc<Stage>) -> Evaluator {
         let memory = Arc::new(Memory::new(&stage));
-        Evaluator { stage, memory, scratch: Scratch::default() }
+        let motions = Some(Arc::new(Motions::new(&stage)));
+        Evaluator { stage, memory, scratch: Scratch { motions, ..Scratch::default() } }
     }
 
     pub fn stage(&self) -> &Arc<Stage> {
@@ -112,9 +114,12 @@ impl Evaluator {
     }
 }
 
-/// Buffers; what is in them on entry does not matter.
+/// Buffers of one stage; what is in them on entry does not matter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scratch {
+    /// Found out at the first evaluation.
+    motions: Option<Arc<Motions>>,
+    carry: CarryScratch,
     order: Order,
     pose: PoseScratch,
     placements: Vec<Placement>,
@@ -234,6 +239,8 @@ pub(crate) fn evaluate_actors(
         (state.visible, state.tint) = (visible, tint);
     }
     run_hooks(stage, scratch, time, &mut out.actors)?;
+    let motions = scratch.motions.get_or_insert_with(|| Arc::new(Motions::new(stage))).clone();
+    carry::carry(stage, &motions, time, &mut scratch.carry, &mut scratch.placements);
     for step in &scratch.order.steps {
         // Parents come first.
         if let Step::Position(a) = *step
@@ -256,7 +263,8 @@ pub(crate) fn evaluate_actors(
         let edits = scratch.pose_edits[first..].iter().take_while(|(a, _)| *a == index);
         let edits = edits.map(|(_, place)| &scratch.edits.actors[*place]);
         let (joints, weights) = (&mut state.model_from_joint, &mut state.morph_weights);
-        pose::pose_actor(actor, time, edits, &mut scratch.pose, joints, weights);
+        let (travel, inertias) = motions.of(index);
+        pose::pose_actor(actor, time, travel, inertias, edits, &mut scratch.pose, joints, weights);
     }
     place_actors(stage, scratch, &mut out.actors);
     if let Evaluation::Goals(plants) = how {
@@ -393,7 +401,9 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
             Step::World(a) => {
                 let frame = scratch.world_from_parent[a];
                 let Placement { translation, mut rotation, scale } = scratch.placements[a];
-                if let Some(other) = stage.actors[a].face.and_then(|f| actors.get(f)) {
+                if let Some(other) =
+                    stage.actors[a].face.and_then(|f| actors.get(f)).filter(|_| !scratch.carry.has_faced(a))
+                {
                     let way = other.world_from_model.translation - actors[a].world_from_model.translation;
                     rotation = facing(&frame, way) * rotation;
                 }
@@ -406,7 +416,7 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
 }
 
 /// The turn about +Y of a frame that brings its +Z towards a world direction; none where that goes straight up or nowhere.
-fn facing(world_from_frame: &DAffine3, world_way: DVec3) -> DQuat {
+pub(crate) fn facing(world_from_frame: &DAffine3, world_way: DVec3) -> DQuat {
     let way = world_from_frame.matrix3.inverse() * world_way;
     let yaw = libm::atan2(way.x, way.z);
     if (way.x == 0.0 && way.z == 0.0) || !yaw.is_finite() {

@@ -54,12 +54,7 @@ pub(crate) fn lay_over(
 }
 
 /// As for morph weights: those that override are mixed, additive ones added. A mask counts at the head.
-fn lay_over_expressions(
-    layers: &[Layer],
-    asset: &Asset,
-    scratch: &GroupScratch,
-    expressions: &mut [f32],
-) {
+fn lay_over_expressions(layers: &[Layer], asset: &Asset, scratch: &GroupScratch, expressions: &mut [f32]) {
     for (expression, weight) in asset.expressions.iter().zip(expressions) {
         let (mut total, mut sum, mut added_up) = (0.0, 0.0, 0.0);
         for (layer, voice) in &scratch.heard {
@@ -179,12 +174,7 @@ fn override_morphs(
     }
 }
 
-fn add_to_morphs(
-    layers: &[Layer],
-    instance: &MeshInstance,
-    scratch: &mut GroupScratch,
-    weights: &mut [f32],
-) {
+fn add_to_morphs(layers: &[Layer], instance: &MeshInstance, scratch: &mut GroupScratch, weights: &mut [f32]) {
     let GroupScratch { heard, morph, morph_reference, sums, .. } = scratch;
     sums.clear();
     sums.resize(weights.len(), 0.0);

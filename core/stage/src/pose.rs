@@ -1,10 +1,12 @@
 //! One actor's pose at a time: layers of clips, then hook edits, then model space.
 
+use crate::inertia::Inertias;
 use crate::layers::{self, GroupScratch};
 use crate::timeline::{self, Voice};
+use crate::travel::{CueRoot, Travel};
 use crate::{Actor, ActorEdit, Asset, Layer, MeshInstance, Property, channels, expression};
 use choreo_motion::{BlendOnto, Clip, Crossfade, HumanBone, LocalToModel, Pose, Sample, Time};
-use glam::Affine3A;
+use glam::{Affine3A, DAffine3, DQuat, DVec3};
 
 /// Buffers of [`pose_actor`]; what is in them on entry does not matter.
 #[derive(Clone, Debug, Default)]
@@ -23,6 +25,8 @@ pub(crate) struct PoseScratch {
 pub(crate) fn pose_actor<'e>(
     actor: &Actor,
     time: Time,
+    travel: Option<&Travel>,
+    inertias: Option<&Inertias>,
     edits: impl Iterator<Item = &'e ActorEdit> + Clone,
     scratch: &mut PoseScratch,
     model_from_joint: &mut Vec<Affine3A>,
@@ -67,6 +71,26 @@ pub(crate) fn pose_actor<'e>(
             weight: voice.weight,
             first: base && place == 0,
         };
+        // Root motion and what dies down change the clips' poses before they are blended.
+        let plain = !base || travel.is_none() && inertias.is_none_or(|inertias| !inertias.any());
+        if !plain {
+            let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
+            for (place, voice) in scratch.voices.iter().enumerate() {
+                let first = place == 0 && mask.is_none();
+                let pose = if first { &mut scratch.pose } else { &mut scratch.over };
+                pose.copy_from(asset.rest_pose());
+                sample_voice(actor, layer, voice, time, travel, inertias, pose);
+                if !first {
+                    let (pose, to) = (&mut scratch.pose, &scratch.over);
+                    BlendOnto { pose, to, weight: voice.weight, mask }.run();
+                }
+            }
+            for voice in scratch.voices.iter().enumerate().map(blended) {
+                voice.blend_weights(asset, layer, base, &mut scratch.weights, morph_weights);
+                voice.blend_expressions(asset, layer, base, &mut scratch.expressions);
+            }
+            continue;
+        }
         if let [from, to] = &scratch.voices[..]
             && base
             && actor.layers.len() == 1
@@ -104,6 +128,56 @@ pub(crate) fn pose_actor<'e>(
     }
     if !in_model_space {
         LocalToModel { skeleton: &asset.skeleton, pose: &scratch.pose, model_from_joint }.run();
+    }
+}
+
+/// A cue of a base layer over the rest pose, with its root where it is to be and what is still dying down.
+pub(crate) fn sample_voice(
+    actor: &Actor,
+    layer: &Layer,
+    voice: &Voice,
+    time: Time,
+    travel: Option<&Travel>,
+    inertias: Option<&Inertias>,
+    pose: &mut Pose,
+) {
+    let cue = &layer.cues[voice.cue];
+    Sample { clip: &cue.clip, time: voice.clip_time, pose }.run();
+    if let (Some(travel), Some(root)) = (travel, cue.root.as_deref())
+        && let Some(back) = travel.back_to_anchor(root, cue, voice.clip_time)
+    {
+        move_root(actor, root, back.rotation(), back.translation, pose);
+    }
+    if let Some(inertia) = inertias.and_then(|inertias| inertias.of(voice.cue)) {
+        inertia.apply(time - cue.start, pose);
+    }
+}
+
+/// Moves the root joint, and all that hangs on it, in model space.
+fn move_root(actor: &Actor, root: &CueRoot, rotation: DQuat, translation: DVec3, pose: &mut Pose) {
+    let parents = actor.asset.skeleton.parents();
+    let joint = root.motion.joint() as usize;
+    if joint >= pose.len() || joint >= parents.len() {
+        return;
+    }
+    let (mut model, mut turned) = (DAffine3::IDENTITY, DQuat::IDENTITY);
+    let mut next = parents[joint];
+    while let Some(parent) = next {
+        let local = pose.get(parent as usize);
+        let (t, r, s) = (local.translation.as_dvec3(), local.rotation.as_dquat(), local.scale.as_dvec3());
+        model = DAffine3::from_scale_rotation_translation(s, r, t) * model;
+        turned = r * turned;
+        next = parents[parent as usize];
+    }
+    let mut local = pose.get(joint);
+    let place = model.transform_point3(local.translation.as_dvec3());
+    let moved = model.inverse().transform_point3(rotation * place + translation);
+    let turned = turned.normalize();
+    local.rotation =
+        (turned.conjugate() * rotation * turned * local.rotation.as_dquat()).normalize().as_quat();
+    local.translation = moved.as_vec3();
+    if local.is_finite() {
+        pose.set(joint, local);
     }
 }
 

@@ -1,8 +1,8 @@
 //! The stage as a script leaves it: who is there, what plays when, from where it is seen.
 
-use crate::{ActorSprings, Asset, Goal, Light, Projection};
+use crate::{ActorSprings, Asset, CueRoot, Goal, Light, Projection, Walk, Warp};
 pub use choreo_motion::ik::Limit;
-use choreo_motion::{Clip, FrameRate, Interpolation, Time};
+use choreo_motion::{Clip, FrameRate, Interpolation, PhaseFade, Time};
 pub use choreo_motion::{Ease, Repeat};
 use glam::{DQuat, DVec3, Vec3, Vec4};
 use std::sync::Arc;
@@ -87,6 +87,8 @@ pub struct Actor {
     pub limits: Vec<(u32, Limit)>,
     /// Hair, skirts and tails.
     pub springs: Option<Arc<ActorSprings>>,
+    /// Goes along a path, from where it is placed. Its clips' root motion then only sets the pace.
+    pub walk: Option<Arc<Walk>>,
     /// An actor is seen where it and all that it is attached to are visible.
     pub visible: bool,
     /// Multiplies every base colour, linear.
@@ -178,6 +180,17 @@ pub struct Cue {
     pub weight: f32,
     /// `Property::Weight` over stage time, in place of `weight`; what a spline overshoots is cut off at 0 and 1.
     pub weight_keys: Option<Arc<Channel>>,
+    /// Clip time keyed over stage time, in place of the amount of `speed`, whose sign still says from which end.
+    pub warp: Option<Arc<Warp>>,
+    /// When the clip stands still, from and to on stage; sorted, one after the other.
+    pub freezes: Vec<(Time, Time)>,
+    /// Base layer: keeps step with the cue that fades into this one, or out of it.
+    pub in_step: [Option<Arc<PhaseFade>>; 2],
+    /// Base layer: above zero, it begins at once with all its weight, and what the cues before it were away from it dies
+    /// down in this time ([`choreo_motion::Inertia`]). In place of `fade_in`.
+    pub inertial: Time,
+    /// Base layer: the root motion that is taken out of the clip.
+    pub root: Option<Arc<CueRoot>>,
 }
 
 /// Keyed property of an actor, camera or light.
@@ -214,6 +227,10 @@ pub enum Property {
     Color,
     /// Of a cue.
     Weight,
+    /// Of a cue: clip seconds a second.
+    Speed,
+    /// Of a cue: seconds of its clip.
+    ClipTime,
 }
 
 impl Property {

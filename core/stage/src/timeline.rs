@@ -1,7 +1,8 @@
 //! Which clips of a layer are heard at a time, at which clip time and with what weight.
 
+use crate::playing::plays_until;
 use crate::{Actor, Cue, Ease, Layer, LayerMode};
-use choreo_motion::{Playback, Repeat, Time};
+use choreo_motion::Time;
 
 /// A cue that counts in an actor's pose at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,7 +58,7 @@ pub(crate) fn base_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
     let begun = cues.partition_point(|cue| cue.start <= time);
     if begun == 0 {
         if let Some(first) = cues.first() {
-            voices.push(Voice { cue: 0, clip_time: clip_time(first, Time::ZERO, false), weight: 1.0 });
+            voices.push(Voice { cue: 0, clip_time: first.clip_time(first.start, false), weight: 1.0 });
         }
         return;
     }
@@ -65,11 +66,8 @@ pub(crate) fn base_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
         let cue = &cues[index];
         let weight = if index == 0 { 1.0 } else { faded_in(cue, time) * cue.weight_at(time) };
         if weight > 0.0 {
-            // A cue that follows at once takes over a playing clip, not a frozen one.
-            let held_from = cue.end.filter(|end| cues.get(index + 1).is_none_or(|next| next.start > *end));
-            let held = held_from.is_some_and(|end| time >= end);
-            let until = held_from.map_or(time, |end| end.min(time));
-            voices.push(Voice { cue: index, clip_time: clip_time(cue, until - cue.start, held), weight });
+            let (until, held) = plays_until(layer, index, time);
+            voices.push(Voice { cue: index, clip_time: cue.clip_time(until, held), weight });
         }
         if weight >= 1.0 {
             break;
@@ -104,7 +102,7 @@ pub(crate) fn upper_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
             weight *= eased(cue.ease, fraction(end - time, cue.fade_out));
         }
         if weight > 0.0 {
-            let clip_time = clip_time(cue, time - cue.start, false);
+            let clip_time = cue.clip_time(time, false);
             voices.push(Voice { cue: index, clip_time, weight });
         }
     }
@@ -128,19 +126,10 @@ impl Cue {
     }
 }
 
-fn clip_time(cue: &Cue, elapsed: Time, held: bool) -> Time {
-    let playback = Playback { speed: cue.speed, trim: cue.trim, repeat: cue.repeat };
-    let at = playback.clip_time(elapsed);
-    let (first, last) = if cue.speed < 0.0 { (cue.trim.1, cue.trim.0) } else { cue.trim };
-    // Held after whole rounds: the pose of the moment before, which is the last, not the first of the round that never came.
-    if held && at == first && elapsed > Time::ZERO && cue.repeat == Repeat::Loop && cue.speed != 0.0 {
-        last
-    } else {
-        at
-    }
-}
-
 fn faded_in(cue: &Cue, time: Time) -> f32 {
+    if cue.inertial > Time::ZERO {
+        return 1.0;
+    }
     eased(cue.ease, fraction(time - cue.start, cue.fade_in))
 }
 

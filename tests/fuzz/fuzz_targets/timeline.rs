@@ -63,6 +63,9 @@ fn cue(u: &mut Unstructured) -> Result<Cue> {
     } else {
         (ends[0].min(ends[1]), ends[0].max(ends[1]))
     };
+    let freeze = time(u)?;
+    let inertial = if u.ratio(1, 4)? { span(u)? } else { Time::ZERO };
+    let plain = Cue::new(clip.clone());
     Ok(Cue {
         clip,
         start: time(u)?,
@@ -74,6 +77,9 @@ fn cue(u: &mut Unstructured) -> Result<Cue> {
         trim,
         repeat: [Repeat::Once, Repeat::Loop, Repeat::PingPong][u.choose_index(3)?],
         weight: f32::from(u.arbitrary::<u8>()?) / 255.0,
+        freezes: if u.ratio(1, 4)? { vec![(freeze, freeze + span(u)?)] } else { Vec::new() },
+        inertial,
+        ..plain
     })
 }
 
@@ -106,7 +112,11 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
             } else {
                 None
             };
-            stage.actors[id].layers.push(Layer { mask, cues, ..Layer::default() });
+            let base = stage.actors[id].layers.is_empty();
+            let from = [Reference::FirstFrame, Reference::Rest, Reference::At(span(u)?)][u.choose_index(3)?];
+            let modes = [LayerMode::Override, LayerMode::Additive(from), LayerMode::Subtractive(from)];
+            let mode = if base { LayerMode::Override } else { modes[u.choose_index(3)?] };
+            stage.actors[id].layers.push(Layer { mask, cues, mode, ..Layer::default() });
         }
         let actor = &mut stage.actors[id];
         actor.transform.translation = point(u)?;

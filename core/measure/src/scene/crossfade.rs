@@ -5,7 +5,7 @@ use crate::blend::{add_errors, blended, exact};
 use crate::rotation::WAYS;
 use crate::timing::{Case, Clock, interleaved};
 use crate::truth::Spread;
-use choreo_motion::{Blend, LocalToModel, Playback, Pose, Sample, Skeleton, Time};
+use choreo_motion::{Blend, LocalToModel, Pose, Sample, Skeleton, Time};
 use choreo_report::{Choice, Row};
 use choreo_stage::Cue;
 use glam::Affine3A;
@@ -48,9 +48,9 @@ fn fades(scene: &Scene) -> Vec<Fade> {
             let at = pair[1].start + Time(pair[1].fade_in.0 / 2);
             let skeleton = actor.asset.skeleton.clone();
             let pose = |cue: &Cue| {
-                let playback = Playback { speed: cue.speed, trim: cue.trim, repeat: cue.repeat };
+                let time = cue.playback().at_played(cue.played(at));
                 let mut pose = Pose::rest(&skeleton);
-                Sample { clip: &cue.clip, time: playback.clip_time(at - cue.start), pose: &mut pose }.run();
+                Sample { clip: &cue.clip, time, pose: &mut pose }.run();
                 pose
             };
             let place = format!(

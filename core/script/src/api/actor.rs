@@ -181,7 +181,14 @@ fn cast(c: &mut Call) -> Reply {
     let id = build.actors.len();
     build.used(&asset.asset);
     let at = c.place.clone();
-    build.actors.push(ActorDraft { actor, at, placed: false, looks: Vec::new(), face_point: None });
+    build.actors.push(ActorDraft {
+        actor,
+        at,
+        placed: false,
+        looks: Vec::new(),
+        root: None,
+        face_point: None,
+    });
     Ok(Dynamic::from(ActorRef { id, asset: asset.asset }))
 }
 
@@ -439,11 +446,12 @@ fn look_at(c: &mut Call) -> Reply {
         return Err(ApiError::new("look_at: a joint cannot look at itself"));
     }
     let mut build = c.build();
+    let offset = build.offset;
     let draft = build.actor(this.id)?;
     room(draft.actor.look_at.len(), "looks of one actor", &c.shared.limits)?;
     let fade = Time::from_secs(0.3);
     draft.looks.push(c.place.clone());
-    draft.actor.look_at.push(LookAt { joint, target, start: Time::ZERO, end: None, fade, weight });
+    draft.actor.look_at.push(LookAt { joint, target, start: offset, end: None, fade, weight });
     Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))
 }
 
@@ -505,7 +513,8 @@ fn play(c: &mut Call) -> Reply {
     let clip = super::cue::bound_clip(c, 0, &this.asset)?;
     let chain = c.build().chains.len();
     room(c.build().cues.len(), "cues", &c.shared.limits)?;
-    let mut cue = CueDraft::new(chain, clip, c.place.clone());
+    let origin = c.build().offset;
+    let mut cue = CueDraft { origin, ..CueDraft::new(chain, clip, c.place.clone()) };
     super::cue::read_options(c, 1, &mut cue)?;
     let mut build = c.build();
     build.chains.push(Chain::new(this.id));

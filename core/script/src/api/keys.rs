@@ -2,7 +2,7 @@
 
 use super::actor::{euler, morph_targets};
 use super::expression;
-use crate::call::{ApiError, Call, color, describe, number, number_in, numbers, one_of, rgb, time, wrong};
+use crate::call::{ApiError, Call, color, describe, number, number_in, numbers, one_of, rgb, wrong};
 use crate::limits::raise_hint;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::{Asset, Channel, Property};
@@ -136,7 +136,7 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<(Time, Dynamic)>
             let got = describe(row);
             return Err(ApiError::new(format!("{of}: key {n} must be [time, value], got {got}")));
         };
-        let t = time(&pair[0], &format!("{of}: time of key {n}"))?;
+        let t = c.stage_time(&pair[0], &format!("{of}: time of key {n}"))?;
         if keys.last().is_some_and(|(before, _)| *before >= t) {
             return Err(ApiError::new(format!(
                 "{of}: times must increase, but key {n} at {} s follows one at {} s",

@@ -14,6 +14,8 @@ pub mod light;
 pub mod maths;
 pub mod stage;
 pub mod test;
+pub mod together;
+pub mod travel;
 pub mod values;
 
 use crate::call::Def;
@@ -24,6 +26,8 @@ pub const TABLES: &[(&str, &[Def])] = &[
     ("Assets and clips", asset::DEFS),
     ("Actors", actor::DEFS),
     ("Cues: what plays when", cue::DEFS),
+    ("Root motion and paths", travel::DEFS),
+    ("Together: markers, groups, sequences", together::DEFS),
     ("Cameras", camera::DEFS),
     ("Lights", light::DEFS),
     ("Effects", effect::DEFS),

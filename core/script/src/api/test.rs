@@ -120,7 +120,7 @@ fn test(c: &mut Call) -> Reply {
 }
 
 /// Notes what ended a function of the script, which then counts as done; a limit that is reached ends the script.
-fn failed(c: &Call, error: EvalAltResult) -> Reply {
+pub(super) fn failed(c: &Call, error: EvalAltResult) -> Reply {
     let (mut place, explained) = errors::explain(&error, &c.place.file, c.shared);
     if place.line == 0 {
         place = c.place.clone();

@@ -30,6 +30,7 @@ impl Stage {
                     goals,
                     limits,
                     springs,
+                    walk,
                     visible,
                     tint,
                     morphs,
@@ -69,6 +70,19 @@ impl Stage {
                     w.limit(limit);
                 });
                 w.option(springs, |w, springs| w.springs(springs));
+                w.option(walk, |w, walk| {
+                    w.list(&walk.path.points, |w, p| w.dvec3(*p));
+                    w.flag(walk.path.closed);
+                    w.time(walk.start);
+                    match walk.pace {
+                        Pace::OfClips => w.tag(0),
+                        Pace::Constant(speed) => {
+                            w.tag(1);
+                            w.f64(speed);
+                        }
+                    }
+                    w.flag(walk.turns);
+                });
                 w.flag(*visible);
                 w.vec4(*tint);
                 w.list(expressions, |w, (expression, weight)| {
@@ -198,8 +212,24 @@ impl Writer {
     }
 
     fn cue(&mut self, cue: &Cue) {
-        let Cue { clip: _, start, end, fade_in, fade_out, ease, speed, trim, repeat, weight, weight_keys } =
-            cue;
+        let Cue {
+            clip: _,
+            start,
+            end,
+            fade_in,
+            fade_out,
+            ease,
+            speed,
+            trim,
+            repeat,
+            weight,
+            weight_keys,
+            warp,
+            freezes,
+            in_step,
+            inertial,
+            root,
+        } = cue;
         self.time(*start);
         self.option(end, |w, end| w.time(*end));
         for t in [fade_in, fade_out, &trim.0, &trim.1] {
@@ -214,6 +244,23 @@ impl Writer {
         });
         self.f32(*weight);
         self.option(weight_keys, |w, keys| w.channel(keys));
+        self.option(warp, |w, warp| match &**warp {
+            Warp::Speed(curve) => w.channel(&curve.keys),
+            Warp::ClipTime(keys) => w.channel(keys),
+        });
+        self.list(freezes, |w, (from, to)| {
+            w.time(*from);
+            w.time(*to);
+        });
+        // All that they hold is numbers and names, which Debug writes to the last bit.
+        in_step.iter().for_each(|step| self.option(step, |w, step| w.text(&format!("{step:?}"))));
+        self.time(*inertial);
+        self.option(root, |w, root| {
+            let motion = &root.motion;
+            w.u32(motion.joint());
+            w.text(&format!("{:?} {:?}", motion.parts, motion.treadmill));
+            w.flag(root.carries);
+        });
     }
 
     fn layer_mode(&mut self, mode: &LayerMode) {
@@ -270,6 +317,8 @@ impl Writer {
             Property::Intensity => self.tag(7),
             Property::Color => self.tag(8),
             Property::Weight => self.tag(10),
+            Property::Speed => self.tag(11),
+            Property::ClipTime => self.tag(12),
         }
         self.interpolation(channel.interpolation);
         self.list(&channel.times, |w, t| w.time(*t));

@@ -163,6 +163,8 @@ fn property_name(property: Property) -> &'static str {
         Property::Intensity => "the intensity",
         Property::Color => "the color",
         Property::Weight => "the weight",
+        Property::Speed => "the speed",
+        Property::ClipTime => "the clip time",
     }
 }
 

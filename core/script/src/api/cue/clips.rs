@@ -47,4 +47,3 @@ pub fn bound_clip(c: &Call, i: usize, asset: &Arc<Asset>) -> Result<Arc<Clip>, A
     c.build().bound.insert(key, Bound { clip: bound.clone(), _from: given.clip, _onto: asset.clone() });
     Ok(bound)
 }
-

@@ -160,9 +160,8 @@ fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError>
         }
         for (best, hit) in best.iter_mut().zip(hit) {
             if let Some(closeness) = hit {
-                let closer = best.is_none_or(|(before, most)| {
-                    closeness > before || closeness == before && *weight > most
-                });
+                let closer = best
+                    .is_none_or(|(before, most)| closeness > before || closeness == before && *weight > most);
                 if closer {
                     *best = Some((closeness, *weight));
                 }

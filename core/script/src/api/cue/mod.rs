@@ -8,14 +8,15 @@ mod times;
 use crate::build::{CueDraft, room};
 use crate::call::{ApiError, Call, Def, Gives, Reply};
 use crate::value::*;
-use choreo_stage::Repeat;
+use choreo_stage::{Property, Repeat, Warp};
 pub use clips::bound_clip;
 use layer::{additive, on, priority, subtractive};
 pub use options::read_options;
 use options::{ease_of, set_speed, set_trim, set_weight};
 use rhai::Dynamic;
+use std::sync::Arc;
 pub use times::all_times;
-use times::{end, length, start};
+use times::{end, length, start, time_of};
 
 const THIS: Gives = Gives::Itself;
 pub const DEFS: &[Def] = &[
@@ -33,7 +34,7 @@ pub const DEFS: &[Def] = &[
         "then",
         "clip, options?",
         Gives::A(Kind::Cue),
-        "What follows, at .until, or as the clip ends; options: fade, fade_out, speed, ease, trim, repeat (\"once\", \"loop\", \"ping_pong\"), reverse, weight, from, until.",
+        "What follows, at .until, or as the clip ends; options: fade, fade_out, speed, ease, trim, repeat (\"once\", \"loop\", \"ping_pong\"), reverse, weight, from, until; in_step: true (while it fades in, feet come down as those of the clip before: walk into run), inertial: seconds (begins at once, and what the pose before was away from it dies down; no fade).",
         then,
     ),
     Def::new(
@@ -45,8 +46,46 @@ pub const DEFS: &[Def] = &[
         fade,
     ),
     Def::new(Kind::Cue, "fade_out", "seconds", THIS, "How long a layer takes to go.", fade_out),
-    Def::new(Kind::Cue, "ease", "how", THIS, "How it fades: \"linear\", \"smooth\", in_, out_ or in_out_ with sine, quad, cubic, quart, quint, expo or circ (\"in_out_cubic\"), or a Bézier curve [x1, y1, x2, y2] as in CSS.", ease),
-    Def::new(Kind::Cue, "speed", "factor", THIS, "Clip seconds a second; negative plays backwards.", speed),
+    Def::new(
+        Kind::Cue,
+        "ease",
+        "how",
+        THIS,
+        "How it fades: \"linear\", \"smooth\", in_, out_ or in_out_ with sine, quad, cubic, quart, quint, expo or circ (\"in_out_cubic\"), or a Bézier curve [x1, y1, x2, y2] as in CSS.",
+        ease,
+    ),
+    Def::new(
+        Kind::Cue,
+        "speed",
+        "factor | keys, how?",
+        THIS,
+        "Clip seconds a second; negative plays backwards. Or keys of it over time, [[time, factor], …]; how as for Actor.key.",
+        speed,
+    ),
+    Def::new(
+        Kind::Cue,
+        "clip_time",
+        "keys, how?",
+        THIS,
+        "Where in the clip it is when, [[time, seconds of the clip], …]; beyond its ends as it repeats.",
+        clip_time,
+    ),
+    Def::new(
+        Kind::Cue,
+        "freeze",
+        "time, seconds",
+        THIS,
+        "The clip stands still from then for so long, and goes on where it was.",
+        freeze,
+    ),
+    Def::new(
+        Kind::Cue,
+        "hold",
+        "",
+        THIS,
+        "Plays once and holds the last pose, a layer too, until .until or for good.",
+        hold,
+    ),
     Def::new(Kind::Cue, "reverse", "", THIS, "Plays backwards.", reverse),
     Def::new(
         Kind::Cue,
@@ -90,14 +129,7 @@ pub const DEFS: &[Def] = &[
         "Makes this cue and those that follow a layer that adds to what is below what its clip does beyond a pose: its \"first\" frame (left out), the \"rest\" pose, or the clip at a time in seconds. Such layers come out the same in any order.",
         additive,
     ),
-    Def::new(
-        Kind::Cue,
-        "subtractive",
-        "reference?",
-        THIS,
-        "As additive, but takes it away.",
-        subtractive,
-    ),
+    Def::new(Kind::Cue, "subtractive", "reference?", THIS, "As additive, but takes it away.", subtractive),
     Def::new(
         Kind::Cue,
         "priority",
@@ -113,6 +145,14 @@ pub const DEFS: &[Def] = &[
         Gives::Value("float"),
         "Seconds that the clip takes once, at its speed and trim.",
         length,
+    ),
+    Def::new(
+        Kind::Cue,
+        "time_of",
+        "marker_or_time, count?",
+        Gives::Value("float"),
+        "When on stage the clip gets to a marker or to a time of the clip, in seconds; of clips that repeat, the count-th time (1).",
+        time_of,
     ),
     Def::new(
         Kind::Cue,
@@ -164,7 +204,8 @@ fn then(c: &mut Call) -> Reply {
     let asset = c.build().actor(actor)?.actor.asset.clone();
     let clip = bound_clip(c, 0, &asset)?;
     room(c.build().cues.len(), "cues", &c.shared.limits)?;
-    let mut cue = CueDraft { after: Some(this.0), ..CueDraft::new(chain, clip, c.place.clone()) };
+    let origin = c.build().offset;
+    let mut cue = CueDraft { origin, after: Some(this.0), ..CueDraft::new(chain, clip, c.place.clone()) };
     read_options(c, 1, &mut cue)?;
     let mut build = c.build();
     let before = build.cue(this.0)?;
@@ -207,9 +248,58 @@ fn ease(c: &mut Call) -> Reply {
     })
 }
 
+/// Changes a copy, so that reading the script's values may look at the build too.
+fn change_copy(c: &Call, change: impl FnOnce(&mut CueDraft) -> Result<(), ApiError>) -> Reply {
+    let this: CueRef = c.this()?;
+    let mut draft = c.build().cue(this.0)?.clone();
+    change(&mut draft)?;
+    *c.build().cue(this.0)? = draft;
+    c.itself()
+}
+
+fn how(c: &Call) -> Result<&'static str, ApiError> {
+    if c.len() > 1 { super::keys::how(c, 1) } else { Ok("linear") }
+}
+
 fn speed(c: &mut Call) -> Reply {
-    let (factor, label) = (c.number(0)?, c.label(0));
-    change(c, |cue| set_speed(cue, factor, &label))
+    let how = how(c)?;
+    change_copy(c, |cue| set_speed(c, cue, &c.value(0), how, "speed"))
+}
+
+fn clip_time(c: &mut Call) -> Reply {
+    let how = how(c)?;
+    change_copy(c, |cue| {
+        let end = cue.clip.duration.as_secs();
+        let within = |v: &Dynamic, label: &str| crate::call::number_in(v, label, -1e6, 1e6);
+        let keys = super::keys::scalars(c, &c.value(0), "clip_time", how, Property::ClipTime, &within)?;
+        if end <= 0.0 {
+            return Err(ApiError::new("clip_time: the clip has no length"));
+        }
+        cue.warp = Some(Arc::new(Warp::ClipTime(keys)));
+        Ok(())
+    })
+}
+
+fn freeze(c: &mut Call) -> Reply {
+    let (from, secs) = (c.time(0)?, c.duration(1)?);
+    change(c, |cue| {
+        let to = from + secs;
+        if let Some(other) = cue.freezes.iter().find(|f| from < f.1 && f.0 < to) {
+            let (a, b) = (other.0.as_secs(), other.1.as_secs());
+            return Err(ApiError::new(format!("freeze: it stands still from {a} s to {b} s already")));
+        }
+        cue.freezes.push((from, to));
+        cue.freezes.sort_unstable();
+        Ok(())
+    })
+}
+
+fn hold(c: &mut Call) -> Reply {
+    change(c, |cue| {
+        cue.repeat = Some(Repeat::Once);
+        cue.hold = true;
+        Ok(())
+    })
 }
 
 fn reverse(c: &mut Call) -> Reply {
@@ -244,10 +334,6 @@ fn ping_pong(c: &mut Call) -> Reply {
 }
 
 fn weight(c: &mut Call) -> Reply {
-    let this: CueRef = c.this()?;
-    let how = if c.len() > 1 { super::keys::how(c, 1)? } else { "linear" };
-    let mut draft = c.build().cue(this.0)?.clone();
-    set_weight(c, &mut draft, &c.value(0), how, "weight")?;
-    *c.build().cue(this.0)? = draft;
-    c.itself()
+    let how = how(c)?;
+    change_copy(c, |cue| set_weight(c, cue, &c.value(0), how, "weight"))
 }

@@ -4,23 +4,27 @@ use crate::build::CueDraft;
 use crate::call::{ApiError, Call};
 use crate::suggest::{did_you_mean, list};
 use choreo_motion::{Ease, Shape, Time};
-use choreo_stage::{Property, Repeat};
+use choreo_stage::{Property, Repeat, SpeedCurve, Warp};
 use rhai::Dynamic;
 use std::sync::Arc;
 
-const OPTIONS: &[&str] =
-    &["from", "until", "fade", "fade_out", "speed", "ease", "trim", "repeat", "reverse", "weight"];
+const OPTIONS: &[&str] = &[
+    "from", "until", "fade", "fade_out", "speed", "ease", "trim", "repeat", "reverse", "weight", "in_step",
+    "inertial",
+];
 
 pub fn read_options(c: &Call, i: usize, cue: &mut CueDraft) -> Result<(), ApiError> {
     let o = c.options(i, OPTIONS)?;
-    let time = |name: &str| o.get(name).map(|v| crate::call::time(&v, &o.label(name))).transpose();
+    let time = |name: &str| o.get(name).map(|v| c.stage_time(&v, &o.label(name))).transpose();
     cue.start = time("from")?.or(cue.start);
     cue.until = time("until")?.or(cue.until);
     cue.fade_in = o.duration("fade")?.unwrap_or(cue.fade_in);
     cue.fade_out = o.duration("fade_out")?.or(o.duration("fade")?).or(cue.fade_out);
-    if let Some(speed) = o.number("speed")? {
-        set_speed(cue, speed, &o.label("speed"))?;
+    if let Some(speed) = o.get("speed") {
+        set_speed(c, cue, &speed, "linear", &o.label("speed"))?;
     }
+    cue.in_step = o.flag("in_step")?.unwrap_or(cue.in_step);
+    cue.inertial = o.duration("inertial")?.unwrap_or(cue.inertial);
     if let Some(ease) = o.get("ease") {
         cue.ease = ease_of(&ease, &o.label("ease"))?;
     }
@@ -93,12 +97,27 @@ pub fn set_weight(
     Ok(())
 }
 
-pub fn set_speed(cue: &mut CueDraft, speed: f64, label: &str) -> Result<(), ApiError> {
+/// A factor, or keys of it over stage time.
+pub fn set_speed(
+    c: &Call,
+    cue: &mut CueDraft,
+    value: &Dynamic,
+    how: &str,
+    label: &str,
+) -> Result<(), ApiError> {
+    if value.is_array() {
+        let speed = |v: &Dynamic, label: &str| crate::call::number_in(v, label, -1000.0, 1000.0);
+        let keys = super::super::keys::scalars(c, value, label, how, Property::Speed, &speed)?;
+        cue.warp = Some(Arc::new(Warp::Speed(SpeedCurve::new(keys))));
+        return Ok(());
+    }
+    let speed = crate::call::number(value, label)?;
     if !(0.001..=1000.0).contains(&speed.abs()) {
         return Err(ApiError::new(format!(
             "{label} must be from 0.001 to 1000 (or negative, backwards), got {speed:?}"
         )));
     }
+    cue.warp = None;
     cue.speed = speed.abs();
     cue.reverse = speed < 0.0;
     Ok(())
@@ -118,4 +137,3 @@ pub fn set_trim(cue: &mut CueDraft, start: Time, end: Time) -> Result<(), ApiErr
     cue.trim = Some((start, end));
     Ok(())
 }
-

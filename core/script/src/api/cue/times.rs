@@ -4,10 +4,32 @@ use crate::build::{Build, CueDraft};
 use crate::call::{ApiError, Call, Reply};
 use crate::value::CueRef;
 use choreo_motion::Time;
-use choreo_stage::Repeat;
+use choreo_stage::{Cue, Repeat};
 use rhai::Dynamic;
 
 impl CueDraft {
+    /// As it is on stage, from a start on.
+    pub fn cue(&self, start: Time) -> Cue {
+        Cue {
+            start,
+            fade_in: self.fade_in,
+            ease: self.ease,
+            speed: if self.reverse { -self.speed } else { self.speed },
+            trim: self.part(),
+            weight: self.weight,
+            weight_keys: self.weight_keys.clone(),
+            warp: self.warp.clone(),
+            freezes: self.freezes.clone(),
+            inertial: self.inertial,
+            ..Cue::new(self.clip.clone())
+        }
+    }
+
+    /// Whether its clip goes at one speed throughout.
+    pub fn is_even(&self) -> bool {
+        self.warp.is_none() && self.freezes.is_empty()
+    }
+
     pub fn part(&self) -> (Time, Time) {
         self.trim.unwrap_or((Time::ZERO, self.clip.duration))
     }
@@ -43,7 +65,7 @@ fn cue_times(
     follows: Option<(&CueDraft, (Time, Option<Time>))>,
 ) -> (Time, Option<Time>) {
     let start = match follows {
-        None => Time::ZERO,
+        None => cue.origin,
         Some((_, (start, None))) => start,
         Some((before, (_, Some(end)))) => {
             // Where the one before is not cut off but ends by itself, this one comes in while it still moves.
@@ -53,7 +75,11 @@ fn cue_times(
     };
     let start = cue.start.unwrap_or(start);
     let layer = build.chains[cue.chain].is_layer();
-    let natural = (cue.repeats(layer) == Repeat::Once).then(|| start + cue.length());
+    let natural = match cue.repeats(layer) {
+        Repeat::Once if cue.is_even() => Some(start + cue.length()),
+        Repeat::Once => cue.cue(start).played_through(),
+        _ => None,
+    };
     (start, cue.until.or(natural))
 }
 
@@ -82,7 +108,7 @@ pub fn start(c: &mut Call) -> Reply {
     let this: CueRef = c.this()?;
     c.build().cue(this.0)?;
     let (start, _) = times(&c.build(), this.0);
-    Ok(Dynamic::from_float(start.as_secs()))
+    Ok(Dynamic::from_float((start - c.build().offset).as_secs()))
 }
 
 pub fn end(c: &mut Call) -> Reply {
@@ -92,6 +118,45 @@ pub fn end(c: &mut Call) -> Reply {
     let end = end.ok_or_else(|| {
         ApiError::new("end: this cue repeats without end").hint("say when it is over, with .until(time)")
     })?;
-    Ok(Dynamic::from_float(end.as_secs()))
+    Ok(Dynamic::from_float((end - c.build().offset).as_secs()))
 }
 
+pub fn time_of(c: &mut Call) -> Reply {
+    let this: CueRef = c.this()?;
+    let count = if c.len() > 1 { c.number_in(1, 1.0, 1e6)? as i128 } else { 1 };
+    let value = c.value(0);
+    let draft = c.build().cue(this.0)?.clone();
+    let at = if value.is_string() {
+        super::super::together::clip_marker(c, &draft.clip, &c.text(0)?)?
+    } else {
+        c.duration(0)?
+    };
+    let (start, end) = draft.part();
+    let name = &draft.clip.name;
+    if at < start || at > end {
+        return Err(ApiError::new(format!(
+            "time_of: {} s is not in the part of clip \"{name}\" that is played, {} s to {} s",
+            at.as_secs(),
+            start.as_secs(),
+            end.as_secs()
+        )));
+    }
+    let build = c.build();
+    let (from, until) = times(&build, this.0);
+    let repeat = draft.repeats(build.chains[draft.chain].is_layer());
+    let length = i128::from((end - start).0);
+    let into = i128::from((if draft.reverse { end - at } else { at - start }).0);
+    let played = match repeat {
+        Repeat::Once => (count == 1).then_some(into),
+        Repeat::Loop => Some(into + (count - 1) * length),
+        // There and back again.
+        Repeat::PingPong if count % 2 == 1 => Some(into + (count - 1) * length),
+        Repeat::PingPong => Some(count * length - into),
+    };
+    let when = played.and_then(|played| draft.cue(from).time_of_played(played));
+    let when = when.filter(|when| until.is_none_or(|until| *when <= until)).ok_or_else(|| {
+        ApiError::new(format!("time_of: clip \"{name}\" does not get there {count} times"))
+            .hint("it ends before; .loop() and .until(time) say for how long it is played")
+    })?;
+    Ok(Dynamic::from_float((when - build.offset).as_secs()))
+}

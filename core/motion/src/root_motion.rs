@@ -1,0 +1,221 @@
+//! Root motion: how far a clip carries its character over the floor.
+//!
+//! The root's frame at a clip time is a [`Planar`]: the place of the root joint in model space, as far as it is asked for,
+//! and its heading, the twist about +Y of its rotation since the rest pose (swing–twist decomposition: P. Dobrowolski,
+//! "Swing-twist decomposition in Clifford algebra", 2015, §3). From the keys in f64: what is accumulated must not drift.
+//! A clip that walks on the spot carries its character as fast as the floor passes under its planted feet.
+
+use crate::contacts::{self, Contacts};
+use crate::exact::curve_at;
+use crate::joint_names::humanoid_name;
+use crate::planar::{Planar, wrapped};
+use crate::{Clip, Path, Skeleton, Time};
+use glam::{DAffine3, DQuat, DVec3};
+use std::sync::Arc;
+
+/// What of the root's motion is taken out of the clip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct RootParts {
+    pub horizontal: bool,
+    pub vertical: bool,
+    /// `None`: where the clip as a whole turns by more than [`LEAST_TURN_RAD`]; a walk's hips sway about their way.
+    pub yaw: Option<bool>,
+}
+
+impl Default for RootParts {
+    fn default() -> RootParts {
+        RootParts { horizontal: true, vertical: false, yaw: None }
+    }
+}
+
+/// 15°: more than hips are off their way at the ends of a straight walk.
+pub const LEAST_TURN_RAD: f64 = std::f64::consts::PI / 12.0;
+
+/// A root that gets no farther than this share of a leg in a clip stays on the spot.
+const ON_THE_SPOT: f64 = 0.1;
+
+#[derive(Clone, Debug)]
+struct Link {
+    rest: DAffine3,
+    parts: (DVec3, DQuat, DVec3),
+    /// Curves of translation, rotation and scale.
+    curves: [Option<u32>; 3],
+}
+
+/// The root motion of one clip, or of a part of it.
+#[derive(Clone, Debug)]
+pub struct RootMotion {
+    clip: Arc<Clip>,
+    joint: u32,
+    /// From the root of the skeleton to the joint.
+    chain: Vec<Link>,
+    /// Of the joint in model space at rest.
+    rest_rotation: DQuat,
+    pub parts: RootParts,
+    yaw: bool,
+    /// Of a clip that walks on the spot: metres a second of the clip, against the floor.
+    pub treadmill: Option<DVec3>,
+    pub trim: (Time, Time),
+}
+
+impl RootMotion {
+    /// Of the part of a clip that `trim` says. `joint`: the root, else [`find_root`].
+    pub fn new(
+        skeleton: &Skeleton,
+        clip: &Arc<Clip>,
+        joint: Option<u32>,
+        parts: RootParts,
+        trim: (Time, Time),
+    ) -> Option<RootMotion> {
+        let joint = joint.or_else(|| find_root(skeleton, clip))?;
+        let mut chain = Vec::new();
+        let mut next = Some(joint);
+        while let Some(at) = next {
+            let rest = skeleton.rest().get(at as usize)?;
+            let find = |path: Path| {
+                clip.curves().iter().position(|c| c.joint == at && c.path == path).map(|i| i as u32)
+            };
+            let parts = (rest.translation.as_dvec3(), rest.rotation.as_dquat(), rest.scale.as_dvec3());
+            chain.push(Link {
+                rest: DAffine3::from_scale_rotation_translation(parts.2, parts.1, parts.0),
+                parts,
+                curves: [find(Path::Translation), find(Path::Rotation), find(Path::Scale)],
+            });
+            next = skeleton.parents()[at as usize];
+        }
+        chain.reverse();
+        let rest_rotation = chain.iter().fold(DQuat::IDENTITY, |q, link| q * link.parts.1).normalize();
+        let mut motion = RootMotion {
+            clip: clip.clone(),
+            joint,
+            chain,
+            rest_rotation,
+            parts,
+            yaw: true,
+            treadmill: None,
+            trim,
+        };
+        let turn = wrapped(motion.frame(trim.1).yaw - motion.frame(trim.0).yaw);
+        motion.yaw = parts.yaw.unwrap_or(turn.abs() > LEAST_TURN_RAD);
+        if parts.horizontal && trim.1 > trim.0 {
+            motion.treadmill = motion.on_the_spot(skeleton);
+        }
+        Some(motion)
+    }
+
+    pub fn joint(&self) -> u32 {
+        self.joint
+    }
+
+    pub fn clip(&self) -> &Arc<Clip> {
+        &self.clip
+    }
+
+    /// How far the character gets a second of the clip, on the spot or not: metres, in the axes of the model at the start.
+    pub fn velocity(&self) -> DVec3 {
+        if let Some(velocity) = self.treadmill {
+            return velocity;
+        }
+        let secs = (self.trim.1 - self.trim.0).as_secs();
+        let way = self.place(self.trim.1) - self.place(self.trim.0);
+        if secs > 0.0 { way / secs } else { DVec3::ZERO }
+    }
+
+    /// The velocity against the floor where the root stays where it is but the feet do not.
+    fn on_the_spot(&self, skeleton: &Skeleton) -> Option<DVec3> {
+        let steps = 16;
+        let span = (self.trim.1 - self.trim.0).0;
+        let first = self.place(self.trim.0).with_y(0.0);
+        let reach = (1..=steps)
+            .map(|i| (self.place(self.trim.0 + Time(span / steps * i)).with_y(0.0) - first).length())
+            .fold(0.0, f64::max);
+        let feet = contacts::find_feet(skeleton);
+        let leg = contacts::leg_length(skeleton, &feet)?;
+        if reach > ON_THE_SPOT * leg {
+            return None;
+        }
+        let Contacts { floor_velocity, .. } = Contacts::find(skeleton, &self.clip, self.trim, &feet)?;
+        Some(-floor_velocity)
+    }
+
+    /// The root's place in model space, metres.
+    pub fn place(&self, time: Time) -> DVec3 {
+        self.root(time).0
+    }
+
+    /// The frame that carries the character, in model space.
+    pub fn frame(&self, time: Time) -> Planar {
+        if let Some(velocity) = self.treadmill {
+            let secs = (time - self.trim.0).as_secs();
+            return Planar { translation: velocity * secs, yaw: 0.0 };
+        }
+        let (place, rotation) = self.root(time);
+        let RootParts { horizontal, vertical, .. } = self.parts;
+        let translation = DVec3::new(
+            if horizontal { place.x } else { 0.0 },
+            if vertical { place.y } else { 0.0 },
+            if horizontal { place.z } else { 0.0 },
+        );
+        let yaw = if self.yaw { twist(rotation * self.rest_rotation.conjugate()) } else { 0.0 };
+        Planar { translation, yaw }
+    }
+
+    /// Place and rotation of the root joint in model space.
+    fn root(&self, time: Time) -> (DVec3, DQuat) {
+        let mut model = DAffine3::IDENTITY;
+        let mut turned = DQuat::IDENTITY;
+        for link in &self.chain {
+            let (mut t, mut r, mut s) = link.parts;
+            if link.curves == [None; 3] {
+                model = model * link.rest;
+                turned *= r;
+                continue;
+            }
+            let value = |curve: u32| curve_at(&self.clip.curves()[curve as usize], time);
+            let three = |v: [f64; 4]| DVec3::new(v[0], v[1], v[2]);
+            if let Some(curve) = link.curves[0] {
+                t = three(value(curve));
+            }
+            if let Some(curve) = link.curves[1] {
+                r = DQuat::from_array(value(curve));
+            }
+            if let Some(curve) = link.curves[2] {
+                s = three(value(curve));
+            }
+            model = model * DAffine3::from_scale_rotation_translation(s, r, t);
+            turned *= r;
+        }
+        (model.translation, turned.normalize())
+    }
+}
+
+/// The angle about +Y that is left when a rotation's tilt is taken away; 0 where it lies upside down.
+fn twist(q: DQuat) -> f64 {
+    if q.y == 0.0 && q.w == 0.0 { 0.0 } else { wrapped(2.0 * libm::atan2(q.y, q.w)) }
+}
+
+/// The joint that carries a clip's character: the topmost from the hips upwards whose place the clip moves, else the hips.
+/// Without hips by name, the topmost joint that the clip moves, else the first.
+pub fn find_root(skeleton: &Skeleton, clip: &Clip) -> Option<u32> {
+    let moves = |joint: u32| {
+        clip.curves().iter().any(|c| {
+            c.joint == joint
+                && c.path == Path::Translation
+                && c.values.chunks_exact(c.stride()).any(|key| key != &c.values[..c.stride()])
+        })
+    };
+    let hips = skeleton.names().iter().position(|n| humanoid_name(n).as_deref() == Some("hips"));
+    let Some(hips) = hips else {
+        let first = (0..skeleton.len() as u32).find(|joint| moves(*joint));
+        return first.or((!skeleton.is_empty()).then_some(0));
+    };
+    let mut root = hips as u32;
+    let mut next = skeleton.parents()[hips];
+    while let Some(joint) = next {
+        if moves(joint) {
+            root = joint;
+        }
+        next = skeleton.parents()[joint as usize];
+    }
+    Some(root)
+}

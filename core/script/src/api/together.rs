@@ -1,0 +1,148 @@
+//! Times by name, and what several actors do: markers, groups, sequences.
+
+use crate::build::{Build, ClipNotes};
+use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
+use crate::value::*;
+use choreo_motion::{Clip, Time};
+use rhai::{Dynamic, FnPtr};
+use std::sync::{Arc, MutexGuard};
+
+pub const DEFS: &[Def] = &[
+    Def::new(
+        Kind::Clip,
+        "marker",
+        "name | name, time",
+        Gives::Value("float, or the Clip with a time"),
+        "The time of a marker in seconds of the clip; with a time, names that time of the clip.",
+        marker_of_clip,
+    ),
+    Def::new(
+        Kind::Clip,
+        "steps",
+        "times",
+        Gives::Itself,
+        "Says when feet come down, one foot after the other, in seconds of the clip; where left out they are found by their motion.",
+        steps,
+    ),
+    Def::new(
+        Kind::None,
+        "marker",
+        "name | name, time",
+        Gives::Value("float"),
+        "A named time of the stage; with a time, names it.",
+        marker_of_stage,
+    ),
+    Def::new(
+        Kind::None,
+        "perform",
+        "who, what, options?",
+        Gives::Nothing,
+        "Lets an actor, or each of an array of actors, do a sequence: a function |actor| … whose times count from its own beginning. Options: from (when it begins), stagger (how much later each next actor begins).",
+        perform,
+    ),
+];
+
+/// Markers of one clip, and of the stage.
+const MOST_MARKERS: usize = 10_000;
+
+fn notes<'a>(build: &'a mut MutexGuard<'_, Build>, clip: &Arc<Clip>) -> &'a mut ClipNotes {
+    let notes = || ClipNotes { _clip: clip.clone(), markers: Vec::new(), steps: None };
+    build.clip_notes.entry(Arc::as_ptr(clip) as usize).or_insert_with(notes)
+}
+
+fn within(clip: &Clip, time: Time, label: &str) -> Result<Time, ApiError> {
+    if time <= clip.duration {
+        return Ok(time);
+    }
+    let (at, end) = (time.as_secs(), clip.duration.as_secs());
+    Err(ApiError::new(format!("{label} at {at} s is after the end of clip \"{}\", {end} s", clip.name)))
+}
+
+fn set(markers: &mut Vec<(String, Time)>, name: String, time: Time) -> Result<(), ApiError> {
+    markers.retain(|(known, _)| *known != name);
+    if markers.len() >= MOST_MARKERS {
+        return Err(ApiError::new(format!("marker: at most {MOST_MARKERS} markers")));
+    }
+    markers.push((name, time));
+    Ok(())
+}
+
+fn find(markers: &[(String, Time)], name: &str, place: &str) -> Result<Time, ApiError> {
+    let found = markers.iter().find(|(known, _)| known == name).map(|(_, time)| *time);
+    let known = markers.iter().map(|(known, _)| known.as_str()).collect::<Vec<_>>();
+    found.ok_or_else(|| unknown("marker", name, place, known))
+}
+
+/// A marker of a clip, in seconds of the clip.
+pub fn clip_marker(c: &Call, clip: &Arc<Clip>, name: &str) -> Result<Time, ApiError> {
+    let build = c.build();
+    let markers = build.notes_of(clip).map_or(&[][..], |notes| &notes.markers);
+    find(markers, name, &format!(" in clip \"{}\"", clip.name))
+}
+
+fn marker_of_clip(c: &mut Call) -> Reply {
+    let this: ClipRef = c.this()?;
+    let name = c.name(0)?;
+    if c.len() == 1 {
+        return Ok(Dynamic::from_float(clip_marker(c, &this.clip, &name)?.as_secs()));
+    }
+    let time = within(&this.clip, c.duration(1)?, "marker")?;
+    set(&mut notes(&mut c.build(), &this.clip).markers, name, time)?;
+    c.itself()
+}
+
+fn steps(c: &mut Call) -> Reply {
+    let this: ClipRef = c.this()?;
+    let value = c.value(0);
+    let rows = value.read_lock::<rhai::Array>().filter(|rows| (2..=1000).contains(&rows.len()));
+    let rows = rows.ok_or_else(|| c.wrong(0, "an array of at least two times of the clip"))?;
+    let time = |v: &Dynamic| within(&this.clip, crate::call::duration(v, "steps: time")?, "steps");
+    let times = rows.iter().map(time).collect::<Result<Vec<_>, ApiError>>()?;
+    if times.windows(2).any(|pair| pair[1] <= pair[0]) {
+        return Err(ApiError::new("steps: the times must increase"));
+    }
+    notes(&mut c.build(), &this.clip).steps = Some(times);
+    c.itself()
+}
+
+fn marker_of_stage(c: &mut Call) -> Reply {
+    let name = c.name(0)?;
+    let time = match c.len() {
+        1 => find(&c.build().markers, &name, "")?,
+        _ => {
+            let time = c.time(1)?;
+            set(&mut c.build().markers, name, time)?;
+            time
+        }
+    };
+    Ok(Dynamic::from_float((time - c.build().offset).as_secs()))
+}
+
+fn perform(c: &mut Call) -> Reply {
+    let who = c.value(0);
+    let actors: Vec<Dynamic> = match who.read_lock::<rhai::Array>() {
+        Some(array) => array.iter().map(Dynamic::flatten_clone).collect(),
+        None => vec![who.flatten_clone()],
+    };
+    if actors.is_empty() || !actors.iter().all(|a| a.is::<ActorRef>()) {
+        return Err(c.wrong(0, "an Actor or an array of them"));
+    }
+    let Some(what) = c.value(1).try_cast::<FnPtr>() else {
+        return Err(c.wrong(1, "a function, |actor| …"));
+    };
+    let o = c.options(2, &["from", "stagger"])?;
+    let from = o.get("from").map(|v| crate::call::time(&v, "perform: from")).transpose()?;
+    let stagger = o.get("stagger").map(|v| crate::call::time(&v, "perform: stagger")).transpose()?;
+    let before = c.build().offset;
+    let mut begin = before + from.unwrap_or(Time::ZERO);
+    for actor in actors {
+        c.build().offset = begin;
+        let result = what.call_within_context::<Dynamic>(c.context, (actor,));
+        c.build().offset = before;
+        if let Err(error) = result {
+            return super::test::failed(c, *error);
+        }
+        begin += stagger.unwrap_or(Time::ZERO);
+    }
+    Ok(Dynamic::UNIT)
+}

@@ -1,0 +1,83 @@
+//! What is found out about clips when the stage is settled: root motion and steps, once for all who play them.
+
+use crate::build::{Build, CueDraft, RootDraft, RootUse};
+use choreo_motion::contacts::{Contacts, find_feet};
+use choreo_motion::{Clip, PhaseFade, RootMotion, RootParts, Steps, Time};
+use choreo_stage::{Asset, Cue, CueRoot, Pace, Repeat};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// The part of a clip on a skeleton, by address: the build keeps them alive.
+type Part = (usize, usize, Time, Time);
+
+#[derive(Default)]
+pub struct Found {
+    roots: BTreeMap<Part, Vec<(RootDraft, Option<Arc<CueRoot>>)>>,
+    steps: BTreeMap<Part, Option<Arc<Steps>>>,
+}
+
+fn part(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> Part {
+    (Arc::as_ptr(&asset.skeleton) as usize, Arc::as_ptr(clip) as usize, trim.0, trim.1)
+}
+
+/// The root motion of a cue on the base layer, as it or its actor asks for it.
+pub fn root(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<CueRoot>> {
+    let actor = &build.actors[build.chains[draft.chain].actor];
+    // Who goes along a path as fast as the clips walk has root motion without asking.
+    let paced = actor.actor.walk.as_ref().is_some_and(|walk| walk.pace == Pace::OfClips);
+    let own = RootDraft { joint: None, parts: RootParts::default(), used: RootUse::Carries };
+    let asked = draft.root.or(actor.root).or(paced.then_some(own))?;
+    let asset = &actor.actor.asset;
+    let trim = draft.part();
+    let all = found.roots.entry(part(asset, &draft.clip, trim)).or_default();
+    if let Some((_, root)) = all.iter().find(|(known, _)| *known == asked) {
+        return root.clone();
+    }
+    let motion = RootMotion::new(&asset.skeleton, &draft.clip, asked.joint, asked.parts, trim);
+    let carries = asked.used == RootUse::Carries;
+    let root = motion.map(|motion| Arc::new(CueRoot { motion, carries }));
+    all.push((asked, root.clone()));
+    root
+}
+
+fn steps(build: &Build, draft: &CueDraft, found: &mut Found) -> Option<Arc<Steps>> {
+    let trim = draft.part();
+    if let Some(times) = build.notes_of(&draft.clip).and_then(|notes| notes.steps.as_ref()) {
+        return Steps::given(times, trim).map(Arc::new);
+    }
+    let asset = &build.actors[build.chains[draft.chain].actor].actor.asset;
+    let entry = found.steps.entry(part(asset, &draft.clip, trim));
+    let find = || {
+        let feet = find_feet(&asset.skeleton);
+        let contacts = Contacts::find(&asset.skeleton, &draft.clip, trim, &feet)?;
+        Steps::of(&contacts, trim).map(Arc::new)
+    };
+    entry.or_insert_with(find).clone()
+}
+
+/// The fade in which two clips keep step, or why they cannot.
+pub fn in_step(
+    build: &Build,
+    drafts: [usize; 2],
+    cues: [&Cue; 2],
+    found: &mut Found,
+) -> Result<PhaseFade, String> {
+    let drafts = drafts.map(|id| &build.cues[id]);
+    for (draft, cue) in drafts.iter().zip(cues) {
+        if cue.repeat != Repeat::Loop || !draft.is_even() || cue.speed <= 0.0 {
+            return Err(format!("\"{}\" must loop, forwards and at one speed", draft.clip.name));
+        }
+    }
+    if cues[1].fade_in <= Time::ZERO {
+        return Err("there is no fade to keep step in".into());
+    }
+    let mut of = |draft: &CueDraft| {
+        let hint = "clip.steps([…]) says when its feet come down";
+        steps(build, draft, found).ok_or(format!("no steps are found in \"{}\"; {hint}", draft.clip.name))
+    };
+    let steps = [of(drafts[0])?, of(drafts[1])?];
+    let played = cues[0].played(cues[1].start);
+    let speeds = cues.map(|cue| cue.speed);
+    PhaseFade::new([&steps[0], &steps[1]], speeds, played, cues[1].start, cues[1].fade_in, cues[1].ease)
+        .ok_or(format!("\"{}\" takes other steps", drafts[0].clip.name))
+}
