@@ -63,9 +63,15 @@ struct Material {
     normal_scale: f32,
     occlusion_strength: f32,
     shininess: f32,
+    rim_lighting_mix: f32,
     pad0: f32,
     pad1: f32,
-    pad2: f32,
+    // Toon: shading shift, toony, GI equalization, scale of the shift texture
+    toon: vec4<f32>,
+    // rim colour, Fresnel power
+    rim: vec4<f32>,
+    // matcap colour, rim lift
+    matcap: vec4<f32>,
     // base colour, metallic-roughness, normal, occlusion, emissive, specular, specular colour
     uv: array<UvTransform, 7>,
 }

@@ -51,6 +51,8 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @if(LIT)
     var specular_color = material.specular_color;
     @if(SPECULAR_COLOR_TEXTURE) specular_color *= textureSample(specular_color_texture, specular_color_sampler, texture_uv(in, 6u)).rgb;
+    @end
+    @if(LIT && !TOON)
     var occlusion = 1.0;
     @if(OCCLUSION_TEXTURE) occlusion += material.occlusion_strength * (textureSample(occlusion_texture, occlusion_sampler, texture_uv(in, 3u)).r - 1.0);
     @end
@@ -61,6 +63,14 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     var color = (s.diffuse * ambient(n) + ambient(reflect(-v, n)) * ambient_specular(s.f0, s.f90, s.roughness, nv)) * occlusion;
     @end
     @if(BLINN_PHONG) var color = base.rgb * ambient(n) * occlusion;
+    @if(TOON)
+    @if(TINT) specular_color *= in.color.rgb;
+    var shift = material.toon.x;
+    @if(SPECULAR_TEXTURE) shift += material.toon.w * textureSample(specular_texture, specular_sampler, texture_uv(in, 5u)).r;
+    // All the light that there is, for the rim.
+    var lighting = toon_ambient(n);
+    var color = base.rgb * lighting;
+    @end
 
     @if(LIT && !ONE_LIGHT)
     for (var i = 0u; i < frame.light_count; i++) {
@@ -80,8 +90,17 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
         // Behind the surface nl is 0, and everything it is multiplied with is finite.
         let nl = clamp(dot(n, l), 0.0, 1.0);
         @if(METALLIC_ROUGHNESS) color += reflect_light(s, n, v, l, nv, nl) * light_color * nl;
+        @if(TOON) color += mix(specular_color, base.rgb, toon_lit(dot(n, l), shift)) * light_color;
+        @if(TOON) lighting += light_color;
         @if(BLINN_PHONG) color += reflect_light(base.rgb, specular_color, n, v, l) * light_color * nl;
     }
+    @end
+
+    @if(TOON)
+    var rim = toon_rim(n, v);
+    @if(METALLIC_ROUGHNESS_TEXTURE) rim += material.matcap.xyz * textureSample(metallic_roughness_texture, metallic_roughness_sampler, matcap_uv(n, v)).rgb;
+    @if(OCCLUSION_TEXTURE) rim *= textureSample(occlusion_texture, occlusion_sampler, texture_uv(in, 3u)).rgb;
+    color += rim * mix(vec3(1.0), lighting, material.rim_lighting_mix);
     @end
 
     @if(EMISSIVE && !EMISSIVE_TEXTURE) color += material.emissive;

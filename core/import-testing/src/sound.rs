@@ -55,7 +55,8 @@ pub fn check(name: &str, asset: &Asset) {
             &material.specular_texture,
             &material.specular_color_texture,
         ];
-        for t in textures.into_iter().flatten() {
+        let toon = material.toon.iter().flat_map(|t| t.textures());
+        for t in textures.into_iter().chain(toon).flatten() {
             assert!((t.image as usize) < asset.images.len() && t.uv_set < 2, "{name}: texture");
             assert!(t.uv_transform.is_finite(), "{name}");
         }
@@ -66,5 +67,14 @@ pub fn check(name: &str, asset: &Asset) {
     }
     assert!(asset.cameras.iter().all(|c| c.joint < joints), "{name}");
     assert!(asset.lights.iter().all(|l| l.joint < joints), "{name}");
+    for bind in asset.expressions.iter().flat_map(|e| &e.morphs) {
+        let instance = &asset.instances[bind.instance as usize];
+        assert!(
+            (bind.target as usize) < asset.meshes[instance.mesh as usize].morph_targets,
+            "{name}: expression"
+        );
+        assert!(bind.weight.is_finite(), "{name}: expression");
+    }
+    assert_eq!(asset.springs.check(asset.skeleton.len()), Ok(()), "{name}");
     assert!(asset.clips.iter().all(|c| c.joint_count() == asset.skeleton.len()), "{name}");
 }

@@ -2,8 +2,8 @@
 
 use crate::bounds::PrimitiveInfo;
 use crate::content::{material_hash, short};
-use choreo_stage::{AlphaMode, Asset, Image, Material, Primitive, Sampler, Shading, Stage, TextureRef};
-use glam::Affine2;
+use choreo_stage::{AlphaMode, Asset, Image, Material, Primitive, Sampler, Shading, Stage, TextureRef, Toon};
+use glam::{Affine2, Vec3};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -36,7 +36,8 @@ impl CatalogPrimitive {
     }
 }
 
-/// A material with its textures as catalogue ids. Textures that cannot change a pixel (the normal map of an unlit
+/// A material with its textures as catalogue ids. Those of toon shading stand in the slots named at [`crate::plan::Features::TOON`].
+/// Textures that cannot change a pixel (the normal map of an unlit
 /// material, an emissive texture times zero) are `None` here, so no renderer uploads them.
 #[derive(Clone, Debug)]
 pub struct CatalogMaterial {
@@ -167,25 +168,34 @@ impl Builder {
     fn material(&mut self, asset: &Asset, m: &Material) -> u32 {
         let lit = m.shading != Shading::Unlit;
         let metallic_roughness = m.shading == Shading::MetallicRoughness;
+        let toon = m.toon.as_deref().filter(|_| m.shading == Shading::Toon);
         let mut texture = |t: &Option<TextureRef>, srgb, needed| {
             t.as_ref().filter(|_| needed).and_then(|t| self.texture(asset, t, srgb))
         };
         let material = CatalogMaterial {
             base_color: texture(&m.base_color_texture, true, true),
-            metallic_roughness: texture(
-                &m.metallic_roughness_texture,
-                false,
-                metallic_roughness && (m.metallic != 0.0 || m.roughness != 0.0),
-            ),
+            metallic_roughness: match toon {
+                Some(t) => texture(&t.matcap_texture, true, t.matcap != Vec3::ZERO),
+                None => texture(
+                    &m.metallic_roughness_texture,
+                    false,
+                    metallic_roughness && (m.metallic != 0.0 || m.roughness != 0.0),
+                ),
+            },
             normal: texture(&m.normal_texture, false, lit && m.normal_scale != 0.0),
-            occlusion: texture(&m.occlusion_texture, false, lit && m.occlusion_strength != 0.0),
-            emissive: texture(&m.emissive_texture, true, lit && m.emissive != glam::Vec3::ZERO),
-            specular: texture(&m.specular_texture, false, metallic_roughness && m.specular != 0.0),
-            specular_color: texture(
-                &m.specular_color_texture,
-                true,
-                lit && m.specular_color != glam::Vec3::ZERO,
-            ),
+            occlusion: match toon {
+                Some(t) => texture(&t.rim_texture, true, has_rim(t)),
+                None => texture(&m.occlusion_texture, false, lit && m.occlusion_strength != 0.0),
+            },
+            emissive: texture(&m.emissive_texture, true, lit && m.emissive != Vec3::ZERO),
+            specular: match toon {
+                Some(t) => texture(&t.shading_shift_texture, false, t.shading_shift_scale != 0.0),
+                None => texture(&m.specular_texture, false, metallic_roughness && m.specular != 0.0),
+            },
+            specular_color: match toon {
+                Some(t) => texture(&t.shade_texture, true, t.shade_color != Vec3::ZERO),
+                None => texture(&m.specular_color_texture, true, lit && m.specular_color != Vec3::ZERO),
+            },
             material: Material {
                 // A cutoff of zero discards nothing.
                 alpha_mode: match m.alpha_mode {
@@ -223,6 +233,11 @@ impl Builder {
             uv_transform: t.uv_transform,
         })
     }
+}
+
+/// Whether a rim or a matcap adds anything.
+fn has_rim(t: &Toon) -> bool {
+    t.rim_color != Vec3::ZERO || (t.matcap != Vec3::ZERO && t.matcap_texture.is_some())
 }
 
 /// Marker for callers: a catalogue belongs to one stage.

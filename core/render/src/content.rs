@@ -1,7 +1,7 @@
 //! Content hashes: the first 16 bytes of BLAKE3. Those of primitives and images are the stage's own.
 
 use crate::catalog::{CatalogMaterial, CatalogTextureRef};
-use choreo_stage::{AlphaMode, ContentHash, Wrap};
+use choreo_stage::{AlphaMode, ContentHash, Shading, Wrap};
 use glam::{Vec3, Vec4};
 
 /// Arrays are preceded by their length, so that no two lists can run into each other.
@@ -32,6 +32,15 @@ pub fn material_hash(m: &CatalogMaterial) -> [u8; 16] {
         &mut h,
         &[cutoff, f.metallic, f.roughness, f.normal_scale, f.occlusion_strength, f.specular, f.shininess],
     );
+    if let Some(t) = f.toon.as_deref().filter(|_| f.shading == Shading::Toon) {
+        let colors = [
+            t.shade_color.extend(t.shading_shift),
+            t.matcap.extend(t.shading_toony),
+            t.rim_color.extend(t.gi_equalization),
+        ];
+        array(&mut h, &colors);
+        array(&mut h, &[t.shading_shift_scale, t.rim_fresnel_power, t.rim_lift, t.rim_lighting_mix]);
+    }
     for t in m.texture_refs() {
         texture_ref(&mut h, t);
     }

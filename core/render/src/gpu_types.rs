@@ -1,7 +1,7 @@
 //! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shaders.rs` compares every field's offset.
 
 use crate::catalog::CatalogMaterial;
-use choreo_stage::AlphaMode;
+use choreo_stage::{AlphaMode, Shading, Toon};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 #[repr(C)]
@@ -40,9 +40,15 @@ pub struct MaterialUniform {
     pub normal_scale: f32,
     pub occlusion_strength: f32,
     pub shininess: f32,
+    pub rim_lighting_mix: f32,
     pub pad0: f32,
     pub pad1: f32,
-    pub pad2: f32,
+    /// Toon: shading shift, toony, GI equalization, scale of the shift texture.
+    pub toon: Vec4,
+    /// Toon: rim colour and Fresnel power.
+    pub rim: Vec4,
+    /// Toon: matcap colour and rim lift.
+    pub matcap: Vec4,
     pub uv: [UvTransform; TEXTURE_SLOTS],
 }
 
@@ -71,6 +77,12 @@ impl MaterialUniform {
                 out.y = Vec4::new(a.matrix2.x_axis.y, a.matrix2.y_axis.y, a.translation.y, 0.0);
             }
         }
+        let default = Toon::default();
+        let toon = m.toon.as_deref().unwrap_or(&default);
+        let is_toon = m.shading == Shading::Toon;
+        // A factor of a texture that is not there counts nothing.
+        let matcap = if is_toon && catalog.metallic_roughness.is_some() { toon.matcap } else { Vec3::ZERO };
+        let shift_scale = if catalog.specular.is_some() { toon.shading_shift_scale } else { 0.0 };
         MaterialUniform {
             base_color: m.base_color,
             emissive: m.emissive,
@@ -78,13 +90,17 @@ impl MaterialUniform {
                 AlphaMode::Mask(cutoff) => cutoff,
                 _ => 0.0,
             },
-            specular_color: m.specular_color,
+            specular_color: if is_toon { toon.shade_color } else { m.specular_color },
             specular: m.specular,
             metallic: m.metallic,
             roughness: m.roughness,
             normal_scale: if catalog.normal.is_some() { m.normal_scale } else { 0.0 },
             occlusion_strength: m.occlusion_strength,
             shininess: m.shininess,
+            rim_lighting_mix: toon.rim_lighting_mix,
+            toon: Vec4::new(toon.shading_shift, toon.shading_toony, toon.gi_equalization, shift_scale),
+            rim: toon.rim_color.extend(toon.rim_fresnel_power),
+            matcap: matcap.extend(toon.rim_lift),
             uv,
             ..Default::default()
         }

@@ -31,17 +31,23 @@ pub fn features(
         }
     };
     let metallic_roughness = lit && m.shading == Shading::MetallicRoughness;
+    let toon = lit && m.shading == Shading::Toon;
     // (texture, its bit, whether this kind of shading reads it)
     let textures = [
         (material.base_color, Features::BASE_COLOR_TEXTURE, true),
-        (material.metallic_roughness, Features::METALLIC_ROUGHNESS_TEXTURE, metallic_roughness),
+        (material.metallic_roughness, Features::METALLIC_ROUGHNESS_TEXTURE, metallic_roughness || toon),
         (material.normal, Features::NORMAL_TEXTURE, lit),
         (material.occlusion, Features::OCCLUSION_TEXTURE, lit),
         (material.emissive, Features::EMISSIVE_TEXTURE, lit),
-        (material.specular, Features::SPECULAR_TEXTURE, metallic_roughness),
+        (material.specular, Features::SPECULAR_TEXTURE, metallic_roughness || toon),
         (material.specular_color, Features::SPECULAR_COLOR_TEXTURE, lit),
     ];
     for (texture, bit, read) in textures {
+        if toon && bit == Features::METALLIC_ROUGHNESS_TEXTURE {
+            // A matcap is looked up by the normal.
+            set(texture.is_some() || force_all, bit);
+            continue;
+        }
         // A texture without its uvs, a normal map without tangents: out, even where everything is forced in.
         let unusable = texture.is_some_and(|t| p.uvs[t.uv_set as usize].is_empty())
             || (bit == Features::NORMAL_TEXTURE && texture.is_some() && p.tangents.is_empty());
@@ -59,9 +65,10 @@ pub fn features(
     set(needs.skinned || force_all, Features::SKIN);
     set((needs.skinned && primitive.info.influences == 8) || force_all, Features::SKIN_8);
     set(needs.morphed || force_all, Features::MORPH);
-    set(primitive.info.colored || force_all, Features::VERTEX_COLOR);
+    set((primitive.info.colored || force_all) && !toon, Features::VERTEX_COLOR);
     set(metallic_roughness, Features::METALLIC_ROUGHNESS);
     set(lit && m.shading == Shading::BlinnPhong, Features::BLINN_PHONG);
+    set(toon, Features::TOON);
     set(lit && (m.emissive != Vec3::ZERO || force_all), Features::EMISSIVE);
     set(matches!(m.alpha_mode, AlphaMode::Mask(_)) || force_all, Features::ALPHA_MASK);
     set(lit && (needs.local_lights || force_all), Features::LOCAL_LIGHTS);

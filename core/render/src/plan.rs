@@ -132,7 +132,7 @@ impl Features {
     pub const UV1: Features = Features(1 << 5);
     /// Lit by metallic-roughness.
     pub const METALLIC_ROUGHNESS: Features = Features(1 << 6);
-    /// Lit by Blinn–Phong. Neither bit: unlit.
+    /// Lit by Blinn–Phong. Neither this nor METALLIC_ROUGHNESS nor TOON: unlit.
     pub const BLINN_PHONG: Features = Features(1 << 7);
     pub const BASE_COLOR_TEXTURE: Features = Features(1 << 8);
     pub const METALLIC_ROUGHNESS_TEXTURE: Features = Features(1 << 9);
@@ -148,8 +148,12 @@ impl Features {
     /// Point or spot lights are in, beside directional ones.
     pub const LOCAL_LIGHTS: Features = Features(1 << 18);
 
+    /// Lit by toon shading. Its textures stand in the slots of those it does not read: matcap in metallic-roughness, rim in
+    /// occlusion, shading shift in specular, shade colour in specular colour.
+    pub const TOON: Features = Features(1 << 19);
+
     pub const fn is_lit(self) -> bool {
-        self.0 & (Self::METALLIC_ROUGHNESS.0 | Self::BLINN_PHONG.0) != 0
+        self.0 & (Self::METALLIC_ROUGHNESS.0 | Self::BLINN_PHONG.0 | Self::TOON.0) != 0
     }
     pub const fn has(self, other: Features) -> bool {
         self.0 & other.0 == other.0

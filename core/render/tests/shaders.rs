@@ -25,7 +25,7 @@ fn key(features: Features) -> PipelineKey {
 /// Everything that vertex and fragment shader can be asked for, without repeating combinations of switches that
 /// never meet in one expression: all vertex inputs × shading, and all subsets of textures × shading.
 fn variants() -> Vec<SceneVariant> {
-    let shadings = [Features(0), Features::METALLIC_ROUGHNESS, Features::BLINN_PHONG];
+    let shadings = [Features(0), Features::METALLIC_ROUGHNESS, Features::BLINN_PHONG, Features::TOON];
     let textures = [
         Features::BASE_COLOR_TEXTURE,
         Features::METALLIC_ROUGHNESS_TEXTURE,
@@ -150,7 +150,7 @@ fn layouts_equal_the_rust_structs() {
         background_bottom, size, light_count, pad);
     compare(&m, "Frame", size_of::<FrameUniform>(), frame);
     let material = fields!(MaterialUniform: base_color, emissive, alpha_cutoff, specular_color, specular, metallic,
-        roughness, normal_scale, occlusion_strength, shininess, pad0, pad1, pad2, uv);
+        roughness, normal_scale, occlusion_strength, shininess, rim_lighting_mix, pad0, pad1, toon, rim, matcap, uv);
     compare(&m, "Material", size_of::<MaterialUniform>(), material);
     compare(&m, "UvTransform", size_of::<UvTransform>(), fields!(UvTransform: x, y));
     compare(&m, "Light", size_of::<PlanLight>(), fields!(PlanLight: position, direction, color, cone));

@@ -3,7 +3,7 @@
 //! Everything is in choreo's convention: metres, +Y up, right-handed, counter-clockwise front faces,
 //! texture v pointing down (glTF). Colours are linear unless a field says sRGB.
 
-use crate::{Expression, Eyes};
+use crate::{Expression, Eyes, Toon};
 use choreo_motion::spring::parameters::Springs;
 use choreo_motion::{Clip, Skeleton};
 use glam::{Affine2, Mat4, Vec2, Vec3, Vec4};
@@ -201,6 +201,8 @@ pub enum Shading {
     /// Lambert + normalised Blinn–Phong with `specular_color` and `shininess`.
     BlinnPhong,
     Unlit,
+    /// Two colours with a boundary between: [`Toon`]. Vertex colours do not count.
+    Toon,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -233,6 +235,8 @@ pub struct Material {
     pub specular_color_texture: Option<TextureRef>,
     /// Blinn–Phong exponent.
     pub shininess: f32,
+    /// Read where the shading is [`Shading::Toon`]; defaults where it is missing.
+    pub toon: Option<Arc<Toon>>,
     pub alpha_mode: AlphaMode,
     pub double_sided: bool,
 }
@@ -259,6 +263,7 @@ impl Default for Material {
             specular_color: Vec3::ONE,
             specular_color_texture: None,
             shininess: 32.0,
+            toon: None,
             alpha_mode: AlphaMode::Opaque,
             double_sided: false,
         }

@@ -30,6 +30,7 @@ pub mod snapshot;
 pub mod stage;
 mod survey;
 mod timeline;
+pub mod toon;
 pub mod travel;
 
 pub use asset::*;
@@ -49,4 +50,5 @@ pub use snapshot::*;
 pub use stage::*;
 pub use survey::{Finding, Subject};
 pub use timeline::Heard;
+pub use toon::{Outline, Toon};
 pub use travel::CueRoot;

@@ -16,6 +16,10 @@ impl<'a> At<'a> {
         At { value, place }
     }
 
+    pub fn raw(&self) -> &'a Value {
+        self.value
+    }
+
     pub fn place(&self) -> String {
         self.place.clone()
     }
@@ -78,6 +82,25 @@ impl<'a> At<'a> {
     /// The texts of this array; `None` for anything else.
     pub fn as_texts(&self) -> Option<Vec<&'a str>> {
         self.value.as_array().map(|list| list.iter().take(1000).filter_map(Value::as_str).collect())
+    }
+
+    /// The first `N` numbers of an array, as colours and tilings of VRM 0.x are written.
+    fn first<const N: usize>(&self, key: &str) -> Result<Option<[f32; N]>> {
+        let Some(value) = self.value(key) else { return Ok(None) };
+        let mut out = [0.0f32; N];
+        for (i, slot) in out.iter_mut().enumerate() {
+            let number = value.get(i).and_then(Value::as_f64).map(|v| v as f32).filter(|v| v.is_finite());
+            *slot = number.ok_or_else(|| self.wrong(key, &format!("must be {N} finite numbers or more")))?;
+        }
+        Ok(Some(out))
+    }
+
+    pub fn first_three(&self, key: &str) -> Result<Option<[f32; 3]>> {
+        self.first(key)
+    }
+
+    pub fn first_four(&self, key: &str) -> Result<Option<[f32; 4]>> {
+        self.first(key)
     }
 
     /// An index into a list of the file; −1 is none, as VRM 0.x writes it. Writers of 0.x also give whole floats.

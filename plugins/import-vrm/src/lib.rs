@@ -7,15 +7,18 @@ mod eyes;
 mod facing;
 mod human;
 mod json;
+mod mtoon;
 mod rest;
 mod springs;
 mod springs_v0;
 
 use choreo_import::{Problem, Result, bones};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::asset::Asset;
+use choreo_stage::asset::{Asset, Material};
+use import_gltf::MaterialTextures;
 use import_gltf::profile::{Document, Profile, has_extension, import_with};
 use json::At;
+use serde_json::{Map, Value};
 use std::sync::{Arc, LazyLock};
 
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
@@ -64,7 +67,7 @@ impl Importer for VrmImporter {
         needs: Needs,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
-        let vrm = Vrm { bones: options.bool("bones").unwrap_or(true) };
+        let vrm = Vrm { bones: options.bool("bones").unwrap_or(true), not_shown: mtoon::NotShown::default() };
         import_with(source, files, needs, &ImportOptions::default(), &vrm)
     }
 }
@@ -72,6 +75,7 @@ impl Importer for VrmImporter {
 /// What VRM adds to glTF.
 struct Vrm {
     bones: bool,
+    not_shown: mtoon::NotShown,
 }
 
 impl Profile for Vrm {
@@ -79,7 +83,31 @@ impl Profile for Vrm {
         &[V0, V1, ANIMATION, "VRMC_springBone", "VRMC_springBone_extended_collider", "VRMC_materials_mtoon"]
     }
 
+    fn material(
+        &self,
+        document: &Document<'_>,
+        index: usize,
+        extensions: &Map<String, Value>,
+        textures: &mut dyn MaterialTextures,
+        material: &mut Material,
+    ) -> Result<()> {
+        if let Some(mtoon) = extensions.get("VRMC_materials_mtoon")
+            && document.extension(V1).is_some()
+        {
+            let place = format!("materials[{index}].extensions.VRMC_materials_mtoon");
+            return mtoon::read(&At::new(mtoon, place), textures, material, &self.not_shown);
+        }
+        let v0 = document.extension(V0).filter(|_| document.extension(V1).is_none());
+        let properties = v0.and_then(|v| v.get("materialProperties")?.get(index));
+        if let Some(properties) = properties.filter(|p| p["shader"] == "VRM/MToon") {
+            let place = format!("extensions.VRM.materialProperties[{index}]");
+            mtoon::read_v0(&At::new(properties, place), textures, material, &self.not_shown)?;
+        }
+        Ok(())
+    }
+
     fn finish(&self, document: &Document<'_>, needs: Needs, asset: &mut Asset) -> Result<()> {
+        self.not_shown.warn(document);
         let root = |name: &str| document.extension(name).map(|v| At::new(v, format!("extensions.{name}")));
         if let Some(vrm) = root(V1) {
             character(document, &vrm, needs, asset)

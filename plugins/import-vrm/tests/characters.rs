@@ -221,3 +221,24 @@ fn what_is_not_needed_is_not_read() {
         "a.vrm: extensions: has none of VRM, VRMC_vrm and VRMC_vrm_animation"
     );
 }
+
+/// `sample/` holds what these tests make, for scripts to load; `CHOREO_ACCEPT=1` writes it.
+#[test]
+fn the_samples_are_what_is_made_here() {
+    let (json, bin) = animation();
+    let made = [
+        ("tiny-0.vrm", glb(Version::V0)),
+        ("tiny-1.vrm", glb(Version::V1)),
+        ("yes.vrma", glb_of(&json, &bin)),
+    ];
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("sample");
+    for (name, bytes) in made {
+        let path = folder.join(name);
+        if std::env::var_os("CHOREO_ACCEPT").is_some() {
+            std::fs::create_dir_all(&folder).unwrap();
+            std::fs::write(&path, &bytes).unwrap();
+        }
+        let stored = std::fs::read(&path).unwrap_or_default();
+        assert!(stored == bytes, "{} is another file; CHOREO_ACCEPT=1 writes it", path.display());
+    }
+}

@@ -11,6 +11,7 @@ mod shade;
 mod target;
 mod texture;
 mod tile;
+mod toon;
 mod vertex;
 
 use crate::catalog::Catalog;

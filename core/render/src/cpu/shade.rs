@@ -3,10 +3,11 @@
 use super::brdf::*;
 use super::lanes::{F4, V3, Weights};
 use super::texture::Texture;
+use super::toon::{ToonSurface, matcap_uv};
 use super::vertex::Vertex;
 use crate::catalog::{CatalogMaterial, CatalogTextureRef};
 use crate::plan::{Features, Plan};
-use choreo_stage::{AlphaMode, Primitive};
+use choreo_stage::{AlphaMode, Primitive, Toon};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -92,6 +93,10 @@ impl Fragment<'_> {
         let relative = weights.vec3([a, b, c]);
         let eye = self.plan.view.eye;
         let v = (V3::splat(eye.truncate()) - relative * F4::splat(eye.w)).unit();
+        if f.has(Features::TOON) {
+            let color = self.toon(&quad, base, relative, n, v) + self.emission(&quad);
+            return Shaded { rgba: [color.x, color.y, color.z, alpha], kept };
+        }
         let mut specular_color = V3::splat(m.specular_color);
         if let Some([r, g, b, _]) = texture(6, Features::SPECULAR_COLOR_TEXTURE) {
             specular_color = specular_color * V3 { x: r, y: g, z: b };
@@ -130,13 +135,57 @@ impl Fragment<'_> {
             });
         }
         if f.has(Features::EMISSIVE) {
-            let mut emissive = V3::splat(m.emissive);
-            if let Some([r, g, b, _]) = texture(4, Features::EMISSIVE_TEXTURE) {
-                emissive = emissive * V3 { x: r, y: g, z: b };
-            }
-            color = color + emissive;
+            color = color + self.emission(&quad);
         }
         Shaded { rgba: [color.x, color.y, color.z, alpha], kept }
+    }
+
+    /// Zero where the draw has none.
+    fn emission(&self, quad: &Quad) -> V3 {
+        if !self.features.has(Features::EMISSIVE) {
+            return V3::splat(Vec3::ZERO);
+        }
+        let emissive = V3::splat(self.material.factors.material.emissive);
+        match self.slot(quad, 4, Features::EMISSIVE_TEXTURE) {
+            Some([r, g, b, _]) => emissive * V3 { x: r, y: g, z: b },
+            None => emissive,
+        }
+    }
+
+    /// For the slots see [`Features::TOON`].
+    fn toon(&self, quad: &Quad, base: V3, relative: V3, n: V3, v: V3) -> V3 {
+        let material = &self.material.factors.material;
+        let default = Toon::default();
+        let toon = material.toon.as_deref().unwrap_or(&default);
+        let rgb = |[r, g, b, _]: [F4; 4]| V3 { x: r, y: g, z: b };
+        let one = V3 { x: F4::ONE, y: F4::ONE, z: F4::ONE };
+        let shade = V3::splat(toon.shade_color * self.tint.truncate());
+        let shift = self.slot(quad, 5, Features::SPECULAR_TEXTURE);
+        let refs = self.material.factors.texture_refs();
+        let matcap = match (refs[1].as_ref(), self.material.textures[1].as_deref()) {
+            (Some(r), Some(texture)) if self.features.has(Features::METALLIC_ROUGHNESS_TEXTURE) => {
+                V3::splat(toon.matcap) * rgb(texture.sample(&r.sampler, matcap_uv(n, v)))
+            }
+            _ => V3::splat(Vec3::ZERO),
+        };
+        let surface = ToonSurface {
+            toon,
+            base,
+            shade: shade * self.slot(quad, 6, Features::SPECULAR_COLOR_TEXTURE).map_or(one, rgb),
+            shift: F4::splat(toon.shading_shift)
+                + shift.map_or(F4::ZERO, |[r, ..]| r * toon.shading_shift_scale),
+            matcap,
+            rim_mask: self.slot(quad, 3, Features::OCCLUSION_TEXTURE).map_or(one, rgb),
+        };
+        surface.lit(self.plan, relative, n, v)
+    }
+
+    fn slot(&self, quad: &Quad, slot: usize, bit: Features) -> Option<[F4; 4]> {
+        let refs = self.material.factors.texture_refs();
+        if !self.features.has(bit) {
+            return None;
+        }
+        self.sample(quad, refs[slot].as_ref(), self.material.textures[slot].as_deref())
     }
 
     #[inline(always)]

@@ -18,9 +18,10 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 6] = [
+const EMBEDDED: [(&str, &str); 7] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
+    ("toon.wgsl", include_str!("../../../../shaders/toon.wgsl")),
     ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
     ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
     ("background.wgsl", include_str!("../../../../shaders/background.wgsl")),
@@ -28,7 +29,7 @@ const EMBEDDED: [(&str, &str); 6] = [
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 4] = ["frame.wgsl", "brdf.wgsl", "vertex.wgsl", "scene.wgsl"];
+pub const SCENE: [&str; 5] = ["frame.wgsl", "brdf.wgsl", "toon.wgsl", "vertex.wgsl", "scene.wgsl"];
 pub const BACKGROUND: [&str; 2] = ["frame.wgsl", "background.wgsl"];
 
 /// One file's text, before preprocessing.
@@ -88,7 +89,7 @@ pub struct SceneVariant {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 19] = [
+    let names: [(&'static str, Features); 20] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("MORPH", Features::MORPH),
@@ -97,6 +98,7 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("UV1", Features::UV1),
         ("METALLIC_ROUGHNESS", Features::METALLIC_ROUGHNESS),
         ("BLINN_PHONG", Features::BLINN_PHONG),
+        ("TOON", Features::TOON),
         ("BASE_COLOR_TEXTURE", Features::BASE_COLOR_TEXTURE),
         ("METALLIC_ROUGHNESS_TEXTURE", Features::METALLIC_ROUGHNESS_TEXTURE),
         ("NORMAL_TEXTURE", Features::NORMAL_TEXTURE),

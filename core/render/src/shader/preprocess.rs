@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 25] = [
+pub const SWITCHES: [&str; 26] = [
     "SKIN",
     "SKIN_8",
     "MORPH",
@@ -21,6 +21,7 @@ pub const SWITCHES: [&str; 25] = [
     "UV1",
     "METALLIC_ROUGHNESS",
     "BLINN_PHONG",
+    "TOON",
     "BASE_COLOR_TEXTURE",
     "METALLIC_ROUGHNESS_TEXTURE",
     "NORMAL_TEXTURE",

@@ -104,6 +104,7 @@ impl Material {
             specular_color,
             specular_color_texture,
             shininess,
+            toon,
             alpha_mode,
             double_sided,
         } = self;
@@ -111,6 +112,7 @@ impl Material {
             Shading::MetallicRoughness => 0,
             Shading::BlinnPhong => 1,
             Shading::Unlit => 2,
+            Shading::Toon => 3,
         });
         w.vec4(*base_color);
         for factor in [metallic, roughness, normal_scale, occlusion_strength, specular, shininess] {
@@ -136,27 +138,77 @@ impl Material {
             specular_texture,
             specular_color_texture,
         ] {
-            w.option(texture, |w, t| {
-                match image_hash(t.image) {
-                    Some(hash) => w.bytes(&hash),
-                    None => w.u32(t.image),
-                }
-                let Sampler { wrap_u, wrap_v, mag_linear, min_linear, mip_linear } = t.sampler;
-                for wrap in [wrap_u, wrap_v] {
-                    w.tag(match wrap {
-                        Wrap::Repeat => 0,
-                        Wrap::MirroredRepeat => 1,
-                        Wrap::ClampToEdge => 2,
-                    });
-                }
-                w.flag(mag_linear);
-                w.flag(min_linear);
-                w.option(&mip_linear, |w, linear| w.flag(*linear));
-                w.tag(t.uv_set);
-                w.affine2(&t.uv_transform);
+            self::texture(w, texture, image_hash);
+        }
+        w.option(&toon.as_deref(), |w, toon| toon_parameters(w, toon, image_hash));
+    }
+}
+
+/// A texture counts by the content of its image where that is known.
+fn texture(w: &mut Writer, texture: &Option<TextureRef>, image_hash: &dyn Fn(u32) -> Option<ContentHash>) {
+    w.option(texture, |w, t| {
+        match image_hash(t.image) {
+            Some(hash) => w.bytes(&hash),
+            None => w.u32(t.image),
+        }
+        let Sampler { wrap_u, wrap_v, mag_linear, min_linear, mip_linear } = t.sampler;
+        for wrap in [wrap_u, wrap_v] {
+            w.tag(match wrap {
+                Wrap::Repeat => 0,
+                Wrap::MirroredRepeat => 1,
+                Wrap::ClampToEdge => 2,
             });
         }
+        w.flag(mag_linear);
+        w.flag(min_linear);
+        w.option(&mip_linear, |w, linear| w.flag(*linear));
+        w.tag(t.uv_set);
+        w.affine2(&t.uv_transform);
+    });
+}
+
+fn toon_parameters(w: &mut Writer, toon: &Toon, image_hash: &dyn Fn(u32) -> Option<ContentHash>) {
+    let Toon {
+        shade_color,
+        shade_texture: _,
+        shading_shift,
+        shading_shift_texture: _,
+        shading_shift_scale,
+        shading_toony,
+        gi_equalization,
+        matcap,
+        matcap_texture: _,
+        rim_color,
+        rim_fresnel_power,
+        rim_lift,
+        rim_texture: _,
+        rim_lighting_mix,
+        outline,
+    } = toon;
+    for color in [shade_color, matcap, rim_color] {
+        w.vec3(*color);
     }
+    for number in [
+        shading_shift,
+        shading_shift_scale,
+        shading_toony,
+        gi_equalization,
+        rim_fresnel_power,
+        rim_lift,
+        rim_lighting_mix,
+    ] {
+        w.f32(*number);
+    }
+    for used in toon.textures() {
+        texture(w, used, image_hash);
+    }
+    w.option(outline, |w, Outline { width, on_screen, width_texture, color, lighting_mix }| {
+        w.f32(*width);
+        w.flag(*on_screen);
+        texture(w, width_texture, image_hash);
+        w.vec3(*color);
+        w.f32(*lighting_mix);
+    });
 }
 
 /// Name, tree, rest pose and the bones of a human body.

@@ -1,0 +1,63 @@
+//! Twin of toon.wgsl and of what scene.wgsl does where the shading is toon: MToon (VRMC_materials_mtoon 1.0).
+
+use super::brdf::{ambient, incoming};
+use super::lanes::{F4, V3};
+use crate::plan::Plan;
+use choreo_stage::Toon;
+
+/// What the surface is made of at four pixels.
+pub struct ToonSurface<'a> {
+    pub toon: &'a Toon,
+    pub base: V3,
+    /// Shade colour with its texture and the actor's tint.
+    pub shade: V3,
+    /// With its texture.
+    pub shift: F4,
+    /// Matcap colour times its texture; zero without one.
+    pub matcap: V3,
+    /// Of the rim's texture.
+    pub rim_mask: V3,
+}
+
+impl ToonSurface<'_> {
+    /// Colour without emission. `relative`: the place seen from the camera; `n` and `v` unit.
+    pub fn lit(&self, plan: &Plan, relative: V3, n: V3, v: V3) -> V3 {
+        let t = self.toon;
+        let even = V3::splat((plan.ambient_up + plan.ambient_down) * 0.5);
+        // All the light that there is, for the rim.
+        let mut lighting =
+            ambient(plan.ambient_up, plan.ambient_down, n).mix(even, F4::splat(t.gi_equalization));
+        let mut color = self.base * lighting;
+        for light in &plan.lights {
+            let (l, strength) = incoming(light, relative);
+            let arriving = V3::splat(light.color.truncate()) * strength;
+            color = color + self.shade.mix(self.base, self.lit_share(n.dot(l))) * arriving;
+            lighting = lighting + arriving;
+        }
+        let one = V3 { x: F4::ONE, y: F4::ONE, z: F4::ONE };
+        let rim = (self.rim(n, v) + self.matcap) * self.rim_mask;
+        color + rim * one.mix(lighting, F4::splat(t.rim_lighting_mix))
+    }
+
+    /// §"Lighting": linearstep(−1 + toony, 1 − toony, NL + shift).
+    fn lit_share(&self, nl: F4) -> F4 {
+        let half = 1.0 - self.toon.shading_toony;
+        let width = (2.0 * half).max(1e-4);
+        ((nl + self.shift + half) / F4::splat(width)).clamp(0.0, 1.0)
+    }
+
+    /// §"Rim Lighting", parametric.
+    fn rim(&self, n: V3, v: V3) -> V3 {
+        let t = self.toon;
+        let edge = (F4::ONE - n.dot(v) + t.rim_lift).clamp(0.0, 1.0);
+        let power = t.rim_fresnel_power.max(1e-5);
+        V3::splat(t.rim_color) * edge.map(|e| libm::powf(e.max(1e-20), power))
+    }
+}
+
+/// §"MatCap"; v points down in glTF's textures.
+pub fn matcap_uv(n: V3, v: V3) -> [F4; 2] {
+    let x = V3 { x: v.z, y: F4::ZERO, z: -v.x }.unit();
+    let y = v.cross(x);
+    [x.dot(n) * 0.495 + 0.5, y.dot(n) * -0.495 + 0.5]
+}

@@ -1,0 +1,183 @@
+//! MToon materials: `VRMC_materials_mtoon` 1.0, and `materialProperties` of VRM 0.x converted to it.
+
+use crate::json::At;
+use choreo_import::color::linear_from_srgb;
+use choreo_import::{Problem, Result};
+use choreo_stage::asset::{Material, Shading, TextureRef};
+use choreo_stage::{Outline, Toon};
+use glam::Vec3;
+use import_gltf::MaterialTextures;
+use import_gltf::profile::Document;
+use serde_json::{Value, json};
+use std::cell::Cell;
+use std::sync::Arc;
+
+/// What materials say and no renderer here shows, counted over the file.
+#[derive(Default)]
+pub struct NotShown {
+    pub outlines: Cell<usize>,
+    pub moving_uvs: Cell<usize>,
+    pub orders: Cell<usize>,
+}
+
+impl NotShown {
+    pub fn warn(&self, document: &Document<'_>) {
+        for (count, what) in [
+            (&self.outlines, "have outlines, which are kept but not drawn"),
+            (&self.moving_uvs, "have textures that move by themselves; they stand still"),
+            (
+                &self.orders,
+                "say how transparent parts are drawn over each other; they are sorted back to front",
+            ),
+        ] {
+            if count.get() > 0 {
+                document.warn("materials", format!("{} {what}", count.get()));
+            }
+        }
+    }
+}
+
+fn one_more(count: &Cell<usize>, is: bool) {
+    count.set(count.get() + usize::from(is));
+}
+
+/// `VRMC_materials_mtoon` 1.0. Base colour, normals, emission and alpha are glTF's own and read already.
+pub fn read(
+    at: &At<'_>,
+    textures: &mut dyn MaterialTextures,
+    material: &mut Material,
+    not_shown: &NotShown,
+) -> Result<()> {
+    let d = Toon::default();
+    let number = |key: &str, default: f32| -> Result<f32> { Ok(at.number(key)?.unwrap_or(default)) };
+    let color =
+        |key: &str, default: Vec3| -> Result<Vec3> { Ok(at.vec3(key)?.unwrap_or(default).max(Vec3::ZERO)) };
+    let mut texture = |slot: &'static str| -> Result<Option<TextureRef>> {
+        at.get(slot).map_or(Ok(None), |info| textures.texture(slot, info.raw()))
+    };
+    let shift = at.get("shadingShiftTexture");
+    let width_texture = texture("outlineWidthMultiplyTexture")?;
+    let mode = at.text("outlineWidthMode").unwrap_or("none");
+    let outline = Outline {
+        width: number("outlineWidthFactor", 0.0)?,
+        on_screen: mode == "screenCoordinates",
+        width_texture,
+        color: color("outlineColorFactor", Vec3::ZERO)?,
+        lighting_mix: number("outlineLightingMixFactor", 1.0)?,
+    };
+    let toon = Toon {
+        shade_color: color("shadeColorFactor", d.shade_color)?,
+        shade_texture: texture("shadeMultiplyTexture")?,
+        shading_shift: number("shadingShiftFactor", d.shading_shift)?,
+        shading_shift_texture: texture("shadingShiftTexture")?,
+        shading_shift_scale: shift.map_or(Ok(None), |s| s.number("scale"))?.unwrap_or(d.shading_shift_scale),
+        shading_toony: number("shadingToonyFactor", d.shading_toony)?,
+        gi_equalization: number("giEqualizationFactor", d.gi_equalization)?,
+        matcap: color("matcapFactor", d.matcap)?,
+        matcap_texture: texture("matcapTexture")?,
+        rim_color: color("parametricRimColorFactor", d.rim_color)?,
+        rim_fresnel_power: number("parametricRimFresnelPowerFactor", d.rim_fresnel_power)?,
+        rim_lift: number("parametricRimLiftFactor", d.rim_lift)?,
+        rim_texture: texture("rimMultiplyTexture")?,
+        rim_lighting_mix: number("rimLightingMixFactor", d.rim_lighting_mix)?,
+        outline: (mode != "none" && outline.width > 0.0).then_some(outline),
+    };
+    let moves =
+        ["uvAnimationScrollXSpeedFactor", "uvAnimationScrollYSpeedFactor", "uvAnimationRotationSpeedFactor"];
+    let mut moving = false;
+    for key in moves {
+        moving |= number(key, 0.0)? != 0.0;
+    }
+    one_more(&not_shown.moving_uvs, moving);
+    let order =
+        at.flag("transparentWithZWrite")? == Some(true) || number("renderQueueOffsetNumber", 0.0)? != 0.0;
+    one_more(&not_shown.orders, order);
+    finish(at, toon, material, not_shown)
+}
+
+/// VRM 0.x. Colours there are sRGB; shift and toony mean other lines, converted as UniVRM and three-vrm do on migration to 1.0.
+pub fn read_v0(
+    at: &At<'_>,
+    textures: &mut dyn MaterialTextures,
+    material: &mut Material,
+    not_shown: &NotShown,
+) -> Result<()> {
+    let d = Toon::default();
+    let none = Value::Null;
+    let part = |key: &str| at.get(key).unwrap_or(At::new(&none, at.place_of(key)));
+    let (floats, vectors, pictures) =
+        (part("floatProperties"), part("vectorProperties"), part("textureProperties"));
+    let number = |key: &str, default: f32| -> Result<f32> { Ok(floats.number(key)?.unwrap_or(default)) };
+    let color = |key: &str, default: Vec3| -> Result<Vec3> {
+        let Some(rgb) = vectors.first_three(key)? else { return Ok(default) };
+        Ok(Vec3::from(rgb.map(|c| linear_from_srgb(c.max(0.0)))))
+    };
+    // The main texture's tiling holds for all but the matcap; v counts from below.
+    let tiling = vectors.first_four("_MainTex")?.unwrap_or([0.0, 0.0, 1.0, 1.0]);
+    let transform = json!({ "KHR_texture_transform": {
+        "offset": [tiling[0], 1.0 - tiling[1] - tiling[3]], "scale": [tiling[2], tiling[3]],
+    } });
+    let mut texture = |slot: &'static str| -> Result<Option<TextureRef>> {
+        let Some(index) = pictures.index(slot)? else { return Ok(None) };
+        let plain = tiling == [0.0, 0.0, 1.0, 1.0] || slot == "_SphereAdd";
+        let info = if plain {
+            json!({ "index": index })
+        } else {
+            json!({ "index": index, "extensions": transform })
+        };
+        textures.texture(slot, &info)
+    };
+    let (shift, toony) = (number("_ShadeShift", 0.0)?, number("_ShadeToony", 0.9)?);
+    let toony = toony + (1.0 - toony) * (0.5 + 0.5 * shift);
+    let mode = number("_OutlineWidthMode", 0.0)?;
+    let outline = Outline {
+        // Centimetres.
+        width: number("_OutlineWidth", 0.0)? * 0.01,
+        on_screen: mode == 2.0,
+        width_texture: texture("_OutlineWidthTexture")?,
+        color: color("_OutlineColor", Vec3::ZERO)?,
+        lighting_mix: if number("_OutlineColorMode", 0.0)? == 1.0 {
+            number("_OutlineLightingMix", 1.0)?
+        } else {
+            0.0
+        },
+    };
+    let toon = Toon {
+        shade_color: color("_ShadeColor", Vec3::ZERO)?,
+        shade_texture: texture("_ShadeTexture")?,
+        shading_shift: -shift - (1.0 - toony),
+        shading_toony: toony,
+        gi_equalization: 1.0 - number("_IndirectLightIntensity", 1.0 - d.gi_equalization)?,
+        matcap_texture: texture("_SphereAdd")?,
+        rim_color: color("_RimColor", Vec3::ZERO)?,
+        rim_fresnel_power: number("_RimFresnelPower", 1.0)?,
+        rim_lift: number("_RimLift", 0.0)?,
+        rim_texture: texture("_RimTexture")?,
+        rim_lighting_mix: number("_RimLightingMix", 0.0)?,
+        outline: (mode > 0.0 && outline.width > 0.0).then_some(outline),
+        ..d
+    };
+    let mut moving = false;
+    for key in ["_UvAnimScrollX", "_UvAnimScrollY", "_UvAnimRotation"] {
+        moving |= number(key, 0.0)? != 0.0;
+    }
+    one_more(&not_shown.moving_uvs, moving);
+    finish(at, toon, material, not_shown)
+}
+
+fn finish(at: &At<'_>, toon: Toon, material: &mut Material, not_shown: &NotShown) -> Result<()> {
+    let toon = Toon {
+        shading_shift: toon.shading_shift.clamp(-2.0, 2.0),
+        shading_toony: toon.shading_toony.clamp(0.0, 1.0),
+        gi_equalization: toon.gi_equalization.clamp(0.0, 1.0),
+        rim_lighting_mix: toon.rim_lighting_mix.clamp(0.0, 1.0),
+        ..toon
+    };
+    if !toon.is_finite() {
+        return Err(Problem::new(at.place(), "has a factor that is not finite"));
+    }
+    one_more(&not_shown.outlines, toon.outline.is_some());
+    material.shading = Shading::Toon;
+    material.toon = Some(Arc::new(toon));
+    Ok(())
+}
