@@ -196,8 +196,8 @@ mod tests {
 
     #[test]
     fn beziers_are_those_of_css() {
-        // CSS `ease` at its half: 0.8024033877399112 (WebKit's UnitBezier, and by hand).
-        assert!((Ease::Bezier([0.25, 0.1, 0.25, 1.0]).at(0.5) - 0.8024033877399112).abs() < 1e-12);
+        // CSS `ease` at its half, by bisection in forty decimal digits.
+        assert!((Ease::Bezier([0.25, 0.1, 0.25, 1.0]).at(0.5) - 0.802_403_387_584_857).abs() < 1e-12);
         let line = Ease::Bezier([1.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0]);
         assert!((line.at(0.3) - 0.3).abs() < 1e-12);
         assert!(Ease::Bezier([0.0, 0.0, 1.5, 1.0]).check().is_err());
