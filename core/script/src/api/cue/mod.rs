@@ -263,7 +263,8 @@ fn how(c: &Call) -> Result<&'static str, ApiError> {
 
 fn speed(c: &mut Call) -> Reply {
     let how = how(c)?;
-    change_copy(c, |cue| set_speed(c, cue, &c.value(0), how, "speed"))
+    let label = if c.value(0).is_array() { "speed" } else { "speed: factor" };
+    change_copy(c, |cue| set_speed(c, cue, &c.value(0), how, label))
 }
 
 fn clip_time(c: &mut Call) -> Reply {
