@@ -2,7 +2,7 @@
 
 use crate::choice::{Choice, Row};
 use crate::number::{bytes, duration, quantity};
-use crate::svg::{Anchor, BLUE, GREY, GRID, INK, RED, Room, Svg, text_width};
+use crate::svg::{Anchor, BLUE, GREY, GRID, INK, RED, Room, Svg, fitting, text_width};
 
 const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 440.0;
@@ -22,7 +22,7 @@ struct Axis {
 impl Axis {
     /// Decades around the values, at least one.
     fn new(values: impl Iterator<Item = f64> + Clone, pixels: (f64, f64)) -> Axis {
-        let logs = values.filter(|v| *v > 0.0 && v.is_finite()).map(f64::log10);
+        let logs = values.filter(|v| *v > 0.0 && v.is_finite()).map(libm::log10);
         let low = logs.clone().fold(f64::INFINITY, f64::min);
         let high = logs.fold(f64::NEG_INFINITY, f64::max);
         if low > high {
@@ -83,11 +83,12 @@ pub fn plot(choice: &Choice) -> Option<String> {
     };
 
     let mut svg = Svg::new(WIDTH, HEIGHT);
-    svg.text((left, 24.0), &choice.question, 15.0, INK, Anchor::Start);
+    let (question, size) = fitting(&choice.question, 15.0, right - left);
+    svg.text((left, 24.0), &question, size, INK, Anchor::Start);
     if !choice.why.is_empty() {
         let chosen = choice.chosen.map_or("", |c| choice.rows[c].name.as_str());
-        let text = shortened(&format!("chosen: {chosen}, {}", choice.why), 12.0, right - left);
-        svg.text((left, 42.0), &text, 12.0, GREY, Anchor::Start);
+        let (text, size) = fitting(&format!("chosen: {chosen}, {}", choice.why), 12.0, right - left);
+        svg.text((left, 42.0), &text, size, GREY, Anchor::Start);
     }
     for tick in x.ticks() {
         let at = x.at(tick);
@@ -134,9 +135,11 @@ pub fn plot(choice: &Choice) -> Option<String> {
         let at = place(row, *cost);
         room.take((at.0 - 6.0, at.1 - 6.0), (12.0, 12.0));
     }
-    for (i, row, cost) in &points {
-        let at = place(row, *cost);
-        let chosen = choice.chosen == Some(*i);
+    // The chosen one last: it lies over those that are as good.
+    let (last, first): (Vec<_>, Vec<_>) = points.iter().partition(|p| choice.chosen == Some(p.0));
+    for (i, row, cost) in first.into_iter().chain(last).copied() {
+        let at = place(row, cost);
+        let chosen = choice.chosen == Some(i);
         svg.circle(
             at,
             if chosen { 6.5 } else { 4.5 },
@@ -212,17 +215,6 @@ fn plain(text: &str) -> String {
 
 fn trimmed(number: &str) -> &str {
     if number.contains('.') { number.trim_end_matches('0').trim_end_matches('.') } else { number }
-}
-
-fn shortened(text: &str, size: f64, width: f64) -> String {
-    let mut text = text.to_string();
-    if text_width(&text, size) <= width {
-        return text;
-    }
-    while text_width(&text, size) > width - size {
-        text.pop();
-    }
-    text + "…"
 }
 
 #[cfg(test)]

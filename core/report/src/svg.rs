@@ -124,6 +124,26 @@ pub fn text_width(text: &str, size: f64) -> f64 {
     text.chars().map(|c| if "iljt.,:'|! ".contains(c) { 0.34 } else { 0.63 }).sum::<f64>() * size
 }
 
+/// Cut with a mark where it is wider.
+fn shortened(text: &str, size: f64, width: f64) -> String {
+    let mut text = text.to_string();
+    if text_width(&text, size) <= width {
+        return text;
+    }
+    while !text.is_empty() && text_width(&text, size) > width - size {
+        text.pop();
+    }
+    text + "…"
+}
+
+/// Smaller where it is wider, down to three quarters, and cut beyond that. Gives the text and its size.
+pub fn fitting(text: &str, size: f64, width: f64) -> (String, f64) {
+    let fits = |size: f64| text_width(text, size) <= width;
+    let sizes = [1.0, 0.95, 0.9, 0.85, 0.8, 0.75].map(|share| share * size);
+    let size = sizes.into_iter().find(|s| fits(*s)).unwrap_or(sizes[5]);
+    (shortened(text, size, width), size)
+}
+
 /// Boxes that are taken.
 #[derive(Default)]
 pub struct Room(Vec<[f64; 4]>);

@@ -1,6 +1,6 @@
 //! Bars on tracks over time: a cue sheet as a picture.
 
-use crate::svg::{Anchor, GREY, GRID, INK, RED, Svg, text_width};
+use crate::svg::{Anchor, GREY, GRID, INK, RED, Svg, fitting, text_width};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
@@ -45,7 +45,8 @@ impl Timeline {
     pub fn svg(&self) -> String {
         let bottom = TOP + ROW * self.tracks.len() as f64;
         let mut svg = Svg::new(WIDTH, bottom + 24.0);
-        svg.text((20.0, 26.0), &self.title, 15.0, INK, Anchor::Start);
+        let (title, size) = fitting(&self.title, 15.0, RIGHT - 20.0);
+        svg.text((20.0, 26.0), &title, size, INK, Anchor::Start);
         let length = self.length.max(1e-9);
         let x = |t: f64| LEFT + (t / length).clamp(0.0, 1.0) * (RIGHT - LEFT);
         let step = round_step(length);
@@ -62,7 +63,8 @@ impl Timeline {
         }
         for (row, track) in self.tracks.iter().enumerate() {
             let y = TOP + ROW * row as f64;
-            svg.text((LEFT - 10.0, y + 17.0), &track.name, 12.0, INK, Anchor::End);
+            let (name, size) = fitting(&track.name, 12.0, LEFT - 18.0);
+            svg.text((LEFT - 10.0, y + 17.0), &name, size, INK, Anchor::End);
             for bar in &track.bars {
                 let (from, to) = (x(bar.start), x(bar.end));
                 if to <= from {
@@ -117,5 +119,16 @@ mod tests {
         // Half of the width for half of the time, and nothing for what is beyond the end.
         assert_eq!(svg.matches("#123456").count(), 1);
         assert!(svg.contains("width=\"390.0\"") && svg.contains(">gap<"));
+    }
+
+    #[test]
+    fn long_names_stay_in_the_picture() {
+        let title =
+            "At which quality is a frame written as MP4? (the first dance, 1280×720, its first picture)";
+        let (text, size) = fitting(title, 15.0, 618.0);
+        assert!(text == title && size < 15.0 && text_width(&text, size) <= 618.0);
+        let (text, size) = fitting(&"somebody ".repeat(20), 12.0, 132.0);
+        assert!(text.ends_with('…') && size < 12.0 && text_width(&text, size) <= 132.0, "{text} {size}");
+        assert_eq!(fitting("ada", 12.0, 132.0), ("ada".to_string(), 12.0));
     }
 }

@@ -78,10 +78,10 @@ pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, String> {
             choice.rows[at].clone()
         });
         let times = four.nanos.unwrap_or(1.0) / one.nanos.unwrap_or(1.0);
-        let gain = one.mean / four.mean.max(1e-9);
+        let left = four.mean / one.mean.max(1e-9) * 100.0;
         let asked = if scene.stage.settings.samples.is_some() { "as the script asks" } else { "the default" };
         let why = format!(
-            "{asked}; 4 samples have {gain:.1} times less mean error than 1 and take {times:.1} times as long"
+            "{asked}; 4 samples leave {left:.0} % of the mean error of 1 and take {times:.1} times as long"
         );
         let name = choice.rows[chosen].name.clone();
         choice.choose(&name, why);

@@ -9,7 +9,8 @@ use choreo_script::testing::{Expectation, Flag, Subject};
 
 /// What is so or not, at each time.
 pub fn judge(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
-    let (label, words) = flag_words(looks, flag);
+    let (who, what) = flag_words(looks, flag);
+    let (label, words) = (format!("{who} {what}"), format!("{who} is {what}"));
     let step = looks.step(e);
     let is = |looks: &mut Looks, time: Time| -> Result<bool, String> {
         Ok(match flag {
@@ -48,19 +49,22 @@ pub fn judge(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
                 false => format!("{so} {when}"),
             };
             judged.by = String::new();
+            let not = if e.negated { "not " } else { "" };
+            let sometime = if e.sometime { ", sometime" } else { "" };
+            judged.expected = format!("{who} is {not}{what}{sometime}");
             judged
         }
     }
 }
 
-fn flag_words(looks: &Looks, flag: &Flag) -> (String, String) {
-    let (who, what) = match flag {
+/// Who, and what they are or not.
+fn flag_words(looks: &Looks, flag: &Flag) -> (String, &'static str) {
+    match flag {
         Flag::Visible(actor) => (vector::name(looks, Subject::Actor(*actor)), "visible"),
         Flag::On(camera) => (vector::name(looks, Subject::Camera(*camera)), "on"),
         Flag::Effect(name) => (format!("effect \"{name}\""), "on"),
         Flag::OnFloor(c) => {
             (vector::name(looks, Subject::Joint { actor: c.actor, joint: c.joint }), "on the floor")
         }
-    };
-    (format!("{who} {what}"), format!("{who} is {what}"))
+    }
 }

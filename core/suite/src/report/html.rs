@@ -179,18 +179,26 @@ fn pictures(html: &mut String, o: &Outcome, c: &Check, p: &Pictures) {
         let _ = writeln!(html, "<div class=\"side\">{}</div>", figure(&p.got, "got"));
         return;
     }
+    // Both are shown in one width: where they are of different sizes it is said.
+    let size = |bytes: &[u8], what: &str| match (sides(&p.expected), sides(&p.got)) {
+        (Some(a), Some(b)) if a != b => {
+            sides(bytes).map_or(what.to_string(), |[w, h]| format!("{what}, {w}x{h} pixels"))
+        }
+        _ => what.to_string(),
+    };
+    let (expected, got) = (size(&p.expected, "expected"), size(&p.got, "got"));
     // Names of the radio group: unlike all others of the page.
     let id = format!("p{}", &blake3_hex(&[&o.file, &o.section, &c.place.to_string(), &p.name])[..16]);
     let _ = write!(html, "<div class=\"views\">");
     let mut views = vec![
-        ("side by side", "side", [figure(&p.expected, "expected"), figure(&p.got, "got")].concat()),
+        ("side by side", "side", [figure(&p.expected, &expected), figure(&p.got, &got)].concat()),
         (
             "blink",
             "blink",
             format!(
-                "<figure>{}{}<figcaption>expected and got in turn</figcaption></figure>",
-                image(&p.expected, "expected", "under"),
-                image(&p.got, "got", "over")
+                "<figure>{}{}<figcaption class=\"turn\"><span>{got}</span><span class=\"over\">{expected}</span></figcaption></figure>",
+                image(&p.got, "got", "under"),
+                image(&p.expected, "expected", "over")
             ),
         ),
     ];
@@ -226,6 +234,12 @@ fn blake3_hex(parts: &[&str]) -> String {
 
 /// Small pictures are shown enlarged by a whole number, so that single pixels can be told.
 fn shown_width(png: &[u8]) -> u32 {
-    let width = png.get(16..20).and_then(|b| b.try_into().ok()).map_or(256, u32::from_be_bytes);
+    let width = sides(png).map_or(256, |[width, _]| width);
     width * (480 / width.max(1)).clamp(1, 4)
+}
+
+/// Of the picture in a PNG.
+fn sides(png: &[u8]) -> Option<[u32; 2]> {
+    let side = |at: usize| Some(u32::from_be_bytes(png.get(at..at + 4)?.try_into().ok()?));
+    Some([side(16)?, side(20)?])
 }

@@ -14,10 +14,40 @@ const MOST_POINTS: usize = 1300;
 const MOST_PLOTS: usize = 12;
 
 pub fn plots(traces: &[Trace]) -> String {
-    let mut html: String = traces.iter().take(MOST_PLOTS).map(plot).collect();
+    let drawn: String = traces.iter().take(MOST_PLOTS).map(plot).collect();
+    if drawn.is_empty() {
+        return drawn;
+    }
+    let mut html = legend(&drawn);
+    html.push_str(&drawn);
     if traces.len() > MOST_PLOTS {
         let _ = writeln!(html, "<p class=\"dim\">and {} more curves</p>", traces.len() - MOST_PLOTS);
     }
+    html
+}
+
+/// What the lines mean that are there.
+fn legend(drawn: &str) -> String {
+    let keys = [
+        ("got", "got"),
+        ("expected", "expected"),
+        ("band", "allowed"),
+        ("mark", "the time that is told above"),
+    ];
+    let there = keys.iter().filter(|(class, _)| drawn.contains(&format!("class=\"{class}\"")));
+    let mut html = String::from("<p class=\"legend\">");
+    for (class, words) in there {
+        let shape = match *class {
+            "band" => "<rect class=\"band\" x=\"1\" y=\"3\" width=\"26\" height=\"10\"/>".to_string(),
+            "mark" => "<path class=\"mark\" d=\"M14 1V15\"/>".to_string(),
+            class => format!("<path class=\"{class}\" d=\"M1 8H27\"/>"),
+        };
+        let _ = write!(
+            html,
+            "<span><svg viewBox=\"0 0 28 16\" aria-hidden=\"true\">{shape}</svg> {words}</span> "
+        );
+    }
+    html.push_str("</p>\n");
     html
 }
 
@@ -190,6 +220,8 @@ mod tests {
             mark: Some(2.0),
         };
         let svg = plots(&[trace]);
+        let (legend, svg) = svg.split_once("</p>").unwrap();
+        assert!(legend.contains("allowed") && !legend.contains("expected"), "{legend}");
         assert_eq!((svg.matches("class=\"band\"").count(), svg.matches("<circle").count()), (2, 1));
         assert!(svg.contains("a &lt;b&gt;, m") && !svg.contains("NaN") && !svg.contains("inf"), "{svg}");
         assert_eq!(plots(&[Trace::default()]), "");
