@@ -1,10 +1,10 @@
-//! Rigs, cuts, framing.
+//! Rigs, cuts and framing, where a script cannot say it; the rest is in `tests/suite/cameras`.
 
 mod support;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3, Vec3};
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 use support::*;
 
@@ -32,54 +32,6 @@ fn rotation_is_sound(snapshot: &Snapshot) {
     assert!(
         (m.determinant() - 1.0).abs() < 1e-9 && (m * m.transpose()).abs_diff_eq(glam::DMat3::IDENTITY, 1e-9)
     );
-}
-
-#[test]
-fn an_orbit_at_quarter_turns() {
-    let target = Target::Point(v(1.0, 1.0, 1.0));
-    let stage = shot(Rig::Orbit { target, distance: 4.0, elevation: 0.0, azimuth: 0.0, speed: FRAC_PI_2 });
-    let places = [v(1.0, 1.0, 5.0), v(5.0, 1.0, 1.0), v(1.0, 1.0, -3.0), v(-3.0, 1.0, 1.0)];
-    for (i, place) in places.into_iter().enumerate() {
-        let snapshot = stage.at(secs(i as f64)).unwrap();
-        close(eye(&snapshot), place, 1e-9);
-        close(looks(&snapshot), (v(1.0, 1.0, 1.0) - place) / 4.0, 1e-9);
-        rotation_is_sound(&snapshot);
-    }
-    // After 100 hours of turning, 90 000 whole rounds: where it began.
-    close(eye(&stage.at(secs(360_000.0)).unwrap()), places[0], 1e-8);
-    // From straight above there is no pole: up is where the camera came from.
-    let stage =
-        shot(Rig::Orbit { target, distance: 4.0, elevation: FRAC_PI_2, azimuth: FRAC_PI_2, speed: 0.0 });
-    let snapshot = stage.at(Time::ZERO).unwrap();
-    close(eye(&snapshot), v(1.0, 5.0, 1.0), 1e-9);
-    close(up(&snapshot), v(-1.0, 0.0, 0.0), 1e-9);
-}
-
-#[test]
-fn follow_stands_at_the_joint_and_looks_at_it() {
-    let f = figure();
-    let offset = v(0.0, 0.5, 2.0);
-    let mut stage = shot(Rig::Follow { target: Target::Joint { actor: 0, joint: HEAD }, offset });
-    stage.actors[0].transform = Placement::at(1e6, 0.0, 0.0);
-    stage.play(0, Cue::new(f.clips[ALONG_X].clone()));
-    for t in [0.0, 1.5, 3.9] {
-        let snapshot = stage.at(secs(t)).unwrap();
-        close(eye(&snapshot), v(1e6 + t, 1.6, 0.0) + offset, 1e-6);
-        close(looks(&snapshot), -offset.normalize(), 1e-9);
-        assert!(up(&snapshot).y > 0.9);
-    }
-}
-
-#[test]
-fn fixed_looks_at_an_actor_or_along_its_rotation() {
-    let rotation = DQuat::from_rotation_y(0.3);
-    let stage = shot(Rig::Fixed { position: v(0.0, 1.6, 6.0), rotation, look_at: None });
-    close(looks(&stage.at(Time::ZERO).unwrap()), rotation * DVec3::NEG_Z, 1e-12);
-    let mut stage =
-        shot(Rig::Fixed { position: v(0.0, 1.6, 6.0), rotation, look_at: Some(Target::Actor(0)) });
-    stage.actors[0].transform = Placement::at(2.0, 0.0, 0.0);
-    // The middle of the figure's rest bounds: 1.8 m high, centred.
-    close(looks(&stage.at(Time::ZERO).unwrap()), (v(2.0, 0.9, 0.0) - v(0.0, 1.6, 6.0)).normalize(), 1e-7);
 }
 
 #[test]
@@ -192,27 +144,6 @@ fn projected(stage: &Stage, t: f64) -> (DVec3, f64) {
 }
 
 #[test]
-fn a_stage_without_a_camera_is_framed_closely_in_every_shape_of_picture() {
-    let mut stage = Stage::default();
-    stage.cast("anna", figure());
-    for (size, scale, far_off) in [
-        ([1280, 720], 1.0, 0.0),
-        ([300, 900], 1.0, 1e7),
-        ([2000, 10], 1.0, 0.0),
-        ([640, 480], 1e-3, 0.0),
-        ([640, 480], 1e4, -3e5),
-    ] {
-        stage.settings.size = size;
-        stage.actors[0].transform =
-            Placement { scale: DVec3::splat(scale), ..Placement::at(far_off, 0.0, 2.0 * far_off) };
-        let (reach, _) = projected(&stage, 1.0);
-        let most = reach.max_element();
-        // Joint boxes are a little wider than the mesh they hold.
-        assert!(most < 0.98 && most > 0.75, "{size:?}, scale {scale}: reaches {reach}");
-    }
-}
-
-#[test]
 fn a_walker_stays_in_the_picture_and_the_camera_still() {
     let f = figure();
     let mut stage = Stage::default();
@@ -247,20 +178,6 @@ fn the_ground_need_not_be_seen_to_its_edges() {
     // Alone it is what there is to see.
     stage.actors[0].visible = false;
     assert!(eye(&stage.at(Time::ZERO).unwrap()).length() > 50.0);
-}
-
-#[test]
-fn framing_rigs_take_their_angles_and_an_orthographic_view() {
-    let mut stage = shot(Rig::Frame { azimuth: FRAC_PI_4, elevation: 0.3 });
-    let snapshot = stage.at(Time::ZERO).unwrap();
-    let e = 0.3f64;
-    let back = v(e.cos() * FRAC_PI_4.sin(), e.sin(), e.cos() * FRAC_PI_4.cos());
-    close(looks(&snapshot), -back, 1e-9);
-    let (reach, _) = projected(&stage, 0.0);
-    assert!(reach.max_element() < 0.98 && reach.max_element() > 0.8);
-    stage.cameras[0].projection = Projection::Orthographic { height: 1.0, near: 0.0, far: 1.0 };
-    let (reach, _) = projected(&stage, 0.0);
-    assert!(reach.max_element() < 0.98 && reach.max_element() > 0.8, "{reach}");
 }
 
 #[test]

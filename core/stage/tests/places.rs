@@ -4,7 +4,7 @@ mod support;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3, Quat, Vec4};
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 use support::*;
 
@@ -14,45 +14,6 @@ fn place(snapshot: &Snapshot, actor: usize) -> DVec3 {
 
 fn facing(snapshot: &Snapshot, actor: usize) -> DVec3 {
     snapshot.actors[actor].world_from_model.transform_vector3(DVec3::Z)
-}
-
-#[test]
-fn a_sword_in_a_hand_goes_where_the_hand_goes() {
-    let f = figure();
-    let mut stage = Stage::default();
-    // The sword comes before its carrier: order in the list means nothing.
-    let sword = stage.cast("sword", stick());
-    let anna = stage.cast("anna", f.clone());
-    stage.actors[anna].transform = Placement::at(10.0, 0.0, 5.0).turned(FRAC_PI_2);
-    stage.play(anna, Cue::new(f.clips[RAISE].clone()));
-    stage.actors[sword].parent = Some(Attachment { actor: anna, joint: Some(HAND) });
-    stage.actors[sword].transform = Placement::at(0.1, 0.0, 0.0);
-    assert_eq!(stage.check().len(), 0);
-    for t in [0.0, 0.5, 1.0, 1.75] {
-        let snapshot = stage.at(secs(t)).unwrap();
-        let arm = t / 2.0 * FRAC_PI_2;
-        // In the model: shoulder, then 0.6 m of arm and 0.1 m along the hand. A quarter turn about +Y: x to -z.
-        let (x, y) = (0.3 + 0.7 * arm.cos(), 1.4 + 0.7 * arm.sin());
-        close(place(&snapshot, sword), v(10.0, y, 5.0 - x), 1e-6);
-        // Its tip, 1 m along its +Y.
-        let tip = snapshot.actors[sword].world_from_model.transform_point3(DVec3::Y);
-        close(tip, v(10.0, y + arm.cos(), 5.0 - (x - arm.sin())), 1e-6);
-    }
-}
-
-#[test]
-fn parents_chain_and_scale() {
-    let mut stage = Stage::default();
-    let asset = Arc::new(Asset::default());
-    let [c, b, a] = ["c", "b", "a"].map(|name| stage.cast(name, asset.clone()));
-    stage.actors[a].transform = Placement { scale: DVec3::splat(2.0), ..Placement::at(1.0, 0.0, 0.0) };
-    stage.actors[b].transform = Placement::at(0.0, 1.0, 0.0).turned(PI);
-    stage.actors[b].parent = Some(Attachment { actor: a, joint: None });
-    stage.actors[c].transform = Placement::at(0.5, 0.0, 0.0);
-    stage.actors[c].parent = Some(Attachment { actor: b, joint: None });
-    let snapshot = stage.at(Time::ZERO).unwrap();
-    close(place(&snapshot, b), v(1.0, 2.0, 0.0), 1e-12);
-    close(place(&snapshot, c), v(0.0, 2.0, 0.0), 1e-12);
 }
 
 #[test]
