@@ -145,6 +145,8 @@ fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>)
                     shown(root)
                 )));
             }
+            // "./a.rhai" is named "a.rhai" everywhere.
+            let path = path.strip_prefix(".").map_or(path.clone(), Path::to_path_buf);
             files.push((path, Some(root.to_path_buf())));
         }
     }
@@ -164,9 +166,12 @@ pub fn select(cases: Vec<Case>, selection: &Selection) -> Result<Vec<Case>, Noth
             .filter(|n| !n.is_empty())
             .collect();
         return Err(NothingToRun::Usage(format!(
-            "--filter {}: none of the {} sections fits{}\n    --list shows all of them",
+            "--filter {}: {}{}\n    --list shows all of them",
             quoted(filter),
-            cases.len(),
+            match cases.len() {
+                1 => "the only section does not fit".to_string(),
+                n => format!("none of the {n} sections fits"),
+            },
             did_you_mean(filter, names)
         )));
     }
@@ -180,7 +185,8 @@ pub fn select(cases: Vec<Case>, selection: &Selection) -> Result<Vec<Case>, Noth
     let cases: Vec<Case> = cases.into_iter().skip(part - 1).step_by(parts).collect();
     match cases.is_empty() {
         true => Err(NothingToRun::Usage(format!(
-            "--shard {part}/{parts}: there are only {count} sections, so this part is empty"
+            "--shard {part}/{parts}: there {}, so this part is empty",
+            if count == 1 { "is only 1 section".to_string() } else { format!("are only {count} sections") }
         ))),
         false => Ok(cases),
     }

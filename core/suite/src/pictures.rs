@@ -60,7 +60,8 @@ pub struct Whose<'a> {
 }
 
 pub enum Judged {
-    Check(Box<Check>),
+    /// With the content hash of the stored picture, where one was read.
+    Check(Box<Check>, Option<[u8; 32]>),
     /// This machine cannot draw it: the reason.
     Skipped(String),
 }
@@ -89,7 +90,7 @@ pub fn judge(
         Ok(shot) => shot,
         Err(text) => {
             check.got = text;
-            return Judged::Check(Box::new(check));
+            return Judged::Check(Box::new(check), None);
         }
     };
     let (frame, class) = match painter.draw(stage, &shot) {
@@ -97,7 +98,7 @@ pub fn judge(
         Err(NoPicture::NoDevice(why)) => return Judged::Skipped(why),
         Err(NoPicture::Failed(why)) => {
             check.got = format!("no picture: {why}");
-            return Judged::Check(Box::new(check));
+            return Judged::Check(Box::new(check), None);
         }
     };
     let [w, h] = shot.size;
@@ -106,16 +107,16 @@ pub fn judge(
         "" => whose.file.to_string(),
         section => format!("{} > {section}", whose.file),
     };
-    let finding = find(wanted, &frame, &class, &stored_at, options);
+    let (finding, read) = find(wanted, &frame, &class, &stored_at, options);
     if let Finding::Good(words) = finding {
         (check.passed, check.by) = (true, words);
-        return Judged::Check(Box::new(check));
+        return Judged::Check(Box::new(check), read);
     }
     let bytes = match stored::encode_accepted(&frame, &class, &name) {
         Ok(bytes) => bytes,
         Err(text) => {
             check.got = format!("no PNG: {text}");
-            return Judged::Check(Box::new(check));
+            return Judged::Check(Box::new(check), read);
         }
     };
     let light = wanted.large || bytes.len() <= MOST_BYTES;
@@ -130,12 +131,12 @@ pub fn judge(
             Ok(()) => {
                 check.passed = true;
                 check.by = ACCEPTED.to_string();
-                return Judged::Check(Box::new(check));
+                return Judged::Check(Box::new(check), read);
             }
             Err(text) => {
                 check.by = "not accepted".to_string();
                 check.hint = text;
-                return Judged::Check(Box::new(check));
+                return Judged::Check(Box::new(check), read);
             }
         }
     }
@@ -187,7 +188,7 @@ pub fn judge(
         write(folder, whose.file, &mut pictures, &mut check);
     }
     check.evidence = Evidence::Pictures(Box::new(pictures));
-    Judged::Check(Box::new(check))
+    Judged::Check(Box::new(check), read)
 }
 
 /// `Check::by` of a picture that has just been taken over.
@@ -245,12 +246,24 @@ fn find(
     class: &str,
     stored_at: &Path,
     options: &PictureOptions,
+) -> (Finding, Option<[u8; 32]>) {
+    match stored::read(stored_at) {
+        Ok((expected, bytes)) => {
+            let hash = *blake3::hash(&bytes).as_bytes();
+            (against(wanted, frame, class, (expected, bytes), options), Some(hash))
+        }
+        Err(Unreadable::Missing) => (Finding::Missing, None),
+        Err(Unreadable::Damaged(why)) => (Finding::Damaged(why), None),
+    }
+}
+
+fn against(
+    wanted: &PictureExpectation,
+    frame: &Frame,
+    class: &str,
+    (expected, bytes): (Stored, Vec<u8>),
+    options: &PictureOptions,
 ) -> Finding {
-    let (expected, bytes) = match stored::read(stored_at) {
-        Ok(read) => read,
-        Err(Unreadable::Missing) => return Finding::Missing,
-        Err(Unreadable::Damaged(why)) => return Finding::Damaged(why),
-    };
     if expected.device != class && !options.any_device {
         return Finding::OtherDevice(expected.device);
     }

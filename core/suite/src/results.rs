@@ -66,7 +66,7 @@ impl Results {
         let same = |(path, hash): &(PathBuf, String)| self.content(path).is_some_and(|h| hex(&h) == *hash);
         let good = entry.format == FORMAT
             && entry.outcome.status == Status::Passed
-            && entry.base == hex(&self.base(case)?)
+            && entry.base == hex(&self.base(case, &std::fs::read(&case.path).ok()?)?)
             && entry.elsewhere.iter().all(|(path, there)| path.exists() == *there)
             && entry.files.iter().chain(&entry.pictures).all(same);
         if !good {
@@ -83,20 +83,22 @@ impl Results {
         Some(Reused { outcome, files: names(entry.files), pictures: names(entry.pictures) })
     }
 
-    /// Keeps a passed outcome. Gives its key; a folder that cannot be written only costs the next run its time.
+    /// Keeps a passed outcome. Gives its key; a folder that cannot be written only costs the next run its time. `files` and
+    /// `pictures` come with the hashes of what was read of them: what lies there by now may be something else.
     pub fn keep(
         &self,
         case: &Case,
         outcome: &mut Outcome,
         files: &[(PathBuf, Hash)],
-        pictures: &[PathBuf],
+        pictures: &[(PathBuf, Option<Hash>)],
         roots: &[PathBuf],
     ) {
-        let (Some(base), Some(place)) = (self.base(case), self.place(case)) else { return };
+        let Ok(text) = std::fs::read(&case.path) else { return };
+        let (Some(base), Some(place)) = (self.base(case, &text), self.place(case)) else { return };
         let own = case.path.canonicalize().ok();
         // Saved while it ran: what passed is not what is there now.
         let read = files.iter().find(|(path, _)| Some(path) == own.as_ref());
-        if read.is_some_and(|(path, hash)| hash_of(path).ok() != Some(*hash)) {
+        if read.is_some_and(|(_, hash)| blake3::hash(&text) != *hash) {
             return;
         }
         let files: Vec<(PathBuf, String)> = files
@@ -105,9 +107,9 @@ impl Results {
             .map(|(path, hash)| (path.clone(), hex(hash)))
             .collect();
         let mut kept = Vec::new();
-        for path in pictures {
-            let Some(hash) = self.content(path) else { return };
-            kept.push((path.clone(), hex(&hash)));
+        for (path, hash) in pictures {
+            let Some(hash) = hash else { return };
+            kept.push((path.clone(), hex(hash)));
         }
         let mut key = blake3::Hasher::new();
         add(&mut key, &base);
@@ -136,11 +138,6 @@ impl Results {
         }
     }
 
-    /// A picture that has just been written is to be read anew.
-    pub fn changed(&self, path: &Path) {
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner).remove(path);
-    }
-
     fn place(&self, case: &Case) -> Option<PathBuf> {
         let mut hasher = blake3::Hasher::new();
         add(&mut hasher, case.path.canonicalize().ok()?.to_string_lossy().as_bytes());
@@ -149,10 +146,9 @@ impl Results {
     }
 
     /// Program, options, and the file's text without the lines of its other sections.
-    fn base(&self, case: &Case) -> Option<Hash> {
+    fn base(&self, case: &Case, text: &[u8]) -> Option<Hash> {
         let info = case.section.as_ref().ok()?;
-        let bytes = std::fs::read(&case.path).ok()?;
-        let text = String::from_utf8_lossy(&bytes);
+        let text = String::from_utf8_lossy(text);
         let mut hasher = blake3::Hasher::new();
         add(&mut hasher, &self.run);
         add(&mut hasher, info.name.as_bytes());

@@ -163,11 +163,11 @@ fn one(
     if let Some(found) = results.filter(|_| options.changed).and_then(|r| r.find(case)) {
         // Their hashes have been compared and are not asked for again.
         let files = found.files.into_iter().map(|f| (f, [0; 32])).collect();
-        return Ran { outcome: found.outcome, files, pictures: found.pictures, keep: false };
+        let pictures = found.pictures.into_iter().map(|p| (p, None)).collect();
+        return Ran { outcome: found.outcome, files, pictures, keep: false };
     }
     let mut ran = section::run(case, registry, &options.test, &options.pictures, painter);
     if let Some(results) = results {
-        ran.pictures.iter().for_each(|p| results.changed(p));
         if ran.keep {
             let roots = roots(case, &options.test);
             results.keep(case, &mut ran.outcome, &ran.files, &ran.pictures, &roots);
@@ -221,7 +221,7 @@ impl Teller<'_> {
 
     /// Two sections cannot have one picture: they would be compared with each other's, and accepted over each other.
     fn claim(&mut self, ran: &mut Ran) {
-        for path in &ran.pictures {
+        for (path, _) in &ran.pictures {
             let name = ran.outcome.name();
             let Some(owner) = self.claims.insert(path.clone(), name) else { continue };
             let stem = path.file_stem().unwrap_or_default().to_string_lossy();

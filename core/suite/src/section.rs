@@ -20,8 +20,8 @@ pub struct Ran {
     pub outcome: Outcome,
     /// Canonical, with content hashes; sorted.
     pub files: Vec<(PathBuf, [u8; 32])>,
-    /// Stored pictures that it is compared with.
-    pub pictures: Vec<PathBuf>,
+    /// Stored pictures that it is compared with, with the content hash of what was read of each.
+    pub pictures: Vec<(PathBuf, Option<[u8; 32]>)>,
     /// May be taken over by a later run that finds nothing changed.
     pub keep: bool,
 }
@@ -70,7 +70,8 @@ pub fn run(
         outcome.status = Status::Skipped(reason.clone());
         return without(outcome);
     }
-    let options = TestOptions { root: case.root.clone().or_else(|| options.root.clone()), ..options.clone() };
+    // The root of the options counts for the files below it only.
+    let options = TestOptions { root: case.root.clone(), ..options.clone() };
     let run = match run_section(&case.path, info.index, registry, &options) {
         Ok(run) => run,
         Err(diagnostics) => {
@@ -125,11 +126,17 @@ fn judge(
             let place = Place { file: at.file.clone(), line: at.line, column: at.column };
             let Some(stage) = run.stages.get(expectation.stage) else { continue };
             let whose = Whose { path: &case.path, file: &case.file, section: &outcome.section, place };
-            pictures.push(stored::place(&case.path, &wanted.name));
-            match pictures::judge(wanted, stage, &whose, painter, options) {
-                Judged::Check(check) => outcome.checks.push(*check),
-                Judged::Skipped(reason) => skipped = Some(reason),
-            }
+            let read = match pictures::judge(wanted, stage, &whose, painter, options) {
+                Judged::Check(check, read) => {
+                    outcome.checks.push(*check);
+                    read
+                }
+                Judged::Skipped(reason) => {
+                    skipped = Some(reason);
+                    None
+                }
+            };
+            pictures.push((stored::place(&case.path, &wanted.name), read));
         }
         if let Some(stage) = run.stages.first().filter(|_| run.info.as_it_stands()) {
             outcome.checks.push(drawable(case, stage, painter));

@@ -45,7 +45,8 @@ pub fn read(path: &Path) -> Result<(Stored, Vec<u8>), Unreadable> {
     decode(&bytes).map(|stored| (stored, bytes)).map_err(Unreadable::Damaged)
 }
 
-fn decode(bytes: &[u8]) -> Result<Stored, String> {
+/// The picture in a PNG file's bytes, 8 bits a channel; else why not, without the file's name.
+pub fn decode(bytes: &[u8]) -> Result<Stored, String> {
     let words = |e: png::DecodingError| match e {
         png::DecodingError::IoError(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
             "it ends too early".to_string()

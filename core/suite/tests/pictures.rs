@@ -60,7 +60,7 @@ impl Bench {
 
     fn check(&mut self) -> Check {
         match self.judged() {
-            Judged::Check(check) => *check,
+            Judged::Check(check, _) => *check,
             Judged::Skipped(reason) => panic!("skipped: {reason}"),
         }
     }
@@ -264,7 +264,7 @@ fn vulkan_pictures_carry_device_and_driver() {
     bench.painter.validation = true;
     match bench.judged() {
         Judged::Skipped(reason) => println!("SKIP 1: {reason}"),
-        Judged::Check(_) => {
+        Judged::Check(..) => {
             assert!(bench.accept().passed);
             let device = stored::read(&bench.stored()).unwrap().0.device;
             assert!(device.starts_with("vulkan:") && device.contains('/'), "{device}");

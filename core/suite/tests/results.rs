@@ -43,6 +43,10 @@ fn outcome() -> Outcome {
     }
 }
 
+fn hash_of(path: &Path) -> Option<[u8; 32]> {
+    Some(*blake3::hash(&std::fs::read(path).ok()?).as_bytes())
+}
+
 struct Bench {
     folder: tempfile::TempDir,
     asset: PathBuf,
@@ -73,9 +77,9 @@ impl Bench {
     }
 
     fn keep(&self) {
-        let files = [(self.asset.clone(), *blake3::hash(&std::fs::read(&self.asset).unwrap()).as_bytes())];
+        let files = [(self.asset.clone(), hash_of(&self.asset).unwrap())];
         let roots = [self.folder.path().canonicalize().unwrap(), self.other.clone()];
-        let pictures = [self.picture.clone()];
+        let pictures = [(self.picture.clone(), hash_of(&self.picture))];
         self.results("1").keep(&self.case(), &mut outcome(), &files, &pictures, &roots);
     }
 
@@ -143,6 +147,22 @@ fn a_text_that_nobody_ran_is_not_kept() {
         bench.results("1").keep(&bench.case(), &mut outcome(), &files, &[], &[]);
         assert_eq!(bench.found(), found);
     }
+}
+
+/// A stored picture was replaced after it was compared: what passed is the one from before.
+#[test]
+fn a_picture_that_nobody_compared_is_not_kept() {
+    let bench = Bench::new();
+    for (compared, found) in [(&b"picture"[..], true), (b"another", false)] {
+        bench.results("1").forget(&bench.case());
+        let pictures = [(bench.picture.clone(), Some(*blake3::hash(compared).as_bytes()))];
+        bench.results("1").keep(&bench.case(), &mut outcome(), &[], &pictures, &[]);
+        assert_eq!(bench.found(), found);
+    }
+    // Nothing could be read of it.
+    bench.results("1").forget(&bench.case());
+    bench.results("1").keep(&bench.case(), &mut outcome(), &[], &[(bench.picture.clone(), None)], &[]);
+    assert!(!bench.found());
 }
 
 #[test]

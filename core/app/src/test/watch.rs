@@ -24,6 +24,7 @@ pub fn run(args: &TestArgs, job: &Job, registry: &Registry) -> Result<(), Failur
     let failed = |e: notify::Error| Failure::input(format!("--watch: cannot watch files: {e}"));
     let mut watcher = new_debouncer(QUIET, None, to).map_err(failed)?;
     let mut watched: BTreeSet<PathBuf> = BTreeSet::new();
+    let own = Own::new(args);
     loop {
         let mut read: BTreeSet<PathBuf> = BTreeSet::new();
         // What is wrong now may be right after the next save: only a reader that has gone ends this.
@@ -46,7 +47,7 @@ pub fn run(args: &TestArgs, job: &Job, registry: &Registry) -> Result<(), Failur
             return Err(Failure::input("--watch: there is no folder to watch"));
         }
         print(&format!("watching {} folders; Ctrl-C ends\n", watched.len()))?;
-        let changed = wait(&changes)?;
+        let changed = wait(&changes, &own)?;
         print(&format!("\nchanged: {}\n", choreo_suite::collect::shown(&changed)))?;
     }
 }
@@ -57,9 +58,8 @@ fn folders(paths: &[PathBuf], read: &BTreeSet<PathBuf>) -> BTreeSet<PathBuf> {
         read.iter().filter_map(|f| f.parent()).map(Path::to_path_buf).collect();
     let mut open: Vec<PathBuf> = Vec::new();
     for path in paths {
-        let folder = if path.is_dir() { Some(path.as_path()) } else { path.parent() };
-        let folder = folder.map(|f| if f.as_os_str().is_empty() { Path::new(".") } else { f });
-        let Some(folder) = folder.and_then(|f| f.canonicalize().ok()) else { continue };
+        let folder = if path.is_dir() { path.as_path() } else { folder_of(path) };
+        let Ok(folder) = folder.canonicalize() else { continue };
         match path.is_dir() {
             true => open.push(folder),
             false => drop(folders.insert(folder)),
@@ -83,7 +83,7 @@ fn folders(paths: &[PathBuf], read: &BTreeSet<PathBuf>) -> BTreeSet<PathBuf> {
 }
 
 /// The first file that really changed. What we write ourselves and files being read do not count.
-fn wait(changes: &Receiver<DebounceEventResult>) -> Result<PathBuf, Failure> {
+fn wait(changes: &Receiver<DebounceEventResult>, own: &Own) -> Result<PathBuf, Failure> {
     loop {
         let Ok(events) = changes.recv() else {
             return Err(Failure::input("--watch: the system no longer tells of changes"));
@@ -93,7 +93,7 @@ fn wait(changes: &Receiver<DebounceEventResult>) -> Result<PathBuf, Failure> {
             .flatten()
             .filter(|e| !e.kind.is_access())
             .flat_map(|e| e.event.paths)
-            .find(|p| !ours(p));
+            .find(|p| !own.is(p));
         if let Some(path) = path {
             let here = std::env::current_dir().and_then(|d| d.canonicalize()).unwrap_or_default();
             return Ok(path.strip_prefix(&here).map_or(path.clone(), Path::to_path_buf));
@@ -101,7 +101,64 @@ fn wait(changes: &Receiver<DebounceEventResult>) -> Result<PathBuf, Failure> {
     }
 }
 
-fn ours(path: &Path) -> bool {
-    let part = path.extension().is_some_and(|e| e == "part");
-    part || path.components().any(|c| c.as_os_str() == "choreo-test")
+/// What this run writes: it would wait for itself.
+struct Own {
+    reports: Vec<PathBuf>,
+    /// Standard output and error, which may have been redirected into a folder that is watched.
+    streams: Vec<same::File>,
+}
+
+impl Own {
+    fn new(args: &TestArgs) -> Own {
+        let reports = [&args.junit, &args.html].into_iter().flatten();
+        // They need not be there yet.
+        let reports = reports.filter_map(|p| Some(folder_of(p).canonicalize().ok()?.join(p.file_name()?)));
+        Own { reports: reports.collect(), streams: same::streams() }
+    }
+
+    fn is(&self, path: &Path) -> bool {
+        path.extension().is_some_and(|e| e == "part")
+            || path.components().any(|c| c.as_os_str() == "choreo-test")
+            || self.reports.iter().any(|r| r == path)
+            || same::of(path).is_some_and(|file| self.streams.contains(&file))
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Tells a file whatever its name.
+#[cfg(unix)]
+mod same {
+    use std::os::fd::AsFd;
+    use std::os::unix::fs::MetadataExt;
+    use std::path::Path;
+
+    /// Device and number on it.
+    pub type File = (u64, u64);
+
+    pub fn of(path: &Path) -> Option<File> {
+        std::fs::metadata(path).ok().map(|m| (m.dev(), m.ino()))
+    }
+
+    pub fn streams() -> Vec<File> {
+        let (out, err) = (std::io::stdout(), std::io::stderr());
+        let files = [out.as_fd().try_clone_to_owned(), err.as_fd().try_clone_to_owned()];
+        let told = files.into_iter().flatten().filter_map(|f| std::fs::File::from(f).metadata().ok());
+        told.filter(|m| m.is_file()).map(|m| (m.dev(), m.ino())).collect()
+    }
+}
+
+#[cfg(not(unix))]
+mod same {
+    pub type File = ();
+
+    pub fn of(_: &std::path::Path) -> Option<File> {
+        None
+    }
+
+    pub fn streams() -> Vec<File> {
+        Vec::new()
+    }
 }
