@@ -128,6 +128,7 @@ fn another_script_is_taken_with_its_parameters_and_its_folder() {
     let folder = Folder::new(&[
         ("shows/hero.toy", ""),
         ("shows/steps.rhai", "fn twice(x) { 2 * x }"),
+        ("shows/open.rhai", "let a = 1;\n/* cast("),
         (
             "shows/show.rhai",
             r#"import "steps" as steps;
@@ -148,7 +149,8 @@ fn another_script_is_taken_with_its_parameters_and_its_folder() {
                    scene("../shows/show.rhai", #{ set: #{ lenght: 5 } }); //~ error: no parameter "lenght"; did you mean "length"?
                    scene("../shows/show.rhai"); //~ error: already called in line 8
                    expect(1).equals(1);
-               });"#,
+               });
+               test("open", || { scene("../shows/open.rhai"); expect(1).equals(1); });"#,
         ),
     ]);
     let path = folder.file("tests/t.rhai");
@@ -162,6 +164,9 @@ fn another_script_is_taken_with_its_parameters_and_its_folder() {
             assert_eq!((run.expectations.len(), run.files_used.len()), (3, 4));
         }
     }
+    let run = run_section(&path, 2, &registry(), &options).unwrap();
+    let errors = show(&run.errors);
+    assert!(errors.contains("open.rhai:2:1: this comment is never closed"), "{errors}");
     // Without the root it lies outside.
     let run = run_section(&path, 0, &registry(), &TestOptions::default()).unwrap();
     assert!(show(&run.errors).contains("leads out of the folders"), "{}", show(&run.errors));

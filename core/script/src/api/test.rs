@@ -243,7 +243,7 @@ fn scene(c: &mut Call) -> Reply {
 fn run_scene(c: &Call, name: &str, text: &str) -> Result<(), Box<EvalAltResult>> {
     c.shared.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
     let engine = c.context.engine();
-    let mut ast = engine.compile_with_scope(&constants(), text)?;
+    let mut ast = crate::engine::compile(engine, c.shared, text)?;
     ast.set_source(name);
     engine.run_ast_with_scope(&mut constants(), &ast)
 }
