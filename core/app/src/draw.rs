@@ -2,7 +2,6 @@
 
 use crate::args::RenderArgs;
 use crate::failure::Failure;
-use crate::journal::Identity;
 use crate::output::Target;
 use crate::part::Part;
 use crate::pictures::{self, Claim};
@@ -11,6 +10,7 @@ use crate::progress::Progress;
 use crate::render::Job;
 use crate::video::Video;
 use crate::{device, interrupt, provenance};
+use choreo_media::journal::Identity;
 use choreo_motion::Time;
 use choreo_plugin::{Registry, VideoInfo};
 use choreo_render::{Catalog, Plan, PlanOptions, Renderer};

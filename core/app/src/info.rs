@@ -2,9 +2,10 @@
 
 use crate::args::InfoArgs;
 use crate::failure::{Failure, print, print_json};
-use crate::{character, media, model, plugin_files, scene};
+use crate::{character, model, plugin_files, scene};
+use choreo_media::Media;
 use choreo_plugin::{Registry, Source};
-use choreo_script::Limits;
+use choreo_script::{Limits, printable};
 use choreo_stage::{Asset, LightKind, Origin, Projection};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -20,7 +21,7 @@ pub fn run(args: InfoArgs) -> Result<(), Failure> {
         )));
     }
     let head = model::head(&args.file)?;
-    if let Some(media) = media::read(&head) {
+    if let Some(media) = choreo_media::read(&head) {
         return print_media(&args, &media);
     }
     let asset = model::import(&args.file, &[], &args.import, &registry, &Limits::default())?;
@@ -29,7 +30,7 @@ pub fn run(args: InfoArgs) -> Result<(), Failure> {
     if args.json {
         return print_json(&facts_json(&asset, &facts, args.joints));
     }
-    print(&text(&asset, &facts, args.joints))
+    print(&printable(&text(&asset, &facts, args.joints)))
 }
 
 fn importer(args: &InfoArgs, registry: &Registry, head: Vec<u8>) -> (String, String) {
@@ -38,7 +39,7 @@ fn importer(args: &InfoArgs, registry: &Registry, head: Vec<u8>) -> (String, Str
     found.map(|i| (i.manifest().name.to_string(), i.manifest().about.to_string())).unwrap_or_default()
 }
 
-fn print_media(args: &InfoArgs, media: &media::Media) -> Result<(), Failure> {
+fn print_media(args: &InfoArgs, media: &Media) -> Result<(), Failure> {
     if args.json {
         let made: serde_json::Map<String, Value> =
             media.provenance.iter().map(|(k, v)| (k.clone(), v.clone().into())).collect();
@@ -48,13 +49,34 @@ fn print_media(args: &InfoArgs, media: &media::Media) -> Result<(), Failure> {
         }));
     }
     let mut text = format!("{}: {}, {}×{}\n", args.file.display(), media.format, media.width, media.height);
-    for (key, value) in &media.provenance {
-        let _ = writeln!(text, "  {:<12} {value}", key.strip_prefix("choreo:").unwrap_or(key));
+    for (key, value) in media.provenance.iter().take(MOST_ENTRIES) {
+        let _ = writeln!(
+            text,
+            "  {:<12} {}",
+            one_line(key.strip_prefix("choreo:").unwrap_or(key)),
+            one_line(value)
+        );
+    }
+    let more = media.provenance.len().saturating_sub(MOST_ENTRIES);
+    if more > 0 {
+        let _ = writeln!(text, "  and {more} more; --json tells all");
     }
     if media.provenance.is_empty() {
         text.push_str("  does not say how it was made\n");
     }
-    print(&text)
+    print(&printable(&text))
+}
+
+/// Whoever wrote the file: what is shown of it stays readable.
+const MOST_ENTRIES: usize = 64;
+
+fn one_line(text: &str) -> String {
+    const MOST: usize = 2_000;
+    let mut line: String = text.chars().take(MOST).map(|c| if c == '\n' { ' ' } else { c }).collect();
+    if line.len() < text.len() {
+        line.push('…');
+    }
+    line
 }
 
 struct Facts {

@@ -3,7 +3,7 @@
 use crate::failure::{Failure, output_error};
 use crate::output::{Target, export_failure};
 use crate::part::{self, Part};
-use crate::{media, provenance};
+use crate::provenance;
 use choreo_motion::Time;
 use choreo_plugin::{Exporter, Frame, VideoInfo};
 use std::fs::File;
@@ -38,7 +38,7 @@ pub fn missing(
     let mut missing = Vec::new();
     for &(number, time) in frames {
         let place = target.file(number);
-        let found = std::fs::read(&place).ok().and_then(|bytes| media::whole_png(&bytes));
+        let found = std::fs::read(&place).ok().and_then(|bytes| choreo_media::whole_png(&bytes));
         match found {
             Some(found) => {
                 let wanted = provenance::at(&info.provenance, time);

@@ -3,14 +3,13 @@
 
 use crate::failure::Failure;
 use crate::scene::Scene;
+use choreo_media::ID;
 use choreo_motion::Time;
 use choreo_plugin::{ExportOptions, OptionValue};
 use choreo_render::DeviceInfo;
 use choreo_stage::Settings;
 use std::path::Path;
 
-/// Stands for all of it where a format has no room.
-pub const ID: &str = "choreo:id";
 /// Seconds on the scene's clock; of single pictures only.
 pub const TIME: &str = "choreo:time";
 

@@ -1,10 +1,10 @@
 //! One video on its way to its place: the exporter's bytes and the journal beside them, in the folder `NAME.part`.
 
 use crate::failure::{Failure, output_error};
-use crate::journal::{self, Changes, Identity, Journal, Kept, Record, Span};
 use crate::output::export_failure;
 use crate::part::{self, Place};
 use crate::provenance;
+use choreo_media::journal::{self, Changes, Identity, Journal, Kept, Record, Span};
 use choreo_plugin::{Exporter, Frame, FrameSink, Mark, VideoInfo};
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
@@ -233,8 +233,7 @@ impl Folder {
         let settled = matches!(last.kept, Kept::Settled(_));
         settled
             && !self.path.join("body").exists()
-            && File::open(&self.place)
-                .is_ok_and(|mut f| settled_records(&mut f, found) == found.records.len())
+            && File::open(&self.place).is_ok_and(|mut f| found.settled(&mut f) == found.records.len())
     }
 
     /// Uses what is whole of the journal, the body and the kept frames; gives how many frames that are.
@@ -249,7 +248,7 @@ impl Folder {
         let failed = |e: io::Error| output_error(&shown, &e);
         let export_failed = |e| export_failure(&shown, e);
         let mut file = self.create("body").map_err(failed)?;
-        let settled = settled_records(&mut file, found);
+        let settled = found.settled(&mut file);
         let states = found.records[..settled].iter().filter_map(|(record, _)| match &record.kept {
             Kept::Settled(state) => Some(state.clone()),
             Kept::Open(_) => None,
@@ -270,7 +269,7 @@ impl Folder {
         out.lock().length = length;
         let mut done = settled;
         while let Some((Record { kept: Kept::Open(span), .. }, _)) = found.records.get(done) {
-            let Some(kept) = self.kept_frame(span) else { break };
+            let Some(kept) = self.kept_frame(span, info) else { break };
             sink.again(kept).map_err(export_failed)?;
             self.frames_end = span.at + u64::from(span.length);
             done += 1;
@@ -286,7 +285,7 @@ impl Folder {
         Ok((Video { shown, sink, body: out, end: End::Folder(Box::new(self)) }, done))
     }
 
-    fn kept_frame(&mut self, span: &Span) -> Option<&[u8]> {
+    fn kept_frame(&mut self, span: &Span, info: &VideoInfo) -> Option<&[u8]> {
         let frames = match &mut self.frames {
             Some(frames) => frames,
             none => none.insert(File::options().read(true).write(true).open(self.path.join("frames")).ok()?),
@@ -297,7 +296,9 @@ impl Folder {
         if self.scratch.len() != span.length as usize || crc32fast::hash(&self.scratch) != span.crc {
             return None;
         }
-        self.changes.decode(&self.scratch, &span.parts)
+        // No encoder keeps more of a frame than its pixels, and some add a row and a column.
+        let most = 4 * (u64::from(info.width) + 1) * (u64::from(info.height) + 1);
+        self.changes.decode(&self.scratch, &span.parts, most)
     }
 
     /// Writes down the frame that the sink has just taken.
@@ -365,35 +366,6 @@ impl Drop for Folder {
         }
         parts.remove(&self.path);
     }
-}
-
-/// How many records, up to a settled one, the body bears out.
-fn settled_records(body: &mut File, found: &Journal) -> usize {
-    let mut body = BufReader::with_capacity(1 << 16, body);
-    let (mut at, mut settled) = (0, 0);
-    let mut buffer = vec![0; 1 << 16];
-    for (i, (record, _)) in found.records.iter().enumerate() {
-        let Some(mut left) = record.body.checked_sub(at) else { break };
-        let mut crc = crc32fast::Hasher::new();
-        while left > 0 {
-            let most = left.min(buffer.len() as u64) as usize;
-            match body.read(&mut buffer[..most]) {
-                Ok(0) | Err(_) => return settled,
-                Ok(n) => {
-                    crc.update(&buffer[..n]);
-                    left -= n as u64;
-                }
-            }
-        }
-        if crc.finalize() != record.crc {
-            break;
-        }
-        at = record.body;
-        if matches!(record.kept, Kept::Settled(_)) {
-            settled = i + 1;
-        }
-    }
-    settled
 }
 
 /// The exporter's writer, measured as it writes.

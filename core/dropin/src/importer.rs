@@ -11,7 +11,7 @@ use choreo_plugin::{
     PluginFile, Source,
 };
 use choreo_stage::Asset;
-use rhai::{AST, Dynamic, EvalAltResult, Map, Scope};
+use rhai::{AST, Dynamic, Engine, EvalAltResult, Map, Scope};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use thiserror::Error;
 
@@ -45,6 +45,8 @@ pub struct RhaiImporter {
     origin: Option<PluginFile>,
     /// Where `fn load` stands, from 1.
     load_line: usize,
+    /// Of one import; `None` = the limit of the README.
+    steps: Option<u64>,
 }
 
 impl RhaiImporter {
@@ -54,6 +56,15 @@ impl RhaiImporter {
         let engine = engine(&budget, Some(FEW_STEPS));
         let failed = |e| script_error(file, e, &[], line_of(text, "manifest"));
         let mut ast = engine.compile(text).map_err(|e| failed(e.into()))?;
+        if let Some(at) = open_comment(&engine, text) {
+            let before = &text[..at];
+            return Err(ScriptError {
+                file: file.into(),
+                line: before.matches('\n').count() + 1,
+                column: before.chars().rev().take_while(|c| *c != '\n').count() + 1,
+                message: "this comment is never closed: nothing after it is read".into(),
+            });
+        }
         ast.set_source(file);
         let has = |name: &str, parameters: usize| {
             ast.iter_functions().any(|f| f.name == name && f.params.len() == parameters)
@@ -85,12 +96,19 @@ impl RhaiImporter {
             has_claim,
             origin: None,
             load_line: line_of(text, "load"),
+            steps: None,
         })
     }
 
     /// Where the text came from.
     pub fn with_file(mut self, file: PluginFile) -> RhaiImporter {
         self.origin = Some(file);
+        self
+    }
+
+    /// Fewer steps for one import than the README says.
+    pub fn with_steps(mut self, steps: u64) -> RhaiImporter {
+        self.steps = Some(steps);
         self
     }
 
@@ -103,7 +121,7 @@ impl RhaiImporter {
         ask: mpsc::Sender<Request>,
     ) -> Result<AssetBuilder, Box<EvalAltResult>> {
         let scene = Arc::new(Mutex::new(Scene { builder: AssetBuilder::default(), needs, ask }));
-        let mut engine = engine(budget, None);
+        let mut engine = engine(budget, self.steps);
         scene::register(&mut engine, &scene, budget);
         let file = self.file_map(source, needs, options, budget);
         let _: Dynamic = engine.call_fn(&mut Scope::new(), &self.ast, "load", (file,))?;
@@ -221,6 +239,19 @@ impl Importer for RhaiImporter {
             hint: None,
         })
     }
+}
+
+/// Where a comment without an end begins in a text that compiles: Rhai takes it for the end of the script, without a word. A
+/// bracket too many is an error everywhere else.
+fn open_comment(engine: &Engine, text: &str) -> Option<usize> {
+    /// Openings inside the comment that are looked at.
+    const MOST: usize = 64;
+    let inside = |text: &str| engine.compile(format!("{text}\n)")).is_ok();
+    if !text.contains("/*") || !inside(text) {
+        return None;
+    }
+    let mut openings = text.rmatch_indices("/*").map(|(at, _)| at).take(MOST);
+    openings.find(|at| !inside(&text[..*at])).or_else(|| text.find("/*"))
 }
 
 /// The line (from 1) on which a function is defined.

@@ -292,6 +292,10 @@ fn broken_importers_say_where() {
             "1:1: too many steps: is there an endless loop?",
         ),
         ("fn manifest() { 3 } fn load(f) {}", "1:1: manifest() must return an object map #{ name: …, … }"),
+        (
+            "/* /* in */ in */ fn manifest() { #{ name: \"a /* b\" } }\nfn load(f) {} /* fn claim(f) { 1 } /* */",
+            "2:15: this comment is never closed: nothing after it is read",
+        ),
     ];
     for (text, message) in cases {
         let error = RhaiImporter::from_text("my.importer.rhai", text).err().unwrap().to_string();

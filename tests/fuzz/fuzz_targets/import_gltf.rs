@@ -1,7 +1,8 @@
 //! glTF and GLB bytes; what is let through is played and drawn.
 #![no_main]
 
+use choreo_fuzz::{Nothing, import};
 use import_gltf::GltfImporter;
 use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|bytes: &[u8]| choreo_fuzz::import(&GltfImporter::new(), "fuzz.glb", bytes));
+fuzz_target!(|bytes: &[u8]| import(&GltfImporter::new(), "fuzz.glb", bytes, &Nothing));

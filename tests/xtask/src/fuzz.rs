@@ -1,47 +1,80 @@
 //! `cargo xtask fuzz TARGET [--seconds N]`: libFuzzer on one of the targets in tests/fuzz, which begin from the project's
 //! own scripts, shaders and models. Needs the nightly toolchain and cargo-fuzz, which are not installed for you.
 
+use crate::setup::works;
 use crate::{assets, root, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Targets, and where their seeds lie: folders or files below the root, with the endings that count.
-const TARGETS: &[(&str, &[&str], &[&str])] = &[
-    ("script", &["scripts", "tests/hostile", "tests/suite"], &["rhai"]),
-    ("import_gltf", &[], &["glb", "gltf"]),
-    ("motion", &[], &[]),
-    ("effect", &["shaders", "plugins"], &["wgsl"]),
-    ("timeline", &[], &[]),
+struct Target {
+    name: &'static str,
+    /// Where seeds lie, folders below the root, and the endings that count, there and among the sample assets.
+    places: &'static [&'static str],
+    endings: &'static [&'static str],
+    /// Sample assets are seeds too.
+    assets: bool,
+}
+
+const fn target(
+    name: &'static str,
+    places: &'static [&'static str],
+    endings: &'static [&'static str],
+) -> Target {
+    Target { name, places, endings, assets: false }
+}
+
+const fn importer(
+    name: &'static str,
+    places: &'static [&'static str],
+    endings: &'static [&'static str],
+) -> Target {
+    Target { name, places, endings, assets: true }
+}
+
+const TARGETS: &[Target] = &[
+    target("script", &["scripts", "tests/hostile", "tests/suite"], &["rhai"]),
+    importer("import_gltf", &[], &["glb", "gltf"]),
+    importer("import_vrm", &[], &["vrm", "vrma"]),
+    importer("import_fbx", &["plugins/import-fbx/tests/data"], &["fbx"]),
+    importer("import_obj", &["plugins/import-obj/tests/data"], &["obj", "mtl"]),
+    importer("import_stl", &["plugins/import-stl/tests/data"], &["stl"]),
+    importer("import_bvh", &["plugins/import-bvh/tests/data"], &["bvh"]),
+    importer("import_collada", &["plugins/import-collada/tests/data"], &["dae"]),
+    target("dropin", &["scripts/08_plugins/plugins", "core/app/src/new"], &["rhai"]),
+    target("outputs", &["tests/suite", "tests/pictures"], &["png"]),
+    target("resume", &[], &[]),
+    target("motion", &[], &[]),
+    target("effect", &["shaders", "plugins"], &["wgsl"]),
+    target("timeline", &[], &[]),
 ];
 
 /// Larger seeds slow the search down more than they help it.
 const LARGEST_SEED: u64 = 64 << 10;
 
 pub fn fuzz(args: &[&str]) -> Result<(), String> {
-    let names: Vec<&str> = TARGETS.iter().map(|t| t.0).collect();
+    let names: Vec<&str> = TARGETS.iter().map(|t| t.name).collect();
     let usage = || format!("usage: cargo xtask fuzz TARGET [--seconds N]; targets: {}", names.join(", "));
     let (name, seconds) = match args {
         [name] => (*name, 60),
         [name, "--seconds", n] => (*name, n.parse::<u32>().map_err(|_| usage())?),
         _ => return Err(usage()),
     };
-    let (_, places, endings) = TARGETS.iter().find(|t| t.0 == name).ok_or_else(usage)?;
+    let target = TARGETS.iter().find(|t| t.name == name).ok_or_else(usage)?;
     let folder = root().join("tests/fuzz");
     let corpus = folder.join("corpus").join(name);
     std::fs::create_dir_all(&corpus).map_err(|e| format!("{}: {e}", corpus.display()))?;
     let mut seeds = 0;
-    for place in places.iter().map(|p| root().join(p)) {
-        seeds += plant(&place, endings, &corpus)?;
+    for place in target.places.iter().map(|p| root().join(p)) {
+        seeds += plant(&place, target.endings, &corpus)?;
     }
-    if let (true, Some(assets)) = (places.is_empty() && !endings.is_empty(), assets()) {
-        seeds += plant(&assets, endings, &corpus)?;
+    if let (true, Some(assets)) = (target.assets, assets()) {
+        seeds += plant(&assets, target.endings, &corpus)?;
     }
-    if places.is_empty() {
-        // What the jobs read their fields from: no format, so any bytes will do.
-        let bytes: Vec<u8> = (0..2048u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
-        for (i, part) in bytes.chunks(256).enumerate() {
-            std::fs::write(corpus.join(format!("seed_{i}")), part).map_err(|e| e.to_string())?;
-        }
+    if name == "outputs" {
+        seeds += videos(&corpus)?;
+    }
+    if target.endings.is_empty() || name == "dropin" {
+        seeds += numbers(&corpus)?;
     }
     println!("{name}: {seeds} seeds, {seconds} s");
     let mut command = Command::new("cargo");
@@ -56,10 +89,57 @@ pub fn fuzz(args: &[&str]) -> Result<(), String> {
         name,
         "--",
     ]);
+    if works("clang", &["--version"]) {
+        // The C code of ufbx tells the fuzzer its way too.
+        command.env("CC", "clang").env("CFLAGS", "-fsanitize=fuzzer-no-link");
+    }
     command.arg(format!("-max_total_time={seconds}"));
     // A limit that does not hold is a finding too.
     command.args(["-timeout=20", "-rss_limit_mb=3000", "-print_final_stats=1"]);
     run(command, "cargo fuzz (cargo install cargo-fuzz --locked; rustup toolchain install nightly)")
+}
+
+/// What fields are read from has no format, so any bytes will do; each begins with another one.
+fn numbers(corpus: &Path) -> Result<usize, String> {
+    const LENGTH: usize = 512;
+    for first in 0..16u8 {
+        let seed = u32::from(first) << 16;
+        let mut bytes: Vec<u8> =
+            (seed..).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).take(LENGTH).collect();
+        bytes[0] = first;
+        let path = corpus.join(format!("numbers_{first}"));
+        std::fs::write(&path, bytes).map_err(|e| format!("{}: {e}", path.display()))?;
+    }
+    Ok(16)
+}
+
+/// Small videos of the first lesson in every format, by the program itself.
+fn videos(corpus: &Path) -> Result<usize, String> {
+    let formats = ["gif", "mp4", "y4m"];
+    for format in formats {
+        let place = corpus.join(format!("lesson.{format}"));
+        let mut command = Command::new("cargo");
+        command.current_dir(root()).args([
+            "run",
+            "--quiet",
+            "--",
+            "render",
+            "scripts/01_first_dance.rhai",
+            "-o",
+        ]);
+        command.arg(&place).args([
+            "--frames",
+            "0..2",
+            "--size",
+            "16x10",
+            "--samples",
+            "1",
+            "--device",
+            "cpu",
+        ]);
+        run(command, "choreo render")?;
+    }
+    Ok(formats.len())
 }
 
 /// Copies files of these endings, folders below included, under names made of their paths.

@@ -44,7 +44,7 @@ fn there(files: &[&str]) -> bool {
     })
 }
 
-fn works(program: &str, args: &[&str]) -> bool {
+pub fn works(program: &str, args: &[&str]) -> bool {
     Command::new(program)
         .args(args)
         .stdin(Stdio::null())

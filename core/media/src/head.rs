@@ -117,7 +117,7 @@ fn read_y4m(bytes: &[u8]) -> Media {
     let line = String::from_utf8_lossy(&line[..line.len().min(4096)]).into_owned();
     for word in line.split(' ').skip(1) {
         if let Some(id) = word.strip_prefix("XCHOREO=") {
-            media.provenance.push((crate::provenance::ID.to_string(), id.to_string()));
+            media.provenance.push((crate::ID.to_string(), id.to_string()));
         } else if let Some(width) = word.strip_prefix('W') {
             media.width = width.parse().unwrap_or(0);
         } else if let Some(height) = word.strip_prefix('H') {

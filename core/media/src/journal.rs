@@ -4,7 +4,7 @@
 //! stands for a finished frame, written after everything that it speaks of. What a kill, a full disk or a bad sector has
 //! cut or bent is found by the checksums, and only what lies before it counts.
 
-use std::io::{self, Read, Write};
+use std::io::{self, BufReader, Read, Write};
 
 pub const MAGIC: &[u8] = b"choreo journal 1\n";
 
@@ -128,6 +128,40 @@ pub struct Journal {
     pub head: u64,
 }
 
+impl Journal {
+    /// How many records, up to a settled one, the body bears out.
+    pub fn settled(&self, body: impl Read) -> usize {
+        let mut body = BufReader::with_capacity(1 << 16, body);
+        let (mut at, mut settled) = (0, 0);
+        for (i, (record, _)) in self.records.iter().enumerate() {
+            let Some(gained) = record.body.checked_sub(at) else { break };
+            let mut crc = Crc(crc32fast::Hasher::new());
+            match io::copy(&mut body.by_ref().take(gained), &mut crc) {
+                Ok(n) if n == gained && crc.0.finalize() == record.crc => {}
+                _ => break,
+            }
+            at = record.body;
+            if matches!(record.kept, Kept::Settled(_)) {
+                settled = i + 1;
+            }
+        }
+        settled
+    }
+}
+
+struct Crc(crc32fast::Hasher);
+
+impl Write for Crc {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.update(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
 /// `None` where there is not even a whole head.
 pub fn read(mut from: impl Read) -> Option<Journal> {
     let mut magic = [0; MAGIC.len()];
@@ -192,16 +226,16 @@ impl Changes {
         }
     }
 
-    /// The frame from what `encode` made; `lengths` are those of its parts. `None` where the bytes do not fit.
-    pub fn decode(&mut self, bytes: &[u8], lengths: &[u32; 3]) -> Option<&[u8]> {
-        let lengths = lengths.map(|l| l as usize);
-        let blocks: usize = lengths.iter().map(|l| l.div_ceil(BLOCK)).sum();
-        if bytes.len() < blocks.div_ceil(8) {
+    /// The frame from what `encode` made; `lengths` are those of its parts, together at most `most`. `None` where the
+    /// bytes do not fit.
+    pub fn decode(&mut self, bytes: &[u8], lengths: &[u32; 3], most: u64) -> Option<&[u8]> {
+        if lengths.iter().map(|l| u64::from(*l)).sum::<u64>() > most {
             return None;
         }
-        // Bounded by what is there: a block has a bit.
-        self.last.resize(lengths.iter().sum(), 0);
+        let lengths = lengths.map(|l| l as usize);
+        let blocks: usize = lengths.iter().map(|l| l.div_ceil(BLOCK)).sum();
         let (bits, mut rest) = bytes.split_at_checked(blocks.div_ceil(8))?;
+        self.last.resize(lengths.iter().sum(), 0);
         let (mut at, mut block) = (0, 0);
         for length in lengths {
             let end = at + length;
@@ -277,12 +311,13 @@ mod tests {
         for n in [1, 1, 2, 3, 7] {
             let f = frame(n);
             to.encode(&[&f[..1000], &f[1000..1256], &f[1256..]], &mut out);
-            assert_eq!(from.decode(&out, &lengths).unwrap(), f);
+            assert_eq!(from.decode(&out, &lengths, 1266).unwrap(), f);
             sizes.push(out.len());
             for cut in 0..out.len() {
-                assert!(Changes::default().decode(&out[..cut], &lengths).is_none());
+                assert!(Changes::default().decode(&out[..cut], &lengths, 1266).is_none());
             }
         }
+        assert!(from.decode(&out, &lengths, 1265).is_none(), "more than a frame can be");
         assert_eq!(sizes[1], 1, "nothing changed");
         assert!(sizes[2] < 1100);
         to.restart();
