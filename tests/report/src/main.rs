@@ -7,11 +7,13 @@ mod baking;
 mod chains;
 mod crossfade;
 mod far_away;
+mod ik;
 mod mipmaps;
 mod packing;
 mod rotation;
 mod samples;
 mod scenes;
+mod springs;
 mod time;
 mod video;
 mod yuv;
@@ -36,13 +38,15 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 11] = [
+const SECTIONS: [(&str, Measure); 13] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
     ("chains", chains::section),
     ("far_away", far_away::section),
     ("time", time::section),
+    ("springs", springs::section),
+    ("ik", ik::section),
     ("packing", packing::section),
     ("mipmaps", mipmaps::section),
     ("samples", samples::section),

@@ -1,0 +1,53 @@
+//! Stiff and extreme cases: what is measured in each, and what it must not exceed. `tests/matrix.rs` runs and prints them.
+
+pub mod goals;
+pub mod poses;
+pub mod springs;
+
+/// One case.
+pub struct Case {
+    pub name: &'static str,
+    /// What `run` gives, with its unit.
+    pub measured: &'static str,
+    pub bound: f64,
+    pub run: fn() -> f64,
+}
+
+impl Case {
+    pub const fn new(name: &'static str, measured: &'static str, bound: f64, run: fn() -> f64) -> Case {
+        Case { name, measured, bound, run }
+    }
+
+    /// Whether a value is within the bound; NaN is not.
+    pub fn holds(&self, value: f64) -> bool {
+        value.is_finite() && value <= self.bound
+    }
+}
+
+pub fn all() -> impl Iterator<Item = &'static Case> {
+    springs::CASES.iter().chain(goals::CASES).chain(poses::CASES)
+}
+
+/// 0 where a named error was given, as it must be, and 1 where not.
+fn refused(result: Result<(), String>, part: &str) -> f64 {
+    match result {
+        Err(text) if text.contains(part) => 0.0,
+        _ => 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_case_can_fail() {
+        let case = Case::new("", "", 1e-3, || 0.0);
+        assert!(case.holds(1e-3) && case.holds(0.0));
+        assert!(!case.holds(2e-3) && !case.holds(f64::NAN) && !case.holds(f64::INFINITY));
+        assert_eq!(
+            (refused(Ok(()), "x"), refused(Err("y".into()), "x"), refused(Err("xy".into()), "x")),
+            (1.0, 1.0, 0.0)
+        );
+    }
+}

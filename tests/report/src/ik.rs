@@ -1,0 +1,144 @@
+//! How chains of three bones or more find their target.
+
+use crate::{BUDGET_SECS, Random, Section};
+use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_measure::truth::Spread;
+use choreo_motion::ik::{Chain, ChainBone, Limit, Solver};
+use choreo_report::{Cell, Choice, Row, Table, quantity};
+use choreo_stage::goals::{CHAIN_ITERATIONS, CHAIN_SOLVER, CHAIN_TOLERANCE};
+use glam::{DQuat, DVec3};
+
+const BONES: usize = 6;
+const CASES: usize = 100;
+const ITERATIONS: [usize; 5] = [4, 8, 16, 24, 64];
+const SOLVERS: [(Solver, &str); 3] =
+    [(Solver::Ccd, "CCD"), (Solver::Fabrik, "FABRIK"), (Solver::LeastSquares, "damped least squares")];
+const CONE: Limit = Limit::SwingTwist { axis: DVec3::Y, swing: 0.6, twist: (-0.3, 0.3) };
+
+pub fn section() -> Result<Section, String> {
+    let ways: Vec<(Solver, usize, String)> = SOLVERS
+        .iter()
+        .flat_map(|(solver, name)| ITERATIONS.map(|n| (*solver, n, format!("{name}, {n} iterations"))))
+        .collect();
+    let problems: Vec<(Chain, DVec3)> =
+        (0..CASES as u64).map(|seed| reachable(seed, BONES, Limit::Free)).collect();
+    let problems = &problems;
+    let mut cases: Vec<Case> = ways
+        .iter()
+        .map(|(solver, iterations, _)| {
+            Case::new(CASES, move || {
+                for (chain, target) in problems {
+                    let mut chain = chain.clone();
+                    std::hint::black_box(chain.solve(*target, *solver, *iterations, CHAIN_TOLERANCE));
+                }
+            })
+        })
+        .collect();
+    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
+    let mut choice = Choice::new("ik", "How does a chain of joints find its target?");
+    choice.error_unit = "mm";
+    choice.by_mean = true;
+    choice.reference = format!(
+        "forward kinematics: from the end to a target in reach; chains of {BONES} bones, about 1.2 m long"
+    );
+    choice.per = format!("solution of {BONES} bones");
+    for ((solver, iterations, name), nanos) in ways.iter().zip(nanos) {
+        let mut spread = Spread::default();
+        for (chain, target) in problems {
+            spread.add(distance(chain, *target, *solver, *iterations).0);
+        }
+        choice.rows.push(Row::new(name.clone()).error(spread.worst, spread.mean()).nanos(nanos));
+    }
+    let chosen = ways.iter().find(|(solver, n, _)| (*solver, *n) == (CHAIN_SOLVER, CHAIN_ITERATIONS));
+    let chosen = chosen.map(|(.., name)| name.clone()).unwrap_or_default();
+    choice.choose(&chosen, "converges quadratically near the target, and shares the bend among all joints");
+    Ok(Section {
+        title: "Chains that reach",
+        text: "Arms and legs of two bones have a closed form. Longer chains are solved step by step, until the end is within a hundredth of a \
+               millimetre: each iteration of damped least squares costs a little more than one of the others, but a tail needs hundreds of those. \
+               Where joints have limits or the target is out of reach, none gets all the way; the table says how near each comes."
+            .into(),
+        choices: vec![choice],
+        tables: vec![hard()],
+        off_front: Vec::new(),
+    })
+}
+
+/// Millimetres to the target, and degrees beyond a limit.
+fn distance(chain: &Chain, target: DVec3, solver: Solver, iterations: usize) -> (f64, f64) {
+    let mut chain = chain.clone();
+    chain.solve(target, solver, iterations, CHAIN_TOLERANCE);
+    let beyond =
+        chain.bones.iter().map(|b| b.limit.excess(b.rest, b.rotation).to_degrees()).fold(0.0, f64::max);
+    ((chain.end() - target).length() * 1e3, beyond)
+}
+
+/// A chain, and where its end is in another pose of its own, within its limits.
+fn reachable(seed: u64, bones: usize, limit: Limit) -> (Chain, DVec3) {
+    let mut random = Random(seed * 31 + 7);
+    let mut chain = Chain { origin: DVec3::ZERO, parent: DQuat::IDENTITY, bones: Vec::new() };
+    for _ in 0..bones {
+        let rest = DQuat::from_axis_angle(random.direction(), random.unit() * 0.3);
+        let offset = DVec3::Y * (0.2 + 0.05 * random.signed());
+        chain.bones.push(ChainBone { rotation: rest, rest, offset, limit });
+    }
+    let mut other = chain.clone();
+    for bone in &mut other.bones {
+        let turned = bone.rest * DQuat::from_axis_angle(random.direction(), random.unit() * 1.2);
+        bone.rotation = bone.limit.clamp(bone.rest, turned.normalize());
+    }
+    (chain, other.end())
+}
+
+fn straight(bones: usize) -> Chain {
+    let bone = ChainBone {
+        rotation: DQuat::IDENTITY,
+        rest: DQuat::IDENTITY,
+        offset: DVec3::Y * 1.2 / bones as f64,
+        limit: Limit::Free,
+    };
+    Chain { origin: DVec3::ZERO, parent: DQuat::IDENTITY, bones: vec![bone; bones] }
+}
+
+fn hard() -> Table {
+    let columns: [(&str, &'static str); 7] = [
+        ("worst distance in mm after 24 iterations", "way"),
+        (">3 bones", "in reach"),
+        (">20 bones", "in reach"),
+        (">100 bones", "in reach"),
+        (">cones of 34°", "in reach within the limits"),
+        (">out of reach, over the least", "a target at three times the reach"),
+        (">straight, the target on its line", "at half the reach"),
+    ];
+    let mut table = Table::new("Long, limited, unreachable and straight", &columns);
+    for (solver, name) in SOLVERS {
+        let worst = |bones: usize, limit: Limit| {
+            let off = |seed| {
+                let (chain, target) = reachable(seed, bones, limit);
+                let (off, beyond) = distance(&chain, target, solver, CHAIN_ITERATIONS);
+                assert!(beyond < 1e-3, "a limit is broken by {beyond}°");
+                off
+            };
+            (0..30).map(off).fold(0.0, f64::max)
+        };
+        let far = (0..30)
+            .map(|seed| {
+                let (chain, _) = reachable(seed, BONES, Limit::Free);
+                let target = Random(seed).direction() * 3.0 * chain.reach();
+                distance(&chain, target, solver, CHAIN_ITERATIONS).0 - 2.0e3 * chain.reach()
+            })
+            .fold(0.0, f64::max);
+        let line = distance(&straight(BONES), DVec3::Y * 0.6, solver, CHAIN_ITERATIONS).0;
+        let numbers = [
+            worst(3, Limit::Free),
+            worst(20, Limit::Free),
+            worst(100, Limit::Free),
+            worst(BONES, CONE),
+            far,
+            line,
+        ];
+        let cells = numbers.into_iter().map(|n| Cell::number(quantity(n), n));
+        table.rows.push([Cell::text(name)].into_iter().chain(cells).collect());
+    }
+    table
+}
