@@ -24,7 +24,7 @@ pub fn bound_clip(c: &Call, i: usize, asset: &Arc<Asset>) -> Result<Arc<Clip>, A
     }
     let (bound, missing) = bind_clip(&given.clip, &given.asset.skeleton, &asset.skeleton);
     let what = || format!("clip \"{}\" of \"{}\" on \"{}\"", given.clip.name, given.asset.name, asset.name);
-    if bound.curves().is_empty() && !given.clip.curves().is_empty() {
+    if bound.curves().is_empty() && bound.expressions().is_empty() && !given.clip.curves().is_empty() {
         let names = asset.skeleton.names().iter().map(String::as_str);
         return Err(ApiError::new(format!("{}: no joint has the same name", what()))
             .focus(given.clip.name.clone())
