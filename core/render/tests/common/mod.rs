@@ -51,21 +51,8 @@ impl Scene {
     }
 
     pub fn add(&mut self, asset: &Arc<Asset>, world_from_model: DAffine3) -> usize {
-        self.stage.actors.push(Actor {
-            name: format!("actor{}", self.stage.actors.len()),
-            asset: asset.clone(),
-            transform: Placement::default(),
-            parent: None,
-            face: None,
-            layers: Vec::new(),
-            channels: Vec::new(),
-            look_at: Vec::new(),
-            visible: true,
-            tint: Vec4::ONE,
-            morphs: Vec::new(),
-            expressions: Vec::new(),
-            file_lights: false,
-        });
+        let name = format!("actor{}", self.stage.actors.len());
+        self.stage.actors.push(Actor::new(&name, asset.clone()));
         let mut model_from_joint: Vec<Affine3A> = Vec::new();
         for (parent, rest) in asset.skeleton.parents().iter().zip(asset.skeleton.rest()) {
             let local = rest.to_affine();
