@@ -214,6 +214,7 @@ fn register_types(engine: &mut Engine) {
     engine.register_type_with_name::<JointRef>(Kind::Joint.name());
     engine.register_type_with_name::<CueRef>(Kind::Cue.name());
     engine.register_type_with_name::<LookRef>(Kind::Look.name());
+    engine.register_type_with_name::<GoalRef>(Kind::Goal.name());
     engine.register_type_with_name::<CameraRef>(Kind::Camera.name());
     engine.register_type_with_name::<LightRef>(Kind::Light.name());
     engine.register_type_with_name::<EffectRef>(Kind::Effect.name());

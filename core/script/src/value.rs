@@ -46,6 +46,13 @@ pub struct LookRef {
     pub index: usize,
 }
 
+/// A reach, an aim or planted feet.
+#[derive(Clone, Copy, Debug)]
+pub struct GoalRef {
+    pub actor: usize,
+    pub index: usize,
+}
+
 #[derive(Clone, Copy, Debug)]
 pub struct CameraRef(pub usize);
 
@@ -81,6 +88,7 @@ pub enum Kind {
     Joint,
     Cue,
     Look,
+    Goal,
     Camera,
     Light,
     Effect,
@@ -91,13 +99,14 @@ pub enum Kind {
 }
 
 impl Kind {
-    pub const HANDLES: [Kind; 13] = [
+    pub const HANDLES: [Kind; 14] = [
         Kind::Asset,
         Kind::Clip,
         Kind::Actor,
         Kind::Joint,
         Kind::Cue,
         Kind::Look,
+        Kind::Goal,
         Kind::Camera,
         Kind::Light,
         Kind::Effect,
@@ -116,6 +125,7 @@ impl Kind {
             Kind::Joint => "Joint",
             Kind::Cue => "Cue",
             Kind::Look => "Look",
+            Kind::Goal => "Goal",
             Kind::Camera => "Camera",
             Kind::Light => "Light",
             Kind::Effect => "Effect",

@@ -2,6 +2,7 @@
 
 pub mod actor;
 pub mod asset;
+pub mod body;
 pub mod camera;
 pub mod compare;
 pub mod cue;
@@ -25,6 +26,7 @@ pub const TABLES: &[(&str, &[Def])] = &[
     ("The stage", stage::DEFS),
     ("Assets and clips", asset::DEFS),
     ("Actors", actor::DEFS),
+    ("Bodies: reaching, aiming, standing, swinging", body::DEFS),
     ("Cues: what plays when", cue::DEFS),
     ("Root motion and paths", travel::DEFS),
     ("Together: markers, groups, sequences", together::DEFS),
