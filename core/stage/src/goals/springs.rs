@@ -6,7 +6,7 @@
 //! nearest one before it, and what is kept changes how long that takes and nothing else.
 //!
 //! **What a seek costs.** Without anything kept, 60 poses of the actors that have springs for each second from the start; later at most
-//! [`Kept::stride`] poses. Springs remember ten minutes: in each stretch of [`STRETCH`] steps the motion begins anew, settled, a minute
+//! as many as lie between two kept states (16, more once they would take 32 MiB). Springs remember ten minutes: in each stretch of [`STRETCH`] steps the motion begins anew, settled, a minute
 //! before it, which no damped spring remembers, so that 100 hours into a stage cost no more than 11 minutes.
 
 use super::plant::Plants;
