@@ -40,6 +40,14 @@ pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<Stri
     (clip.with_curves(to.len(), curves), names)
 }
 
+/// By names alone.
+pub(crate) fn match_names(from: &Skeleton, to: &Skeleton) -> Vec<Option<u32>> {
+    match from.names() == to.names() {
+        true => (0..from.len() as u32).map(Some).collect(),
+        false => match_joints(from, to, None),
+    }
+}
+
 /// Joint of `to` for each joint of `from`; no joint of `to` twice.
 fn match_joints(from: &Skeleton, to: &Skeleton, bodies: Option<&Bodies>) -> Vec<Option<u32>> {
     let mut exact = std::collections::BTreeMap::new();

@@ -75,6 +75,19 @@ pub struct ExpressionCurve {
     pub values: Arc<[f32]>,
 }
 
+impl ExpressionCurve {
+    /// As one morph weight of joint 0.
+    pub(crate) fn as_curve(&self) -> Curve {
+        let (times, values) = (self.times.clone(), self.values.clone());
+        Curve { joint: 0, path: Path::Weights(1), interpolation: self.interpolation, times, values }
+    }
+
+    pub(crate) fn changed(&self, curve: Curve) -> ExpressionCurve {
+        let Curve { interpolation, times, values, .. } = curve;
+        ExpressionCurve { name: self.name.clone(), interpolation, times, values }
+    }
+}
+
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ClipError {
     #[error("curve {curve} ({path:?} of joint {joint}): {what}")]
@@ -183,15 +196,8 @@ impl Clip {
     pub fn sample_expression(&self, name: &str, time: Time) -> Option<f32> {
         let at = self.expressions.binary_search_by(|c| c.name.as_str().cmp(name)).ok()?;
         let curve = &self.expressions[at];
-        let as_curve = Curve {
-            joint: 0,
-            path: Path::Weights(1),
-            interpolation: curve.interpolation,
-            times: curve.times.clone(),
-            values: curve.values.clone(),
-        };
         let mut weight = [0.0];
-        crate::sample::curve_between(&as_curve, find_interval(&curve.times, time), &mut weight);
+        crate::sample::curve_between(&curve.as_curve(), find_interval(&curve.times, time), &mut weight);
         Some(weight[0])
     }
 
@@ -199,6 +205,25 @@ impl Clip {
     pub(crate) fn with_curves(&self, joint_count: usize, curves: Vec<Curve>) -> Clip {
         let clip = Clip::from_checked(self.name.clone(), self.duration, joint_count, curves);
         Clip { expressions: self.expressions.clone(), ..clip }
+    }
+
+    /// The same clip with each curve changed, those of expressions, seen as one morph weight, as well.
+    pub(crate) fn try_each<E>(&self, mut change: impl FnMut(&Curve) -> Result<Curve, E>) -> Result<Clip, E> {
+        let curves = self.curves.iter().map(&mut change).collect::<Result<Vec<_>, E>>()?;
+        let expression = |e: &ExpressionCurve| Ok(e.changed(change(&e.as_curve())?));
+        let expressions = self.expressions.iter().map(expression).collect::<Result<Vec<_>, E>>()?;
+        Ok(self.with_curves(self.joint_count, curves).expressing(expressions))
+    }
+
+    /// Expressions that are known to be sound, by name.
+    pub(crate) fn expressing(self, expressions: Vec<ExpressionCurve>) -> Clip {
+        Clip { expressions: expressions.into(), ..self }
+    }
+
+    /// The same clip, as long as this.
+    pub(crate) fn lasting(mut self, duration: Time) -> Clip {
+        self.duration = duration;
+        self
     }
 
     /// Lays the keys out for sampling, which else happens when the clip is first sampled.

@@ -30,7 +30,7 @@ macro_rules! bones {
                 match self { $(HumanBone::$variant => HumanBone::$parent),* }
             }
 
-            fn our_name(self) -> &'static str {
+            pub(crate) fn our_name(self) -> &'static str {
                 match self { $(HumanBone::$variant => $ours),* }
             }
         }

@@ -15,12 +15,12 @@ const MIDDLE: &[&[&str]] = &[
 
 /// Joints that are there on the left and on the right.
 const SIDES: &[&[&str]] = &[
-    &["shoulder", "clavicle"],
-    &["arm", "upperarm"],
-    &["forearm", "lowerarm"],
+    &["shoulder", "clavicle", "collar"],
+    &["arm", "upperarm", "uparm"],
+    &["forearm", "lowerarm", "lowarm"],
     &["hand"],
     &["upleg", "thigh", "upperleg"],
-    &["leg", "calf", "lowerleg"],
+    &["leg", "calf", "lowerleg", "lowleg", "shin"],
     &["foot"],
     &["toebase", "toe0", "toes"],
     &["eye"],
@@ -56,6 +56,10 @@ pub fn humanoid_name(name: &str) -> Option<String> {
         words.drain(..2);
     } else if words.first().is_some_and(|w| is_biped(w)) {
         words.remove(0);
+    }
+    // What some exporters hang on every name.
+    if words.last() == Some(&"armature") {
+        words.pop();
     }
     let side_of = |w: &str| match w {
         "l" | "left" => Some("left"),

@@ -124,6 +124,8 @@ pub struct Build {
     pub declared: Vec<crate::lint::Declared>,
     pub hooks: Vec<crate::hook::HookDraft>,
     pub keys: u64,
+    /// Keys of clips that the script has made.
+    pub clip_keys: u64,
     pub parameters: Vec<Parameter>,
     pub printed: Vec<String>,
     pub printed_bytes: u64,

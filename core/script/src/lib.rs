@@ -42,5 +42,6 @@ pub use loader::{BUILT_IN, ImportChoice, Loader};
 pub use reference::reference;
 pub use run::{Script, ScriptOptions, run_file, run_text};
 // The same words for a slip of the hand everywhere.
+pub use api::clip::mapping_lines;
 pub(crate) use choreo_plugin::suggest;
 pub use choreo_plugin::suggest::{closest, did_you_mean};

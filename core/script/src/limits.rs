@@ -70,6 +70,7 @@ limits! {
     callbacks: u64 = 100, "on_frame callbacks";
     things: u64 = 10_000, "cuts, parameters, shapes, and looks of one actor, each";
     keys: u64 = 1_000_000, "keys of all .key(…) calls together";
+    clip_keys: u64 = 20_000_000, "keys of all clips that the script makes from others, retargeted ones included";
     joints: u64 = 2_000_000, "joints of all actors together";
     instances: u64 = 1_000_000, "meshes of all actors together";
     vertices: u64 = 50_000_000, "vertices of all actors together";

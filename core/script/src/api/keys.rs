@@ -4,7 +4,7 @@ use super::actor::{euler, morph_targets};
 use super::expression;
 use crate::call::{ApiError, Call, color, describe, number, number_in, numbers, one_of, rgb, wrong};
 use crate::limits::raise_hint;
-use choreo_motion::{Interpolation, Time};
+use choreo_motion::{Ease, Interpolation, Time};
 use choreo_stage::{Asset, Channel, Property};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
@@ -14,6 +14,8 @@ pub enum Owner<'a> {
     Actor(&'a Asset),
     Camera,
     Light,
+    /// A joint in a clip, named after the property.
+    Joint,
 }
 
 const HOW: &[&str] = &["linear", "step", "smooth", "cubic"];
@@ -27,9 +29,10 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
         Owner::Actor(_) => &["position", "rotation", "scale", "visible", "tint", "morph", "expression"],
         Owner::Camera => &["position", "rotation", "fov"],
         Owner::Light => &["position", "intensity", "color"],
+        Owner::Joint => &["position", "rotation", "scale"],
     };
     let name = one_of(&c.value(0), "key: property", allowed)?;
-    let mut next = 1;
+    let mut next = if matches!(owner, Owner::Joint) { 2 } else { 1 };
     let mut targets = Vec::new();
     if let ("morph" | "expression", Owner::Actor(asset)) = (name, owner) {
         let wanted = c.value(1);
@@ -54,15 +57,20 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
             .collect::<Result<Vec<_>, _>>()
     };
     let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
-    let one = |property, values: Vec<Vec<f64>>| vec![channel(property, how, &times, &values)];
+    let eases = eases(&c.value(next), how)?;
+    let eased = |values: Vec<Vec<f64>>| eased(c, &times, values, &eases);
+    let one = |property, values: Vec<Vec<f64>>| {
+        let (times, values) = eased(values)?;
+        Ok::<_, ApiError>(vec![channel(property, how, &times, &values)])
+    };
     Ok(match name {
-        "position" => one(Property::Translation, values(&three)?),
-        "scale" => one(Property::Scale, values(&factors)?),
-        "tint" => one(Property::Tint, values(&|v, l| Ok(color(v, l)?.to_array().map(f64::from).to_vec()))?),
+        "position" => one(Property::Translation, values(&three)?)?,
+        "scale" => one(Property::Scale, values(&factors)?)?,
+        "tint" => one(Property::Tint, values(&|v, l| Ok(color(v, l)?.to_array().map(f64::from).to_vec()))?)?,
         "color" => {
-            one(Property::Color, values(&|v, l| Ok(rgb(color(v, l)?).to_array().map(f64::from).to_vec()))?)
+            one(Property::Color, values(&|v, l| Ok(rgb(color(v, l)?).to_array().map(f64::from).to_vec()))?)?
         }
-        "fov" => one(Property::FieldOfView, values(&|v, l| Ok(vec![fov(v, l)?]))?),
+        "fov" => one(Property::FieldOfView, values(&|v, l| Ok(vec![fov(v, l)?]))?)?,
         "intensity" => one(
             Property::Intensity,
             values(&|v, l| {
@@ -73,7 +81,7 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
                     number_in(v, l, 0.0, 1e9).map(|n| vec![n])
                 }
             })?,
-        ),
+        )?,
         // A visible thing appears at its key, whatever `how` says.
         "visible" => {
             let on = values(&|v, l| {
@@ -81,10 +89,13 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
             })?;
             vec![channel(Property::Visible, "step", &times, &on)]
         }
-        "rotation" => vec![rotation(c, how, &times, &values(&angles)?)?],
+        "rotation" => {
+            let (times, angles) = eased(values(&angles)?)?;
+            vec![rotation(c, how, &times, &angles)?]
+        }
         _ => {
             let (low, high) = if name == "morph" { (-1000.0, 1000.0) } else { (0.0, 1.0) };
-            let weights = values(&|v, l| Ok(vec![number_in(v, l, low, high)?]))?;
+            let (times, weights) = eased(values(&|v, l| Ok(vec![number_in(v, l, low, high)?]))?)?;
             let channel = |property| channel(property, how, &times, &weights);
             targets.into_iter().map(channel).collect()
         }
@@ -131,7 +142,7 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<(Time, Dynamic)>
     count(c, rows.len())?;
     let mut keys: Vec<(Time, Dynamic)> = Vec::with_capacity(rows.len());
     for (n, row) in rows.iter().enumerate() {
-        let pair = row.flatten_clone().try_cast::<rhai::Array>().filter(|p| p.len() == 2);
+        let pair = row.flatten_clone().try_cast::<rhai::Array>().filter(|p| matches!(p.len(), 2 | 3));
         let Some(pair) = pair else {
             let got = describe(row);
             return Err(ApiError::new(format!("{of}: key {n} must be [time, value], got {got}")));
@@ -147,6 +158,53 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<(Time, Dynamic)>
         keys.push((t, pair[1].flatten_clone()));
     }
     Ok(keys)
+}
+
+/// How each key is come to, where it says so: [time, value, ease].
+fn eases(keys: &Dynamic, how: &str) -> Result<Vec<Option<Ease>>, ApiError> {
+    let Some(rows) = keys.read_lock::<rhai::Array>() else { return Ok(Vec::new()) };
+    let ease = |(n, row): (usize, &Dynamic)| {
+        let Some(given) = row.flatten_clone().try_cast::<rhai::Array>().and_then(|r| r.get(2).cloned())
+        else {
+            return Ok(None);
+        };
+        let label = format!("key: ease of key {n}");
+        if how != "linear" {
+            return Err(ApiError::new(format!(
+                "{label}: keys with an ease of their own are linear, not \"{how}\""
+            )));
+        }
+        super::cue::ease_of(&given.flatten_clone(), &label).map(Some)
+    };
+    rows.iter().enumerate().map(ease).collect()
+}
+
+/// With keys between, where a key is come to by an ease: 60 a second, at least 16.
+fn eased(
+    c: &Call,
+    times: &[Time],
+    values: Vec<Vec<f64>>,
+    eases: &[Option<Ease>],
+) -> Result<(Vec<Time>, Vec<Vec<f64>>), ApiError> {
+    let (mut out_times, mut out) = (Vec::with_capacity(times.len()), Vec::with_capacity(times.len()));
+    for (i, value) in values.iter().enumerate() {
+        if let (Some(Some(ease)), 1..) = (eases.get(i), i) {
+            let span = (times[i] - times[i - 1]).0;
+            let steps = (libm::ceil(Time(span).as_secs() * 60.0) as i64).max(16).min(span);
+            count(c, steps as usize)?;
+            for step in 1..steps {
+                let w = ease.at(step as f64 / steps as f64);
+                let mix = values[i - 1].iter().zip(value).map(|(a, b)| a + (b - a) * w);
+                out.push(mix.collect());
+                out_times.push(
+                    times[i - 1] + Time((i128::from(span) * i128::from(step) / i128::from(steps)) as i64),
+                );
+            }
+        }
+        out.push(value.clone());
+        out_times.push(times[i]);
+    }
+    Ok((out_times, out))
 }
 
 fn count(c: &Call, more: usize) -> Result<(), ApiError> {

@@ -4,6 +4,8 @@ pub mod actor;
 pub mod asset;
 pub mod body;
 pub mod camera;
+pub mod clip;
+pub mod clip_edit;
 pub mod compare;
 pub mod cue;
 pub mod effect;
@@ -25,6 +27,8 @@ use crate::call::Def;
 pub const TABLES: &[(&str, &[Def])] = &[
     ("The stage", stage::DEFS),
     ("Assets and clips", asset::DEFS),
+    ("Clips made from clips", clip::DEFS),
+    ("Clips: editing and keys", clip_edit::DEFS),
     ("Actors", actor::DEFS),
     ("Bodies: reaching, aiming, standing, swinging", body::DEFS),
     ("Cues: what plays when", cue::DEFS),

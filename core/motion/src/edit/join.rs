@@ -1,0 +1,179 @@
+//! One clip after another.
+
+use super::{EditError, Values, key_at};
+use crate::{Clip, Curve, ExpressionCurve, Interpolation, Path, Skeleton, Time};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Ticks between keys that stand for a cubic rotation where the other clip has slerp: 1/240 s.
+const FINE: i64 = Time::TICKS_PER_SECOND / 240;
+
+impl Clip {
+    /// This clip, then the other: at t the first before its end, from there on the second. What only one of them moves is at
+    /// rest in the other, morph weights at zero. Where kinds of keys differ they become LINEAR: steps exactly, cubics to keys
+    /// 1/240 s apart.
+    pub fn joined(&self, next: &Clip, rest: &Skeleton) -> Result<Clip, EditError> {
+        let names = || (self.name.clone(), next.name.clone());
+        for clip in [self, next] {
+            if clip.joint_count() != rest.len() {
+                let (first, second) = (rest.names().first().cloned().unwrap_or_default(), clip.name.clone());
+                let (joints, expected) = (clip.joint_count(), rest.len());
+                return Err(EditError::Joints { first, second, joints, expected });
+            }
+        }
+        let mut both: BTreeMap<(u32, u8), [Option<&Curve>; 2]> = BTreeMap::new();
+        for (at, clip) in [self, next].into_iter().enumerate() {
+            for curve in clip.curves() {
+                both.entry((curve.joint, kind(curve.path))).or_default()[at] = Some(curve);
+            }
+        }
+        let mut values = [Values::new(self), Values::new(next)];
+        let mut curves = Vec::with_capacity(both.len());
+        for ((joint, _), pair) in both {
+            let either = pair[0].or(pair[1]);
+            let Some(path) = either.map(|c| c.path) else { continue };
+            if pair.iter().flatten().any(|c| c.path != path) {
+                let (first, second) = names();
+                return Err(EditError::Weights { first, second, joint });
+            }
+            let kinds: Vec<Interpolation> = pair.iter().flatten().map(|c| c.interpolation).collect();
+            let interpolation =
+                if kinds.windows(2).all(|k| k[0] == k[1]) { kinds[0] } else { Interpolation::Linear };
+            let [first, second] = [0, 1].map(|at| match pair[at] {
+                Some(curve) => alike(curve, interpolation, &mut values[at]),
+                None => still(joint, path, interpolation, rest),
+            });
+            curves.push(joined(&first, self.duration, &second, &mut values));
+        }
+        let names: BTreeSet<&str> =
+            [self, next].iter().flat_map(|c| c.expressions()).map(|e| e.name.as_str()).collect();
+        let expressions = names.into_iter().map(|name| {
+            let pair =
+                [self, next].map(|c| c.expressions().iter().find(|e| e.name == name).map(|e| e.as_curve()));
+            let same = pair[0]
+                .as_ref()
+                .zip(pair[1].as_ref())
+                .is_none_or(|(a, b)| a.interpolation == b.interpolation);
+            let kind = pair.iter().flatten().next().map_or(Interpolation::Linear, |c| c.interpolation);
+            let kind = if same { kind } else { Interpolation::Linear };
+            let [first, second] = [0, 1].map(|at| match &pair[at] {
+                Some(curve) => alike(curve, kind, &mut values[at]),
+                None => still(0, Path::Weights(1), kind, rest),
+            });
+            let Curve { interpolation, times, values, .. } =
+                joined(&first, self.duration, &second, &mut values);
+            ExpressionCurve { name: name.to_string(), interpolation, times, values }
+        });
+        let expressions = expressions.collect();
+        Ok(self
+            .with_curves(rest.len(), curves)
+            .expressing(expressions)
+            .lasting(self.duration + next.duration))
+    }
+}
+
+fn kind(path: Path) -> u8 {
+    match path {
+        Path::Translation => 0,
+        Path::Rotation => 1,
+        Path::Scale => 2,
+        Path::Weights(_) => 3,
+    }
+}
+
+/// One key of the rest pose.
+fn still(joint: u32, path: Path, interpolation: Interpolation, rest: &Skeleton) -> Curve {
+    let rest = rest.rest().get(joint as usize).copied().unwrap_or_default();
+    let value = match path {
+        Path::Translation => rest.translation.to_array().to_vec(),
+        Path::Rotation => rest.rotation.to_array().to_vec(),
+        Path::Scale => rest.scale.to_array().to_vec(),
+        Path::Weights(n) => vec![0.0; n as usize],
+    };
+    let mut values = Vec::new();
+    if interpolation == Interpolation::CubicSpline {
+        let zeros = vec![0.0; value.len()];
+        values.extend(zeros.iter().chain(&value).chain(&zeros));
+    } else {
+        values.extend(value);
+    }
+    Curve { joint, path, interpolation, times: [Time::ZERO].into(), values: values.into() }
+}
+
+/// The curve in another kind of keys.
+fn alike(curve: &Curve, interpolation: Interpolation, values: &mut Values) -> Curve {
+    if curve.interpolation == interpolation {
+        return curve.clone();
+    }
+    let mut times = Vec::new();
+    for (i, time) in curve.times.iter().enumerate() {
+        let before = (i > 0).then(|| curve.times[i - 1]);
+        match (curve.interpolation, before) {
+            (Interpolation::Step, Some(before)) if *time - before > Time(1) => times.push(*time - Time(1)),
+            (Interpolation::CubicSpline, Some(before)) => {
+                let steps = ((*time - before).0 / FINE).max(1);
+                times.extend((1..steps).map(|s| before + Time(FINE * s)));
+            }
+            _ => {}
+        }
+        times.push(*time);
+    }
+    let keys = times.iter().flat_map(|time| values.at(curve, *time)).collect();
+    Curve { interpolation, times: times.into(), values: keys, ..curve.clone() }
+}
+
+/// Both curves are of one kind; the second begins at `end` of the first.
+fn joined(first: &Curve, end: Time, second: &Curve, values: &mut [Values; 2]) -> Curve {
+    let stride = first.stride();
+    let cubic = first.interpolation == Interpolation::CubicSpline;
+    let width = first.path.width();
+    let held = |curve: &Curve, time: Time, values: &mut Values| match curve.times.len() {
+        // Also the rest pose, which no clip holds.
+        1 if cubic => {
+            let mut key = curve.values.to_vec();
+            key[..width].fill(0.0);
+            key[2 * width..].fill(0.0);
+            key
+        }
+        1 => curve.values.to_vec(),
+        _ => key_at(curve, time, values),
+    };
+    let [one, two] = values;
+    let mut start = held(second, Time::ZERO, two);
+    let close = held(first, end, one);
+    let value = |key: &[f32]| if cubic { key[width..2 * width].to_vec() } else { key.to_vec() };
+    let seamless = value(&start) == value(&close);
+    let (mut times, mut keys) = (Vec::new(), Vec::new());
+    for (i, time) in first.times.iter().enumerate().filter(|(_, t)| **t < end) {
+        times.push(*time);
+        keys.extend(&first.values[i * stride..][..stride]);
+    }
+    // A cubic that is held goes on level.
+    let before = keys.len();
+    if cubic && before > 0 && first.times[first.times.len() - 1] < end {
+        keys[before - width..].fill(0.0);
+    }
+    if first.interpolation != Interpolation::Step && !seamless {
+        let last = end - Time(1);
+        if times.last().is_none_or(|t| *t < last) {
+            times.push(last);
+            keys.extend(held(first, last, one));
+        }
+    }
+    if seamless && cubic {
+        start[..width].copy_from_slice(&close[..width]);
+    }
+    let later = second.times.iter().enumerate().filter(|(_, t)| **t > Time::ZERO);
+    times.push(end);
+    keys.extend(start);
+    for (i, time) in later {
+        times.push(end + *time);
+        let begin = keys.len();
+        keys.extend(&second.values[i * stride..][..stride]);
+        if cubic && i == 0 {
+            keys[begin..begin + width].fill(0.0);
+        }
+    }
+    let times: Arc<[Time]> = times.into();
+    Curve { times, values: keys.into(), ..first.clone() }
+}

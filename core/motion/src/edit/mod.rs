@@ -1,0 +1,206 @@
+//! Clips made from a clip: a part of it, backwards, faster, one after the other, offset, smoothed. All pure, all by its keys.
+//!
+//! What is promised of each holds at every tick, to the rounding of f32: `clip.cut(a, b)` at t is the clip at a + t, `reversed` at t is
+//! the clip at its end − t, and so on (`tests/edit.rs`).
+
+mod join;
+mod offset;
+mod smooth;
+
+use crate::timeline::{Interval, find_interval};
+use crate::{Clip, Curve, Interpolation, Path, Pose, Sample, Time};
+use thiserror::Error;
+
+pub use offset::{Offset, in_parent};
+
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum EditError {
+    #[error(
+        "from {from} s to {until} s is no part of the clip \"{clip}\", which runs from 0 s to {duration} s"
+    )]
+    Cut { clip: String, from: f64, until: f64, duration: f64 },
+    #[error("the clip \"{clip}\" at {factor} times its speed: the speed must be from 0.001 to 1000")]
+    Speed { clip: String, factor: f64 },
+    #[error("the clip \"{clip}\" at {factor} times its speed has keys less than a tick apart")]
+    KeysMeet { clip: String, factor: f64 },
+    #[error("the clip \"{second}\" is of {joints} joints, \"{first}\" of {expected}")]
+    Joints { first: String, second: String, joints: usize, expected: usize },
+    #[error("the clips \"{first}\" and \"{second}\" drive another number of morph weights at joint {joint}")]
+    Weights { first: String, second: String, joint: u32 },
+    #[error("the clip of {joints} joints has none with number {joint}")]
+    Joint { joint: u32, joints: usize },
+    #[error("the window of {seconds} s must be above 0 s and at most 10 s")]
+    Window { seconds: f64 },
+}
+
+impl Clip {
+    /// The part from one time to another, which then begins at 0. Keys are put at both ends where there are none: between them
+    /// slerp and cubics stay what they were.
+    pub fn cut(&self, from: Time, until: Time) -> Result<Clip, EditError> {
+        if from < Time::ZERO || until > self.duration || from >= until {
+            return Err(EditError::Cut {
+                clip: self.name.clone(),
+                from: from.as_secs(),
+                until: until.as_secs(),
+                duration: self.duration.as_secs(),
+            });
+        }
+        let mut pose = Values::new(self);
+        Ok(self.try_each(|curve| Ok(part(curve, from, until, &mut pose)))?.lasting(until - from))
+    }
+
+    /// Backwards: at t what the clip is at its end − t, steps included.
+    pub fn reversed(&self) -> Clip {
+        let end = self.duration;
+        let backwards = |curve: &Curve| {
+            let keys = curve.times.len();
+            let step = curve.interpolation == Interpolation::Step;
+            let time = |new: usize| match (step, new) {
+                (false, _) => end - curve.times[keys - 1 - new],
+                (true, 0) => Time::ZERO.min(end - curve.times[keys - 1]),
+                // A step lasts until the tick before the next.
+                (true, _) => end - curve.times[keys - new] + Time(1),
+            };
+            let width = curve.path.width();
+            let mut values = Vec::with_capacity(curve.values.len());
+            for key in curve.values.chunks_exact(curve.stride()).rev() {
+                if curve.interpolation == Interpolation::CubicSpline {
+                    values.extend(key[2 * width..].iter().map(|v| -v));
+                    values.extend(&key[width..2 * width]);
+                    values.extend(key[..width].iter().map(|v| -v));
+                } else {
+                    values.extend(key);
+                }
+            }
+            let times = (0..keys).map(time).collect();
+            Ok::<_, std::convert::Infallible>(Curve { times, values: values.into(), ..curve.clone() })
+        };
+        let Ok(clip) = self.try_each(backwards);
+        clip
+    }
+
+    /// Faster or slower: at t what the clip is at t · factor, to the nearest tick.
+    pub fn at_speed(&self, factor: f64) -> Result<Clip, EditError> {
+        if !(0.001..=1000.0).contains(&factor) {
+            return Err(EditError::Speed { clip: self.name.clone(), factor });
+        }
+        let faster = |curve: &Curve| {
+            let times: Vec<Time> = curve.times.iter().map(|t| t.scaled(1.0 / factor)).collect();
+            if times.windows(2).any(|pair| pair[0] >= pair[1]) {
+                return Err(EditError::KeysMeet { clip: self.name.clone(), factor });
+            }
+            let mut values = curve.values.to_vec();
+            if curve.interpolation == Interpolation::CubicSpline {
+                let width = curve.path.width();
+                for (part, value) in values.chunks_exact_mut(width.max(1)).enumerate() {
+                    if part % 3 != 1 {
+                        value.iter_mut().for_each(|v| *v = (f64::from(*v) * factor) as f32);
+                    }
+                }
+            }
+            Ok(Curve { times: times.into(), values: values.into(), ..curve.clone() })
+        };
+        Ok(self.try_each(faster)?.lasting(self.duration.scaled(1.0 / factor)))
+    }
+}
+
+/// Values of a clip's curves at any time.
+struct Values<'a> {
+    clip: &'a Clip,
+    pose: Pose,
+    at: Option<Time>,
+}
+
+impl<'a> Values<'a> {
+    fn new(clip: &'a Clip) -> Values<'a> {
+        Values { clip, pose: Pose::identity(clip.joint_count()), at: None }
+    }
+
+    /// As the clip is sampled.
+    fn at(&mut self, curve: &Curve, time: Time) -> Vec<f32> {
+        if let Path::Weights(n) = curve.path {
+            let mut out = vec![0.0; n as usize];
+            crate::sample::curve_between(curve, find_interval(&curve.times, time), &mut out);
+            return out;
+        }
+        if self.at != Some(time) {
+            Sample { clip: self.clip, time, pose: &mut self.pose }.run();
+            self.at = Some(time);
+        }
+        let joint = self.pose.get(curve.joint as usize);
+        match curve.path {
+            Path::Rotation => joint.rotation.to_array().to_vec(),
+            Path::Scale => joint.scale.to_array().to_vec(),
+            _ => joint.translation.to_array().to_vec(),
+        }
+    }
+}
+
+/// A curve between two times, moved to begin at 0.
+fn part(curve: &Curve, from: Time, until: Time, values: &mut Values) -> Curve {
+    let inside: Vec<usize> =
+        (0..curve.times.len()).filter(|i| from <= curve.times[*i] && curve.times[*i] <= until).collect();
+    let (mut times, mut keys) = (Vec::new(), Vec::new());
+    let mut border = |time: Time, times: &mut Vec<Time>, keys: &mut Vec<f32>| {
+        times.push(time - from);
+        keys.extend(border_key(curve, time, values));
+    };
+    if inside.first().is_none_or(|i| curve.times[*i] > from) {
+        border(from, &mut times, &mut keys);
+    }
+    for i in &inside {
+        let begin = keys.len();
+        times.push(curve.times[*i] - from);
+        keys.extend(&curve.values[i * curve.stride()..][..curve.stride()]);
+        // Held until there, a cubic arrives level.
+        if *i == 0 && curve.times[0] > from && curve.interpolation == Interpolation::CubicSpline {
+            keys[begin..begin + curve.path.width()].fill(0.0);
+        }
+    }
+    let ends_before = inside.last().is_none_or(|i| curve.times[*i] < until);
+    // Held at the end, as it is anyway.
+    let moves_on = curve.times.last().is_some_and(|last| *last > until);
+    if ends_before && moves_on {
+        border(until, &mut times, &mut keys);
+    }
+    Curve { times: times.into(), values: keys.into(), ..curve.clone() }
+}
+
+/// A curve's own key where it has one at a time, else one that fits in.
+fn key_at(curve: &Curve, time: Time, values: &mut Values) -> Vec<f32> {
+    match curve.times.binary_search(&time) {
+        Ok(key) => curve.values[key * curve.stride()..][..curve.stride()].to_vec(),
+        Err(_) => border_key(curve, time, values),
+    }
+}
+
+/// All numbers of a key at any time, so that the curve stays what it is on both sides. Of a cubic rotation it is the value
+/// before it is normalised: that is what the cubic goes on from.
+fn border_key(curve: &Curve, time: Time, values: &mut Values) -> Vec<f32> {
+    if curve.interpolation != Interpolation::CubicSpline {
+        return values.at(curve, time);
+    }
+    let width = curve.path.width();
+    let Interval { key, next, fraction, span } = find_interval(&curve.times, time);
+    let (a, b) = (&curve.values[key * 3 * width..], &curve.values[next * 3 * width..]);
+    let mut out = vec![0.0; 3 * width];
+    if key == next {
+        // Beyond its ends a curve is held.
+        out[width..2 * width].copy_from_slice(&a[width..2 * width]);
+        return out;
+    }
+    let (t, span) = (f64::from(fraction), span.as_secs());
+    let (t2, t3) = (t * t, t * t * t);
+    for i in 0..width {
+        let [p, m, n, q] = [a[width + i], a[2 * width + i], b[i], b[width + i]].map(f64::from);
+        let value = (2.0 * t3 - 3.0 * t2 + 1.0) * p
+            + span * (t3 - 2.0 * t2 + t) * m
+            + span * (t3 - t2) * n
+            + (3.0 * t2 - 2.0 * t3) * q;
+        // Its derivative by seconds.
+        let slope =
+            (6.0 * t2 - 6.0 * t) * (p - q) / span + (3.0 * t2 - 4.0 * t + 1.0) * m + (3.0 * t2 - 2.0 * t) * n;
+        (out[i], out[width + i], out[2 * width + i]) = (slope as f32, value as f32, slope as f32);
+    }
+    out
+}

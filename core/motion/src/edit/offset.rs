@@ -1,0 +1,64 @@
+//! A joint moved and turned through a whole clip.
+
+use super::EditError;
+use crate::rest::Rest;
+use crate::{Clip, Curve, Interpolation, Path, Skeleton, Time};
+use glam::{DQuat, DVec3};
+use std::sync::Arc;
+
+/// What a joint is moved and turned by at every time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Offset {
+    /// Metres, along the model's axes where the parent rests.
+    pub moved: DVec3,
+    /// After the clip's own rotation, about the joint's own axes.
+    pub turned: DQuat,
+}
+
+impl Clip {
+    /// Key by key: interpolation between keys stays what it was. What the clip does not move is offset from the rest pose.
+    pub fn offset(&self, joint: u32, by: Offset, skeleton: &Skeleton) -> Result<Clip, EditError> {
+        if joint as usize >= self.joint_count().min(skeleton.len()) {
+            return Err(EditError::Joint { joint, joints: self.joint_count() });
+        }
+        let mut curves = self.curves().to_vec();
+        let rest = &skeleton.rest()[joint as usize];
+        if by.turned != DQuat::IDENTITY {
+            let curve = find(&mut curves, joint, Path::Rotation, &rest.rotation.to_array());
+            let turned = curve.values.chunks_exact(4).flat_map(|q| {
+                let q = DQuat::from_xyzw(q[0].into(), q[1].into(), q[2].into(), q[3].into()) * by.turned;
+                q.to_array().map(|v| v as f32)
+            });
+            curve.values = turned.collect();
+        }
+        if by.moved != DVec3::ZERO {
+            let moved = in_parent(skeleton, joint, by.moved);
+            let curve = find(&mut curves, joint, Path::Translation, &rest.translation.to_array());
+            let cubic = curve.interpolation == Interpolation::CubicSpline;
+            let values = curve.values.chunks_exact(3).enumerate().flat_map(|(part, v)| {
+                let by = if cubic && part % 3 != 1 { [0.0; 3] } else { moved.to_array() };
+                [0, 1, 2].map(|i| (f64::from(v[i]) + by[i]) as f32)
+            });
+            curve.values = values.collect();
+        }
+        Ok(self.with_curves(self.joint_count(), curves).lasting(self.duration))
+    }
+}
+
+/// The curve of a property; where there is none, one that rests.
+fn find<'a>(curves: &'a mut Vec<Curve>, joint: u32, path: Path, rest: &[f32]) -> &'a mut Curve {
+    let at = curves.iter().position(|c| c.joint == joint && c.path == path).unwrap_or_else(|| {
+        let times: Arc<[Time]> = [Time::ZERO].into();
+        curves.push(Curve { joint, path, interpolation: Interpolation::Linear, times, values: rest.into() });
+        curves.len() - 1
+    });
+    &mut curves[at]
+}
+
+/// Metres along the model's axes as the joint's parent sees them at rest.
+pub fn in_parent(skeleton: &Skeleton, joint: u32, moved: DVec3) -> DVec3 {
+    let Some(parent) = skeleton.parents().get(joint as usize).copied().flatten() else { return moved };
+    let (model, parent) = (Rest::of(skeleton), parent as usize);
+    let unit = Some(model.scales[parent]).filter(|s| *s > 0.0).unwrap_or(1.0);
+    model.rotations[parent].conjugate() * moved / unit
+}

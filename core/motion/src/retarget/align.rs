@@ -1,0 +1,153 @@
+//! The target in the source's rest pose.
+
+use super::Side;
+use crate::Skeleton;
+use crate::human::{Human, is_below};
+use crate::joint_map::JointMap;
+use crate::rest::{Rest, unit};
+use glam::{DQuat, DVec3};
+
+/// Mean length of the legs from hip to foot, metres; 0 where there are none.
+pub(super) fn leg_length(human: &Human, rest: &Rest) -> f64 {
+    let leg = |side: &str| {
+        let place = |name: &str| Some(rest.positions[human.joint(&format!("{side} {name}"))? as usize]);
+        let (hip, knee, foot) = (place("upleg")?, place("leg")?, place("foot")?);
+        Some((knee - hip).length() + (foot - knee).length())
+    };
+    match (leg("left"), leg("right")) {
+        (Some(l), Some(r)) => (l + r) / 2.0,
+        (l, r) => l.or(r).unwrap_or(0.0),
+    }
+}
+
+/// The turn about the vertical, in quarters, that takes the source's left to the target's.
+pub(super) fn facing(source: &Side, target: &Side) -> (DQuat, f64) {
+    let left = |side: &Side| {
+        let across = |name: &str| {
+            let place =
+                |s: &str| side.human.joint(&format!("{s} {name}")).map(|j| side.rest.positions[j as usize]);
+            let mut across = place("left")? - place("right")?;
+            across.y = 0.0;
+            (across.length() > 1e-6).then_some(across)
+        };
+        ["upleg", "shoulder", "arm"].iter().find_map(|name| across(name))
+    };
+    let (Some(s), Some(t)) = (left(source), left(target)) else { return (DQuat::IDENTITY, 0.0) };
+    let angle = libm::atan2(s.cross(t).y, s.dot(t)).to_degrees();
+    let quarters = (angle / 90.0).round();
+    // Exact quarters, -0 and -180 as 0 and 180.
+    match quarters as i32 {
+        0 => (DQuat::IDENTITY, 0.0),
+        1 => (
+            DQuat::from_xyzw(0.0, std::f64::consts::FRAC_1_SQRT_2, 0.0, std::f64::consts::FRAC_1_SQRT_2),
+            90.0,
+        ),
+        -1 => (
+            DQuat::from_xyzw(0.0, -std::f64::consts::FRAC_1_SQRT_2, 0.0, std::f64::consts::FRAC_1_SQRT_2),
+            -90.0,
+        ),
+        _ => (DQuat::from_xyzw(0.0, 1.0, 0.0, 0.0), 180.0),
+    }
+}
+
+/// What a joint does to look like the source's at rest.
+enum How {
+    /// Its bone is laid along the source's by the shortest turn.
+    Limb(u32),
+    /// Turned about the vertical only, so that a flat sole stays flat.
+    Foot(Option<u32>),
+    /// Stays as it is: rigs put the joints of the trunk where they like, and nobody rests bent.
+    Trunk,
+    /// Turns with its parent.
+    Rigid,
+}
+
+/// Rotations of the target's joints in model space where the source is at rest.
+pub(super) fn aligned_rest(
+    to: &Skeleton,
+    map: &JointMap,
+    source: &Side,
+    target: &Side,
+    yaw: DQuat,
+    align: bool,
+) -> Vec<DQuat> {
+    let how = if align { roles(to, map, source, target) } else { Vec::new() };
+    let mut turns: Vec<DQuat> = Vec::with_capacity(to.len());
+    for joint in 0..to.len() {
+        let parent = to.parents()[joint].map_or(DQuat::IDENTITY, |p| turns[p as usize]);
+        let bone = |tip: u32| {
+            let own = target.rest.positions[tip as usize] - target.rest.positions[joint];
+            let (a, b) = (map.source(joint as u32)? as usize, map.source(tip)? as usize);
+            Some((own, yaw * (source.rest.positions[b] - source.rest.positions[a])))
+        };
+        let turn = match how.get(joint) {
+            None | Some(How::Trunk) => DQuat::IDENTITY,
+            Some(How::Rigid) => parent,
+            Some(How::Limb(tip)) => {
+                bone(*tip).map_or(parent, |(own, theirs)| arc(parent * own, theirs) * parent)
+            }
+            Some(How::Foot(tip)) => {
+                let flat = |v: DVec3| DVec3::new(v.x, 0.0, v.z);
+                let heading = tip.and_then(bone).map(|(own, theirs)| arc(flat(own), flat(theirs)));
+                heading.unwrap_or(DQuat::IDENTITY)
+            }
+        };
+        turns.push(unit(turn));
+    }
+    turns.iter().zip(&target.rest.rotations).map(|(turn, rest)| unit(*turn * *rest)).collect()
+}
+
+/// The shortest rotation from one direction to another; none where one of them has no length.
+fn arc(from: DVec3, to: DVec3) -> DQuat {
+    match (from.try_normalize(), to.try_normalize()) {
+        (Some(from), Some(to)) => DQuat::from_rotation_arc(from, to),
+        _ => DQuat::IDENTITY,
+    }
+}
+
+fn roles(to: &Skeleton, map: &JointMap, source: &Side, target: &Side) -> Vec<How> {
+    let mut how: Vec<How> = (0..to.len()).map(|_| How::Rigid).collect();
+    let human = &target.human;
+    for (name, joint) in human.joints() {
+        let Some(partner) = map.source(*joint) else { continue };
+        let (side, part) = name.split_once(' ').unwrap_or(("", name));
+        // The next joint of the limb that both have, below this one.
+        let tip = |parts: &[&str]| {
+            parts.iter().find_map(|part| {
+                let tip = human.joint(&format!("{side} {part}"))?;
+                let their_tip = map.source(tip)?;
+                let below = tip != *joint && is_below(to, tip, *joint) && their_tip != partner;
+                (below && source.human.joint(&format!("{side} {part}")) == Some(their_tip)).then_some(tip)
+            })
+        };
+        let limb = |parts: &[&str]| tip(parts).map_or(How::Rigid, How::Limb);
+        how[*joint as usize] = match part {
+            "arm" => limb(&["forearm"]),
+            "forearm" => limb(&["hand"]),
+            "hand" => limb(&["handmiddle1", "handindex1", "handring1"]),
+            "upleg" => limb(&["leg"]),
+            "leg" => limb(&["foot"]),
+            "foot" => How::Foot(tip(&["toebase"])),
+            "toebase" | "eye" | "jaw" => How::Rigid,
+            _ => match part.strip_prefix("hand").and_then(|finger| Some((finger, finger.chars().last()?))) {
+                Some((finger, digit @ ('1' | '2'))) => {
+                    let next = if digit == '1' { "2" } else { "3" };
+                    let finger = &finger[..finger.len() - 1];
+                    limb(&[&format!("hand{finger}{next}")])
+                }
+                Some(_) => How::Rigid,
+                None => How::Trunk,
+            },
+        };
+    }
+    for joint in human.spine().iter().chain(human.neck()) {
+        how[*joint as usize] = How::Trunk;
+    }
+    // Nothing above the hips is turned.
+    if let Some(hips) = human.joint("hips") {
+        for above in std::iter::successors(Some(hips), |j| to.parents()[*j as usize]) {
+            how[above as usize] = How::Trunk;
+        }
+    }
+    how
+}

@@ -1,0 +1,122 @@
+//! Both skeletons at one time, in f64.
+
+use super::{Retarget, Translations};
+use crate::rest::unit;
+use crate::{Clip, Pose, Sample, Time, Transform};
+use glam::{DAffine3, DQuat, DVec3};
+
+/// What is kept from one time to the next, to allocate nothing.
+pub(super) struct Frame {
+    pose: Pose,
+    source: Model,
+    target: Model,
+    /// parent-from-joint of the target.
+    pub locals: Vec<(DVec3, DQuat)>,
+    /// What the hips were raised by for the feet's sake, metres.
+    pub raised: f64,
+}
+
+#[derive(Default)]
+struct Model {
+    rotations: Vec<DQuat>,
+    matrices: Vec<DAffine3>,
+}
+
+impl Model {
+    fn place(&self, joint: u32) -> DVec3 {
+        self.matrices[joint as usize].translation
+    }
+
+    fn push(&mut self, parent: Option<u32>, local: Transform) {
+        let (t, r, s) =
+            (local.translation.as_dvec3(), unit(local.rotation.as_dquat()), local.scale.as_dvec3());
+        let own = DAffine3::from_scale_rotation_translation(s, r, t);
+        let (matrix, rotation) = match parent {
+            Some(p) => (self.matrices[p as usize] * own, self.rotations[p as usize] * r),
+            None => (own, r),
+        };
+        self.matrices.push(matrix);
+        self.rotations.push(unit(rotation));
+    }
+}
+
+impl Frame {
+    pub fn new(of: &Retarget) -> Frame {
+        Frame {
+            pose: Pose::rest(of.from),
+            source: Model::default(),
+            target: Model::default(),
+            locals: vec![(DVec3::ZERO, DQuat::IDENTITY); of.to.len()],
+            raised: 0.0,
+        }
+    }
+
+    /// The source at a time of the clip, and the target as it follows.
+    pub fn at(&mut self, of: &Retarget, clip: &Clip, time: Time) {
+        for (joint, rest) in of.from.rest().iter().enumerate() {
+            self.pose.set(joint, *rest);
+        }
+        Sample { clip, time, pose: &mut self.pose }.run();
+        self.source.rotations.clear();
+        self.source.matrices.clear();
+        for (joint, local) in self.pose.iter().enumerate() {
+            self.source.push(of.from.parents()[joint], local);
+        }
+        self.raised = 0.0;
+        self.follow(of);
+        if of.options.floor && of.options.translations != Translations::None && of.steps() {
+            self.raised = self.clearance(of);
+            if self.raised != 0.0 {
+                self.follow(of);
+            }
+        }
+    }
+
+    /// How far the lowest foot is from where it should be, above or below.
+    fn clearance(&self, of: &Retarget) -> f64 {
+        let lowest = |side: &super::Side, model: &Model| {
+            let over = side.contacts.iter().map(|(joint, standing)| model.place(*joint).y - standing);
+            over.fold(f64::MAX, f64::min)
+        };
+        let (wanted, is) = (lowest(&of.source, &self.source), lowest(&of.target, &self.target));
+        wanted * of.scale - is
+    }
+
+    fn follow(&mut self, of: &Retarget) {
+        self.target.rotations.clear();
+        self.target.matrices.clear();
+        for (joint, rest) in of.to.rest().iter().enumerate() {
+            let parent = of.to.parents()[joint];
+            let base = parent.map_or(DQuat::IDENTITY, |p| self.target.rotations[p as usize]);
+            let mut local = *rest;
+            let mut turn = unit(rest.rotation.as_dquat());
+            if let (Some(s), Some(d)) = (of.map.source(joint as u32), of.follow[joint]) {
+                turn = unit(base.conjugate() * of.yaw * self.source.rotations[s as usize] * d);
+            }
+            let mut at = rest.translation.as_dvec3();
+            if of.moves(joint as u32)
+                && let Some(s) = of.map.source(joint as u32)
+            {
+                let mut place = of.place(joint as u32, self.source.place(s));
+                if Some(joint as u32) == of.hips {
+                    place.y += self.raised;
+                }
+                let above = parent.map_or(DAffine3::IDENTITY, |p| self.target.matrices[p as usize]);
+                let inside = above.inverse().transform_point3(place);
+                if inside.is_finite() {
+                    at = inside;
+                }
+            }
+            // Places of the joints below are those of the numbers that the clip will hold.
+            local.translation = at.as_vec3();
+            self.locals[joint] = (at, turn);
+            let own = DAffine3::from_scale_rotation_translation(local.scale.as_dvec3(), turn, at);
+            let (matrix, rotation) = match parent {
+                Some(p) => (self.target.matrices[p as usize] * own, unit(base * turn)),
+                None => (own, turn),
+            };
+            self.target.matrices.push(matrix);
+            self.target.rotations.push(rotation);
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! Clips on other skeletons: the same motion on a body of other proportions, whose joints have other names, axes and rest pose.
+//!
+//! A joint t follows a joint s: from the rest pose it turns in model space as s does from its own. With G the rotations of joints
+//! in model space, G₀ those at rest, Y the turn that makes both look the same way, and A the rotation that lays the target's
+//! limbs at rest along the source's (a T-pose taken to an A-pose):
+//!
+//! Gₜ = Y Gₛ Gₛ₀⁻¹ Y⁻¹ A Gₜ₀
+//!
+//! so that limbs point where the source's do, whatever the axes. (World-space, rest-relative deltas, as in the retargeters of
+//! game engines.) Relative to the parent that is Lq R with L and R constant wherever both parents follow each other: keys map one
+//! to one and interpolation between them is exact. Elsewhere, as where a spine has more joints than the other, the motion
+//! is sampled at all keys involved and between them until it is within [`Options::tolerance_rad`].
+//!
+//! The hips go the source's way, times the ratio of the legs' lengths, and then up or down so that the lowest foot is as far
+//! above its height at rest as the source's, times that ratio: what stands stays on the floor.
+
+mod align;
+mod frame;
+mod keys;
+mod same;
+mod sampler;
+
+use crate::human::{Human, is_below};
+use crate::joint_map::JointMap;
+use crate::rest::Rest;
+use crate::{Clip, Skeleton};
+use align::{aligned_rest, facing, leg_length};
+use glam::{DQuat, DVec3};
+use std::collections::BTreeMap;
+
+pub use keys::Report;
+pub use same::same_joints;
+
+/// Which joints move, rather than turn only.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Translations {
+    /// The hips and what is above them.
+    #[default]
+    Hips,
+    /// All that follow a joint, by as much as that moves from its rest, times the scale.
+    All,
+    None,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Target joint → source joint, or none.
+    pub joints: BTreeMap<u32, Option<u32>>,
+    /// Metres of the target a metre of the source; the ratio of the legs' lengths where `None`.
+    pub scale: Option<f64>,
+    pub translations: Translations,
+    /// Whether the hips are raised and lowered so that feet stay on the floor.
+    pub floor: bool,
+    /// Whether limbs at rest are laid along the source's; else rest poses are taken for the same.
+    pub align: bool,
+    /// What sampled rotations may be off between keys; in metres a tenth of it, times the leg's length.
+    pub tolerance_rad: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            joints: BTreeMap::new(),
+            scale: None,
+            translations: Translations::Hips,
+            floor: true,
+            align: true,
+            tolerance_rad: 1e-3,
+        }
+    }
+}
+
+/// How clips of one skeleton are put on another. Made once for two skeletons, used for any number of clips.
+pub struct Retarget<'a> {
+    from: &'a Skeleton,
+    to: &'a Skeleton,
+    map: JointMap,
+    options: Options,
+    source: Side,
+    target: Side,
+    /// Metres of the target a metre of the source.
+    scale: f64,
+    /// Turns the source to look where the target does.
+    yaw: DQuat,
+    yaw_degrees: f64,
+    /// Of each target joint: its rotation in model space where the source is at rest.
+    aligned: Vec<DQuat>,
+    /// Of target joints that follow: D, so that G = yaw · G of the source · D.
+    follow: Vec<Option<DQuat>>,
+    hips: Option<u32>,
+}
+
+struct Side {
+    human: Human,
+    rest: Rest,
+    /// y of the floor that the rest pose stands on.
+    floor: f64,
+    /// Metres.
+    leg: f64,
+    /// Feet and all below them, and how high each is when it stands, from the floor.
+    contacts: Vec<(u32, f64)>,
+    /// Whether both feet are about as high at rest: else it is no pose to go by for what stands.
+    stands: bool,
+}
+
+impl Side {
+    fn of(skeleton: &Skeleton) -> Side {
+        let human = Human::of(skeleton);
+        let rest = Rest::of(skeleton);
+        let leg = leg_length(&human, &rest);
+        // A rest pose that does not stand near zero, as where the hips are the origin, stands on its lowest joint.
+        let lowest = rest.positions.iter().map(|p| p.y).fold(f64::MAX, f64::min);
+        let floor = if lowest.abs() > 0.25 * leg && leg > 0.0 { lowest } else { 0.0 };
+        let feet = ["left foot", "right foot"].map(|name| human.joint(name));
+        let height = |joint: u32| rest.positions[joint as usize].y - floor;
+        let mut contacts = Vec::new();
+        for joint in 0..skeleton.len() as u32 {
+            if feet.iter().flatten().any(|foot| is_below(skeleton, joint, *foot)) {
+                contacts.push((joint, height(joint)));
+            }
+        }
+        let stands = match feet {
+            [Some(left), Some(right)] => (height(left) - height(right)).abs() < 0.1 * leg,
+            _ => true,
+        };
+        Side { human, rest, floor, leg, contacts, stands }
+    }
+}
+
+impl<'a> Retarget<'a> {
+    pub fn new(from: &'a Skeleton, to: &'a Skeleton, options: Options) -> Retarget<'a> {
+        let (source, target) = (Side::of(from), Side::of(to));
+        let map = JointMap::new([from, to], [&source.human, &target.human], &options.joints);
+        let ratio = |a: f64, b: f64| Some(a / b).filter(|r| r.is_finite() && *r > 1e-6 && *r < 1e6);
+        let legs = ratio(target.leg, source.leg);
+        let scale =
+            options.scale.or(legs).or(ratio(target.rest.height(), source.rest.height())).unwrap_or(1.0);
+        let (yaw, yaw_degrees) = facing(&source, &target);
+        let aligned = aligned_rest(to, &map, &source, &target, yaw, options.align);
+        let follow = (0u32..)
+            .zip(&aligned)
+            .map(|(joint, aligned)| {
+                let s = map.source(joint)? as usize;
+                Some(crate::rest::unit(source.rest.rotations[s].conjugate() * yaw.conjugate() * *aligned))
+            })
+            .collect();
+        let hips = target.human.joint("hips").filter(|h| map.source(*h).is_some());
+        Retarget { from, to, map, options, source, target, scale, yaw, yaw_degrees, aligned, follow, hips }
+    }
+
+    pub fn map(&self) -> &JointMap {
+        &self.map
+    }
+
+    /// Metres of the target a metre of the source.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// By how much the source is turned to look where the target does: 0, 90, 180 or −90.
+    pub fn yaw_degrees(&self) -> f64 {
+        self.yaw_degrees
+    }
+
+    /// How far each joint that follows is turned, in degrees, where the source is at rest.
+    pub fn alignment(&self) -> Vec<(u32, f64)> {
+        let angle = |(joint, aligned): (u32, &DQuat)| {
+            let turn = *aligned * self.target.rest.rotations[joint as usize].conjugate();
+            self.map.source(joint)?;
+            let degrees = 2.0 * libm::asin(turn.xyz().length().min(1.0)).to_degrees();
+            (degrees > 0.5).then_some((joint, degrees))
+        };
+        (0u32..).zip(&self.aligned).filter_map(angle).collect()
+    }
+
+    /// Whether the source rests on both feet. Where it does not, as in a file of a run alone that rests in its first frame, limbs
+    /// still point where they should, but the trunk and the feet are off by what the rest pose is off.
+    pub fn rests_standing(&self) -> bool {
+        self.source.stands
+    }
+
+    /// Whether both skeletons are bodies, with hips, legs and arms: else there is nothing to go by but names.
+    pub fn is_body(&self) -> bool {
+        self.source.human.is_body() && self.target.human.is_body() && self.hips.is_some()
+    }
+
+    /// Where a joint that moves stands in the model when its source joint stands there: rest places correspond, of the
+    /// hips their heights above the floors.
+    fn place(&self, joint: u32, source: DVec3) -> DVec3 {
+        let s = self.map.source(joint).unwrap_or(0) as usize;
+        let mut from_rest = source - self.source.rest.positions[s];
+        let mut rest = self.target.rest.positions[joint as usize];
+        if Some(joint) == self.hips {
+            from_rest.y += self.source.floor;
+            rest.y -= self.target.floor;
+        }
+        rest + self.yaw * from_rest * self.scale
+    }
+
+    /// Whether both have feet.
+    fn steps(&self) -> bool {
+        !self.source.contacts.is_empty() && !self.target.contacts.is_empty()
+    }
+
+    /// Whether a joint's place follows the source's: the hips and what is above them.
+    fn moves(&self, joint: u32) -> bool {
+        self.options.translations != Translations::None
+            && self.map.source(joint).is_some()
+            && self.hips.is_some_and(|hips| is_below(self.to, hips, joint))
+    }
+}
+
+/// The clip on another skeleton: copied curve by curve where joints mean the same there (see [`same_joints`]) or where the skeletons
+/// are no bodies; else retargeted, with a report.
+/// Where both files name the bones of their bodies, rotations go from T-pose to T-pose, as VRM has it ([`crate::bind_clip`]).
+pub fn bind_or_retarget(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<String>, Option<Report>) {
+    let named = from.humanoid().is_some() && to.humanoid().is_some();
+    if !named && !same_joints(clip, from, to) {
+        let retarget = Retarget::new(from, to, Options::default());
+        if retarget.is_body() {
+            let (clip, report) = retarget.clip(clip);
+            return (clip, report.unmatched.clone(), Some(report));
+        }
+    }
+    let (clip, unmatched) = crate::bind_clip(clip, from, to);
+    (clip, unmatched, None)
+}

@@ -1,0 +1,268 @@
+//! Clips made from clips: mirrored, and on other bodies. Those made by editing: [`super::clip_edit`].
+
+use super::actor::find_joint;
+use crate::call::{ApiError, Call, Def, Gives, Options, Reply, describe};
+use crate::diagnostic::Severity;
+use crate::limits::raise_hint;
+use crate::suggest::list;
+use crate::value::*;
+use choreo_motion::retarget::{
+    Options as Fit, Report, Retarget, Translations, bind_or_retarget, same_joints,
+};
+use choreo_motion::{Clip, MirrorMap, bind_clip};
+use choreo_stage::Asset;
+use rhai::{Dynamic, Map};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+pub const DEFS: &[Def] = &[
+    Def::new(
+        Kind::Clip,
+        "mirror",
+        "",
+        Gives::A(Kind::Clip),
+        "The clip with left and right exchanged, key by key; joints are paired by their names, one without a partner stays at rest.",
+        mirror,
+    ),
+    Def::new(
+        Kind::Clip,
+        "retarget",
+        "asset, options?",
+        Gives::A(Kind::Clip),
+        "The clip on another body, as happens by itself when an actor plays it; options: joints (#{ \"its joint\": \"joint of the clip\", … }, false for none), scale (by the legs' lengths), translations (\"hips\", \"all\", \"none\"), floor (feet stay on it: true), align (limbs at rest are laid along the clip's: true).",
+        retarget,
+    ),
+    Def::new(
+        Kind::Clip,
+        "mapping",
+        "asset, options?",
+        Gives::Value("array of texts"),
+        "Which joints of another body follow which of the clip's, and how; options as for retarget.",
+        mapping,
+    ),
+];
+
+/// A clip that a script has made, counted.
+pub fn made(c: &Call, clip: Clip, asset: Arc<Asset>) -> Reply {
+    count(c, &clip)?;
+    Ok(Dynamic::from(ClipRef { clip: Arc::new(clip), asset, dead: false }))
+}
+
+fn count(c: &Call, clip: &Clip) -> Result<(), ApiError> {
+    let keys: usize = clip.curves().iter().map(|curve| curve.times.len()).sum();
+    let mut build = c.build();
+    build.clip_keys += keys as u64;
+    if build.clip_keys > c.shared.limits.clip_keys {
+        let error = ApiError::new(format!("{}: too many keys in clips that the script makes", c.def.name));
+        return Err(ApiError {
+            fatal: true,
+            ..error.hint(raise_hint("clip_keys", c.shared.limits.clip_keys))
+        });
+    }
+    Ok(())
+}
+
+fn mirror(c: &mut Call) -> Reply {
+    let this: ClipRef = c.this()?;
+    let skeleton = &this.asset.skeleton;
+    let map = MirrorMap::new(skeleton).map_err(|e| {
+        let names = skeleton.names().iter().map(String::as_str);
+        ApiError::new(format!("mirror: \"{}\": {e}", this.asset.name))
+            .hint(format!("joints: {}", list(names, 24)))
+    })?;
+    let lost = map.unpaired().iter().filter(|joint| this.clip.animates(**joint));
+    let lost: Vec<&str> = lost.map(|joint| skeleton.names()[*joint as usize].as_str()).collect();
+    if !lost.is_empty() {
+        let text = format!(
+            "mirror: clip \"{}\" of \"{}\" moves {} joints without a partner on the other side, which stay at rest: {}",
+            this.clip.name,
+            this.asset.name,
+            lost.len(),
+            list(lost.iter().copied(), 12)
+        );
+        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text));
+    }
+    let mut clip = this.clip.mirrored(&map);
+    clip.name = format!("{} mirrored", this.clip.name);
+    made(c, clip, this.asset)
+}
+
+/// Both assets and how the one's clips go on the other.
+fn fitting(c: &Call, of: &Asset, on: &Asset) -> Result<Fit, ApiError> {
+    let o = c.options(1, &["joints", "scale", "translations", "floor", "align"])?;
+    let mut fit = Fit { joints: joints(&o, of, on)?, ..Fit::default() };
+    fit.scale = o.number_in("scale", 1e-6, 1e6)?;
+    if let Some(moving) = o.one_of("translations", &["hips", "all", "none"])? {
+        fit.translations = match moving {
+            "hips" => Translations::Hips,
+            "all" => Translations::All,
+            _ => Translations::None,
+        };
+    }
+    fit.floor = o.flag("floor")?.unwrap_or(fit.floor);
+    fit.align = o.flag("align")?.unwrap_or(fit.align);
+    Ok(fit)
+}
+
+fn joints(o: &Options, of: &Asset, on: &Asset) -> Result<BTreeMap<u32, Option<u32>>, ApiError> {
+    let Some(given) = o.get("joints") else { return Ok(BTreeMap::new()) };
+    let wrong =
+        || ApiError::new(format!("{} must be an object map, got {}", o.label("joints"), describe(&given)));
+    let map = given.read_lock::<Map>().ok_or_else(wrong)?;
+    let pair = |(joint, source): (&rhai::Identifier, &Dynamic)| {
+        let joint = find_joint(on, joint)?;
+        if source.as_bool() == Ok(false) {
+            return Ok((joint, None));
+        }
+        let name = source.clone().into_string().map_err(|_| {
+            ApiError::new(format!(
+                "{}: a joint's partner must be the name of a joint, or false, got {}",
+                o.label("joints"),
+                describe(source)
+            ))
+        })?;
+        Ok((joint, Some(find_joint(of, &name)?)))
+    };
+    map.iter().map(pair).collect()
+}
+
+fn other(c: &Call) -> Result<Arc<Asset>, ApiError> {
+    let asset =
+        c.value(0).try_cast::<AssetRef>().ok_or_else(|| c.wrong(0, "an Asset, as from load(…)"))?.asset;
+    c.build().used(&asset);
+    Ok(asset)
+}
+
+fn retarget(c: &mut Call) -> Reply {
+    let (this, on): (ClipRef, _) = (c.this()?, other(c)?);
+    c.build().used(&this.asset);
+    let fit = fitting(c, &this.asset, &on)?;
+    let retarget = Retarget::new(&this.asset.skeleton, &on.skeleton, fit);
+    // Onto the character that a clip was made for it goes as it is.
+    let (clip, report) = match c.len() == 1 && same_joints(&this.clip, &this.asset.skeleton, &on.skeleton) {
+        true => {
+            let (clip, unmatched) = bind_clip(&this.clip, &this.asset.skeleton, &on.skeleton);
+            (clip, Report { unmatched, rests_standing: true, ..Report::default() })
+        }
+        false => retarget.clip(&this.clip),
+    };
+    if clip.curves().is_empty() && !this.clip.curves().is_empty() {
+        return Err(nothing(&this, &on, &report.unmatched));
+    }
+    note(c, &this, &on, &report);
+    if !report.rests_standing {
+        not_standing(c, &this, &on);
+    }
+    made(c, clip, on)
+}
+
+fn nothing(of: &ClipRef, on: &Asset, missing: &[String]) -> ApiError {
+    let names = on.skeleton.names().iter().map(String::as_str);
+    ApiError::new(format!(
+        "clip \"{}\" of \"{}\" on \"{}\": no joint has the same name",
+        of.clip.name, of.asset.name, on.name
+    ))
+    .focus(of.clip.name.clone())
+    .hint(format!(
+        "animated: {}; on the actor: {}",
+        list(missing.iter().map(String::as_str), 12),
+        list(names, 12)
+    ))
+}
+
+/// What may surprise about a retargeted clip.
+fn note(c: &Call, of: &ClipRef, on: &Asset, report: &Report) {
+    if report.coarse {
+        let text = format!(
+            "clip \"{}\" of \"{}\" on \"{}\": it has too many keys to be followed within the tolerance",
+            of.clip.name, of.asset.name, on.name
+        );
+        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text));
+    }
+}
+
+fn not_standing(c: &Call, of: &ClipRef, on: &Asset) {
+    let error = ApiError::new(format!(
+        "clip \"{}\" of \"{}\" on \"{}\": \"{}\" does not rest standing on both feet, as files of moves alone often do not; what it rests \
+         in counts as upright",
+        of.clip.name, of.asset.name, on.name, of.asset.name
+    ));
+    let hint =
+        "put it on the character that it was made for first: clip.retarget(its_character).retarget(asset)";
+    c.shared.note(Severity::Warning, &c.place, &error.hint(hint));
+}
+
+fn mapping(c: &mut Call) -> Reply {
+    let (this, on): (ClipRef, _) = (c.this()?, other(c)?);
+    c.build().used(&this.asset);
+    let fit = fitting(c, &this.asset, &on)?;
+    let lines = mapping_lines(&this.asset, &on, &this.clip, fit);
+    Ok(Dynamic::from_array(lines.into_iter().map(Dynamic::from).collect()))
+}
+
+/// How a clip goes on another body, a line a joint: "upperarm.l ← LeftArm (by body, turned 43° at rest)".
+pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Vec<String> {
+    let retarget = Retarget::new(&of.skeleton, &on.skeleton, fit);
+    let (_, report) = retarget.clip(clip);
+    let mut lines = vec![format!(
+        "{} on {}: scale {:.4}, turned by {}°, {} of {} joints follow",
+        of.name,
+        on.name,
+        retarget.scale(),
+        retarget.yaw_degrees(),
+        retarget.map().pairs().count(),
+        on.skeleton.len()
+    )];
+    let turned: BTreeMap<u32, f64> = retarget.alignment().into_iter().collect();
+    for (joint, source, how) in retarget.map().pairs() {
+        let name = |asset: &Asset, joint: u32| asset.skeleton.names()[joint as usize].clone();
+        let turned = turned.get(&joint).map_or(String::new(), |d| format!(", turned {d:.0}° at rest"));
+        lines.push(format!("{} ← {} ({}{turned})", name(on, joint), name(of, source), how.as_str()));
+    }
+    if !report.sampled.is_empty() {
+        let names = report.sampled.iter().map(String::as_str);
+        lines.push(format!("sampled, {} keys each: {}", report.sampled_keys, list(names, 24)));
+    }
+    let (low, high) = report.raised;
+    lines.push(format!(
+        "hips raised by {:.1} to {:.1} mm so that feet stay on the floor",
+        low * 1e3,
+        high * 1e3
+    ));
+    for (name, far) in &report.held {
+        lines.push(format!(
+            "{name} moves within the body, by up to {:.0} mm, and only turns here (translations: \"all\" moves it too)",
+            far * 1e3
+        ));
+    }
+    if !report.unmatched.is_empty() {
+        lines.push(format!("nothing follows: {}", list(report.unmatched.iter().map(String::as_str), 48)));
+    }
+    lines
+}
+
+/// A clip on an actor's own skeleton: as it is where joints mean the same there, else retargeted. Says what gets lost.
+pub fn fit(c: &Call, given: &ClipRef, asset: &Asset) -> Result<Clip, ApiError> {
+    let (bound, missing, report) = bind_or_retarget(&given.clip, &given.asset.skeleton, &asset.skeleton);
+    if bound.curves().is_empty() && bound.expressions().is_empty() && !given.clip.curves().is_empty() {
+        return Err(nothing(given, asset, &missing));
+    }
+    if let Some(report) = &report {
+        note(c, given, asset, report);
+        if !report.rests_standing {
+            not_standing(c, given, asset);
+        }
+        count(c, &bound)?;
+    } else if !missing.is_empty() {
+        let names = list(missing.iter().map(String::as_str), 12);
+        let text = format!(
+            "clip \"{}\" of \"{}\" on \"{}\": {} animated joints have no partner of the same name: {names}",
+            given.clip.name,
+            given.asset.name,
+            asset.name,
+            missing.len()
+        );
+        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text));
+    }
+    Ok(bound)
+}
