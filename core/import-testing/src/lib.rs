@@ -2,7 +2,6 @@
 //! and assimp's command line as a second opinion. A dependency of tests only.
 
 pub mod assimp;
-pub mod bench;
 pub mod damage;
 pub mod pose;
 pub mod sound;

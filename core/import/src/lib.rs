@@ -8,6 +8,7 @@ pub mod normals;
 pub mod pictures;
 pub mod polygon;
 pub mod problem;
+pub mod search;
 pub mod smooth;
 pub mod tangents;
 pub mod text;

@@ -4,6 +4,7 @@
 
 use crate::budget::{Budget, Notes};
 use crate::pictures::{Encoded, Formats, decode_beside};
+use crate::search;
 use choreo_plugin::Files;
 use choreo_stage::asset::Image;
 use std::collections::BTreeMap;
@@ -26,8 +27,8 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// Index of the picture at the path that the file gives: with either slash, percent-encoded, as a `file:` URI, absolute
-    /// (then by its name alone, beside the file).
+    /// Index of the picture at the path that the file gives: with either slash, percent-encoded, as a `file:` URI; absolute
+    /// ones and those that are not there are looked for as [`search::places`] says.
     pub fn find(
         &mut self,
         written: &str,
@@ -62,15 +63,11 @@ impl Textures {
         if name.is_empty() {
             return Err("the texture has no file name".to_string());
         }
-        // Beside the file by its name alone, as the folders of another machine are not here.
-        let bytes = files.read(&path).or_else(|e| match path == name {
-            true => Err(e),
-            false => files.read(&name).map_err(|_| e),
-        });
-        let bytes = bytes.map_err(|e| match e.contains(&name) {
-            true => e,
-            false => format!("cannot read \"{path}\": {e}"),
-        })?;
+        let bytes =
+            search::read_first(files, &search::places(&[&path])).map_err(|e| match e.contains(&name) {
+                true => e,
+                false => format!("cannot read \"{path}\": {e}"),
+            })?;
         // Comparing and keeping cost as decoding does: they come out of the same budget.
         budget.charge(bytes.len() as u64, 1)?;
         let same = self.entries.iter().position(|e| e.bytes.as_ref() == bytes.as_slice());
@@ -97,17 +94,17 @@ impl Textures {
     }
 }
 
-/// The path relative to the file, and the file name in it. An absolute path is its file name.
+/// The path as a path, and the file name in it.
 fn plain_path(written: &str) -> (String, String) {
     let uri = written.trim().strip_prefix("file://").or_else(|| written.trim().strip_prefix("file:"));
-    let decoded = percent_decoded(uri.unwrap_or(written.trim())).replace('\\', "/");
-    let mut path = decoded.as_str();
-    while let Some(rest) = path.strip_prefix("./") {
-        path = rest;
-    }
-    let name = path.rsplit('/').next().unwrap_or(path).to_string();
-    let absolute = uri.is_some() || path.starts_with('/') || path.as_bytes().get(1) == Some(&b':');
-    (if absolute { name.clone() } else { path.to_string() }, name)
+    let path = percent_decoded(uri.unwrap_or(written.trim())).replace('\\', "/");
+    let path = match uri {
+        // `/C:/art`, `/art`, `host/art`: never beside the file.
+        Some(_) => format!("/{}", path.trim_start_matches('/')),
+        None => path,
+    };
+    let name = search::file_name(&path).to_string();
+    (path, name)
 }
 
 /// `%20` and the like; what is no valid encoding stays as it is.
@@ -154,13 +151,13 @@ mod tests {
 
     #[test]
     fn paths_of_other_systems() {
-        let plain = |p: &str| plain_path(p).0;
-        assert_eq!(plain(r".\wal67ar_small.jpg"), "wal67ar_small.jpg");
-        assert_eq!(plain("../materials/a%20b.png"), "../materials/a b.png");
-        assert_eq!(plain("file:///C:/art/skin.png"), "skin.png");
-        assert_eq!(plain(r"C:\art\skin.png"), "skin.png");
-        assert_eq!(plain("/etc/passwd"), "passwd");
-        assert_eq!(plain("100%.png"), "100%.png");
+        let first = |p: &str| search::places(&[&plain_path(p).0])[0].clone();
+        assert_eq!(first(r".\wal67ar_small.jpg"), "wal67ar_small.jpg");
+        assert_eq!(first("../materials/a%20b.png"), "../materials/a b.png");
+        assert_eq!(first("file:///C:/art/skin.png"), "skin.png");
+        assert_eq!(first(r"C:\art\skin.png"), "skin.png");
+        assert_eq!(first("/etc/passwd"), "passwd");
+        assert_eq!(first("100%.png"), "100%.png");
         assert_eq!(plain_path("art/skin.png"), ("art/skin.png".into(), "skin.png".into()));
     }
 

@@ -84,7 +84,7 @@ impl Node<'_, '_, '_> {
             let values = &mut self.stack[b.element].values;
             match b.part {
                 Part::One(index) => values[index] = b.sampler.value(time, 0),
-                Part::All => values.iter_mut().enumerate().for_each(|(i, v)| *v = b.sampler.value(time, i)),
+                Part::All => b.sampler.row(time, values),
             }
         }
     }
@@ -147,7 +147,8 @@ pub fn joint(
     let times = key_times(bound.iter().map(|b| &*b.sampler), start, end);
     let all_step = bound.iter().all(|b| b.sampler.steps().1);
     let mut keys: Vec<Key> = Vec::with_capacity(times.len());
-    let longest = times.iter().map(|t| node.at(*t).translation.length()).fold(1e-6, f64::max);
+    let at_keys: Vec<Parts> = times.iter().map(|t| node.at(*t)).collect();
+    let longest = at_keys.iter().map(|p| p.translation.length()).fold(1e-6, f64::max);
     for (index, time) in times.iter().enumerate() {
         if let Some(before) = index.checked_sub(1).filter(|_| !all_step).map(|i| times[i]) {
             let jumps = bound.iter().any(|b| {
@@ -156,17 +157,16 @@ pub fn joint(
             });
             // Where a value jumps at this key, it is held to one tick before.
             let until = if jumps { Time(time.0 - 1) } else { *time };
+            let held = if jumps { node.at(until) } else { at_keys[index] };
             if whole.is_none() && until > before {
-                let (a, b) = (node.at(before), node.at(until));
-                refine(&mut node, (before, &a), (until, &b), longest, 0, &mut keys);
+                let ends = ((before, &at_keys[index - 1]), (until, &held));
+                refine(&mut node, ends, None, longest, 0, &mut keys);
             }
             if jumps && until > before {
-                let parts = node.at(until);
-                keys.push(Key { time: until, parts });
+                keys.push(Key { time: until, parts: held });
             }
         }
-        let parts = node.at(*time);
-        keys.push(Key { time: *time, parts });
+        keys.push(Key { time: *time, parts: at_keys[index] });
         if keys.len() > MAX_KEYS {
             return Err(format!("its animation comes to more than {MAX_KEYS} keys, which is the limit"));
         }
@@ -237,11 +237,12 @@ fn key_times<'s>(samplers: impl Iterator<Item = &'s Sampler>, start: Time, end: 
     times
 }
 
-/// Adds keys between two times until the straight way is near enough.
+/// Adds keys between two times until the straight way is near enough. `middle` is known where the interval is half of one
+/// that was looked at.
 fn refine(
     node: &mut Node<'_, '_, '_>,
-    a: (Time, &Parts),
-    b: (Time, &Parts),
+    (a, b): ((Time, &Parts), (Time, &Parts)),
+    middle: Option<Parts>,
     longest: f64,
     depth: u32,
     out: &mut Vec<Key>,
@@ -251,8 +252,7 @@ fn refine(
         return;
     }
     let time_at = |quarter: i64| Time(a.0.0 + span / 4 * quarter);
-    let quarters = [1, 2, 3].map(|q| (time_at(q), node.at(time_at(q))));
-    let off = quarters.iter().any(|(time, truth)| {
+    let off = |time: Time, truth: &Parts| {
         let part = (time.0 - a.0.0) as f64 / span as f64;
         let guess = between(a.1, b.1, part);
         let angle = 2.0 * libm::acos(guess.rotation.dot(truth.rotation).abs().min(1.0));
@@ -260,14 +260,25 @@ fn refine(
             || angle > TOLERANCE
             || (guess.scale - truth.scale).abs().max_element()
                 > truth.scale.abs().max_element().max(1e-9) * TOLERANCE
-    });
-    if !off {
-        return;
+    };
+    let time = time_at(2);
+    let middle = middle.unwrap_or_else(|| node.at(time));
+    // Where the middle is near enough, an S-shaped way could still leave the line beside it.
+    let mut quarters = [None, None];
+    let mut split = off(time, &middle);
+    for (known, quarter) in quarters.iter_mut().zip([1, 3]) {
+        if !split {
+            let parts = node.at(time_at(quarter));
+            split = off(time_at(quarter), &parts);
+            // Not where the halves have their middles: that is rounded otherwise.
+            *known = (span % 8 == 0).then_some(parts);
+        }
     }
-    let (time, parts) = &quarters[1];
-    refine(node, a, (*time, parts), longest, depth + 1, out);
-    out.push(Key { time: *time, parts: *parts });
-    refine(node, (*time, parts), b, longest, depth + 1, out);
+    if split {
+        refine(node, (a, (time, &middle)), quarters[0], longest, depth + 1, out);
+        out.push(Key { time, parts: middle });
+        refine(node, ((time, &middle), b), quarters[1], longest, depth + 1, out);
+    }
 }
 
 /// Morph weights of one mesh instance: all of them in one curve, at all keys.

@@ -175,7 +175,16 @@ impl Sampler {
 
     /// One of the values at a time; before the first and after the last key its value.
     pub fn value(&self, time: Time, component: usize) -> f64 {
-        let (key, part) = self.locate(time);
+        self.value_at(self.locate(time), component)
+    }
+
+    /// All values at a time, as many as there is room for.
+    pub fn row(&self, time: Time, out: &mut [f64]) {
+        let at = self.locate(time);
+        out.iter_mut().enumerate().for_each(|(component, v)| *v = self.value_at(at, component));
+    }
+
+    fn value_at(&self, (key, part): (usize, f64), component: usize) -> f64 {
         let at = |key: usize| self.values[key * self.width + component];
         if part == 0.0 {
             return at(key);

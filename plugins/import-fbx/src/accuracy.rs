@@ -1,7 +1,8 @@
 //! How far clips are from what ufbx evaluates between their keys, and what closer keys cost.
 
-use crate::refine::{MAX_DEGREES, MAX_METRES};
-use crate::{FbxImporter, load};
+use crate::file::TOLERANCE_DEG;
+use crate::local::Local;
+use crate::{FbxImporter, convert, load};
 use choreo_import_testing::{Companions, assets, options, source};
 use choreo_motion::{Pose, Sample, Time};
 use choreo_plugin::{Importer, Needs, OptionValue};
@@ -12,22 +13,37 @@ use std::path::Path;
 const ONLY_CLIPS: Needs = Needs { geometry: false, clips: true, textures: false };
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Worst {
+pub struct Worst {
     /// Metres, of any node in its parent's space.
-    translation: f64,
-    degrees: f64,
-    keys: usize,
+    pub translation: f64,
+    pub degrees: f64,
+    /// Of any axis.
+    pub scale: f64,
+    pub keys: usize,
 }
 
-fn clips(bytes: &[u8], rate: f64) -> Asset {
-    let options = options(&FbxImporter, &[("rate", OptionValue::Number(rate))]);
+const MAX_METRES: f64 = 1e-4;
+
+/// A tolerance in degrees, or keys a second.
+#[derive(Clone, Copy)]
+pub enum Choice {
+    Within(f64),
+    Rate(f64),
+}
+
+fn clips(bytes: &[u8], choice: Choice) -> Asset {
+    let (name, value) = match choice {
+        Choice::Within(degrees) => ("tolerance", degrees),
+        Choice::Rate(rate) => ("rate", rate),
+    };
+    let options = options(&FbxImporter, &[(name, OptionValue::Number(value))]);
     let source = source("a.fbx", bytes);
     FbxImporter.import(&source, &Companions::none(), ONLY_CLIPS, &options).unwrap()
 }
 
 /// Against ufbx, at `samples` even times of every clip, which fall between keys. `late` is a planted fault.
-fn worst(bytes: &[u8], rate: f64, samples: usize, late: f64) -> Worst {
-    let asset = clips(bytes, rate);
+pub fn worst(bytes: &[u8], choice: Choice, samples: usize, late: f64) -> Worst {
+    let asset = clips(bytes, choice);
     let scene = load::load(bytes, ONLY_CLIPS).unwrap();
     let mut worst = Worst::default();
     let names = asset.skeleton.names();
@@ -46,6 +62,9 @@ fn worst(bytes: &[u8], rate: f64, samples: usize, late: f64) -> Worst {
                 let ours = pose.get(joint);
                 let t = theirs.translation;
                 let off = DVec3::new(t.x, t.y, t.z).distance(ours.translation.as_dvec3());
+                let s = theirs.scale;
+                let scale = (DVec3::new(s.x, s.y, s.z) - ours.scale.as_dvec3()).abs().max_element();
+                worst.scale = worst.scale.max(scale);
                 let r = theirs.rotation;
                 let theirs = DQuat::from_xyzw(r.x, r.y, r.z, r.w).normalize();
                 let ours = ours.rotation.as_dquat().normalize();
@@ -65,12 +84,13 @@ fn own() -> Vec<u8> {
 /// Of the project's own sample: a rotation by Euler angles, cubic and linear, through 70° in a second.
 #[test]
 fn closer_keys_are_closer() {
-    let [close, one, two, four] = [0.0, 24.0, 48.0, 96.0].map(|rate| worst(&own(), rate, 503, 0.0));
+    let close = worst(&own(), Choice::Within(TOLERANCE_DEG), 503, 0.0);
+    let [one, two, four] = [24.0, 48.0, 96.0].map(|rate| worst(&own(), Choice::Rate(rate), 503, 0.0));
     println!("flag.fbx: {close:?} {one:?} {two:?} {four:?}");
-    assert!(close.degrees < 1.1 * MAX_DEGREES && close.translation < MAX_METRES, "{close:?}");
+    assert!(close.degrees < TOLERANCE_DEG && close.translation < MAX_METRES, "{close:?}");
     assert!(one.degrees > 3.0 * two.degrees && two.degrees > 3.0 * four.degrees, "{one:?} {two:?} {four:?}");
     // A thousandth of a second late is seen.
-    assert!(worst(&own(), 0.0, 503, 0.002).degrees > 2.0 * MAX_DEGREES);
+    assert!(worst(&own(), Choice::Within(TOLERANCE_DEG), 503, 0.002).degrees > 2.0 * TOLERANCE_DEG);
 }
 
 /// The table of the README.
@@ -92,14 +112,61 @@ fn sample_files() {
         let bytes = std::fs::read(folder.join(name)).unwrap();
         let scene = load::load(&bytes, ONLY_CLIPS).unwrap();
         let own = scene.settings.frames_per_second;
-        let rows = [0.0, own, 4.0 * own].map(|rate| worst(&bytes, rate, 97, 0.0));
-        let text = rows.map(|w| format!("{:.4} mm {:.4}° {} keys", w.translation * 1e3, w.degrees, w.keys));
+        let within = [0.5, TOLERANCE_DEG, 0.005].map(Choice::Within);
+        let choices = within.into_iter().chain([own, 4.0 * own].map(Choice::Rate));
+        let rows: Vec<Worst> = choices.map(|choice| worst(&bytes, choice, 97, 0.0)).collect();
+        let text: Vec<String> = rows
+            .iter()
+            .map(|w| format!("{:.4} mm {:.4}° {} keys", w.translation * 1e3, w.degrees, w.keys))
+            .collect();
         println!("| {name} | {own} | {} |", text.join(" | "));
-        let (close, plain) = (rows[0], rows[1]);
-        assert!(
-            close.translation < 3.0 * MAX_METRES && close.degrees < 3.0 * MAX_DEGREES,
-            "{name}: {close:?}"
-        );
-        assert!(close.degrees <= plain.degrees + 1e-6, "{name}: {close:?} {plain:?}");
+        // f32 keys: a few millionths of a degree, and of the greatest translation. What is sampled (scale that is not
+        // inherited, in the last but one file) is off by a little more than at its probes.
+        for (row, degrees) in rows.iter().zip([0.5, TOLERANCE_DEG, 0.005]) {
+            let metres = MAX_METRES * degrees / TOLERANCE_DEG;
+            let close = row.degrees < 1.15 * degrees + 1e-4 && row.translation < 1.15 * metres + 2e-6;
+            assert!(close, "{name}: {row:?} {degrees}");
+        }
+        // The file's own rate is no better, but where there is nothing to be better at.
+        assert!(rows[1].degrees <= rows[3].degrees.max(0.01 * TOLERANCE_DEG), "{name}: {rows:?}");
     }
+}
+
+/// Where nothing moves, ours against ufbx's: the last bits of two libraries' sines.
+#[test]
+fn nodes_at_rest() {
+    let files = assets(23).map(|folder| crate::accuracy::all_files(&folder)).unwrap_or_default();
+    let read = |path: &std::path::PathBuf| std::fs::read(path).unwrap();
+    let (mut worst, mut count) = (0.0f64, 0);
+    for bytes in files.iter().map(read).chain([own()]) {
+        let scene = load::load(&bytes, ONLY_CLIPS).unwrap();
+        for node in &scene.nodes {
+            let Some(local) = Local::new(node) else { continue };
+            let theirs = convert::transform(&node.local_transform, String::new).unwrap();
+            let ours = local.at_rest();
+            let turn = 1.0 - ours.rotation.as_dquat().dot(theirs.rotation.as_dquat()).abs();
+            let far = (ours.translation - theirs.translation).length() / (1.0 + theirs.translation.length());
+            worst = worst.max(turn).max(f64::from(far)).max(f64::from((ours.scale - theirs.scale).length()));
+            count += 1;
+        }
+    }
+    println!("{count} nodes at rest, off by {worst:.1e} at most");
+    assert!(count > 15 && worst < 1e-6, "{count} {worst}");
+}
+
+fn all_files(folder: &Path) -> Vec<std::path::PathBuf> {
+    let mut folders = vec![folder.join("fbx"), folder.join("same-model-3-formats")];
+    let mut out = Vec::new();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            match path.is_dir() {
+                true => folders.push(path),
+                false if path.extension().is_some_and(|e| e == "fbx") => out.push(path),
+                false => {}
+            }
+        }
+    }
+    out.sort();
+    out
 }

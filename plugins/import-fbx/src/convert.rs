@@ -15,12 +15,14 @@ pub fn quat(q: &ufbx::Quat) -> Quat {
     if length.is_finite() && length > 1e-9 { (q * (1.0 / length)).as_quat() } else { Quat::IDENTITY }
 }
 
+pub const NOT_FINITE: &str = "its translation, rotation or scale is not finite";
+
 pub fn transform(t: &ufbx::Transform, place: impl FnOnce() -> String) -> Result<Transform> {
     let out =
         Transform { translation: vec3(&t.translation), rotation: quat(&t.rotation), scale: vec3(&t.scale) };
     match out.is_finite() {
         true => Ok(out),
-        false => Err(Problem::new(place(), "its translation, rotation or scale is not finite")),
+        false => Err(Problem::new(place(), NOT_FINITE)),
     }
 }
 

@@ -9,15 +9,37 @@ use ufbx::{CoordinateAxis, Element, Exporter, Scene};
 /// All pictures of one file together, decoded.
 const MAX_PICTURE_BYTES: u64 = 1 << 30;
 
+/// How far a clip may be from the file's own curves, anywhere between keys.
+#[derive(Clone, Copy, Debug)]
+pub struct Accuracy {
+    /// Keys a second instead, straight lines between.
+    pub rate: Option<f64>,
+    pub radians: f64,
+    pub metres: f64,
+    pub scale: f64,
+    /// Of a blend shape.
+    pub weight: f64,
+}
+
+/// Degrees, if nothing is said: what README.md's table shows to cost nothing.
+pub const TOLERANCE_DEG: f64 = 0.05;
+
+impl Accuracy {
+    /// The other limits grow and shrink with that of rotations: at 0.05° they are 0.1 mm, 1e-4 and 1e-3.
+    pub fn of_degrees(degrees: f64, rate: Option<f64>) -> Accuracy {
+        let share = degrees / 0.05;
+        let radians = degrees * (std::f64::consts::PI / 180.0);
+        Accuracy { rate, radians, metres: 1e-4 * share, scale: 1e-4 * share, weight: 1e-3 * share }
+    }
+}
+
 pub struct File<'a> {
     pub scene: &'a Scene,
-    pub size: usize,
     pub files: &'a dyn Files,
     pub needs: Needs,
-    /// Keys a second where a curve is no straight line.
+    /// Samples a second of what has no closed form.
     pub rate: f64,
-    /// Whether more are added where a line leaves the curve.
-    pub adapts: bool,
+    pub accuracy: Accuracy,
     pub hidden: bool,
     pub vertex_colors: bool,
     pub notes: Notes,
@@ -38,11 +60,10 @@ impl<'a> File<'a> {
         let given = options.number("rate").filter(|r| *r > 0.0);
         File {
             scene,
-            size,
             files,
             needs,
             rate: given.unwrap_or(own),
-            adapts: given.is_none(),
+            accuracy: Accuracy::of_degrees(options.number("tolerance").unwrap_or(TOLERANCE_DEG), given),
             hidden: options.bool("hidden").unwrap_or(false),
             vertex_colors: options.bool("vertex_colors").unwrap_or(true),
             notes: Notes::default(),

@@ -5,18 +5,27 @@ mod accuracy;
 mod alpha;
 mod clips;
 mod convert;
+mod curve;
+mod driven;
+mod emit;
 mod file;
+mod joined;
 mod keys;
 mod load;
+mod local;
 mod materials;
 mod meshes;
 mod morphs;
 mod nodes;
 mod objects;
+#[cfg(test)]
+mod random;
 mod refine;
+mod sampled;
 mod skinning;
 mod textures;
 mod vertices;
+mod weights;
 
 use choreo_import::{Result, bones, pictures};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
@@ -32,7 +41,8 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     )
     .extensions(["fbx"])
     .magic(BINARY_MAGIC)
-    .number("rate", "keys a second where a curve is no straight line; 0: the file's own rate, and more where they are needed", 0.0, 0.0..=1000.0)
+    .number("tolerance", "degrees that a rotation may be off between keys; at 0.05 translations 0.1 mm", file::TOLERANCE_DEG, 1e-4..=10.0)
+    .number("rate", "this many keys a second, straight lines between, instead of the tolerance; 0: the file's own keys", 0.0, 0.0..=1000.0)
     .flag("bones", "show the bones of a file that has no mesh", true)
     .flag("hidden", "show meshes that the file hides, too", false)
     .flag("vertex_colors", "multiply the mesh's colours, taken as sRGB, into the material", true)

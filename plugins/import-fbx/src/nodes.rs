@@ -2,8 +2,9 @@
 
 use crate::convert;
 use crate::file::{File, place_of};
+use crate::local::Local;
 use choreo_import::{Problem, Result};
-use choreo_motion::Skeleton;
+use choreo_motion::{Skeleton, Transform};
 use ufbx::{Node, PropFlags};
 
 pub struct Tree {
@@ -24,13 +25,23 @@ pub fn read(file: &File<'_>) -> Result<Tree> {
     let mut tree = Walk { joint_of_node: vec![None; count], ..Walk::default() };
     tree.add(file, root);
     let names = names(&tree.nodes);
-    let rest =
-        tree.nodes.iter().map(|node| convert::transform(&node.local_transform, || place_of(&node.element)));
-    let rest = rest.collect::<Result<_>>()?;
+    let rest = tree.nodes.iter().map(|node| rest(node)).collect::<Result<_>>()?;
     let node_of_joint = tree.nodes.iter().map(|n| n.element.typed_id as usize).collect();
     let skeleton =
         Skeleton::new(names, tree.parents, rest).map_err(|e| Problem::new("nodes", e.to_string()))?;
     Ok(Tree { skeleton, joint_of_node: tree.joint_of_node, node_of_joint, shown: tree.shown })
+}
+
+/// By our own trigonometry where the node stands for itself: the same bits on every machine.
+fn rest(node: &Node) -> Result<Transform> {
+    let Some(local) = Local::new(node) else {
+        return convert::transform(&node.local_transform, || place_of(&node.element));
+    };
+    let rest = local.at_rest();
+    match rest.is_finite() {
+        true => Ok(rest),
+        false => Err(Problem::new(place_of(&node.element), convert::NOT_FINITE)),
+    }
 }
 
 #[derive(Default)]

@@ -1,19 +1,15 @@
 //! More keys where straight lines leave the file's curve: an interval is halved until the line is close enough.
 
+use crate::file::Accuracy;
 use choreo_motion::Time;
-
-/// How far from the file's own curve a line may be, between any two keys.
-pub const MAX_DEGREES: f64 = 0.05;
-pub const MAX_METRES: f64 = 1e-4;
-pub const MAX_SCALE: f64 = 1e-4;
-pub const MAX_WEIGHT: f64 = 1e-3;
 
 /// Halvings of one interval.
 const MAX_DEPTH: u32 = 7;
 /// Closer keys than this are a step, or as close as anything needs.
 const MIN_TICKS: i64 = Time::TICKS_PER_SECOND / 4000;
-/// Where in an interval the line is compared: off the middle, where an S-shaped curve would cross it.
-const PROBE: f64 = 0.375;
+/// Where in an interval the line is compared: off the middle, where an S-shaped curve would cross it; and in two places, as
+/// curves were seen that cross it in one.
+const PROBES: [f64; 2] = [0.375, 0.7];
 
 /// What one part of a row is, for measuring.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,23 +30,29 @@ impl Part {
     }
 
     /// Whether the line from `a` to `b` passes further from `truth` than allowed.
-    fn misses(self, a: &[f64], b: &[f64], truth: &[f64]) -> bool {
+    fn misses(self, (a, b): (&[f64], &[f64]), truth: &[f64], probe: f64, accuracy: Accuracy) -> bool {
         let limit = match self {
-            Part::Translation => MAX_METRES,
-            Part::Scale => MAX_SCALE,
-            Part::Weight => MAX_WEIGHT,
+            Part::Translation => accuracy.metres,
+            Part::Scale => accuracy.scale,
+            Part::Weight => accuracy.weight,
             // Half an angle is the chord of its quaternions.
-            Part::Rotation => MAX_DEGREES * (std::f64::consts::PI / 360.0),
+            Part::Rotation => accuracy.radians / 2.0,
         };
-        let line = |i: usize, b: f64| a[i] + (b - a[i]) * PROBE;
+        let line = |i: usize, b: f64| a[i] + (b - a[i]) * probe;
         if self != Part::Rotation {
             let square: f64 = (0..a.len()).map(|i| line(i, b[i]) - truth[i]).map(|d| d * d).sum();
             return square > limit * limit;
         }
-        // For steps as small as matter here, the chord, normalised, is the arc.
         let dot = |p: &[f64], q: &[f64]| -> f64 { p.iter().zip(q).map(|(p, q)| p * q).sum() };
-        let sign = if dot(a, b) < 0.0 { -1.0 } else { 1.0 };
-        let mixed: [f64; 4] = std::array::from_fn(|i| line(i, sign * b[i]));
+        let cosine = dot(a, b);
+        let sign = if cosine < 0.0 { -1.0 } else { 1.0 };
+        let angle = libm::acos(cosine.abs().min(1.0));
+        // Weights of slerp; of small steps those of a line.
+        let (wa, wb) = match angle > 1e-3 {
+            true => (libm::sin((1.0 - probe) * angle), libm::sin(probe * angle)),
+            false => (1.0 - probe, probe),
+        };
+        let mixed: [f64; 4] = std::array::from_fn(|i| wa * a[i] + wb * sign * b[i]);
         let scale = dot(&mixed, &mixed).sqrt() * dot(truth, truth).sqrt();
         let cosine = if scale > 0.0 { dot(&mixed, truth).abs() / scale } else { 1.0 };
         2.0 - 2.0 * cosine.min(1.0) > limit * limit
@@ -67,6 +69,7 @@ pub struct Rows<'a> {
 /// `evaluate` appends the row of a time. `room` is asked before keys are added; `false` ends it.
 pub fn refine(
     rows: Rows<'_>,
+    accuracy: Accuracy,
     mut evaluate: impl FnMut(Time, &mut Vec<f64>),
     mut room: impl FnMut() -> bool,
 ) -> Rows<'_> {
@@ -83,11 +86,13 @@ pub fn refine(
         while let Some((to, b, depth)) = ahead.pop() {
             let ticks = to.0 - from.0;
             let deeper = depth < MAX_DEPTH && ticks >= 2 * MIN_TICKS;
-            if deeper {
-                truth.clear();
-                evaluate(Time(from.0 + (ticks as f64 * PROBE) as i64), &mut truth);
-            }
-            if deeper && misses(rows.parts, &a, &b, &truth) && room() {
+            let off = deeper
+                && PROBES.iter().any(|probe| {
+                    truth.clear();
+                    evaluate(Time(from.0 + (ticks as f64 * probe) as i64), &mut truth);
+                    misses(rows.parts, (&a, &b), &truth, *probe, accuracy)
+                });
+            if off && room() {
                 let middle = Time(from.0 + ticks / 2);
                 let mut between = Vec::with_capacity(width);
                 evaluate(middle, &mut between);
@@ -109,18 +114,22 @@ pub fn refine(
     out
 }
 
-fn misses(parts: &[Part], a: &[f64], b: &[f64], truth: &[f64]) -> bool {
+fn misses(parts: &[Part], (a, b): (&[f64], &[f64]), truth: &[f64], probe: f64, accuracy: Accuracy) -> bool {
     let mut at = 0;
     parts.iter().any(|part| {
         let range = at..at + part.width();
         at = range.end;
-        part.misses(&a[range.clone()], &b[range.clone()], &truth[range])
+        part.misses((&a[range.clone()], &b[range.clone()]), &truth[range], probe, accuracy)
     })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn accuracy() -> Accuracy {
+        Accuracy::of_degrees(0.05, None)
+    }
 
     /// x² from 0 to 1 s: halving stops where the line is within 0.1 mm.
     #[test]
@@ -130,7 +139,7 @@ mod tests {
         let mut values = Vec::new();
         let times = vec![Time::ZERO, Time::from_secs(1.0)];
         times.iter().for_each(|t| curve(*t, &mut values));
-        let rows = refine(Rows { parts: &parts, times, values }, curve, || true);
+        let rows = refine(Rows { parts: &parts, times, values }, accuracy(), curve, || true);
         // A line over h misses by h²/4 at most: 1/64 s is close enough, 1/32 is not.
         assert_eq!(rows.times.len(), 65);
         assert!(rows.times.windows(2).all(|p| p[0] < p[1]));
@@ -146,6 +155,21 @@ mod tests {
         let times = vec![Time::ZERO, Time(1), Time::from_secs(1.0)];
         let line = |t: Time, out: &mut Vec<f64>| out.push(5.0 + t.as_secs());
         let rows = Rows { parts: &parts, times: times.clone(), values: vec![0.0, 5.0, 6.0] };
-        assert_eq!(refine(rows, line, || true).times, times);
+        assert_eq!(refine(rows, accuracy(), line, || true).times, times);
+    }
+
+    /// A turn of 90° at an even pace: an arc needs no keys between, a chord would.
+    #[test]
+    fn wide_turns_are_arcs() {
+        let parts = [Part::Rotation];
+        let curve = |t: Time, out: &mut Vec<f64>| {
+            let half = t.as_secs() * std::f64::consts::FRAC_PI_4;
+            out.extend([libm::sin(half), 0.0, 0.0, libm::cos(half)]);
+        };
+        let times = vec![Time::ZERO, Time::from_secs(1.0)];
+        let mut values = Vec::new();
+        times.iter().for_each(|t| curve(*t, &mut values));
+        let rows = Rows { parts: &parts, times, values };
+        assert_eq!(refine(rows, accuracy(), curve, || true).times.len(), 2);
     }
 }

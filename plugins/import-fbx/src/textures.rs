@@ -4,6 +4,7 @@ use crate::alpha::{self, Alpha};
 use crate::file::{File, place_of};
 use crate::materials::Read;
 use choreo_import::pictures::{Encoded, Formats};
+use choreo_import::search;
 use choreo_import::{Problem, Result};
 use choreo_stage::asset::{Image, Sampler, TextureRef, Wrap};
 use glam::{Affine2, Mat2, Vec2};
@@ -271,17 +272,12 @@ fn place(file: &File<'_>, texture: &Texture, image: u32, uv_set: u8) -> TextureR
     TextureRef { image, sampler, uv_set, uv_transform }
 }
 
-/// The last part of a path of any system.
-fn file_name(path: &str) -> &str {
-    path.rsplit(['/', '\\']).next().unwrap_or(path)
-}
-
-/// Embedded, else as the file says relative to it, else by its name beside it: absolute paths are those of another machine.
+/// Embedded, else where [`search::places`] says.
 fn fetch(file: &File<'_>, texture: &Texture, place: &str) -> Result<Option<(String, Arc<Vec<u8>>)>> {
     let paths =
         [texture.relative_filename.as_ref(), texture.absolute_filename.as_ref(), texture.filename.as_ref()];
     let named = paths.into_iter().find(|p| !p.is_empty()).unwrap_or("");
-    let name = match file_name(named) {
+    let name = match search::file_name(named) {
         "" => texture.element.name.to_string(),
         name => name.to_string(),
     };
@@ -290,24 +286,18 @@ fn fetch(file: &File<'_>, texture: &Texture, place: &str) -> Result<Option<(Stri
         file.charge(content.len(), 1, || place.to_string())?;
         return Ok(Some((name, Arc::new(content.to_vec()))));
     }
-    let mut tried: Vec<String> = Vec::new();
-    let relative = texture.relative_filename.replace('\\', "/");
-    let absolute = relative.starts_with('/') || relative.as_bytes().get(1) == Some(&b':');
-    let beside = (!relative.is_empty() && !absolute).then_some(relative);
-    let others = [name.clone(), format!("textures/{name}")];
-    for path in beside.into_iter().chain(others) {
-        if path.is_empty() || tried.contains(&path) {
-            continue;
-        }
-        if let Ok(bytes) = file.files.read(&path) {
-            return Ok(Some((name, bytes)));
-        }
-        tried.push(path);
+    let by_name = [name.as_str()];
+    let tried = search::places(if named.is_empty() { &by_name } else { &paths });
+    if let Ok(bytes) = search::read_first(file.files, &tried) {
+        return Ok(Some((name, bytes)));
     }
     let what = match tried.as_slice() {
         [] => "names no file and holds no picture; it is left out".to_string(),
         _ => {
-            format!("its picture \"{named}\" cannot be read; looked for {} beside the file", tried.join(", "))
+            let tried = tried.join(", ");
+            format!(
+                "its picture \"{named}\" is not there; looked for {tried} beside the file and in the search paths"
+            )
         }
     };
     file.notes.warn(place, what);

@@ -6,10 +6,12 @@
 //! cargo xtask bench [--quick]                the README's table: CPU seconds, memory, first picture
 //! cargo xtask fuzz TARGET [--seconds N]      libFuzzer on a target of tests/fuzz
 //! cargo xtask report [NAME…]                 tests/report: error against run time of the project's own choices
+//! cargo xtask contact [FILTER]               every sample file turning, its first clip playing: sheets to look at
 //! cargo xtask strip                          the README's picture strip of the first script
 //! ```
 
 mod bench;
+mod contact;
 mod fuzz;
 mod setup;
 mod strip;
@@ -28,10 +30,11 @@ fn main() -> ExitCode {
         ["measured", rest @ ..] => bench::measured(rest),
         ["fuzz", rest @ ..] => fuzz::fuzz(rest),
         ["report", rest @ ..] => report(rest),
+        ["contact", rest @ ..] => contact::contact(rest),
         ["strip"] => strip::strip(),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | fuzz TARGET [--seconds N] | report [NAME…] | strip"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | strip"
             );
             return ExitCode::from(2);
         }

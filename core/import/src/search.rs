@@ -1,0 +1,101 @@
+//! Where a file that another names by a path of its author's machine may lie here.
+//!
+//! Nothing is listed and nothing is opened but through [`Files`], which keeps to the folders that the user gave: each place is
+//! tried beside the file first, then in every search path.
+
+use choreo_plugin::Files;
+use std::sync::Arc;
+
+/// Folders that exporters put pictures in, beside the model.
+const FOLDERS: [&str; 3] = ["textures", "images", "maps"];
+/// Folders at the end of an absolute path that are tried with the name.
+const MOST_FOLDERS: usize = 3;
+
+/// The last part of a path of any system.
+pub fn file_name(path: &str) -> &str {
+    path.rsplit(['/', '\\']).next().unwrap_or(path)
+}
+
+/// Whether a path says where it lies by itself, on any system.
+pub fn is_absolute(path: &str) -> bool {
+    path.starts_with(['/', '\\']) || path.as_bytes().get(1) == Some(&b':')
+}
+
+/// Places to try for the paths that a file gives for one companion, best first: as written where that is relative to the file;
+/// the name alone; the name in the usual folders; the name with the last folders of the path, as written and in lower case.
+pub fn places(written: &[&str]) -> Vec<String> {
+    let paths: Vec<String> =
+        written.iter().map(|p| p.replace('\\', "/")).filter(|p| !file_name(p).is_empty()).collect();
+    let mut out: Vec<String> = Vec::new();
+    let mut add = |place: String| {
+        if !out.contains(&place) {
+            out.push(place);
+        }
+    };
+    paths.iter().filter(|p| !is_absolute(p)).for_each(|p| add(p.trim_start_matches("./").to_string()));
+    paths.iter().for_each(|p| add(file_name(p).to_string()));
+    if let Some(first) = paths.first() {
+        FOLDERS.iter().for_each(|folder| add(format!("{folder}/{}", file_name(first))));
+    }
+    for path in &paths {
+        let parts: Vec<&str> = path.split('/').collect();
+        for folders in 1..=MOST_FOLDERS.min(parts.len() - 1) {
+            let tail = &parts[parts.len() - 1 - folders..];
+            if tail.iter().any(|p| matches!(*p, "" | "." | "..") || p.ends_with(':')) {
+                break;
+            }
+            let (name, above) = (tail[folders], tail[..folders].join("/"));
+            add(format!("{above}/{name}"));
+            add(format!("{}/{name}", above.to_lowercase()));
+        }
+    }
+    out
+}
+
+/// The first of these places that has a file; else why the first could not be read.
+pub fn read_first(files: &dyn Files, places: &[String]) -> Result<Arc<Vec<u8>>, String> {
+    let mut first = None;
+    for place in places {
+        match files.read(place) {
+            Ok(bytes) => return Ok(bytes),
+            Err(why) => _ = first.get_or_insert(why),
+        }
+    }
+    Err(first.unwrap_or_else(|| "it names no file".to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn absolute_paths_are_those_of_another_machine() {
+        assert_eq!(
+            places(&[r"D:\work\Models\OBJ\wall.jpg"]),
+            [
+                "wall.jpg",
+                "textures/wall.jpg",
+                "images/wall.jpg",
+                "maps/wall.jpg",
+                "OBJ/wall.jpg",
+                "obj/wall.jpg",
+                "Models/OBJ/wall.jpg",
+                "models/obj/wall.jpg",
+                "work/Models/OBJ/wall.jpg",
+                "work/models/obj/wall.jpg",
+            ]
+        );
+        assert_eq!(places(&["/etc/passwd"])[0], "passwd");
+        assert!(places(&["/etc/passwd", r"C:\x", r"\\server\x"]).iter().all(|p| !is_absolute(p)));
+    }
+
+    #[test]
+    fn relative_ones_are_tried_as_written_first() {
+        assert_eq!(places(&[r".\art\skin.png"])[..2], ["art/skin.png", "skin.png"]);
+        let up = places(&["../../secret/key"]);
+        assert_eq!(up[..2], ["../../secret/key", "key"]);
+        // What climbs is for `Files` to refuse, and is made no worse.
+        assert_eq!(up.iter().filter(|p| p.contains("..")).count(), 1);
+        assert!(places(&["", "/", "a/"]).is_empty());
+    }
+}

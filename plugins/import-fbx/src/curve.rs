@@ -1,0 +1,218 @@
+//! FBX curves as polynomials: between two keys a value is a cubic in time. Where tangents have weights, which bend time as
+//! well, it is several, as close as asked.
+
+use choreo_motion::Time;
+use ufbx::{AnimCurve, Interpolation, Keyframe};
+
+/// c₀ + c₁u + c₂u² + c₃u³, u from 0 to 1 between two times of the clip.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Piece {
+    pub from: Time,
+    pub to: Time,
+    pub c: [f64; 4],
+    /// Begins with a jump that comes just after its key.
+    pub late: bool,
+}
+
+/// Halvings of a weighted segment.
+const MAX_DEPTH: u32 = 10;
+/// What 1/3 may differ by: FBX writes it with six digits.
+const THIRD: f64 = 2e-6;
+
+/// Where on the file's time line a clip lies; ticks, and seconds.
+#[derive(Clone, Copy, Debug)]
+pub struct Span {
+    pub begin: Time,
+    pub end: Time,
+}
+
+impl Span {
+    pub fn length(self) -> Time {
+        self.end - self.begin
+    }
+}
+
+/// Appends the curve over the whole clip, without gaps. Beyond its keys it holds. `tolerance` is in the curve's own unit.
+pub fn pieces(curve: Option<&AnimCurve>, otherwise: f64, span: Span, tolerance: f64, out: &mut Vec<Piece>) {
+    let keys: &[Keyframe] = curve.map_or(&[], |c| &c.keyframes);
+    let mut line = Line { span, out, reached: Time::ZERO };
+    let [first, .., last] = keys else {
+        line.hold(span.length(), keys.first().map_or(otherwise, |k| k.value), false);
+        return;
+    };
+    line.hold(Time::from_secs(first.time) - span.begin, first.value, false);
+    for pair in keys.windows(2) {
+        let (a, b) = (&pair[0], &pair[1]);
+        let (from, to) = (Time::from_secs(a.time) - span.begin, Time::from_secs(b.time) - span.begin);
+        if to <= from || to <= Time::ZERO || from >= span.length() {
+            continue;
+        }
+        match a.interpolation {
+            Interpolation::ConstantPrev => line.add(from, to, [a.value, 0.0, 0.0, 0.0], false),
+            Interpolation::ConstantNext => line.add(from, to, [b.value, 0.0, 0.0, 0.0], true),
+            Interpolation::Linear => line.add(from, to, [a.value, b.value - a.value, 0.0, 0.0], false),
+            Interpolation::Cubic => {
+                let bezier = Bezier::new(a, b);
+                if bezier.is_plain(tolerance) {
+                    line.add(from, to, bezier.plain(), false);
+                } else {
+                    bezier.split(0.0, 1.0, tolerance, MAX_DEPTH, &mut |x, next, c| {
+                        let at = |x: f64| Time(from.0 + ((to.0 - from.0) as f64 * x).round() as i64);
+                        line.add(at(x), at(next), c, false);
+                    });
+                }
+            }
+        }
+    }
+    line.hold(span.length(), last.value, false);
+}
+
+struct Line<'a> {
+    span: Span,
+    out: &'a mut Vec<Piece>,
+    reached: Time,
+}
+
+impl Line<'_> {
+    fn hold(&mut self, to: Time, value: f64, late: bool) {
+        let to = to.min(self.span.length());
+        if to > self.reached {
+            self.out.push(Piece { from: self.reached, to, c: [value, 0.0, 0.0, 0.0], late });
+            self.reached = to;
+        }
+    }
+
+    /// Cut to the clip.
+    fn add(&mut self, from: Time, to: Time, c: [f64; 4], late: bool) {
+        let (start, end) = (from.max(self.reached), to.min(self.span.length()));
+        if end <= start {
+            return;
+        }
+        let whole = Piece { from, to, c, late: late && start == from };
+        self.out.push(whole.part(start, end));
+        self.reached = end;
+    }
+}
+
+impl Piece {
+    pub fn start(&self) -> f64 {
+        self.c[0]
+    }
+
+    pub fn end(&self) -> f64 {
+        ((self.c[3] + self.c[2]) + self.c[1]) + self.c[0]
+    }
+
+    /// The same polynomial between two times within.
+    pub fn part(&self, from: Time, to: Time) -> Piece {
+        if from == self.from && to == self.to {
+            return *self;
+        }
+        let span = (self.to.0 - self.from.0) as f64;
+        let (u, w) = ((from.0 - self.from.0) as f64 / span, (to.0 - from.0) as f64 / span);
+        let [a, b, c, d] = self.c;
+        let c = [
+            a + u * (b + u * (c + u * d)),
+            w * (b + u * (2.0 * c + 3.0 * u * d)),
+            w * w * (c + 3.0 * u * d),
+            w * w * w * d,
+        ];
+        Piece { from, to, c, late: self.late && from == self.from }
+    }
+}
+
+/// Time and value as cubic Béziers of a third number.
+struct Bezier {
+    /// Time of the inner control points, 0 to 1.
+    x: [f64; 2],
+    y: [f64; 4],
+}
+
+impl Bezier {
+    fn new(a: &Keyframe, b: &Keyframe) -> Bezier {
+        let span = b.time - a.time;
+        let (right, left) = (&a.right, &b.left);
+        let x = [f64::from(right.dx) / span, 1.0 - f64::from(left.dx) / span].map(|x| x.clamp(0.0, 1.0));
+        Bezier { x, y: [a.value, a.value + f64::from(right.dy), b.value - f64::from(left.dy), b.value] }
+    }
+
+    /// Whether the value is a cubic in time itself, within what is allowed.
+    fn is_plain(&self, tolerance: f64) -> bool {
+        let off = (self.x[0] - 1.0 / 3.0).abs().max((self.x[1] - 2.0 / 3.0).abs());
+        let steepest = (1..4).map(|i| (self.y[i] - self.y[i - 1]).abs()).fold(0.0, f64::max);
+        off <= THIRD || off * 3.0 * steepest <= 0.1 * tolerance
+    }
+
+    fn plain(&self) -> [f64; 4] {
+        let [a, b, c, d] = self.y;
+        [a, 3.0 * (b - a), 3.0 * (c - 2.0 * b + a), (d - a) + 3.0 * (b - c)]
+    }
+
+    /// Value at a time.
+    fn at(&self, x: f64) -> f64 {
+        cubic(self.y, self.parameter(x))
+    }
+
+    /// Its change with time.
+    fn slope(&self, x: f64) -> f64 {
+        let t = self.parameter(x);
+        let (dx, dy) = (cubic_slope([0.0, self.x[0], self.x[1], 1.0], t), cubic_slope(self.y, t));
+        // An upright tangent lasts no time; steeper than this nothing is written.
+        dy / dx.max(1e-6)
+    }
+
+    /// Newton's method, kept in the interval that halving leaves: x never runs backwards.
+    fn parameter(&self, x: f64) -> f64 {
+        let (mut low, mut high, mut t) = (0.0, 1.0, x);
+        let points = [0.0, self.x[0], self.x[1], 1.0];
+        for _ in 0..60 {
+            let off = cubic(points, t) - x;
+            if off.abs() <= 1e-15 {
+                break;
+            }
+            if off > 0.0 {
+                high = t
+            } else {
+                low = t
+            }
+            let next = t - off / cubic_slope(points, t);
+            t = if next > low && next < high { next } else { 0.5 * (low + high) };
+        }
+        t
+    }
+
+    /// Cubics in time with the curve's values and slopes at their ends, halved until their inside is close enough.
+    fn split(
+        &self,
+        from: f64,
+        to: f64,
+        tolerance: f64,
+        depth: u32,
+        add: &mut impl FnMut(f64, f64, [f64; 4]),
+    ) {
+        let span = to - from;
+        let (a, b) = (self.at(from), self.at(to));
+        let (m, n) = (self.slope(from) * span, self.slope(to) * span);
+        let c = [a, m, 3.0 * (b - a) - 2.0 * m - n, 2.0 * (a - b) + m + n];
+        let off = |u: f64| ((c[0] + u * (c[1] + u * (c[2] + u * c[3]))) - self.at(from + u * span)).abs();
+        let close = [0.2, 0.5, 0.8].iter().all(|u| off(*u) <= 0.1 * tolerance);
+        if depth == 0 || close {
+            // Beside an upright tangent no cubic is close: the line is, at this length.
+            add(from, to, if close { c } else { [a, b - a, 0.0, 0.0] });
+            return;
+        }
+        let middle = 0.5 * (from + to);
+        self.split(from, middle, tolerance, depth - 1, add);
+        self.split(middle, to, tolerance, depth - 1, add);
+    }
+}
+
+fn cubic([a, b, c, d]: [f64; 4], t: f64) -> f64 {
+    let u = 1.0 - t;
+    u * u * u * a + 3.0 * (u * u * t * b + u * t * t * c) + t * t * t * d
+}
+
+fn cubic_slope([a, b, c, d]: [f64; 4], t: f64) -> f64 {
+    let u = 1.0 - t;
+    3.0 * (u * u * (b - a) + 2.0 * u * t * (c - b) + t * t * (d - c))
+}

@@ -1,0 +1,213 @@
+//! What an animation stack drives, element by element: which curves, through which layers.
+
+use crate::clips::PARTS;
+use crate::curve::Span;
+use crate::local::{self, Local};
+use crate::sampled::is_flat;
+use crate::weights::WEIGHT;
+use glam::DVec3;
+use std::collections::{BTreeMap, BTreeSet};
+use ufbx::{
+    AnimCurve, AnimLayer, AnimProp, AnimStack, AnimValue, BlendChannel, ElementType, ExtrapolationMode,
+};
+use ufbx::{Node, PropFlags, Scene};
+
+/// A layer's property of an element.
+struct Entry<'a> {
+    layer: usize,
+    name: &'a str,
+    value: &'a AnimValue,
+}
+
+pub struct Driven<'a> {
+    layers: Vec<&'a AnimLayer>,
+    /// By element, in the order of layers.
+    entries: BTreeMap<u32, (ElementType, Vec<Entry<'a>>)>,
+    overridden: bool,
+}
+
+/// The curves of a node that one layer drives alone.
+pub struct Props<'a> {
+    pub local: Local,
+    values: [Option<&'a AnimValue>; 3],
+}
+
+fn curves(value: &AnimValue) -> impl Iterator<Item = &AnimCurve> {
+    value.curves.iter().flatten().map(|c| c.as_ref())
+}
+
+impl<'a> Driven<'a> {
+    pub fn new(stack: &'a AnimStack) -> Driven<'a> {
+        let layers: Vec<&AnimLayer> = stack.anim.layers.into_iter().collect();
+        let mut entries: BTreeMap<u32, (ElementType, Vec<Entry<'a>>)> = BTreeMap::new();
+        for (index, layer) in layers.iter().enumerate() {
+            for prop in &layer.anim_props {
+                let AnimProp { element, prop_name, anim_value, .. } = prop;
+                let list = entries.entry(element.element_id).or_insert_with(|| (element.type_, Vec::new()));
+                list.1.push(Entry { layer: index, name: prop_name.as_ref(), value: anim_value });
+            }
+        }
+        let overridden = !stack.anim.prop_overrides.is_empty() || !stack.anim.transform_overrides.is_empty();
+        Driven { layers, entries, overridden }
+    }
+
+    fn all_curves(&self) -> impl Iterator<Item = &'a AnimCurve> {
+        self.entries.values().flat_map(|e| &e.1).flat_map(|e| curves(e.value))
+    }
+
+    /// Seconds of the first and the last key.
+    pub fn key_range(&self) -> Option<(f64, f64)> {
+        let times = || self.all_curves().flat_map(|c| &c.keyframes).map(|k| k.time);
+        let first = times().min_by(f64::total_cmp)?;
+        Some((first, times().max_by(f64::total_cmp)?))
+    }
+
+    /// Elements (by id) with a curve that goes on in another way than by holding its last value.
+    pub fn repeated(&self, span: Span) -> BTreeSet<u32> {
+        let (begin, end) = (span.begin.as_secs(), span.end.as_secs());
+        let goes_on = |curve: &AnimCurve| {
+            let before =
+                curve.pre_extrapolation.mode != ExtrapolationMode::Constant && curve.min_time > begin;
+            let after = curve.post_extrapolation.mode != ExtrapolationMode::Constant && curve.max_time < end;
+            before || after
+        };
+        let of = |list: &[Entry<'a>]| list.iter().flat_map(|e| curves(e.value)).any(goes_on);
+        self.entries.iter().filter(|(_, (_, list))| of(list)).map(|(id, _)| *id).collect()
+    }
+
+    /// Nodes (by `typed_id`) that move: those with curves, and those that follow another's scale.
+    pub fn nodes(&self, scene: &Scene) -> Vec<u32> {
+        let moves = |node: &Node| {
+            let drives = |id: &u32| {
+                self.entries
+                    .get(id)
+                    .is_some_and(|(_, list)| list.iter().any(|e| local::ALL.contains(&e.name)))
+            };
+            drives(&node.element.element_id) || helpers(node).iter().any(drives)
+        };
+        let nodes = scene.nodes.into_iter().filter(|n| !n.is_root && moves(n));
+        nodes.map(|n| n.element.typed_id).collect()
+    }
+
+    /// `None` where its curves have no closed form here: mixed layers, animated pivots, connections, scale of others.
+    pub fn props(&self, node: &Node) -> Option<Props<'a>> {
+        let local = Local::new(node).filter(|_| !self.overridden)?;
+        let mut values = [None; 3];
+        for entry in &self.entries.get(&node.element.element_id)?.1 {
+            let Some(part) = PARTS.iter().position(|p| *p == entry.name) else {
+                if local::ALL.contains(&entry.name) {
+                    return None;
+                }
+                continue;
+            };
+            let layer = self.layers[entry.layer];
+            let replaces = entry.layer == 0 || !layer.additive && !layer.blended;
+            let prop = node.element.props.find_prop(entry.name)?;
+            if !replaces || prop.flags.has_any(PropFlags::CONNECTED) {
+                return None;
+            }
+            values[part] = Some(entry.value);
+        }
+        let connected = |name: &&str| {
+            let prop = node.element.props.find_prop(name);
+            prop.is_some_and(|p| p.flags.has_any(PropFlags::CONNECTED))
+        };
+        (!local::ALL.iter().any(|name| connected(name))).then_some(Props { local, values })
+    }
+
+    /// All curves that a node's transform depends on.
+    pub fn curves_of(&self, node: &Node) -> impl Iterator<Item = &'a AnimCurve> {
+        let mut ids = helpers(node);
+        ids.insert(node.element.element_id);
+        let of_node = move |id: &u32| ids.contains(id);
+        let known = |e: &&Entry<'a>| local::ALL.contains(&e.name) || e.name == LAYER_WEIGHT;
+        self.entries
+            .iter()
+            .filter(move |(id, (kind, _))| of_node(id) || *kind == ElementType::AnimLayer)
+            .flat_map(move |(_, (_, list))| list.iter().filter(known))
+            .flat_map(|e| curves(e.value))
+    }
+
+    /// Empty where nothing drives the channel.
+    pub fn weight_curves(&self, channel: &BlendChannel) -> Vec<&'a AnimCurve> {
+        let Some((_, list)) = self.entries.get(&channel.element.element_id) else { return Vec::new() };
+        list.iter().filter(|e| e.name == WEIGHT).flat_map(|e| curves(e.value)).collect()
+    }
+
+    /// Properties that change and are no part of a transform, nor a blend shape's weight.
+    pub fn others(&self) -> BTreeMap<u32, Vec<&'a str>> {
+        let mut out = BTreeMap::new();
+        for (id, (kind, list)) in &self.entries {
+            let known = |name: &str| match kind {
+                ElementType::Node => local::ALL.contains(&name),
+                ElementType::AnimLayer => name == LAYER_WEIGHT,
+                _ => name == WEIGHT,
+            };
+            let changes = |e: &&Entry<'a>| {
+                curves(e.value).any(|c| c.keyframes.windows(2).any(|k| !is_flat(&k[0], &k[1])))
+            };
+            let mut names: Vec<&str> =
+                list.iter().filter(|e| !known(e.name)).filter(changes).map(|e| e.name).collect();
+            names.sort_unstable();
+            names.dedup();
+            if !names.is_empty() {
+                out.insert(*id, names);
+            }
+        }
+        out
+    }
+}
+
+const LAYER_WEIGHT: &str = "Weight";
+
+/// Nodes (by element) that a node's translation or scale follows.
+fn helpers(node: &Node) -> BTreeSet<u32> {
+    let mut out = BTreeSet::new();
+    let Some(parent) = &node.parent else { return out };
+    out.extend(parent.scale_helper.as_ref().map(|h| h.element.element_id));
+    let mut above = parent.inherit_scale_node.as_ref();
+    while let Some(node) = above {
+        // A file cannot make a circle of it, ufbx says; but this costs nothing.
+        let Some(helper) = &node.scale_helper else { break };
+        if !out.insert(helper.element.element_id) && out.len() > 1 {
+            break;
+        }
+        above = node.inherit_scale_node.as_ref();
+    }
+    out
+}
+
+impl<'a> Props<'a> {
+    /// Whether the stack has curves for a part: translation, rotation, scale.
+    pub fn drives(&self, part: usize) -> bool {
+        self.values[part].is_some()
+    }
+
+    /// A part's curve along an axis, and its value where it has none.
+    pub fn curve(&self, part: usize, axis: usize) -> (Option<&'a AnimCurve>, f64) {
+        match self.values[part] {
+            Some(value) => {
+                let v = &value.default_value;
+                (value.curves[axis].as_deref(), [v.x, v.y, v.z][axis])
+            }
+            None => (None, self.rest(part)[axis]),
+        }
+    }
+
+    /// Where no curve changes it: the first value of those that hold it, else at rest.
+    pub fn rest(&self, part: usize) -> DVec3 {
+        if let Some(value) = self.values[part] {
+            let v = &value.default_value;
+            let first = |axis: usize, otherwise: f64| {
+                let curve = value.curves[axis].as_ref();
+                curve.and_then(|c| c.keyframes.first()).map_or(otherwise, |k| k.value)
+            };
+            return DVec3::new(first(0, v.x), first(1, v.y), first(2, v.z));
+        }
+        match part {
+            0 => self.local.translation,
+            1 => self.local.rotation,
+            _ => self.local.scaling,
+        }
+    }
+}

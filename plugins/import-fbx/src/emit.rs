@@ -1,0 +1,139 @@
+//! Members with the same key times as curves of a clip: straight where a line is close enough, else cubic with the exact
+//! slopes, and with more keys where even a cubic is not.
+
+use crate::file::Accuracy;
+use crate::joined::{Latest, Member};
+use crate::keys::{Blend, Keys, finish};
+use choreo_motion::{Interpolation, Path, Time};
+
+/// Parts of one interval between two keys of the file.
+const MAX_PARTS: i64 = 4096;
+
+/// Of the whole error, what the cubics may have against the file's curves, and what lines may have against the cubics; the
+/// rest is for weighted tangents.
+const SHARE: f64 = 0.4;
+
+/// What lies at a key: change a second before, value, change a second after.
+#[derive(Clone, Copy)]
+struct Key {
+    before: [f64; 4],
+    value: [f64; 4],
+    after: [f64; 4],
+}
+
+/// Into how many parts each interval is cut, for the member that needs most.
+pub fn parts(members: &[Member<'_>], accuracy: Accuracy) -> Vec<u32> {
+    let Some(first) = members.first() else { return Vec::new() };
+    let mut out = vec![1; first.curves.intervals.len()];
+    for (interval, parts) in out.iter_mut().enumerate() {
+        let (from, to) = first.curves.intervals[interval];
+        let needed = match accuracy.rate {
+            Some(rate) => (to - from).as_secs() * rate - 1e-3,
+            None => {
+                let errors = members.iter().map(|m| m.cubic_error(interval) / limit(m.path, accuracy));
+                let most = errors.fold(0.0, |a: f64, b| if b > a { b } else { a });
+                // A cubic's error falls with the fourth power.
+                (most / SHARE).sqrt().sqrt()
+            }
+        };
+        let most = (to.0 - from.0).clamp(1, MAX_PARTS) as f64;
+        *parts = needed.ceil().clamp(1.0, most) as u32;
+    }
+    out
+}
+
+fn limit(path: Path, accuracy: Accuracy) -> f64 {
+    match path {
+        Path::Rotation => accuracy.radians,
+        Path::Scale => accuracy.scale,
+        _ => accuracy.metres,
+    }
+}
+
+/// Key times of intervals that are cut; no part is shorter than a tick.
+pub fn times(intervals: &[(Time, Time)], parts: &[u32]) -> Vec<Time> {
+    let mut out: Vec<Time> = Vec::with_capacity(parts.iter().map(|n| *n as usize + 1).sum());
+    for ((from, to), parts) in intervals.iter().zip(parts) {
+        if out.last() != Some(from) {
+            out.push(*from);
+        }
+        out.extend((1..=*parts).map(|k| cut(*from, *to, k, *parts)));
+    }
+    out
+}
+
+fn cut(from: Time, to: Time, k: u32, parts: u32) -> Time {
+    Time(from.0 + ((to.0 - from.0) as i128 * i128::from(k) / i128::from(parts)) as i64)
+}
+
+/// One member's keys at those times.
+pub fn curve(member: &Member<'_>, parts: &[u32], times: &[Time], accuracy: Accuracy) -> Keys {
+    let keys = keys(member, parts);
+    let width = member.path.width();
+    let blend = if member.path == Path::Rotation { Blend::Rotation } else { Blend::Numbers };
+    if accuracy.rate.is_some() || straight(member.path, &keys, times, SHARE * limit(member.path, accuracy)) {
+        let values = keys.iter().flat_map(|k| &k.value[..width]).map(|v| *v as f32).collect();
+        return finish(times.to_vec(), values, width, blend);
+    }
+    let mut values = Vec::with_capacity(keys.len() * 3 * width);
+    for key in &keys {
+        for part in [&key.before, &key.value, &key.after] {
+            values.extend(part[..width].iter().map(|v| *v as f32));
+        }
+    }
+    Keys { interpolation: Interpolation::CubicSpline, times: times.to_vec(), values }
+}
+
+fn keys(member: &Member<'_>, parts: &[u32]) -> Vec<Key> {
+    let mut out: Vec<Key> = Vec::with_capacity(parts.iter().map(|n| *n as usize).sum::<usize>() + 1);
+    let mut latest = Latest::default();
+    let mut reached = None;
+    for (interval, ((from, to), parts)) in member.curves.intervals.iter().zip(parts).enumerate() {
+        let secs = (*to - *from).as_secs();
+        for k in 0..=*parts {
+            let (value, change) = member.at(interval, f64::from(k) / f64::from(*parts), &mut latest);
+            let slope = change.map(|c| c / secs);
+            match out.last_mut() {
+                Some(last) if k == 0 && reached == Some(*from) => (last.value, last.after) = (value, slope),
+                _ => {
+                    let none = [0.0; 4];
+                    let before = if k == 0 { none } else { slope };
+                    out.push(Key { before, value, after: if k == *parts { none } else { slope } });
+                }
+            }
+        }
+        reached = Some(*to);
+    }
+    out
+}
+
+/// Whether lines (for rotations, arcs) are close enough to the cubics between all keys. With tangents m, n and chord d a
+/// cubic leaves its line by at most 4/27 (|m − d| + |n − d|).
+fn straight(path: Path, keys: &[Key], times: &[Time], limit: f64) -> bool {
+    keys.windows(2).zip(times.windows(2)).all(|(k, t)| {
+        let secs = (t[1] - t[0]).as_secs();
+        // A jump.
+        if t[1].0 - t[0].0 <= 1 {
+            return true;
+        }
+        let d: [f64; 4] = std::array::from_fn(|i| k[1].value[i] - k[0].value[i]);
+        let off = |slope: &[f64; 4]| {
+            let mut e: [f64; 4] = std::array::from_fn(|i| slope[i] * secs - d[i]);
+            if path == Path::Rotation {
+                // Along the radius an arc does as well.
+                let middle: [f64; 4] = std::array::from_fn(|i| k[0].value[i] + k[1].value[i]);
+                let square = dot(&middle, &middle);
+                let along = if square > 0.0 { dot(&e, &middle) / square } else { 0.0 };
+                e = std::array::from_fn(|i| e[i] - along * middle[i]);
+            }
+            dot(&e, &e).sqrt()
+        };
+        let far = (4.0 / 27.0) * (off(&k[0].after) + off(&k[1].before));
+        let far = if path == Path::Rotation { 2.0 * far } else { far };
+        far <= limit
+    })
+}
+
+fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
+    ((a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]) + a[3] * b[3]
+}

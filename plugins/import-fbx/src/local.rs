@@ -1,0 +1,261 @@
+//! A node's place below its parent, from its translation, Euler angles and scale: pivots, offsets, pre- and post-rotation, and
+//! what ufbx adds for units and axes. In f64 with libm, so that every machine gets the same bits; and with its speed.
+
+use choreo_motion::Transform;
+use glam::{DQuat, DVec3};
+use ufbx::{MirrorAxis, Node, PropFlags, RotationOrder};
+
+pub const TRANSLATION: &str = "Lcl Translation";
+pub const ROTATION: &str = "Lcl Rotation";
+pub const SCALING: &str = "Lcl Scaling";
+/// All that a node's place depends on.
+pub const ALL: [&str; 10] = [
+    TRANSLATION,
+    ROTATION,
+    SCALING,
+    "PreRotation",
+    "PostRotation",
+    "RotationOffset",
+    "RotationOrder",
+    "RotationPivot",
+    "ScalingOffset",
+    "ScalingPivot",
+];
+
+/// T · Roff · Rp · Rpre · R · Rpost⁻¹ · Rp⁻¹ · Soff · Sp · S · Sp⁻¹ (FBX SDK, "Computing transformation matrices").
+#[derive(Clone, Debug)]
+pub struct Local {
+    /// At rest: units of the file, degrees.
+    pub translation: DVec3,
+    pub rotation: DVec3,
+    pub scaling: DVec3,
+    /// Axes in the order in which they turn.
+    axes: Option<[usize; 3]>,
+    /// Left and right of the Euler rotation; the left one without the turn of the file's axes, for offsets.
+    before: DQuat,
+    after: DQuat,
+    post: DQuat,
+    axes_turn: DQuat,
+    /// Soff + Sp − Rp, and −Sp: what the rotation swings about, with and without the scale.
+    swing: DVec3,
+    scaled_swing: DVec3,
+    /// Rp + Roff.
+    offset: DVec3,
+    metres: f64,
+    resize: f64,
+    mirror: Option<usize>,
+}
+
+/// An Euler rotation, its parts kept for its speed.
+#[derive(Clone, Copy, Debug)]
+pub struct Turn {
+    parts: [DQuat; 3],
+    /// The first two together, and all three.
+    first_two: DQuat,
+    all: DQuat,
+}
+
+fn vector(v: &ufbx::Vec3) -> DVec3 {
+    DVec3::new(v.x, v.y, v.z)
+}
+
+fn quaternion(q: &ufbx::Quat) -> DQuat {
+    DQuat::from_xyzw(q.x, q.y, q.z, q.w)
+}
+
+/// A property of the node at rest; `None` where it has none.
+pub fn property(node: &Node, name: &str) -> Option<DVec3> {
+    let prop = node.element.props.find_prop(name)?;
+    let v = &prop.value_vec4;
+    (!prop.flags.has_any(PropFlags::NO_VALUE)).then(|| DVec3::new(v.x, v.y, v.z))
+}
+
+impl Local {
+    /// `None` for nodes whose place depends on others': those below scale that is not inherited, and the helpers for it.
+    pub fn new(node: &Node) -> Option<Local> {
+        let alone =
+            node.parent.as_ref().is_none_or(|p| p.scale_helper.is_none() && p.inherit_scale_node.is_none());
+        if node.is_root || node.is_scale_helper || !alone {
+            return None;
+        }
+        let at = |name| property(node, name).unwrap_or(DVec3::ZERO);
+        let space = node.use_rotation_space;
+        let order = if space { node.rotation_order } else { RotationOrder::Xyz };
+        let euler = |v| turn(Some([0, 1, 2]), v).all;
+        let (pre, post) = match space {
+            true => (euler(at("PreRotation")), euler(at("PostRotation")).conjugate()),
+            false => (DQuat::IDENTITY, DQuat::IDENTITY),
+        };
+        let mut local = Local {
+            translation: at(TRANSLATION),
+            rotation: at(ROTATION),
+            scaling: property(node, SCALING).unwrap_or(DVec3::ONE),
+            axes: axes(order),
+            before: pre,
+            after: post,
+            post,
+            axes_turn: DQuat::IDENTITY,
+            swing: at("ScalingOffset") + at("ScalingPivot") - at("RotationPivot"),
+            scaled_swing: -at("ScalingPivot"),
+            offset: at("RotationPivot") + at("RotationOffset"),
+            metres: 1.0,
+            resize: 1.0,
+            mirror: match node.adjust_mirror_axis {
+                MirrorAxis::None => None,
+                MirrorAxis::X => Some(0),
+                MirrorAxis::Y => Some(1),
+                MirrorAxis::Z => Some(2),
+            },
+        };
+        if node.has_adjust_transform {
+            local.axes_turn = quaternion(&node.adjust_pre_rotation);
+            local.after = post * quaternion(&node.adjust_post_rotation);
+            local.offset += vector(&node.adjust_pre_translation);
+            local.metres = node.adjust_pre_scale * node.adjust_translation_scale;
+            local.resize = node.adjust_pre_scale * node.adjust_post_scale;
+        }
+        Some(local)
+    }
+
+    /// Metres a unit of the file.
+    pub fn metres(&self) -> f64 {
+        self.metres.abs()
+    }
+
+    /// Whether turning or scaling moves the node's origin, and how far it swings at a scale.
+    pub fn swings(&self) -> (bool, bool) {
+        let scaled = self.scaled_swing != DVec3::ZERO;
+        (scaled || self.swing != DVec3::ZERO, scaled)
+    }
+
+    pub fn turn(&self, degrees: DVec3) -> Turn {
+        turn(self.axes, degrees)
+    }
+
+    /// What the Euler rotation is held between.
+    pub fn rotation_of(&self, turn: &Turn) -> DQuat {
+        self.mirrored(self.axes_turn * (self.before * (turn.all * self.after)))
+    }
+
+    /// Its change a unit of time where the angles change by `rates`, degrees a unit of time.
+    pub fn rotation_rate(&self, turn: &Turn, rates: DVec3) -> DQuat {
+        self.mirrored(self.axes_turn * (self.before * (self.euler_rate(turn, rates) * self.after)))
+    }
+
+    fn mirrored(&self, q: DQuat) -> DQuat {
+        match self.mirror {
+            None => q,
+            Some(kept) => {
+                let mut v = (-q.xyz()).to_array();
+                v[kept] = -v[kept];
+                DQuat::from_xyzw(v[0], v[1], v[2], q.w)
+            }
+        }
+    }
+
+    fn euler_rate(&self, turn: &Turn, rates: DVec3) -> DQuat {
+        let Some([a, b, c]) = self.axes else { return DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0) };
+        let half = |axis: usize| rates[axis] * HALF_RAD;
+        let unit = |axis: usize| {
+            let v = AXES[axis];
+            DQuat::from_xyzw(v.x, v.y, v.z, 0.0)
+        };
+        let inner = turn.parts[2] * (unit(b) * turn.first_two);
+        (turn.all * unit(a)) * half(a) + inner * half(b) + (unit(c) * turn.all) * half(c)
+    }
+
+    /// Metres.
+    pub fn translation_at(&self, translation: DVec3, turn: &Turn, scaling: DVec3) -> DVec3 {
+        let swing = self.swing_at(scaling);
+        let turned = if swing == DVec3::ZERO { swing } else { self.before * turn.all * self.post * swing };
+        self.to_metres(turned + self.offset + translation)
+    }
+
+    fn swing_at(&self, scaling: DVec3) -> DVec3 {
+        self.swing + scaling * self.scaled_swing
+    }
+
+    /// Its change where all three change.
+    pub fn translation_rate(&self, at: (&Turn, DVec3), rates: (DVec3, DVec3, DVec3)) -> DVec3 {
+        let ((turn, scaling), (translation, rotation, scale)) = (at, rates);
+        let (swing, swing_rate) = (self.swing_at(scaling), scale * self.scaled_swing);
+        if swing == DVec3::ZERO && swing_rate == DVec3::ZERO {
+            return self.to_metres(translation);
+        }
+        let q = self.before * turn.all * self.post;
+        let dq = self.before * self.euler_rate(turn, rotation) * self.post;
+        let (v, w) = (q.xyz(), q.w);
+        let (dv, dw) = (dq.xyz(), dq.w);
+        // r = s + 2 (w v×s + v×(v×s)), differentiated.
+        let across = v.cross(swing);
+        let turned = dw * across + w * dv.cross(swing) + dv.cross(across) + v.cross(dv.cross(swing));
+        self.to_metres(turned * 2.0 + q * swing_rate + translation)
+    }
+
+    fn to_metres(&self, v: DVec3) -> DVec3 {
+        let mut out = self.axes_turn * v * self.metres;
+        if let Some(axis) = self.mirror {
+            out[axis] = -out[axis];
+        }
+        out
+    }
+
+    /// The greatest distance, in metres, at which a rotation swings the node's origin about its pivot.
+    pub fn swing_metres(&self, scaling: DVec3) -> f64 {
+        self.swing_at(scaling).length() * self.metres()
+    }
+
+    pub fn scaled_swing_metres(&self) -> f64 {
+        self.scaled_swing.length() * self.metres()
+    }
+
+    pub fn scale_at(&self, scaling: DVec3) -> DVec3 {
+        scaling * self.resize
+    }
+
+    /// As the file has it where nothing moves.
+    pub fn at_rest(&self) -> Transform {
+        let turn = self.turn(self.rotation);
+        let rotation = self.rotation_of(&turn);
+        let length = rotation.length();
+        let sound = length.is_finite() && length > 1e-9;
+        Transform {
+            translation: self.translation_at(self.translation, &turn, self.scaling).as_vec3(),
+            rotation: if sound { (rotation * (1.0 / length)).as_quat() } else { glam::Quat::IDENTITY },
+            scale: self.scale_at(self.scaling).as_vec3(),
+        }
+    }
+}
+
+/// Half a degree's radians: quaternions hold half angles.
+pub const HALF_RAD: f64 = std::f64::consts::PI / 360.0;
+const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
+
+/// `None`: ufbx turns nothing for the spheric order, nor do we.
+fn axes(order: RotationOrder) -> Option<[usize; 3]> {
+    match order {
+        RotationOrder::Xyz => Some([0, 1, 2]),
+        RotationOrder::Xzy => Some([0, 2, 1]),
+        RotationOrder::Yzx => Some([1, 2, 0]),
+        RotationOrder::Yxz => Some([1, 0, 2]),
+        RotationOrder::Zxy => Some([2, 0, 1]),
+        RotationOrder::Zyx => Some([2, 1, 0]),
+        RotationOrder::Spheric => None,
+    }
+}
+
+fn turn(axes: Option<[usize; 3]>, degrees: DVec3) -> Turn {
+    let Some(axes) = axes else {
+        return Turn { parts: [DQuat::IDENTITY; 3], first_two: DQuat::IDENTITY, all: DQuat::IDENTITY };
+    };
+    let parts = axes.map(|axis| {
+        if degrees[axis] == 0.0 {
+            return DQuat::IDENTITY;
+        }
+        let (sin, cos) = libm::sincos(degrees[axis] * HALF_RAD);
+        let v = AXES[axis] * sin;
+        DQuat::from_xyzw(v.x, v.y, v.z, cos)
+    });
+    let first_two = parts[1] * parts[0];
+    Turn { parts, first_two, all: parts[2] * first_two }
+}

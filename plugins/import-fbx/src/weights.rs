@@ -1,0 +1,82 @@
+//! Weights of blend shapes over a clip.
+
+use crate::curve::Span;
+use crate::file::File;
+use crate::morphs;
+use crate::refine::Part;
+use crate::sampled;
+use choreo_import::Result;
+use choreo_motion::Time;
+use ufbx::{Anim, AnimCurve, BlendChannel};
+
+pub const WEIGHT: &str = "DeformPercent";
+
+/// A channel's weight (1 for 100 percent), straight between keys.
+pub struct Track(Vec<(Time, f64)>);
+
+impl Track {
+    pub fn still(channel: &BlendChannel) -> Track {
+        Track(vec![(Time::ZERO, channel.weight)])
+    }
+
+    /// `repeats`: one of its curves goes on beyond its keys.
+    pub fn new(
+        file: &File<'_>,
+        anim: &Anim,
+        channel: &BlendChannel,
+        (curves, repeats): (&[&AnimCurve], bool),
+        span: Span,
+        place: &dyn Fn() -> String,
+    ) -> Result<Track> {
+        let times = match repeats {
+            true => sampled::even(file, span, place)?,
+            false => sampled::knots(file, curves.iter().copied(), span, place)?,
+        };
+        let begin = span.begin.as_secs();
+        let evaluate = |time: Time, out: &mut Vec<f64>| {
+            out.push(channel.evaluate_blend_weight(anim, begin + time.as_secs()));
+        };
+        let rows = sampled::rows(file, &[Part::Weight], times, evaluate, place)?;
+        let keys = rows.times.into_iter().zip(rows.values).collect();
+        Ok(Track(with_bends(channel, keys)))
+    }
+
+    pub fn times(&self) -> impl Iterator<Item = Time> {
+        self.0.iter().map(|k| k.0)
+    }
+
+    pub fn at(&self, time: Time) -> f64 {
+        let next = self.0.partition_point(|k| k.0 <= time);
+        match (next.checked_sub(1).map(|i| self.0[i]), self.0.get(next)) {
+            (Some((from, a)), Some((to, b))) => {
+                a + (b - a) * ((time.0 - from.0) as f64 / (to.0 - from.0) as f64)
+            }
+            (Some((_, only)), None) | (None, Some(&(_, only))) => only,
+            (None, None) => 0.0,
+        }
+    }
+}
+
+/// Adds keys where the weights of the channel's shapes bend.
+fn with_bends(channel: &BlendChannel, track: Vec<(Time, f64)>) -> Vec<(Time, f64)> {
+    let bends = morphs::bends(channel);
+    let mut keys: Vec<(Time, f64)> = Vec::with_capacity(track.len());
+    for pair in track.windows(2) {
+        let ((from, a), (to, b)) = (pair[0], pair[1]);
+        keys.push(pair[0]);
+        let mut crossed: Vec<(Time, f64)> = bends
+            .iter()
+            .filter(|bend| (a < **bend && **bend < b) || (b < **bend && **bend < a))
+            .map(|bend| {
+                let ticks = (to.0 - from.0) as f64 * ((bend - a) / (b - a));
+                (Time(from.0 + ticks.round() as i64), *bend)
+            })
+            .filter(|(time, _)| from < *time && *time < to)
+            .collect();
+        crossed.sort_by_key(|k| k.0);
+        crossed.dedup_by_key(|k| k.0);
+        keys.extend(crossed);
+    }
+    keys.extend(track.last());
+    keys
+}

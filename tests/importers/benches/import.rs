@@ -1,0 +1,138 @@
+//! Import times and peak memory of the sample files, beside assimp's: `cargo bench -p importers [-- FILTER]`.
+//!
+//! Both as a fresh process for every run, in turns, so that both find memory as cold and the machine as busy. Time is what the
+//! system says the threads have computed, without the start of the process: assimp's whole process (`assimp info --raw`, which
+//! makes nothing of what it has read) less that of `assimp version`; of ours, reading the file and importing all but pictures,
+//! which assimp does not decode. Memory is the greatest that a whole process had resident.
+
+use choreo_plugin::Needs;
+use importers::{SAMPLES, import, samples};
+use nix::time::{ClockId, clock_gettime};
+use std::io::Read;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+const RUNS: usize = 15;
+
+/// Milliseconds of computing; MiB at most.
+#[derive(Clone, Copy)]
+struct Run {
+    ms: f64,
+    mib: f64,
+}
+
+/// Milliseconds that a process has computed which has ended and is not yet waited for: the scheduler's own count.
+fn computed(folder: &str) -> Option<f64> {
+    let text = std::fs::read_to_string(format!("{folder}/schedstat")).ok()?;
+    Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-6)
+}
+
+/// Milliseconds that this thread has computed.
+fn thread_ms() -> f64 {
+    let time = clock_gettime(ClockId::CLOCK_THREAD_CPUTIME_ID);
+    time.map_or(f64::NAN, |t| t.tv_sec() as f64 * 1e3 + t.tv_nsec() as f64 * 1e-6)
+}
+
+fn status(field: &str) -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = text.lines().find(|l| l.starts_with(field))?;
+    line.split_whitespace().nth(1)?.parse().ok()
+}
+
+/// This process, started for one file: `ms MiB`.
+fn once(path: &Path) {
+    let before = thread_ms();
+    let asset = import(path, Needs { textures: false, ..Needs::ALL });
+    let after = thread_ms();
+    assert!(std::hint::black_box(asset).is_ok(), "{}", path.display());
+    println!("{} {}", after - before, status("VmHWM:").unwrap_or(f64::NAN) / 1024.0);
+}
+
+fn ours(path: &Path) -> Option<Run> {
+    let me = std::env::current_exe().ok()?;
+    let output = Command::new(me).arg("--once").arg(path).output().ok()?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let mut numbers = text.split_whitespace().filter_map(|w| w.parse().ok());
+    Some(Run { ms: numbers.next()?, mib: numbers.next()? })
+}
+
+/// The whole process; its memory by GNU time, in a run of its own.
+fn assimp(args: &[&str]) -> Option<Run> {
+    let mut child =
+        Command::new("assimp").args(args).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().ok()?;
+    let mut text = String::new();
+    child.stdout.take()?.read_to_string(&mut text).ok()?;
+    let folder = format!("/proc/{}", child.id());
+    // It has closed its output; until it has ended it may still compute.
+    let ended = || {
+        let stat = std::fs::read_to_string(format!("{folder}/stat")).unwrap_or_default();
+        stat.rsplit(')').next().is_none_or(|rest| rest.trim_start().starts_with('Z'))
+    };
+    while !ended() {
+        std::thread::sleep(std::time::Duration::from_micros(200));
+    }
+    let ms = computed(&folder)?;
+    if !child.wait().ok()?.success() {
+        return None;
+    }
+    let output = Command::new("/usr/bin/time").args(["-f", "%M", "assimp"]).args(args).output().ok();
+    let kib =
+        output.and_then(|o| String::from_utf8_lossy(&o.stderr).lines().last()?.trim().parse::<f64>().ok());
+    Some(Run { ms, mib: kib.map_or(f64::NAN, |k| k / 1024.0) })
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+fn medians(runs: &[Run]) -> Run {
+    Run { ms: median(runs.iter().map(|r| r.ms)), mib: median(runs.iter().map(|r| r.mib)) }
+}
+
+fn main() {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    if let [flag, path] = args.as_slice()
+        && flag == "--once"
+    {
+        return once(Path::new(path));
+    }
+    let filter = args.iter().find(|a| !a.starts_with('-')).cloned().unwrap_or_default();
+    let Some(folder) = choreo_import_testing::assets(SAMPLES) else { return };
+    let start: Vec<Run> = (0..RUNS).filter_map(|_| assimp(&["version"])).collect();
+    let start = medians(&start);
+    println!("assimp's start, left out: {:.2} ms; its memory then {:.1} MiB", start.ms, start.mib);
+    println!(
+        "| file | KB | ours, ms | assimp, ms | | ours, MiB | assimp, MiB |\n|---|---|---|---|---|---|---|"
+    );
+    let (mut all, mut slowest) = ((0.0, 0.0), f64::INFINITY);
+    for name in samples(&folder).iter().filter(|n| n.to_string_lossy().contains(&filter)) {
+        let path = folder.join(name);
+        let shown = path.display().to_string();
+        let (mut a, mut b) = (Vec::new(), Vec::new());
+        for _ in 0..RUNS {
+            a.extend(ours(&path));
+            b.extend(assimp(&["info", &shown, "--raw"]));
+        }
+        let kb = std::fs::metadata(&path).map_or(0, |m| m.len()) as f64 / 1000.0;
+        let a = medians(&a);
+        if b.is_empty() {
+            println!("| {} | {kb:.0} | {:.2} | refused | | {:.1} | |", name.display(), a.ms, a.mib);
+            continue;
+        }
+        let b = medians(&b);
+        let theirs = b.ms - start.ms;
+        all = (all.0 + a.ms, all.1 + theirs);
+        slowest = slowest.min(theirs / a.ms);
+        let ratio = theirs / a.ms;
+        println!(
+            "| {} | {kb:.0} | {:.2} | {theirs:.2} | {ratio:.1}× | {:.1} | {:.1} |",
+            name.display(),
+            a.ms,
+            a.mib,
+            b.mib
+        );
+    }
+    println!("| all | | {:.1} | {:.1} | {:.1}×, at least {slowest:.1}× | | |", all.0, all.1, all.1 / all.0);
+}

@@ -1,0 +1,69 @@
+//! The importers of model formats and the sample files of each: shared by the tests and the bench of this crate.
+
+pub mod assimp;
+
+use choreo_import_testing::{Companions, source};
+use choreo_plugin::{ImportError, Importer, Needs};
+use choreo_stage::Asset;
+use std::path::{Path, PathBuf};
+
+pub struct Format {
+    pub extension: &'static str,
+    pub importer: &'static dyn Importer,
+}
+
+pub const FORMATS: [Format; 5] = [
+    Format { extension: "bvh", importer: &import_bvh::BvhImporter },
+    Format { extension: "dae", importer: &import_collada::ColladaImporter },
+    Format { extension: "fbx", importer: &import_fbx::FbxImporter },
+    Format { extension: "obj", importer: &import_obj::ObjImporter },
+    Format { extension: "stl", importer: &import_stl::StlImporter },
+];
+
+/// Sample files of all these formats; there are others beside them.
+pub const SAMPLES: usize = 46;
+
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
+}
+
+/// By extension, so that a file which only another importer would claim is seen as an error.
+pub fn importer(path: &Path) -> Option<&'static dyn Importer> {
+    let extension = extension(path);
+    match extension.as_str() {
+        "glb" | "gltf" => Some(&import_gltf::GltfImporter),
+        _ => FORMATS.iter().find(|f| f.extension == extension).map(|f| f.importer),
+    }
+}
+
+/// Every file of the five formats, relative to the folder, in order.
+pub fn samples(folder: &Path) -> Vec<PathBuf> {
+    let mut out = Vec::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(inner) = folders.pop() {
+        let Ok(entries) = std::fs::read_dir(inner) else { continue };
+        for path in entries.flatten().map(|e| e.path()) {
+            let known = FORMATS.iter().any(|f| f.extension == extension(&path));
+            match path.is_dir() {
+                true => folders.push(path),
+                false if known => out.extend(path.strip_prefix(folder).map(Path::to_path_buf)),
+                false => {}
+            }
+        }
+    }
+    out.sort();
+    out
+}
+
+/// With what lies beside it.
+pub fn import(path: &Path, needs: Needs) -> Result<Asset, ImportError> {
+    let importer = importer(path).unwrap_or_else(|| panic!("no importer for {}", path.display()));
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let folder = Companions::in_folder(path.parent().unwrap_or(Path::new(".")));
+    choreo_import_testing::import(importer, &source(&name, bytes), &folder, needs)
+}
+
+pub fn whole(path: &Path) -> Asset {
+    import(path, Needs::ALL).unwrap_or_else(|e| panic!("{e}"))
+}

@@ -1,0 +1,55 @@
+//! Every sample file cut off and with single bits turned over: no panic, an error with a place or a sound asset, bounded
+//! memory and time. The everyday test takes a seeded slice, small files first; all of it, some minutes in release:
+//! `cargo test --release -p importers --test damage -- --ignored --nocapture`.
+
+use choreo_import_testing::{assets, damage};
+use importers::{SAMPLES, importer, samples};
+
+/// Cuts and flips of each file.
+fn run(cuts: usize, flips: usize, budget_bytes: usize) {
+    let Some(folder) = assets(SAMPLES) else { return };
+    let mut files: Vec<(usize, std::path::PathBuf)> = samples(&folder)
+        .into_iter()
+        .map(|name| (std::fs::metadata(folder.join(&name)).map_or(0, |m| m.len() as usize), name))
+        .collect();
+    files.sort();
+    let (mut total, mut slowest) = (damage::Outcome::default(), (0.0, String::new()));
+    for (size, name) in &files {
+        let bytes = std::fs::read(folder.join(name)).unwrap();
+        let importer = importer(name).unwrap();
+        // Large files get their share of the slice.
+        let share = (budget_bytes / (size + 1)).max(1);
+        let outcome = damage::run_slice(
+            importer,
+            &name.display().to_string(),
+            &bytes,
+            cuts.min(share),
+            flips.min(share),
+        );
+        total.read += outcome.read;
+        total.refused += outcome.refused;
+        if outcome.slowest_secs > slowest.0 {
+            slowest = (outcome.slowest_secs, name.display().to_string());
+        }
+    }
+    println!(
+        "{} files, {} damaged copies refused, {} read; the slowest import {:.3} s ({})",
+        files.len(),
+        total.refused,
+        total.read,
+        slowest.0,
+        slowest.1
+    );
+    assert!(total.refused > files.len() && total.read > 0);
+}
+
+#[test]
+fn a_slice() {
+    run(6, 12, 1 << 20);
+}
+
+#[test]
+#[ignore = "50 cuts and 1,000 flips of every sample: minutes, in release"]
+fn all() {
+    run(50, 1000, usize::MAX);
+}

@@ -1,0 +1,142 @@
+//! One model in several formats: the same triangles, extents and places of points, the same joints at the same times.
+
+use choreo_import_testing::{assets, pose};
+use choreo_stage::Asset;
+use glam::{Affine3A, DVec3, Vec3};
+use importers::whole;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+fn vertices(asset: &Asset) -> Vec<DVec3> {
+    let model = pose::at(asset, None, 0.0);
+    let all = (0..asset.instances.len()).flat_map(|i| pose::vertices(asset, i, &model)).flatten();
+    all.map(Vec3::as_dvec3).collect()
+}
+
+fn triangles(asset: &Asset) -> usize {
+    let meshes = asset.instances.iter().map(|i| &asset.meshes[i.mesh as usize]);
+    meshes.flat_map(|m| &m.primitives).map(|p| p.indices.len() / 3).sum()
+}
+
+fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    points.iter().fold(none, |(a, b), p| (a.min(*p), b.max(*p)))
+}
+
+/// The greatest distance from a point of one to the nearest of the other, both ways, against the box's largest side, once
+/// both are moved to the middle of their boxes and scaled to one size: formats without units are read in others.
+fn apart(a: &[DVec3], b: &[DVec3]) -> f64 {
+    let unit = |points: &[DVec3]| -> Vec<DVec3> {
+        let (min, max) = bounds(points);
+        points.iter().map(|p| (*p - (min + max) * 0.5) / (max - min).max_element()).collect()
+    };
+    let (a, b) = (unit(a), unit(b));
+    one_way(&a, &b).max(one_way(&b, &a))
+}
+
+/// By cells a hundredth wide.
+fn one_way(from: &[DVec3], to: &[DVec3]) -> f64 {
+    let cell = |p: DVec3| (p * 100.0).floor().as_ivec3().to_array();
+    let mut cells: BTreeMap<[i32; 3], Vec<DVec3>> = BTreeMap::new();
+    to.iter().for_each(|p| cells.entry(cell(*p)).or_default().push(*p));
+    let nearest = |p: &DVec3| {
+        let [x, y, z] = cell(*p);
+        let mut best = f64::INFINITY;
+        for i in 0..27 {
+            let near = cells.get(&[x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
+            best = near.into_iter().flatten().map(|q| q.distance(*p)).fold(best, f64::min);
+        }
+        best
+    };
+    from.iter().map(nearest).fold(0.0, f64::max)
+}
+
+/// The first against each other one: the same triangles, and points within `limit` of the size.
+fn compare(folder: &Path, names: &[&str], limit: f64) {
+    let first = whole(&folder.join(names[0]));
+    let points = vertices(&first);
+    for name in &names[1..] {
+        let other = whole(&folder.join(name));
+        let mut others = vertices(&other);
+        if name.ends_with(".stl") {
+            // Whoever made the spider's STL swapped y and z, which mirrors it.
+            others.iter_mut().for_each(|p| p.z = -p.z);
+        }
+        let off = apart(&points, &others);
+        println!(
+            "{} and {name}: {} triangles, points off by {off:.1e} of the size",
+            names[0],
+            triangles(&first)
+        );
+        assert_eq!(triangles(&first), triangles(&other), "{name}");
+        assert!(off < limit, "{name}: {off}");
+        // A planted fault: one corner a thousandth of the size away.
+        let mut wrong = others.clone();
+        let (min, max) = bounds(&others);
+        let place = wrong.len() / 2;
+        wrong[place] += DVec3::splat(1e-3 * (max - min).max_element());
+        wrong.iter_mut().filter(|p| **p == others[place]).for_each(|p| *p = DVec3::ZERO);
+        assert!(apart(&points, &wrong) > limit, "{name}: a moved corner is not seen");
+    }
+}
+
+#[test]
+fn a_spider_in_three_formats() {
+    let Some(folder) = assets(3) else { return };
+    compare(
+        &folder,
+        &["obj/spider.obj", "stl/Spider_ascii.stl", "stl/Spider_binary.stl", "fbx/spider.fbx"],
+        2e-5,
+    );
+}
+
+#[test]
+fn props_in_three_formats() {
+    let Some(folder) = assets(3).map(|f| f.join("same-model-3-formats")) else { return };
+    compare(
+        &folder,
+        &["barrel_large_decorated.obj", "barrel_large_decorated.fbx", "barrel_large_decorated.gltf.glb"],
+        1e-5,
+    );
+    compare(&folder, &["chest_gold.fbx", "chest_gold.glb"], 1e-5);
+}
+
+/// Joints by name in metres, at a time.
+fn joints(asset: &Asset, secs: f64) -> BTreeMap<String, Affine3A> {
+    let clip = (!asset.clips.is_empty()).then_some(0);
+    let model = pose::at(asset, clip, secs);
+    asset.skeleton.names().iter().cloned().zip(model).collect()
+}
+
+/// ProAnimationBank's walk, as FBX and as COLLADA: all joints that both name, at the same times. The COLLADA goes on for longer,
+/// and has no rotations that the FBX holds by names of its own.
+#[test]
+fn a_walk_in_two_formats() {
+    let Some(folder) = assets(2) else { return };
+    let (fbx, dae) = (whole(&folder.join("fbx/pab/walk.fbx")), whole(&folder.join("dae/pab/walk.dae")));
+    let length = fbx.clips[0].duration.as_secs();
+    assert!(dae.clips[0].duration.as_secs() >= length);
+    let worst = |late: f64| {
+        let (mut worst, mut place, mut count) = (0.0f32, String::new(), 0);
+        // The FBX is sampled between its keys as well, the COLLADA has its own at every frame: whole frames, 30 a second.
+        for frame in 0..=(length * 30.0) as u32 {
+            let secs = f64::from(frame) / 30.0;
+            let (a, b) = (joints(&fbx, secs), joints(&dae, secs + late));
+            for (name, a) in &a {
+                // Aims and targets of cameras are no part of the skeleton.
+                let Some(b) = b.get(name).filter(|_| !name.starts_with("Camera")) else { continue };
+                count += 1;
+                let off = a.translation.distance(b.translation);
+                if off > worst {
+                    (worst, place) = (off, format!("{name} at {secs:.3} s"));
+                }
+            }
+        }
+        println!("{count} joints, the worst {worst:.1e} m apart: {place}");
+        (worst, count)
+    };
+    let (off, count) = worst(0.0);
+    assert!(count > 60 * 40 && off < 2e-5, "{off} m, {count}");
+    // A planted fault: a tenth of a frame late.
+    assert!(worst(0.1 / 30.0).0 > 1e-3);
+}
