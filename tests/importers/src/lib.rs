@@ -21,7 +21,7 @@ pub const FORMATS: [Format; 5] = [
 ];
 
 /// Sample files of all these formats; there are others beside them.
-pub const SAMPLES: usize = 46;
+pub const SAMPLES: usize = 54;
 
 fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
