@@ -145,21 +145,20 @@ impl Contacts {
                 (0..feet[f].joints.len()).map(low).collect()
             })
             .collect();
+        let height = |i: usize, f: usize, j: usize| places[i][f][j].y - lowest[f][j];
+        let lower = |i: usize, f: usize, a: &usize, b: &usize| height(i, f, *a).total_cmp(&height(i, f, *b));
         // The joint of a foot that is nearest to its own lowest place.
-        let standing_joint = |i: usize, f: usize| {
-            let height = |j: usize| places[i][f][j].y - lowest[f][j];
-            (0..feet[f].joints.len()).min_by(|a, b| height(*a).total_cmp(&height(*b)))
-        };
+        let standing_joint = |i: usize, f: usize| (0..feet[f].joints.len()).min_by(|a, b| lower(i, f, a, b));
         // The lower foot where it is really low and neither lands nor lifts; in a run it stands for less than half the time.
         let (mut samples, mut all): (Vec<DVec3>, Vec<DVec3>) = Default::default();
         for i in 0..=count {
-            let lower = (0..feet.len())
-                .filter_map(|f| standing_joint(i, f).map(|j| (places[i][f][j].y - lowest[f][j], f, j)))
+            let lowest_foot = (0..feet.len())
+                .filter_map(|f| standing_joint(i, f).map(|j| (height(i, f, j), f, j)))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
-            if let Some((height, f, j)) = lower {
+            if let Some((high, f, j)) = lowest_foot {
                 let v = velocity(i, f, j);
                 all.push(v);
-                if height <= 0.5 * HEIGHT * leg && v.y.abs() <= 0.5 * CLIMB * leg {
+                if high <= 0.5 * HEIGHT * leg && v.y.abs() <= 0.5 * CLIMB * leg {
                     samples.push(v);
                 }
             }
@@ -171,19 +170,16 @@ impl Contacts {
             let slip = SLIP * leg + SLIP_SHARE * floor.length();
             let mut stood = Vec::new();
             for i in 0..=count {
-                for f in 0..feet.len() {
+                for (f, down) in down.iter_mut().enumerate() {
                     let stands = |j: usize| {
                         let v = velocity(i, f, j);
-                        places[i][f][j].y - lowest[f][j] <= HEIGHT * leg
+                        height(i, f, j) <= HEIGHT * leg
                             && v.y.abs() <= CLIMB * leg
                             && (v.with_y(0.0) - floor).length() <= slip
                     };
                     let standing = (0..feet[f].joints.len()).filter(|j| stands(*j));
-                    let best = standing.min_by(|a, b| {
-                        let height = |j: usize| places[i][f][j].y - lowest[f][j];
-                        height(*a).total_cmp(&height(*b))
-                    });
-                    down[f][i] = best.is_some();
+                    let best = standing.min_by(|a, b| lower(i, f, a, b));
+                    down[i] = best.is_some();
                     // Of a foot that rolls, heel and toe are slower or faster; flat on the floor they are as fast as it.
                     stood.extend(best.map(|j| velocity(i, f, j)));
                 }
