@@ -263,8 +263,7 @@ pub(crate) fn evaluate_actors(
         let edits = scratch.pose_edits[first..].iter().take_while(|(a, _)| *a == index);
         let edits = edits.map(|(_, place)| &scratch.edits.actors[*place]);
         let (joints, weights) = (&mut state.model_from_joint, &mut state.morph_weights);
-        let (travel, inertias) = motions.of(index);
-        pose::pose_actor(actor, time, travel, inertias, edits, &mut scratch.pose, joints, weights);
+        pose::pose_actor(actor, time, motions.of(index), edits, &mut scratch.pose, joints, weights);
     }
     place_actors(stage, scratch, &mut out.actors);
     if let Evaluation::Goals(plants) = how {

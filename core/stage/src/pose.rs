@@ -25,8 +25,7 @@ pub(crate) struct PoseScratch {
 pub(crate) fn pose_actor<'e>(
     actor: &Actor,
     time: Time,
-    travel: Option<&Travel>,
-    inertias: Option<&Inertias>,
+    (travel, inertias): (Option<&Travel>, Option<&Inertias>),
     edits: impl Iterator<Item = &'e ActorEdit> + Clone,
     scratch: &mut PoseScratch,
     model_from_joint: &mut Vec<Affine3A>,
