@@ -103,8 +103,8 @@ impl Kernel for Finish<'_> {
             }
             let kept: [F; 4] = load4(&base.rotation);
             let mut q = kept;
-            for n in 0..4 {
-                q[n] = mixed(&base.rotation[n], &sum.rotation[n]);
+            for (n, q) in q.iter_mut().enumerate() {
+                *q = mixed(&base.rotation[n], &sum.rotation[n]);
             }
             let square = dot(q, q);
             // All lie within a quarter turn of the base in quaternion space, so a sum of nothing is rounding.

@@ -167,7 +167,7 @@ impl RootMotion {
         for link in &self.chain {
             let (mut t, mut r, mut s) = link.parts;
             if link.curves == [None; 3] {
-                model = model * link.rest;
+                model *= link.rest;
                 turned *= r;
                 continue;
             }
@@ -182,7 +182,7 @@ impl RootMotion {
             if let Some(curve) = link.curves[2] {
                 s = three(value(curve));
             }
-            model = model * DAffine3::from_scale_rotation_translation(s, r, t);
+            model *= DAffine3::from_scale_rotation_translation(s, r, t);
             turned *= r;
         }
         (model.translation, turned.normalize())
