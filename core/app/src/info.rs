@@ -2,7 +2,8 @@
 
 use crate::args::InfoArgs;
 use crate::failure::{Failure, print, print_json};
-use crate::{character, model, plugin_files, scene};
+use crate::scene::{self, Opening};
+use crate::{character, model, plugin_files};
 use choreo_media::Media;
 use choreo_plugin::{Registry, Source};
 use choreo_script::{Limits, printable};
@@ -11,8 +12,8 @@ use serde_json::{Value, json};
 use std::fmt::Write;
 use std::sync::Arc;
 
-pub fn run(args: InfoArgs) -> Result<(), Failure> {
-    let registry = plugin_files::registry(&args.import.plugins, &[&args.file])?;
+pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
+    let registry = plugin_files::registry(plugins, &args.import.plugins, &[&args.file])?;
     model::must_be_file(&args.file)?;
     if args.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai")) {
         let shown = args.file.display();
@@ -24,7 +25,8 @@ pub fn run(args: InfoArgs) -> Result<(), Failure> {
     if let Some(media) = choreo_media::read(&head) {
         return print_media(&args, &media);
     }
-    let asset = model::import(&args.file, &[], &args.import, &registry, &Limits::default())?;
+    let asset =
+        model::import(&args.file, &[], &args.import, &registry, &Limits::default(), Opening::TO_TELL)?;
     let importer = importer(&args, &registry, head);
     let facts = facts(&asset, importer);
     if args.json {
@@ -98,7 +100,7 @@ fn facts(asset: &Asset, importer: (String, String)) -> Facts {
         vertices: primitives().map(|p| p.positions.len()).sum(),
         triangles: primitives().filter(triangle).map(|p| p.indices.len() / 3).sum(),
         primitives: primitives().count(),
-        image_bytes: asset.images.iter().map(|i| i.rgba.len()).sum(),
+        image_bytes: asset.images.iter().map(|i| 4 * i.width as usize * i.height as usize).sum(),
         extents: (!bounds.is_empty()).then(|| [bounds.min.to_array(), bounds.max.to_array()]),
     }
 }

@@ -2,9 +2,11 @@
 
 use crate::args::{Device, MeasureArgs};
 use crate::failure::{Failure, print, print_json};
-use crate::{device, plot, plugin_files, ranges, scene};
+use crate::scene::{self, Opening};
+use crate::{device, plot, plugin_files, ranges};
 use choreo_measure::scene::{KEYS, Scene, measure};
 use choreo_motion::Time;
+use choreo_plugin::Registry;
 use choreo_render::{CpuRenderer, DeviceKind, Renderer};
 use choreo_report::{Choice, stacked};
 use choreo_script::did_you_mean;
@@ -13,13 +15,13 @@ use serde_json::{Value, json};
 /// Seconds for the timings of one choice.
 const DEFAULT_BUDGET: f64 = 1.0;
 
-pub fn run(args: MeasureArgs) -> Result<(), Failure> {
+pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     plot::check(args.plot.as_deref())?;
     let keys = keys(&args.only)?;
     let at = args.at.as_deref().map(ranges::at).transpose()?;
     let size = args.size.as_deref().map(ranges::size).transpose()?;
-    let registry = plugin_files::registry(&args.scene.import.plugins, &[&args.scene.input])?;
-    let scene = scene::open(&args.scene, &registry)?;
+    let registry = plugin_files::registry(plugins, &args.scene.import.plugins, &[&args.scene.input])?;
+    let scene = scene::open(&args.scene, &registry, Opening::TO_DRAW)?;
     let stage = &scene.stage;
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(registry.effects()))];
     let mut note = None;

@@ -2,10 +2,12 @@
 
 use crate::args::ImportArgs;
 use crate::failure::{Failure, reason};
+use crate::importing::Bar;
 use crate::ranges;
+use crate::scene::Opening;
 use choreo_motion::{Clip, Time};
-use choreo_plugin::{Needs, Registry};
-use choreo_script::{BUILT_IN, ImportChoice, Limits, LoadError, Loader, did_you_mean};
+use choreo_plugin::Registry;
+use choreo_script::{BUILT_IN, ImportChoice, Imports, Limits, LoadError, Loader, did_you_mean};
 use choreo_stage::{Asset, Cue, Repeat, Stage};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -84,8 +86,9 @@ pub fn import(
     args: &ImportArgs,
     registry: &Registry,
     limits: &Limits,
+    opening: Opening,
 ) -> Result<Arc<Asset>, Failure> {
-    import_with_hash(path, search, args, registry, limits).map(|(asset, _)| asset)
+    import_with_hash(path, search, args, registry, limits, opening).map(|(asset, _)| asset)
 }
 
 /// With a hash of all files read, wherever they lie.
@@ -95,6 +98,7 @@ pub fn import_with_hash(
     args: &ImportArgs,
     registry: &Registry,
     limits: &Limits,
+    opening: Opening,
 ) -> Result<(Arc<Asset>, [u8; 32]), Failure> {
     must_be_file(path)?;
     let mut choice = ImportChoice { importer: args.importer.clone(), ..ImportChoice::default() };
@@ -117,7 +121,10 @@ pub fn import_with_hash(
         Failure::input(format!("{text}{hint}"))
     };
     let base = if is_built_in(path) { Path::new("choreo.rhai") } else { path };
-    let loader = Loader::for_file(base, search, registry, Needs::ALL, limits.file).map_err(problem)?;
+    let loader = Loader::for_file(base, search, registry, opening.needs, limits.file).map_err(problem)?;
+    let imports = Imports::default();
+    let loader = Arc::new(loader.watched_by(&imports));
+    let _bar = Bar::over(&imports, opening.quiet);
     let asset = loader.load(name, &choice).map_err(problem)?;
     let mut files: Vec<[u8; 32]> = loader.used().into_values().collect();
     files.sort_unstable();

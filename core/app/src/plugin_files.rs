@@ -16,10 +16,10 @@ const BESIDE: &str = "plugins";
 const MOST_BYTES: u64 = 4 << 20;
 const MOST_FILES: usize = 10_000;
 
-/// The plugins of the program and those of the files found. Later folders win over earlier ones: those of CHOREO_PLUGINS,
+/// The plugins given and those of the files found. Later folders win over earlier ones: those of CHOREO_PLUGINS,
 /// then `--plugins` in order, then the folders beside the scripts.
-pub fn registry(named: &[PathBuf], inputs: &[&Path]) -> Result<Registry, Failure> {
-    let (registry, problems) = found(named, inputs)?;
+pub fn registry(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Registry, Failure> {
+    let (registry, problems) = found(plugins, named, inputs)?;
     match problems.is_empty() {
         true => Ok(registry),
         false => Err(Failure::Input(problems)),
@@ -27,7 +27,11 @@ pub fn registry(named: &[PathBuf], inputs: &[&Path]) -> Result<Registry, Failure
 }
 
 /// The same, with what is wrong with single files beside it.
-pub fn found(named: &[PathBuf], inputs: &[&Path]) -> Result<(Registry, Vec<Problem>), Failure> {
+pub fn found(
+    plugins: &Registry,
+    named: &[PathBuf],
+    inputs: &[&Path],
+) -> Result<(Registry, Vec<Problem>), Failure> {
     let mut folders = Vec::new();
     let variable = std::env::var_os(VARIABLE).unwrap_or_default();
     for folder in std::env::split_paths(&variable).filter(|f| !f.as_os_str().is_empty()) {
@@ -46,7 +50,7 @@ pub fn found(named: &[PathBuf], inputs: &[&Path]) -> Result<(Registry, Vec<Probl
             folders.push((beside, BESIDE));
         }
     }
-    let mut registry = crate::registry::registry();
+    let mut registry = plugins.clone();
     let mut problems = Vec::new();
     for (folder, _) in folders {
         for path in files(&folder)? {

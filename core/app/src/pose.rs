@@ -3,14 +3,16 @@
 use crate::args::PoseArgs;
 use crate::failure::{Failure, output_error, print, print_json};
 use crate::part::Part;
-use crate::{plugin_files, ranges, scene};
+use crate::scene::{self, Opening};
+use crate::{plugin_files, ranges};
+use choreo_plugin::Registry;
 use choreo_stage::{Asset, Evaluator, Snapshot, Stage, Topology, posed_meshes};
 use glam::{Affine3A, DAffine3, DMat4, Mat3, Vec3};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::Write;
 
-pub fn run(args: PoseArgs) -> Result<(), Failure> {
+pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
     let at = ranges::at(&args.at)?;
     if let Some(path) = &args.mesh
         && !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"))
@@ -18,8 +20,8 @@ pub fn run(args: PoseArgs) -> Result<(), Failure> {
         // A slip of the hand must not replace a script or a model.
         return Err(Failure::Usage(format!("--mesh {}: write a name that ends in .obj", path.display())));
     }
-    let registry = plugin_files::registry(&args.scene.import.plugins, &[&args.scene.input])?;
-    let scene = scene::open(&args.scene, &registry)?;
+    let registry = plugin_files::registry(plugins, &args.scene.import.plugins, &[&args.scene.input])?;
+    let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
     let snapshot = Evaluator::new(scene.stage.clone())
         .posing_hidden()
         .at(at)

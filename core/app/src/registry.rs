@@ -9,6 +9,7 @@ use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
 
+/// The plugins that this program is built with.
 pub fn registry() -> Registry {
     let mut registry = Registry::default();
     registry.add_importer(import_gltf::GltfImporter);
@@ -27,9 +28,9 @@ pub fn registry() -> Registry {
     registry
 }
 
-pub fn run(args: PluginsArgs) -> Result<(), Failure> {
+pub fn run(args: PluginsArgs, plugins: &Registry) -> Result<(), Failure> {
     let beside: Vec<&Path> = std::iter::once(Path::new(".")).chain(args.file.as_deref()).collect();
-    let (registry, problems) = plugin_files::found(&args.plugins, &beside)?;
+    let (registry, problems) = plugin_files::found(plugins, &args.plugins, &beside)?;
     if let Some(file) = &args.file {
         claims(file, &registry, args.json)?;
     } else {

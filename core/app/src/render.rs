@@ -4,7 +4,7 @@ use crate::args::RenderArgs;
 use crate::budget::Budgeted;
 use crate::failure::Failure;
 use crate::output::Target;
-use crate::scene::{self, Scene};
+use crate::scene::{self, Opening, Scene};
 use crate::{device, draw, plugin_files, ranges, summary};
 use choreo_motion::Time;
 use choreo_plugin::{ExportOptions, Exporter, Registry};
@@ -25,11 +25,11 @@ pub struct Job {
     pub notes: Vec<String>,
 }
 
-pub fn run(args: RenderArgs) -> Result<(), Failure> {
+pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let start = Instant::now();
     let jobs = args.jobs.as_deref().map(ranges::jobs).transpose()?;
     let target = Target::parse(&args.output)?;
-    let registry = plugin_files::registry(&args.scene.import.plugins, &[&args.scene.input])?;
+    let registry = plugin_files::registry(plugins, &args.scene.import.plugins, &[&args.scene.input])?;
     target.exporter(&registry)?;
     if args.resume && target == Target::Stdout {
         return Err(Failure::Usage("--resume goes on with a file; standard output keeps nothing".into()));
@@ -57,7 +57,7 @@ fn prepare(args: &RenderArgs, target: Target, registry: &Registry) -> Result<Job
     let at = args.at.as_deref().map(ranges::at).transpose()?;
     let samples = args.samples.as_deref().map(ranges::samples).transpose()?;
 
-    let mut scene = scene::open(&args.scene, registry)?;
+    let mut scene = scene::open(&args.scene, registry, Opening { quiet: args.quiet, ..Opening::TO_DRAW })?;
     let mut settings = scene.stage.settings.clone();
     settings.size = size.unwrap_or(settings.size);
     // The stage too: a camera that frames what it sees does so for the shape of this picture.

@@ -2,8 +2,9 @@
 
 use crate::args::SceneArgs;
 use crate::failure::{Failure, Problem};
+use crate::importing::Bar;
 use crate::{memory, model, ranges};
-use choreo_plugin::Registry;
+use choreo_plugin::{Needs, Registry};
 use choreo_script::{Diagnostic, Limits, Places, ScriptOptions, Severity, run_file};
 use choreo_stage::Stage;
 use std::sync::Arc;
@@ -29,7 +30,20 @@ pub struct Scene {
     pub input_hash: [u8; 32],
 }
 
-pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
+/// How a scene is opened: what will be used of its assets, and whether a bar may be shown.
+#[derive(Clone, Copy, Debug)]
+pub struct Opening {
+    pub needs: Needs,
+    pub quiet: bool,
+}
+
+impl Opening {
+    pub const TO_DRAW: Opening = Opening { needs: Needs::ALL, quiet: false };
+    /// No picture is decoded.
+    pub const TO_TELL: Opening = Opening { needs: Needs::NO_PIXELS, quiet: false };
+}
+
+pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<Scene, Failure> {
     let mut limits = Limits::default();
     for limit in &args.limit {
         limits.set(limit).map_err(|e| Failure::Usage(format!("--limit {limit}: {e}")))?;
@@ -57,9 +71,13 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
             set,
             search_paths: args.search.clone(),
             limits: limits.clone(),
+            needs: opening.needs,
             ..ScriptOptions::default()
         };
-        let script = run_file(&args.input, registry, &options).map_err(|d| Failure::Input(errors(d)))?;
+        let bar = Bar::over(&options.imports, opening.quiet);
+        let script = run_file(&args.input, registry, &options);
+        drop(bar);
+        let script = script.map_err(|d| Failure::Input(errors(d)))?;
         let mut warnings: Vec<String> = script.warnings.iter().map(ToString::to_string).collect();
         let asset_warnings = asset_warnings(&script.stage);
         warnings.extend(asset_warnings.iter().cloned());
@@ -84,7 +102,7 @@ pub fn open(args: &SceneArgs, registry: &Registry) -> Result<Scene, Failure> {
         )));
     }
     let (asset, input_hash) =
-        model::import_with_hash(&args.input, &args.search, &args.import, registry, &limits)?;
+        model::import_with_hash(&args.input, &args.search, &args.import, registry, &limits, opening)?;
     arguments.extend(args.import.importer.iter().map(|i| format!("--importer {i}")));
     arguments.extend(args.import.import.iter().map(|i| format!("--import {i}")));
     arguments.extend(args.clip.iter().map(|c| format!("--clip {c}")));

@@ -3,6 +3,8 @@
 mod common;
 
 use common::*;
+use std::path::Path;
+use std::process::Command;
 
 #[test]
 fn single_files_work_as_they_are() {
@@ -17,6 +19,37 @@ fn single_files_work_as_they_are() {
     std::fs::write(dir.path().join("s.rhai"), "effect(\"old_photo\", #{ amount: 0.5 });\n").unwrap();
     let run = choreo(dir.path(), &["check", "s.rhai", "--plugins", "."]);
     assert_eq!(run.code, 0, "{}", run.err);
+}
+
+/// One crate of each kind, built where no registry is asked, and its own tests. What they are built from is kept between runs.
+#[test]
+fn crates_build_and_pass_their_tests() {
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
+    let dir = folder();
+    for (kind, made) in [("importer", "import-my-format"), ("effect", "effect-my-format")] {
+        let run = choreo(dir.path(), &["new", kind, "my_format", "--sources", sources.to_str().unwrap()]);
+        assert_eq!(run.code, 0, "{}", run.err);
+        let made = dir.path().join(made);
+        // The versions that are here already.
+        std::fs::copy(sources.join("Cargo.lock"), made.join("Cargo.lock")).unwrap();
+        let output = Command::new(env!("CARGO"))
+            .args(["test", "--offline", "--quiet"])
+            .current_dir(&made)
+            .env("CARGO_TARGET_DIR", Path::new(env!("CARGO_TARGET_TMPDIR")).join("new-crates"))
+            .env_remove("RUSTFLAGS")
+            .output()
+            .unwrap();
+        let text =
+            String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{kind}: {text}");
+        // Not an empty run: both have tests, and none of the words of the example is left.
+        assert!(
+            text.contains("test result: ok. 2 passed") || text.contains("test result: ok. 3 passed"),
+            "{kind}: {text}"
+        );
+        let source = std::fs::read_to_string(made.join("src/lib.rs")).unwrap();
+        assert!(!source.to_lowercase().contains("example"), "{source}");
+    }
 }
 
 #[test]

@@ -90,6 +90,7 @@ impl Twins {
     fn load(&self, path: &Path) -> Arc<Asset> {
         let name = path.file_name().unwrap().to_str().unwrap();
         let loader = Loader::for_file(path, &[], &self.registry, Needs::ALL, Limits::default().file).unwrap();
+        let loader = Arc::new(loader);
         loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
     }
 

@@ -3,6 +3,7 @@
 use crate::numbers;
 use choreo_plugin::MeshData;
 use choreo_plugin::suggest::{did_you_mean, list};
+use choreo_stage::Topology;
 use rhai::{Dynamic, Map};
 
 /// An object map with known names; every error names the function and the field.
@@ -101,7 +102,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-/// What `mesh(#{ … })` knows, but for the material.
+/// What `mesh(#{ … })`, `lines(#{ … })` and `points(#{ … })` know.
 pub const MESH: &[&str] = &[
     "name",
     "joint",
@@ -116,9 +117,10 @@ pub const MESH: &[&str] = &[
     "material",
 ];
 
-/// The arrays of a `mesh(#{ … })` call.
-pub fn mesh_data(f: &Fields<'_>) -> Result<MeshData> {
+/// The arrays of a `mesh(#{ … })`, `lines(#{ … })` or `points(#{ … })` call.
+pub fn mesh_data(f: &Fields<'_>, topology: Topology) -> Result<MeshData> {
     Ok(MeshData {
+        topology,
         name: f.text("name")?.unwrap_or_default(),
         joint: f.index("joint")?,
         positions: f.floats("positions")?,

@@ -1,11 +1,11 @@
-//! `joint`, `mesh`, `material`, `image`, `clip`, `warn` and `read`: how an importer makes the asset.
+//! `joint`, `mesh`, `lines`, `points`, `material`, `image`, `clip`, `warn` and `read`: how an importer makes the asset.
 
 use crate::budget::{Budget, Refused, refuse};
 use crate::bytes::Bytes;
 use crate::fields::{Fields, MESH, mesh_data};
 use choreo_motion::{Curve, Interpolation, Path, Time, Transform};
 use choreo_plugin::{AssetBuilder, Needs};
-use choreo_stage::{AlphaMode, Material, Sampler, Shading, TextureRef};
+use choreo_stage::{AlphaMode, Material, Sampler, Shading, TextureRef, Topology};
 use glam::{Affine2, Mat4, Quat, Vec3, Vec4};
 use rhai::{Array, Dynamic, Engine, Map};
 use std::collections::BTreeMap;
@@ -41,12 +41,22 @@ pub fn register(engine: &mut Engine, scene: &Shared, budget: &Budget) {
     let s = scene.clone();
     engine
         .register_fn("joint", move |name: &str, parent: i64, rest: Map| joint(&s, name, Some(parent), &rest));
-    let s = scene.clone();
-    engine.register_fn("mesh", move |map: Map| mesh(&s, &map));
+    for (name, topology) in
+        [("mesh", Topology::Triangles), ("lines", Topology::Lines), ("points", Topology::Points)]
+    {
+        let s = scene.clone();
+        engine.register_fn(name, move |map: Map| mesh(&s, name, topology, &map));
+    }
     let s = scene.clone();
     engine.register_fn("material", move |map: Map| material(&s, &map));
     let (s, b) = (scene.clone(), budget.clone());
     engine.register_fn("image", move |map: Map| image(&s, &b, &map));
+    let (s, b) = (scene.clone(), budget.clone());
+    // As scene scripts say it.
+    engine.register_fn("image", move |width: i64, height: i64, pixels: Dynamic| {
+        let fields = [("width", width.into()), ("height", height.into()), ("pixels", pixels)];
+        image(&s, &b, &fields.into_iter().map(|(name, value)| (name.into(), value)).collect())
+    });
     let s = scene.clone();
     engine.register_fn("clip", move |name: &str, curves: Array| clip(&s, name, &curves));
     let s = scene.clone();
@@ -105,13 +115,13 @@ fn rest(what: &str, map: &Map) -> Result<Transform, String> {
 }
 
 /// Returns the mesh's number; nothing is read of the arrays where the caller needs no geometry.
-fn mesh(scene: &Shared, map: &Map) -> Result<i64, Refused> {
-    let f = Fields::new("mesh", map, MESH).map_err(refuse)?;
+fn mesh(scene: &Shared, name: &str, topology: Topology, map: &Map) -> Result<i64, Refused> {
+    let f = Fields::new(name, map, MESH).map_err(refuse)?;
     let mut scene = lock(scene);
     if !scene.needs.geometry {
         return Ok(-1);
     }
-    let data = mesh_data(&f).map_err(refuse)?;
+    let data = mesh_data(&f, topology).map_err(refuse)?;
     scene.builder.mesh(data).map(i64::from).map_err(|e| refuse(e.to_string()))
 }
 

@@ -1,6 +1,7 @@
 //! Pictures of a model file: sized from their headers, then decoded beside the rest of the import.
 
 use crate::problem::{Problem, Result};
+use choreo_plugin::Needs;
 use choreo_stage::asset::Image;
 use image::{ImageFormat, ImageReader};
 use std::io::Cursor;
@@ -73,6 +74,11 @@ impl<B: AsRef<[u8]>> Encoded<B> {
         u64::from(self.width) * u64::from(self.height)
     }
 
+    /// What the header says.
+    fn without_pixels(&self) -> Image {
+        Image { name: self.name.clone(), width: self.width, height: self.height, rgba: Vec::new() }
+    }
+
     /// To 8-bit RGBA. Needs nothing of the file, so pictures can be decoded beside the rest of the import.
     pub fn decode(&self) -> Result<Arc<Image>> {
         let fail = |what: String| {
@@ -99,11 +105,16 @@ impl<B: AsRef<[u8]>> Encoded<B> {
     }
 }
 
-/// Decodes pictures on threads of their own while `rest` runs here; one result a picture, in order.
+/// Decodes pictures on threads of their own while `rest` runs here; one result a picture, in order. Where no pixels are needed
+/// they have a name and a size.
 pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     entries: &[Encoded<B>],
+    needs: Needs,
     rest: impl FnOnce() -> R,
 ) -> (Vec<Result<Arc<Image>>>, R) {
+    if !needs.pixels {
+        return (entries.iter().map(|e| Ok(Arc::new(e.without_pixels()))).collect(), rest());
+    }
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     let next = AtomicUsize::new(0);
     let slots: Vec<OnceLock<Result<Arc<Image>>>> = entries.iter().map(|_| OnceLock::new()).collect();

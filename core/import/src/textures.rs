@@ -5,7 +5,7 @@
 use crate::budget::{Budget, Notes};
 use crate::pictures::{Encoded, Formats, decode_beside};
 use crate::search;
-use choreo_plugin::Files;
+use choreo_plugin::{Files, Needs};
 use choreo_stage::asset::Image;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -82,8 +82,13 @@ impl Textures {
     }
 
     /// Decodes while `rest` runs. What cannot be decoded is one white pixel, with a warning.
-    pub fn decode_beside<R>(self, notes: &Notes, rest: impl FnOnce() -> R) -> (Vec<Arc<Image>>, R) {
-        let (decoded, rest) = decode_beside(&self.entries, rest);
+    pub fn decode_beside<R>(
+        self,
+        notes: &Notes,
+        needs: Needs,
+        rest: impl FnOnce() -> R,
+    ) -> (Vec<Arc<Image>>, R) {
+        let (decoded, rest) = decode_beside(&self.entries, needs, rest);
         let images = decoded.into_iter().zip(&self.entries).map(|(result, entry)| {
             result.unwrap_or_else(|problem| {
                 notes.warn(problem.place, format!("{}; white is used", problem.what));

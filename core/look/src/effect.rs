@@ -1,7 +1,8 @@
 //! `NAME.wgsl` as an [`Effect`].
 
 use crate::head;
-use crate::program::{MOST_STEPS, Program, has_pointer_arguments};
+use crate::prepare::has_pointer_arguments;
+use crate::program::{MOST_STEPS, Program};
 use choreo_plugin::{Effect, Manifest, OptionKind, PluginFile};
 use glam::{Vec2, Vec4};
 use naga::valid::{Capabilities, ValidationFlags, Validator};

@@ -8,6 +8,7 @@
 mod effect;
 mod head;
 mod maths;
+mod prepare;
 mod program;
 mod shape;
 

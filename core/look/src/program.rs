@@ -3,7 +3,8 @@
 //! A plain walk over naga's expressions. What it does not know is refused when the effect is loaded, with its line.
 
 use crate::maths;
-use crate::shape::{self, MOST, Shape, Value};
+use crate::prepare::{Code, code};
+use crate::shape::{self, MOST, Value};
 use naga::valid::ModuleInfo;
 use naga::{
     Block, Expression, Function, Handle, Literal, Module, RelationalFunction, Span, Statement, SwitchValue,
@@ -23,16 +24,6 @@ pub struct Program {
     entry: Handle<Function>,
     functions: Vec<Code>,
     globals: Vec<Value>,
-}
-
-/// What is worked out once a function.
-struct Code {
-    shapes: Vec<Shape>,
-    /// Offset added by an `AccessIndex`, in components.
-    offsets: Vec<usize>,
-    /// Where each local variable starts in the frame's memory, and its size.
-    locals: Vec<(usize, usize)>,
-    memory: usize,
 }
 
 struct Frame<'a> {
@@ -403,139 +394,4 @@ fn value_of(literal: Literal) -> Value {
         _ => 0,
     };
     out
-}
-
-/// Works out shapes and memory, and refuses what is not known.
-fn code(
-    module: &Module,
-    info: &ModuleInfo,
-    handle: Handle<Function>,
-    function: &Function,
-) -> Result<Code, Unsupported> {
-    let types = &module.types;
-    let info = &info[handle];
-    let mut shapes = Vec::with_capacity(function.expressions.len());
-    let mut offsets = Vec::with_capacity(function.expressions.len());
-    for (handle, expression) in function.expressions.iter() {
-        let span = function.expressions.get_span(handle);
-        let refuse = |what: &str| Unsupported { what: what.to_string(), span };
-        let inner = info[handle].ty.inner_with(types);
-        let shape = shape::shape(inner, types).ok_or_else(|| refuse("this type of value"))?;
-        if shape.size > MOST && !shape.is_pointer {
-            return Err(refuse("a value of more than 16 numbers; index it where it stands"));
-        }
-        if let Some(what) = unknown(expression) {
-            return Err(refuse(what));
-        }
-        let mut offset = 0;
-        if let Expression::AccessIndex { base, index } = expression {
-            let base_type = match info[*base].ty.inner_with(types) {
-                naga::TypeInner::Pointer { base, .. } => &types[*base].inner,
-                other => other,
-            };
-            let base_shape: &Shape = &shapes[base.index()];
-            let member = shape::member_offset(base_type, *index as usize, types);
-            offset = member.unwrap_or(base_shape.step.max(1) * *index as usize);
-        }
-        shapes.push(shape);
-        offsets.push(offset);
-    }
-    let mut locals = Vec::new();
-    let mut memory = 0;
-    for (handle, variable) in function.local_variables.iter() {
-        let size =
-            shape::shape(&types[variable.ty].inner, types).map(|s| s.size).ok_or_else(|| Unsupported {
-                what: "a variable of this type".into(),
-                span: function.local_variables.get_span(handle),
-            })?;
-        if size > MOST && variable.init.is_some() {
-            return Err(Unsupported {
-                what: "a first value of more than 16 numbers".into(),
-                span: function.local_variables.get_span(handle),
-            });
-        }
-        locals.push((memory, size));
-        memory += size;
-    }
-    statements(&function.body)?;
-    Ok(Code { shapes, offsets, locals, memory })
-}
-
-fn unknown(expression: &Expression) -> Option<&'static str> {
-    match expression {
-        Expression::Math { fun, .. } if !maths::is_known(*fun) => Some("this built-in function"),
-        Expression::Relational { fun: RelationalFunction::IsNan | RelationalFunction::IsInf, .. } => {
-            Some("isNan and isInf")
-        }
-        Expression::Derivative { .. } => Some("a derivative: an effect is a function of one pixel"),
-        Expression::ImageSample { .. } | Expression::ImageLoad { .. } | Expression::ImageQuery { .. } => {
-            Some("a texture: an effect is a function of one pixel")
-        }
-        Expression::Override(_) => Some("an override; write const, or a parameter in the head comment"),
-        Expression::Literal(_)
-        | Expression::Constant(_)
-        | Expression::ZeroValue(_)
-        | Expression::Compose { .. }
-        | Expression::Access { .. }
-        | Expression::AccessIndex { .. }
-        | Expression::Splat { .. }
-        | Expression::Swizzle { .. }
-        | Expression::FunctionArgument(_)
-        | Expression::LocalVariable(_)
-        | Expression::Load { .. }
-        | Expression::Unary { .. }
-        | Expression::Binary { .. }
-        | Expression::Select { .. }
-        | Expression::Relational { .. }
-        | Expression::Math { .. }
-        | Expression::As { .. }
-        | Expression::CallResult(_) => None,
-        _ => Some("this expression"),
-    }
-}
-
-fn statements(block: &Block) -> Result<(), Unsupported> {
-    for (statement, span) in block.span_iter() {
-        match statement {
-            Statement::Block(b) => statements(b)?,
-            Statement::If { accept, reject, .. } => {
-                statements(accept)?;
-                statements(reject)?;
-            }
-            Statement::Switch { cases, .. } => {
-                for case in cases {
-                    statements(&case.body)?;
-                }
-            }
-            Statement::Loop { body, continuing, .. } => {
-                statements(body)?;
-                statements(continuing)?;
-            }
-            Statement::Emit(_)
-            | Statement::Break
-            | Statement::Continue
-            | Statement::Return { .. }
-            | Statement::Store { .. }
-            | Statement::Call { .. } => {}
-            Statement::Kill => {
-                return Err(Unsupported {
-                    what: "discard: an effect gives every pixel a color".into(),
-                    span: *span,
-                });
-            }
-            _ => return Err(Unsupported { what: "this statement".into(), span: *span }),
-        }
-    }
-    Ok(())
-}
-
-/// For parameters of functions that are pointers: their place is in another frame.
-pub fn has_pointer_arguments(module: &Module, function: &Function) -> bool {
-    let is_pointer = |ty: Handle<naga::Type>| {
-        matches!(
-            module.types[ty].inner,
-            naga::TypeInner::Pointer { .. } | naga::TypeInner::ValuePointer { .. }
-        )
-    };
-    function.arguments.iter().any(|a| is_pointer(a.ty))
 }

@@ -79,6 +79,13 @@ impl Source {
 /// the folders that the user gave. Refusals and failures are texts that name the file and why.
 pub trait Files {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String>;
+
+    /// Told by importers that take long, from 0 to 1. False: nobody wants the asset any more, so that it can be given up with
+    /// any error.
+    fn progress(&self, part: f32) -> bool {
+        let _ = part;
+        true
+    }
 }
 
 /// What the caller will use; the rest is not decoded.
@@ -86,12 +93,17 @@ pub trait Files {
 pub struct Needs {
     pub geometry: bool,
     pub clips: bool,
+    /// Which pictures lie on the materials, by name and size.
     pub textures: bool,
+    /// What is in these pictures. Without, their `rgba` is empty and nothing is decoded; their headers are read all the same.
+    pub pixels: bool,
 }
 
 impl Needs {
-    pub const ALL: Needs = Needs { geometry: true, clips: true, textures: true };
-    pub const CLIPS: Needs = Needs { geometry: false, clips: true, textures: false };
+    pub const ALL: Needs = Needs { geometry: true, clips: true, textures: true, pixels: true };
+    pub const CLIPS: Needs = Needs { geometry: false, clips: true, textures: false, pixels: false };
+    /// For all that is told of a scene without drawing it.
+    pub const NO_PIXELS: Needs = Needs { pixels: false, ..Needs::ALL };
 
     /// What both need.
     pub fn both(self, other: Needs) -> Needs {
@@ -99,6 +111,7 @@ impl Needs {
             geometry: self.geometry && other.geometry,
             clips: self.clips && other.clips,
             textures: self.textures && other.textures,
+            pixels: self.pixels && other.pixels,
         }
     }
 }

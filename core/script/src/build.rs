@@ -2,20 +2,24 @@
 
 use crate::call::{ApiError, Place};
 use crate::diagnostic::{Diagnostic, Severity};
+use crate::import::Import;
 use crate::limits::{Limits, raise_hint};
+use crate::load::Load;
 use crate::loader::Loader;
 use crate::testing::TestState;
 use choreo_motion::{Clip, RootParts, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
 
 /// What all calls of one script share.
 pub struct Shared {
     pub build: Mutex<Build>,
-    pub loader: Loader,
+    pub loader: Arc<Loader>,
+    /// Where files are loaded whose clips alone are used.
+    pub clips_only: Mutex<BTreeSet<Place>>,
     pub limits: Limits,
     /// `--set`, in order.
     pub set: Vec<(String, String)>,
@@ -86,11 +90,36 @@ impl Shared {
     }
 
     pub fn note(&self, severity: Severity, place: &Place, error: &ApiError) {
+        self.note_in_order(None, severity, place, error);
+    }
+
+    /// `order`: among the messages of the script, where it is not the latest.
+    pub fn note_in_order(&self, order: Option<u64>, severity: Severity, place: &Place, error: &ApiError) {
         if error.silent {
             return;
         }
         let diagnostic = self.diagnose(severity, place, error);
-        self.build.lock().unwrap_or_else(PoisonError::into_inner).note(diagnostic);
+        let mut build = self.build.lock().unwrap_or_else(PoisonError::into_inner);
+        let order = order.unwrap_or(build.order);
+        build.note_in_order(order, diagnostic);
+    }
+
+    /// Looks through a script's text, before it runs, for files of which it uses the clips alone.
+    pub fn of_clips_only(&self, ast: &rhai::AST, source: &str) {
+        let found = crate::clips_only::find(ast, source);
+        self.clips_only.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
+    }
+
+    /// Waits for all that was begun to load: what is wrong with a file is told whether or not it is used.
+    pub fn settle(&self) {
+        let loads: Vec<Arc<Load>> = {
+            let build = self.build.lock().unwrap_or_else(PoisonError::into_inner);
+            build.loads.iter().map(|l| l.load.clone()).collect()
+        };
+        for load in loads {
+            // Told by the load itself.
+            let _ = load.asset(self);
+        }
     }
 }
 
@@ -132,11 +161,16 @@ pub struct Build {
     /// Lines beyond the limit.
     pub unprinted: u64,
     pub diagnostics: Vec<Diagnostic>,
+    /// Of each of them, rising: an import that fails late is told where it was begun.
+    orders: Vec<u64>,
+    /// Of what is noted now.
+    pub order: u64,
     /// Diagnostics beyond the most that are kept.
     pub more: usize,
     /// Clips bound to another skeleton, by the addresses of clip and asset.
     pub bound: BTreeMap<(usize, usize), Bound>,
     pub shapes: BTreeMap<String, Arc<Asset>>,
+    pub made: crate::made::Made,
     /// Where time zero of what is being performed lies.
     pub offset: Time,
     /// By the address of the clip, which is kept alive.
@@ -170,8 +204,11 @@ pub enum RootUse {
 
 /// What a `load` or `shape` gave.
 pub struct LoadDraft {
-    pub asset: Arc<Asset>,
-    pub at: Place,
+    pub load: Arc<Load>,
+    /// No file was read for it.
+    pub made: bool,
+    /// For its clips alone, since the script uses no more of it.
+    pub clips_only: bool,
     /// Cast, or a clip of it played, or the script asked what is in it.
     pub used: bool,
 }
@@ -344,6 +381,10 @@ impl Build {
     }
 
     pub fn note(&mut self, diagnostic: Diagnostic) {
+        self.note_in_order(self.order, diagnostic);
+    }
+
+    fn note_in_order(&mut self, order: u64, diagnostic: Diagnostic) {
         const MOST: usize = 50;
         if self.diagnostics.contains(&diagnostic) {
             return;
@@ -352,23 +393,43 @@ impl Build {
             self.more += 1;
             return;
         }
-        self.diagnostics.push(diagnostic);
+        let at = self.orders.partition_point(|o| *o <= order);
+        self.orders.insert(at, order);
+        self.diagnostics.insert(at, diagnostic);
     }
 
     pub fn has_errors(&self) -> bool {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
 
-    pub fn loaded(&mut self, asset: &Arc<Asset>, at: &Place) {
-        // A loop loads many from one place.
-        let known = |l: &&LoadDraft| Arc::ptr_eq(&l.asset, asset) && l.at == *at;
-        if !self.loads.iter().any(|l| known(&l)) {
-            self.loads.push(LoadDraft { asset: asset.clone(), at: at.clone(), used: false });
+    /// A handle for an asset that the script has made.
+    pub fn made(&mut self, asset: &Arc<Asset>, at: &Place) -> Arc<Load> {
+        // A loop makes many from one place.
+        let known =
+            |l: &&LoadDraft| l.load.at == *at && l.load.ready().is_some_and(|a| Arc::ptr_eq(a, asset));
+        if let Some(known) = self.loads.iter().find(known) {
+            return known.load.clone();
         }
+        let load = Arc::new(Load::made(asset, at));
+        self.loads.push(LoadDraft { load: load.clone(), made: true, clips_only: false, used: false });
+        load
+    }
+
+    /// A handle for a file that is being imported.
+    pub fn begun(&mut self, import: Arc<Import>, at: &Place, clips_only: bool) -> Arc<Load> {
+        let known = |l: &&LoadDraft| l.load.at == *at && l.load.is_of(&import);
+        if let Some(known) = self.loads.iter().find(known) {
+            return known.load.clone();
+        }
+        // Before all that is noted from now on.
+        self.order += 2;
+        let load = Arc::new(Load::begun(import, at, self.order - 1));
+        self.loads.push(LoadDraft { load: load.clone(), made: false, clips_only, used: false });
+        load
     }
 
     pub fn used(&mut self, asset: &Arc<Asset>) {
-        let same = |l: &&mut LoadDraft| Arc::ptr_eq(&l.asset, asset);
+        let same = |l: &&mut LoadDraft| l.load.ready().is_some_and(|a| Arc::ptr_eq(a, asset));
         self.loads.iter_mut().filter(same).for_each(|l| l.used = true);
     }
 

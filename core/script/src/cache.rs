@@ -43,6 +43,11 @@ impl AssetCache {
     pub(crate) fn slot(&self, key: Key) -> Slot {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).entry(key).or_default().clone()
     }
+
+    /// The slot of what has been asked for before.
+    pub(crate) fn made(&self, key: &Key) -> Option<Slot> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(key).cloned()
+    }
 }
 
 /// The same store.

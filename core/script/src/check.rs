@@ -1,11 +1,12 @@
 //! What can be told of a script without drawing: not wrong, but hardly meant.
 
 use crate::api::cue;
-use crate::build::{ActorDraft, Build};
+use crate::build::{ActorDraft, Build, LoadDraft};
 use crate::call::{ApiError, Place};
 use crate::diagnostic::Severity;
 use choreo_motion::Time;
 use choreo_stage::Repeat;
+use std::sync::Arc;
 
 /// Looks through the drafts.
 pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
@@ -133,7 +134,12 @@ fn restarts(build: &Build, times: &[(Time, Option<Time>)], warn: &mut impl FnMut
 /// Several actors in one place were not meant to be there; a flat ground below them was.
 fn unplaced(build: &Build, warn: &mut impl FnMut(&Place, String)) {
     let flat = |a: &ActorDraft| a.actor.asset.name == "shape plane";
-    let nowhere: Vec<_> = build.actors.iter().filter(|a| !a.placed && !flat(a)).collect();
+    // What is made of vertices stands where they are.
+    let of_vertices = |a: &ActorDraft| {
+        let own = |l: &&LoadDraft| l.load.ready().is_some_and(|made| Arc::ptr_eq(made, &a.actor.asset));
+        !a.actor.asset.name.starts_with("shape ") && build.loads.iter().any(|l| l.made && own(&l))
+    };
+    let nowhere: Vec<_> = build.actors.iter().filter(|a| !a.placed && !flat(a) && !of_vertices(a)).collect();
     if nowhere.len() < 2 {
         return;
     }

@@ -209,6 +209,7 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
 
 fn register_types(engine: &mut Engine) {
     engine.register_type_with_name::<AssetRef>(Kind::Asset.name());
+    engine.register_type_with_name::<ImageRef>(Kind::Image.name());
     engine.register_type_with_name::<ClipRef>(Kind::Clip.name());
     engine.register_type_with_name::<ActorRef>(Kind::Actor.name());
     engine.register_type_with_name::<JointRef>(Kind::Joint.name());

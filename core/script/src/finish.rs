@@ -26,11 +26,14 @@ pub fn finish(
     let mut places = Places::default();
     let mut notes: Vec<(Severity, Place, ApiError)> = Vec::new();
     let hooks;
+    shared.settle();
     {
         let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
         stage.settings = build.settings.clone();
         crate::check::before(&build, &mut notes);
         places.remarks = crate::lint::remarks(&build);
+        let clips_only = build.loads.iter().filter(|l| l.clips_only);
+        places.clips_only = clips_only.map(|l| (l.load.name.clone(), l.load.at.clone())).collect();
         places.settings = build.settings_at.clone().unwrap_or_default();
         places.actors = build.actors.iter().map(|a| a.at.clone()).collect();
         places.looks = build.actors.iter_mut().map(|a| std::mem::take(&mut a.looks)).collect();

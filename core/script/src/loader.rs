@@ -1,7 +1,8 @@
 //! `load(…)`: from a name to an asset, through the importer plugins, each file once.
 
-use crate::cache::{AssetCache, Key, SideFile};
+use crate::cache::{AssetCache, Key, Made, SideFile};
 use crate::folders::{Folders, Found, LoadError};
+use crate::import::{Import, Imports, submit};
 use crate::suggest::{did_you_mean, list};
 use choreo_plugin::{
     Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionError, Registry, Source,
@@ -9,7 +10,7 @@ use choreo_plugin::{
 use choreo_stage::Asset;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Names that begin so are made by the program: `choreo:mannequin` is made by the importer "mannequin".
 pub const BUILT_IN: &str = "choreo:";
@@ -42,13 +43,16 @@ pub struct Loader {
     folders: Folders,
     needs: Needs,
     cache: AssetCache,
+    imports: Imports,
+    /// Begun by the workers, and not only when somebody waits.
+    at_once: bool,
     state: Mutex<State>,
 }
 
 #[derive(Default)]
 struct State {
     /// By place and choice.
-    assets: BTreeMap<(PathBuf, String), Arc<Asset>>,
+    imports: BTreeMap<(PathBuf, String), Arc<Import>>,
     /// Canonical path and hash of everything read.
     used: BTreeMap<PathBuf, [u8; 32]>,
 }
@@ -60,8 +64,22 @@ impl Loader {
             folders,
             needs,
             cache: AssetCache::default(),
+            imports: Imports::default(),
+            at_once: true,
             state: Mutex::default(),
         }
+    }
+
+    /// What is imported is told to, and can be called off by, whoever has a clone of this.
+    pub fn watched_by(mut self, imports: &Imports) -> Loader {
+        self.imports = imports.clone();
+        self
+    }
+
+    /// Nothing is imported before somebody waits for it.
+    pub(crate) fn when_waited_for(mut self) -> Loader {
+        self.at_once = false;
+        self
     }
 
     /// Assets that other runs have made are taken from there, where their files are still the same.
@@ -92,45 +110,88 @@ impl Loader {
 
     /// Canonical paths and hashes of the files read so far.
     pub fn used(&self) -> BTreeMap<PathBuf, [u8; 32]> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner).used.clone()
+        self.state().used.clone()
     }
 
-    /// How many assets were loaded so far, each pair of file and options once.
+    /// How many imports were begun so far, each pair of file and options once.
     pub fn loaded(&self) -> usize {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner).assets.len()
+        self.state().imports.len()
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub fn note_used(&self, path: &Path, bytes: &[u8]) {
         let hash = *blake3::hash(bytes).as_bytes();
-        self.state.lock().unwrap_or_else(PoisonError::into_inner).used.insert(path.to_path_buf(), hash);
+        self.state().used.insert(path.to_path_buf(), hash);
     }
 
-    pub fn load(&self, name: &str, choice: &ImportChoice) -> Result<Arc<Asset>, LoadError> {
-        self.load_from(None, name, choice)
+    /// Begins and waits.
+    ///
+    /// # Errors
+    /// What [`Loader::start`] and [`Import::wait`] give.
+    pub fn load(self: &Arc<Self>, name: &str, choice: &ImportChoice) -> Result<Arc<Asset>, LoadError> {
+        self.start(None, name, choice)?.wait()
     }
 
+    /// Begins to read and import a file on a worker thread; a file that was begun with the same choice is not begun again.
     /// `start`: a canonical folder within the roots in which the name is looked for first.
-    pub fn load_from(
-        &self,
+    ///
+    /// # Errors
+    /// There is no such file, or it must not be read. All else is told by the handle.
+    pub fn start(
+        self: &Arc<Self>,
         start: Option<&Path>,
         name: &str,
         choice: &ImportChoice,
-    ) -> Result<Arc<Asset>, LoadError> {
+    ) -> Result<Arc<Import>, LoadError> {
         let (path, found) = match name.strip_prefix(BUILT_IN) {
-            Some(_) => (PathBuf::from(name), None),
+            Some(_) => {
+                self.built_in(name)?;
+                (PathBuf::from(name), None)
+            }
             None => {
                 let found = self.folders.find(start, name)?;
                 (found.path.clone(), Some(found))
             }
         };
         let key = (path, format!("{choice:?}"));
-        if let Some(asset) = self.state.lock().unwrap_or_else(PoisonError::into_inner).assets.get(&key) {
-            return Ok(asset.clone());
+        let mut state = self.state();
+        if let Some(import) = state.imports.get(&key) {
+            return Ok(import.clone());
         }
-        let (source, importer) = match &found {
+        // The loader keeps its imports: one of them must not keep the loader.
+        let (loader, choice, own_name) = (Arc::downgrade(self), choice.clone(), name.to_string());
+        let import = Import::new(
+            name,
+            &self.imports,
+            Box::new(move |import| match loader.upgrade() {
+                Some(loader) => loader.read_and_import(&own_name, found.as_ref(), &choice, import),
+                None => Err(LoadError::new(format!("\"{own_name}\" is no longer needed"))),
+            }),
+        );
+        state.imports.insert(key, import.clone());
+        drop(state);
+        if self.at_once {
+            submit(&import);
+        }
+        Ok(import)
+    }
+
+    fn read_and_import(
+        &self,
+        name: &str,
+        found: Option<&Found>,
+        choice: &ImportChoice,
+        import: &Import,
+    ) -> Result<Arc<Asset>, LoadError> {
+        let (source, importer) = match found {
             None => (Source { name: name.to_string(), bytes: Arc::default() }, self.built_in(name)?),
             Some(found) => {
+                import.set_bytes(std::fs::metadata(&found.path).map_or(0, |m| m.len()));
                 let bytes = self.folders.read(found, name)?;
+                import.set_bytes(bytes.len() as u64);
                 self.note_used(&found.path, &bytes);
                 let source = Source { name: name.to_string(), bytes: Arc::new(bytes) };
                 let named = choice.importer.as_deref();
@@ -140,9 +201,7 @@ impl Loader {
         };
         let options = choice.complete(importer.manifest()).map_err(from_option)?;
         let needs = choice.needs.map_or(self.needs, |n| self.needs.both(n));
-        let asset = self.import(&source, importer, found.as_ref(), &options, needs)?;
-        self.state.lock().unwrap_or_else(PoisonError::into_inner).assets.insert(key, asset.clone());
-        Ok(asset)
+        self.import(&source, importer, found, &options, needs, import)
     }
 
     /// From the cache where it has it; two threads that want the same asset make it once.
@@ -153,6 +212,7 @@ impl Loader {
         found: Option<&Found>,
         options: &ImportOptions,
         needs: Needs,
+        watch: &Import,
     ) -> Result<Arc<Asset>, LoadError> {
         let start = found.and_then(|f| f.path.parent());
         let mut importer_name = importer.manifest().name.to_string();
@@ -161,27 +221,40 @@ impl Loader {
             // A plugin whose text has changed makes something else of the same bytes.
             importer_name.push_str(&blake3::hash(file.text.as_bytes()).to_hex());
         }
-        let slot = self.cache.slot(Key {
+        let key = |needs: Needs| Key {
             path: found.map_or_else(|| PathBuf::from(&source.name), |f| f.path.clone()),
             // The asset bears the name that it was loaded by.
             name: source.name.clone(),
-            importer: importer_name,
+            importer: importer_name.clone(),
             options: format!("{options:?}"),
             needs: format!("{needs:?}"),
-        });
-        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        };
         let content = *blake3::hash(&source.bytes).as_bytes();
-        if let Some(made) = slot.as_ref().filter(|made| made.source == content) {
-            let files = NearFiles { loader: self, start, read: Mutex::default() };
-            let same = |side: &SideFile| {
+        let files = || NearFiles { loader: self, start, read: Mutex::default(), watch };
+        // Made of the same bytes, with the same files beside them.
+        let same = |made: &Made| {
+            let files = files();
+            let unchanged = |side: &SideFile| {
                 let now = files.read(&side.name).ok();
                 now.map(|bytes| *blake3::hash(&bytes).as_bytes()) == side.content
             };
-            if made.side_files.iter().all(same) {
+            made.source == content && made.side_files.iter().all(unchanged)
+        };
+        // One with its pictures does for who needs none.
+        if !needs.pixels
+            && let Some(more) = self.cache.made(&key(Needs { pixels: true, ..needs }))
+        {
+            let more = more.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(made) = more.as_ref().filter(|made| same(made)) {
                 return Ok(made.asset.clone());
             }
         }
-        let files = NearFiles { loader: self, start, read: Mutex::default() };
+        let slot = self.cache.slot(key(needs));
+        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(made) = slot.as_ref().filter(|made| same(made)) {
+            return Ok(made.asset.clone());
+        }
+        let files = files();
         let mut asset = importer.import(source, &files, needs, options).map_err(from_import)?;
         asset.name = source.name.clone();
         if !needs.geometry && self.needs.geometry {
@@ -193,7 +266,7 @@ impl Loader {
         }
         let asset = Arc::new(asset);
         let side_files = files.read.into_inner().unwrap_or_else(PoisonError::into_inner);
-        *slot = Some(crate::cache::Made { source: content, side_files, asset: asset.clone() });
+        *slot = Some(Made { source: content, side_files, asset: asset.clone() });
         Ok(asset)
     }
 
@@ -230,12 +303,16 @@ fn from_import(e: ImportError) -> LoadError {
 struct NearFiles<'a> {
     loader: &'a Loader,
     start: Option<&'a Path>,
+    watch: &'a Import,
     /// What was asked for, found or not.
     read: Mutex<Vec<SideFile>>,
 }
 
 impl Files for NearFiles<'_> {
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
+        if self.watch.is_cancelled() {
+            return Err(format!("cannot read \"{relative}\": cancelled"));
+        }
         let folders = &self.loader.folders;
         let bytes = folders.find(self.start, relative).and_then(|found: Found| {
             let bytes = folders.read(&found, relative)?;
@@ -246,5 +323,10 @@ impl Files for NearFiles<'_> {
         let side = SideFile { name: relative.to_string(), content };
         self.read.lock().unwrap_or_else(PoisonError::into_inner).push(side);
         bytes.map(Arc::new).map_err(|e| e.message)
+    }
+
+    fn progress(&self, part: f32) -> bool {
+        self.watch.set_progress(part);
+        !self.watch.is_cancelled()
     }
 }

@@ -98,6 +98,7 @@ impl ModuleResolver for Modules {
         let mut ast = crate::engine::compile(engine, &shared, &text)
             .map_err(|e| Box::new(EvalAltResult::ErrorInModule(name.clone(), e.into(), at)))?;
         ast.set_source(name.as_str());
+        shared.of_clips_only(&ast, &name);
         self.state().open.push((found.path.clone(), name.clone()));
         let module = Module::eval_ast_as_new(constants(), &ast, engine);
         self.state().open.pop();

@@ -10,9 +10,9 @@ use std::fmt::Write;
 /// The reference of everything that a script can call, as Markdown.
 pub fn reference() -> String {
     let mut out = String::from(HEAD);
-    for (title, defs) in TABLES {
+    for (title, tables) in TABLES {
         let _ = writeln!(out, "\n## {title}\n");
-        for def in *defs {
+        for def in tables.iter().copied().flatten() {
             let prefix = match def.on {
                 Kind::None => String::new(),
                 kind => format!("{}.", kind.name()),

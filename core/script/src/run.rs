@@ -8,6 +8,7 @@ use crate::engine;
 use crate::errors;
 use crate::finish::finish;
 use crate::folders::{Folders, LoadError};
+use crate::import::Imports;
 use crate::limits::Limits;
 use crate::lint::Places;
 use crate::loader::Loader;
@@ -31,6 +32,8 @@ pub struct ScriptOptions {
     pub needs: Needs,
     /// Assets of earlier runs with clones of this.
     pub assets: AssetCache,
+    /// Tells how far the files are that the script loads, on any thread, and calls them off.
+    pub imports: Imports,
 }
 
 impl Default for ScriptOptions {
@@ -41,6 +44,7 @@ impl Default for ScriptOptions {
             limits: Limits::default(),
             needs: Needs::ALL,
             assets: AssetCache::default(),
+            imports: Imports::default(),
         }
     }
 }
@@ -137,9 +141,15 @@ pub fn run_text(
 }
 
 fn new_shared(folders: Folders, mode: Mode, registry: &Registry, options: &ScriptOptions) -> Arc<Shared> {
+    let mut loader = Loader::new(registry, folders, options.needs).with_cache(&options.assets);
+    loader = loader.watched_by(&options.imports);
+    if mode == Mode::List {
+        loader = loader.when_waited_for();
+    }
     Arc::new(Shared {
         build: Mutex::new(Build::default()),
-        loader: Loader::new(registry, folders, options.needs).with_cache(&options.assets),
+        loader: Arc::new(loader),
+        clips_only: Mutex::default(),
         limits: options.limits.clone(),
         set: options.set.clone(),
         sources: Mutex::default(),
@@ -183,6 +193,7 @@ pub fn execute(name: &str, text: &str, shared: &Arc<Shared>) -> Arc<Engine> {
         Err(e) => failed(&e.into()),
         Ok(mut ast) => {
             ast.set_source(name);
+            shared.of_clips_only(&ast, name);
             let declared = crate::lint::declared(&ast, name, text);
             shared.build.lock().unwrap_or_else(PoisonError::into_inner).declared = declared;
             *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) =

@@ -3,6 +3,8 @@
 //! A handle made by a call that failed is dead: whatever is done with it is skipped without a word, so that one
 //! wrong name is one message and the script goes on to its next mistake.
 
+use crate::load::Load;
+pub use crate::made::ImageRef;
 use crate::testing::PlanOptions;
 use choreo_motion::Clip;
 use choreo_stage::Asset;
@@ -13,7 +15,7 @@ pub const DEAD: usize = usize::MAX;
 
 #[derive(Clone, Debug)]
 pub struct AssetRef {
-    pub asset: Arc<Asset>,
+    pub from: Arc<Load>,
     pub dead: bool,
 }
 
@@ -83,6 +85,7 @@ pub enum Kind {
     /// No receiver: a function.
     None,
     Asset,
+    Image,
     Clip,
     Actor,
     Joint,
@@ -99,8 +102,9 @@ pub enum Kind {
 }
 
 impl Kind {
-    pub const HANDLES: [Kind; 14] = [
+    pub const HANDLES: [Kind; 15] = [
         Kind::Asset,
+        Kind::Image,
         Kind::Clip,
         Kind::Actor,
         Kind::Joint,
@@ -120,6 +124,7 @@ impl Kind {
         match self {
             Kind::None => "",
             Kind::Asset => "Asset",
+            Kind::Image => "Image",
             Kind::Clip => "Clip",
             Kind::Actor => "Actor",
             Kind::Joint => "Joint",

@@ -1,13 +1,27 @@
-//! Files of which only the clips are wanted. Alone in its process, so that meshes can be counted.
+//! What is not needed of a file is not made. Alone in its process, so that meshes and pictures can be counted.
 
 mod common;
 
+use choreo_plugin::Needs;
+use choreo_script::ScriptOptions;
+use choreo_script::testing::{TestOptions, list_sections, run_section};
 use common::*;
 use std::sync::atomic::Ordering;
 
+/// Meshes and pictures made since the last look.
+fn made() -> (usize, usize) {
+    (MESHES_MADE.swap(0, Ordering::Relaxed), PICTURES_DECODED.swap(0, Ordering::Relaxed))
+}
+
 #[test]
-fn a_file_for_its_clips_alone_makes_no_mesh() {
-    let made = || MESHES_MADE.load(Ordering::Relaxed);
+fn what_is_not_needed_is_not_made() {
+    a_file_for_its_clips_alone();
+    the_script_shows_it_by_itself();
+    nobody_draws();
+    sections_that_look_at_no_picture();
+}
+
+fn a_file_for_its_clips_alone() {
     good(
         r#"
         let moves = load("moves.toy", #{ only: "clips" });
@@ -15,13 +29,79 @@ fn a_file_for_its_clips_alone_makes_no_mesh() {
         if moves.clips() != ["Walk", "Run", "Wave"] { throw "no clips" }
         "#,
     );
-    assert_eq!(made(), 0);
+    assert_eq!(made(), (0, 0));
     good(r#"cast("a", load("hero.toy")).play(load("moves.toy", #{ only: "clips" }).clip("Walk"));"#);
-    assert_eq!(made(), 1, "the hero's");
+    assert_eq!(made(), (1, 1), "the hero's");
     // Cast all the same: it plays, and its warning says why nothing is seen.
     let script = good(r#"cast("a", load("moves.toy", #{ only: "clips" }));"#);
     let asset = &script.stage.actors[0].asset;
     assert!(asset.meshes.is_empty() && asset.warnings[0].text.contains("loaded for its clips only"));
     let errors = run(r#"load("moves.toy", #{ only: "clip" });"#).unwrap_err();
     assert!(show(&errors).contains("load: only"), "{}", show(&errors));
+    assert_eq!(made(), (0, 0));
+}
+
+/// The same without a word: the text shows that nothing but clips is used.
+fn the_script_shows_it_by_itself() {
+    let script = good(
+        r#"
+        let hero = load("hero.toy");
+        let moves = load("moves.toy");
+        let anna = cast("anna", hero);
+        anna.play(moves.clip("Walk")).until(1.0).then(moves.clip(1));
+        on_frame(|t| { let n = moves; });
+        "#,
+    );
+    // A closure that does something else with it: it may be anything.
+    assert_eq!((made(), script.places.clips_only.len()), ((2, 2), 0));
+    let script = good(
+        r#"
+        let hero = load("hero.toy");
+        let moves = load("moves.toy");
+        let anna = cast("anna", hero);
+        anna.play(moves.clip("Walk")).until(1.0).then(moves.clip(1));
+        cast("boris", hero).at(1.0, 0.0, 0.0).play(load("models/knight.toy").clip(moves.clips()[2]));
+        "#,
+    );
+    assert_eq!(made(), (1, 1), "the hero's");
+    let left: Vec<(&str, usize)> =
+        script.places.clips_only.iter().map(|(file, at)| (file.as_str(), at.line)).collect();
+    assert_eq!(left, [("moves.toy", 3), ("models/knight.toy", 6)]);
+    assert!(script.stage.actors[0].asset.warnings.is_empty());
+    // One of two loads of a file is cast: it is imported once, with all that is in it.
+    good(
+        r#"
+        let moves = load("hero.toy");
+        cast("anna", load("hero.toy")).play(moves.clip("Walk"));
+        "#,
+    );
+    assert_eq!(made(), (1, 1));
+}
+
+/// For `check`, `info` and `pose`.
+fn nobody_draws() {
+    let options = ScriptOptions { needs: Needs::NO_PIXELS, ..ScriptOptions::default() };
+    assets().run_text(r#"cast("a", load("hero.toy"));"#, &options).unwrap();
+    assert_eq!(made(), (1, 0));
+}
+
+fn sections_that_look_at_no_picture() {
+    let folder = Folder::new(&[
+        ("hero.toy", ""),
+        ("a.rhai", r#"test("one", || { expect(cast("a", load("hero.toy"))).at(0).visible(); });"#),
+        ("b.rhai", r#"test("one", || { cast("a", load("hero.toy")); expect_picture("p"); });"#),
+        ("c.rhai", "import \"m\" as m;\ntest(\"one\", || { cast(\"a\", load(\"hero.toy\")); m::look(); });"),
+        ("m.rhai", r#"fn look() { expect_picture("p"); }"#),
+    ]);
+    let run = |file: &str| {
+        let (path, options) = (folder.file(file), TestOptions::default());
+        assert_eq!(list_sections(&path, &registry(), &options).unwrap().len(), 1);
+        let run = run_section(&path, 0, &registry(), &options).unwrap();
+        assert!(run.errors.is_empty(), "{}", show(&run.errors));
+        made()
+    };
+    assert_eq!(run("a.rhai"), (1, 0));
+    assert_eq!(run("b.rhai"), (1, 1));
+    // Found out after a first run, and run again.
+    assert_eq!(run("c.rhai"), (2, 1));
 }

@@ -24,7 +24,7 @@ fn load(name: &str) -> Option<Arc<Asset>> {
         return None;
     };
     let source = Source { name: name.to_string(), bytes: Arc::new(bytes) };
-    let needs = Needs { geometry: true, clips: true, textures: false };
+    let needs = Needs { geometry: true, clips: true, textures: false, pixels: false };
     let importer = import_gltf::GltfImporter::new();
     Some(Arc::new(importer.import(&source, &NoFiles, needs, &ImportOptions::default()).unwrap()))
 }

@@ -144,16 +144,16 @@ fn what_is_not_needed_is_not_made() {
         choreo_import_testing::import(&BvhImporter, &source("arm.bvh", ARM), &Companions::none(), needs)
             .unwrap()
     };
-    let clips = import(Needs { geometry: false, clips: true, textures: false });
+    let clips = import(Needs { geometry: false, clips: true, textures: false, pixels: false });
     assert_eq!(
         (clips.meshes.len(), clips.skins.len(), clips.materials.len(), clips.clips.len()),
         (0, 0, 0, 1)
     );
-    let geometry = import(Needs { geometry: true, clips: false, textures: true });
+    let geometry = import(Needs { geometry: true, clips: false, textures: true, pixels: true });
     assert_eq!((geometry.meshes.len(), geometry.clips.len()), (1, 0));
     // Frames are not even looked at.
     let broken = ARM.replace("0 0 0  90 0 0", "no numbers");
-    let needs = Needs { geometry: true, clips: false, textures: false };
+    let needs = Needs { geometry: true, clips: false, textures: false, pixels: false };
     assert!(
         choreo_import_testing::import(&BvhImporter, &source("x.bvh", broken), &Companions::none(), needs)
             .is_ok()

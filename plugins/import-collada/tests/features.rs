@@ -135,11 +135,11 @@ fn what_is_not_needed_is_not_read() {
         (asset.meshes.len(), asset.skins.len(), asset.clips.len(), asset.images.len(), files.reads())
     };
     assert_eq!(read(Needs::ALL), (1, 1, 1, 1, 1));
-    assert_eq!(read(Needs { geometry: false, clips: true, textures: false }), (0, 0, 1, 0, 0));
-    assert_eq!(read(Needs { geometry: true, clips: false, textures: false }), (1, 1, 0, 0, 0));
+    assert_eq!(read(Needs { geometry: false, clips: true, textures: false, pixels: false }), (0, 0, 1, 0, 0));
+    assert_eq!(read(Needs { geometry: true, clips: false, textures: false, pixels: false }), (1, 1, 0, 0, 0));
     // Positions that are no numbers are not even looked at.
     let broken = ARM.replace("0 0 0 100 0 0 200", "zero 0 0 100 0 0 200");
-    let clips = Needs { geometry: false, clips: true, textures: false };
+    let clips = Needs { geometry: false, clips: true, textures: false, pixels: false };
     assert!(import(&ColladaImporter, &source("arm.dae", broken), &companions(), clips).is_ok());
 }
 

@@ -160,7 +160,7 @@ fn stacked(stack: &str, channels: &str) -> Asset {
         format!("{head}<library_animations><animation>{channels}</animation></library_animations>{tail}")
             .replace(node, stack);
     let files = Companions::none();
-    let needs = Needs { geometry: false, clips: true, textures: false };
+    let needs = Needs { geometry: false, clips: true, textures: false, pixels: false };
     let asset = import(&ColladaImporter, &source("arm.dae", text), &files, needs);
     asset.unwrap_or_else(|e| panic!("{e}"))
 }

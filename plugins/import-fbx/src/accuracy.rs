@@ -10,7 +10,7 @@ use choreo_stage::Asset;
 use glam::{DQuat, DVec3};
 use std::path::Path;
 
-const ONLY_CLIPS: Needs = Needs { geometry: false, clips: true, textures: false };
+const ONLY_CLIPS: Needs = Needs { geometry: false, clips: true, textures: false, pixels: false };
 
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Worst {
@@ -44,7 +44,7 @@ fn clips(bytes: &[u8], choice: Choice) -> Asset {
 /// Against ufbx, at `samples` even times of every clip, which fall between keys. `late` is a planted fault.
 pub fn worst(bytes: &[u8], choice: Choice, samples: usize, late: f64) -> Worst {
     let asset = clips(bytes, choice);
-    let scene = load::load(bytes, ONLY_CLIPS).unwrap();
+    let scene = load::load(bytes, ONLY_CLIPS, &Companions::none()).unwrap();
     let mut worst = Worst::default();
     let names = asset.skeleton.names();
     for clip in &asset.clips {
@@ -110,7 +110,7 @@ fn sample_files() {
     ];
     for name in files {
         let bytes = std::fs::read(folder.join(name)).unwrap();
-        let scene = load::load(&bytes, ONLY_CLIPS).unwrap();
+        let scene = load::load(&bytes, ONLY_CLIPS, &Companions::none()).unwrap();
         let own = scene.settings.frames_per_second;
         let within = [0.5, TOLERANCE_DEG, 0.005].map(Choice::Within);
         let choices = within.into_iter().chain([own, 4.0 * own].map(Choice::Rate));
@@ -139,7 +139,7 @@ fn nodes_at_rest() {
     let read = |path: &std::path::PathBuf| std::fs::read(path).unwrap();
     let (mut worst, mut count) = (0.0f64, 0);
     for bytes in files.iter().map(read).chain([own()]) {
-        let scene = load::load(&bytes, ONLY_CLIPS).unwrap();
+        let scene = load::load(&bytes, ONLY_CLIPS, &Companions::none()).unwrap();
         for node in &scene.nodes {
             let Some(local) = Local::new(node) else { continue };
             let theirs = convert::transform(&node.local_transform, String::new).unwrap();

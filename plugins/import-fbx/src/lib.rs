@@ -85,7 +85,7 @@ impl Importer for FbxImporter {
 }
 
 fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
-    let scene = load::load(&source.bytes, needs)?;
+    let scene = load::load(&source.bytes, needs, files)?;
     let file = File::new(&scene, source.bytes.len(), files, needs, options);
     load::pass_warnings(&file);
     let tree = nodes::read(&file)?;
@@ -93,7 +93,8 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     let mut materials = materials::read(&file, &mut table)?;
 
     // Pictures take as long as everything else together: they are decoded beside it.
-    let (pictures, rest) = pictures::decode_beside(table.pictures(), || decode(&file, &tree, &materials));
+    let (pictures, rest) =
+        pictures::decode_beside(table.pictures(), needs, || decode(&file, &tree, &materials));
     let mut asset = rest?;
     let show_bones = options.bool("bones").unwrap_or(true) && !scene.bones.is_empty();
     asset.name = source.name.clone();

@@ -2,7 +2,7 @@
 
 use crate::file::File;
 use choreo_import::{Problem, Result};
-use choreo_plugin::Needs;
+use choreo_plugin::{Files, Needs};
 use std::cell::Cell;
 use ufbx::{
     AllocatorOpts, CoordinateAxes, ElementType, ErrorType, FileFormat, GeometryTransformHandling,
@@ -33,11 +33,15 @@ pub fn allocator(file_size: usize) -> AllocatorOpts {
 }
 
 /// The file from memory: ufbx opens nothing itself.
-pub fn load(bytes: &[u8], needs: Needs) -> Result<SceneRoot> {
+pub fn load(bytes: &[u8], needs: Needs, files: &dyn Files) -> Result<SceneRoot> {
     let reached = Cell::new(0);
     let progress = |p: &ufbx::Progress| {
         reached.set(p.bytes_read);
-        ProgressResult::Continue
+        // What is read becomes curves and meshes after that: about as much work again.
+        match files.progress(0.5 * p.bytes_read as f32 / p.bytes_total.max(1) as f32) {
+            true => ProgressResult::Continue,
+            false => ProgressResult::Cancel,
+        }
     };
     let axes = CoordinateAxes::right_handed_y_up();
     let options = LoadOpts {

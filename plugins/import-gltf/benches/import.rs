@@ -27,13 +27,13 @@ fn main() {
             .to_vec(),
         false => given,
     };
-    let nothing = Needs { geometry: false, clips: false, textures: false };
+    let nothing = Needs { geometry: false, clips: false, textures: false, pixels: false };
     let cases = [
         ("all", Needs::ALL),
         ("JSON and nodes only", nothing),
         ("+ geometry", Needs { geometry: true, ..nothing }),
         ("+ clips", Needs { clips: true, ..nothing }),
-        ("+ textures", Needs { textures: true, ..nothing }),
+        ("+ textures", Needs { textures: true, pixels: true, ..nothing }),
     ];
     for path in files {
         let Ok(bytes) = std::fs::read(&path) else {

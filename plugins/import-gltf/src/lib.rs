@@ -125,7 +125,8 @@ fn import(
     let materials = materials::read(&file, &mut table, needs.textures, profile)?;
 
     // Pictures take as long as everything else together: they are decoded beside it.
-    let (images, rest) = pictures::decode_beside(&table.entries, || decode(&file, &tree, needs, &materials));
+    let (images, rest) =
+        pictures::decode_beside(&table.entries, needs, || decode(&file, &tree, needs, &materials));
     drop(table);
     let mut asset = rest?;
     asset.name = source.name.clone();

@@ -301,7 +301,7 @@ fn only_what_is_needed_is_decoded() {
     b.json["materials"][0]["normalTexture"] = json!({"index": 0});
     let source = common::source("feature.glb", common::glb_of(&b.json, &b.bin));
     let import = |geometry, clips, textures| {
-        let needs = Needs { geometry, clips, textures };
+        let needs = Needs { geometry, clips, textures, pixels: textures };
         GltfImporter::new().import(&source, &common::Nothing, needs, &ImportOptions::default())
     };
     assert!(import(true, true, true).unwrap_err().to_string().contains("\"not there.png\": file not found"));

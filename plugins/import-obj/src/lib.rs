@@ -116,7 +116,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
         materials(&model, source, files, needs, &settings, &mut textures, &budget, &notes)?;
 
     // Pictures take as long as everything else together: they are decoded beside it.
-    let (images, built) = textures.decode_beside(&notes, || match needs.geometry {
+    let (images, built) = textures.decode_beside(&notes, needs, || match needs.geometry {
         true => mesh::build(&model, &settings, &budget, &notes),
         false => Ok(Vec::new()),
     });

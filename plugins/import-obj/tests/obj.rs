@@ -135,8 +135,8 @@ fn what_is_not_needed_is_not_read() {
         (asset.meshes.len(), asset.images.len(), files.reads())
     };
     assert_eq!(read(Needs::ALL), (3, 2, 3));
-    assert_eq!(read(Needs { geometry: true, clips: true, textures: false }), (3, 0, 1));
-    assert_eq!(read(Needs { geometry: false, clips: true, textures: false }), (0, 0, 1));
+    assert_eq!(read(Needs { geometry: true, clips: true, textures: false, pixels: false }), (3, 0, 1));
+    assert_eq!(read(Needs { geometry: false, clips: true, textures: false, pixels: false }), (0, 0, 1));
 }
 
 #[test]

@@ -168,7 +168,7 @@ fn what_is_left_is_said() {
 
 #[test]
 fn what_is_not_needed_is_not_made() {
-    let needs = Needs { geometry: false, clips: true, textures: false };
+    let needs = Needs { geometry: false, clips: true, textures: false, pixels: false };
     for bytes in [TWO.as_bytes().to_vec(), binary(b"", [0; 4])] {
         let asset = import(&StlImporter, &source("part.stl", bytes), &Companions::none(), needs).unwrap();
         assert_eq!((asset.meshes.len(), asset.materials.len(), asset.instances.len()), (0, 0, 0));

@@ -6,7 +6,7 @@ mod sheet;
 
 use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json};
-use crate::scene::{self, Scene};
+use crate::scene::{self, Opening, Scene};
 use crate::{plot, plugin_files};
 use choreo_plugin::{Effect, Registry};
 use choreo_script::{Diagnostic, Severity};
@@ -14,10 +14,10 @@ use choreo_stage::{EffectUse, Finding, Stage, Subject};
 use glam::{Vec2, Vec4};
 use serde_json::json;
 
-pub fn run(args: CheckArgs) -> Result<(), Failure> {
+pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
     plot::check(args.plot.as_deref())?;
-    let registry = plugin_files::registry(&args.scene.import.plugins, &[&args.scene.input])?;
-    let scene = scene::open(&args.scene, &registry)?;
+    let registry = plugin_files::registry(plugins, &args.scene.import.plugins, &[&args.scene.input])?;
+    let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
     if !args.json {
         scene.printed.iter().for_each(|line| eprintln!("{line}"));
     }

@@ -5,23 +5,27 @@ mod inside;
 use crate::args::ExplainArgs;
 use crate::failure::{Failure, print, print_json};
 use crate::plot;
-use crate::{plugin_files, ranges, scene};
+use crate::scene::{self, Opening};
+use crate::{plugin_files, ranges};
+use choreo_plugin::Registry;
+use choreo_render::plan::LeftOut;
 use choreo_render::record::{RecordOptions, record};
 use choreo_render::{Catalog, Plan, PlanOptions};
 use choreo_report::{Cell, Table, byte_bars};
+use choreo_script::Places;
 use choreo_stage::{Evaluator, Stage};
 use inside::Inside;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-pub fn run(args: ExplainArgs) -> Result<(), Failure> {
+pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     plot::check(args.plot.as_deref())?;
     let at = ranges::at(&args.at)?;
     let size = args.size.as_deref().map(ranges::size).transpose()?;
     let samples = args.samples.as_deref().map(ranges::samples).transpose()?;
-    let registry = plugin_files::registry(&args.scene.import.plugins, &[&args.scene.input])?;
-    let scene = scene::open(&args.scene, &registry)?;
+    let registry = plugin_files::registry(plugins, &args.scene.import.plugins, &[&args.scene.input])?;
+    let scene = scene::open(&args.scene, &registry, Opening::TO_DRAW)?;
     let stage = &scene.stage;
     let size = size.unwrap_or(stage.settings.size);
     let samples = samples.or(stage.settings.samples).unwrap_or(4);
@@ -37,12 +41,23 @@ pub fn run(args: ExplainArgs) -> Result<(), Failure> {
         let title = format!("{} at {} s: what one frame holds on the device", scene.name, at.as_secs());
         plot::write(path, &byte_bars(&title, &inside.amounts()))?;
     }
+    let mut plan = plan;
+    plan.left_out.extend(unread(&scene.places));
     let mut facts = facts(stage, &catalog, &plan, at.as_secs());
     if args.json {
         facts["in"] = inside.json();
         return print_json(&facts);
     }
     print(&format!("{}\n{}\n{}", text(&facts), inside.table().text(), left_out(&plan).text()))
+}
+
+/// What was not even read of the script's files.
+fn unread(places: &Places) -> impl Iterator<Item = LeftOut> {
+    places.clips_only.iter().map(|(file, place)| {
+        let what = format!("meshes and pictures of {file}");
+        let file = if places.is_main(&place.file) { String::new() } else { format!("{}:", place.file) };
+        LeftOut { what, why: format!("its clips alone are used ({file}line {})", place.line) }
+    })
 }
 
 fn facts(stage: &Stage, catalog: &Catalog, plan: &Plan, at: f64) -> Value {

@@ -20,15 +20,12 @@ use std::path::{Path, PathBuf};
 /// Where tests are when the command line does not say.
 const USUAL: [&str; 2] = ["tests/suite", "scripts"];
 
-pub fn run(args: TestArgs) -> Result<(), Failure> {
+pub fn run(args: TestArgs, plugins: &Registry) -> Result<(), Failure> {
     let job = Job::new(&args)?;
-    // Plugins beside any of the tests count for all of them.
-    let files = collect::files(&job.paths).map_err(nothing)?;
-    let beside: Vec<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
-    let registry = plugin_files::registry(&args.plugins, &beside)?;
     if args.watch {
-        return watch::run(&args, &job, &registry);
+        return watch::run(&args, &job, plugins);
     }
+    let registry = job.plugins(&args, plugins)?;
     let cases = job.cases(&registry)?;
     if args.list {
         return match args.json {
@@ -103,6 +100,13 @@ impl Job {
             writable(path)?;
         }
         Ok(Job { paths, selection: Selection { filter: args.filter.clone(), shard }, options })
+    }
+
+    /// With the plugin files of now: beside any of the tests, they count for all of them.
+    fn plugins(&self, args: &TestArgs, plugins: &Registry) -> Result<Registry, Failure> {
+        let files = collect::files(&self.paths).map_err(nothing)?;
+        let beside: Vec<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
+        plugin_files::registry(plugins, &args.plugins, &beside)
     }
 
     fn cases(&self, registry: &Registry) -> Result<Vec<Case>, Failure> {

@@ -19,7 +19,7 @@ const QUIET: Duration = Duration::from_millis(150);
 /// The system has only so many watches for a user.
 const MOST_FOLDERS: usize = 2000;
 
-pub fn run(args: &TestArgs, job: &Job, registry: &Registry) -> Result<(), Failure> {
+pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure> {
     let (to, changes) = channel();
     let failed = |e: notify::Error| Failure::input(format!("--watch: cannot watch files: {e}"));
     let mut watcher = new_debouncer(QUIET, None, to).map_err(failed)?;
@@ -28,9 +28,10 @@ pub fn run(args: &TestArgs, job: &Job, registry: &Registry) -> Result<(), Failur
     loop {
         let mut read: BTreeSet<PathBuf> = BTreeSet::new();
         // What is wrong now may be right after the next save: only a reader that has gone ends this.
-        let ran = job.cases(registry).and_then(|cases| {
+        let ran = job.plugins(args, plugins).and_then(|registry| {
+            let cases = job.cases(&registry)?;
             read.extend(cases.iter().filter_map(|c| c.path.canonicalize().ok()));
-            once(args, job, &cases, registry)
+            once(args, job, &cases, &registry)
         });
         match ran {
             Ok(report) => read.extend(report.files),

@@ -1,12 +1,12 @@
 //! Actors: assets on stage, where they stand and what they hold.
 
+pub use super::joint::find_joint;
 use super::keys;
+pub use super::look::before_start;
 use crate::build::{ActorDraft, Chain, CueDraft, room};
 use crate::call::{ApiError, Call, Def, Gives, Reply, rgb, unknown};
 use crate::hook;
-use crate::suggest::list;
 use crate::value::*;
-use choreo_motion::{HumanBone, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
@@ -91,24 +91,6 @@ pub const DEFS: &[Def] = &[
     ),
     Def::new(
         Kind::Actor,
-        "joint",
-        "name",
-        Gives::A(Kind::Joint),
-        "A joint, to look at, attach to or turn.",
-        joint,
-    )
-    .in_frames(),
-    Def::new(Kind::Actor, "joints", "", Gives::Value("array of texts"), "Names of the joints.", joints),
-    Def::new(
-        Kind::Actor,
-        "look_at",
-        "target, options?",
-        Gives::A(Kind::Look),
-        "Turns the head towards an actor, joint or point; options: joint, weight.",
-        look_at,
-    ),
-    Def::new(
-        Kind::Actor,
         "play",
         "clip, options?",
         Gives::A(Kind::Cue),
@@ -123,43 +105,6 @@ pub const DEFS: &[Def] = &[
         "A camera of the actor's file, moving with the actor.",
         super::camera::of_actor,
     ),
-    Def::new(Kind::Look, "from", "time", THIS, "When the look begins.", look_from),
-    Def::new(Kind::Look, "until", "time", THIS, "When the look is over.", look_until),
-    Def::new(
-        Kind::Look,
-        "fade",
-        "seconds",
-        THIS,
-        "How long the head takes to turn there and back.",
-        look_fade,
-    ),
-    Def::new(
-        Kind::Look,
-        "weight",
-        "weight",
-        THIS,
-        "How far it turns: 0 not at all, 1 all the way.",
-        look_weight,
-    ),
-    Def::new(
-        Kind::Joint,
-        "turn",
-        "degrees",
-        THIS,
-        "Turned about its own y axis, after its clip.",
-        joint_turn,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::Joint,
-        "rotate",
-        "x, y, z",
-        THIS,
-        "Turned about its own x, then y, then z axis, after its clip, in degrees.",
-        joint_rotate,
-    )
-    .in_frames(),
-    Def::new(Kind::Joint, "name", "", Gives::Value("text"), "Name of the joint.", joint_name).in_frames(),
 ];
 
 fn cast(c: &mut Call) -> Reply {
@@ -167,6 +112,7 @@ fn cast(c: &mut Call) -> Reply {
     let Some(asset) = c.value(1).try_cast::<AssetRef>() else {
         return Err(c.wrong(1, "an Asset, from load(…) or shape(…)"));
     };
+    let asset = asset.from.asset(c.shared)?;
     let mut build = c.build();
     room(build.actors.len(), "actors", &c.shared.limits)?;
     if let Some(before) = build.actors.iter().find(|a| a.actor.name == name) {
@@ -177,9 +123,9 @@ fn cast(c: &mut Call) -> Reply {
         .focus(name)
         .hint("give each actor a name of its own"));
     }
-    let actor = Actor::new(&name, asset.asset.clone());
+    let actor = Actor::new(&name, asset.clone());
     let id = build.actors.len();
-    build.used(&asset.asset);
+    build.used(&asset);
     let at = c.place.clone();
     build.actors.push(ActorDraft {
         actor,
@@ -189,7 +135,7 @@ fn cast(c: &mut Call) -> Reply {
         root: None,
         face_point: None,
     });
-    Ok(Dynamic::from(ActorRef { id, asset: asset.asset }))
+    Ok(Dynamic::from(ActorRef { id, asset }))
 }
 
 /// Changes the draft while the stage is built, or notes an edit of the frame.
@@ -405,109 +351,6 @@ fn key(c: &mut Call) -> Reply {
     c.itself()
 }
 
-pub fn find_joint(asset: &Asset, name: &str) -> Result<u32, ApiError> {
-    if let Some(joint) = asset.skeleton.find(name) {
-        return Ok(joint as u32);
-    }
-    // `mixamorig:LeftHand` is found as `LeftHand`, and suggested so: with its prefix it is far from any slip of the hand.
-    let bare = |full: &'_ str| -> usize {
-        let tail = full.rfind([':', '|']).map_or(0, |at| at + 1);
-        if asset.skeleton.find(&full[tail..]).is_some() { tail } else { 0 }
-    };
-    let names: Vec<&str> = asset.skeleton.names().iter().map(|n| &n[bare(n)..]).collect();
-    Err(unknown("joint", name, &format!(" in skeleton \"{}\"", asset.name), names))
-}
-
-fn joint(c: &mut Call) -> Reply {
-    let this: ActorRef = c.this()?;
-    let joint = find_joint(&this.asset, &c.text(0)?)?;
-    Ok(Dynamic::from(JointRef { actor: this.id, joint, asset: this.asset }))
-}
-
-fn joints(c: &mut Call) -> Reply {
-    let this: ActorRef = c.this()?;
-    Ok(Dynamic::from_array(this.asset.skeleton.names().iter().map(|n| Dynamic::from(n.clone())).collect()))
-}
-
-fn look_at(c: &mut Call) -> Reply {
-    let this: ActorRef = c.this()?;
-    let target = c.target(0)?;
-    let o = c.options(1, &["joint", "weight"])?;
-    let weight = o.number_in("weight", 0.0, 1.0)?.unwrap_or(1.0) as f32;
-    let joint = match o.text("joint")? {
-        Some(name) => find_joint(&this.asset, &name)?,
-        None => head(&this.asset).ok_or_else(|| {
-            let names = this.asset.skeleton.names().iter().map(String::as_str);
-            ApiError::new(format!("look_at: \"{}\" has no joint \"Head\" to turn", this.asset.name))
-                .hint(format!("name another, #{{ joint: … }}: {}", list(names, 24)))
-        })?,
-    };
-    if target == (Target::Joint { actor: this.id, joint }) {
-        return Err(ApiError::new("look_at: a joint cannot look at itself"));
-    }
-    let mut build = c.build();
-    let offset = build.offset;
-    let draft = build.actor(this.id)?;
-    room(draft.actor.look_at.len(), "looks of one actor", &c.shared.limits)?;
-    let fade = Time::from_secs(0.3);
-    draft.looks.push(c.place.clone());
-    draft.actor.look_at.push(LookAt { joint, target, start: offset, end: None, fade, weight });
-    Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))
-}
-
-/// By the file's own word, else by name.
-fn head(asset: &Asset) -> Option<u32> {
-    let declared = asset.skeleton.humanoid().and_then(|h| h.joint(HumanBone::Head));
-    declared.or_else(|| asset.skeleton.find("Head").map(|j| j as u32))
-}
-
-fn look(c: &Call, change: impl FnOnce(&mut LookAt) -> Result<(), ApiError>) -> Reply {
-    let this: LookRef = c.this()?;
-    if let Some(look) = c.build().actor(this.actor)?.actor.look_at.get_mut(this.index) {
-        change(look)?;
-    }
-    c.itself()
-}
-
-fn look_from(c: &mut Call) -> Reply {
-    let t = c.time(0)?;
-    look(c, |l| {
-        l.start = t;
-        Ok(())
-    })
-}
-
-fn look_until(c: &mut Call) -> Reply {
-    let t = c.time(0)?;
-    look(c, |l| {
-        if t < l.start {
-            return Err(before_start("until", t, l.start));
-        }
-        l.end = Some(t);
-        Ok(())
-    })
-}
-
-pub fn before_start(name: &str, t: Time, start: Time) -> ApiError {
-    ApiError::new(format!("{name}: {} s is before the start, {} s", t.as_secs(), start.as_secs()))
-}
-
-fn look_fade(c: &mut Call) -> Reply {
-    let t = c.duration(0)?;
-    look(c, |l| {
-        l.fade = t;
-        Ok(())
-    })
-}
-
-fn look_weight(c: &mut Call) -> Reply {
-    let w = c.number_in(0, 0.0, 1.0)? as f32;
-    look(c, |l| {
-        l.weight = w;
-        Ok(())
-    })
-}
-
 fn play(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let clip = super::cue::bound_clip(c, 0, &this.asset)?;
@@ -520,33 +363,6 @@ fn play(c: &mut Call) -> Reply {
     build.chains.push(Chain::new(this.id));
     build.cues.push(cue);
     Ok(Dynamic::from(CueRef(build.cues.len() - 1)))
-}
-
-fn joint_edit(c: &Call, rotation: DQuat) -> Reply {
-    let this: JointRef = c.this()?;
-    if !c.in_frame {
-        return Err(ApiError::new(format!("{} of a joint works inside on_frame only", c.def.name))
-            .hint("on_frame(|t| actor.joint(\"…\").turn(10.0 * sin(t)))"));
-    }
-    let rotation = rotation.as_quat().normalize();
-    hook::edit(|e| e.actors.push(ActorEdit::TurnJoint { actor: this.actor, joint: this.joint, rotation }));
-    c.itself()
-}
-
-fn joint_turn(c: &mut Call) -> Reply {
-    let degrees = c.number(0)?;
-    joint_edit(c, DQuat::from_rotation_y(radians(degrees)))
-}
-
-fn joint_rotate(c: &mut Call) -> Reply {
-    let degrees = DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?);
-    joint_edit(c, euler(degrees))
-}
-
-fn joint_name(c: &mut Call) -> Reply {
-    let this: JointRef = c.this()?;
-    let name = this.asset.skeleton.names().get(this.joint as usize).cloned().unwrap_or_default();
-    Ok(Dynamic::from(name))
 }
 
 /// Linear RGB of a color argument.

@@ -1,16 +1,14 @@
-//! `load`, `shape`, clips of an asset.
+//! `load`, clips of an asset.
 
 use crate::call::{ApiError, Call, Def, Gives, Reply, describe, one_of, unknown};
-use crate::folders::LoadError;
 use crate::limits::raise_hint;
+use crate::load::from_load;
 use crate::loader::ImportChoice;
-use crate::shapes;
 use crate::value::{AssetRef, ClipRef, Kind};
 use choreo_motion::Clip;
 use choreo_plugin::{Needs, OptionValue};
 use rhai::{Dynamic, Map};
 use std::sync::{Arc, PoisonError};
-use std::time::{Duration, Instant};
 
 pub const DEFS: &[Def] = &[
     Def::new(
@@ -18,16 +16,8 @@ pub const DEFS: &[Def] = &[
         "load",
         "file, options?",
         Gives::A(Kind::Asset),
-        "Loads a model or clips from the script's folder or a search path, or a built-in like \"choreo:mannequin\"; options are the importer's, and importer: NAME, only: \"clips\" for files of which nothing is seen.",
+        "Loads a model or clips from the script's folder or a search path, or a built-in like \"choreo:mannequin\"; options are the importer's, and importer: NAME. Files are imported side by side, and waited for where their contents are used; of a file whose clips alone are used no mesh and no picture is made (only: \"clips\" says so where the script does not show it).",
         load,
-    ),
-    Def::new(
-        Kind::None,
-        "shape",
-        "kind, options?",
-        Gives::A(Kind::Asset),
-        "A \"plane\", \"box\", \"sphere\" or \"cylinder\": size, color, roughness, metallic, unlit, or shininess and specular (a color) for Blinn–Phong; checker: a second color, tiles: their number.",
-        shape,
     ),
     Def::new(
         Kind::Asset,
@@ -92,27 +82,18 @@ fn load(c: &mut Call) -> Reply {
         let error = ApiError::new("load: too many files").hint(raise_hint("files", most));
         return Err(ApiError { fatal: true, ..error });
     }
-    // Loading takes as long as the files are large: the script's own time stands still, but not for what fails or is there
-    // already, which could be asked for without end.
-    let before = Instant::now();
     let start = c.shared.test().scene.as_ref().map(|scene| scene.folder.clone());
-    let loaded = c.shared.loader.load_from(start.as_deref(), &name, &choice);
-    let taken = before.elapsed();
-    if let Some(deadline) = c.shared.deadline.lock().unwrap_or_else(PoisonError::into_inner).as_mut()
-        && loaded.is_ok()
-        && taken > Duration::from_millis(1)
-    {
-        *deadline += taken;
+    let clips_only = choice.needs.is_none() && {
+        let places = c.shared.clips_only.lock().unwrap_or_else(PoisonError::into_inner);
+        places.contains(&c.place)
+    };
+    if clips_only {
+        choice.needs = Some(Needs::CLIPS);
     }
-    let asset = loaded.map_err(|e| from_load(e).focus(name))?;
-    c.build().loaded(&asset, &c.place);
-    Ok(Dynamic::from(AssetRef { asset, dead: false }))
-}
-
-fn from_load(e: LoadError) -> ApiError {
-    let mut error = ApiError::new(e.message);
-    error.hint = e.hint;
-    error
+    let begun = c.shared.loader.start(start.as_deref(), &name, &choice);
+    let import = begun.map_err(|e| from_load(e).focus(name))?;
+    let from = c.build().begun(import, &c.place, clips_only);
+    Ok(Dynamic::from(AssetRef { from, dead: false }))
 }
 
 fn option_value(key: &str, value: &Dynamic) -> Result<OptionValue, ApiError> {
@@ -134,28 +115,18 @@ fn option_value(key: &str, value: &Dynamic) -> Result<OptionValue, ApiError> {
     })
 }
 
-fn shape(c: &mut Call) -> Reply {
-    let asset = shapes::shape(c)?;
-    c.build().loaded(&asset, &c.place);
-    Ok(Dynamic::from(AssetRef { asset, dead: false }))
-}
-
 fn clip(c: &mut Call) -> Reply {
-    let this: AssetRef = c.this()?;
-    let clips = &this.asset.clips;
+    let asset = c.this_asset()?;
+    let clips = &asset.clips;
     let wanted = c.value(0);
     let found: Arc<Clip> = if let Ok(index) = wanted.as_int() {
         usize::try_from(index).ok().and_then(|i| clips.get(i)).cloned().ok_or_else(|| {
-            ApiError::new(format!(
-                "clip {index} of \"{}\": it has {} clips, from 0",
-                this.asset.name,
-                clips.len()
-            ))
+            ApiError::new(format!("clip {index} of \"{}\": it has {} clips, from 0", asset.name, clips.len()))
         })?
     } else if wanted.is_string() {
         let name = c.text(0)?;
         let names = || clips.iter().map(|clip| clip.name.as_str());
-        let place = format!(" in \"{}\"", this.asset.name);
+        let place = format!(" in \"{}\"", asset.name);
         clips
             .iter()
             .find(|clip| clip.name == name)
@@ -164,7 +135,7 @@ fn clip(c: &mut Call) -> Reply {
     } else {
         return Err(c.wrong(0, "the name or number of a clip"));
     };
-    Ok(Dynamic::from(ClipRef { clip: found, asset: this.asset, dead: false }))
+    Ok(Dynamic::from(ClipRef { clip: found, asset, dead: false }))
 }
 
 fn texts<'a>(names: impl Iterator<Item = &'a str>) -> Reply {
@@ -172,22 +143,22 @@ fn texts<'a>(names: impl Iterator<Item = &'a str>) -> Reply {
 }
 
 fn clips(c: &mut Call) -> Reply {
-    let this: AssetRef = c.this()?;
-    c.build().used(&this.asset);
-    texts(this.asset.clips.iter().map(|clip| clip.name.as_str()))
+    let asset = c.this_asset()?;
+    c.build().used(&asset);
+    texts(asset.clips.iter().map(|clip| clip.name.as_str()))
 }
 
 fn joints(c: &mut Call) -> Reply {
-    let this: AssetRef = c.this()?;
-    c.build().used(&this.asset);
-    texts(this.asset.skeleton.names().iter().map(String::as_str))
+    let asset = c.this_asset()?;
+    c.build().used(&asset);
+    texts(asset.skeleton.names().iter().map(String::as_str))
 }
 
 fn morphs(c: &mut Call) -> Reply {
-    let this: AssetRef = c.this()?;
-    c.build().used(&this.asset);
+    let asset = c.this_asset()?;
+    c.build().used(&asset);
     let mut names: Vec<&str> =
-        this.asset.meshes.iter().flat_map(|m| m.morph_names.iter().map(String::as_str)).collect();
+        asset.meshes.iter().flat_map(|m| m.morph_names.iter().map(String::as_str)).collect();
     names.sort_unstable();
     names.dedup();
     texts(names.into_iter())

@@ -280,11 +280,11 @@ pub fn of_actor(c: &mut Call) -> Reply {
 }
 
 pub fn of_asset(c: &mut Call) -> Reply {
-    let this: AssetRef = c.this()?;
-    let camera = find_camera(c, &this.asset)?;
-    let actor = c.build().actors.iter().position(|a| std::sync::Arc::ptr_eq(&a.actor.asset, &this.asset));
+    let asset = c.this_asset()?;
+    let camera = find_camera(c, &asset)?;
+    let actor = c.build().actors.iter().position(|a| std::sync::Arc::ptr_eq(&a.actor.asset, &asset));
     let actor = actor.ok_or_else(|| {
-        ApiError::new(format!("camera: no actor is cast from \"{}\" yet", this.asset.name))
+        ApiError::new(format!("camera: no actor is cast from \"{}\" yet", asset.name))
             .hint("cast it first: its camera moves with the actor")
     })?;
     file_camera(c, actor, camera)

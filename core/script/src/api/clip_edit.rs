@@ -70,11 +70,11 @@ pub const DEFS: &[Def] = &[
 ];
 
 fn new_clip(c: &mut Call) -> Reply {
-    let this: AssetRef = c.this()?;
-    let clip = Clip::new(c.name(0)?, this.asset.skeleton.len(), Vec::new())
+    let asset = c.this_asset()?;
+    let clip = Clip::new(c.name(0)?, asset.skeleton.len(), Vec::new())
         .map_err(|e| ApiError::new(e.to_string()))?;
-    c.build().used(&this.asset);
-    made(c, clip, this.asset)
+    c.build().used(&asset);
+    made(c, clip, asset)
 }
 
 /// A clip made from the receiver, of the same asset.

@@ -38,8 +38,8 @@ pub fn of_actor(c: &mut Call) -> Reply {
 }
 
 pub fn names(c: &mut Call) -> Reply {
-    let this: AssetRef = c.this()?;
-    c.build().used(&this.asset);
-    let names = this.asset.expressions.iter().map(|e| Dynamic::from(e.name.clone()));
+    let asset = c.this_asset()?;
+    c.build().used(&asset);
+    let names = asset.expressions.iter().map(|e| Dynamic::from(e.name.clone()));
     Ok(Dynamic::from_array(names.collect()))
 }

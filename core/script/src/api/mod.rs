@@ -12,8 +12,11 @@ pub mod effect;
 pub mod expect;
 pub mod expression;
 pub mod goals;
+pub mod joint;
 pub mod keys;
 pub mod light;
+pub mod look;
+pub mod made;
 pub mod maths;
 pub mod stage;
 pub mod test;
@@ -24,24 +27,25 @@ pub mod values;
 use crate::call::Def;
 
 /// Every function and method, in the order of the reference.
-pub const TABLES: &[(&str, &[Def])] = &[
-    ("The stage", stage::DEFS),
-    ("Assets and clips", asset::DEFS),
-    ("Clips made from clips", clip::DEFS),
-    ("Clips: editing and keys", clip_edit::DEFS),
-    ("Actors", actor::DEFS),
-    ("Bodies: reaching, aiming, standing, swinging", body::DEFS),
-    ("Cues: what plays when", cue::DEFS),
-    ("Root motion and paths", travel::DEFS),
-    ("Together: markers, groups, sequences", together::DEFS),
-    ("Cameras", camera::DEFS),
-    ("Lights", light::DEFS),
-    ("Effects", effect::DEFS),
-    ("Tests: sections", test::DEFS),
-    ("Tests: what is looked at", expect::DEFS),
-    ("Tests: comparisons", compare::DEFS),
+pub const TABLES: &[(&str, &[&[Def]])] = &[
+    ("The stage", &[stage::DEFS]),
+    ("Assets and clips", &[asset::DEFS]),
+    ("Shapes, meshes and pictures", &[made::DEFS]),
+    ("Clips made from clips", &[clip::DEFS]),
+    ("Clips: editing and keys", &[clip_edit::DEFS]),
+    ("Actors", &[actor::DEFS, joint::DEFS, look::DEFS]),
+    ("Bodies: reaching, aiming, standing, swinging", &[body::DEFS]),
+    ("Cues: what plays when", &[cue::DEFS]),
+    ("Root motion and paths", &[travel::DEFS]),
+    ("Together: markers, groups, sequences", &[together::DEFS]),
+    ("Cameras", &[camera::DEFS]),
+    ("Lights", &[light::DEFS]),
+    ("Effects", &[effect::DEFS]),
+    ("Tests: sections", &[test::DEFS]),
+    ("Tests: what is looked at", &[expect::DEFS]),
+    ("Tests: comparisons", &[compare::DEFS]),
 ];
 
 pub fn all() -> impl Iterator<Item = &'static Def> {
-    TABLES.iter().flat_map(|(_, defs)| defs.iter())
+    TABLES.iter().flat_map(|(_, tables)| tables.iter().copied().flatten())
 }

@@ -245,6 +245,7 @@ fn run_scene(c: &Call, name: &str, text: &str) -> Result<(), Box<EvalAltResult>>
     let engine = c.context.engine();
     let mut ast = crate::engine::compile(engine, c.shared, text)?;
     ast.set_source(name);
+    c.shared.of_clips_only(&ast, name);
     engine.run_ast_with_scope(&mut constants(), &ast)
 }
 
@@ -344,7 +345,7 @@ fn stage_of(c: &mut Call) -> Reply {
 /// Handles are places in the stage that they were made for.
 fn no_handles(value: &Dynamic) -> Result<(), ApiError> {
     let kind = crate::call::kind_of(value);
-    if !matches!(kind, Kind::None | Kind::Asset | Kind::Clip | Kind::Stage | Kind::Plan) {
+    if !matches!(kind, Kind::None | Kind::Asset | Kind::Image | Kind::Clip | Kind::Stage | Kind::Plan) {
         return Err(ApiError::new(format!(
             "stage_of: the function uses {} of the stage around it",
             describe(value)

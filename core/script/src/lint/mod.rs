@@ -72,6 +72,8 @@ pub struct Places {
     pub cuts: Vec<Place>,
     pub lights: Vec<Place>,
     pub effects: Vec<Place>,
+    /// Files of which the script uses the clips alone, so that no mesh and no picture of them was made.
+    pub clips_only: Vec<(String, Place)>,
     /// The script's name in messages.
     pub(crate) main: String,
     pub(crate) remarks: Vec<Remark>,

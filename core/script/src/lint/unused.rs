@@ -66,21 +66,27 @@ pub fn look(build: &Build, found: &mut Vec<Remark>) {
     for load in build.loads.iter().filter(|l| !l.used) {
         // Another call may have got the same asset and used it.
         let shared = |other: &&crate::build::LoadDraft| {
-            other.used && (std::sync::Arc::ptr_eq(&other.asset, &load.asset) || other.at == load.at)
+            let same = || Some((other.load.ready()?, load.load.ready()?));
+            let same = same().is_some_and(|(a, b)| std::sync::Arc::ptr_eq(a, b));
+            other.used && (same || other.load.at == load.load.at)
         };
         if build.loads.iter().any(|other| shared(&other)) {
             continue;
         }
-        let name = &load.asset.name;
-        found.push(match name.starts_with("shape ") {
+        // What could not be read is told as an error.
+        if load.load.ready().is_none() {
+            continue;
+        }
+        let (name, at) = (&load.load.name, &load.load.at);
+        found.push(match load.made {
             true => {
                 let text = format!("the {name} is made, but nothing is cast from it");
-                Remark::warning("unused_load", &load.at, text)
+                Remark::warning("unused_load", at, text)
             }
             false => {
                 let text =
                     format!("\"{name}\" is loaded, but nothing is cast from it and no clip of it is played");
-                Remark::warning("unused_load", &load.at, text).hint("leave it out: loading takes time")
+                Remark::warning("unused_load", at, text).hint("leave it out: loading takes time")
             }
         });
     }

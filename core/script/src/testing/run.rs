@@ -4,7 +4,7 @@ use super::*;
 use crate::build::{Mode, Shared};
 use crate::call::{ApiError, Place};
 use crate::finish::finish;
-use crate::run::{execute, hex, on_own_thread, open};
+use crate::run::{Opened, execute, hex, on_own_thread, open};
 use choreo_plugin::Registry;
 use rhai::Engine;
 use std::path::Path;
@@ -53,6 +53,36 @@ pub fn run_section(
 ) -> Result<SectionRun, Vec<Diagnostic>> {
     let root = options.root.as_deref();
     let opened = open(path, root, Mode::Section(index), registry, &options.script).map_err(|e| vec![e])?;
+    if !sees_pixels(&opened.text) && options.script.needs.pixels {
+        // Decoding pictures takes longer than everything else: it is left out where the text shows that nobody looks.
+        let mut script = options.script.clone();
+        script.needs.pixels = false;
+        let opened = open(path, root, Mode::Section(index), registry, &script).map_err(|e| vec![e])?;
+        let shared = opened.shared.clone();
+        let plain = TestOptions { script, root: options.root.clone() };
+        let run = section(path, index, registry, &plain, opened)?;
+        // A module may look in its place.
+        let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
+        if !sources.values().any(|text| sees_pixels(text)) {
+            return Ok(run);
+        }
+    }
+    section(path, index, registry, options, opened)
+}
+
+/// What compares pictures, or what they are made of, is called so.
+fn sees_pixels(text: &str) -> bool {
+    ["expect_picture", "plan(", "same_as", "costs_at_most"].iter().any(|word| text.contains(word))
+}
+
+fn section(
+    path: &Path,
+    index: usize,
+    registry: &Registry,
+    options: &TestOptions,
+    opened: Opened,
+) -> Result<SectionRun, Vec<Diagnostic>> {
+    let root = options.root.as_deref();
     let mut run = on_own_thread(move || run_here(&opened.name, &opened.text, index, &opened.shared))?;
     if run.info.as_it_stands() && run.errors.is_empty() && run.broken.is_empty() {
         let opened =

@@ -23,6 +23,9 @@ pub struct Toy;
 /// How often a toy's mesh was made in this process.
 pub static MESHES_MADE: AtomicUsize = AtomicUsize::new(0);
 
+/// How often a toy's picture was decoded in this process.
+pub static PICTURES_DECODED: AtomicUsize = AtomicUsize::new(0);
+
 pub const JOINTS: [&str; 5] = ["Hips", "Spine", "Head", "LeftHand", "RightHand"];
 
 impl Importer for Toy {
@@ -90,6 +93,9 @@ impl Importer for Toy {
         };
         if needs.geometry {
             MESHES_MADE.fetch_add(1, Ordering::Relaxed);
+        }
+        if needs.textures && needs.pixels {
+            PICTURES_DECODED.fetch_add(1, Ordering::Relaxed);
         }
         let seen = usize::from(needs.geometry);
         Ok(Asset {

@@ -1,0 +1,109 @@
+//! Flat arrays of numbers as the vertices of a primitive, checked.
+
+use super::{MOST, MeshData, Result, fail};
+use choreo_stage::{Primitive, Topology};
+use glam::{Vec2, Vec3, Vec4};
+
+/// The vertices and indices of `data`, without joints. The error names the array and the element.
+///
+/// # Errors
+/// An array of the wrong length, a number that is not finite, an index beyond the vertices.
+pub fn primitive(data: &MeshData) -> Result<Primitive> {
+    let positions = vectors::<3>(&data.positions, "positions", None)?;
+    let vertices = positions.len();
+    if vertices > MOST || data.indices.len() > MOST {
+        return fail(format!(
+            "it has {vertices} vertices and {} indices, at most {MOST} each",
+            data.indices.len()
+        ));
+    }
+    let indices: Vec<u32> = match data.indices.is_empty() {
+        true => (0..vertices as u32).collect(),
+        false => data.indices.clone(),
+    };
+    let what = if data.indices.is_empty() { "vertices" } else { "indices" };
+    let (corners, each) = match data.topology {
+        Topology::Triangles => (3, "three for each triangle"),
+        Topology::Lines => (2, "two for each line"),
+        Topology::Points => (1, ""),
+    };
+    if !indices.len().is_multiple_of(corners) {
+        return fail(format!("{what} must be {each}, got {}", indices.len()));
+    }
+    if let Some(at) = indices.iter().position(|i| *i as usize >= vertices) {
+        return fail(format!("indices[{at}] is {}, but there are {vertices} vertices", indices[at]));
+    }
+    let positions: Vec<Vec3> = positions.iter().copied().map(Vec3::from_array).collect();
+    let normals = match data.normals.is_empty() {
+        true if data.topology == Topology::Triangles => normals(&positions, &indices),
+        true => Vec::new(),
+        false => {
+            let given = vectors::<3>(&data.normals, "normals", Some(vertices))?;
+            given.iter().map(|n| Vec3::from_array(*n).normalize_or(Vec3::Y)).collect()
+        }
+    };
+    let uvs = match data.uvs.is_empty() {
+        true => Vec::new(),
+        false => {
+            vectors::<2>(&data.uvs, "uvs", Some(vertices))?.iter().copied().map(Vec2::from_array).collect()
+        }
+    };
+    let colors = match data.colors.len() {
+        0 => Vec::new(),
+        n if n == 3 * vertices => {
+            let given = vectors::<3>(&data.colors, "colors", Some(vertices))?;
+            given.iter().map(|c| Vec3::from_array(*c).extend(1.0)).collect()
+        }
+        _ => vectors::<4>(&data.colors, "colors", Some(vertices))?
+            .iter()
+            .copied()
+            .map(Vec4::from_array)
+            .collect(),
+    };
+    Ok(Primitive {
+        topology: data.topology,
+        indices,
+        positions,
+        normals,
+        uvs: [uvs, Vec::new()],
+        colors,
+        material: data.material,
+        ..Primitive::default()
+    })
+}
+
+/// Finite vectors of `N` numbers, as many as there are vertices.
+fn vectors<'a, const N: usize>(
+    flat: &'a [f32],
+    what: &str,
+    vertices: Option<usize>,
+) -> Result<&'a [[f32; N]]> {
+    let (vectors, rest) = flat.as_chunks::<N>();
+    let count = flat.len();
+    match vertices {
+        Some(v) if count != N * v => {
+            return fail(format!("{what} must have {N} numbers for each of the {v} vertices, has {count}"));
+        }
+        None if !rest.is_empty() || count == 0 => {
+            return fail(format!("{what} must have {N} numbers for each vertex, has {count}"));
+        }
+        _ => {}
+    }
+    match flat.iter().position(|v| !v.is_finite()) {
+        Some(at) => fail(format!("{what}[{at}] is {}, must be finite", flat[at])),
+        None => Ok(vectors),
+    }
+}
+
+/// For each vertex the mean of its triangles' normals, weighted by area: flat where triangles share no vertices.
+pub(super) fn normals(positions: &[Vec3], indices: &[u32]) -> Vec<Vec3> {
+    let mut sums = vec![Vec3::ZERO; positions.len()];
+    for triangle in indices.as_chunks::<3>().0 {
+        let [a, b, c] = triangle.map(|i| positions[i as usize]);
+        let normal = (b - a).cross(c - a);
+        for i in triangle {
+            sums[*i as usize] += normal;
+        }
+    }
+    sums.iter().map(|n| n.normalize_or(Vec3::Y)).collect()
+}

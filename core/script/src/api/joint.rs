@@ -1,0 +1,94 @@
+//! Joints of actors: found by name, turned for a frame.
+
+use super::actor::{euler, radians};
+use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
+use crate::hook;
+use crate::value::*;
+use choreo_stage::*;
+use glam::{DQuat, DVec3};
+use rhai::Dynamic;
+
+const THIS: Gives = Gives::Itself;
+
+pub const DEFS: &[Def] = &[
+    Def::new(
+        Kind::Actor,
+        "joint",
+        "name",
+        Gives::A(Kind::Joint),
+        "A joint, to look at, attach to or turn.",
+        joint,
+    )
+    .in_frames(),
+    Def::new(Kind::Actor, "joints", "", Gives::Value("array of texts"), "Names of the joints.", joints),
+    Def::new(
+        Kind::Joint,
+        "turn",
+        "degrees",
+        THIS,
+        "Turned about its own y axis, after its clip.",
+        joint_turn,
+    )
+    .in_frames(),
+    Def::new(
+        Kind::Joint,
+        "rotate",
+        "x, y, z",
+        THIS,
+        "Turned about its own x, then y, then z axis, after its clip, in degrees.",
+        joint_rotate,
+    )
+    .in_frames(),
+    Def::new(Kind::Joint, "name", "", Gives::Value("text"), "Name of the joint.", joint_name).in_frames(),
+];
+
+pub fn find_joint(asset: &Asset, name: &str) -> Result<u32, ApiError> {
+    if let Some(joint) = asset.skeleton.find(name) {
+        return Ok(joint as u32);
+    }
+    // `mixamorig:LeftHand` is found as `LeftHand`, and suggested so: with its prefix it is far from any slip of the hand.
+    let bare = |full: &'_ str| -> usize {
+        let tail = full.rfind([':', '|']).map_or(0, |at| at + 1);
+        if asset.skeleton.find(&full[tail..]).is_some() { tail } else { 0 }
+    };
+    let names: Vec<&str> = asset.skeleton.names().iter().map(|n| &n[bare(n)..]).collect();
+    Err(unknown("joint", name, &format!(" in skeleton \"{}\"", asset.name), names))
+}
+
+fn joint(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let joint = find_joint(&this.asset, &c.text(0)?)?;
+    Ok(Dynamic::from(JointRef { actor: this.id, joint, asset: this.asset }))
+}
+
+fn joints(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    Ok(Dynamic::from_array(this.asset.skeleton.names().iter().map(|n| Dynamic::from(n.clone())).collect()))
+}
+
+fn joint_edit(c: &Call, rotation: DQuat) -> Reply {
+    let this: JointRef = c.this()?;
+    if !c.in_frame {
+        return Err(ApiError::new(format!("{} of a joint works inside on_frame only", c.def.name))
+            .hint("on_frame(|t| actor.joint(\"…\").turn(10.0 * sin(t)))"));
+    }
+    let rotation = rotation.as_quat().normalize();
+    hook::edit(|e| e.actors.push(ActorEdit::TurnJoint { actor: this.actor, joint: this.joint, rotation }));
+    c.itself()
+}
+
+fn joint_turn(c: &mut Call) -> Reply {
+    let degrees = c.number(0)?;
+    joint_edit(c, DQuat::from_rotation_y(radians(degrees)))
+}
+
+fn joint_rotate(c: &mut Call) -> Reply {
+    let degrees = DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?);
+    joint_edit(c, euler(degrees))
+}
+
+fn joint_name(c: &mut Call) -> Reply {
+    let this: JointRef = c.this()?;
+    let name = this.asset.skeleton.names().get(this.joint as usize).cloned().unwrap_or_default();
+    Ok(Dynamic::from(name))
+}

@@ -1,0 +1,120 @@
+//! `look_at`: heads that turn towards something.
+
+use super::joint::find_joint;
+use crate::build::room;
+use crate::call::{ApiError, Call, Def, Gives, Reply};
+use crate::suggest::list;
+use crate::value::*;
+use choreo_motion::{HumanBone, Time};
+use choreo_stage::*;
+use rhai::Dynamic;
+
+const THIS: Gives = Gives::Itself;
+
+pub const DEFS: &[Def] = &[
+    Def::new(
+        Kind::Actor,
+        "look_at",
+        "target, options?",
+        Gives::A(Kind::Look),
+        "Turns the head towards an actor, joint or point; options: joint, weight.",
+        look_at,
+    ),
+    Def::new(Kind::Look, "from", "time", THIS, "When the look begins.", look_from),
+    Def::new(Kind::Look, "until", "time", THIS, "When the look is over.", look_until),
+    Def::new(
+        Kind::Look,
+        "fade",
+        "seconds",
+        THIS,
+        "How long the head takes to turn there and back.",
+        look_fade,
+    ),
+    Def::new(
+        Kind::Look,
+        "weight",
+        "weight",
+        THIS,
+        "How far it turns: 0 not at all, 1 all the way.",
+        look_weight,
+    ),
+];
+
+fn look_at(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let target = c.target(0)?;
+    let o = c.options(1, &["joint", "weight"])?;
+    let weight = o.number_in("weight", 0.0, 1.0)?.unwrap_or(1.0) as f32;
+    let joint = match o.text("joint")? {
+        Some(name) => find_joint(&this.asset, &name)?,
+        None => head(&this.asset).ok_or_else(|| {
+            let names = this.asset.skeleton.names().iter().map(String::as_str);
+            ApiError::new(format!("look_at: \"{}\" has no joint \"Head\" to turn", this.asset.name))
+                .hint(format!("name another, #{{ joint: … }}: {}", list(names, 24)))
+        })?,
+    };
+    if target == (Target::Joint { actor: this.id, joint }) {
+        return Err(ApiError::new("look_at: a joint cannot look at itself"));
+    }
+    let mut build = c.build();
+    let offset = build.offset;
+    let draft = build.actor(this.id)?;
+    room(draft.actor.look_at.len(), "looks of one actor", &c.shared.limits)?;
+    let fade = Time::from_secs(0.3);
+    draft.looks.push(c.place.clone());
+    draft.actor.look_at.push(LookAt { joint, target, start: offset, end: None, fade, weight });
+    Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))
+}
+
+/// By the file's own word, else by name.
+fn head(asset: &Asset) -> Option<u32> {
+    let declared = asset.skeleton.humanoid().and_then(|h| h.joint(HumanBone::Head));
+    declared.or_else(|| asset.skeleton.find("Head").map(|j| j as u32))
+}
+
+fn look(c: &Call, change: impl FnOnce(&mut LookAt) -> Result<(), ApiError>) -> Reply {
+    let this: LookRef = c.this()?;
+    if let Some(look) = c.build().actor(this.actor)?.actor.look_at.get_mut(this.index) {
+        change(look)?;
+    }
+    c.itself()
+}
+
+fn look_from(c: &mut Call) -> Reply {
+    let t = c.time(0)?;
+    look(c, |l| {
+        l.start = t;
+        Ok(())
+    })
+}
+
+fn look_until(c: &mut Call) -> Reply {
+    let t = c.time(0)?;
+    look(c, |l| {
+        if t < l.start {
+            return Err(before_start("until", t, l.start));
+        }
+        l.end = Some(t);
+        Ok(())
+    })
+}
+
+pub fn before_start(name: &str, t: Time, start: Time) -> ApiError {
+    ApiError::new(format!("{name}: {} s is before the start, {} s", t.as_secs(), start.as_secs()))
+}
+
+fn look_fade(c: &mut Call) -> Reply {
+    let t = c.duration(0)?;
+    look(c, |l| {
+        l.fade = t;
+        Ok(())
+    })
+}
+
+fn look_weight(c: &mut Call) -> Reply {
+    let w = c.number_in(0, 0.0, 1.0)? as f32;
+    look(c, |l| {
+        l.weight = w;
+        Ok(())
+    })
+}

@@ -1,0 +1,76 @@
+//! `shape`, `mesh`, `lines`, `points`, `image`: what a script makes of numbers.
+
+use crate::call::{Call, Def, Gives, Reply};
+use crate::made;
+use crate::value::{AssetRef, Kind};
+use choreo_stage::{Asset, Topology};
+use rhai::Dynamic;
+use std::sync::Arc;
+
+pub const DEFS: &[Def] = &[
+    Def::new(
+        Kind::None,
+        "shape",
+        "kind, options?",
+        Gives::A(Kind::Asset),
+        "A \"plane\", \"quad\" (upright, for pictures), \"box\", \"sphere\", \"cylinder\", \"cone\", \"capsule\" or \"torus\" on the ground: size, and a look: color, image and normal_map (from image(…)), checker (a second color), tiles (how often either is repeated), alpha (\"opaque\", \"mask\", \"blend\"), roughness, metallic, emissive, unlit, double_sided, or shininess and specular (a color) for Blinn–Phong; name, of its joint.",
+        shape,
+    ),
+    Def::new(
+        Kind::None,
+        "mesh",
+        "options",
+        Gives::A(Kind::Asset),
+        "Triangles from arrays: positions, indices (three a triangle, counter-clockwise from outside; without, the vertices in their order), normals (without, smooth where triangles share vertices), uvs (v down), colors, and a look as of shape. Arrays hold vectors, [[x, y, z], …], or their numbers one after the other, or are blobs: little-endian 32-bit floats, indices as 32-bit whole numbers, colors as 4 bytes.",
+        mesh,
+    ),
+    Def::new(
+        Kind::None,
+        "lines",
+        "options",
+        Gives::A(Kind::Asset),
+        "Lines of one pixel, which no light changes: positions and indices (two a line) as for mesh, strip: true (one line through all), color or colors.",
+        lines,
+    ),
+    Def::new(
+        Kind::None,
+        "points",
+        "options",
+        Gives::A(Kind::Asset),
+        "Points of one pixel, which no light changes: positions as for mesh, color or colors.",
+        points,
+    ),
+    Def::new(
+        Kind::None,
+        "image",
+        "width, height, pixels, options? | options",
+        Gives::A(Kind::Image),
+        "A picture for surfaces, rows from the top: pixels are a color each, or 1, 3 or 4 numbers from 0 to 255 each (grey, red green blue, with alpha), in an array or a blob; options: filter (\"linear\" or \"nearest\", squares), wrap (\"repeat\", \"clamp\", \"mirror\"), name.",
+        image,
+    ),
+];
+
+fn made(c: &Call, asset: Arc<Asset>) -> Reply {
+    let from = c.build().made(&asset, &c.place);
+    Ok(Dynamic::from(AssetRef { from, dead: false }))
+}
+
+fn shape(c: &mut Call) -> Reply {
+    made(c, made::shape(c)?)
+}
+
+fn mesh(c: &mut Call) -> Reply {
+    made(c, made::mesh(c, Topology::Triangles)?)
+}
+
+fn lines(c: &mut Call) -> Reply {
+    made(c, made::mesh(c, Topology::Lines)?)
+}
+
+fn points(c: &mut Call) -> Reply {
+    made(c, made::mesh(c, Topology::Points)?)
+}
+
+fn image(c: &mut Call) -> Reply {
+    Ok(Dynamic::from(made::image(c)?))
+}

@@ -1,0 +1,182 @@
+//! Values of a script as what is asked for: `LABEL must be ALLOWED, got …`.
+
+use super::{ApiError, kind_of};
+use crate::color;
+use crate::suggest::{did_you_mean, list};
+use crate::value::{ActorRef, JointRef, Kind};
+use choreo_motion::Time;
+use choreo_stage::Target;
+use glam::{DVec3, Vec3, Vec4};
+use rhai::Dynamic;
+
+pub fn one_of(v: &Dynamic, label: &str, allowed: &[&'static str]) -> Result<&'static str, ApiError> {
+    let given = text(v, label)?;
+    allowed.iter().find(|a| **a == given).copied().ok_or_else(|| {
+        ApiError::new(format!(
+            "{label} must be {}, got \"{given}\"{}",
+            list(allowed.iter().copied(), 20),
+            did_you_mean(&given, allowed.iter().copied())
+        ))
+        .focus(given)
+    })
+}
+
+/// `LABEL must be ALLOWED, got …`.
+pub fn wrong(v: &Dynamic, label: &str, allowed: &str) -> ApiError {
+    let mut error = ApiError::new(format!("{label} must be {allowed}, got {}", describe(v)));
+    error.focus = v.clone().into_string().ok();
+    error
+}
+
+/// A value in a message.
+pub fn describe(v: &Dynamic) -> String {
+    let v = v.flatten_clone();
+    if v.is_unit() {
+        return "nothing, ()".into();
+    }
+    if let Ok(b) = v.as_bool() {
+        return b.to_string();
+    }
+    if let Ok(n) = v.as_int() {
+        return n.to_string();
+    }
+    if let Ok(n) = v.as_float() {
+        return format!("{n:?}");
+    }
+    if v.is_string() {
+        let s = v.into_string().unwrap_or_default();
+        let shown: String = s.chars().take(40).collect();
+        return format!("the text \"{shown}{}\"", if s.chars().count() > 40 { "…" } else { "" });
+    }
+    if let Some(a) = v.read_lock::<rhai::Array>() {
+        let short = (1..=4).contains(&a.len()) && a.iter().all(|n| n.is_int() || n.is_float());
+        let numbers = || a.iter().map(describe).collect::<Vec<_>>().join(", ");
+        return if short { format!("[{}]", numbers()) } else { format!("an array of {}", a.len()) };
+    }
+    if v.is_map() {
+        return "an object map".into();
+    }
+    if v.is_fnptr() {
+        return "a function".into();
+    }
+    match kind_of(&v) {
+        Kind::None => format!("a value of type {}", v.type_name()),
+        k @ (Kind::Asset | Kind::Image | Kind::Actor | Kind::Effect | Kind::Expect) => {
+            format!("an {}", k.name())
+        }
+        k => format!("a {}", k.name()),
+    }
+}
+
+pub fn number(v: &Dynamic, label: &str) -> Result<f64, ApiError> {
+    let n = match (v.as_int(), v.as_float()) {
+        (Ok(n), _) => n as f64,
+        (_, Ok(n)) => n,
+        _ => return Err(wrong(v, label, "a number")),
+    };
+    if n.is_finite() {
+        Ok(n)
+    } else {
+        Err(ApiError::new(format!("{label} must be a finite number, got {n}")))
+    }
+}
+
+pub fn number_in(v: &Dynamic, label: &str, min: f64, max: f64) -> Result<f64, ApiError> {
+    let n = number(v, label)?;
+    if (min..=max).contains(&n) {
+        return Ok(n);
+    }
+    Err(ApiError::new(format!("{label} must be from {min} to {max}, got {}", describe(v))))
+}
+
+/// ±1 000 000 s, 11 days: far from where integer time or f64 seconds lose anything.
+const LONGEST_SECS: f64 = 1e6;
+
+pub fn time(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
+    let secs = number(v, label).map_err(|e| match v.as_int().is_err() && v.as_float().is_err() {
+        true => wrong(v, label, "a time: seconds, or f(frame)"),
+        false => e,
+    })?;
+    if secs.abs() > LONGEST_SECS {
+        return Err(ApiError::new(format!(
+            "{label} must be a time within ±{LONGEST_SECS} s, got {}",
+            describe(v)
+        )));
+    }
+    Ok(Time::from_secs(secs))
+}
+
+pub fn duration(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
+    let t = time(v, label)?;
+    if t < Time::ZERO {
+        return Err(ApiError::new(format!("{label} must not be negative, got {}", describe(v))));
+    }
+    Ok(t)
+}
+
+pub fn text(v: &Dynamic, label: &str) -> Result<String, ApiError> {
+    v.clone().into_string().map_err(|_| wrong(v, label, "text"))
+}
+
+pub fn numbers(v: &Dynamic) -> Option<Vec<f64>> {
+    let array = v.read_lock::<rhai::Array>()?;
+    array.iter().map(|n| number(n, "").ok()).collect()
+}
+
+/// Metres: as far as the middle of the galaxy would lose all sense, so a slip is refused.
+const FARTHEST: f64 = 1e15;
+
+pub fn point(v: &Dynamic, label: &str) -> Result<DVec3, ApiError> {
+    match numbers(v).as_deref() {
+        Some([x, y, z]) => near(DVec3::new(*x, *y, *z), label),
+        _ => Err(wrong(v, label, "a point, [x, y, z]")),
+    }
+}
+
+pub(super) fn near(p: DVec3, label: &str) -> Result<DVec3, ApiError> {
+    if p.abs().max_element() <= FARTHEST {
+        return Ok(p);
+    }
+    Err(ApiError::new(format!("{label} must be within ±{FARTHEST:e} m")))
+}
+
+pub fn target(v: &Dynamic, label: &str) -> Result<Target, ApiError> {
+    if let Some(actor) = v.read_lock::<ActorRef>() {
+        return Ok(Target::Actor(actor.id));
+    }
+    if let Some(joint) = v.read_lock::<JointRef>() {
+        return Ok(Target::Joint { actor: joint.actor, joint: joint.joint });
+    }
+    if !v.is_array() {
+        return Err(wrong(v, label, "an Actor, a Joint or a point, [x, y, z]"));
+    }
+    point(v, label).map(Target::Point)
+}
+
+/// Linear RGBA from a name, `#rgb`, `#rrggbb`, `#rrggbbaa`, `[r, g, b]` or `[r, g, b, a]` in sRGB.
+pub fn color(v: &Dynamic, label: &str) -> Result<Vec4, ApiError> {
+    if v.is_string() {
+        let name = text(v, label)?;
+        return color::parse(&name).map_err(|what| {
+            ApiError::new(format!("{label}: {what}"))
+                .focus(name)
+                .hint("a color is a CSS name, \"#rrggbb\" or [r, g, b] with numbers from 0 to 1")
+        });
+    }
+    match numbers(v).as_deref() {
+        Some(c @ ([_, _, _] | [_, _, _, _])) if c.iter().all(|c| (0.0..=1.0).contains(c)) => Ok(Vec4::new(
+            color::linear(c[0]),
+            color::linear(c[1]),
+            color::linear(c[2]),
+            c.get(3).map_or(1.0, |a| *a as f32),
+        )),
+        Some([_, _, _] | [_, _, _, _]) => {
+            Err(ApiError::new(format!("{label}: the numbers of a color must be from 0 to 1")))
+        }
+        _ => Err(wrong(v, label, "a color: a name, \"#rrggbb\" or [r, g, b]")),
+    }
+}
+
+pub fn rgb(c: Vec4) -> Vec3 {
+    c.truncate()
+}

@@ -1,0 +1,145 @@
+//! Files of which a script uses the clips alone: seen in its text before it runs, so that no mesh and no picture of them is
+//! made.
+//!
+//! Only what is certain counts: the asset stands in a variable of a name that is used for nothing but `.clip(…)` and its
+//! like, in the whole file, or `load(…).clip(…)` uses it on the spot. Whatever else is done with it, it may be cast.
+
+use crate::call::Place;
+use rhai::{AST, ASTNode, Expr, Position, Stmt};
+use std::collections::BTreeSet;
+
+/// Methods of an asset that need no geometry.
+const OF_CLIPS: [&str; 3] = ["clip", "clips", "joints"];
+
+/// Places of such `load(…)` calls.
+pub fn find(ast: &AST, source: &str) -> Vec<Place> {
+    // A function of the script by one of these names could do anything with its asset.
+    if ast.iter_functions().any(|f| OF_CLIPS.contains(&f.name) || f.name == "load") {
+        return Vec::new();
+    }
+    let mut loads: Vec<(Position, Option<String>, String)> = Vec::new();
+    // Names of variables, and of files, that are used for more.
+    let mut variables: BTreeSet<String> = BTreeSet::new();
+    let mut files: BTreeSet<String> = BTreeSet::new();
+    ast.walk(&mut |path| {
+        let parent = path.len().checked_sub(2).map(|at| &path[at]);
+        match path.last() {
+            Some(ASTNode::Expr(Expr::FnCall(call, at))) if call.name == "load" => {
+                let file = match call.args.first() {
+                    Some(Expr::StringConstant(text, _)) => Some(text.to_string()),
+                    _ => None,
+                };
+                let here = path.last().map(address);
+                let load = match parent {
+                    Some(ASTNode::Stmt(Stmt::Var(variable, ..))) => Some(variable.0.name.to_string()),
+                    Some(ASTNode::Expr(Expr::Dot(dot, ..)))
+                        if Some(std::ptr::from_ref(&dot.lhs).cast()) == here && of_clips(&dot.rhs) =>
+                    {
+                        Some(String::new())
+                    }
+                    _ => None,
+                };
+                match load {
+                    Some(variable) => loads.push((*at, file, variable)),
+                    None => files.extend(file),
+                }
+            }
+            Some(ASTNode::Stmt(Stmt::FnCall(call, _))) if call.name == "load" => {
+                if let Some(Expr::StringConstant(text, _)) = call.args.first() {
+                    files.insert(text.to_string());
+                }
+            }
+            Some(ASTNode::Stmt(Stmt::Export(names, _))) => {
+                variables.insert(names.0.name.to_string());
+            }
+            Some(node @ ASTNode::Expr(Expr::Variable(variable, ..))) => {
+                let plain = match parent {
+                    Some(ASTNode::Expr(Expr::Dot(dot, ..))) => {
+                        std::ptr::from_ref(&dot.lhs).cast() == address(node) && of_clips(&dot.rhs)
+                    }
+                    // A closure takes it along; what it does with it stands in its body, under the same name.
+                    Some(ASTNode::Expr(Expr::FnCall(call, _))) => call.name == "curry",
+                    _ => false,
+                };
+                if !plain {
+                    variables.insert(variable.1.to_string());
+                }
+            }
+            _ => {}
+        }
+        true
+    });
+    for (_, file, variable) in &loads {
+        if variables.contains(variable) {
+            files.extend(file.clone());
+        }
+    }
+    let only = |(_, file, variable): &&(Position, Option<String>, String)| {
+        !variables.contains(variable) && !file.as_ref().is_some_and(|f| files.contains(f))
+    };
+    let place = |at: &Position| Place {
+        file: source.to_string(),
+        line: at.line().unwrap_or(0),
+        column: at.position().unwrap_or(0),
+    };
+    loads.iter().filter(only).map(|(at, ..)| place(at)).collect()
+}
+
+fn address(node: &ASTNode<'_>) -> *const () {
+    match node {
+        ASTNode::Expr(expr) => std::ptr::from_ref(*expr).cast(),
+        ASTNode::Stmt(stmt) => std::ptr::from_ref(*stmt).cast(),
+        _ => std::ptr::null(),
+    }
+}
+
+/// Whether the first thing called in a chain of methods needs the clips only.
+fn of_clips(right: &Expr) -> bool {
+    match right {
+        Expr::MethodCall(call, _) => OF_CLIPS.contains(&call.name.as_str()),
+        Expr::Dot(dot, ..) | Expr::Index(dot, ..) => of_clips(&dot.lhs),
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    fn lines(text: &str) -> Vec<usize> {
+        let mut engine = rhai::Engine::new_raw();
+        engine.set_allow_shadowing(true);
+        let ast = engine.compile(text).unwrap();
+        super::find(&ast, "t").iter().map(|place| place.line).collect()
+    }
+
+    #[test]
+    fn clips_alone() {
+        assert_eq!(lines("let m = load(\"a\");\nlet w = m.clip(\"Walk\");\nf(m.clips().len(), w);"), [1]);
+        assert_eq!(lines("f(load(\"a\").clip(0));"), [1]);
+        assert_eq!(lines("f(load(\"a\").clips()[0]);"), [1]);
+        assert_eq!(lines("let m = load(\"a\");\nf(|t| m.clip(0));"), [1]);
+        assert_eq!(lines("for n in [\"a\", \"b\"] { let m = load(n); f(m.clip(0)); }"), [1]);
+        assert_eq!(lines("let m = load(\"a\");"), [1], "nothing at all is used");
+    }
+
+    #[test]
+    fn whatever_may_be_cast() {
+        for text in [
+            "let m = load(\"a\"); cast(\"x\", m); m.clip(0);",
+            "cast(\"x\", load(\"a\"));",
+            "let m = load(\"a\"); let n = m; n.clip(0);",
+            "let m = load(\"a\"); let all = [m];",
+            "let m = load(\"a\"); f(#{ m: m });",
+            "let m = (); m = load(\"a\"); m.clip(0);",
+            "let m = load(\"a\"); m.camera(0);",
+            "let m = load(\"a\"); f(|| cast(\"x\", m));",
+            "let m = load(\"a\"); export m;",
+            "let m = load(\"a\"); m.clip(0); cast(\"x\", load(\"a\"));",
+            "let m = load(\"a\"); let n = load(\"a\"); m.clip(0); cast(\"x\", n);",
+            "fn clip(n) { cast(\"x\", this) } let m = load(\"a\"); m.clip(0);",
+            "fn g(m) { cast(\"x\", m) } let m = load(\"a\"); m.clip(0);",
+            "let m = load(\"a\"); `${m}`;",
+        ] {
+            assert_eq!(lines(text), [0usize; 0], "{text}");
+        }
+    }
+}

@@ -1,0 +1,351 @@
+//! Imports on worker threads: a script that loads four files waits for each only where it uses what is in it.
+//!
+//! ```text
+//! Loader::start ─► Import (queued) ─► a worker of the pool, or whoever waits for it first ─► Arc<Asset> or LoadError
+//!                        ╰─ phase, progress, cancel: for a bar, or for a viewer that goes on meanwhile
+//! ```
+
+use crate::folders::LoadError;
+use choreo_stage::Asset;
+use std::collections::VecDeque;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
+
+/// A file on its way to an asset: a handle for any thread.
+pub struct Import {
+    name: String,
+    state: Mutex<State>,
+    changed: Condvar,
+    bytes: AtomicU64,
+    /// Bits of an f32 from 0 to 1.
+    part: AtomicU32,
+    cancelled: AtomicBool,
+    all: Weak<Watched>,
+}
+
+pub(crate) type Job = Box<dyn FnOnce(&Import) -> Result<Arc<Asset>, LoadError> + Send>;
+
+enum State {
+    Queued(Job),
+    Running,
+    Done(Result<Arc<Asset>, LoadError>),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// No worker has taken it yet.
+    Queued,
+    /// It is read and imported.
+    Running,
+    Done,
+    /// Also where it was cancelled.
+    Failed,
+}
+
+impl Import {
+    pub(crate) fn new(name: &str, all: &Imports, job: Job) -> Arc<Import> {
+        let import = Arc::new(Import {
+            name: name.to_string(),
+            state: Mutex::new(State::Queued(job)),
+            changed: Condvar::new(),
+            bytes: AtomicU64::new(0),
+            part: AtomicU32::new(0),
+            cancelled: AtomicBool::new(false),
+            all: Arc::downgrade(&all.0),
+        });
+        all.watch(&import);
+        import
+    }
+
+    /// As the script wrote it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub fn phase(&self) -> Phase {
+        match &*self.state() {
+            State::Queued(_) => Phase::Queued,
+            State::Running => Phase::Running,
+            State::Done(Ok(_)) => Phase::Done,
+            State::Done(Err(_)) => Phase::Failed,
+        }
+    }
+
+    /// Size of the file; 0 until it has been looked at, and for what is no file.
+    pub fn bytes(&self) -> u64 {
+        self.bytes.load(Ordering::Relaxed)
+    }
+
+    /// From 0 to 1, as far as the importer tells; 1 once it is done.
+    pub fn progress(&self) -> f32 {
+        match self.phase() {
+            Phase::Done | Phase::Failed => 1.0,
+            _ => f32::from_bits(self.part.load(Ordering::Relaxed)),
+        }
+    }
+
+    pub(crate) fn set_bytes(&self, bytes: u64) {
+        self.bytes.store(bytes, Ordering::Relaxed);
+    }
+
+    pub(crate) fn set_progress(&self, part: f32) {
+        self.part.store(part.clamp(0.0, 1.0).to_bits(), Ordering::Relaxed);
+    }
+
+    /// Gives it up: an importer that is at work ends at the next file or step that it tells of.
+    pub fn cancel(&self) {
+        self.cancelled.store(true, Ordering::Relaxed);
+    }
+
+    pub fn is_cancelled(&self) -> bool {
+        let all = || self.all.upgrade().is_some_and(|all| all.cancelled.load(Ordering::Relaxed));
+        self.cancelled.load(Ordering::Relaxed) || all()
+    }
+
+    /// The asset, or why there is none, where it is settled.
+    pub fn settled(&self) -> Option<Result<Arc<Asset>, LoadError>> {
+        match &*self.state() {
+            State::Done(result) => Some(result.clone()),
+            _ => None,
+        }
+    }
+
+    /// Waits for the asset; does the work here where no worker has begun it.
+    ///
+    /// # Errors
+    /// What the file, its importer or its options have against it; that it was cancelled.
+    pub fn wait(&self) -> Result<Arc<Asset>, LoadError> {
+        self.run();
+        let mut state = self.state();
+        loop {
+            match &*state {
+                State::Done(result) => return result.clone(),
+                _ => state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner),
+            }
+        }
+    }
+
+    /// Does the work where nobody does it yet.
+    fn run(&self) {
+        let job = {
+            let mut state = self.state();
+            match std::mem::replace(&mut *state, State::Running) {
+                State::Queued(job) => job,
+                other => {
+                    *state = other;
+                    return;
+                }
+            }
+        };
+        let result = match self.is_cancelled() {
+            true => Err(self.given_up()),
+            // Who waits must not wait for ever.
+            false => catch_unwind(AssertUnwindSafe(|| job(self))).unwrap_or_else(|_| {
+                Err(LoadError::new(format!("cannot read \"{}\": its importer has failed", self.name)))
+            }),
+        };
+        let result = if self.is_cancelled() { Err(self.given_up()) } else { result };
+        *self.state() = State::Done(result);
+        self.changed.notify_all();
+    }
+
+    fn given_up(&self) -> LoadError {
+        LoadError::new(format!("\"{}\" was not read to its end: cancelled", self.name))
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// All imports that were begun with clones of this, for whoever shows how far they are or calls them off.
+#[derive(Clone, Default)]
+pub struct Imports(Arc<Watched>);
+
+#[derive(Default)]
+struct Watched {
+    list: Mutex<Vec<Weak<Import>>>,
+    cancelled: AtomicBool,
+}
+
+/// How far imports are.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImportProgress {
+    pub files: usize,
+    pub done: usize,
+    /// Of all files whose size is known.
+    pub bytes: u64,
+    pub bytes_done: u64,
+    /// What is being read.
+    pub names: Vec<String>,
+}
+
+impl Imports {
+    fn watch(&self, import: &Arc<Import>) {
+        let mut list = self.0.list.lock().unwrap_or_else(PoisonError::into_inner);
+        // Runs that are over are no longer of interest.
+        list.retain(|i| i.strong_count() > 0);
+        list.push(Arc::downgrade(import));
+    }
+
+    /// In the order in which they were begun.
+    pub fn all(&self) -> Vec<Arc<Import>> {
+        let list = self.0.list.lock().unwrap_or_else(PoisonError::into_inner);
+        list.iter().filter_map(Weak::upgrade).collect()
+    }
+
+    pub fn progress(&self) -> ImportProgress {
+        let mut sum = ImportProgress::default();
+        for import in self.all() {
+            let phase = import.phase();
+            sum.files += 1;
+            sum.done += usize::from(matches!(phase, Phase::Done | Phase::Failed));
+            sum.bytes += import.bytes();
+            sum.bytes_done += (f64::from(import.progress()) * import.bytes() as f64) as u64;
+            if phase == Phase::Running {
+                sum.names.push(import.name.clone());
+            }
+        }
+        sum
+    }
+
+    /// Gives all of them up, and those that are still to come.
+    pub fn cancel(&self) {
+        self.0.cancelled.store(true, Ordering::Relaxed);
+    }
+}
+
+impl std::fmt::Debug for Imports {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:?}", self.progress())
+    }
+}
+
+/// The same list.
+impl PartialEq for Imports {
+    fn eq(&self, other: &Imports) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+/// Imports that wait for a worker, and how many workers there are.
+struct Pool {
+    queue: VecDeque<Arc<Import>>,
+    workers: usize,
+}
+
+static POOL: Mutex<Pool> = Mutex::new(Pool { queue: VecDeque::new(), workers: 0 });
+
+fn pool() -> MutexGuard<'static, Pool> {
+    POOL.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Hands an import to the workers of the process, one for each core at most; they end when there is nothing to do.
+pub(crate) fn submit(import: &Arc<Import>) {
+    /// As a script's own thread has it: importers go down trees of nodes.
+    const STACK: usize = 64 << 20;
+    // One reads while another computes.
+    let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).max(2);
+    let mut pool = pool();
+    pool.queue.push_back(import.clone());
+    if pool.workers < cores {
+        let worker = std::thread::Builder::new().name("import".into()).stack_size(STACK).spawn(work);
+        // Without a worker, who waits does the work.
+        pool.workers += usize::from(worker.is_ok());
+    }
+}
+
+fn work() {
+    loop {
+        let next = {
+            let mut pool = pool();
+            match pool.queue.pop_front() {
+                Some(next) => next,
+                None => {
+                    pool.workers -= 1;
+                    return;
+                }
+            }
+        };
+        next.run();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::AtomicUsize;
+    use std::time::Duration;
+
+    fn asset(name: &str) -> Arc<Asset> {
+        Arc::new(Asset { name: name.into(), ..Asset::default() })
+    }
+
+    #[test]
+    fn an_import_is_done_once_whoever_waits() {
+        let (all, runs) = (Imports::default(), Arc::new(AtomicUsize::new(0)));
+        let counted = runs.clone();
+        let import = Import::new(
+            "a",
+            &all,
+            Box::new(move |import| {
+                counted.fetch_add(1, Ordering::Relaxed);
+                import.set_bytes(10);
+                Ok(asset("a"))
+            }),
+        );
+        assert_eq!((import.phase(), import.settled().is_none()), (Phase::Queued, true));
+        submit(&import);
+        std::thread::scope(|s| {
+            for _ in 0..8 {
+                s.spawn(|| assert_eq!(import.wait().unwrap().name, "a"));
+            }
+        });
+        assert_eq!((runs.load(Ordering::Relaxed), import.phase(), import.progress()), (1, Phase::Done, 1.0));
+        let p = all.progress();
+        assert_eq!((p.files, p.done, p.bytes, p.bytes_done), (1, 1, 10, 10));
+    }
+
+    #[test]
+    fn workers_take_what_nobody_waits_for() {
+        let all = Imports::default();
+        let imports: Vec<_> = (0..20).map(|_| Import::new("a", &all, Box::new(|_| Ok(asset("a"))))).collect();
+        imports.iter().for_each(submit);
+        for _ in 0..2000 {
+            if all.progress().done == 20 {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        panic!("{:?}", all.progress());
+    }
+
+    #[test]
+    fn what_is_cancelled_fails_before_or_while_it_runs() {
+        let all = Imports::default();
+        let never = Import::new("a", &all, Box::new(|_| panic!("it was cancelled")));
+        never.cancel();
+        assert!(never.wait().unwrap_err().message.contains("cancelled"));
+        let stopped = Import::new(
+            "b",
+            &all,
+            Box::new(|import| {
+                while !import.is_cancelled() {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                Ok(asset("b"))
+            }),
+        );
+        submit(&stopped);
+        all.cancel();
+        assert!(stopped.wait().is_err() && stopped.phase() == Phase::Failed);
+    }
+
+    #[test]
+    fn an_importer_that_panics_is_an_error() {
+        let import = Import::new("a", &Imports::default(), Box::new(|_| panic!("planted")));
+        submit(&import);
+        assert_eq!(import.wait().unwrap_err().message, "cannot read \"a\": its importer has failed");
+    }
+}

@@ -1,0 +1,146 @@
+//! The look of what a script makes: the options that `shape`, `mesh`, `lines` and `points` share.
+
+use super::picture::{ImageRef, srgb_byte};
+use crate::call::{ApiError, Options, rgb};
+use choreo_stage::{AlphaMode, Image, Material, Sampler, Shading, TextureRef};
+use glam::{Affine2, Vec2, Vec3, Vec4};
+use std::sync::Arc;
+
+/// What [`material`] reads.
+pub const OPTIONS: [&str; 14] = [
+    "color",
+    "image",
+    "normal_map",
+    "checker",
+    "tiles",
+    "alpha",
+    "roughness",
+    "metallic",
+    "emissive",
+    "unlit",
+    "double_sided",
+    "shininess",
+    "specular",
+    "name",
+];
+
+/// The material, and the pictures that it names by number.
+pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), ApiError> {
+    let image = o.image("image")?;
+    let normal_map = o.image("normal_map")?;
+    // A picture is seen in its own colors.
+    let plain = if image.is_some() { Vec4::ONE } else { Vec4::new(0.6, 0.6, 0.6, 1.0) };
+    let base = o.color("color")?.unwrap_or(plain);
+    let mut material = Material {
+        name: name.into(),
+        base_color: base,
+        metallic: o.number_in("metallic", 0.0, 1.0)?.unwrap_or(0.0) as f32,
+        roughness: o.number_in("roughness", 0.0, 1.0)?.unwrap_or(0.9) as f32,
+        emissive: o.color("emissive")?.map_or(Vec3::ZERO, rgb),
+        double_sided: o.flag("double_sided")?.unwrap_or(false),
+        ..Material::default()
+    };
+    shading(o, &mut material)?;
+    let tiles = o.number_in("tiles", 1.0, 4096.0)?;
+    let second = o.color("checker")?;
+    let mut images = Vec::new();
+    let mut texture = |image: Arc<Image>, sampler: Sampler, scale: f64| {
+        images.push(image);
+        let uv_transform = Affine2::from_scale(Vec2::splat(scale as f32));
+        TextureRef { image: images.len() as u32 - 1, sampler, uv_set: 0, uv_transform }
+    };
+    let fail = |text: &str, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
+    let scale = tiles.unwrap_or(1.0);
+    match (image, second) {
+        (Some(_), Some(_)) => {
+            return fail("checker makes a picture of its own; leave image or checker out", "checker");
+        }
+        (Some(given), None) => {
+            material.alpha_mode = of_picture(&given.image);
+            material.base_color_texture = Some(texture(given.image, given.sampler, scale));
+        }
+        (None, Some(second)) => {
+            let sampler = Sampler { mag_linear: false, ..Sampler::default() };
+            material.base_color = Vec4::new(1.0, 1.0, 1.0, base.w);
+            material.base_color_texture =
+                Some(texture(checker(base, second), sampler, tiles.unwrap_or(10.0) / 2.0));
+        }
+        (None, None) if tiles.is_some() && normal_map.is_none() => {
+            return fail("tiles needs checker, the second color, or image", "tiles");
+        }
+        (None, None) => {}
+    }
+    if let Some(given) = normal_map {
+        if material.shading == Shading::Unlit {
+            return fail("normal_map changes how light falls; unlit has none", "normal_map");
+        }
+        material.normal_texture = Some(texture(given.image, given.sampler, scale));
+    }
+    if base.w < 1.0 {
+        material.alpha_mode = AlphaMode::Blend;
+    }
+    match o.one_of("alpha", &["opaque", "mask", "blend"])? {
+        Some("opaque") => material.alpha_mode = AlphaMode::Opaque,
+        Some("mask") => material.alpha_mode = AlphaMode::Mask(0.5),
+        Some(_) => material.alpha_mode = AlphaMode::Blend,
+        None => {}
+    }
+    Ok((material, images))
+}
+
+fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
+    let specular = o.color("specular")?;
+    if let Some(shininess) = o.number_in("shininess", 1.0, 10000.0)? {
+        material.shading = Shading::BlinnPhong;
+        material.shininess = shininess as f32;
+        material.specular_color = specular.map_or(Vec3::splat(0.04), rgb);
+        if let Some(other) = ["roughness", "metallic", "unlit"].into_iter().find(|name| o.get(name).is_some())
+        {
+            return Err(ApiError::new(format!(
+                "{}: shininess asks for Blinn–Phong, which has no {other}",
+                o.function
+            ))
+            .focus(other));
+        }
+    } else if specular.is_some() {
+        return Err(ApiError::new(format!(
+            "{}: specular needs shininess, the Blinn–Phong exponent",
+            o.function
+        ))
+        .focus("specular"));
+    }
+    if o.flag("unlit")? == Some(true) {
+        material.shading = Shading::Unlit;
+    }
+    Ok(())
+}
+
+/// Two by two texels, repeated: the color white times the base color would lose precision, so both are in the image.
+fn checker(base: Vec4, second: Vec4) -> Arc<Image> {
+    let texel = |c: Vec4| [srgb_byte(c.x), srgb_byte(c.y), srgb_byte(c.z), 255];
+    let (a, b) = (texel(base), texel(second));
+    Arc::new(Image { name: "checker".into(), width: 2, height: 2, rgba: [a, b, b, a].concat() })
+}
+
+/// Cut out where a picture has holes, blended where it is half transparent.
+fn of_picture(image: &Image) -> AlphaMode {
+    let alphas = || image.rgba.iter().skip(3).step_by(4);
+    if alphas().all(|a| *a == 255) {
+        AlphaMode::Opaque
+    } else if alphas().all(|a| matches!(a, 0 | 255)) {
+        AlphaMode::Mask(0.5)
+    } else {
+        AlphaMode::Blend
+    }
+}
+
+impl Options {
+    /// A picture made with `image(…)`.
+    fn image(&self, name: &str) -> Result<Option<ImageRef>, ApiError> {
+        let Some(value) = self.get(name) else { return Ok(None) };
+        let given = value.clone().try_cast::<ImageRef>();
+        given
+            .map(Some)
+            .ok_or_else(|| crate::call::wrong(&value, &self.label(name), "an Image, from image(…)"))
+    }
+}

@@ -1,0 +1,178 @@
+//! What a script makes itself: shapes, meshes, lines and points from arrays, pictures.
+
+mod arrays;
+mod material;
+mod picture;
+mod solids;
+
+pub use picture::{ImageRef, image};
+
+use crate::call::{ApiError, Call, Options, numbers, one_of, wrong};
+use crate::limits::raise_hint;
+use choreo_import::{normals, tangents};
+use choreo_motion::{Skeleton, Transform};
+use choreo_plugin::MeshData;
+use choreo_stage::{Asset, Image, Material, Mesh, MeshInstance, Primitive, Shading, Topology};
+use glam::{DVec3, Vec3};
+use std::sync::Arc;
+
+/// How much there is so far of what counts against limits.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Made {
+    pub meshes: usize,
+    pub vertices: u64,
+    pub texels: u64,
+}
+
+/// The asset of a `shape(kind, options?)` call; equal calls share one.
+pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
+    let kind = one_of(&c.value(0), "shape: kind", solids::KINDS)?;
+    let known: Vec<&str> = material::OPTIONS.into_iter().chain(["size"]).collect();
+    let o = c.options(1, &known)?;
+    let (material, images) = material::material(&o, "shape")?;
+    let pictures: Vec<*const Image> = images.iter().map(Arc::as_ptr).collect();
+    // A checker's picture is made anew by each call.
+    let pictures = if o.get("checker").is_some() { Vec::new() } else { pictures };
+    let key = format!("{kind} {:?} {pictures:?}", o.map);
+    if let Some(asset) = c.build().shapes.get(&key) {
+        return Ok(asset.clone());
+    }
+    crate::build::room(c.build().shapes.len(), "shapes", &c.shared.limits)?;
+    let size = read_size(&o, kind)?;
+    let name = o.text("name")?.unwrap_or_else(|| kind.to_string());
+    let asset = asset(&format!("shape {kind}"), &name, solids::solid(kind, size), material, images)?;
+    c.build().shapes.insert(key, asset.clone());
+    Ok(asset)
+}
+
+/// The asset of a `mesh(#{ … })`, `lines(#{ … })` or `points(#{ … })` call.
+pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
+    let mut known = vec!["positions", "indices", "colors", "color", "name"];
+    match topology {
+        Topology::Triangles => {
+            known.extend(["normals", "uvs"]);
+            known.extend(material::OPTIONS.into_iter().filter(|name| !["color", "name"].contains(name)));
+        }
+        Topology::Lines => known.push("strip"),
+        Topology::Points => {}
+    }
+    let o = c.options(0, &known)?;
+    let function = o.function.clone();
+    crate::build::room(c.build().made.meshes, "meshes", &c.shared.limits)?;
+    let positions = arrays::floats(&o, "positions", 3)?;
+    let vertices = positions.len() / 3;
+    {
+        let mut build = c.build();
+        build.made.meshes += 1;
+        build.made.vertices = build.made.vertices.saturating_add(vertices as u64);
+        if build.made.vertices > c.shared.limits.vertices {
+            let error = ApiError::new(format!("{function}: {} vertices together", build.made.vertices));
+            return Err(ApiError {
+                fatal: true,
+                ..error.hint(raise_hint("vertices", c.shared.limits.vertices))
+            });
+        }
+    }
+    let mut indices = arrays::indices(&o, "indices")?;
+    if o.flag("strip")? == Some(true) {
+        let all: Vec<u32> = if indices.is_empty() { (0..vertices as u32).collect() } else { indices };
+        indices = all.windows(2).flatten().copied().collect();
+    }
+    let data = MeshData {
+        topology,
+        colors: arrays::colors(&o, "colors", vertices)?,
+        normals: arrays::floats(&o, "normals", 3)?,
+        uvs: arrays::floats(&o, "uvs", 2)?,
+        positions,
+        indices,
+        ..MeshData::default()
+    };
+    let primitive = choreo_plugin::build::primitive(&data).map_err(|e| {
+        // Its first word is the array.
+        let array = e.0.split(|c: char| !c.is_ascii_lowercase()).next().unwrap_or("").to_string();
+        ApiError::new(format!("{function}: {e}")).focus(array)
+    })?;
+    let (mut material, images) = material::material(&o, &function)?;
+    // Vertex colors are multiplied with the color, so without one they are seen as they are.
+    if o.get("color").is_none() && !data.colors.is_empty() {
+        material.base_color = glam::Vec4::ONE;
+        if primitive.colors.iter().any(|c| c.w < 1.0) {
+            material.alpha_mode = choreo_stage::AlphaMode::Blend;
+        }
+    }
+    if topology != Topology::Triangles {
+        // Without faces there is nothing for light to fall on.
+        material.shading = Shading::Unlit;
+    }
+    if let Some(picture) = ["image", "normal_map", "checker"].into_iter().find(|p| o.get(p).is_some())
+        && primitive.uvs[0].is_empty()
+    {
+        return Err(ApiError::new(format!("{function}: {picture} needs uvs, where it lies on the mesh"))
+            .focus(picture));
+    }
+    let name = o.text("name")?.unwrap_or_else(|| function.clone());
+    asset(&name, &name, primitive, material, images)
+}
+
+/// One joint, one mesh, one material.
+fn asset(
+    name: &str,
+    joint: &str,
+    mut primitive: Primitive,
+    material: Material,
+    images: Vec<Arc<Image>>,
+) -> Result<Arc<Asset>, ApiError> {
+    primitive.material = Some(0);
+    if material.normal_texture.is_some() {
+        let p = &primitive;
+        let made = tangents::corner_tangents(&p.indices, &p.positions, &p.normals, &p.uvs[0]);
+        normals::apply_tangents(&mut primitive, &made);
+    }
+    let skeleton = Skeleton::new(vec![joint.to_string()], vec![None], vec![Transform::IDENTITY])
+        .map_err(|e| ApiError::new(e.to_string()))?;
+    let mesh = Mesh { name: joint.to_string(), primitives: vec![primitive], ..Mesh::default() };
+    Ok(Arc::new(Asset {
+        name: name.to_string(),
+        skeleton: Arc::new(skeleton),
+        meshes: vec![Arc::new(mesh)],
+        instances: vec![MeshInstance { joint: 0, mesh: 0, skin: None, weights: Vec::new() }],
+        materials: vec![material],
+        images,
+        ..Asset::default()
+    }))
+}
+
+/// Metres along x, y, z; a plane lies in x and z, a quad stands in x and y.
+fn read_size(o: &Options, kind: &str) -> Result<Vec3, ApiError> {
+    let size = match o.get("size") {
+        None if kind == "plane" => Vec3::splat(10.0),
+        None => solids::proportions(kind),
+        Some(value) => {
+            let size = match (kind, numbers(&value).as_deref()) {
+                ("plane", Some([x, z])) => DVec3::new(*x, 1.0, *z),
+                ("quad", Some([x, y])) => DVec3::new(*x, *y, 1.0),
+                (_, Some([x, y, z])) if !matches!(kind, "plane" | "quad") => DVec3::new(*x, *y, *z),
+                (_, Some(_)) => {
+                    let allowed = "a number, [x, y, z], [x, z] for a plane, or [x, y] for a quad";
+                    return Err(wrong(&value, "shape: size", allowed));
+                }
+                (_, None) => {
+                    crate::call::number(&value, "shape: size")? * solids::proportions(kind).as_dvec3()
+                }
+            };
+            if size.to_array().iter().any(|v| !(1e-4..=1e6).contains(v)) {
+                return Err(ApiError::new(format!(
+                    "shape: size must be from 0.0001 to 1000000 m, got {:e}, {:e}, {:e}",
+                    size.x, size.y, size.z
+                )));
+            }
+            size.as_vec3()
+        }
+    };
+    match solids::refuse(kind, size) {
+        Some(why) => {
+            Err(ApiError::new(format!("shape: {why}, got {:?}, {:?}, {:?}", size.x, size.y, size.z)))
+        }
+        None => Ok(size),
+    }
+}

@@ -1,0 +1,128 @@
+//! `image(width, height, pixels)`: a picture from numbers, for surfaces.
+
+use crate::call::{ApiError, Call, Options, color, describe};
+use crate::limits::raise_hint;
+use choreo_stage::{Image, Sampler, Wrap};
+use rhai::{Array, Blob, Dynamic};
+use std::sync::Arc;
+
+/// A picture and how it is looked up.
+#[derive(Clone, Debug)]
+pub struct ImageRef {
+    pub image: Arc<Image>,
+    pub sampler: Sampler,
+    pub dead: bool,
+}
+
+impl ImageRef {
+    pub fn dead() -> ImageRef {
+        ImageRef { image: Arc::new(Image::default()), sampler: Sampler::default(), dead: true }
+    }
+}
+
+/// As the importers take them.
+const MOST_A_SIDE: f64 = 16384.0;
+
+pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
+    let mut known = vec!["name", "filter", "wrap"];
+    let sizes_apart = c.len() >= 3;
+    let o = match sizes_apart {
+        true => c.options(3, &known)?,
+        false => {
+            known.extend(["width", "height", "pixels"]);
+            c.options(0, &known)?
+        }
+    };
+    let side = |i: usize, name: &str| {
+        let value = if sizes_apart { Some(c.value(i)) } else { o.get(name) };
+        let value = value.ok_or_else(|| ApiError::new(format!("image: {name} is missing")))?;
+        let label = format!("image: {name}");
+        let whole = value.as_int().ok().filter(|n| (1..=MOST_A_SIDE as i64).contains(n));
+        whole.map(|n| n as u32).ok_or_else(|| {
+            crate::call::wrong(&value, &label, &format!("a whole number from 1 to {MOST_A_SIDE}"))
+        })
+    };
+    let (width, height) = (side(0, "width")?, side(1, "height")?);
+    let count = u64::from(width) * u64::from(height);
+    {
+        let mut build = c.build();
+        build.made.texels = build.made.texels.saturating_add(count);
+        if build.made.texels > c.shared.limits.texels {
+            let error = ApiError::new(format!("image: {} pixels together", build.made.texels));
+            return Err(ApiError { fatal: true, ..error.hint(raise_hint("texels", c.shared.limits.texels)) });
+        }
+    }
+    let pixels = match sizes_apart {
+        true => bytes(&c.value(2), count)?,
+        false => bytes(o.map.get("pixels").unwrap_or(&Dynamic::UNIT), count)?,
+    };
+    let name = o.text("name")?.unwrap_or_else(|| "image".into());
+    let image = choreo_plugin::build::image(&name, width, height, &pixels).map_err(|e| {
+        ApiError::new(format!("image: {}", e.0.split_once(": ").map_or(e.0.as_str(), |(_, e)| e)))
+    })?;
+    Ok(ImageRef { image: Arc::new(image), sampler: sampler(&o)?, dead: false })
+}
+
+fn sampler(o: &Options) -> Result<Sampler, ApiError> {
+    let wrap = match o.one_of("wrap", &["repeat", "clamp", "mirror"])? {
+        Some("clamp") => Wrap::ClampToEdge,
+        Some("mirror") => Wrap::MirroredRepeat,
+        _ => Wrap::Repeat,
+    };
+    // Squares stay squares when they are seen from near; from far they are averaged all the same.
+    let mag_linear = o.one_of("filter", &["linear", "nearest"])? != Some("nearest");
+    Ok(Sampler { wrap_u: wrap, wrap_v: wrap, mag_linear, ..Sampler::default() })
+}
+
+/// Bytes of `count` pixels: a blob as it is, numbers from 0 to 255, or a color for each pixel.
+fn bytes(pixels: &Dynamic, count: u64) -> Result<Vec<u8>, ApiError> {
+    if let Some(blob) = pixels.read_lock::<Blob>() {
+        return Ok(blob.to_vec());
+    }
+    let Some(array) = pixels.read_lock::<Array>() else {
+        return Err(crate::call::wrong(pixels, "image: pixels", "an array or a blob"));
+    };
+    let colors = array.iter().any(|v| v.is_string() || v.is_array());
+    if !colors {
+        let byte = |(at, v): (usize, &Dynamic)| {
+            let number = v.as_int().map(|n| n as f64).or_else(|_| v.as_float()).ok();
+            match number {
+                Some(n) if (0.0..=255.0).contains(&n) => Ok(libm::round(n) as u8),
+                _ => Err(ApiError::new(format!(
+                    "image: pixels[{at}] must be a number from 0 to 255, or a color, got {}",
+                    describe(v)
+                ))),
+            }
+        };
+        return array.iter().enumerate().map(byte).collect();
+    }
+    if array.len() as u64 != count {
+        return Err(ApiError::new(format!("image: {count} pixels need as many colors, got {}", array.len())));
+    }
+    let mut rgba = Vec::with_capacity(4 * array.len());
+    for (at, v) in array.iter().enumerate() {
+        let c = color(v, &format!("image: pixels[{at}]"))?;
+        let alpha = libm::roundf(c.w.clamp(0.0, 1.0) * 255.0) as u8;
+        rgba.extend([srgb_byte(c.x), srgb_byte(c.y), srgb_byte(c.z), alpha]);
+    }
+    Ok(rgba)
+}
+
+/// The inverse of [`crate::color::linear`], to the nearest byte.
+pub fn srgb_byte(linear: f32) -> u8 {
+    let v = f64::from(linear);
+    let s = if v <= 0.003_130_8 { v * 12.92 } else { 1.055 * libm::pow(v, 1.0 / 2.4) - 0.055 };
+    libm::round(s.clamp(0.0, 1.0) * 255.0) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn srgb_bytes_come_back() {
+        for byte in 0..=255u8 {
+            assert_eq!(srgb_byte(crate::color::linear(f64::from(byte) / 255.0)), byte);
+        }
+    }
+}
