@@ -76,6 +76,22 @@ struct Material {
     uv: array<UvTransform, 7>,
 }
 
+@if(LAYERS)
+struct Layers {
+    sheen_color: vec3<f32>,
+    sheen_roughness: f32,
+    // Of the volume: light lost a metre, and metres.
+    extinction: vec3<f32>,
+    thickness: f32,
+    clearcoat: f32,
+    clearcoat_roughness: f32,
+    clearcoat_normal_scale: f32,
+    transmission: f32,
+    // clearcoat, its roughness, its normal, sheen colour, its roughness, transmission, thickness
+    uv: array<UvTransform, 7>,
+}
+@end
+
 // Offsets of one primitive: for each target, `stride` lists of vertex_count vectors: positions, normals, tangents.
 struct Morphs {
     vertex_count: u32,
@@ -107,5 +123,20 @@ struct Morphs {
 @if(SPECULAR_TEXTURE) @group(1) @binding(12) var specular_sampler: sampler;
 @if(SPECULAR_COLOR_TEXTURE) @group(1) @binding(13) var specular_color_texture: texture_2d<f32>;
 @if(SPECULAR_COLOR_TEXTURE) @group(1) @binding(14) var specular_color_sampler: sampler;
+@if(CLEARCOAT_TEXTURE) @group(1) @binding(15) var clearcoat_texture: texture_2d<f32>;
+@if(CLEARCOAT_TEXTURE) @group(1) @binding(16) var clearcoat_sampler: sampler;
+@if(CLEARCOAT_ROUGHNESS_TEXTURE) @group(1) @binding(17) var clearcoat_roughness_texture: texture_2d<f32>;
+@if(CLEARCOAT_ROUGHNESS_TEXTURE) @group(1) @binding(18) var clearcoat_roughness_sampler: sampler;
+@if(CLEARCOAT_NORMAL_TEXTURE) @group(1) @binding(19) var clearcoat_normal_texture: texture_2d<f32>;
+@if(CLEARCOAT_NORMAL_TEXTURE) @group(1) @binding(20) var clearcoat_normal_sampler: sampler;
+@if(SHEEN_COLOR_TEXTURE) @group(1) @binding(21) var sheen_color_texture: texture_2d<f32>;
+@if(SHEEN_COLOR_TEXTURE) @group(1) @binding(22) var sheen_color_sampler: sampler;
+@if(SHEEN_ROUGHNESS_TEXTURE) @group(1) @binding(23) var sheen_roughness_texture: texture_2d<f32>;
+@if(SHEEN_ROUGHNESS_TEXTURE) @group(1) @binding(24) var sheen_roughness_sampler: sampler;
+@if(TRANSMISSION_TEXTURE) @group(1) @binding(25) var transmission_texture: texture_2d<f32>;
+@if(TRANSMISSION_TEXTURE) @group(1) @binding(26) var transmission_sampler: sampler;
+@if(THICKNESS_TEXTURE) @group(1) @binding(27) var thickness_texture: texture_2d<f32>;
+@if(THICKNESS_TEXTURE) @group(1) @binding(28) var thickness_sampler: sampler;
+@if(LAYERS) @group(1) @binding(29) var<uniform> layers: Layers;
 
 @if(MORPH) @group(2) @binding(0) var<storage, read> morphs: Morphs;

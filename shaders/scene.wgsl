@@ -26,14 +26,21 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
 
     @if(LIT)
     var n = unit(in.normal);
-    @if(NORMAL_TEXTURE)
+    @if(CLEARCOAT) var coat_n = n;
     // MikkTSpace: the interpolated vectors are not made orthogonal again.
-    let b = cross(in.normal, in.tangent.xyz) * in.tangent.w;
+    @if(TANGENT) let b = cross(in.normal, in.tangent.xyz) * in.tangent.w;
+    @if(NORMAL_TEXTURE)
     var t = textureSample(normal_texture, normal_sampler, texture_uv(in, 2u)).xyz * 2.0 - 1.0;
     t = vec3(t.xy * material.normal_scale, t.z);
     n = unit(t.x * in.tangent.xyz + t.y * b + t.z * in.normal);
     @end
+    @if(CLEARCOAT_NORMAL_TEXTURE)
+    var c = textureSample(clearcoat_normal_texture, clearcoat_normal_sampler, layer_uv(in, 2u)).xyz * 2.0 - 1.0;
+    c = vec3(c.xy * layers.clearcoat_normal_scale, c.z);
+    coat_n = unit(c.x * in.tangent.xyz + c.y * b + c.z * in.normal);
+    @end
     @if(DOUBLE_SIDED) n = select(-n, n, front);
+    @if(DOUBLE_SIDED && CLEARCOAT) coat_n = select(-coat_n, coat_n, front);
     let v = unit(frame.eye.xyz - in.relative * frame.eye.w);
     @end
 
@@ -58,8 +65,44 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @end
 
     @if(METALLIC_ROUGHNESS)
-    let s = surface_of(base.rgb, metallic, roughness, specular, specular_color);
+    var s = surface_of(base.rgb, metallic, roughness, specular, specular_color);
     let nv = clamp(dot(n, v), 0.001, 1.0);
+    @if(TRANSMISSION)
+    // What is neither reflected nor scattered lets light through (KHR_materials_transmission), less what the volume takes
+    // (KHR_materials_volume, Beer-Lambert). There is no blurred picture of what is behind: of a rough surface the blurred
+    // share is the hemisphere light seen through it.
+    var transmission = layers.transmission * (1.0 - metallic);
+    @if(TRANSMISSION_TEXTURE) transmission *= textureSample(transmission_texture, transmission_sampler, layer_uv(in, 5u)).r;
+    var through = base.rgb * transmission * (vec3(1.0) - ambient_specular(s.f0, s.f90, s.roughness, nv));
+    @if(VOLUME)
+    var depth = layers.thickness * in.scale;
+    @if(THICKNESS_TEXTURE) depth *= textureSample(thickness_texture, thickness_sampler, layer_uv(in, 6u)).g;
+    through *= exp(-layers.extinction * depth);
+    @end
+    let blurred = roughness * roughness;
+    s.diffuse *= 1.0 - transmission;
+    @end
+    @if(SHEEN)
+    var sheen_color = layers.sheen_color;
+    @if(SHEEN_COLOR_TEXTURE) sheen_color *= textureSample(sheen_color_texture, sheen_color_sampler, layer_uv(in, 3u)).rgb;
+    var sheen_roughness = layers.sheen_roughness;
+    @if(SHEEN_ROUGHNESS_TEXTURE) sheen_roughness *= textureSample(sheen_roughness_texture, sheen_roughness_sampler, layer_uv(in, 4u)).a;
+    sheen_roughness = max(sheen_roughness, 0.07);
+    let sheen_share = sheen_albedo(sheen_roughness, nv);
+    // What the sheen takes, the surface below does not get ("Albedo-Scaling technique", by the angle to the viewer).
+    let below_sheen = 1.0 - max(sheen_color.x, max(sheen_color.y, sheen_color.z)) * sheen_share;
+    var sheen = ambient(n) * sheen_share * occlusion;
+    @end
+    @if(CLEARCOAT)
+    var coat_weight = layers.clearcoat;
+    @if(CLEARCOAT_TEXTURE) coat_weight *= textureSample(clearcoat_texture, clearcoat_sampler, layer_uv(in, 0u)).r;
+    var coat_roughness = layers.clearcoat_roughness;
+    @if(CLEARCOAT_ROUGHNESS_TEXTURE) coat_roughness *= textureSample(clearcoat_roughness_texture, clearcoat_roughness_sampler, layer_uv(in, 1u)).g;
+    coat_roughness = max(coat_roughness, 0.045);
+    let coat_nv = clamp(dot(coat_n, v), 0.001, 1.0);
+    coat_weight *= coat_fresnel(coat_nv);
+    var coat = ambient(reflect(-v, coat_n)) * occlusion;
+    @end
     var color = (s.diffuse * ambient(n) + ambient(reflect(-v, n)) * ambient_specular(s.f0, s.f90, s.roughness, nv)) * occlusion;
     @end
     @if(BLINN_PHONG) var color = base.rgb * ambient(n) * occlusion;
@@ -92,6 +135,9 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
         @if(METALLIC_ROUGHNESS) color += reflect_light(s, n, v, l, nv, nl) * light_color * nl;
         @if(TOON) color += mix(specular_color, base.rgb, toon_lit(dot(n, l), shift)) * light_color;
         @if(TOON) lighting += light_color;
+        @if(SHEEN) sheen += sheen_lobe(sheen_roughness, n, v, l, nv, max(nl, 0.001)) * light_color * nl;
+        @if(CLEARCOAT) let coat_nl = clamp(dot(coat_n, l), 0.0, 1.0);
+        @if(CLEARCOAT) coat += coat_lobe(coat_roughness, coat_n, v, l, coat_nv, coat_nl) * light_color * coat_nl;
         @if(BLINN_PHONG) color += reflect_light(base.rgb, specular_color, n, v, l) * light_color * nl;
     }
     @end
@@ -103,7 +149,18 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     color += rim * mix(vec3(1.0), lighting, material.rim_lighting_mix);
     @end
 
+    @if(TRANSMISSION) color += through * blurred * ambient(-v);
+    @if(SHEEN) color = color * below_sheen + sheen_color * sheen;
     @if(EMISSIVE && !EMISSIVE_TEXTURE) color += material.emissive;
     @if(EMISSIVE_TEXTURE) color += material.emissive * textureSample(emissive_texture, emissive_sampler, texture_uv(in, 4u)).rgb;
-    return vec4(color, alpha);
+    @if(CLEARCOAT) color = mix(color, coat, coat_weight);
+    @if(!GLASS) return vec4(color, alpha);
+    // Glass is drawn twice: first what is behind is multiplied by what comes through, then what the surface shows is added.
+    @if(GLASS_LIGHT) return vec4(color * alpha, alpha);
+    @if(GLASS_FILTER)
+    through *= 1.0 - blurred;
+    @if(SHEEN) through *= below_sheen;
+    @if(CLEARCOAT) through *= 1.0 - coat_weight;
+    return vec4(mix(vec3(1.0), through, alpha), alpha);
+    @end
 }

@@ -3,7 +3,7 @@
 struct VertexIn {
     @location(0) position: vec3<f32>,
     @if(LIT) @location(1) normal: vec4<f32>,
-    @if(NORMAL_TEXTURE) @location(2) tangent: vec4<f32>,
+    @if(TANGENT) @location(2) tangent: vec4<f32>,
     @if(UV0) @location(3) uv0: vec2<f32>,
     @if(UV1) @location(4) uv1: vec2<f32>,
     @if(VERTEX_COLOR) @location(5) color: vec4<f32>,
@@ -19,10 +19,12 @@ struct VertexOut {
     @builtin(position) position: vec4<f32>,
     @if(LIT) @location(0) relative: vec3<f32>,
     @if(LIT) @location(1) normal: vec3<f32>,
-    @if(NORMAL_TEXTURE) @location(2) tangent: vec4<f32>,
+    @if(TANGENT) @location(2) tangent: vec4<f32>,
     @if(UV0) @location(3) uv0: vec2<f32>,
     @if(UV1) @location(4) uv1: vec2<f32>,
     @if(VERTEX_COLOR || TINT) @location(5) color: vec4<f32>,
+    // How much longer the mesh's metres are here.
+    @if(VOLUME) @location(6) scale: f32,
 }
 
 @if(SKIN)
@@ -36,7 +38,7 @@ fn weigh(sum: Rows, joint: u32, weight: f32) -> Rows {
 fn vs(in: VertexIn) -> VertexOut {
     var position = in.position;
     @if(LIT) var normal = in.normal.xyz;
-    @if(NORMAL_TEXTURE) var tangent = in.tangent.xyz;
+    @if(TANGENT) var tangent = in.tangent.xyz;
 
     @if(MORPH)
     let first_morph = instances[in.instance].first_morph;
@@ -45,7 +47,7 @@ fn vs(in: VertexIn) -> VertexOut {
         let at = active_morph.target_index * morphs.stride * morphs.vertex_count + in.index;
         position += active_morph.weight * morphs.offsets[at].xyz;
         @if(LIT) normal += active_morph.weight * morphs.offsets[at + morphs.vertex_count].xyz;
-        @if(NORMAL_TEXTURE) tangent += active_morph.weight * morphs.offsets[at + 2u * morphs.vertex_count].xyz;
+        @if(TANGENT) tangent += active_morph.weight * morphs.offsets[at + 2u * morphs.vertex_count].xyz;
     }
     @end
 
@@ -80,10 +82,12 @@ fn vs(in: VertexIn) -> VertexOut {
     let turned = vec3(dot(cofactor_x, normal), dot(cofactor_y, normal), dot(cofactor_z, normal));
     out.normal = unit(turned * handedness);
     @end
-    @if(NORMAL_TEXTURE)
+    @if(TANGENT)
     let along = vec3(dot(m.x.xyz, tangent), dot(m.y.xyz, tangent), dot(m.z.xyz, tangent));
     out.tangent = vec4(unit(along), in.tangent.w * handedness);
     @end
+    // The root mean square of the three axes.
+    @if(VOLUME) out.scale = sqrt((dot(m.x.xyz, m.x.xyz) + dot(m.y.xyz, m.y.xyz) + dot(m.z.xyz, m.z.xyz)) / 3.0);
     @if(UV0) out.uv0 = in.uv0;
     @if(UV1) out.uv1 = in.uv1;
     @if(VERTEX_COLOR && TINT) out.color = in.color * instances[in.instance].tint;

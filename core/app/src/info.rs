@@ -124,6 +124,12 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
         facts.vertices,
         facts.triangles
     );
+    let copied: Vec<usize> =
+        asset.instances.iter().filter(|i| !i.copies.is_empty()).map(|i| i.times()).collect();
+    if !copied.is_empty() {
+        let copies: usize = copied.iter().sum();
+        let _ = writeln!(t, "copies     {copies}, of {} meshes drawn many times", copied.len());
+    }
     let skins: Vec<String> = asset.skins.iter().map(|s| s.joints.len().to_string()).collect();
     let in_skins = if skins.is_empty() { String::new() } else { format!(" ({} joints)", skins.join(", ")) };
     let _ = writeln!(t, "joints     {} nodes, {} skins{in_skins}", asset.skeleton.len(), skins.len());
@@ -148,7 +154,7 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
             "  {:<28} {:8.3} s, {} curves",
             clip.name,
             clip.duration.as_secs(),
-            clip.curves().len()
+            clip.curves().len() + clip.properties().len()
         );
     }
     t.push_str(&character::text(asset, joints));

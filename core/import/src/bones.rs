@@ -67,7 +67,7 @@ pub fn add_bones(asset: &mut Asset) {
         joint: 0,
         mesh: asset.meshes.len() as u32,
         skin: Some(asset.skins.len() as u32),
-        weights: Vec::new(),
+        ..MeshInstance::default()
     });
     asset.meshes.push(Arc::new(Mesh {
         name: "bones".into(),

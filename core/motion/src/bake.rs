@@ -65,7 +65,7 @@ impl Clip {
             let interpolation = Interpolation::Linear;
             Curve { interpolation, times: Arc::clone(&times), values: values.into(), ..curve.clone() }
         });
-        let baked = self.with_curves(self.joint_count(), curves.collect());
+        let baked = self.with_curves(self.joint_count(), curves.collect()).and_properties_of(self);
         let error = self.distance_from(&baked, &times);
         Ok((baked, error))
     }

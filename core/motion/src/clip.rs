@@ -4,6 +4,7 @@
 //! sampled at any time, without a cache, in any order.
 
 use crate::Time;
+use crate::property::{self, PropertyCurve, PropertyTarget};
 use crate::timeline::find_interval;
 use crate::tracks::Tracks;
 use glam::Quat;
@@ -92,6 +93,8 @@ impl ExpressionCurve {
 pub enum ClipError {
     #[error("curve {curve} ({path:?} of joint {joint}): {what}")]
     Curve { curve: usize, joint: u32, path: Path, what: String },
+    #[error("property curve {curve} ({target:?}): {what}")]
+    Property { curve: usize, target: PropertyTarget, what: String },
 }
 
 /// A curve of an expression that is unsound.
@@ -117,6 +120,7 @@ pub struct Clip {
     weight_curves: Arc<[(u32, u32)]>,
     /// By name, each once.
     expressions: Arc<[ExpressionCurve]>,
+    properties: Arc<[property::Checked]>,
 }
 
 /// Morph targets that one curve may drive; a file that says more is refused.
@@ -168,6 +172,7 @@ impl Clip {
             animated: animated.into(),
             weight_curves: weight_curves.into(),
             expressions: Arc::default(),
+            properties: [].into(),
         }
     }
 
@@ -226,9 +231,32 @@ impl Clip {
         self
     }
 
+    /// The clip with curves of its asset's cameras, lights and materials; it lasts as long as the longest of all.
+    pub fn with_properties(mut self, curves: Vec<PropertyCurve>) -> Result<Clip, ClipError> {
+        self.properties = property::check(curves)?.into();
+        let last = self.properties.iter().filter_map(|p| p.curve().times.last()).max();
+        self.duration = self.duration.max(last.copied().unwrap_or(Time::ZERO));
+        Ok(self)
+    }
+
+    /// What is animated beside the skeleton, with the curve (as one of weights).
+    pub fn properties(&self) -> impl ExactSizeIterator<Item = (PropertyTarget, &Curve)> {
+        self.properties.iter().map(|p| (p.target(), p.curve()))
+    }
+
+    /// A property at a time, into the first of `out`. False, and `out` untouched, where the clip does not drive it.
+    pub fn sample_property(&self, target: PropertyTarget, time: Time, out: &mut [f32]) -> bool {
+        let found = self.properties.iter().find(|p| p.target() == target);
+        found.inspect(|p| p.sample(time, out)).is_some()
+    }
+
     /// Lays the keys out for sampling, which else happens when the clip is first sampled.
     pub fn prepare(&self) {
         self.tracks();
+    }
+
+    pub(crate) fn and_properties_of(self, other: &Clip) -> Clip {
+        Clip { properties: other.properties.clone(), ..self }
     }
 
     pub(crate) fn tracks(&self) -> &Tracks {
@@ -297,7 +325,7 @@ fn check_keys(times: &[Time], values: &[f32], stride: usize) -> Result<(), Strin
 }
 
 /// Checks one curve and renormalises its rotations; the text says which key is wrong.
-fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), String> {
+pub(crate) fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), String> {
     if curve.joint as usize >= joint_count {
         return Err(format!("the skeleton has only {joint_count} joints"));
     }

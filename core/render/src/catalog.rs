@@ -2,8 +2,11 @@
 
 use crate::bounds::PrimitiveInfo;
 use crate::content::{material_hash, short};
-use choreo_stage::{AlphaMode, Asset, Image, Material, Primitive, Sampler, Shading, Stage, TextureRef, Toon};
-use glam::{Affine2, Vec3};
+use crate::gpu_types::{BASE_SLOTS, LAYER_SLOTS, TEXTURE_SLOTS};
+use choreo_stage::{
+    AlphaMode, Asset, Image, Material, MaterialLayers, Primitive, Sampler, Shading, Stage, TextureRef, Toon,
+};
+use glam::{Affine2, Vec3, Vec4};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -49,12 +52,14 @@ pub struct CatalogMaterial {
     pub emissive: Option<CatalogTextureRef>,
     pub specular: Option<CatalogTextureRef>,
     pub specular_color: Option<CatalogTextureRef>,
+    /// In the order of `MaterialLayers::textures`.
+    pub layers: [Option<CatalogTextureRef>; LAYER_SLOTS],
 }
 
 impl CatalogMaterial {
     /// In the order of the fields.
-    pub fn texture_refs(&self) -> [Option<CatalogTextureRef>; 7] {
-        [
+    pub fn texture_refs(&self) -> [Option<CatalogTextureRef>; TEXTURE_SLOTS] {
+        let base = [
             self.base_color,
             self.metallic_roughness,
             self.normal,
@@ -62,7 +67,11 @@ impl CatalogMaterial {
             self.emissive,
             self.specular,
             self.specular_color,
-        ]
+        ];
+        let mut all = [None; TEXTURE_SLOTS];
+        all[..BASE_SLOTS].copy_from_slice(&base);
+        all[BASE_SLOTS..].copy_from_slice(&self.layers);
+        all
     }
 }
 
@@ -95,6 +104,8 @@ pub struct AssetEntry {
 pub struct PrimitiveEntry {
     pub primitive: u32,
     pub material: u32,
+    /// The asset's material whose base colour its clips animate: white in the catalogue, it comes with each copy's tint.
+    pub animated: Option<u32>,
 }
 
 impl Catalog {
@@ -130,7 +141,15 @@ struct Builder {
 
 impl Builder {
     fn asset(&mut self, asset: &Asset) -> AssetEntry {
-        let material_ids: Vec<u32> = asset.materials.iter().map(|m| self.material(asset, m)).collect();
+        let animated = asset.animated_base_colors();
+        let is_animated = |m: u32| animated.get(m as usize).is_some_and(|a| *a);
+        let material_ids: Vec<u32> = (0..)
+            .zip(&asset.materials)
+            .map(|(index, m)| match is_animated(index) {
+                true => self.material(asset, &Material { base_color: Vec4::ONE, ..m.clone() }),
+                false => self.material(asset, m),
+            })
+            .collect();
         let mut default_material = None;
         let mut meshes: Vec<Option<Vec<PrimitiveEntry>>> = vec![None; asset.meshes.len()];
         let mut entry = AssetEntry::default();
@@ -146,7 +165,9 @@ impl Builder {
                     let material = material.unwrap_or_else(|| {
                         *default_material.get_or_insert_with(|| self.material(asset, &Material::default()))
                     });
-                    ids.push(PrimitiveEntry { primitive: self.primitive(mesh, index as u32), material });
+                    let animated = primitive.material.filter(|m| is_animated(*m));
+                    let primitive = self.primitive(mesh, index as u32);
+                    ids.push(PrimitiveEntry { primitive, material, animated });
                 }
                 meshes[instance.mesh as usize] = Some(ids);
             }
@@ -172,7 +193,23 @@ impl Builder {
         let mut texture = |t: &Option<TextureRef>, srgb, needed| {
             t.as_ref().filter(|_| needed).and_then(|t| self.texture(asset, t, srgb))
         };
+        let layers = m.layers.as_deref().filter(|_| metallic_roughness).filter(|l| shows(l));
+        let layer_textures = layers.map_or([None; LAYER_SLOTS], |l| {
+            let coat = l.clearcoat > 0.0;
+            let sheen = l.sheen_color != glam::Vec3::ZERO;
+            let uses = [
+                (&l.clearcoat_texture, false, coat),
+                (&l.clearcoat_roughness_texture, false, coat && l.clearcoat_roughness > 0.0),
+                (&l.clearcoat_normal_texture, false, coat && l.clearcoat_normal_scale != 0.0),
+                (&l.sheen_color_texture, true, sheen),
+                (&l.sheen_roughness_texture, false, sheen && l.sheen_roughness > 0.0),
+                (&l.transmission_texture, false, l.transmission > 0.0),
+                (&l.thickness_texture, false, l.absorbs()),
+            ];
+            uses.map(|(t, srgb, needed)| texture(t, srgb, needed))
+        });
         let material = CatalogMaterial {
+            layers: layer_textures,
             base_color: texture(&m.base_color_texture, true, true),
             metallic_roughness: match toon {
                 Some(t) => texture(&t.matcap_texture, true, t.matcap != Vec3::ZERO),
@@ -202,6 +239,7 @@ impl Builder {
                     AlphaMode::Mask(cutoff) if cutoff.is_nan() || cutoff <= 0.0 => AlphaMode::Opaque,
                     mode => mode,
                 },
+                layers: layers.map(|l| Box::new(l.clone())),
                 ..m.clone()
             },
         };
@@ -238,6 +276,11 @@ impl Builder {
 /// Whether a rim or a matcap adds anything.
 fn has_rim(t: &Toon) -> bool {
     t.rim_color != Vec3::ZERO || (t.matcap != Vec3::ZERO && t.matcap_texture.is_some())
+}
+
+/// Layers of which nothing is seen cost nothing.
+fn shows(l: &MaterialLayers) -> bool {
+    l.clearcoat > 0.0 || l.sheen_color != glam::Vec3::ZERO || l.transmission > 0.0
 }
 
 /// Marker for callers: a catalogue belongs to one stage.

@@ -44,6 +44,9 @@ pub fn material_hash(m: &CatalogMaterial) -> [u8; 16] {
     for t in m.texture_refs() {
         texture_ref(&mut h, t);
     }
+    if let Some(l) = crate::gpu_types::LayersUniform::new(m) {
+        h.update(bytemuck::bytes_of(&l));
+    }
     short(*h.finalize().as_bytes())
 }
 

@@ -2,7 +2,7 @@
 //! and which actors and materials asked for it. The other half, what was left out and why, is in the plan.
 
 use crate::catalog::Catalog;
-use crate::gpu_types::{FrameUniform, MaterialUniform, PostUniform};
+use crate::gpu_types::{FrameUniform, LayersUniform, MaterialUniform, PostUniform};
 use crate::mip::level_count;
 use crate::plan::{ActiveMorph, Draw, Instance, Plan, PlanLight, Rows};
 use crate::record::{Command, Recording, Target};
@@ -268,7 +268,7 @@ impl Parts<'_> {
     }
 
     fn materials_and_textures(&mut self, recording: &Recording) {
-        let mut slots_of: BTreeMap<u32, u8> = BTreeMap::new();
+        let mut slots_of: BTreeMap<u32, u16> = BTreeMap::new();
         for command in &recording.commands {
             if let Command::BindMaterial { material, slots } = command {
                 *slots_of.entry(*material).or_default() |= slots;
@@ -286,7 +286,8 @@ impl Parts<'_> {
                 self.plan.draws.iter().filter(|d| d.material == *material).copied().collect();
             let askers = self.actors(draws.iter());
             let what = format!("\"{}\"", entry.material.name);
-            self.add(Kind::Material, what, Some(size_of::<MaterialUniform>() as u64), askers);
+            let layers = if entry.material.layers.is_some() { size_of::<LayersUniform>() } else { 0 };
+            self.add(Kind::Material, what, Some((size_of::<MaterialUniform>() + layers) as u64), askers);
         }
         for (texture, materials) in textures {
             let entry = &self.catalog.textures[texture as usize];

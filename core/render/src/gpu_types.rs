@@ -1,6 +1,6 @@
 //! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shaders.rs` compares every field's offset.
 
-use crate::catalog::CatalogMaterial;
+use crate::catalog::{CatalogMaterial, CatalogTextureRef};
 use choreo_stage::{AlphaMode, Shading, Toon};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
@@ -49,11 +49,66 @@ pub struct MaterialUniform {
     pub rim: Vec4,
     /// Toon: matcap colour and rim lift.
     pub matcap: Vec4,
-    pub uv: [UvTransform; TEXTURE_SLOTS],
+    pub uv: [UvTransform; BASE_SLOTS],
 }
 
 /// Base colour, metallic-roughness, normal, occlusion, emissive, specular, specular colour.
-pub const TEXTURE_SLOTS: usize = 7;
+pub const BASE_SLOTS: usize = 7;
+/// Clearcoat, its roughness, its normal, sheen colour, its roughness, transmission, thickness.
+pub const LAYER_SLOTS: usize = 7;
+/// All that a material can have; Vulkan promises 16.
+pub const TEXTURE_SLOTS: usize = BASE_SLOTS + LAYER_SLOTS;
+
+/// Only of materials that have layers.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct LayersUniform {
+    pub sheen_color: Vec3,
+    pub sheen_roughness: f32,
+    pub extinction: Vec3,
+    pub thickness: f32,
+    pub clearcoat: f32,
+    pub clearcoat_roughness: f32,
+    pub clearcoat_normal_scale: f32,
+    pub transmission: f32,
+    pub uv: [UvTransform; LAYER_SLOTS],
+}
+
+impl LayersUniform {
+    /// Binding after those of the textures.
+    pub const BINDING: u32 = 1 + 2 * TEXTURE_SLOTS as u32;
+
+    /// `None` where the material has no layers.
+    pub fn new(catalog: &CatalogMaterial) -> Option<LayersUniform> {
+        let l = catalog.material.layers.as_deref()?;
+        let refs = catalog.texture_refs();
+        let mut uv = [UvTransform { x: Vec4::X, y: Vec4::Y }; LAYER_SLOTS];
+        for (out, slot) in uv.iter_mut().zip(&refs[BASE_SLOTS..]) {
+            if let Some(t) = slot {
+                *out = uv_transform(t);
+            }
+        }
+        Some(LayersUniform {
+            sheen_color: l.sheen_color,
+            sheen_roughness: l.sheen_roughness,
+            extinction: l.extinction(),
+            thickness: l.thickness,
+            clearcoat: l.clearcoat,
+            clearcoat_roughness: l.clearcoat_roughness,
+            clearcoat_normal_scale: l.clearcoat_normal_scale,
+            transmission: l.transmission,
+            uv,
+        })
+    }
+}
+
+fn uv_transform(t: &CatalogTextureRef) -> UvTransform {
+    let a = t.uv_transform;
+    UvTransform {
+        x: Vec4::new(a.matrix2.x_axis.x, a.matrix2.y_axis.x, a.translation.x, t.uv_set as f32),
+        y: Vec4::new(a.matrix2.x_axis.y, a.matrix2.y_axis.y, a.translation.y, 0.0),
+    }
+}
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
@@ -69,12 +124,10 @@ impl MaterialUniform {
         let m = &catalog.material;
         // A feature may be on where the material has no such texture (`PlanOptions::force_all`): identity then.
         let identity = UvTransform { x: Vec4::X, y: Vec4::Y };
-        let mut uv = [identity; TEXTURE_SLOTS];
+        let mut uv = [identity; BASE_SLOTS];
         for (out, slot) in uv.iter_mut().zip(catalog.texture_refs()) {
             if let Some(t) = slot {
-                let a = t.uv_transform;
-                out.x = Vec4::new(a.matrix2.x_axis.x, a.matrix2.y_axis.x, a.translation.x, t.uv_set as f32);
-                out.y = Vec4::new(a.matrix2.x_axis.y, a.matrix2.y_axis.y, a.translation.y, 0.0);
+                *out = uv_transform(&t);
             }
         }
         let default = Toon::default();

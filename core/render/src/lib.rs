@@ -12,6 +12,7 @@ pub mod gpu;
 pub mod gpu_types;
 pub mod mip;
 mod needs;
+mod needs_layers;
 pub mod plan;
 mod planner;
 pub mod record;

@@ -42,7 +42,9 @@ pub fn features(
         (material.specular, Features::SPECULAR_TEXTURE, metallic_roughness || toon),
         (material.specular_color, Features::SPECULAR_COLOR_TEXTURE, lit),
     ];
-    for (texture, bit, read) in textures {
+    let layers = m.layers.as_deref().filter(|_| metallic_roughness);
+    let of_layers = crate::needs_layers::textures(material, layers);
+    for (texture, bit, read) in textures.into_iter().chain(of_layers) {
         if toon && bit == Features::METALLIC_ROUGHNESS_TEXTURE {
             // A matcap is looked up by the normal.
             set(texture.is_some() || force_all, bit);
@@ -50,7 +52,7 @@ pub fn features(
         }
         // A texture without its uvs, a normal map without tangents: out, even where everything is forced in.
         let unusable = texture.is_some_and(|t| p.uvs[t.uv_set as usize].is_empty())
-            || (bit == Features::NORMAL_TEXTURE && texture.is_some() && p.tangents.is_empty());
+            || (bit.has_tangents() && texture.is_some() && p.tangents.is_empty());
         if !read || unusable {
             continue;
         }
@@ -62,6 +64,7 @@ pub fn features(
             Features::UV_TRANSFORM,
         );
     }
+    crate::needs_layers::bits(layers, force_all).into_iter().for_each(|(on, bit)| set(on, bit));
     set(needs.skinned || force_all, Features::SKIN);
     set((needs.skinned && primitive.info.influences == 8) || force_all, Features::SKIN_8);
     set(needs.morphed || force_all, Features::MORPH);
@@ -159,6 +162,9 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     ];
     for (bit, what, thing, lit_only) in textures {
         say(!all.has(bit) && (facts.lit_drawn || !lit_only), what, nothing_drawn_uses(thing));
+    }
+    for (bit, what, thing) in crate::needs_layers::WORDS {
+        say(facts.lit_drawn && !all.has(*bit), what, nothing_drawn_uses(thing));
     }
     say(facts.lit_drawn && !all.has(Features::EMISSIVE), "emission", "no drawn material emits light".into());
     say(

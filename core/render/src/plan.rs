@@ -94,7 +94,27 @@ pub struct PipelineKey {
     pub double_sided: bool,
     /// The transform mirrors: front faces are clockwise.
     pub mirrored: bool,
+    /// Mixed with what is behind by its alpha.
     pub blend: bool,
+    pub glass: Glass,
+}
+
+impl PipelineKey {
+    /// Drawn back to front after everything opaque, without writing depth.
+    pub fn is_see_through(&self) -> bool {
+        self.blend || self.glass != Glass::No
+    }
+}
+
+/// Surfaces that let light through are drawn twice, in this order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Glass {
+    #[default]
+    No,
+    /// What is behind is multiplied by the colour of what comes through.
+    Filter,
+    /// What the surface itself shows is added.
+    Light,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -120,7 +140,7 @@ impl From<Topology> for TopologyKey {
 /// uv 0, colour 1, tangent 0, joint indices 0 with weights (1,0,0,0 | 0,0,0,0), normal scale 0, cutoff 0,
 /// identity uv transforms, and a white texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Features(pub u32);
+pub struct Features(pub u64);
 
 impl Features {
     pub const SKIN: Features = Features(1 << 0);
@@ -152,6 +172,25 @@ impl Features {
     /// occlusion, shading shift in specular, shade colour in specular colour.
     pub const TOON: Features = Features(1 << 19);
 
+    /// Clearcoat, sheen or transmission is on: the layers' uniform is read.
+    pub const LAYERS: Features = Features(1 << 32);
+    pub const CLEARCOAT: Features = Features(1 << 33);
+    pub const CLEARCOAT_TEXTURE: Features = Features(1 << 34);
+    pub const CLEARCOAT_ROUGHNESS_TEXTURE: Features = Features(1 << 35);
+    pub const CLEARCOAT_NORMAL_TEXTURE: Features = Features(1 << 36);
+    pub const SHEEN: Features = Features(1 << 37);
+    pub const SHEEN_COLOR_TEXTURE: Features = Features(1 << 38);
+    pub const SHEEN_ROUGHNESS_TEXTURE: Features = Features(1 << 39);
+    pub const TRANSMISSION: Features = Features(1 << 40);
+    pub const TRANSMISSION_TEXTURE: Features = Features(1 << 41);
+    /// What is let through is absorbed on its way.
+    pub const VOLUME: Features = Features(1 << 42);
+    pub const THICKNESS_TEXTURE: Features = Features(1 << 43);
+
+    /// Some normal map is read.
+    pub const fn has_tangents(self) -> bool {
+        self.0 & (Self::NORMAL_TEXTURE.0 | Self::CLEARCOAT_NORMAL_TEXTURE.0) != 0
+    }
     pub const fn is_lit(self) -> bool {
         self.0 & (Self::METALLIC_ROUGHNESS.0 | Self::BLINN_PHONG.0 | Self::TOON.0) != 0
     }
@@ -204,6 +243,10 @@ pub const LEFT_OUT: &[&str] = &[
     "specular textures",
     "specular colour textures",
     "emission",
+    "clear coats",
+    "sheen",
+    "transmission",
+    "absorption",
     "texture transforms",
     "alpha test",
     "blending and sorting back to front",

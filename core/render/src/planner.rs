@@ -120,7 +120,7 @@ impl Planner<'_> {
             let weights = state.morph_weights.get(i).unwrap_or(&instance.weights);
             let skin = skin.map(|s| &mut skins[s]);
             let first = self.items.len();
-            self.mesh(primitives, instance, relative_from_model, skin, weights, state);
+            self.mesh(primitives, instance, relative_from_model, skin, weights, (asset, state));
             self.items[first..].iter_mut().for_each(|item| item.actor = index as u32);
         }
     }
@@ -132,11 +132,11 @@ impl Planner<'_> {
         relative_from_model: DAffine3,
         mut skin: Option<&mut PosedSkin>,
         weights: &[f32],
-        state: &ActorState,
+        (asset, state): (&Asset, &ActorState),
     ) {
         let model_from_joint = state.model_from_joint.get(instance.joint as usize);
         let model_from_joint = model_from_joint.copied().unwrap_or(Affine3A::IDENTITY);
-        let rigid = Rows::from_affine(relative_from_model * daffine(model_from_joint));
+        let relative_from_joint = relative_from_model * daffine(model_from_joint);
         let active = |&(_, w): &(usize, &f32)| *w != 0.0 && w.is_finite();
         let mut morph_range = None;
         for entry in primitives {
@@ -146,7 +146,7 @@ impl Planner<'_> {
             if !info.valid || primitive.primitive().indices.is_empty() {
                 continue;
             }
-            self.facts.copies += 1;
+            self.facts.copies += instance.times();
             let mut posed_skin = skin.as_deref_mut().filter(|s| {
                 // A joint list shorter than the vertices' indices cannot be drawn skinned.
                 info.influences > 0 && info.joint_count() <= s.rows.len()
@@ -156,76 +156,92 @@ impl Planner<'_> {
             self.facts.morphs_exist |= !info.morph_bounds.is_empty();
             self.facts.lit_exist |= is_lit(material.material.shading);
 
+            let base_color = entry.animated.map_or(Vec4::ONE, |m| {
+                let rest = asset.materials.get(m as usize).map_or(Vec4::ONE, |m| m.base_color);
+                state.base_colors.get(m as usize).copied().unwrap_or(rest)
+            });
+            let tint = state.tint * base_color;
             let offset = info.morph_offset(weights);
-            let bounds = match &posed_skin {
-                Some(s) => info.skinned(&s.rows, offset),
-                None => info.posed(&rigid, offset),
-            };
-            if !self.options.no_culling && outside(bounds, &self.view.clip_from_relative) {
-                self.facts.culled += 1;
-                continue;
-            }
-
-            let determinant = match &posed_skin {
-                // Of the first joint in use that is not flat.
-                Some(s) => {
-                    let used = info.joint_bounds.iter().map(|(j, _)| s.rows[*j as usize].determinant());
-                    used.into_iter().find(|d| *d != 0.0).unwrap_or(1.0)
-                }
-                None => rigid.determinant(),
-            };
             let needs = DrawNeeds {
                 skinned: posed_skin.is_some(),
                 morphed: morph_count > 0,
                 local_lights: self.local_lights,
             };
-            let key = PipelineKey {
-                features: features(primitive, material, needs, self.options.force_all),
-                topology: primitive.primitive().topology.into(),
-                double_sided: material.material.double_sided,
-                mirrored: determinant < 0.0,
-                blend: alpha_blends(material.material.alpha_mode) || state.tint.w < 1.0,
-            };
-            let lit = key.features.is_lit();
-            self.facts.lit_drawn |= lit;
+            let features = features(primitive, material, needs, self.options.force_all);
+            for copy in instance.joint_from_copies() {
+                let relative_from_mesh = match instance.copies.is_empty() {
+                    true => relative_from_joint,
+                    false => relative_from_joint * daffine(copy),
+                };
+                let rigid = Rows::from_affine(relative_from_mesh);
+                let bounds = match &posed_skin {
+                    Some(s) => info.skinned(&s.rows, offset),
+                    None => info.posed(&rigid, offset),
+                };
+                if !self.options.no_culling && outside(bounds, &self.view.clip_from_relative) {
+                    self.facts.culled += 1;
+                    continue;
+                }
 
-            let mut planned = Instance { relative_from_mesh: rigid, tint: state.tint, ..Instance::default() };
-            if let Some(s) = &mut posed_skin {
-                planned.first_joint = *s.first_joint.get_or_insert_with(|| {
-                    self.joint_matrices.extend_from_slice(&s.rows);
-                    (self.joint_matrices.len() - s.rows.len()) as u32
-                });
-            } else if self.options.force_all {
-                // A skin of one joint, on which every vertex hangs with weight one.
-                planned.first_joint = self.joint_matrices.len() as u32;
-                self.joint_matrices.push(rigid);
+                let determinant = match &posed_skin {
+                    // Of the first joint in use that is not flat.
+                    Some(s) => {
+                        let used = info.joint_bounds.iter().map(|(j, _)| s.rows[*j as usize].determinant());
+                        used.into_iter().find(|d| *d != 0.0).unwrap_or(1.0)
+                    }
+                    None => rigid.determinant(),
+                };
+                let key = PipelineKey {
+                    features,
+                    topology: primitive.primitive().topology.into(),
+                    double_sided: material.material.double_sided,
+                    mirrored: determinant < 0.0,
+                    blend: alpha_blends(material.material.alpha_mode) || state.tint.w < 1.0,
+                    glass: Glass::No,
+                };
+                let lit = key.features.is_lit();
+                self.facts.lit_drawn |= lit;
+
+                let mut planned = Instance { relative_from_mesh: rigid, tint, ..Instance::default() };
+                if let Some(s) = &mut posed_skin {
+                    planned.first_joint = *s.first_joint.get_or_insert_with(|| {
+                        self.joint_matrices.extend_from_slice(&s.rows);
+                        (self.joint_matrices.len() - s.rows.len()) as u32
+                    });
+                } else if self.options.force_all {
+                    // A skin of one joint, on which every vertex hangs with weight one.
+                    planned.first_joint = self.joint_matrices.len() as u32;
+                    self.joint_matrices.push(rigid);
+                }
+                if morph_count > 0 {
+                    let (first, count) = *morph_range.get_or_insert_with(|| {
+                        let first = self.morphs.len();
+                        let pairs = weights.iter().take(info.morph_bounds.len()).enumerate().filter(active);
+                        self.morphs.extend(pairs.map(|(t, w)| ActiveMorph { target: t as u32, weight: *w }));
+                        (first as u32, (self.morphs.len() - first) as u32)
+                    });
+                    planned.first_morph = first;
+                    // Fewer targets in this primitive than in the mesh: the pairs are in target order.
+                    planned.morph_count = count.min(morph_count as u32);
+                }
+                let glass = key.features.has(Features::TRANSMISSION);
+                let phase = match material.material.alpha_mode {
+                    _ if key.blend || glass => Phase::Blend,
+                    AlphaMode::Mask(_) => Phase::Mask,
+                    _ => Phase::Opaque,
+                };
+                let depth = self.view.depth(bounds.center());
+                let passes = if glass { &[Glass::Filter, Glass::Light][..] } else { &[Glass::No] };
+                self.items.extend(passes.iter().map(|glass| Item {
+                    phase,
+                    pipeline: PipelineKey { glass: *glass, ..key },
+                    entry: *entry,
+                    depth,
+                    nearest: depth,
+                    instance: planned,
+                    actor: 0,
+                }));
             }
-            if morph_count > 0 {
-                let (first, count) = *morph_range.get_or_insert_with(|| {
-                    let first = self.morphs.len();
-                    let pairs = weights.iter().take(info.morph_bounds.len()).enumerate().filter(active);
-                    self.morphs.extend(pairs.map(|(t, w)| ActiveMorph { target: t as u32, weight: *w }));
-                    (first as u32, (self.morphs.len() - first) as u32)
-                });
-                planned.first_morph = first;
-                // Fewer targets in this primitive than in the mesh: the pairs are in target order.
-                planned.morph_count = count.min(morph_count as u32);
-            }
-            let phase = match material.material.alpha_mode {
-                _ if key.blend => Phase::Blend,
-                AlphaMode::Mask(_) => Phase::Mask,
-                _ => Phase::Opaque,
-            };
-            let depth = self.view.depth(bounds.center());
-            self.items.push(Item {
-                phase,
-                pipeline: key,
-                entry: *entry,
-                depth,
-                nearest: depth,
-                instance: planned,
-                actor: 0,
-            });
         }
     }
 

@@ -38,7 +38,7 @@ pub enum Command {
     /// Index into `Catalog::materials`, and which of its textures the pipeline reads (see [`texture_slots`]).
     BindMaterial {
         material: u32,
-        slots: u8,
+        slots: u16,
     },
     /// Index into `Catalog::primitives`, with the attributes that are bound, and its morph offsets.
     BindMesh {
@@ -140,7 +140,8 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     }
     commands.push(Command::BeginPass { target: scene, samples: plan.samples, clear, depth });
     let mut state = DrawState { plan, commands, cull: None, pipeline: None, material: None, mesh: None };
-    let first_blended = plan.draws.iter().position(|d| d.pipeline.blend).unwrap_or(plan.draws.len());
+    let first_blended =
+        plan.draws.iter().position(|d| d.pipeline.is_see_through()).unwrap_or(plan.draws.len());
     let (solid, blended) = plan.draws.split_at(first_blended);
     let split = options.cpu_device && faces_apart_pay(plan, solid, &triangles);
     let apart = |d: &Draw| split && d.pipeline.double_sided && d.pipeline.topology == TopologyKey::Triangles;
@@ -177,7 +178,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
 }
 
 /// Texture slots that the features read, a bit each.
-pub fn texture_slots(features: Features) -> u8 {
+pub fn texture_slots(features: Features) -> u16 {
     let order = [
         Features::BASE_COLOR_TEXTURE,
         Features::METALLIC_ROUGHNESS_TEXTURE,
@@ -187,7 +188,8 @@ pub fn texture_slots(features: Features) -> u8 {
         Features::SPECULAR_TEXTURE,
         Features::SPECULAR_COLOR_TEXTURE,
     ];
-    order.iter().enumerate().map(|(i, f)| (features.has(*f) as u8) << i).sum()
+    let all = order.iter().chain(&crate::needs_layers::TEXTURES);
+    all.enumerate().map(|(i, f)| u16::from(features.has(*f)) << i).sum()
 }
 
 fn cull_of(draw: &Draw) -> Cull {
@@ -211,7 +213,7 @@ struct DrawState<'a> {
     commands: Vec<Command>,
     cull: Option<Cull>,
     pipeline: Option<SceneVariant>,
-    material: Option<(u32, u8)>,
+    material: Option<(u32, u16)>,
     mesh: Option<(u32, VertexLayout, bool)>,
 }
 

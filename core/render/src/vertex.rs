@@ -40,7 +40,7 @@ impl VertexLayout {
         let on = [
             true,
             features.is_lit(),
-            features.has(Features::NORMAL_TEXTURE),
+            features.has_tangents(),
             features.has(Features::UV0),
             features.has(Features::UV1),
             features.has(Features::VERTEX_COLOR),

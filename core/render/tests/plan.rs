@@ -110,6 +110,50 @@ fn skinned_copies_share_one_draw_and_a_skin_is_computed_once_per_actor() {
 }
 
 #[test]
+fn a_thousand_copies_are_one_draw_and_those_outside_are_left_out() {
+    let mut scene = Scene::ortho(4.0);
+    let mut a = (*asset(vec![quad(0.1, 0.1)], vec![matte(Vec4::ONE)], vec![])).clone();
+    let place = |i: u16| Vec3::new(f32::from(i % 40) * 0.3 - 6.0, f32::from(i / 40) * 0.15 - 1.8, 0.0);
+    a.instances[0].copies = (0..1000).map(|i| glam::Affine3A::from_translation(place(i))).collect();
+    let index = scene.at(&std::sync::Arc::new(a), 0.0, 0.0, 0.0);
+    let (catalog, plan) = scene.plan(&options());
+    assert_eq!((catalog.primitives.len(), plan.draws.len()), (1, 1));
+    // The view is 8 m wide: from -4 to 4, and a copy reaches 0.1 m.
+    let seen = (0..1000).filter(|i| place(*i).x.abs() < 4.1).count();
+    assert_eq!((plan.draws[0].instance_count as usize, plan.instances.len()), (seen, seen));
+    let said = plan.left_out.iter().find(|l| l.what == "primitives outside the view").unwrap();
+    assert_eq!(said.why, format!("{} of 1000 have their bounds outside the frustum", 1000 - seen));
+    // They move with their joint.
+    scene.snapshot.actors[index].model_from_joint[0].translation.x += 100.0;
+    assert!(scene.plan(&options()).1.draws.is_empty());
+}
+
+#[test]
+fn an_animated_base_color_comes_with_the_copies() {
+    use choreo_motion::{Clip, Interpolation, PropertyCurve, PropertyTarget, Time};
+    let mut a = (*asset(vec![quad(1.0, 1.0)], vec![matte(Vec4::new(0.5, 0.0, 0.5, 1.0))], vec![])).clone();
+    let curve = PropertyCurve {
+        target: PropertyTarget::BaseColor(0),
+        interpolation: Interpolation::Linear,
+        times: vec![Time::ZERO].into(),
+        values: vec![0.0; 4].into(),
+    };
+    let clip = Clip::new("c".into(), 1, vec![]).unwrap().with_properties(vec![curve]).unwrap();
+    a.clips.push(std::sync::Arc::new(clip));
+    let mut scene = Scene::ortho(4.0);
+    let index = scene.at(&std::sync::Arc::new(a), 0.0, 0.0, 0.0);
+    let tint = |scene: &Scene| {
+        let (catalog, plan) = scene.plan(&options());
+        (catalog.materials[0].material.base_color, plan.instances[0].tint)
+    };
+    // At rest the material's own, with the clip its colour: green, though the material has none.
+    assert_eq!(tint(&scene), (Vec4::ONE, Vec4::new(0.5, 0.0, 0.5, 1.0)));
+    scene.snapshot.actors[index].base_colors = vec![Vec4::new(0.0, 1.0, 0.0, 1.0)];
+    scene.snapshot.actors[index].tint = Vec4::new(1.0, 0.5, 1.0, 1.0);
+    assert_eq!(tint(&scene), (Vec4::ONE, Vec4::new(0.0, 0.5, 0.0, 1.0)));
+}
+
+#[test]
 fn what_is_outside_the_view_is_left_out() {
     let mut scene = Scene::perspective(1.0, 5.0);
     let a = asset(vec![quad(0.5, 0.5)], vec![unlit(Vec4::ONE)], vec![]);

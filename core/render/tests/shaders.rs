@@ -2,8 +2,8 @@
 //! structs field by field, mistakes point at the user's line.
 
 use choreo_render::RenderError;
-use choreo_render::gpu_types::{FrameUniform, MaterialUniform, PostUniform, UvTransform};
-use choreo_render::plan::{ActiveMorph, Features, Instance, PipelineKey, PlanLight, TopologyKey};
+use choreo_render::gpu_types::{FrameUniform, LayersUniform, MaterialUniform, PostUniform, UvTransform};
+use choreo_render::plan::{ActiveMorph, Features, Glass, Instance, PipelineKey, PlanLight, TopologyKey};
 use choreo_render::shader::*;
 use naga::TypeInner;
 use std::mem::offset_of;
@@ -19,6 +19,7 @@ fn key(features: Features) -> PipelineKey {
         double_sided: false,
         mirrored: false,
         blend: false,
+        glass: Glass::No,
     }
 }
 
@@ -101,6 +102,50 @@ fn variants() -> Vec<SceneVariant> {
 
 const UVS: [Features; 3] = [Features::UV0, Features::UV1, Features::UV0.with(Features::UV1)];
 
+/// All subsets of coat, sheen, transmission and volume, each with and without its textures.
+fn layer_variants() -> Vec<SceneVariant> {
+    let coat = Features::CLEARCOAT_TEXTURE.with(Features::CLEARCOAT_ROUGHNESS_TEXTURE);
+    let parts = [
+        (Features::CLEARCOAT, coat),
+        (Features::SHEEN, Features::SHEEN_COLOR_TEXTURE.with(Features::SHEEN_ROUGHNESS_TEXTURE)),
+        (Features::TRANSMISSION, Features::TRANSMISSION_TEXTURE),
+        (Features::TRANSMISSION.with(Features::VOLUME), Features::THICKNESS_TEXTURE),
+        (Features::CLEARCOAT, Features::CLEARCOAT_NORMAL_TEXTURE),
+        (Features::CLEARCOAT, Features::CLEARCOAT_NORMAL_TEXTURE.with(Features::NORMAL_TEXTURE)),
+    ];
+    let mut list = Vec::new();
+    for subset in 1..1u32 << parts.len() {
+        for textured in [false, true] {
+            let mut features = Features::METALLIC_ROUGHNESS.with(Features::LAYERS);
+            for (i, (part, textures)) in parts.iter().enumerate().filter(|(i, _)| subset >> i & 1 == 1) {
+                features = features.with(*part);
+                if textured {
+                    features = features.with(*textures).with(UVS[(subset as usize + i) % 3]);
+                }
+            }
+            if subset % 2 == 0 {
+                features = features.with(Features::LOCAL_LIGHTS).with(Features::UV_TRANSFORM);
+            }
+            let glasses: &[Glass] = match features.has(Features::TRANSMISSION) {
+                true => &[Glass::Filter, Glass::Light],
+                false => &[Glass::No],
+            };
+            list.extend(glasses.iter().map(|glass| SceneVariant {
+                key: PipelineKey {
+                    double_sided: subset % 3 == 0,
+                    blend: subset % 5 == 0,
+                    glass: *glass,
+                    ..key(features)
+                },
+                tint: subset % 7 == 0,
+                joints_uniform: false,
+                one_light: subset % 2 == 1,
+            }));
+        }
+    }
+    list
+}
+
 #[test]
 fn every_combination_compiles() {
     let files = sources().files(&SCENE).unwrap();
@@ -111,7 +156,11 @@ fn every_combination_compiles() {
         let on = switches(v);
         compile(&files, &on, &stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
     }
-    let all = Features((1 << 19) - 1 - Features::BLINN_PHONG.0);
+    for v in &layer_variants() {
+        let on = switches(v);
+        compile(&files, &on, &stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
+    }
+    let all = Features((1 << 44) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0);
     let all = SceneVariant { key: key(all), tint: true, joints_uniform: true, one_light: true };
     compile(&files, &switches(&all), &stages, true).unwrap();
     let files = sources().files(&BACKGROUND).unwrap();
@@ -143,7 +192,7 @@ macro_rules! fields {
 
 #[test]
 fn layouts_equal_the_rust_structs() {
-    let all = Features((1 << 19) - 1 - Features::BLINN_PHONG.0);
+    let all = Features((1 << 44) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0);
     let on = switches(&SceneVariant { key: key(all), tint: true, joints_uniform: false, one_light: false });
     let (m, _) = parse(&sources().files(&SCENE).unwrap(), &on).unwrap();
     let frame = fields!(FrameUniform: clip_from_relative, eye, ambient_up, ambient_down, background_top,
@@ -152,6 +201,9 @@ fn layouts_equal_the_rust_structs() {
     let material = fields!(MaterialUniform: base_color, emissive, alpha_cutoff, specular_color, specular, metallic,
         roughness, normal_scale, occlusion_strength, shininess, rim_lighting_mix, pad0, pad1, toon, rim, matcap, uv);
     compare(&m, "Material", size_of::<MaterialUniform>(), material);
+    let layers = fields!(LayersUniform: sheen_color, sheen_roughness, extinction, thickness, clearcoat,
+        clearcoat_roughness, clearcoat_normal_scale, transmission, uv);
+    compare(&m, "Layers", size_of::<LayersUniform>(), layers);
     compare(&m, "UvTransform", size_of::<UvTransform>(), fields!(UvTransform: x, y));
     compare(&m, "Light", size_of::<PlanLight>(), fields!(PlanLight: position, direction, color, cone));
     compare(&m, "Rows", 48, &[("x", 0), ("y", 16), ("z", 32)]);

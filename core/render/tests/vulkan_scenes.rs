@@ -152,6 +152,30 @@ fn vulkan_and_its_twin_draw_the_same() {
 }
 
 #[test]
+fn coats_sheen_and_glass_as_the_twin_has_them() {
+    let mut guard = vulkan!();
+    let r = guard.as_mut().unwrap();
+    let mut scene = common::layered::layered_scene();
+    for samples in [1, 4] {
+        let options = PlanOptions::new([320, 240], samples);
+        let (vulkan, cpu) = (draw_with(r, &scene, &options), draw_cpu(&scene, &options));
+        assert_twin(&compare(&vulkan, &cpu, 2).unwrap(), &format!("layers, {samples} samples"));
+    }
+    // The planted faults: without one of the coats, sheens or glasses the pictures differ.
+    let options = PlanOptions::new([320, 240], 1);
+    let cpu = draw_cpu(&scene, &options);
+    for actor in [0, 5, 10] {
+        let whole = scene.stage.actors[actor].asset.clone();
+        let mut bare = (*whole).clone();
+        bare.materials[0].layers = None;
+        scene.stage.actors[actor].asset = std::sync::Arc::new(bare);
+        let c = compare(&draw_with(r, &scene, &options), &cpu, 2).unwrap();
+        assert!(c.share_beyond > 0.01, "the comparison can fail: {c}");
+        scene.stage.actors[actor].asset = whole;
+    }
+}
+
+#[test]
 fn every_feature_forced_in_draws_the_same() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();

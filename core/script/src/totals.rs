@@ -20,7 +20,7 @@ pub fn too_much(build: &Build, limits: &Limits) -> Option<(Place, ApiError)> {
         let asset = &draft.actor.asset;
         let more = [
             asset.skeleton.len() as u64,
-            asset.instances.len() as u64,
+            asset.instances.iter().map(|i| i.times() as u64).sum(),
             vertices(asset),
             asset.images.iter().filter(|i| seen.insert(Arc::as_ptr(i))).map(|i| texels(i)).sum(),
         ];
@@ -52,7 +52,11 @@ fn vertices(asset: &Asset) -> u64 {
         let primitives = asset.meshes.get(mesh as usize).map_or(&[][..], |m| &m.primitives);
         primitives.iter().map(|p| p.positions.len() as u64).sum()
     };
-    asset.instances.iter().map(|i| of_mesh(i.mesh)).sum()
+    asset
+        .instances
+        .iter()
+        .map(|i| of_mesh(i.mesh).saturating_mul(i.times() as u64))
+        .fold(0, u64::saturating_add)
 }
 
 fn texels(image: &Image) -> u64 {

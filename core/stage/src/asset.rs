@@ -3,10 +3,10 @@
 //! Everything is in choreo's convention: metres, +Y up, right-handed, counter-clockwise front faces,
 //! texture v pointing down (glTF). Colours are linear unless a field says sRGB.
 
-use crate::{Expression, Eyes, Toon};
+use crate::{Expression, Eyes, MaterialLayers, Toon};
 use choreo_motion::spring::parameters::Springs;
 use choreo_motion::{Clip, Skeleton};
-use glam::{Affine2, Mat4, Vec2, Vec3, Vec4};
+use glam::{Affine2, Affine3A, Mat4, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 /// One imported file, shared by every actor cast from it.
@@ -69,7 +69,7 @@ pub struct Skin {
     pub inverse_bind: Vec<Mat4>,
 }
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshInstance {
     pub joint: u32,
     pub mesh: u32,
@@ -77,6 +77,22 @@ pub struct MeshInstance {
     pub skin: Option<u32>,
     /// Morph weights where no clip drives them; length = the mesh's `morph_targets`.
     pub weights: Vec<f32>,
+    /// joint-from-mesh of every copy that is drawn (EXT_mesh_gpu_instancing): a field of grass is one instance. Empty: one, at
+    /// the joint itself. Without meaning for skinned instances.
+    pub copies: Arc<[Affine3A]>,
+}
+
+impl MeshInstance {
+    /// joint-from-mesh of each thing drawn: of the copies, or the identity.
+    pub fn joint_from_copies(&self) -> impl Iterator<Item = Affine3A> + '_ {
+        let own = if self.copies.is_empty() { Some(Affine3A::IDENTITY) } else { None };
+        own.into_iter().chain(self.copies.iter().copied())
+    }
+
+    /// How often the mesh is drawn: 1 without copies.
+    pub fn times(&self) -> usize {
+        self.copies.len().max(1)
+    }
 }
 
 #[derive(Clone, Debug, Default)]
@@ -239,6 +255,8 @@ pub struct Material {
     pub toon: Option<Arc<Toon>>,
     pub alpha_mode: AlphaMode,
     pub double_sided: bool,
+    /// Clearcoat, sheen, transmission; of metallic-roughness surfaces only.
+    pub layers: Option<Box<MaterialLayers>>,
 }
 
 impl Default for Material {
@@ -266,6 +284,7 @@ impl Default for Material {
             toon: None,
             alpha_mode: AlphaMode::Opaque,
             double_sided: false,
+            layers: None,
         }
     }
 }

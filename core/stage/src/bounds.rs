@@ -115,7 +115,8 @@ impl DAabb {
 pub struct InstanceBounds {
     pub parts: Vec<BoundsPart>,
     /// (primitive, vertex) of the vertices that reach farthest from each joint in 14 directions: with them posed, a still
-    /// picture of the instance is framed more closely than by boxes, and all but exactly. Sorted. Empty where morphs move them.
+    /// picture of the instance is framed more closely than by boxes, and all but exactly. Sorted. Empty where morphs move them,
+    /// and of instances with copies.
     pub outline: Vec<(u32, u32)>,
 }
 
@@ -217,9 +218,12 @@ impl InstanceBounds {
                 }
             }
         }
+        if !instance.copies.is_empty() {
+            parts[rigid].spread(&instance.copies);
+        }
         parts.retain(|part| !part.reach.is_empty());
         let mut outline: Vec<(u32, u32)> = Vec::new();
-        if mesh.morph_targets == 0 {
+        if mesh.morph_targets == 0 && instance.copies.is_empty() {
             outline.extend(farthest.iter().flat_map(|f| f.0).filter_map(|(_, vertex)| vertex));
             outline.sort_unstable();
             outline.dedup();
@@ -243,6 +247,19 @@ impl InstanceBounds {
 }
 
 impl BoundsPart {
+    /// Around all copies of what it was around.
+    fn spread(&mut self, joint_from_copies: &[Affine3A]) {
+        let over = |one: &Aabb, place: fn(&Affine3A) -> Affine3A| {
+            let boxes = joint_from_copies.iter().map(|copy| one.transformed(&place(copy)));
+            boxes.fold(Aabb::EMPTY, Aabb::union)
+        };
+        self.reach = over(&self.reach, |copy| *copy);
+        let turned: fn(&Affine3A) -> Affine3A = |copy| Affine3A::from_mat3(copy.matrix3.into());
+        for morph in &mut self.morphs {
+            *morph = over(morph, turned);
+        }
+    }
+
     /// The reach with these morph weights, in the joint's space.
     pub fn morphed(&self, morph_weights: &[f32]) -> Aabb {
         let mut reach = self.reach;
@@ -255,12 +272,21 @@ impl BoundsPart {
     }
 }
 
-/// Every vertex in rest pose, without morphs: tight, unlike [`InstanceBounds::posed`].
+/// Every vertex in rest pose, without morphs: tight, unlike [`InstanceBounds::posed`]. Of copies the box of the mesh counts.
 pub(crate) fn rest_bounds(asset: &Asset) -> Aabb {
     let mut bounds = Aabb::EMPTY;
     for instance in &asset.instances {
         let Some(mesh) = asset.meshes.get(instance.mesh as usize) else { continue };
-        let carriers = crate::posed_mesh::Carriers::new(asset, instance, asset.rest_model_from_joint());
+        let joints = asset.rest_model_from_joint();
+        if !instance.copies.is_empty() {
+            let points = mesh.primitives.iter().flat_map(|p| p.positions.iter().copied());
+            let one = Aabb::of(points);
+            let joint = joints.get(instance.joint as usize).copied().unwrap_or(Affine3A::IDENTITY);
+            let boxes = instance.copies.iter().map(|copy| one.transformed(&(joint * *copy)));
+            bounds = boxes.fold(bounds, Aabb::union);
+            continue;
+        }
+        let carriers = crate::posed_mesh::Carriers::new(asset, instance, joints);
         for primitive in &mesh.primitives {
             for (v, position) in primitive.positions.iter().enumerate() {
                 let model_from_mesh = carriers.at_vertex(primitive, v);

@@ -4,7 +4,7 @@ use crate::channels::{keyed, vec3};
 use crate::evaluate::{rotation_of, target_position, world_from_attachment};
 use crate::framing::Framings;
 use crate::*;
-use choreo_motion::Time;
+use choreo_motion::{PropertyTarget, Time};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 /// A camera that looks at something must not clip it away, however small the scene: the near plane is at most this share of
@@ -90,7 +90,7 @@ pub(crate) fn evaluate(
                 {
                     Projection::Perspective { yfov, near, far }
                 }
-                (of_file, _) => of_file,
+                (of_file, _) => animated(&stage.actors[*actor], *camera, of_file, time),
             };
             state(position, rotation_of(&world_from_camera.matrix3), scaled(projection, scale))
         }
@@ -102,6 +102,22 @@ pub(crate) fn evaluate(
             framed
         }
     })
+}
+
+/// A file's camera as its actor's clips have it, within what has a matrix: splines overshoot.
+fn animated(actor: &Actor, number: u32, projection: Projection, time: Time) -> Projection {
+    match projection {
+        Projection::Perspective { yfov, near, far } => {
+            let animated = properties::at(actor, PropertyTarget::CameraYfov(number), [yfov], time);
+            let yfov = animated.map_or(yfov, |[yfov]| yfov.clamp(1e-3, 3.1));
+            Projection::Perspective { yfov, near, far }
+        }
+        Projection::Orthographic { height, near, far } => {
+            let animated = properties::at(actor, PropertyTarget::CameraHeight(number), [height], time);
+            let height = animated.map_or(height, |[height]| height.max(1e-6));
+            Projection::Orthographic { height, near, far }
+        }
+    }
 }
 
 /// A file's distances are in its own units; an actor's scale changes them (glTF ignores only the scale of nodes).

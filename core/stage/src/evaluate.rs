@@ -255,6 +255,7 @@ pub(crate) fn evaluate_actors(
         if !scratch.needs[index].pose {
             state.model_from_joint.clear();
             state.morph_weights.clear();
+            state.base_colors.clear();
             continue;
         }
         scratch.poses += 1;
@@ -264,6 +265,7 @@ pub(crate) fn evaluate_actors(
         let edits = edits.map(|(_, place)| &scratch.edits.actors[*place]);
         let (joints, weights) = (&mut state.model_from_joint, &mut state.morph_weights);
         pose::pose_actor(actor, time, motions.of(index), edits, &mut scratch.pose, joints, weights);
+        crate::properties::base_colors(actor, time, &mut state.base_colors);
     }
     place_actors(stage, scratch, &mut out.actors);
     if let Evaluation::Goals(plants) = how {
@@ -494,6 +496,7 @@ impl Default for ActorState {
             model_from_joint: Vec::new(),
             morph_weights: Vec::new(),
             tint: Vec4::ONE,
+            base_colors: Vec::new(),
         }
     }
 }

@@ -3,7 +3,7 @@
 use crate::channels::{keyed, vec3};
 use crate::evaluate::world_from_attachment;
 use crate::*;
-use choreo_motion::Time;
+use choreo_motion::{PropertyTarget, Time};
 use glam::{DQuat, DVec3, Vec3};
 
 /// The sun of a stage without lights: from over the left shoulder of a camera in front. A white surface facing a light of
@@ -35,18 +35,36 @@ pub(crate) fn evaluate(
         }
         // Whether the file has lights, not whether they shine now: a sun that comes out when an actor leaves would surprise.
         any_in_files |= !actor.asset.lights.is_empty();
-        for light in actor.asset.lights.iter().filter(|l| state.visible && shines(&l.light)) {
+        if !state.visible {
+            continue;
+        }
+        for (number, light) in actor.asset.lights.iter().enumerate() {
+            let shining = animated(actor, number as u32, light.light, time);
+            if !shines(&shining) {
+                continue;
+            }
             let at = Attachment { actor: index, joint: Some(light.joint) };
             let world_from_light = world_from_attachment(stage, actors, &at);
             let direction = -world_from_light.matrix3.z_axis;
             // glTF's Lambert surface gives back 1/π of the light (Appendix B), choreo's all of it.
-            let mut shining = light.light;
+            let mut shining = shining;
             shining.intensity *= std::f32::consts::FRAC_1_PI;
             out.extend(finite(shining, world_from_light.translation, direction));
         }
     }
     if stage.lights.is_empty() && !any_in_files {
         out.push(default_sun());
+    }
+}
+
+/// A light of a file as the actor's clips have it. Splines overshoot: nothing shines darkness.
+fn animated(actor: &Actor, number: u32, light: Light, time: Time) -> Light {
+    let color = properties::at(actor, PropertyTarget::LightColor(number), light.color.to_array(), time);
+    let intensity = properties::at(actor, PropertyTarget::LightIntensity(number), [light.intensity], time);
+    Light {
+        color: color.map_or(light.color, |c| Vec3::from_array(c).max(Vec3::ZERO)),
+        intensity: intensity.map_or(light.intensity, |[i]| i.max(0.0)),
+        ..light
     }
 }
 

@@ -4,7 +4,7 @@
 use crate::{ActorState, Asset, MeshInstance, Primitive};
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec3};
 
-/// One mesh instance of an asset, posed.
+/// One mesh instance of an asset, or one of its copies, posed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosedInstance {
     /// Index into `Asset::instances`.
@@ -36,15 +36,21 @@ pub fn posed_meshes_in(
     if model_from_joint.len() < asset.skeleton.len() {
         return Vec::new();
     }
-    let posed = |(index, instance): (usize, &MeshInstance)| {
-        let mesh = asset.meshes.get(instance.mesh as usize)?;
-        let carriers = Carriers::new(asset, instance, model_from_joint);
+    let mut out = Vec::new();
+    for (index, instance) in asset.instances.iter().enumerate() {
+        let Some(mesh) = asset.meshes.get(instance.mesh as usize) else { continue };
         let weights = morph_weights.get(index).map_or(&[][..], Vec::as_slice);
-        let primitives =
-            mesh.primitives.iter().map(|p| pose_primitive(p, &carriers, weights, world_from_model)).collect();
-        Some(PosedInstance { instance: index, primitives })
-    };
-    asset.instances.iter().enumerate().filter_map(posed).collect()
+        let at_joint = Carriers::new(asset, instance, model_from_joint);
+        for copy in instance.joint_from_copies() {
+            let carriers = at_joint.of_copy(&copy);
+            let pose = |p: &Primitive| pose_primitive(p, &carriers, weights, world_from_model);
+            out.push(PosedInstance {
+                instance: index,
+                primitives: mesh.primitives.iter().map(pose).collect(),
+            });
+        }
+    }
+    out
 }
 
 fn pose_primitive(
@@ -81,6 +87,7 @@ fn cofactor(m: DMat3) -> DMat3 {
 }
 
 /// What carries the vertices of one instance: its skin's joints, or its node.
+#[derive(Clone)]
 pub(crate) struct Carriers {
     skin: Vec<DMat4>,
     rigid: DAffine3,
@@ -101,6 +108,11 @@ impl Carriers {
             skin.joints.iter().enumerate().map(|(i, j)| DMat4::from(joint(*j)) * inverse_bind(i)).collect()
         });
         Carriers { skin, rigid: joint(instance.joint) }
+    }
+
+    /// Those of one copy; skinned vertices have none.
+    pub(crate) fn of_copy(&self, joint_from_copy: &Affine3A) -> Carriers {
+        Carriers { skin: self.skin.clone(), rigid: self.rigid * crate::evaluate::widen(joint_from_copy) }
     }
 
     /// model-from-mesh at a vertex: Σ weight · joint · inverse bind (glTF 2.0 §3.7.3.3).

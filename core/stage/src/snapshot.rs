@@ -30,6 +30,8 @@ pub struct ActorState {
     /// One list per mesh instance of the asset; empty lists where the mesh has no morph targets.
     pub morph_weights: Vec<Vec<f32>>,
     pub tint: Vec4,
+    /// Linear RGBA factors of the asset's materials where its clips animate any; else empty: those of the materials.
+    pub base_colors: Vec<Vec4>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

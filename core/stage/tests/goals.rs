@@ -264,7 +264,7 @@ fn feet_stand_on_the_ground_that_is_there() {
     // A step 20 cm high from z = 0.5 on.
     let primitive = box_primitive(Vec3::new(-1.0, -1.0, 0.5), Vec3::new(1.0, 0.2, 5.0));
     steps.meshes.push(Arc::new(Mesh { primitives: vec![primitive], ..Mesh::default() }));
-    steps.instances.push(MeshInstance { joint: 0, mesh: 0, skin: None, weights: vec![] });
+    steps.instances.push(MeshInstance { joint: 0, mesh: 0, ..MeshInstance::default() });
     let ground = stage.cast("steps", Arc::new(steps));
     let foot = |stage: &Stage, t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, FOOT).y;
     let flat = [0.3, 1.3, 2.3].map(|t| foot(&stage, t));

@@ -192,7 +192,7 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
         if let Some((_, controller)) = morph {
             self.morphs.push(MorphTargets { controller, joint, weights: weights.clone() });
         }
-        asset.instances.push(MeshInstance { joint, mesh, skin, weights });
+        asset.instances.push(MeshInstance { joint, mesh, skin, weights, ..Default::default() });
         Ok(())
     }
 

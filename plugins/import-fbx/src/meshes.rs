@@ -90,7 +90,7 @@ pub fn read(
             asset.skins.len() as u32 - 1
         });
         let weights = morphs::rest_weights(one.mesh);
-        asset.instances.push(MeshInstance { joint: one.joint, mesh, skin, weights });
+        asset.instances.push(MeshInstance { joint: one.joint, mesh, skin, weights, ..Default::default() });
     }
     Ok(())
 }

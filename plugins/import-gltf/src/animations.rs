@@ -4,8 +4,9 @@ use crate::accessor::Integers;
 use crate::file::File;
 use crate::meshes::morph_counts;
 use crate::nodes::Tree;
+use crate::pointers::{self, Meaning};
 use crate::problem::{Problem, Result, element};
-use choreo_motion::{Clip, ClipError, Curve, Interpolation, Path, Time};
+use choreo_motion::{Clip, ClipError, Curve, Interpolation, Path, PropertyCurve, PropertyTarget, Time};
 use gltf::json::animation::{self, Property};
 use gltf::json::validation::Checked;
 use std::collections::{BTreeMap, HashSet};
@@ -41,45 +42,119 @@ fn clip(
     let animation = &file.root.animations[index];
     let mut curves = Vec::with_capacity(animation.channels.len());
     let mut channel_of_curve = Vec::with_capacity(animation.channels.len());
+    let mut properties = Vec::new();
+    let mut channel_of_property = Vec::new();
     let mut targets = HashSet::new();
     for (number, channel) in animation.channels.iter().enumerate() {
         let place = || format!("animations[{index}].channels[{number}]");
-        let Some((joint, path)) = target(file, tree, channel, morphs, &place)? else { continue };
-        if !targets.insert((joint, std::mem::discriminant(&path))) {
-            file.warn(place(), "animates the same property as an earlier channel; it is left out");
-            continue;
-        }
-        let sampler = element(&animation.samplers, channel.sampler.value(), "samplers", place)?;
-        if let Some(curve) = curve(file, sampler, joint, path, cache, &place)? {
-            curves.push(curve);
-            channel_of_curve.push(number);
+        let twice = || file.warn(place(), "animates the same property as an earlier channel; it is left out");
+        match target(file, tree, (index, number), morphs, &place)? {
+            None => {}
+            Some(Target::Joint(joint, path)) => {
+                if !targets.insert((joint, std::mem::discriminant(&path))) {
+                    twice();
+                    continue;
+                }
+                let sampler = element(&animation.samplers, channel.sampler.value(), "samplers", place)?;
+                if let Some(curve) = curve(file, sampler, joint, path, cache, &place)? {
+                    curves.push(curve);
+                    channel_of_curve.push(number);
+                }
+            }
+            Some(Target::Properties { targets, factor }) => {
+                let sampler = element(&animation.samplers, channel.sampler.value(), "samplers", place)?;
+                let path = Path::Weights(targets.first().map_or(0, |t| t.width() as u32));
+                let Some(curve) = curve(file, sampler, 0, path, cache, &place)? else { continue };
+                let values: Arc<[f32]> = curve.values.iter().map(|v| v * factor).collect();
+                for target in targets {
+                    if properties.iter().any(|p: &PropertyCurve| p.target == target) {
+                        twice();
+                        continue;
+                    }
+                    properties.push(PropertyCurve {
+                        target,
+                        interpolation: curve.interpolation,
+                        times: curve.times.clone(),
+                        values: values.clone(),
+                    });
+                    channel_of_property.push(number);
+                }
+            }
         }
     }
     let name = animation.name.clone().unwrap_or_else(|| format!("animation {index}"));
-    Clip::new(name, tree.skeleton.len(), curves).map_err(|e| {
-        let ClipError::Curve { curve, what, .. } = e;
-        Problem::new(format!("animations[{index}].channels[{}]", channel_of_curve[curve]), what)
+    let clip = Clip::new(name, tree.skeleton.len(), curves).and_then(|clip| clip.with_properties(properties));
+    clip.map_err(|e| {
+        let (channel, what) = match e {
+            ClipError::Curve { curve, what, .. } => (channel_of_curve[curve], what),
+            ClipError::Property { curve, what, .. } => (channel_of_property[curve], what),
+        };
+        Problem::new(format!("animations[{index}].channels[{channel}]"), what)
     })
+}
+
+enum Target {
+    Joint(u32, Path),
+    /// Of equal width; what the file holds is multiplied by the factor.
+    Properties {
+        targets: Vec<PropertyTarget>,
+        factor: f32,
+    },
 }
 
 fn target(
     file: &File<'_>,
     tree: &Tree,
-    channel: &animation::Channel,
+    (animation, number): (usize, usize),
     morphs: &[usize],
     place: &dyn Fn() -> String,
-) -> Result<Option<(u32, Path)>> {
-    let node = channel.target.node.value();
+) -> Result<Option<Target>> {
+    let channel = &file.root.animations[animation].channels[number];
+    if let Some(pointer) = file.pointers.get(&(animation, number)) {
+        return match pointers::meaning(file, tree, pointer) {
+            Some(Meaning::Node(node, property)) => node_target(file, tree, node, property, morphs, place),
+            Some(Meaning::Things { targets, factor }) => Ok(Some(Target::Properties { targets, factor })),
+            None => {
+                file.warn(
+                    place(),
+                    format!("animates {pointer}, which cannot be animated here; it is left out"),
+                );
+                Ok(None)
+            }
+        };
+    }
+    match (channel.target.path, channel.target.node.value()) {
+        (_, node) if node == pointers::NO_NODE as usize => {
+            file.warn(place(), "names neither a node nor a pointer; it is left out");
+            Ok(None)
+        }
+        (Checked::Valid(property), node) => node_target(file, tree, node, property, morphs, place),
+        (Checked::Invalid, node) => {
+            element(&file.root.nodes, node, "nodes", place)?;
+            file.warn(place(), "animates an unknown property; it is left out");
+            Ok(None)
+        }
+    }
+}
+
+fn node_target(
+    file: &File<'_>,
+    tree: &Tree,
+    node: usize,
+    property: Property,
+    morphs: &[usize],
+    place: &dyn Fn() -> String,
+) -> Result<Option<Target>> {
     let node_json = element(&file.root.nodes, node, "nodes", place)?;
     let Some(joint) = tree.joint_of_node[node] else {
         file.warn(place(), format!("animates nodes[{node}], which is not in the scene; it is left out"));
         return Ok(None);
     };
-    let path = match channel.target.path {
-        Checked::Valid(Property::Translation) => Path::Translation,
-        Checked::Valid(Property::Rotation) => Path::Rotation,
-        Checked::Valid(Property::Scale) => Path::Scale,
-        Checked::Valid(Property::MorphTargetWeights) => match node_json.mesh {
+    let path = match property {
+        Property::Translation => Path::Translation,
+        Property::Rotation => Path::Rotation,
+        Property::Scale => Path::Scale,
+        Property::MorphTargetWeights => match node_json.mesh {
             Some(mesh) => match *element(morphs, mesh.value(), "meshes", || format!("nodes[{node}].mesh"))? {
                 0 => {
                     file.warn(
@@ -95,12 +170,8 @@ fn target(
                 return Ok(None);
             }
         },
-        Checked::Invalid => {
-            file.warn(place(), "animates an unknown property; it is left out");
-            return Ok(None);
-        }
     };
-    Ok(Some((joint, path)))
+    Ok(Some(Target::Joint(joint, path)))
 }
 
 fn curve(
@@ -131,7 +202,12 @@ fn curve(
             file.floats::<3>(output, Integers::AsFlagged).map(Vec::into_flattened)
         }
         Path::Rotation => file.floats::<4>(output, Integers::Normalized).map(Vec::into_flattened),
-        Path::Weights(_) => file.floats::<1>(output, Integers::Normalized).map(Vec::into_flattened),
+        Path::Weights(_) => match file.width(output) {
+            // Colours of properties are vectors.
+            Some(3) => file.floats::<3>(output, Integers::Normalized).map(Vec::into_flattened),
+            Some(4) => file.floats::<4>(output, Integers::Normalized).map(Vec::into_flattened),
+            _ => file.floats::<1>(output, Integers::Normalized).map(Vec::into_flattened),
+        },
     };
     let mut values = values.map_err(|p| p.used_by(place()))?;
     let per_key = path.width() * if interpolation == Interpolation::CubicSpline { 3 } else { 1 };

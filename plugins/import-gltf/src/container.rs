@@ -1,6 +1,7 @@
 //! GLB and JSON: from bytes to the checked outer shape of a file (glTF 2.0 §4, GLB).
 
 use crate::locate::element_at;
+use crate::pointers::{self, Pointers};
 use crate::problem::{Problem, Result};
 use gltf::json::Root;
 
@@ -96,9 +97,8 @@ fn truncated(place: String, have: usize, need: usize) -> Problem {
         .hint("the file was cut off; fetch or export it again")
 }
 
-/// Typed JSON. `KHR_animation_pointer` channels have no target node, which the typed form cannot hold:
-/// they are taken out first and counted.
-pub fn parse(container: &Container<'_>) -> Result<(Root, usize)> {
+/// Typed JSON. `KHR_animation_pointer` channels have no target node, which the typed form cannot hold: they get a mark there.
+pub fn parse(container: &Container<'_>) -> Result<(Root, Pointers)> {
     let count = |letter: u8| container.json.iter().filter(|b| **b == letter).count();
     for (letters, limit, what) in
         [(&b"{"[..], MAX_JSON_OBJECTS, "objects"), (b",[", MAX_JSON_VALUES, "values")]
@@ -112,18 +112,15 @@ pub fn parse(container: &Container<'_>) -> Result<(Root, usize)> {
     }
     let first = serde_json::from_slice::<Root>(container.json);
     let error = match first {
-        Ok(root) => return Ok((root, 0)),
+        Ok(root) => return Ok((root, Pointers::new())),
         Err(e) => e,
     };
     if error.is_data()
         && let Ok(mut value) = serde_json::from_slice::<serde_json::Value>(container.json)
+        && let Some(pointers) = pointers::mark_channels(&mut value)
+        && let Ok(root) = serde_json::from_value::<Root>(value)
     {
-        let removed = remove_pointer_channels(&mut value);
-        if removed > 0
-            && let Ok(root) = serde_json::from_value::<Root>(value)
-        {
-            return Ok((root, removed));
-        }
+        return Ok((root, pointers));
     }
     let offset = byte_offset(container.json, error.line(), error.column());
     let element = element_at(container.json, offset);
@@ -135,19 +132,6 @@ pub fn parse(container: &Container<'_>) -> Result<(Root, usize)> {
     let what = full.rsplit_once(" at line ").map_or(full.as_str(), |(w, _)| w);
     let problem = Problem::new(place, format!("not valid glTF JSON: {what}"));
     Err(if error.is_eof() { problem.hint("the file was cut off; fetch or export it again") } else { problem })
-}
-
-fn remove_pointer_channels(value: &mut serde_json::Value) -> usize {
-    let mut removed = 0;
-    let animations = value.get_mut("animations").and_then(|a| a.as_array_mut());
-    for animation in animations.into_iter().flatten() {
-        if let Some(channels) = animation.get_mut("channels").and_then(|c| c.as_array_mut()) {
-            let before = channels.len();
-            channels.retain(|c| c.get("target").is_none_or(|t| t.get("node").is_some()));
-            removed += before - channels.len();
-        }
-    }
-    removed
 }
 
 fn byte_offset(json: &[u8], line: usize, column: usize) -> usize {
@@ -224,13 +208,14 @@ mod tests {
     }
 
     #[test]
-    fn pointer_channels_are_taken_out() {
+    fn pointer_channels_are_read() {
         let json = br#"{"asset":{"version":"2.0"},"animations":[{"samplers":[{"input":0,"output":1}],"channels":[
             {"sampler":0,"target":{"node":0,"path":"scale"}},
             {"sampler":0,"target":{"path":"pointer","extensions":{"KHR_animation_pointer":{"pointer":"/x"}}}}]}],
             "meshes":[{"primitives":[],"extras":{"targetNames":["a"]}}]}"#;
-        let (root, removed) = parse(&split(json).unwrap()).unwrap();
-        assert_eq!((removed, root.animations[0].channels.len()), (1, 1));
+        let (root, pointers) = parse(&split(json).unwrap()).unwrap();
+        assert_eq!(root.animations[0].channels.len(), 2);
+        assert_eq!(pointers.get(&(0, 1)).map(String::as_str), Some("/x"));
         assert!(root.meshes[0].extras.is_some());
     }
 }

@@ -5,13 +5,23 @@ use crate::problem::{Problem, Result};
 use choreo_plugin::Needs;
 
 const READ: &[&str] = &[
+    "EXT_meshopt_compression",
+    "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
+    "KHR_animation_pointer",
     "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
     "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
     "KHR_materials_specular",
+    "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_variants",
+    "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
     "KHR_texture_transform",
 ];
 
@@ -26,7 +36,6 @@ struct Essential {
 enum Part {
     Geometry,
     Textures,
-    All,
 }
 
 const ESSENTIAL: &[Essential] = &[
@@ -34,16 +43,6 @@ const ESSENTIAL: &[Essential] = &[
         name: "KHR_draco_mesh_compression",
         part: Part::Geometry,
         hint: "export without Draco compression, or decompress with `gltf-transform copy in.glb out.glb`",
-    },
-    Essential {
-        name: "EXT_meshopt_compression",
-        part: Part::All,
-        hint: "decompress with `gltf-transform copy in.glb out.glb`",
-    },
-    Essential {
-        name: "KHR_meshopt_compression",
-        part: Part::All,
-        hint: "decompress with `gltf-transform copy in.glb out.glb`",
     },
     Essential {
         name: "KHR_texture_basisu",
@@ -58,7 +57,7 @@ const ESSENTIAL: &[Essential] = &[
 ];
 
 /// `own`: extensions that the profile reads.
-pub fn check(file: &File<'_>, needs: Needs, pointer_channels: usize, own: &[&str]) -> Result<()> {
+pub fn check(file: &File<'_>, needs: Needs, own: &[&str]) -> Result<()> {
     let asset = &file.root.asset;
     let needed = asset.min_version.as_ref().unwrap_or(&asset.version);
     let readable = match asset.min_version.is_some() {
@@ -74,7 +73,6 @@ pub fn check(file: &File<'_>, needs: Needs, pointer_channels: usize, own: &[&str
             && match e.part {
                 Part::Geometry => needs.geometry,
                 Part::Textures => needs.textures,
-                Part::All => needs.geometry || needs.clips,
             }
         {
             let what = format!("the file needs {name}, which is not supported");
@@ -82,16 +80,9 @@ pub fn check(file: &File<'_>, needs: Needs, pointer_channels: usize, own: &[&str
         }
     }
     for name in crate::profile::used(&file.root) {
-        let read = READ.contains(&name.as_str()) || own.contains(&name.as_str());
-        if !read && name != "KHR_animation_pointer" {
+        if !READ.contains(&name.as_str()) && !own.contains(&name.as_str()) {
             file.warn("extensionsUsed", format!("{name} is not supported; what it says is ignored"));
         }
-    }
-    if pointer_channels > 0 {
-        file.warn(
-            "animations",
-            format!("KHR_animation_pointer is not supported; {pointer_channels} channels are left out"),
-        );
     }
     Ok(())
 }

@@ -2,6 +2,8 @@
 
 use crate::container::Container;
 use crate::nodes::Tree;
+use crate::packed;
+use crate::pointers::Pointers;
 use crate::problem::{Problem, Result, element};
 use crate::profile::Document;
 use crate::uri;
@@ -18,9 +20,14 @@ pub const MAX_DECODED_BYTES: u64 = 2 << 30;
 
 pub struct File<'a> {
     pub root: Root,
+    pub pointers: Pointers,
+    /// KHR_materials_variants: the variant asked for.
+    pub variant: Option<u64>,
     bin: Option<&'a [u8]>,
     files: &'a dyn Files,
     buffers: Vec<OnceCell<Bytes<'a>>>,
+    /// Of compressed buffer views: their bytes, once asked for.
+    unpacked: Vec<OnceCell<Vec<u8>>>,
     budget: Budget,
     notes: Notes,
 }
@@ -43,13 +50,21 @@ impl Deref for Bytes<'_> {
 }
 
 impl<'a> File<'a> {
-    pub fn new(root: Root, container: &Container<'a>, files: &'a dyn Files) -> File<'a> {
+    pub fn new(
+        (root, pointers): (Root, Pointers),
+        container: &Container<'a>,
+        files: &'a dyn Files,
+    ) -> File<'a> {
         let buffers = root.buffers.iter().map(|_| OnceCell::new()).collect();
+        let unpacked = root.buffer_views.iter().map(|_| OnceCell::new()).collect();
         let file = File {
             root,
+            pointers,
+            variant: None,
             bin: container.bin,
             files,
             buffers,
+            unpacked,
             budget: Budget::new(MAX_DECODED_BYTES),
             notes: Notes::default(),
         };
@@ -105,8 +120,9 @@ impl<'a> File<'a> {
         match (&self.root.buffers[index].uri, self.bin) {
             (Some(uri), _) => self.load_uri(uri, place),
             (None, Some(bin)) if index == 0 => Ok(Bytes::Borrowed(bin)),
+            // The stand-in of compressed views (EXT_meshopt_compression, "Fallback buffers") has no bytes at all.
             (None, _) => Err(Problem::new(place(), "has neither a uri nor a binary chunk of a GLB")
-                .hint("files compressed with EXT_meshopt_compression must be decompressed first")),
+                .hint("the file was exported without its data; export it again")),
         }
     }
 
@@ -116,7 +132,12 @@ impl<'a> File<'a> {
             Some(Err(what)) => Err(Problem::new(place(), what)),
             None => {
                 let name = uri::file_name(uri);
-                let read = self.files.read(&name).map_err(|what| {
+                // Some writers do not encode: a name that only looks encoded is tried as it stands.
+                let as_it_stands = |what| match uri == name {
+                    true => Err(what),
+                    false => self.files.read(uri).map_err(|_| what),
+                };
+                let read = self.files.read(&name).or_else(as_it_stands).map_err(|what| {
                     let what =
                         if what.contains(&name) { what } else { format!("cannot read \"{name}\": {what}") };
                     Problem::new(place(), what)
@@ -131,26 +152,45 @@ impl<'a> File<'a> {
     pub fn view(&self, index: usize, user: impl Fn() -> String) -> Result<(&[u8], usize)> {
         let view = element(&self.root.buffer_views, index, "bufferViews", &user)?;
         let place = || format!("bufferViews[{index}]");
+        let stride = view.byte_stride.map_or(0, |s| s.0);
         if let Some(extensions) = &view.extensions
-            && let Some(name) = extensions.others.keys().find(|k| k.ends_with("_meshopt_compression"))
+            && let Some(said) = packed::of(&extensions.others)
         {
-            return Err(Problem::new(place(), format!("is compressed with {name}, which is not supported"))
-                .hint("decompress the file, for example with `gltf-transform copy in.glb out.glb`"));
+            return Ok((self.unpack(index, said)?, stride));
         }
-        let bytes = self.buffer(view.buffer.value())?;
         let offset = view.byte_offset.map_or(0, |o| o.0);
-        let end = offset.saturating_add(view.byte_length.0);
+        Ok((self.slice(view.buffer.value(), offset, view.byte_length.0, place)?, stride))
+    }
+
+    fn slice(&self, buffer: usize, offset: u64, length: u64, place: impl Fn() -> String) -> Result<&[u8]> {
+        let bytes = self.buffer(buffer)?;
+        let end = offset.saturating_add(length);
         let range = usize::try_from(offset).unwrap_or(usize::MAX)..usize::try_from(end).unwrap_or(usize::MAX);
-        let Some(slice) = bytes.get(range) else {
-            return Err(Problem::new(
-                place(),
-                format!(
-                    "ends at byte {end} of buffers[{}], which has {} bytes",
-                    view.buffer.value(),
-                    bytes.len()
-                ),
-            ));
-        };
-        Ok((slice, view.byte_stride.map_or(0, |s| s.0)))
+        bytes.get(range).ok_or_else(|| {
+            let what = format!("ends at byte {end} of buffers[{buffer}], which has {} bytes", bytes.len());
+            Problem::new(place(), what)
+        })
+    }
+
+    /// The bytes of a compressed view. What the view itself says of buffer and offset is for readers without the extension.
+    fn unpack(&self, index: usize, (name, said): (&str, &serde_json::Value)) -> Result<&[u8]> {
+        if let Some(bytes) = self.unpacked[index].get() {
+            return Ok(bytes);
+        }
+        let place = || format!("bufferViews[{index}].{name}");
+        let fail = |what: String| Problem::new(place(), what);
+        let view = packed::read(said).map_err(fail)?;
+        let length = self.root.buffer_views[index].byte_length.0;
+        if view.packed.bytes() != length {
+            let what = format!("unpacks to {} bytes, but the view has {length}", view.packed.bytes());
+            return Err(fail(what));
+        }
+        let data = self.slice(view.buffer, view.offset, view.length, place)?;
+        self.charge(view.packed.bytes(), 1).map_err(fail)?;
+        let bytes = view
+            .packed
+            .unpack(data)
+            .map_err(|what| fail(what).hint("the file is damaged; fetch or export it again"))?;
+        Ok(self.unpacked[index].get_or_init(|| bytes))
     }
 }

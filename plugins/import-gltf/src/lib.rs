@@ -5,16 +5,23 @@ mod animations;
 mod container;
 mod extensions;
 mod file;
+mod glossiness;
 mod images;
+mod instancing;
+mod layers;
 mod locate;
 mod materials;
 mod meshes;
+mod meshopt;
 mod nodes;
 mod objects;
+mod packed;
+mod pointers;
 pub mod profile;
 mod skinning;
 mod topology;
 mod uri;
+mod variants;
 
 use choreo_import::pictures;
 pub use choreo_import::problem;
@@ -40,6 +47,12 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         "which scene of the file, counted from 0; -1 is the one the file names",
         -1.0,
         -1.0..=65535.0,
+    )
+    .text(
+        "variant",
+        "which of the file's variants is shown, by its name; empty: the materials as they are",
+        "",
+        &[],
     )
 });
 
@@ -115,14 +128,15 @@ fn import(
     profile: &dyn Profile,
 ) -> Result<Asset> {
     let container = container::split(&source.bytes)?;
-    let (root, pointer_channels) = container::parse(&container)?;
-    let file = File::new(root, &container, files);
-    extensions::check(&file, needs, pointer_channels, profile.extensions())?;
+    let root = container::parse(&container)?;
+    let mut file = File::new(root, &container, files);
+    file.variant = variants::chosen(&file, options.text("variant").unwrap_or_default())?;
+    extensions::check(&file, needs, profile.extensions())?;
 
     let scene = options.number("scene").filter(|s| *s >= 0.0).map(|s| s as usize);
     let mut tree = nodes::read(&file, scene)?;
     let mut table = images::ImageTable::default();
-    let materials = materials::read(&file, &mut table, needs.textures, profile)?;
+    let (mut materials, glossy) = materials::read(&file, &mut table, needs.textures, profile)?;
 
     // Pictures take as long as everything else together: they are decoded beside it.
     let (images, rest) =
@@ -131,6 +145,7 @@ fn import(
     let mut asset = rest?;
     asset.name = source.name.clone();
     asset.images = images.into_iter().collect::<Result<_>>()?;
+    glossiness::convert(&glossy, &mut materials, &mut asset.images);
     asset.materials = materials;
     asset.skeleton = Arc::new(std::mem::take(&mut tree.skeleton));
     profile.finish(&file.document(Some(&tree)), needs, &mut asset)?;

@@ -1,7 +1,9 @@
 //! Materials and textures (glTF 2.0 §3.8, §3.9 and the KHR_materials extensions).
 
 use crate::file::File;
+use crate::glossiness::Glossy;
 use crate::images::ImageTable;
+use crate::layers;
 use crate::problem::{Problem, Result, element};
 use crate::profile::Profile;
 use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
@@ -14,33 +16,49 @@ use json::texture::{MagFilter, MinFilter, WrappingMode};
 /// Reflectance at normal incidence of a dielectric with index 1.5 (glTF 2.0 Appendix B.2.2).
 const DIELECTRIC_F0: f32 = 0.04;
 
+/// The materials, and those that [`crate::glossiness`] must finish.
 pub fn read<'a>(
     file: &'a File<'_>,
     images: &mut ImageTable<'a>,
     textures: bool,
     profile: &dyn Profile,
-) -> Result<Vec<Material>> {
+) -> Result<(Vec<Material>, Vec<Glossy>)> {
     let none = serde_json::Map::new();
     let mut out = Vec::with_capacity(file.root.materials.len());
+    let mut glossy = Vec::new();
     for (index, material) in file.root.materials.iter().enumerate() {
         let place = format!("materials[{index}]");
-        let mut reader = Reader { file, images, textures, place: &place };
+        let mut reader = Reader { file, images, textures, place: &place, glossy: None };
         let others = material.extensions.as_ref().map_or(&none, |e| &e.others);
         let mut material = reader.material(material)?;
+        let factor = reader.glossy;
         profile.material(&file.document(None), index, others, &mut reader, &mut material)?;
         if !all_finite(&material) {
             return Err(Problem::new(place, "has a factor that is not finite"));
         }
+        if let (Some(factor), Some(texture)) = (factor, &material.specular_color_texture) {
+            let pixels = images.entries.get(texture.image as usize).map_or(0, |e| e.pixels());
+            file.charge(pixels, 4).map_err(|what| Problem::new(format!("materials[{index}]"), what))?;
+            glossy.push(Glossy { material: index, factor });
+        }
         out.push(material);
     }
-    Ok(out)
+    let see_through = |m: &&Material| m.layers.as_ref().is_some_and(|l| l.transmission > 0.0);
+    if let Some(first) = out.iter().position(|m| see_through(&m)) {
+        let count = out.iter().filter(see_through).count();
+        let what = "let light through: what is behind is tinted, but neither bent by the ior nor blurred by roughness";
+        file.warn(format!("materials[{first}]"), format!("{count} materials {what}"));
+    }
+    Ok((out, glossy))
 }
 
-struct Reader<'a, 'b, 'f> {
+pub(crate) struct Reader<'a, 'b, 'f> {
     file: &'a File<'f>,
     images: &'b mut ImageTable<'a>,
     textures: bool,
     place: &'b str,
+    /// Glossiness factor of a specular-glossiness material.
+    glossy: Option<f32>,
 }
 
 /// Textures that a profile's extension of a material uses.
@@ -59,15 +77,15 @@ impl MaterialTextures for Reader<'_, '_, '_> {
 }
 
 /// A texture reference of any kind, before it is looked up.
-struct Use<'u> {
-    slot: &'static str,
-    texture: usize,
-    uv_set: u32,
-    transform: Option<&'u TextureTransform>,
+pub(crate) struct TextureUse<'u> {
+    pub slot: &'static str,
+    pub texture: usize,
+    pub uv_set: u32,
+    pub transform: Option<&'u TextureTransform>,
 }
 
-fn info<'u>(slot: &'static str, info: &'u json::texture::Info) -> Use<'u> {
-    Use {
+fn info<'u>(slot: &'static str, info: &'u json::texture::Info) -> TextureUse<'u> {
+    TextureUse {
         slot,
         texture: info.index.value(),
         uv_set: info.tex_coord,
@@ -97,7 +115,7 @@ impl<'a> Reader<'a, '_, '_> {
         if let Some(t) = &m.normal_texture {
             let transform = loose_transform(t.extensions.as_ref().map(|e| &e.others));
             out.normal_scale = t.scale;
-            out.normal_texture = self.texture(Use {
+            out.normal_texture = self.texture(TextureUse {
                 slot: "normalTexture",
                 texture: t.index.value(),
                 uv_set: t.tex_coord,
@@ -107,7 +125,7 @@ impl<'a> Reader<'a, '_, '_> {
         if let Some(t) = &m.occlusion_texture {
             let transform = loose_transform(t.extensions.as_ref().map(|e| &e.others));
             out.occlusion_strength = t.strength.0.clamp(0.0, 1.0);
-            out.occlusion_texture = self.texture(Use {
+            out.occlusion_texture = self.texture(TextureUse {
                 slot: "occlusionTexture",
                 texture: t.index.value(),
                 uv_set: t.tex_coord,
@@ -142,7 +160,7 @@ impl<'a> Reader<'a, '_, '_> {
         }
         if let Some(s) = &e.pbr_specular_glossiness {
             // Reflectance kept exactly: F0 = 0.04 · specular_color, and a dielectric has F0 = specularFactor.
-            // What is lost is a glossiness that varies over the texture.
+            // Glossiness that varies over the texture becomes a texture of its own once it is decoded.
             out.metallic = 0.0;
             out.metallic_roughness_texture = None;
             out.roughness = (1.0 - s.glossiness_factor.0).clamp(0.0, 1.0);
@@ -154,7 +172,7 @@ impl<'a> Reader<'a, '_, '_> {
             out.specular_color_texture = self.optional(
                 s.specular_glossiness_texture.as_ref().map(|t| info("specularGlossinessTexture", t)),
             )?;
-            self.file.warn(self.place, "KHR_materials_pbrSpecularGlossiness is converted to metallic-roughness; the alpha of its texture (glossiness) is not used");
+            self.glossy = Some(s.glossiness_factor.0);
         }
         if let Some(s) = &e.emissive_strength {
             out.emissive *= s.emissive_strength.0.max(0.0);
@@ -162,14 +180,22 @@ impl<'a> Reader<'a, '_, '_> {
         if e.unlit.is_some() {
             out.shading = Shading::Unlit;
         }
+        // What the conversion has made of the other model has no layers.
+        if e.pbr_specular_glossiness.is_none() {
+            layers::read(self, &e.others, out)?;
+        }
         Ok(())
     }
 
-    fn optional(&mut self, texture: Option<Use<'_>>) -> Result<Option<TextureRef>> {
+    fn optional(&mut self, texture: Option<TextureUse<'_>>) -> Result<Option<TextureRef>> {
         texture.map_or(Ok(None), |t| self.texture(t))
     }
 
-    fn texture(&mut self, usage: Use<'_>) -> Result<Option<TextureRef>> {
+    pub(crate) fn place(&self) -> &str {
+        self.place
+    }
+
+    pub(crate) fn texture(&mut self, usage: TextureUse<'_>) -> Result<Option<TextureRef>> {
         if !self.textures {
             return Ok(None);
         }

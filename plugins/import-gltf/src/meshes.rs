@@ -4,7 +4,7 @@ use crate::accessor::Integers;
 use crate::file::File;
 use crate::nodes::Tree;
 use crate::problem::{Problem, Result, element};
-use crate::{skinning, topology};
+use crate::{instancing, skinning, topology, variants};
 use choreo_import::{normals, tangents};
 use choreo_stage::asset::{Material, Mesh, MeshInstance, MorphTarget, Primitive, Skin, Topology};
 use glam::{Vec2, Vec3, Vec4};
@@ -121,7 +121,7 @@ fn read_primitive(
         file.warn(place(), "has no vertices; it is left out");
         return Ok(None);
     }
-    let material = json.material.map(|m| m.value());
+    let material = variants::material(file, json);
     if let Some(m) = material {
         element(materials, m, "materials", || format!("{}.material", place()))?;
     }
@@ -139,7 +139,10 @@ fn read_primitive(
     };
     skinning::read(file, json, place, &mut out)?;
     finish_normals(file, &mut out, place)?;
-    let normal_map = material.and_then(|m| materials[m].normal_texture.as_ref());
+    let normal_map = material.and_then(|m| {
+        let of_coat = materials[m].layers.as_deref().and_then(|l| l.clearcoat_normal_texture.as_ref());
+        materials[m].normal_texture.as_ref().or(of_coat)
+    });
     if let (Some(texture), Topology::Triangles) = (normal_map, topology) {
         finish_tangents(&attributes, &mut out, usize::from(texture.uv_set), vertices)?;
     }
@@ -332,11 +335,18 @@ pub fn instances(
         }
         file.charge(mesh.morph_targets as u64, 4).map_err(|what| Problem::new(place(), what))?;
         weights.resize(mesh.morph_targets, 0.0);
+        let mut copies = instancing::copies(file, *node)?;
+        if skin.is_some() && !copies.is_empty() {
+            let what = format!("has a skin and {}; a skinned mesh is shown once", instancing::NAME);
+            file.warn(place(), what);
+            copies = [].into();
+        }
         out.push(MeshInstance {
             joint: joint as u32,
             mesh: index as u32,
             skin: skin.map(|s| s as u32),
             weights,
+            copies,
         });
     }
     Ok(out)

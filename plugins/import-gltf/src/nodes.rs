@@ -2,8 +2,9 @@
 
 use crate::file::File;
 use crate::problem::{Problem, Result, element};
+use choreo_import::decompose::decompose;
 use choreo_motion::{Skeleton, Transform};
-use glam::{DMat3, DQuat, DVec3, Quat, Vec3};
+use glam::{DMat4, Quat, Vec3};
 use gltf::json::scene::Node;
 
 /// Largest difference of a decomposed matrix from the original, relative to its largest column.
@@ -207,11 +208,15 @@ fn transform(file: &File<'_>, index: usize) -> Result<Transform> {
         if [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0] {
             file.warn(place(), "the matrix has a fourth row other than 0 0 0 1, which is ignored");
         }
-        let (transform, error) = decompose(&m);
-        if error > SHEAR_TOLERANCE {
-            file.warn(place(), format!("the matrix is sheared; the nearest translation, rotation and scale differ from it by {:.1} %", error * 100.0));
+        let parts = decompose(&DMat4::from_cols_array(&m.map(f64::from)));
+        if parts.error > SHEAR_TOLERANCE {
+            file.warn(place(), format!("the matrix is sheared; the nearest translation, rotation and scale differ from it by {:.1} %", parts.error * 100.0));
         }
-        return Ok(transform);
+        return Ok(Transform {
+            translation: parts.translation.as_vec3(),
+            rotation: parts.rotation.as_quat().normalize(),
+            scale: parts.scale.as_vec3(),
+        });
     }
     let translation = Vec3::from(node.translation.unwrap_or_default());
     let scale = Vec3::from(node.scale.unwrap_or([1.0; 3]));
@@ -230,75 +235,4 @@ fn transform(file: &File<'_>, index: usize) -> Result<Transform> {
         rotation * (1.0 / length)
     };
     Ok(Transform { translation, rotation, scale })
-}
-
-/// Translation, rotation, scale of a column-major matrix, and how far (relative) they are from it.
-/// In f64; columns of length zero (flattened models) get a rotation that fits the others.
-fn decompose(m: &[f32; 16]) -> (Transform, f64) {
-    let column = |c: usize| DVec3::new(m[c * 4].into(), m[c * 4 + 1].into(), m[c * 4 + 2].into());
-    let columns = [column(0), column(1), column(2)];
-    let largest = columns.iter().map(|c| c.length()).fold(0.0, f64::max);
-    if largest == 0.0 {
-        let transform =
-            Transform { translation: column(3).as_vec3(), rotation: Quat::IDENTITY, scale: Vec3::ZERO };
-        return (transform, 0.0);
-    }
-    let axis = |c: DVec3| (c.length() > largest * 1e-9).then(|| c.normalize());
-    // Gram–Schmidt, x first; a missing axis is the cross product of the others.
-    let [ax, ay, az] = columns.map(axis);
-    let x = ax.unwrap_or_else(|| match (ay, az) {
-        (Some(y), Some(z)) => y.cross(z).normalize_or(y.any_orthonormal_vector()),
-        (Some(y), None) => y.any_orthonormal_vector(),
-        (_, Some(z)) => z.any_orthonormal_vector(),
-        _ => DVec3::X,
-    });
-    let y = match (ay, az) {
-        (Some(y), _) => (y - x * x.dot(y)).normalize_or(x.any_orthonormal_vector()),
-        (None, Some(z)) => z.cross(x).normalize_or(x.any_orthonormal_vector()),
-        _ => x.any_orthonormal_vector(),
-    };
-    let z = x.cross(y);
-    // Scale as the length of each column, signed along its axis; a mirror goes to x as in `Transform::from_matrix`.
-    let mut scale = DVec3::new(columns[0].length(), columns[1].length(), columns[2].length());
-    let mut rotation = DMat3::from_cols(x, y, z);
-    if columns[2].dot(z) < 0.0 {
-        scale.x = -scale.x;
-        rotation = DMat3::from_cols(-x, y, -z);
-    }
-    let error =
-        (0..3).map(|c| (rotation.col(c) * scale[c] - columns[c]).length() / largest).fold(0.0, f64::max);
-    let rotation = DQuat::from_mat3(&rotation).normalize();
-    let transform = Transform {
-        translation: column(3).as_vec3(),
-        rotation: rotation.as_quat().normalize(),
-        scale: scale.as_vec3(),
-    };
-    (transform, error)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use glam::Mat4;
-
-    #[test]
-    fn matrices_come_back() {
-        let rotation = Quat::from_xyzw(0.1, -0.7, 0.3, 0.5).normalize();
-        for scale in
-            [Vec3::ONE, Vec3::new(2.0, 0.5, 9.0), Vec3::new(-1.0, 2.0, 3.0), Vec3::new(0.0, 1.0, 1.0)]
-        {
-            let m = Mat4::from_scale_rotation_translation(scale, rotation, Vec3::new(1.0, 2.0, 3.0));
-            let (t, error) = decompose(&m.to_cols_array());
-            let back = Mat4::from(t.to_affine());
-            assert!(back.abs_diff_eq(m, 3e-6), "{scale}: {back} {m}");
-            assert!(error < 1e-6);
-        }
-        let mirrored = Mat4::from_scale(Vec3::new(1.0, 1.0, -1.0));
-        assert!(Mat4::from(decompose(&mirrored.to_cols_array()).0.to_affine()).abs_diff_eq(mirrored, 1e-6));
-        let zero = decompose(&[0.0; 16]);
-        assert_eq!((zero.0.scale, zero.1), (Vec3::ZERO, 0.0));
-        let mut sheared = Mat4::IDENTITY;
-        sheared.y_axis.x = 0.5;
-        assert!(decompose(&sheared.to_cols_array()).1 > 0.1);
-    }
 }

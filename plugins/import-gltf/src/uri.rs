@@ -9,7 +9,10 @@ pub fn data_uri(uri: &str) -> Option<Result<Vec<u8>, String>> {
     let Some((head, body)) = uri[5..].split_once(',') else {
         return Some(Err("the data URI has no comma before its data".into()));
     };
-    Some(if head.ends_with(";base64") { base64(body.as_bytes()) } else { Ok(percent_decode(body)) })
+    // `data:[type][;parameter=value]…[;base64],…`: the mark is the last of the head, in any case of letters.
+    let marked = head.rsplit_once(';').is_some_and(|(_, last)| last.trim().eq_ignore_ascii_case("base64"));
+    // Some writers escape the signs that mean something in URIs: + / =.
+    Some(if marked { base64(&percent_decode(body)) } else { Ok(percent_decode(body)) })
 }
 
 /// A relative reference as a file name.
@@ -54,7 +57,7 @@ const SEXTETS: [u8; 256] = {
 };
 
 fn base64(text: &[u8]) -> Result<Vec<u8>, String> {
-    let end = text.iter().rposition(|b| *b != b'=').map_or(0, |n| n + 1);
+    let end = text.iter().rposition(|b| *b != b'=' && !b.is_ascii_whitespace()).map_or(0, |n| n + 1);
     let mut out = Vec::with_capacity(end / 4 * 3 + 3);
     let (mut bits, mut count) = (0u32, 0);
     for (at, letter) in text[..end].iter().enumerate() {
@@ -107,6 +110,12 @@ mod tests {
     fn uris() {
         assert_eq!(data_uri("data:application/octet-stream;base64,Zm9v").unwrap().unwrap(), b"foo");
         assert_eq!(data_uri("data:,a%20b").unwrap().unwrap(), b"a b");
+        for head in ["data:;base64", "DATA:text/plain;charset=utf-8;BASE64", "data:a/b;name=\"x\"; base64"] {
+            for body in ["Zm9vYmE=", "Zm9v\r\n  YmE=\n", "Zm9vYmE%3D", "Zm9vYmE"] {
+                assert_eq!(data_uri(&format!("{head},{body}")).unwrap().unwrap(), b"fooba", "{head},{body}");
+            }
+        }
+        assert_eq!(data_uri("data:text/plain;charset=base64x,Zm9v").unwrap().unwrap(), b"Zm9v");
         assert!(data_uri("data:nothing").unwrap().is_err());
         assert!(data_uri("ä.bin").is_none());
         assert_eq!(file_name("my%20file%C3%A4%2.bin"), "my fileä%2.bin");

@@ -379,6 +379,12 @@ fn damaged(name: &str, bytes: Vec<u8>) -> bool {
 fn truncated_and_flipped() {
     let (json, bin) = sample();
     let mut cases = vec![("sample.glb".to_string(), common::glb_of(&json, &bin), 4000)];
+    for (name, bytes) in [
+        ("packed.glb", &include_bytes!("samples/packed.glb")[..]),
+        ("layers.gltf", &include_bytes!("samples/layers.gltf")[..]),
+    ] {
+        cases.push((name.to_string(), bytes.to_vec(), 1000));
+    }
     if let Some(folder) = common::assets(3) {
         for (name, flips) in [("Fox.glb", 1000), ("SimpleSkin.gltf", 1000), ("Knight.glb", 120)] {
             cases.push((name.to_string(), std::fs::read(folder.join("gltf").join(name)).unwrap(), flips));

@@ -290,7 +290,7 @@ fn specular_glossiness_keeps_its_reflectance() {
     let m = &asset.materials[0];
     assert_eq!((m.metallic, m.roughness, m.base_color.x), (0.0, 0.25, 0.5));
     assert!((m.specular_color * 0.04).abs_diff_eq(Vec3::new(0.2, 0.1, 0.04), 1e-6));
-    assert_eq!(warnings(&asset).len(), 1);
+    assert!(warnings(&asset).is_empty());
 }
 
 #[test]

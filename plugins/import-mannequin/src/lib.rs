@@ -81,7 +81,7 @@ impl Importer for Mannequin {
         if needs.geometry {
             asset.meshes.push(Arc::new(body::mesh(scale)));
             asset.skins.push(body::skin(&joints, scale));
-            asset.instances.push(MeshInstance { joint: 0, mesh: 0, skin: Some(0), weights: Vec::new() });
+            asset.instances.push(MeshInstance { joint: 0, mesh: 0, skin: Some(0), ..Default::default() });
             asset.materials = materials(looks).into();
         }
         if needs.clips {

@@ -310,7 +310,7 @@ fn place(asset: &mut Asset, model: &parse::Model, built: Vec<(u32, Primitive)>, 
         let joint = if several { group + 1 } else { 0 };
         if last != Some(joint) {
             let mesh = asset.meshes.len() as u32;
-            asset.instances.push(MeshInstance { joint, mesh, skin: None, weights: Vec::new() });
+            asset.instances.push(MeshInstance { joint, mesh, ..Default::default() });
             asset.meshes.push(Arc::new(Mesh { name: names[joint as usize].clone(), ..Mesh::default() }));
             last = Some(joint);
         }

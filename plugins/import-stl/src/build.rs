@@ -71,8 +71,7 @@ pub fn asset(
         asset.instances.push(MeshInstance {
             joint: joint as u32,
             mesh: asset.meshes.len() as u32,
-            skin: None,
-            weights: Vec::new(),
+            ..MeshInstance::default()
         });
         asset.meshes.push(Arc::new(Mesh {
             name: mesh_names[joint].clone(),

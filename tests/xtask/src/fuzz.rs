@@ -33,7 +33,7 @@ const fn importer(
 
 const TARGETS: &[Target] = &[
     target("script", &["scripts", "tests/hostile", "tests/suite"], &["rhai"]),
-    importer("import_gltf", &[], &["glb", "gltf"]),
+    importer("import_gltf", &["plugins/import-gltf/tests/samples"], &["glb", "gltf"]),
     importer("import_vrm", &[], &["vrm", "vrma"]),
     importer("import_fbx", &["plugins/import-fbx/tests/data"], &["fbx"]),
     importer("import_obj", &["plugins/import-obj/tests/data"], &["obj", "mtl"]),

@@ -154,7 +154,7 @@ impl AssetBuilder {
         };
         let mesh = self.asset.meshes.len() as u32;
         self.asset.meshes.push(Arc::new(Mesh { name, primitives: vec![primitive], ..Mesh::default() }));
-        self.asset.instances.push(MeshInstance { joint, mesh, skin, weights: Vec::new() });
+        self.asset.instances.push(MeshInstance { joint, mesh, skin, ..Default::default() });
         Ok(mesh)
     }
 

@@ -5,6 +5,7 @@
 
 mod brdf;
 mod lanes;
+mod layers;
 mod raster;
 mod setup;
 mod shade;
@@ -135,13 +136,14 @@ impl CpuRenderer {
                         plan,
                         features,
                         blend: draw.pipeline.blend,
+                        glass: draw.pipeline.glass,
                         double_sided: draw.pipeline.double_sided,
                         tint: instance.tint,
                         primitive,
                         material: &self.materials[draw.material as usize],
                     },
                     phase: match draw.pipeline {
-                        k if k.blend => Phase::Blend,
+                        k if k.is_see_through() => Phase::Blend,
                         k if k.features.has(Features::ALPHA_MASK) => Phase::Mask,
                         _ => Phase::Opaque,
                     },

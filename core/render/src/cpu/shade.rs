@@ -2,11 +2,13 @@
 
 use super::brdf::*;
 use super::lanes::{F4, V3, Weights};
+use super::layers::*;
 use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
 use super::vertex::Vertex;
 use crate::catalog::{CatalogMaterial, CatalogTextureRef};
-use crate::plan::{Features, Plan};
+use crate::gpu_types::{BASE_SLOTS, TEXTURE_SLOTS};
+use crate::plan::{Features, Glass, Plan};
 use choreo_stage::{AlphaMode, Primitive, Toon};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
@@ -15,7 +17,7 @@ use std::sync::Arc;
 pub struct ShadeMaterial {
     pub factors: CatalogMaterial,
     /// In the order of `CatalogMaterial::texture_refs`.
-    pub textures: [Option<Arc<Texture>>; 7],
+    pub textures: [Option<Arc<Texture>>; TEXTURE_SLOTS],
 }
 
 /// Everything a quad needs beside its weights.
@@ -23,6 +25,7 @@ pub struct Fragment<'a> {
     pub plan: &'a Plan,
     pub features: Features,
     pub blend: bool,
+    pub glass: Glass,
     pub double_sided: bool,
     pub tint: Vec4,
     pub primitive: &'a Primitive,
@@ -39,6 +42,31 @@ impl Shaded {
     #[inline(always)]
     pub fn pixel(&self, i: usize) -> Vec4 {
         Vec4::new(self.rgba[0].0[i], self.rgba[1].0[i], self.rgba[2].0[i], self.rgba[3].0[i])
+    }
+}
+
+/// What the layers add to a surface; by default nothing.
+struct Over {
+    /// What comes through from behind, of the picture and of the hemisphere light.
+    through: V3,
+    behind: V3,
+    below_sheen: F4,
+    sheen: V3,
+    coat_weight: F4,
+    coat: V3,
+}
+
+impl Default for Over {
+    fn default() -> Over {
+        let none = V3::splat(Vec3::ZERO);
+        Over {
+            through: none,
+            behind: none,
+            below_sheen: F4::ONE,
+            sheen: none,
+            coat_weight: F4::ZERO,
+            coat: none,
+        }
     }
 }
 
@@ -88,7 +116,8 @@ impl Fragment<'_> {
         }
 
         let base = V3 { x: rgba[0], y: rgba[1], z: rgba[2] };
-        let n = self.normal(vertices, ids, front, &quad, texture(2, Features::NORMAL_TEXTURE));
+        let map = texture(2, Features::NORMAL_TEXTURE).map(|t| (t, m.normal_scale));
+        let n = self.normal(vertices, ids, front, &quad, map);
         let [a, b, c] = ids.map(|i| vertices[i as usize].relative);
         let relative = weights.vec3([a, b, c]);
         let eye = self.plan.view.eye;
@@ -109,6 +138,7 @@ impl Fragment<'_> {
         let (up, down) = (self.plan.ambient_up, self.plan.ambient_down);
         let dark = up == Vec3::ZERO && down == Vec3::ZERO;
         let mut color;
+        let mut over = Over::default();
         if f.has(Features::METALLIC_ROUGHNESS) {
             let (mut metallic, mut roughness) = (F4::splat(m.metallic), F4::splat(m.roughness));
             if let Some([_, g, b, _]) = texture(1, Features::METALLIC_ROUGHNESS_TEXTURE) {
@@ -119,8 +149,71 @@ impl Fragment<'_> {
             if let Some([.., a]) = texture(5, Features::SPECULAR_TEXTURE) {
                 specular *= a;
             }
-            let s = surface_of(base, metallic, roughness, specular, specular_color);
+            let mut s = surface_of(base, metallic, roughness, specular, specular_color);
             let nv = n.dot(v).clamp(0.001, 1.0);
+            if let Some(l) = m.layers.as_deref().filter(|_| f.has(Features::LAYERS)) {
+                let sky = |way: V3| if dark { V3::splat(Vec3::ZERO) } else { ambient(up, down, way) };
+                let layer = |slot: usize, bit: Features| texture(BASE_SLOTS + slot, bit);
+                if f.has(Features::TRANSMISSION) {
+                    let mut transmission = (F4::ONE - metallic) * l.transmission;
+                    if let Some([r, ..]) = layer(5, Features::TRANSMISSION_TEXTURE) {
+                        transmission *= r;
+                    }
+                    let reflected = ambient_specular(s.f0, s.f90, s.roughness, nv);
+                    let mut through = base * transmission * (V3::splat(Vec3::ONE) - reflected);
+                    if f.has(Features::VOLUME) {
+                        let [a, b, c] = ids.map(|i| vertices[i as usize].scale);
+                        let mut depth = weights.scalar(a, b, c) * l.thickness;
+                        if let Some([_, g, ..]) = layer(6, Features::THICKNESS_TEXTURE) {
+                            depth *= g;
+                        }
+                        through = through * let_through(l.extinction(), depth);
+                    }
+                    let blurred = roughness * roughness;
+                    over.behind = through * sky(-v) * blurred;
+                    over.through = through * (F4::ONE - blurred);
+                    s.diffuse = s.diffuse * (F4::ONE - transmission);
+                }
+                if f.has(Features::SHEEN) {
+                    let mut sheen_color = V3::splat(l.sheen_color);
+                    if let Some([r, g, b, _]) = layer(3, Features::SHEEN_COLOR_TEXTURE) {
+                        sheen_color = sheen_color * V3 { x: r, y: g, z: b };
+                    }
+                    let mut roughness = F4::splat(l.sheen_roughness);
+                    if let Some([.., a]) = layer(4, Features::SHEEN_ROUGHNESS_TEXTURE) {
+                        roughness *= a;
+                    }
+                    let roughness = roughness.max(F4::splat(0.07));
+                    let share = sheen_albedo(roughness, nv);
+                    let mut sheen = sky(n) * (share * occlusion);
+                    self.lights(relative, n, &mut sheen, |l, nl| {
+                        let nl = nl.max(F4::splat(0.001));
+                        V3::splat(Vec3::ONE) * sheen_lobe(roughness, n, v, l, nv, nl)
+                    });
+                    over.below_sheen = F4::ONE - sheen_color.max_component() * share;
+                    over.sheen = sheen_color * sheen;
+                }
+                if f.has(Features::CLEARCOAT) {
+                    let map = layer(2, Features::CLEARCOAT_NORMAL_TEXTURE);
+                    let map = map.map(|t| (t, l.clearcoat_normal_scale));
+                    let n = self.normal(vertices, ids, front, &quad, map);
+                    let mut weight = F4::splat(l.clearcoat);
+                    if let Some([r, ..]) = layer(0, Features::CLEARCOAT_TEXTURE) {
+                        weight *= r;
+                    }
+                    let mut roughness = F4::splat(l.clearcoat_roughness);
+                    if let Some([_, g, ..]) = layer(1, Features::CLEARCOAT_ROUGHNESS_TEXTURE) {
+                        roughness *= g;
+                    }
+                    let roughness = roughness.max(F4::splat(0.045));
+                    let nv = n.dot(v).clamp(0.001, 1.0);
+                    over.coat_weight = weight * coat_fresnel(nv);
+                    over.coat = sky(n * (n.dot(v) * 2.0) - v) * occlusion;
+                    self.lights(relative, n, &mut over.coat, |l, nl| {
+                        V3::splat(Vec3::ONE) * coat_lobe(roughness, n, v, l, nv, nl)
+                    });
+                }
+            }
             color = V3::splat(Vec3::ZERO);
             if !dark {
                 let mirrored = n * (n.dot(v) * 2.0) - v;
@@ -134,9 +227,24 @@ impl Fragment<'_> {
                 reflect_light_blinn_phong(base, specular_color, m.shininess, n, v, l)
             });
         }
+        let layered = f.has(Features::LAYERS);
+        if layered {
+            color = (color + over.behind) * over.below_sheen + over.sheen;
+        }
         if f.has(Features::EMISSIVE) {
             color = color + self.emission(&quad);
         }
+        if layered {
+            color = color.mix(over.coat, over.coat_weight);
+        }
+        let color = match self.glass {
+            Glass::No => color,
+            Glass::Light => color * alpha,
+            Glass::Filter => {
+                let through = over.through * (over.below_sheen * (F4::ONE - over.coat_weight));
+                V3::splat(Vec3::ONE).mix(through, alpha)
+            }
+        };
         Shaded { rgba: [color.x, color.y, color.z, alpha], kept }
     }
 
@@ -211,16 +319,15 @@ impl Fragment<'_> {
         ids: [u32; 3],
         front: bool,
         quad: &Quad,
-        map: Option<[F4; 4]>,
+        map: Option<([F4; 4], f32)>,
     ) -> V3 {
         let interpolated = quad.weights.vec3(ids.map(|i| vertices[i as usize].normal));
         let mut n = match map {
-            Some([x, y, z, _]) => {
+            Some(([x, y, z, _], scale)) => {
                 let t = ids.map(|i| vertices[i as usize].tangent);
                 let tangent = quad.weights.vec3(t.map(|t| t.truncate()));
                 let sign = quad.weights.scalar(t[0].w, t[1].w, t[2].w);
                 let bitangent = interpolated.cross(tangent) * sign;
-                let scale = self.material.factors.material.normal_scale;
                 let (x, y) = ((x * 2.0 - F4::ONE) * scale, (y * 2.0 - F4::ONE) * scale);
                 (tangent * x + bitangent * y + interpolated * (z * 2.0 - F4::ONE)).unit()
             }

@@ -16,6 +16,19 @@ pub trait Target: Copy + PartialEq + Send + Sync {
         Self::encode(rgb.extend(a + below.w * (1.0 - a)))
     }
 
+    /// Times the colour of what comes through a glass; the target's alpha stays.
+    fn filtered(self, source: Vec4) -> Self {
+        let (source, below) = (Self::fragment(source), self.decode());
+        Self::encode((below.truncate() * source.truncate()).extend(below.w))
+    }
+
+    /// Plus what the glass itself shows; the target's alpha becomes its coverage.
+    fn lit(self, source: Vec4) -> Self {
+        let (source, below) = (Self::fragment(source), self.decode());
+        let rgb = below.truncate() + source.truncate();
+        Self::encode(rgb.extend(source.w + below.w * (1.0 - source.w)))
+    }
+
     /// What the finished picture shows.
     fn bytes(self) -> [u8; 4];
 

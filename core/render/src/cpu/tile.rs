@@ -7,6 +7,7 @@ use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
 use super::target::Target;
 use super::vertex::Vertex;
+use crate::plan::Glass;
 use choreo_plugin::Effect;
 use glam::{Vec2, Vec4};
 use std::sync::Arc;
@@ -150,7 +151,8 @@ impl Tile<'_, '_> {
     /// One triangle after the other: alpha test before the depth is written, or blending without writing it.
     fn forward<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, id: &TriangleId) {
         let t = self.triangle(id);
-        let blend = self.batches[id[0] as usize].phase == Phase::Blend;
+        let batch = &self.batches[id[0] as usize];
+        let (blend, glass) = (batch.phase == Phase::Blend, batch.fragment.glass);
         let (depth, passed, passed_depth) = (&b.depth[..], &mut b.passed[..], &mut b.passed_depth[..]);
         let mut any = false;
         cover::<S>(t, self.at, |index, covered, z| {
@@ -184,7 +186,11 @@ impl Tile<'_, '_> {
                     for s in (0..S).filter(|s| masks[pixel] & (1 << s) != 0) {
                         let at = first[pixel] + s;
                         if blend {
-                            b.color[at] = b.color[at].blended(color);
+                            b.color[at] = match glass {
+                                Glass::No => b.color[at].blended(color),
+                                Glass::Filter => b.color[at].filtered(color),
+                                Glass::Light => b.color[at].lit(color),
+                            };
                         } else {
                             b.color[at] = T::encode(color);
                             b.depth[at] = b.passed_depth[at];

@@ -13,6 +13,8 @@ pub struct Vertex {
     pub normal: Vec3,
     /// xyz unit, w the sign of the bitangent; zero where not needed.
     pub tangent: Vec4,
+    /// How much longer the mesh's metres are here; zero where not needed.
+    pub scale: f32,
 }
 
 pub struct VertexStage<'a> {
@@ -34,7 +36,7 @@ impl VertexStage<'_> {
     fn vertex(&self, i: usize) -> Vertex {
         let p = self.primitive;
         let lit = self.features.is_lit();
-        let tangents = self.features.has(Features::NORMAL_TEXTURE) && !p.tangents.is_empty();
+        let tangents = self.features.has_tangents() && !p.tangents.is_empty();
         let mut position = p.positions[i];
         let mut normal = if lit { p.normals[i] } else { Vec3::ZERO };
         let mut tangent = if tangents { p.tangents[i] } else { Vec4::ZERO };
@@ -60,7 +62,13 @@ impl VertexStage<'_> {
             relative,
             normal: Vec3::ZERO,
             tangent: Vec4::ZERO,
+            scale: 0.0,
         };
+        if self.features.has(Features::VOLUME) {
+            // The root mean square of the three axes.
+            let [x, y, z] = rows.0.map(|r| r.truncate());
+            out.scale = ((x.dot(x) + y.dot(y) + z.dot(z)) / 3.0).sqrt();
+        }
         if lit {
             // Normals by the cofactor matrix: the inverse transpose times the determinant, whose sign is taken out
             // again (right under non-uniform scale and mirroring, and finite where the matrix is flat).

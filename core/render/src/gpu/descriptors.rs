@@ -3,7 +3,7 @@
 use super::context::Context;
 use super::error::Named;
 use crate::RenderError;
-use crate::gpu_types::TEXTURE_SLOTS;
+use crate::gpu_types::{LayersUniform, TEXTURE_SLOTS};
 use ash::vk;
 
 /// Set 0: per frame. Set 1: per material. Set 2: morph offsets of a primitive. Set 0 of a post pass.
@@ -51,6 +51,7 @@ impl Layouts {
             material.push((1 + 2 * slot, T::SAMPLED_IMAGE, fragment));
             material.push((2 + 2 * slot, T::SAMPLER, fragment));
         }
+        material.push((LayersUniform::BINDING, T::UNIFORM_BUFFER, fragment));
         let frame = super::slot::FRAME_BINDINGS.map(|(binding, kind)| {
             let stages = [vertex | fragment, vertex, vertex, vertex, fragment, vertex];
             (binding, kind, stages[binding as usize])

@@ -7,7 +7,7 @@ use super::error::Named;
 use super::faults::FaultPlace;
 use super::targets::{DEPTH, format};
 use crate::RenderError;
-use crate::plan::TopologyKey;
+use crate::plan::{Glass, TopologyKey};
 use crate::record::{Command, Recording, Target};
 use crate::shader::{BACKGROUND, Entry, SCENE, SceneVariant, ShaderSources, compile, switches};
 use crate::vertex::{Format, VertexLayout};
@@ -170,8 +170,13 @@ impl Pipelines {
                         samples: *samples,
                         color: format_of(*float),
                         // Reversed Z: nearer is greater.
-                        depth: Some((vk::CompareOp::GREATER, !key.blend)),
-                        blend: key.blend,
+                        depth: Some((vk::CompareOp::GREATER, !key.is_see_through())),
+                        mix: match (key.glass, key.blend) {
+                            (Glass::No, false) => Mix::Replace,
+                            (Glass::No, true) => Mix::Over,
+                            (Glass::Filter, _) => Mix::Multiply,
+                            (Glass::Light, _) => Mix::Add,
+                        },
                     },
                 )
             }
@@ -291,14 +296,13 @@ impl Pipelines {
             .depth_compare_op(compare);
         let mut attachment =
             vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
-        if state.blend {
-            // Source over, straight alpha.
+        if let Some([from, to, alpha_from, alpha_to]) = state.mix.factors() {
             attachment = attachment
                 .blend_enable(true)
-                .src_color_blend_factor(vk::BlendFactor::SRC_ALPHA)
-                .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
-                .src_alpha_blend_factor(vk::BlendFactor::ONE)
-                .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA);
+                .src_color_blend_factor(from)
+                .dst_color_blend_factor(to)
+                .src_alpha_blend_factor(alpha_from)
+                .dst_alpha_blend_factor(alpha_to);
         }
         let attachments = [attachment];
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
@@ -356,7 +360,32 @@ struct State {
     color: vk::Format,
     /// Comparison and whether it writes; `None` without a depth image.
     depth: Option<(vk::CompareOp, bool)>,
-    blend: bool,
+    mix: Mix,
+}
+
+/// How a fragment meets what is in the picture.
+#[derive(Clone, Copy)]
+enum Mix {
+    Replace,
+    /// Source over, straight alpha.
+    Over,
+    /// The picture times the fragment's colour.
+    Multiply,
+    /// The picture plus the fragment's colour.
+    Add,
+}
+
+impl Mix {
+    /// Of source and destination colour, of source and destination alpha.
+    fn factors(self) -> Option<[vk::BlendFactor; 4]> {
+        use vk::BlendFactor as F;
+        match self {
+            Mix::Replace => None,
+            Mix::Over => Some([F::SRC_ALPHA, F::ONE_MINUS_SRC_ALPHA, F::ONE, F::ONE_MINUS_SRC_ALPHA]),
+            Mix::Multiply => Some([F::ZERO, F::SRC_COLOR, F::ZERO, F::ONE]),
+            Mix::Add => Some([F::ONE, F::ONE, F::ONE, F::ONE_MINUS_SRC_ALPHA]),
+        }
+    }
 }
 
 impl State {
@@ -370,7 +399,7 @@ impl State {
             samples: 1,
             color: format(Target::Picture),
             depth: None,
-            blend: false,
+            mix: Mix::Replace,
         }
     }
 }

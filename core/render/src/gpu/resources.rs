@@ -7,7 +7,7 @@ use super::memory::{Buffer, Image, ImageDesc};
 use super::upload::Uploads;
 use crate::RenderError;
 use crate::catalog::{Catalog, CatalogPrimitive};
-use crate::gpu_types::MaterialUniform;
+use crate::gpu_types::{LayersUniform, MaterialUniform};
 use crate::mip;
 use crate::record::{Command, Recording};
 use crate::vertex::{VertexLayout, pack, pack_morphs};
@@ -33,7 +33,11 @@ struct Morphs {
     set: Set,
 }
 
+/// The greatest that Vulkan lets a device ask for (`minUniformBufferOffsetAlignment`).
+const UNIFORM_ALIGNMENT: u64 = 256;
+
 struct Material {
+    /// That of every material, then that of its layers.
     uniform: Buffer,
     set: Set,
 }
@@ -48,7 +52,7 @@ pub struct Resources {
     textures: HashMap<TextureKey, Image>,
     samplers: HashMap<Sampler, vk::Sampler>,
     /// By catalogue index and which texture slots the shader reads.
-    materials: HashMap<(u32, u8), Material>,
+    materials: HashMap<(u32, u16), Material>,
     white: Option<Image>,
     pools: Pools,
 }
@@ -62,7 +66,7 @@ impl Resources {
         self.morphs.get(&(hash, layout)).map(|m| m.set.raw)
     }
 
-    pub fn material_set(&self, material: u32, slots: u8) -> Option<vk::DescriptorSet> {
+    pub fn material_set(&self, material: u32, slots: u16) -> Option<vk::DescriptorSet> {
         self.materials.get(&(material, slots)).map(|m| m.set.raw)
     }
 
@@ -173,7 +177,7 @@ impl Resources {
         &mut self,
         gpu: &Context,
         catalog: &Catalog,
-        materials: &[(u32, u8)],
+        materials: &[(u32, u16)],
         uploads: &mut Uploads,
     ) -> Result<(), RenderError> {
         let mut wanted: Vec<u32> = Vec::new();
@@ -227,14 +231,22 @@ impl Resources {
         layouts: &Layouts,
         catalog: &Catalog,
         index: u32,
-        slots: u8,
+        slots: u16,
         uploads: &mut Uploads,
     ) -> Result<(), RenderError> {
         let material = &catalog.materials[index as usize];
         let name = format!("material \"{}\"", material.material.name);
         let usage = vk::BufferUsageFlags::UNIFORM_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
-        let size = size_of::<MaterialUniform>() as u64;
-        let mut uniform = Buffer::new(gpu, &name, size, usage, MemoryLocation::GpuOnly)?;
+        let base = MaterialUniform::new(material);
+        let layers = LayersUniform::new(material);
+        let mut bytes = bytemuck::bytes_of(&base).to_vec();
+        let size = bytes.len() as u64;
+        let layers_at = size.next_multiple_of(UNIFORM_ALIGNMENT);
+        if let Some(layers) = &layers {
+            bytes.resize(layers_at as usize, 0);
+            bytes.extend_from_slice(bytemuck::bytes_of(layers));
+        }
+        let mut uniform = Buffer::new(gpu, &name, bytes.len() as u64, usage, MemoryLocation::GpuOnly)?;
         let set = match self.pools.allocate(gpu, layouts.material, &name) {
             Ok(set) => set,
             Err(e) => {
@@ -246,7 +258,12 @@ impl Resources {
         let raw = uniform.raw;
         self.materials.insert((index, slots), Material { uniform, set });
         write_buffer(gpu, set.raw, 0, vk::DescriptorType::UNIFORM_BUFFER, raw, 0, size);
-        uploads.buffer(raw, bytemuck::bytes_of(&MaterialUniform::new(material)));
+        if layers.is_some() {
+            let size = size_of::<LayersUniform>() as u64;
+            let kind = vk::DescriptorType::UNIFORM_BUFFER;
+            write_buffer(gpu, set.raw, LayersUniform::BINDING, kind, raw, layers_at, size);
+        }
+        uploads.buffer(raw, &bytes);
         for (slot, texture) in material.texture_refs().iter().enumerate() {
             let binding = 1 + 2 * slot as u32;
             let null = (vk::ImageView::null(), vk::Sampler::null());

@@ -8,7 +8,7 @@ pub use compile::{Entry, compile, parse};
 pub use preprocess::{PreprocessError, preprocess};
 
 use crate::RenderError;
-use crate::plan::{Features, PipelineKey};
+use crate::plan::{Features, Glass, PipelineKey};
 use std::path::PathBuf;
 
 /// Where the text of a module comes from: the program itself, or a folder for live editing (whose files win).
@@ -18,10 +18,11 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 7] = [
+const EMBEDDED: [(&str, &str); 8] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
     ("toon.wgsl", include_str!("../../../../shaders/toon.wgsl")),
+    ("layers.wgsl", include_str!("../../../../shaders/layers.wgsl")),
     ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
     ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
     ("background.wgsl", include_str!("../../../../shaders/background.wgsl")),
@@ -29,7 +30,8 @@ const EMBEDDED: [(&str, &str); 7] = [
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 5] = ["frame.wgsl", "brdf.wgsl", "toon.wgsl", "vertex.wgsl", "scene.wgsl"];
+pub const SCENE: [&str; 6] =
+    ["frame.wgsl", "brdf.wgsl", "toon.wgsl", "vertex.wgsl", "layers.wgsl", "scene.wgsl"];
 pub const BACKGROUND: [&str; 2] = ["frame.wgsl", "background.wgsl"];
 
 /// One file's text, before preprocessing.
@@ -89,7 +91,7 @@ pub struct SceneVariant {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 20] = [
+    let names: [(&'static str, Features); 32] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("MORPH", Features::MORPH),
@@ -110,12 +112,28 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("ALPHA_MASK", Features::ALPHA_MASK),
         ("UV_TRANSFORM", Features::UV_TRANSFORM),
         ("LOCAL_LIGHTS", Features::LOCAL_LIGHTS),
+        ("LAYERS", Features::LAYERS),
+        ("CLEARCOAT", Features::CLEARCOAT),
+        ("CLEARCOAT_TEXTURE", Features::CLEARCOAT_TEXTURE),
+        ("CLEARCOAT_ROUGHNESS_TEXTURE", Features::CLEARCOAT_ROUGHNESS_TEXTURE),
+        ("CLEARCOAT_NORMAL_TEXTURE", Features::CLEARCOAT_NORMAL_TEXTURE),
+        ("SHEEN", Features::SHEEN),
+        ("SHEEN_COLOR_TEXTURE", Features::SHEEN_COLOR_TEXTURE),
+        ("SHEEN_ROUGHNESS_TEXTURE", Features::SHEEN_ROUGHNESS_TEXTURE),
+        ("TRANSMISSION", Features::TRANSMISSION),
+        ("TRANSMISSION_TEXTURE", Features::TRANSMISSION_TEXTURE),
+        ("VOLUME", Features::VOLUME),
+        ("THICKNESS_TEXTURE", Features::THICKNESS_TEXTURE),
     ];
     let key = &variant.key;
     let mut on: Vec<&'static str> =
         names.iter().filter(|(_, f)| key.features.has(*f)).map(|(n, _)| *n).collect();
     let extra = [
         ("LIT", key.features.is_lit()),
+        ("TANGENT", key.features.has_tangents()),
+        ("GLASS", key.glass != Glass::No),
+        ("GLASS_FILTER", key.glass == Glass::Filter),
+        ("GLASS_LIGHT", key.glass == Glass::Light),
         ("BLEND", key.blend),
         ("DOUBLE_SIDED", key.double_sided),
         ("TINT", variant.tint),

@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 26] = [
+pub const SWITCHES: [&str; 42] = [
     "SKIN",
     "SKIN_8",
     "MORPH",
@@ -33,6 +33,22 @@ pub const SWITCHES: [&str; 26] = [
     "ALPHA_MASK",
     "UV_TRANSFORM",
     "LOCAL_LIGHTS",
+    "LAYERS",
+    "CLEARCOAT",
+    "CLEARCOAT_TEXTURE",
+    "CLEARCOAT_ROUGHNESS_TEXTURE",
+    "CLEARCOAT_NORMAL_TEXTURE",
+    "SHEEN",
+    "SHEEN_COLOR_TEXTURE",
+    "SHEEN_ROUGHNESS_TEXTURE",
+    "TRANSMISSION",
+    "TRANSMISSION_TEXTURE",
+    "VOLUME",
+    "THICKNESS_TEXTURE",
+    "TANGENT",
+    "GLASS",
+    "GLASS_FILTER",
+    "GLASS_LIGHT",
     "LIT",
     "BLEND",
     "DOUBLE_SIDED",

@@ -1,6 +1,8 @@
 //! Scenes made by hand for the tests of plan and renderers.
 #![allow(dead_code)]
 
+pub mod layered;
+
 use choreo_motion::{Skeleton, Time, Transform};
 use choreo_render::{Catalog, Plan, PlanOptions};
 use choreo_stage::*;
@@ -64,6 +66,7 @@ impl Scene {
             model_from_joint,
             morph_weights: asset.instances.iter().map(|i| i.weights.clone()).collect(),
             tint: Vec4::ONE,
+            base_colors: Vec::new(),
         });
         self.stage.actors.len() - 1
     }
@@ -137,7 +140,13 @@ pub fn asset(primitives: Vec<Primitive>, materials: Vec<Material>, images: Vec<A
         name: "test".into(),
         skeleton: Arc::new(skeleton),
         meshes: vec![Arc::new(Mesh { primitives, morph_targets, ..Mesh::default() })],
-        instances: vec![MeshInstance { joint: 0, mesh: 0, skin: None, weights: vec![0.0; morph_targets] }],
+        instances: vec![MeshInstance {
+            joint: 0,
+            mesh: 0,
+            skin: None,
+            weights: vec![0.0; morph_targets],
+            ..Default::default()
+        }],
         materials,
         images,
         ..Asset::default()

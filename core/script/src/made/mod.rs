@@ -135,7 +135,7 @@ fn asset(
         name: name.to_string(),
         skeleton: Arc::new(skeleton),
         meshes: vec![Arc::new(mesh)],
-        instances: vec![MeshInstance { joint: 0, mesh: 0, skin: None, weights: Vec::new() }],
+        instances: vec![MeshInstance { joint: 0, mesh: 0, ..MeshInstance::default() }],
         materials: vec![material],
         images,
         ..Asset::default()

@@ -101,7 +101,16 @@ impl Importer for Toy {
         Ok(Asset {
             skeleton: Arc::new(Skeleton::new(names, parents, rest).unwrap()),
             meshes: std::iter::repeat_n(Arc::new(mesh), seen).collect(),
-            instances: vec![MeshInstance { joint: 0, mesh: 0, skin: None, weights: vec![0.0] }; seen],
+            instances: vec![
+                MeshInstance {
+                    joint: 0,
+                    mesh: 0,
+                    skin: None,
+                    weights: vec![0.0],
+                    ..Default::default()
+                };
+                seen
+            ],
             cameras: vec![AssetCamera { name: "eye".into(), joint: 2, projection: Projection::default() }],
             clips: vec![clip("Walk", 1.0), clip("Run", 0.8), clip("Wave", 2.0)],
             ..Asset::default()

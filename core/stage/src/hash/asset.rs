@@ -3,7 +3,7 @@
 use super::writer::{Writer, hash_of};
 use super::{ContentHash, character};
 use crate::*;
-use choreo_motion::{Clip, Path, Skeleton};
+use choreo_motion::{Clip, Path, PropertyTarget, Skeleton};
 use std::sync::Arc;
 
 impl Primitive {
@@ -107,6 +107,7 @@ impl Material {
             toon,
             alpha_mode,
             double_sided,
+            layers,
         } = self;
         w.tag(match shading {
             Shading::MetallicRoughness => 0,
@@ -141,6 +142,34 @@ impl Material {
             self::texture(w, texture, image_hash);
         }
         w.option(&toon.as_deref(), |w, toon| toon_parameters(w, toon, image_hash));
+        w.option(layers, |w, layers| {
+            let MaterialLayers {
+                clearcoat,
+                clearcoat_roughness,
+                clearcoat_normal_scale,
+                sheen_color,
+                sheen_roughness,
+                transmission,
+                thickness,
+                attenuation_distance,
+                attenuation_color,
+                ..
+            } = &**layers;
+            for factor in [
+                clearcoat,
+                clearcoat_roughness,
+                clearcoat_normal_scale,
+                sheen_roughness,
+                transmission,
+                thickness,
+                attenuation_distance,
+            ] {
+                w.f32(*factor);
+            }
+            w.vec3(*sheen_color);
+            w.vec3(*attenuation_color);
+            layers.textures().iter().for_each(|t| self::texture(w, t, image_hash));
+        });
     }
 }
 
@@ -251,6 +280,21 @@ pub fn clip_hash(clip: &Clip) -> ContentHash {
             w.list(&curve.times, |w, t| w.time(*t));
             w.f32s(&curve.values);
         });
+        let properties: Vec<_> = clip.properties().collect();
+        w.list(&properties, |w, (target, curve)| {
+            let (kind, index) = match target {
+                PropertyTarget::CameraYfov(i) => (0, *i),
+                PropertyTarget::CameraHeight(i) => (1, *i),
+                PropertyTarget::LightColor(i) => (2, *i),
+                PropertyTarget::LightIntensity(i) => (3, *i),
+                PropertyTarget::BaseColor(i) => (4, *i),
+            };
+            w.tag(kind);
+            w.u32(index);
+            w.interpolation(curve.interpolation);
+            w.list(&curve.times, |w, t| w.time(*t));
+            w.f32s(&curve.values);
+        });
     })
 }
 
@@ -291,6 +335,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
             w.u32(instance.mesh);
             w.option(&instance.skin, |w, skin| w.u32(*skin));
             w.f32s(&instance.weights);
+            w.list(&instance.copies, |w, copy| w.f32s(&copy.to_cols_array()));
         });
         w.list(materials, |w, material| {
             material.write(w, &|index| images.get(index as usize).copied());

@@ -145,12 +145,20 @@ impl Snapshot {
                 self;
             w.time(*time);
             w.list(actors, |w, actor| {
-                let ActorState { visible, world_from_model, model_from_joint, morph_weights, tint } = actor;
+                let ActorState {
+                    visible,
+                    world_from_model,
+                    model_from_joint,
+                    morph_weights,
+                    tint,
+                    base_colors,
+                } = actor;
                 w.flag(*visible);
                 world_from_model.to_cols_array().into_iter().for_each(|v| w.f64(v));
                 w.list(model_from_joint, |w, m| m.to_cols_array().into_iter().for_each(|v| w.f32(v)));
                 w.list(morph_weights, |w, weights| w.f32s(weights));
                 w.vec4(*tint);
+                w.vec4s(base_colors);
             });
             w.option(&camera.camera, |w, index| w.count(*index));
             camera.world_from_view.to_cols_array().into_iter().for_each(|v| w.f64(v));

@@ -93,8 +93,8 @@ pub fn figure() -> Arc<Asset> {
         }],
         meshes: vec![Arc::new(body), Arc::new(head)],
         instances: vec![
-            MeshInstance { joint: HIPS, mesh: 0, skin: Some(0), weights: vec![] },
-            MeshInstance { joint: HEAD, mesh: 1, skin: None, weights: vec![] },
+            MeshInstance { joint: HIPS, mesh: 0, skin: Some(0), ..Default::default() },
+            MeshInstance { joint: HEAD, mesh: 1, ..Default::default() },
         ],
         cameras: vec![AssetCamera {
             name: "eyes".into(),
@@ -125,7 +125,13 @@ pub fn stick() -> Arc<Asset> {
             morph_targets: 2,
             morph_names: vec!["along_x".into(), "along_z".into()],
         })],
-        instances: vec![MeshInstance { joint: 0, mesh: 0, skin: None, weights: vec![0.1, 0.2] }],
+        instances: vec![MeshInstance {
+            joint: 0,
+            mesh: 0,
+            skin: None,
+            weights: vec![0.1, 0.2],
+            ..Default::default()
+        }],
         clips: vec![clip("morph", 1, vec![morphing])],
         ..Asset::default()
     })

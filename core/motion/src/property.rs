@@ -1,0 +1,83 @@
+//! What a clip animates beside joints and morph weights: numbers of the cameras, lights and materials of its asset
+//! (KHR_animation_pointer). A clip for another skeleton has none: they speak of one file's things.
+
+use crate::clip::{Curve, check_curve};
+use crate::timeline::find_interval;
+use crate::{ClipError, Interpolation, Path, Time};
+use std::sync::Arc;
+
+/// Which numbers of which thing; the number is an index into the asset's list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum PropertyTarget {
+    /// Full vertical angle of a perspective camera, radians.
+    CameraYfov(u32),
+    /// Full height of an orthographic camera's view, metres.
+    CameraHeight(u32),
+    /// Linear RGB.
+    LightColor(u32),
+    /// As the file has it (lux, candela).
+    LightIntensity(u32),
+    /// Linear RGBA factor of a material.
+    BaseColor(u32),
+}
+
+impl PropertyTarget {
+    /// Numbers a key.
+    pub fn width(self) -> usize {
+        match self {
+            PropertyTarget::CameraYfov(_)
+            | PropertyTarget::CameraHeight(_)
+            | PropertyTarget::LightIntensity(_) => 1,
+            PropertyTarget::LightColor(_) => 3,
+            PropertyTarget::BaseColor(_) => 4,
+        }
+    }
+}
+
+/// Keys of one property. `values.len() == times.len() * target.width() * (3 if CubicSpline else 1)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PropertyCurve {
+    pub target: PropertyTarget,
+    pub interpolation: Interpolation,
+    /// Strictly increasing, at least one.
+    pub times: Arc<[Time]>,
+    pub values: Arc<[f32]>,
+}
+
+/// Checked: the numbers as a curve of weights, which are interpolated alike.
+#[derive(Clone, Debug)]
+pub(crate) struct Checked {
+    target: PropertyTarget,
+    curve: Curve,
+}
+
+pub(crate) fn check(curves: Vec<PropertyCurve>) -> Result<Vec<Checked>, ClipError> {
+    let mut out: Vec<Checked> = Vec::with_capacity(curves.len());
+    for (index, curve) in curves.into_iter().enumerate() {
+        let PropertyCurve { target, interpolation, times, values } = curve;
+        let path = Path::Weights(target.width() as u32);
+        let mut curve = Curve { joint: 0, path, interpolation, times, values };
+        let twice = out.iter().position(|c| c.target == target);
+        let checked = check_curve(&mut curve, 1).and(match twice {
+            Some(first) => Err(format!("property curve {first} already drives the same property")),
+            None => Ok(()),
+        });
+        checked.map_err(|what| ClipError::Property { curve: index, target, what })?;
+        out.push(Checked { target, curve });
+    }
+    Ok(out)
+}
+
+impl Checked {
+    pub(crate) fn target(&self) -> PropertyTarget {
+        self.target
+    }
+
+    pub(crate) fn curve(&self) -> &Curve {
+        &self.curve
+    }
+
+    pub(crate) fn sample(&self, time: Time, out: &mut [f32]) {
+        crate::sample::curve_between(&self.curve, find_interval(&self.curve.times, time), out);
+    }
+}

@@ -1,0 +1,55 @@
+//! Which shader features a material's layers need: none for a material without them.
+
+use crate::catalog::{CatalogMaterial, CatalogTextureRef};
+use crate::gpu_types::LAYER_SLOTS;
+use crate::plan::Features;
+use choreo_stage::MaterialLayers;
+use glam::Vec3;
+
+/// In the order of `MaterialLayers::textures`.
+pub const TEXTURES: [Features; LAYER_SLOTS] = [
+    Features::CLEARCOAT_TEXTURE,
+    Features::CLEARCOAT_ROUGHNESS_TEXTURE,
+    Features::CLEARCOAT_NORMAL_TEXTURE,
+    Features::SHEEN_COLOR_TEXTURE,
+    Features::SHEEN_ROUGHNESS_TEXTURE,
+    Features::TRANSMISSION_TEXTURE,
+    Features::THICKNESS_TEXTURE,
+];
+
+/// What a frame without them leaves out.
+pub const WORDS: &[(Features, &str, &str)] = &[
+    (Features::CLEARCOAT, "clear coats", "one"),
+    (Features::SHEEN, "sheen", "any"),
+    (Features::TRANSMISSION, "transmission", "any: none lets light through"),
+    (Features::VOLUME, "absorption", "a volume that takes light"),
+];
+
+/// (texture, its bit, whether it may be read at all). A coat's normal map is never forced in: it needs tangents.
+pub fn textures(
+    material: &CatalogMaterial,
+    layers: Option<&MaterialLayers>,
+) -> [(Option<CatalogTextureRef>, Features, bool); LAYER_SLOTS] {
+    let on = |slot: usize| match (layers, slot) {
+        (None, _) => false,
+        (Some(l), 0..=1) => l.clearcoat > 0.0,
+        (Some(_), 2) => material.layers[2].is_some(),
+        (Some(l), 3..=4) => l.sheen_color != Vec3::ZERO,
+        (Some(l), 5) => l.transmission > 0.0,
+        (Some(l), _) => l.absorbs(),
+    };
+    std::array::from_fn(|slot| (material.layers[slot], TEXTURES[slot], on(slot)))
+}
+
+/// A coat and sheen of nothing change no pixel, so they can be forced in where the material has layers at all.
+pub fn bits(layers: Option<&MaterialLayers>, force_all: bool) -> [(bool, Features); 5] {
+    let has = |f: fn(&MaterialLayers) -> bool| layers.is_some_and(f);
+    let force = force_all && layers.is_some();
+    [
+        (layers.is_some(), Features::LAYERS),
+        (has(|l| l.clearcoat > 0.0) || force, Features::CLEARCOAT),
+        (has(|l| l.sheen_color != Vec3::ZERO) || force, Features::SHEEN),
+        (has(|l| l.transmission > 0.0), Features::TRANSMISSION),
+        (has(MaterialLayers::absorbs), Features::VOLUME),
+    ]
+}

@@ -1,0 +1,86 @@
+//! What lies over, in or behind a metallic-roughness surface (KHR_materials_clearcoat, _sheen, _transmission, _volume).
+
+use crate::TextureRef;
+use glam::Vec3;
+
+/// All neutral by default: nothing of it is seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MaterialLayers {
+    /// Share of the surface under a clear coat of index 1.5; R of the texture.
+    pub clearcoat: f32,
+    pub clearcoat_texture: Option<TextureRef>,
+    /// G of the texture.
+    pub clearcoat_roughness: f32,
+    pub clearcoat_roughness_texture: Option<TextureRef>,
+    /// Of the coat alone; without it the coat is as smooth as the mesh, whatever normal map the surface below has.
+    pub clearcoat_normal_texture: Option<TextureRef>,
+    pub clearcoat_normal_scale: f32,
+    /// Linear colour of the fibres' sheen; black: none. RGB of the texture, sRGB.
+    pub sheen_color: Vec3,
+    pub sheen_color_texture: Option<TextureRef>,
+    /// A of the texture.
+    pub sheen_roughness: f32,
+    pub sheen_roughness_texture: Option<TextureRef>,
+    /// Share of the light that is let through instead of scattered back; R of the texture.
+    pub transmission: f32,
+    pub transmission_texture: Option<TextureRef>,
+    /// Metres of the mesh's own space that light goes through below the surface; 0: a thin wall. G of the texture.
+    pub thickness: f32,
+    pub thickness_texture: Option<TextureRef>,
+    /// Metres after which white light has the attenuation colour; infinite: clear.
+    pub attenuation_distance: f32,
+    pub attenuation_color: Vec3,
+}
+
+impl Default for MaterialLayers {
+    fn default() -> MaterialLayers {
+        MaterialLayers {
+            clearcoat: 0.0,
+            clearcoat_texture: None,
+            clearcoat_roughness: 0.0,
+            clearcoat_roughness_texture: None,
+            clearcoat_normal_texture: None,
+            clearcoat_normal_scale: 1.0,
+            sheen_color: Vec3::ZERO,
+            sheen_color_texture: None,
+            sheen_roughness: 0.0,
+            sheen_roughness_texture: None,
+            transmission: 0.0,
+            transmission_texture: None,
+            thickness: 0.0,
+            thickness_texture: None,
+            attenuation_distance: f32::INFINITY,
+            attenuation_color: Vec3::ONE,
+        }
+    }
+}
+
+impl MaterialLayers {
+    /// In the order of the fields.
+    pub fn textures(&self) -> [&Option<TextureRef>; 7] {
+        [
+            &self.clearcoat_texture,
+            &self.clearcoat_roughness_texture,
+            &self.clearcoat_normal_texture,
+            &self.sheen_color_texture,
+            &self.sheen_roughness_texture,
+            &self.transmission_texture,
+            &self.thickness_texture,
+        ]
+    }
+
+    /// Light lost a metre, by Beer and Lambert: −ln(colour) ÷ distance. A black channel lets nothing through after a millionth.
+    pub fn extinction(&self) -> Vec3 {
+        if !(self.attenuation_distance > 0.0 && self.attenuation_distance.is_finite()) {
+            return Vec3::ZERO;
+        }
+        let lost = |c: f32| -libm::logf(c.clamp(1e-6, 1.0)) / self.attenuation_distance;
+        let Vec3 { x, y, z } = self.attenuation_color;
+        Vec3::new(lost(x), lost(y), lost(z)).min(Vec3::splat(1e6))
+    }
+
+    /// Whether the volume takes anything.
+    pub fn absorbs(&self) -> bool {
+        self.transmission > 0.0 && self.thickness > 0.0 && self.extinction() != Vec3::ZERO
+    }
+}

@@ -1,0 +1,91 @@
+//! EXT_mesh_gpu_instancing: one mesh at many places of its node.
+
+use crate::accessor::Integers;
+use crate::file::File;
+use crate::problem::{Problem, Result};
+use glam::{Affine3A, Quat, Vec3};
+use serde_json::Value;
+use std::sync::Arc;
+
+pub const NAME: &str = "EXT_mesh_gpu_instancing";
+
+/// joint-from-mesh of every copy; empty where the node has no such extension.
+pub fn copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
+    let said = file.root.nodes[node].extensions.as_ref().and_then(|e| e.others.get(NAME));
+    let Some(said) = said else { return Ok([].into()) };
+    let place = || format!("nodes[{node}].extensions.{NAME}");
+    let listed = said.get("attributes").and_then(Value::as_object);
+    let accessor = |name: &str| -> Result<Option<usize>> {
+        let Some(value) = listed.and_then(|l| l.get(name)) else { return Ok(None) };
+        let index = value.as_u64().and_then(|n| usize::try_from(n).ok());
+        index
+            .map(Some)
+            .ok_or_else(|| Problem::new(format!("{}.{name}", place()), "is not the number of an accessor"))
+    };
+    let [translation, rotation, scale] =
+        [accessor("TRANSLATION")?, accessor("ROTATION")?, accessor("SCALE")?];
+    for name in listed.iter().flat_map(|l| l.keys()) {
+        if !["TRANSLATION", "ROTATION", "SCALE"].contains(&name.as_str()) {
+            file.warn(place(), format!("{name} is not an attribute that can be shown; it is left out"));
+        }
+    }
+    let mut count = None;
+    for (name, accessor) in [("TRANSLATION", translation), ("ROTATION", rotation), ("SCALE", scale)] {
+        let Some(accessor) = accessor else { continue };
+        let own = file.count(accessor).map_err(|p| p.used_by(format!("{}.{name}", place())))?;
+        if count.is_some_and(|c| c != own) {
+            let what =
+                format!("{name} has {own} elements, but the attribute before it has {}", count.unwrap_or(0));
+            return Err(Problem::new(place(), what));
+        }
+        count = Some(own);
+    }
+    let Some(count) = count else {
+        file.warn(place(), "has no TRANSLATION, ROTATION or SCALE; the mesh is shown once");
+        return Ok([].into());
+    };
+    if count == 0 {
+        file.warn(place(), "has no instances; the mesh is shown once");
+        return Ok([].into());
+    }
+    file.charge(count, size_of::<Affine3A>()).map_err(|what| Problem::new(place(), what))?;
+    let vectors = |accessor: Option<usize>, name: &str| match accessor {
+        None => Ok(Vec::new()),
+        Some(accessor) => file
+            .floats::<3>(accessor, Integers::AsFlagged)
+            .map_err(|p| p.used_by(format!("{}.{name}", place()))),
+    };
+    let translations = vectors(translation, "TRANSLATION")?;
+    let scales = vectors(scale, "SCALE")?;
+    let rotations = match rotation {
+        None => Vec::new(),
+        Some(accessor) => file
+            .floats::<4>(accessor, Integers::Normalized)
+            .map_err(|p| p.used_by(format!("{}.ROTATION", place())))?,
+    };
+    let mut zero = 0;
+    let out = (0..count as usize)
+        .map(|i| {
+            let rotation = rotations.get(i).map_or(Quat::IDENTITY, |r| {
+                let r = Quat::from_array(*r);
+                let length = r.length();
+                // Squares of the largest floats are beyond them.
+                if length > 1e-6 && length.is_finite() {
+                    r * (1.0 / length)
+                } else {
+                    zero += 1;
+                    Quat::IDENTITY
+                }
+            });
+            Affine3A::from_scale_rotation_translation(
+                scales.get(i).map_or(Vec3::ONE, |s| Vec3::from(*s)),
+                rotation,
+                translations.get(i).map_or(Vec3::ZERO, |t| Vec3::from(*t)),
+            )
+        })
+        .collect::<Vec<_>>();
+    if zero > 0 {
+        file.warn(place(), format!("{zero} rotations have no length; those instances are not turned"));
+    }
+    Ok(out.into())
+}

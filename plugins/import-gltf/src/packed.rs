@@ -1,0 +1,65 @@
+//! What a buffer view says of its compression (EXT_meshopt_compression, KHR_meshopt_compression).
+
+use crate::meshopt::{Filter, Mode, Packed};
+use serde_json::{Map, Value};
+
+const NAMES: [&str; 2] = ["KHR_meshopt_compression", "EXT_meshopt_compression"];
+
+/// The extension that the view has, if any, and what it says.
+pub fn of(extensions: &Map<String, Value>) -> Option<(&'static str, &Value)> {
+    NAMES.iter().find_map(|name| Some((*name, extensions.get(*name)?)))
+}
+
+/// Where the packed bytes lie and how they are packed.
+#[derive(Debug, PartialEq)]
+pub struct PackedView {
+    pub buffer: usize,
+    pub offset: u64,
+    pub length: u64,
+    pub packed: Packed,
+}
+
+pub fn read(said: &Value) -> Result<PackedView, String> {
+    let number = |key: &str, default: Option<u64>| match said.get(key) {
+        None => default.ok_or_else(|| format!("has no {key}")),
+        Some(value) => {
+            value.as_u64().ok_or_else(|| format!("has a {key} of {value}; whole numbers from 0 are allowed"))
+        }
+    };
+    let size = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
+    let text = |key: &str| said.get(key).map(|value| value.as_str().unwrap_or_default());
+    let mode = match text("mode") {
+        Some("ATTRIBUTES") => Mode::Attributes,
+        Some("TRIANGLES") => Mode::Triangles,
+        Some("INDICES") => Mode::Indices,
+        other => {
+            let other = other.unwrap_or("none");
+            return Err(format!("has mode {other:?}; ATTRIBUTES, TRIANGLES and INDICES are known"));
+        }
+    };
+    let filter = match text("filter") {
+        None | Some("NONE") => Filter::None,
+        Some("OCTAHEDRAL") => Filter::Octahedral,
+        Some("QUATERNION") => Filter::Quaternion,
+        Some("EXPONENTIAL") => Filter::Exponential,
+        Some("COLOR") => Filter::Color,
+        Some(other) => {
+            return Err(format!(
+                "has filter {other:?}; NONE, OCTAHEDRAL, QUATERNION, EXPONENTIAL and COLOR are known"
+            ));
+        }
+    };
+    let packed = Packed {
+        mode,
+        filter,
+        count: size(number("count", None)?),
+        stride: size(number("byteStride", None)?),
+    };
+    packed.check()?;
+    Ok(PackedView {
+        buffer: size(number("buffer", None)?),
+        offset: number("byteOffset", Some(0))?,
+        length: number("byteLength", None)?,
+        packed,
+    })
+}

@@ -1,0 +1,125 @@
+//! KHR_animation_pointer: channels that name what they animate by a path into the JSON (RFC 6901).
+
+use crate::file::File;
+use crate::nodes::Tree;
+use choreo_motion::PropertyTarget;
+use gltf::json::animation::Property;
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+pub const NAME: &str = "KHR_animation_pointer";
+
+/// Stands for "no node" in channels that have a pointer instead: the typed form wants a number.
+pub const NO_NODE: u32 = u32::MAX;
+
+/// Pointers by (animation, channel).
+pub type Pointers = BTreeMap<(usize, usize), String>;
+
+/// Gives every channel without a node the mark above, and takes its pointer out; `None` where every channel has a node.
+pub fn mark_channels(root: &mut Value) -> Option<Pointers> {
+    let mut pointers = Pointers::new();
+    let mut any = false;
+    let animations = root.get_mut("animations").and_then(Value::as_array_mut);
+    for (a, animation) in animations.into_iter().flatten().enumerate() {
+        let channels = animation.get_mut("channels").and_then(Value::as_array_mut);
+        for (c, channel) in channels.into_iter().flatten().enumerate() {
+            let Some(target) = channel.get_mut("target").and_then(Value::as_object_mut) else { continue };
+            if target.contains_key("node") {
+                continue;
+            }
+            any = true;
+            let pointer = target.get("extensions").and_then(|e| e.get(NAME)?.get("pointer")?.as_str());
+            if let Some(pointer) = pointer {
+                pointers.insert((a, c), pointer.to_string());
+            }
+            target.insert("node".into(), NO_NODE.into());
+        }
+    }
+    any.then_some(pointers)
+}
+
+/// What a pointer means here.
+pub enum Meaning {
+    /// A node's own property, as plain channels have it.
+    Node(usize, Property),
+    /// One property of each thing that the file's element became: a camera of two nodes is two.
+    Things { targets: Vec<PropertyTarget>, factor: f32 },
+}
+
+/// `None`: nothing that can be animated.
+pub fn meaning(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<Meaning> {
+    let steps: Vec<&str> = pointer.strip_prefix('/')?.split('/').collect();
+    let number = |text: &str| text.parse::<usize>().ok();
+    let things = |list: Vec<u32>, target: fn(u32) -> PropertyTarget, factor: f32| {
+        let targets: Vec<PropertyTarget> = list.into_iter().map(target).collect();
+        (!targets.is_empty()).then_some(Meaning::Things { targets, factor })
+    };
+    match steps[..] {
+        ["nodes", node, property] => {
+            let property = match property {
+                "translation" => Property::Translation,
+                "rotation" => Property::Rotation,
+                "scale" => Property::Scale,
+                "weights" => Property::MorphTargetWeights,
+                _ => return None,
+            };
+            Some(Meaning::Node(number(node)?, property))
+        }
+        ["cameras", camera, "perspective", "yfov"] => {
+            things(cameras_of(file, tree, number(camera)?), PropertyTarget::CameraYfov, 1.0)
+        }
+        ["cameras", camera, "orthographic", "ymag"] => {
+            things(cameras_of(file, tree, number(camera)?), PropertyTarget::CameraHeight, 2.0)
+        }
+        ["extensions", "KHR_lights_punctual", "lights", light, property] => {
+            let lights = lights_of(file, tree, number(light)?);
+            match property {
+                "color" => things(lights, PropertyTarget::LightColor, 1.0),
+                "intensity" => things(lights, PropertyTarget::LightIntensity, 1.0),
+                _ => None,
+            }
+        }
+        ["materials", material, "pbrMetallicRoughness", "baseColorFactor"] => {
+            let material = number(material).filter(|m| *m < file.root.materials.len())?;
+            things(vec![material as u32], PropertyTarget::BaseColor, 1.0)
+        }
+        _ => None,
+    }
+}
+
+/// Which of the asset's cameras come from this one of the file; the order is that of `objects::cameras`.
+fn cameras_of(file: &File<'_>, tree: &Tree, camera: usize) -> Vec<u32> {
+    let shown = tree.node_of_joint[..tree.shown].iter();
+    let all = shown.filter_map(|node| file.root.nodes[*node].camera.map(|c| c.value()));
+    (0..).zip(all).filter(|(_, of)| *of == camera).map(|(index, _)| index).collect()
+}
+
+/// As above, in the order of `objects::lights`.
+fn lights_of(file: &File<'_>, tree: &Tree, light: usize) -> Vec<u32> {
+    let shown = tree.node_of_joint[..tree.shown].iter();
+    let all = shown.filter_map(|node| {
+        let extensions = file.root.nodes[*node].extensions.as_ref()?;
+        Some(extensions.khr_lights_punctual.as_ref()?.light.value())
+    });
+    (0..).zip(all).filter(|(_, of)| *of == light).map(|(index, _)| index).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_without_a_node_are_marked() {
+        let mut root = serde_json::json!({"animations": [{"channels": [
+            {"sampler": 0, "target": {"node": 3, "path": "scale"}},
+            {"sampler": 0, "target": {"path": "pointer", "extensions": {NAME: {"pointer": "/x"}}}}]}]});
+        let pointers = mark_channels(&mut root).unwrap();
+        assert_eq!(pointers.into_iter().collect::<Vec<_>>(), [((0, 1), "/x".to_string())]);
+        let nodes = |root: &Value| {
+            let channels = root["animations"][0]["channels"].as_array().unwrap().clone();
+            channels.iter().map(|c| c["target"]["node"].as_u64().unwrap()).collect::<Vec<_>>()
+        };
+        assert_eq!(nodes(&root), [3, u64::from(NO_NODE)]);
+        assert_eq!(mark_channels(&mut root), None, "once is enough");
+    }
+}

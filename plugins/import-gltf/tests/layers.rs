@@ -1,0 +1,114 @@
+//! KHR_materials_clearcoat, _sheen, _ior, _transmission, _volume, _variants and _pbrSpecularGlossiness as the asset has them.
+
+mod common;
+
+use choreo_plugin::{ImportOptions, Importer, Needs, OptionValue};
+use choreo_stage::Asset;
+use choreo_stage::asset::Material;
+use common::sample::sample;
+use glam::Vec3;
+use import_gltf::GltfImporter;
+use serde_json::{Value, json};
+
+fn import(edit: impl FnOnce(&mut Value)) -> Result<Asset, choreo_plugin::ImportError> {
+    let (mut json, bin) = sample();
+    edit(&mut json);
+    common::import_bytes("layers.glb", common::glb_of(&json, &bin))
+}
+
+fn material(extensions: Value) -> Material {
+    let asset = import(|json| json["materials"][0]["extensions"] = extensions);
+    asset.unwrap_or_else(|e| panic!("{e}")).materials[0].clone()
+}
+
+#[test]
+fn factors() {
+    let m = material(json!({
+        "KHR_materials_clearcoat": {"clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.25},
+        "KHR_materials_sheen": {"sheenColorFactor": [0.5, 0.25, 2.0], "sheenRoughnessFactor": 0.5},
+        "KHR_materials_transmission": {"transmissionFactor": 1.5},
+        "KHR_materials_volume": {"thicknessFactor": 0.125, "attenuationDistance": 2.0, "attenuationColor": [0.5, 1, 0.25]}
+    }));
+    let l = m.layers.unwrap();
+    assert_eq!((l.clearcoat, l.clearcoat_roughness, l.clearcoat_normal_scale), (0.75, 0.25, 1.0));
+    assert_eq!((l.sheen_color, l.sheen_roughness), (Vec3::new(0.5, 0.25, 1.0), 0.5));
+    assert_eq!((l.transmission, l.thickness, l.attenuation_distance), (1.0, 0.125, 2.0));
+    // Half of the red after two metres: −ln(½) / 2 a metre.
+    let lost = [0.5f64, 1.0, 0.25].map(|c| (-c.ln() / 2.0) as f32);
+    assert!(l.extinction().abs_diff_eq(Vec3::from(lost), 1e-6), "{}", l.extinction());
+    assert!(material(json!({})).layers.is_none(), "a plain material has none");
+    let volume = material(json!({"KHR_materials_volume": {"thicknessFactor": 1.0}})).layers.unwrap();
+    assert_eq!((volume.attenuation_distance, volume.absorbs()), (f32::INFINITY, false));
+}
+
+#[test]
+fn index_of_refraction() {
+    for (ior, f0) in [(1.5, 0.04), (1.0, 0.0), (1.33, 0.020_059), (2.42, 0.172_395), (0.0, 1.0)] {
+        let m = material(json!({"KHR_materials_ior": {"ior": ior}}));
+        let got = f64::from(m.specular_color.x) * 0.04;
+        assert!((got - f0).abs() < 1e-5, "{ior}: {got}");
+    }
+}
+
+#[test]
+fn mistakes_have_places() {
+    let error = |extensions: Value| {
+        common::error_text(import(|json| json["materials"][0]["extensions"] = extensions))
+    };
+    assert_eq!(
+        error(json!({"KHR_materials_clearcoat": {"clearcoatFactor": "much"}})),
+        "layers.glb: materials[0].extensions.KHR_materials_clearcoat.clearcoatFactor: is \"much\"; a number is needed"
+    );
+    assert_eq!(
+        error(json!({"KHR_materials_sheen": {"sheenColorFactor": [1, 2]}})),
+        "layers.glb: materials[0].extensions.KHR_materials_sheen.sheenColorFactor: is not a colour; three numbers are needed"
+    );
+    assert_eq!(
+        error(json!({"KHR_materials_transmission": {"transmissionTexture": {"index": 7}}})),
+        "layers.glb: materials[0].transmissionTexture: refers to textures[7], but the file has no textures"
+    );
+    assert_eq!(
+        error(json!({"KHR_materials_volume": {"thicknessTexture": {}}})),
+        "layers.glb: materials[0].extensions.KHR_materials_volume.thicknessTexture: does not say which texture (index)"
+    );
+}
+
+#[test]
+fn glass_says_what_it_does_not_do() {
+    let asset = import(|json| {
+        json["materials"][0]["extensions"] =
+            json!({"KHR_materials_transmission": {"transmissionFactor": 1.0}})
+    });
+    let warnings = asset.unwrap().warnings;
+    assert_eq!(warnings.len(), 1);
+    assert_eq!(
+        warnings[0].text,
+        "1 materials let light through: what is behind is tinted, but neither bent by the ior nor blurred by roughness"
+    );
+}
+
+#[test]
+fn variants() {
+    let (mut json, bin) = sample();
+    json["extensions"] =
+        json!({"KHR_materials_variants": {"variants": [{"name": "plain"}, {"name": "festive"}]}});
+    json["materials"] = json!([{"name": "skin"}, {"name": "gold"}]);
+    json["meshes"][0]["primitives"][0]["extensions"] =
+        json!({"KHR_materials_variants": {"mappings": [{"material": 1, "variants": [1]}]}});
+    let load = |name: &str| {
+        let source = common::source("variants.glb", common::glb_of(&json, &bin));
+        let importer = GltfImporter::new();
+        let given =
+            ImportOptions([("variant".to_string(), OptionValue::Text(name.into()))].into_iter().collect());
+        let options = importer.manifest().complete(&given).unwrap();
+        importer.import(&source, &common::Nothing, Needs::ALL, &options)
+    };
+    let shown = |name: &str| load(name).unwrap().meshes[0].primitives[0].material;
+    assert_eq!([shown(""), shown("plain"), shown("festive")], [Some(0), Some(0), Some(1)]);
+    let error = load("golden").unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "variants.glb: extensions.KHR_materials_variants.variants: has no variant \"golden\""
+    );
+    assert_eq!(error.hint.as_deref(), Some("there are plain, festive"));
+}
