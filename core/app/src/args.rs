@@ -166,6 +166,9 @@ pub struct InfoArgs {
     /// The joints as a tree
     #[arg(long)]
     pub joints: bool,
+    /// Which joints of this character follow which of the file's, when it plays the file's clips
+    #[arg(long, value_name = "CHARACTER")]
+    pub on: Option<PathBuf>,
     #[arg(long)]
     pub json: bool,
 }

@@ -5,8 +5,9 @@ use crate::failure::{Failure, print, print_json};
 use crate::scene::{self, Opening};
 use crate::{character, model, plugin_files};
 use choreo_media::Media;
+use choreo_motion::Clip;
 use choreo_plugin::{Registry, Source};
-use choreo_script::{Limits, printable};
+use choreo_script::{Limits, mapping_lines, printable};
 use choreo_stage::{Asset, LightKind, Origin, Projection};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -29,10 +30,33 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
         model::import(&args.file, &[], &args.import, &registry, &Limits::default(), Opening::TO_TELL)?;
     let importer = importer(&args, &registry, head);
     let facts = facts(&asset, importer);
+    let followed = match &args.on {
+        Some(path) => {
+            let on = model::import(path, &[], &args.import, &registry, &Limits::default())?;
+            Some(followed(&asset, &on))
+        }
+        None => None,
+    };
     if args.json {
-        return print_json(&facts_json(&asset, &facts, args.joints));
+        let mut json = facts_json(&asset, &facts, args.joints);
+        if let Some(lines) = followed {
+            json["on"] = lines.into();
+        }
+        return print_json(&json);
     }
-    print(&printable(&text(&asset, &facts, args.joints)))
+    let mut text = text(&asset, &facts, args.joints);
+    for line in followed.unwrap_or_default() {
+        text.push_str(&line);
+        text.push('\n');
+    }
+    print(&printable(&text))
+}
+
+/// How the file's first clip goes on another body; where it has none, how any would.
+fn followed(asset: &Asset, on: &Asset) -> Vec<String> {
+    let still = Clip::new(String::new(), asset.skeleton.len(), Vec::new()).ok().map(Arc::new);
+    let clip = asset.clips.first().cloned().or(still);
+    clip.map(|clip| mapping_lines(asset, on, &clip, Default::default())).unwrap_or_default()
 }
 
 fn importer(args: &InfoArgs, registry: &Registry, head: Vec<u8>) -> (String, String) {

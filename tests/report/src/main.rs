@@ -10,6 +10,7 @@ mod far_away;
 mod ik;
 mod mipmaps;
 mod packing;
+mod reduction;
 mod rotation;
 mod samples;
 mod scenes;
@@ -38,10 +39,11 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 13] = [
+const SECTIONS: [(&str, Measure); 14] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
+    ("reduction", reduction::section),
     ("chains", chains::section),
     ("far_away", far_away::section),
     ("time", time::section),

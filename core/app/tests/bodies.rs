@@ -1,0 +1,150 @@
+//! Clips of every human skeleton among the sample files on every other: limbs point the same way, feet stay on the floor, and
+//! there and back is the clip. `cargo test -p choreo --test bodies -- --nocapture` prints the table.
+
+mod common;
+
+use choreo_motion::retarget::{Options, Retarget};
+use choreo_motion::{Clip, Human, Pose, Sample, Skeleton, Time};
+use choreo_plugin::{Needs, Registry};
+use choreo_script::{ImportChoice, Limits, Loader};
+use choreo_stage::Asset;
+use glam::{DAffine3, DQuat, DVec3};
+use std::sync::Arc;
+
+/// File and the clip that others take from it; empty where there is none.
+const BODIES: [(&str, &str); 9] = [
+    ("choreo:mannequin", "Dance_Groove"),
+    ("gltf/Knight.glb", "Walking_A"),
+    ("gltf/CesiumMan.glb", "0"),
+    ("fbx/pab/arnaud.fbx", ""),
+    ("fbx/pab/run.fbx", "run"),
+    ("bvh/walk01.bvh", "0"),
+    ("bvh/mocopi-mobile-arm-raise-turn.bvh", "0"),
+    ("vrm/cool_loops.vrm", ""),
+    ("vrm/Godette_vrm_v4.vrm", ""),
+];
+
+const LIMBS: [(&str, &str); 4] = [("upleg", "leg"), ("leg", "foot"), ("arm", "forearm"), ("forearm", "hand")];
+
+struct Sampled {
+    asset: Arc<Asset>,
+    clip: Option<Arc<Clip>>,
+}
+
+fn bodies(folder: &std::path::Path) -> Vec<Sampled> {
+    let mut registry = Registry::default();
+    registry.add_importer(import_gltf::GltfImporter);
+    registry.add_importer(import_fbx::FbxImporter);
+    registry.add_importer(import_bvh::BvhImporter);
+    registry.add_importer(import_mannequin::Mannequin);
+    let limits = Limits::default();
+    let loader = Loader::for_file(&folder.join("none"), &[], &registry, Needs::ALL, limits.file).unwrap();
+    let load = |(name, clip): &(&str, &str)| {
+        let asset = loader.load(name, &ImportChoice::default()).unwrap_or_else(|e| panic!("{name}: {e:?}"));
+        let found = asset.clips.iter().find(|c| c.name == *clip);
+        let clip = found.or(clip.parse().ok().and_then(|i: usize| asset.clips.get(i))).cloned();
+        Sampled { clip, asset }
+    };
+    BODIES.iter().map(load).collect()
+}
+
+/// f64.
+fn model(skeleton: &Skeleton, clip: Option<&Clip>, time: Time) -> Vec<DAffine3> {
+    let mut pose = Pose::rest(skeleton);
+    if let Some(clip) = clip {
+        Sample { clip, time, pose: &mut pose }.run();
+    }
+    let mut out: Vec<DAffine3> = Vec::new();
+    for (joint, t) in pose.iter().enumerate() {
+        let (s, r, t) = (t.scale.as_dvec3(), t.rotation.as_dquat().normalize(), t.translation.as_dvec3());
+        let own = DAffine3::from_scale_rotation_translation(s, r, t);
+        out.push(skeleton.parents()[joint].map_or(own, |p| out[p as usize] * own));
+    }
+    out
+}
+
+/// Degrees between the same limbs of both, the source turned.
+fn limbs_apart(humans: [&Human; 2], models: [&[DAffine3]; 2], yaw_degrees: f64) -> f64 {
+    let turn = DQuat::from_rotation_y(yaw_degrees.to_radians());
+    let mut worst: f64 = 0.0;
+    for side in ["left", "right"] {
+        for (from, to) in LIMBS {
+            let along = |i: usize| {
+                let place =
+                    |n: &str| Some(models[i][humans[i].joint(&format!("{side} {n}"))? as usize].translation);
+                Some((place(to)? - place(from)?).normalize())
+            };
+            if let (Some(s), Some(t)) = (along(0), along(1)) {
+                worst = worst.max((turn * s).angle_between(t).to_degrees());
+            }
+        }
+    }
+    worst
+}
+
+/// Height of the lowest foot over that at rest, the rest pose standing on y = 0 or on its lowest joint.
+fn clearance(human: &Human, rest: &[DAffine3], model: &[DAffine3], with_toes: bool) -> f64 {
+    let lowest = rest.iter().map(|m| m.translation.y).fold(f64::MAX, f64::min);
+    let floor = if lowest.abs() > 0.15 { lowest } else { 0.0 };
+    let parts: &[&str] = if with_toes { &["foot", "toebase"] } else { &["foot"] };
+    let joints = ["left", "right"].iter().flat_map(|s| parts.iter().map(move |p| format!("{s} {p}")));
+    let over = |j: u32| model[j as usize].translation.y - (rest[j as usize].translation.y - floor);
+    joints.filter_map(|n| human.joint(&n)).map(over).fold(f64::MAX, f64::min)
+}
+
+#[test]
+fn every_body_moves_as_every_other() {
+    let Some(folder) = common::assets() else { return };
+    let bodies = bodies(&folder);
+    println!(
+        "| clip of | on | joints | scale | turned | limbs, ° | lowest foot, mm | there and back, mm | sampled joints | keys of these |"
+    );
+    println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |");
+    let mut pairs = 0;
+    for from in bodies.iter() {
+        let Some(clip) = &from.clip else { continue };
+        for to in bodies.iter() {
+            let there = Retarget::new(&from.asset.skeleton, &to.asset.skeleton, Options::default());
+            assert!(there.is_body(), "{} on {}", from.asset.name, to.asset.name);
+            let (on, report) = there.clip(clip);
+            let back =
+                Retarget::new(&to.asset.skeleton, &from.asset.skeleton, Options::default()).clip(&on).0;
+            let humans = [&from.asset, &to.asset].map(|a| Human::of(&a.skeleton));
+            let rests = [&from.asset, &to.asset].map(|a| model(&a.skeleton, None, Time::ZERO));
+            let toes =
+                ["left toebase", "right toebase"].iter().all(|n| humans.iter().all(|h| h.joint(n).is_some()));
+            let (mut limbs, mut feet, mut returned) = (0.0f64, 0.0f64, 0.0f64);
+            for i in 0..40 {
+                let time = Time(clip.duration.0 / 40 * i + 12_345);
+                let source = model(&from.asset.skeleton, Some(clip), time);
+                let target = model(&to.asset.skeleton, Some(&on), time);
+                let again = model(&from.asset.skeleton, Some(&back), time);
+                limbs =
+                    limbs.max(limbs_apart([&humans[0], &humans[1]], [&source, &target], there.yaw_degrees()));
+                let wanted = clearance(&humans[0], &rests[0], &source, toes) * there.scale();
+                feet = feet.max((clearance(&humans[1], &rests[1], &target, toes) - wanted).abs());
+                for side in ["left", "right"] {
+                    for (_, joint) in LIMBS {
+                        let joint = humans[0].joint(&format!("{side} {joint}")).unwrap() as usize;
+                        let apart: DVec3 = source[joint].translation - again[joint].translation;
+                        returned = returned.max(apart.length());
+                    }
+                }
+            }
+            println!(
+                "| {} | {} | {} | {:.3} | {}° | {limbs:.4} | {:.2} | {:.2} | {} | {} |",
+                from.asset.name,
+                to.asset.name,
+                there.map().pairs().count(),
+                there.scale(),
+                there.yaw_degrees(),
+                feet * 1e3,
+                returned * 1e3,
+                report.sampled.len(),
+                report.sampled_keys
+            );
+            pairs += 1;
+        }
+    }
+    assert_eq!(pairs, 54);
+}

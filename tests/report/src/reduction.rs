@@ -1,0 +1,83 @@
+//! Fewer keys: what a tolerance costs and saves.
+
+use crate::{BUDGET_SECS, Section, scenes};
+use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_measure::truth::{self, Spread};
+use choreo_motion::reduce::Keep;
+use choreo_motion::{Clip, FrameRate, Pose, Sample, Skeleton, Time};
+use choreo_report::{Choice, Row};
+
+/// Millimetres in the model.
+const TOLERANCES: [f64; 6] = [0.01, 0.1, 0.5, 1.0, 2.0, 5.0];
+
+pub fn section() -> Result<Section, String> {
+    let asset = scenes::mannequin()?;
+    let skeleton = &asset.skeleton;
+    let dance =
+        asset.clips.iter().find(|c| c.name == "Dance_Groove").ok_or("the mannequin has no Dance_Groove")?;
+    let (dense, _) = dance.baked(FrameRate { num: 30, den: 1 }).map_err(|e| e.to_string())?;
+    let mut ways: Vec<(String, Clip, usize)> = Vec::new();
+    for (keep, name) in [(Keep::Own, "own keys"), (Keep::Shared, "shared keys")] {
+        for mm in TOLERANCES {
+            let (clip, report) = dense.reduced(skeleton, mm * 1e-3, keep).map_err(|e| e.to_string())?;
+            if ways.is_empty() {
+                ways.push(("all keys, 30 Hz".into(), dense.clone(), report.bytes[0]));
+            }
+            ways.push((format!("{name}, {mm} mm"), clip, report.bytes[1]));
+        }
+    }
+    let mut choice = Choice::new("reduction", "Which keys of motion sampled at 30 Hz can go?");
+    choice.error_unit = "mm";
+    choice.reference = "f64 slerp on all keys, any joint's place in the model, at 400 times".into();
+    choice.per = format!("sample of {} joints at any time", skeleton.len());
+    let nanos = {
+        let mut cases: Vec<Case> = ways.iter().map(|(_, clip, _)| timed(clip)).collect();
+        interleaved(Clock::Thread, BUDGET_SECS, &mut cases)
+    };
+    let secs = dense.duration.as_secs();
+    for ((name, clip, bytes), nanos) in ways.iter().zip(nanos) {
+        let errors = errors(skeleton, &dense, clip);
+        let mut row =
+            Row::new(name).error(errors.worst, errors.mean()).nanos(nanos).bytes(*bytes as f64 / secs);
+        row.note = format!("size: a second; {} keys", clip.keys());
+        choice.rows.push(row);
+    }
+    choice.choose(
+        "all keys, 30 Hz",
+        "clips stay as authored where a script does not ask for less with Clip.reduce",
+    );
+    Ok(Section {
+        title: "Key reduction and compression",
+        text: "A key goes where the keys around it tell it within the tolerance, which is shared out by how far the joints below reach; \
+               then the whole is measured in the model and done again until it holds. Keys of each curve's own are fewest bytes, \
+               but every curve then looks for its own interval; shared ones keep the rows that eight joints are read from at once."
+            .into(),
+        choices: vec![choice],
+        tables: Vec::new(),
+        off_front: Vec::new(),
+    })
+}
+
+fn errors(skeleton: &Skeleton, dense: &Clip, clip: &Clip) -> Spread {
+    let mut errors = Spread::default();
+    for i in 0..400 {
+        let at = Time((dense.duration.0 as f64 * ((f64::from(i) * 0.618_033_988_75) % 1.0)) as i64);
+        let model = |clip: &Clip| truth::model_from_joint(skeleton, &truth::pose(clip, skeleton, at));
+        for (a, b) in model(dense).iter().zip(&model(clip)) {
+            errors.add((a.translation - b.translation).length() * 1e3);
+        }
+    }
+    errors
+}
+
+fn timed(clip: &Clip) -> Case<'_> {
+    const TIMES: usize = 64;
+    let mut pose = Pose::identity(clip.joint_count());
+    Case::new(TIMES, move || {
+        for i in 0..TIMES {
+            let time = Time(clip.duration.0 / TIMES as i64 * ((i * 29 + 11) % TIMES) as i64 + 12_345);
+            Sample { clip, time, pose: &mut pose }.run();
+            std::hint::black_box(pose.blocks());
+        }
+    })
+}
