@@ -32,7 +32,7 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     let facts = facts(&asset, importer);
     let followed = match &args.on {
         Some(path) => {
-            let on = model::import(path, &[], &args.import, &registry, &Limits::default())?;
+            let on = model::import(path, &[], &args.import, &registry, &Limits::default(), Opening::TO_TELL)?;
             Some(followed(&asset, &on))
         }
         None => None,

@@ -71,8 +71,8 @@ pub const DEFS: &[Def] = &[
 
 fn new_clip(c: &mut Call) -> Reply {
     let asset = c.this_asset()?;
-    let clip = Clip::new(c.name(0)?, asset.skeleton.len(), Vec::new())
-        .map_err(|e| ApiError::new(e.to_string()))?;
+    let clip =
+        Clip::new(c.name(0)?, asset.skeleton.len(), Vec::new()).map_err(|e| ApiError::new(e.to_string()))?;
     c.build().used(&asset);
     made(c, clip, asset)
 }
