@@ -39,6 +39,7 @@ fn bodies(folder: &std::path::Path) -> Vec<Sampled> {
     registry.add_importer(import_mannequin::Mannequin);
     let limits = Limits::default();
     let loader = Loader::for_file(&folder.join("none"), &[], &registry, Needs::ALL, limits.file).unwrap();
+    let loader = Arc::new(loader);
     let load = |(name, clip): &(&str, &str)| {
         let asset = loader.load(name, &ImportChoice::default()).unwrap_or_else(|e| panic!("{name}: {e:?}"));
         let found = asset.clips.iter().find(|c| c.name == *clip);

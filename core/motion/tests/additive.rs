@@ -133,7 +133,7 @@ fn a_mix_is_the_weighted_mean_whatever_the_order_and_the_base_fills_up() {
                 let pose = pose.get(joint);
                 place += pose.translation.as_dvec3() * *w;
                 let turned = pose.rotation.as_dquat();
-                q = q + turned * if turned.dot(b.rotation.as_dquat()) < 0.0 { -*w } else { *w };
+                q += turned * if turned.dot(b.rotation.as_dquat()) < 0.0 { -*w } else { *w };
             }
             let got = first.get(joint);
             assert!(got.translation.as_dvec3().abs_diff_eq(place / total.max(1.0), 1e-6));

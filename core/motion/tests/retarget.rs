@@ -338,7 +338,7 @@ fn a_body_is_found_by_its_structure() {
 fn joints_can_be_given_and_forbidden() {
     let random = &mut Random(3);
     let (from, to) = (body(random, &PLAIN), body(random, &Build { family: 2, ..PLAIN }));
-    let [a, b] = [&from, &to].map(|s| Human::of(s));
+    let [a, b] = [&from, &to].map(Human::of);
     let (arm, head) = (b.joint("left arm").unwrap(), b.joint("head").unwrap());
     let other = a.joint("right arm").unwrap();
     let joints = BTreeMap::from([(arm, Some(other)), (head, None), (9999, Some(0)), (0, Some(9999))]);

@@ -144,7 +144,7 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Vec<Ve
             continue;
         }
         // Sorted below. Without a priority each lies over those before it; additive ones in a row are equals.
-        let last = of_actor.iter().filter(|layer| layer.rank < PRIORITIES).last();
+        let last = of_actor.iter().rfind(|layer| layer.rank < PRIORITIES);
         let additive = |mode: LayerMode| mode != LayerMode::Override;
         let joins = last.is_some_and(|last| additive(last.mode) && additive(chain.mode));
         let next = last.map_or(0, |last| if joins { last.rank } else { last.rank + 1 });

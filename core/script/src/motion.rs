@@ -10,9 +10,12 @@ use std::sync::Arc;
 /// The part of a clip on a skeleton, by address: the build keeps them alive.
 type Part = (usize, usize, Time, Time);
 
+/// What was asked of a part, and what it has.
+type Asked = (RootDraft, Option<Arc<CueRoot>>);
+
 #[derive(Default)]
 pub struct Found {
-    roots: BTreeMap<Part, Vec<(RootDraft, Option<Arc<CueRoot>>)>>,
+    roots: BTreeMap<Part, Vec<Asked>>,
     steps: BTreeMap<Part, Option<Arc<Steps>>>,
 }
 

@@ -112,7 +112,7 @@ impl<'a> Driven<'a> {
             let prop = node.element.props.find_prop(name);
             prop.is_some_and(|p| p.flags.has_any(PropFlags::CONNECTED))
         };
-        (!local::ALL.iter().any(|name| connected(name))).then_some(Props { local, values })
+        (!local::ALL.iter().any(connected)).then_some(Props { local, values })
     }
 
     /// All curves that a node's transform depends on.

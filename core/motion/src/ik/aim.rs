@@ -42,7 +42,7 @@ impl Aim<'_> {
         let count = self.joints.len();
         // As the joints before it turn, the last one moves and its way to the target changes: a few rounds for the others,
         // then the last one makes up for what remains.
-        for at in 0..count {
+        for (at, turned) in turns.iter_mut().enumerate().take(count) {
             let left = shares(&self.joints[at..]);
             let share =
                 if at + 1 == count { 1.0 } else { (self.joints[at].share.max(0.0) / left).clamp(0.0, 1.0) };
@@ -56,7 +56,7 @@ impl Aim<'_> {
                 forward = turn * forward;
                 total = (turn * total).normalize();
             }
-            turns[at] = total;
+            *turned = total;
         }
     }
 }

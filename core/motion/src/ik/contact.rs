@@ -34,12 +34,12 @@ pub fn contacts(positions: &[DVec3], heights: &[f64], step: f64, rule: &ContactR
     let mut found: Vec<Contact> = Vec::new();
     let mut open: Option<Contact> = None;
     let count = positions.len().min(heights.len());
-    for at in 0..count {
+    for (at, height) in heights.iter().enumerate().take(count) {
         // Over the neighbours, so that a touch-down is fast before it and slow after it alike.
         let (before, after) = (at.saturating_sub(1), (at + 1).min(count - 1));
         let speed = (positions[after] - positions[before]).length() / (step * (after - before).max(1) as f64);
         let factor = if open.is_some() { rule.hold } else { 1.0 };
-        if heights[at] <= rule.height * factor && speed <= rule.speed * factor {
+        if *height <= rule.height * factor && speed <= rule.speed * factor {
             open.get_or_insert(Contact { first: at, last: at }).last = at;
         } else {
             found.extend(open.take());

@@ -104,7 +104,8 @@ impl SpringBone {
 
     /// Moves a state on by `seconds` ≥ 0. A step of no time only takes over the target.
     pub fn step(&self, state: &mut BoneState, drive: &Drive, seconds: f64) {
-        if !(seconds > 0.0) {
+        // NaN is no time either.
+        if seconds.is_nan() || seconds <= 0.0 {
             (state.head, state.target) = (drive.head, drive.target);
             return;
         }

@@ -15,7 +15,7 @@ fn packed(mode: Mode, filter: Filter, count: usize, stride: usize) -> Packed {
 
 /// 40 elements of four 16-bit numbers: a slope, a parabola that overflows, rare jumps, a constant.
 fn wave() -> Vec<u8> {
-    let element = |i: u32| [i * 100, i * i * 7, if i % 10 == 0 { 60_000 } else { i }, 5];
+    let element = |i: u32| [i * 100, i * i * 7, if i.is_multiple_of(10) { 60_000 } else { i }, 5];
     (0..40).flat_map(element).flat_map(|v| (v as u16).to_le_bytes()).collect()
 }
 

@@ -62,8 +62,8 @@ pub fn ease_of(value: &Dynamic, label: &str) -> Result<Ease, ApiError> {
         "smooth" => return Ok(Ease::Smooth),
         _ => {}
     }
-    let ways: [(&str, fn(Shape) -> Ease); 3] =
-        [("in_out_", Ease::InOut), ("in_", Ease::In), ("out_", Ease::Out)];
+    type Way = fn(Shape) -> Ease;
+    let ways: [(&str, Way); 3] = [("in_out_", Ease::InOut), ("in_", Ease::In), ("out_", Ease::Out)];
     for (prefix, way) in ways {
         let shape = name.strip_prefix(prefix).and_then(|rest| Shape::ALL.iter().find(|(n, _)| *n == rest));
         if let Some((_, shape)) = shape {
