@@ -106,7 +106,14 @@ fn every_body_moves_as_every_other() {
         let Some(clip) = &from.clip else { continue };
         for to in bodies.iter() {
             let there = Retarget::new(&from.asset.skeleton, &to.asset.skeleton, Options::default());
-            assert!(there.is_body(), "{} on {}", from.asset.name, to.asset.name);
+            assert!(
+                there.is_body(),
+                "{} on {}: {:?} {:?}",
+                from.asset.name,
+                to.asset.name,
+                Human::of(&from.asset.skeleton),
+                Human::of(&to.asset.skeleton)
+            );
             let (on, report) = there.clip(clip);
             let back =
                 Retarget::new(&to.asset.skeleton, &from.asset.skeleton, Options::default()).clip(&on).0;
@@ -144,6 +151,8 @@ fn every_body_moves_as_every_other() {
                 report.sampled.len(),
                 report.sampled_keys
             );
+            // Upper and lower limbs point where the source's do.
+            assert!(limbs < 0.02, "{} on {}: {limbs}°", from.asset.name, to.asset.name);
             pairs += 1;
         }
     }

@@ -71,9 +71,22 @@ impl JointMap {
                 t.iter().copied()
             })
             .collect();
+        // A body's joint goes to the same of the other body, whatever else bears its name: of one file "root" is the hips, of
+        // another what they stand on.
+        let elsewhere = |joint: u32, other: u32| {
+            let of_source = source
+                .joints()
+                .iter()
+                .any(|(name, j)| *j == other && target.joint(name).is_some_and(|theirs| theirs != joint));
+            let of_target = target
+                .joints()
+                .iter()
+                .any(|(name, j)| *j == joint && source.joint(name).is_some_and(|theirs| theirs != other));
+            of_source || of_target
+        };
         let names = match_names(from, to);
         for (other, joint) in (0u32..).zip(&names) {
-            if let Some(joint) = joint.filter(|j| !shared.contains(j))
+            if let Some(joint) = joint.filter(|j| !shared.contains(j) && !elsewhere(*j, other))
                 && crate::skeleton::plain_name(&from.names()[other as usize])
                     == crate::skeleton::plain_name(&to.names()[joint as usize])
             {

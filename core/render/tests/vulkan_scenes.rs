@@ -159,7 +159,10 @@ fn coats_sheen_and_glass_as_the_twin_has_them() {
     for samples in [1, 4] {
         let options = PlanOptions::new([320, 240], samples);
         let (vulkan, cpu) = (draw_with(r, &scene, &options), draw_cpu(&scene, &options));
-        assert_twin(&compare(&vulkan, &cpu, 2).unwrap(), &format!("layers, {samples} samples"));
+        let c = compare(&vulkan, &cpu, 2).unwrap();
+        assert_twin(&c, &format!("layers, {samples} samples"));
+        // The layered parts are small in the picture.
+        assert!(c.share_beyond < 0.001, "{c}");
     }
     // The planted faults: without one of the coats, sheens or glasses the pictures differ.
     let options = PlanOptions::new([320, 240], 1);
@@ -170,7 +173,7 @@ fn coats_sheen_and_glass_as_the_twin_has_them() {
         bare.materials[0].layers = None;
         scene.stage.actors[actor].asset = std::sync::Arc::new(bare);
         let c = compare(&draw_with(r, &scene, &options), &cpu, 2).unwrap();
-        assert!(c.share_beyond > 0.01, "the comparison can fail: {c}");
+        assert!(c.share_beyond > 0.004, "the comparison can fail: {c}");
         scene.stage.actors[actor].asset = whole;
     }
 }

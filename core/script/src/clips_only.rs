@@ -58,7 +58,9 @@ pub fn find(ast: &AST, source: &str) -> Vec<Place> {
                         std::ptr::from_ref(&dot.lhs).cast() == address(node) && of_clips(&dot.rhs)
                     }
                     // A closure takes it along; what it does with it stands in its body, under the same name.
-                    Some(ASTNode::Expr(Expr::FnCall(call, _))) => call.name == "curry",
+                    Some(ASTNode::Expr(Expr::FnCall(call, _)) | ASTNode::Stmt(Stmt::FnCall(call, _))) => {
+                        call.name == "curry"
+                    }
                     _ => false,
                 };
                 if !plain {

@@ -193,7 +193,7 @@ mod tests {
             if closed {
                 assert!(path.at(path.length() * 3.5).0.distance(path.at(path.length() * 0.5).0) < 1e-9);
             } else {
-                assert_eq!(path.at(1e9).0, points[3]);
+                assert!(path.at(1e9).0.distance(points[3]) < 1e-12);
             }
         }
     }

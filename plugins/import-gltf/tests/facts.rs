@@ -107,7 +107,11 @@ fn sound(name: &str, asset: &Asset) {
                 p.tangents.iter().all(|t| (t.truncate().length() - 1.0).abs() < 1e-5 && t.w.abs() == 1.0),
                 "{name}"
             );
-            let normal_map = p.material.is_some_and(|m| asset.materials[m as usize].normal_texture.is_some());
+            let normal_map = p.material.is_some_and(|m| {
+                let material = &asset.materials[m as usize];
+                let of_coat = material.layers.as_ref().is_some_and(|l| l.clearcoat_normal_texture.is_some());
+                material.normal_texture.is_some() || of_coat
+            });
             assert_eq!(!p.tangents.is_empty(), normal_map, "{name}");
             assert_eq!(p.joint_indices.len(), n * p.influences, "{name}");
             assert_eq!(p.joint_weights.len(), n * p.influences, "{name}");

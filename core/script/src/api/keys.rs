@@ -142,7 +142,9 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<(Time, Dynamic)>
     count(c, rows.len())?;
     let mut keys: Vec<(Time, Dynamic)> = Vec::with_capacity(rows.len());
     for (n, row) in rows.iter().enumerate() {
-        let pair = row.flatten_clone().try_cast::<rhai::Array>().filter(|p| matches!(p.len(), 2 | 3));
+        // A third one is an ease, which is no number: [x, y, z] is a value without its time.
+        let is_pair = |p: &rhai::Array| p.len() == 2 || p.len() == 3 && number(&p[2], "").is_err();
+        let pair = row.flatten_clone().try_cast::<rhai::Array>().filter(is_pair);
         let Some(pair) = pair else {
             let got = describe(row);
             return Err(ApiError::new(format!("{of}: key {n} must be [time, value], got {got}")));

@@ -336,5 +336,5 @@ fn ping_pong(c: &mut Call) -> Reply {
 
 fn weight(c: &mut Call) -> Reply {
     let how = how(c)?;
-    change_copy(c, |cue| set_weight(c, cue, &c.value(0), how, "weight"))
+    change_copy(c, |cue| set_weight(c, cue, &c.value(0), how, "weight: weight"))
 }
