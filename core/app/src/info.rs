@@ -26,13 +26,15 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     if let Some(media) = choreo_media::read(&head) {
         return print_media(&args, &media);
     }
-    let asset =
-        model::import(&args.file, &[], &args.import, &registry, &Limits::default(), Opening::TO_TELL)?;
+    let open = |path: &std::path::Path| {
+        model::import(path, &args.search, &args.import, &registry, &Limits::default(), Opening::TO_TELL)
+    };
+    let asset = open(&args.file)?;
     let importer = importer(&args, &registry, head);
     let facts = facts(&asset, importer);
     let followed = match &args.on {
         Some(path) => {
-            let on = model::import(path, &[], &args.import, &registry, &Limits::default(), Opening::TO_TELL)?;
+            let on = open(path)?;
             Some(followed(&asset, &on))
         }
         None => None,
