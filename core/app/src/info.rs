@@ -8,7 +8,7 @@ use choreo_media::Media;
 use choreo_motion::Clip;
 use choreo_plugin::{Registry, Source};
 use choreo_script::{Limits, mapping_lines, printable};
-use choreo_stage::{Asset, LightKind, Origin, Projection};
+use choreo_stage::{Asset, Light, LightKind, Origin, Projection};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::sync::Arc;
@@ -189,7 +189,7 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
     }
     for light in &asset.lights {
         let _ =
-            writeln!(t, "light      {} ({}, {})", light.name, kind(&light.light.kind), light.light.intensity);
+            writeln!(t, "light      {} ({}, {})", light.name, kind(&light.light.kind), brightness(&light.light));
     }
     if joints {
         t.push_str(&tree(asset));
@@ -204,7 +204,9 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
 fn origin(o: &Origin) -> String {
     let mut text = o.format.clone();
     if let Some(metres) = o.metres_per_unit {
-        let _ = write!(text, ", 1 unit = {metres} m");
+        // An inch times something has more digits than anyone reads.
+        let shown = if metres < 1e-3 { metres } else { (metres * 1e6).round() / 1e6 };
+        let _ = write!(text, ", 1 unit = {shown} m");
     }
     if !o.up.is_empty() {
         let _ = write!(text, ", {} up", o.up);
@@ -246,6 +248,12 @@ fn projection(p: &Projection) -> String {
         Projection::Perspective { yfov, .. } => format!("perspective, {:.1}° high", yfov.to_degrees()),
         Projection::Orthographic { height, .. } => format!("orthographic, {height} m high"),
     }
+}
+
+/// In the unit of its kind: candela, or lux of a light from far away.
+fn brightness(light: &Light) -> String {
+    let unit = if light.kind == LightKind::Directional { "lx" } else { "cd" };
+    format!("{} {unit}", (f64::from(light.intensity) * 1e3).round() / 1e3)
 }
 
 fn kind(kind: &LightKind) -> &'static str {
