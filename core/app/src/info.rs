@@ -188,8 +188,13 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
         let _ = writeln!(t, "camera     {} ({})", camera.name, projection(&camera.projection));
     }
     for light in &asset.lights {
-        let _ =
-            writeln!(t, "light      {} ({}, {})", light.name, kind(&light.light.kind), brightness(&light.light));
+        let _ = writeln!(
+            t,
+            "light      {} ({}, {})",
+            light.name,
+            kind(&light.light.kind),
+            brightness(&light.light)
+        );
     }
     if joints {
         t.push_str(&tree(asset));
