@@ -169,6 +169,9 @@ pub struct InfoArgs {
     /// Which joints of this character follow which of the file's, when it plays the file's clips
     #[arg(long, value_name = "CHARACTER")]
     pub on: Option<PathBuf>,
+    /// Model files: a further folder in which their textures may lie; repeatable
+    #[arg(long = "search", value_name = "DIR")]
+    pub search: Vec<PathBuf>,
     #[arg(long)]
     pub json: bool,
 }

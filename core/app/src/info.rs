@@ -8,7 +8,7 @@ use choreo_media::Media;
 use choreo_motion::Clip;
 use choreo_plugin::{Registry, Source};
 use choreo_script::{Limits, mapping_lines, printable};
-use choreo_stage::{Asset, LightKind, Origin, Projection};
+use choreo_stage::{Asset, Light, LightKind, Origin, Projection};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::sync::Arc;
@@ -26,13 +26,15 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     if let Some(media) = choreo_media::read(&head) {
         return print_media(&args, &media);
     }
-    let asset =
-        model::import(&args.file, &[], &args.import, &registry, &Limits::default(), Opening::TO_TELL)?;
+    let open = |path: &std::path::Path| {
+        model::import(path, &args.search, &args.import, &registry, &Limits::default(), Opening::TO_TELL)
+    };
+    let asset = open(&args.file)?;
     let importer = importer(&args, &registry, head);
     let facts = facts(&asset, importer);
     let followed = match &args.on {
         Some(path) => {
-            let on = model::import(path, &[], &args.import, &registry, &Limits::default(), Opening::TO_TELL)?;
+            let on = open(path)?;
             Some(followed(&asset, &on))
         }
         None => None,
@@ -186,8 +188,13 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
         let _ = writeln!(t, "camera     {} ({})", camera.name, projection(&camera.projection));
     }
     for light in &asset.lights {
-        let _ =
-            writeln!(t, "light      {} ({}, {})", light.name, kind(&light.light.kind), light.light.intensity);
+        let _ = writeln!(
+            t,
+            "light      {} ({}, {})",
+            light.name,
+            kind(&light.light.kind),
+            brightness(&light.light)
+        );
     }
     if joints {
         t.push_str(&tree(asset));
@@ -202,7 +209,9 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
 fn origin(o: &Origin) -> String {
     let mut text = o.format.clone();
     if let Some(metres) = o.metres_per_unit {
-        let _ = write!(text, ", 1 unit = {metres} m");
+        // An inch times something has more digits than anyone reads.
+        let shown = if metres < 1e-3 { metres } else { (metres * 1e6).round() / 1e6 };
+        let _ = write!(text, ", 1 unit = {shown} m");
     }
     if !o.up.is_empty() {
         let _ = write!(text, ", {} up", o.up);
@@ -244,6 +253,12 @@ fn projection(p: &Projection) -> String {
         Projection::Perspective { yfov, .. } => format!("perspective, {:.1}° high", yfov.to_degrees()),
         Projection::Orthographic { height, .. } => format!("orthographic, {height} m high"),
     }
+}
+
+/// In the unit of its kind: candela, or lux of a light from far away.
+fn brightness(light: &Light) -> String {
+    let unit = if light.kind == LightKind::Directional { "lx" } else { "cd" };
+    format!("{} {unit}", (f64::from(light.intensity) * 1e3).round() / 1e3)
 }
 
 fn kind(kind: &LightKind) -> &'static str {

@@ -68,13 +68,20 @@ impl Human {
 
     fn by_names(&mut self, skeleton: &Skeleton) {
         let mut found: BTreeMap<String, Option<u32>> = BTreeMap::new();
+        let children = children(skeleton);
         for (joint, name) in (0u32..).zip(skeleton.names()) {
             let Some(name) = humanoid_name(name) else { continue };
-            // A mesh is often called like the joint that it hangs on: the upper one is meant. Else, nothing is guessed.
+            // A mesh is often called like the joint that it hangs on, or lies beside: the upper one is meant, or the one on which
+            // more hangs. Else, nothing is guessed.
             let other = |first: &mut Option<u32>| {
-                if first.is_some_and(|first| !is_below(skeleton, joint, first)) {
-                    *first = None;
-                }
+                let ends = |j: u32| children[j as usize].is_empty();
+                let parent = |j: u32| skeleton.parents()[j as usize];
+                *first = first.and_then(|first| match (ends(first), ends(joint)) {
+                    _ if is_below(skeleton, joint, first) => Some(first),
+                    (true, false) if parent(first) == parent(joint) => Some(joint),
+                    (false, true) if parent(first) == parent(joint) => Some(first),
+                    _ => None,
+                });
             };
             found.entry(name).and_modify(other).or_insert(Some(joint));
         }

@@ -211,8 +211,10 @@ fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>
     let image = |r: &Option<(u32, Channel, bool)>| r.and_then(|r| decoded.get(r.0 as usize)?.as_ref());
     let largest = recipe.iter().filter_map(image).max_by_key(|i| u64::from(i.width) * u64::from(i.height))?;
     let (width, height) = (largest.width, largest.height);
-    let mut rgba = vec![255; width as usize * height as usize * 4];
-    for (to, source) in recipe.iter().enumerate() {
+    // Who asks for no pixels gets pictures that are empty and have a size.
+    let filled = recipe.iter().filter_map(image).all(|i| !i.rgba.is_empty());
+    let mut rgba = vec![255; if filled { width as usize * height as usize * 4 } else { 0 }];
+    for (to, source) in recipe.iter().enumerate().filter(|_| filled) {
         let (Some((_, channel, invert)), Some(from)) = (source, image(source)) else { continue };
         let has_alpha = from.rgba.chunks_exact(4).any(|p| p[3] != 255);
         let value = |p: &[u8]| {

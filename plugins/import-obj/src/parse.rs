@@ -159,7 +159,7 @@ impl Parser<'_> {
             b"mtllib" => self.model.libraries.push((text_of(rest), line)),
             _ if keyword.starts_with(b"#") => {
                 if self.model.comment.is_empty() {
-                    self.model.comment = text_of(text).trim_start_matches(['#', ' ']).to_string();
+                    self.model.comment = text_of(text).trim_start_matches(['#', ' ', '\t']).to_string();
                 }
             }
             _ => self.unknown.entry(shown(keyword)).or_insert((line, 0)).1 += 1,

@@ -108,10 +108,15 @@ impl Side {
         let human = Human::of(skeleton);
         let rest = Rest::of(skeleton);
         let leg = leg_length(&human, &rest);
-        // A rest pose that does not stand near zero, as where the hips are the origin, stands on its lowest joint.
-        let lowest = rest.positions.iter().map(|p| p.y).fold(f64::MAX, f64::min);
+        // A rest pose that does not stand near zero, as where the hips are the origin, stands on its lowest joint: of its own,
+        // since files have cameras and handles below the floor.
+        let own = in_body(skeleton, &human);
+        let lowest = rest.positions.iter().zip(&own).filter(|(_, own)| **own);
+        let lowest = lowest.map(|(p, _)| p.y).fold(f64::MAX, f64::min);
         let floor = if lowest.abs() > 0.25 * leg && leg > 0.0 { lowest } else { 0.0 };
-        let feet = ["left foot", "right foot"].map(|name| human.joint(name));
+        // Feet that hang elsewhere, as handles of a rig, stay where they are however the hips are raised.
+        let goes_along = |foot: &u32| human.joint("hips").is_some_and(|hips| is_below(skeleton, *foot, hips));
+        let feet = ["left foot", "right foot"].map(|name| human.joint(name).filter(goes_along));
         let height = |joint: u32| rest.positions[joint as usize].y - floor;
         let mut contacts = Vec::new();
         for joint in 0..skeleton.len() as u32 {
@@ -125,6 +130,19 @@ impl Side {
         };
         Side { human, rest, floor, leg, contacts, stands }
     }
+}
+
+/// Of each joint, whether it belongs to the body: its bones, what hangs on them, and what the hips hang on.
+fn in_body(skeleton: &Skeleton, human: &Human) -> Vec<bool> {
+    let mut own: Vec<bool> = Vec::with_capacity(skeleton.len());
+    for (joint, parent) in (0u32..).zip(skeleton.parents()) {
+        let bone = human.joints().values().any(|bone| *bone == joint);
+        own.push(bone || parent.is_some_and(|p| own[p as usize]));
+    }
+    for joint in std::iter::successors(human.joint("hips"), |j| skeleton.parents()[*j as usize]) {
+        own[joint as usize] = true;
+    }
+    own
 }
 
 impl<'a> Retarget<'a> {
