@@ -3,7 +3,7 @@
 use choreo_import_testing::assets;
 use choreo_plugin::Needs;
 use choreo_stage::Asset;
-use importers::{import, samples, whole};
+use importers::{SAMPLES, import, samples, whole};
 
 fn pictures(asset: &Asset) -> Vec<(String, u32, u32)> {
     asset.images.iter().map(|i| (i.name.clone(), i.width, i.height)).collect()
@@ -12,7 +12,7 @@ fn pictures(asset: &Asset) -> Vec<(String, u32, u32)> {
 /// As `choreo info` opens them: pictures have their sizes and nothing in them.
 #[test]
 fn without_pixels_pictures_are_told_the_same() {
-    let Some(folder) = assets() else { return };
+    let Some(folder) = assets(SAMPLES) else { return };
     let mut told = 0;
     for name in samples(&folder) {
         let path = folder.join(&name);
