@@ -214,7 +214,7 @@ fn between(path: Path, a: &[f64; 4], b: &[f64; 4], t: f64) -> [f64; 4] {
 /// Radians, metres or factors between a value and a key.
 fn apart(curve: &Curve, value_there: &[f64; 4], key: usize) -> f64 {
     let own = value(curve, key);
-    let sum = |sign: f64| (0..4).map(|i| (own[i] - sign * value_there[i])).map(|d| d * d).sum::<f64>().sqrt();
+    let sum = |sign: f64| (0..4).map(|i| own[i] - sign * value_there[i]).map(|d| d * d).sum::<f64>().sqrt();
     match curve.path {
         Path::Rotation => 4.0 * libm::asin((sum(1.0).min(sum(-1.0)) / 2.0).min(1.0)),
         _ => sum(1.0),
