@@ -27,7 +27,7 @@ struct Bounds {
 
 /// Edges: a driver snaps vertices to its own fixed point, so that single pixels of an outline fall on the other side.
 /// Textures: it weighs texels with 8 bits, and chooses mipmap levels from its own approximations.
-const BOUNDS: Bounds = Bounds { mean: 0.15, share_beyond: 0.003 };
+const BOUNDS: Bounds = Bounds { mean: 0.16, share_beyond: 0.003 };
 
 impl Bounds {
     fn hold(self, c: &Comparison) -> bool {
