@@ -276,6 +276,26 @@ fn feet_stand_on_the_ground_that_is_there() {
 }
 
 #[test]
+fn goals_at_nobody_are_left_out() {
+    for target in
+        [Target::Actor(9), Target::Joint { actor: 9, joint: 0 }, Target::Joint { actor: 0, joint: 99 }]
+    {
+        let aim = AimGoal { joints: vec![SPINE, NECK], shares: vec![1.0, 1.0], target, limit: 1.0 };
+        let poled = Reach { pole: Some(target), ..reach(Target::Point(v(3.0, 1.0, -2.0))) };
+        let mut stage = stage_with(vec![
+            Goal::new(GoalKind::Reach(reach(target))),
+            Goal::new(GoalKind::Reach(poled)),
+            Goal::new(GoalKind::Aim(aim)),
+            planted(Some(9)),
+        ]);
+        stage.actors[0].look_at.push(LookAt::new(FACE, target));
+        assert!(!stage.check().is_empty());
+        let snapshot = stage.at(secs(0.5)).unwrap();
+        assert!(snapshot.actors[0].model_from_joint.iter().all(|m| m.is_finite()));
+    }
+}
+
+#[test]
 fn check_names_bad_goals() {
     let said = |change: fn(&mut Actor)| {
         let target = Target::Point(DVec3::ZERO);

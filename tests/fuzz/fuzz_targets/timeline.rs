@@ -3,6 +3,8 @@
 #![no_main]
 
 use choreo_fuzz::finite;
+use choreo_motion::ik::Limit;
+use choreo_motion::spring::{RigBone, SpringBone};
 use choreo_motion::{Interpolation, Time};
 use choreo_plugin::{Importer, Needs, Source};
 use choreo_stage::*;
@@ -97,6 +99,89 @@ fn channel(u: &mut Unstructured) -> Result<Channel> {
     Ok(Channel { property, interpolation, times, values })
 }
 
+/// A joint of the figure, now and then one that it has not.
+fn joint(u: &mut Unstructured) -> Result<u32> {
+    u.int_in_range(0..=60)
+}
+
+/// Parents first, so that `check` lets it through.
+fn chain(u: &mut Unstructured) -> Result<Vec<u32>> {
+    let mut joints = vec![joint(u)?];
+    for _ in 0..u.int_in_range(1..=5)? {
+        let parent = PERSON.skeleton.parents().get(joints[0] as usize).copied().flatten();
+        match parent {
+            Some(parent) => joints.insert(0, parent),
+            None => break,
+        }
+    }
+    Ok(joints)
+}
+
+fn goal(u: &mut Unstructured, count: usize) -> Result<Goal> {
+    let kind = match u.int_in_range(0..=2)? {
+        0 => GoalKind::Reach(Reach {
+            joints: chain(u)?,
+            target: target(u, count)?,
+            offset: if u.arbitrary()? { Some(point(u)?) } else { None },
+            pole: if u.arbitrary()? { Some(target(u, count)?) } else { None },
+            hint: [DVec3::NEG_Z, DVec3::ZERO, point(u)?][u.choose_index(3)?],
+            soft: [0.0, 0.05, number(u)?][u.choose_index(3)?],
+            keep_rotation: u.arbitrary()?,
+        }),
+        1 => {
+            let joints = chain(u)?;
+            let shares = joints.iter().map(|_| Ok(number(u)?.abs())).collect::<Result<_>>()?;
+            GoalKind::Aim(AimGoal { joints, shares, target: target(u, count)?, limit: number(u)?.abs() })
+        }
+        _ => {
+            let mut legs = Vec::new();
+            for _ in 0..u.int_in_range(1..=2)? {
+                let joints = chain(u)?;
+                if let [.., hip, knee, foot, toe] = joints[..] {
+                    legs.push(Leg { hip, knee, foot, toe: Some(toe).filter(|_| toe % 2 == 0) });
+                }
+            }
+            let hips = if u.arbitrary()? { Some(joint(u)?) } else { None };
+            let ground = if u.ratio(1, 4)? { Some(u.int_in_range(0..=count)?) } else { None };
+            GoalKind::Plant(Plant { legs, hips, ground })
+        }
+    };
+    let end = if u.arbitrary()? { Some(time(u)?) } else { None };
+    let weight = f32::from(u.arbitrary::<u8>()?) / 255.0;
+    Ok(Goal { kind, start: time(u)?, end, fade: span(u)?, weight })
+}
+
+fn limit(u: &mut Unstructured) -> Result<(u32, Limit)> {
+    let axis = [DVec3::X, DVec3::Y, DVec3::NEG_Z, point(u)?][u.choose_index(4)?];
+    let (a, b) = (number(u)? % 4.0, number(u)? % 4.0);
+    let ends = (a.min(b), a.max(b));
+    let limit = if u.arbitrary()? {
+        Limit::Hinge { axis, angle: ends }
+    } else {
+        Limit::SwingTwist { axis, swing: number(u)?.abs() % 3.5, twist: ends }
+    };
+    Ok((joint(u)?, limit))
+}
+
+fn springs(u: &mut Unstructured) -> Result<ActorSprings> {
+    let mut springs =
+        ActorSprings { wind: point(u)?, pre_roll: span(u)?, ..ActorSprings::default() };
+    for joint in chain(u)? {
+        springs.rig.add(RigBone {
+            joint,
+            tail: [Vec3::Y * 0.1, Vec3::ZERO, point(u)?.as_vec3()][u.choose_index(3)?],
+            spring: SpringBone::new(number(u)?.abs(), number(u)?.abs()),
+            gravity: point(u)?,
+            pull: DVec3::ZERO,
+            hit_radius: number(u)?.abs(),
+            center: None,
+            colliders: Vec::new(),
+        });
+    }
+    springs.rig.ground = if u.arbitrary()? { Some(number(u)?) } else { None };
+    Ok(springs)
+}
+
 fn stage(u: &mut Unstructured) -> Result<Stage> {
     let mut stage = Stage::default();
     stage.settings.size = [u.int_in_range(1..=64)?, u.int_in_range(1..=64)?];
@@ -136,6 +221,15 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
             let (target, joint) = (target(u, count)?, u.int_in_range(0..=60)?);
             let end = if u.arbitrary()? { Some(time(u)?) } else { None };
             actor.look_at.push(LookAt { joint, target, start: time(u)?, end, fade: span(u)?, weight: 0.75 });
+        }
+        if u.ratio(1, 3)? {
+            actor.goals = (0..u.int_in_range(1..=3)?).map(|_| goal(u, count)).collect::<Result<_>>()?;
+        }
+        if u.ratio(1, 6)? {
+            actor.limits = (0..u.int_in_range(1..=3)?).map(|_| limit(u)).collect::<Result<_>>()?;
+        }
+        if u.ratio(1, 6)? {
+            actor.springs = Some(Arc::new(springs(u)?));
         }
     }
     for i in 0..u.int_in_range(0..=2)? {
@@ -189,10 +283,14 @@ fn compare(u: &mut Unstructured) -> Result<()> {
     let stage = stage(u)?;
     if !stage.check().is_empty() {
         // Lenient: it leaves out what is not there, and must not panic.
-        let _ = stage.at(time(u)?);
+        let _ = stage.at(Time(time(u)?.0 % Time::from_secs(8.0).0));
         return Ok(());
     }
     let mut times = (0..u.int_in_range(2..=6)?).map(|_| time(u)).collect::<Result<Vec<_>>>()?;
+    if stage.actors.iter().any(|a| a.springs.is_some()) {
+        // Springs have to go all the way.
+        times.iter_mut().for_each(|t| *t = Time(t.0 % Time::from_secs(8.0).0));
+    }
     let sought: Vec<String> = times.iter().map(|t| shown(&stage.at(*t))).collect();
     let mut order: Vec<usize> = (0..times.len()).collect();
     order.sort_by_key(|i| times[*i]);

@@ -84,10 +84,12 @@ fn for_carriers(stage: &Stage, target: Target, mut found: impl FnMut(usize)) {
     let mut at = match target {
         Target::Point(_) => return,
         Target::Actor(actor) => actor,
-        Target::Joint { actor, .. } => {
+        // An unchecked stage may name nobody.
+        Target::Joint { actor, .. } if actor < stage.actors.len() => {
             found(actor);
             actor
         }
+        Target::Joint { .. } => return,
     };
     // No longer than there are actors: attachments in a circle are an error elsewhere.
     for _ in 0..stage.actors.len() {
