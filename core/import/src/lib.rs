@@ -3,6 +3,7 @@
 pub mod bones;
 pub mod budget;
 pub mod color;
+pub mod corners;
 pub mod decompose;
 pub mod normals;
 pub mod pictures;

@@ -3,11 +3,12 @@
 use crate::geometry::Geometry;
 use crate::nodes::{Tree, find_joint};
 use crate::source::{doubles, floats, inputs, names};
+use crate::tree::{Node, NodeId};
 use crate::xml::{Xml, child, children, name_of};
 use choreo_import::Result;
 use choreo_stage::asset::{MorphTarget, Skin};
 use glam::{DMat4, Mat4, Vec3};
-use roxmltree::{Node, NodeId};
+use std::rc::Rc;
 
 /// What animations need to know of a morphed mesh instance.
 pub struct MorphTargets {
@@ -223,7 +224,7 @@ pub fn morph<'a, 'i>(
     xml: &Xml<'a, 'i>,
     morph: Node<'a, 'i>,
     base: &Geometry,
-    mut positions_of: impl FnMut(Node<'a, 'i>) -> Result<Vec<Vec3>>,
+    mut positions_of: impl FnMut(Node<'a, 'i>) -> Result<Rc<Vec<Vec3>>>,
 ) -> Result<Morph> {
     let relative = morph.attribute("method") == Some("RELATIVE");
     let mut out = Morph { weights: Vec::new(), names: Vec::new(), offsets: Vec::new() };
@@ -250,7 +251,7 @@ pub fn morph<'a, 'i>(
                         }
                         xml.charge(targets, positions.len(), 24)?;
                         let offset = |(p, b): (&Vec3, &Vec3)| if relative { *p } else { *p - *b };
-                        out.offsets.push(positions.iter().zip(&base.positions).map(offset).collect());
+                        out.offsets.push(positions.iter().zip(base.positions.iter()).map(offset).collect());
                         out.names.push(target.attribute("name").unwrap_or(name).to_string());
                     }
                 }

@@ -1,13 +1,15 @@
 //! `<geometry>`: sources and faces to indexed primitives.
 
 use crate::source::{Floats, Input, floats, inputs};
+use crate::tree::{Node, NodeId};
 use crate::xml::{Xml, child, children, name_of};
+use choreo_import::corners::Joined;
 use choreo_import::polygon::{Cut, Triangulator};
 use choreo_import::{Problem, Result};
 use choreo_stage::asset::{Primitive, Topology};
 use glam::{Vec2, Vec3, Vec4};
-use roxmltree::Node;
 use std::collections::HashMap;
+use std::rc::Rc;
 
 /// One `<triangles>`, `<polylist>` …, without skin, normals as in the file (or none).
 #[derive(Clone)]
@@ -24,20 +26,20 @@ pub struct Geometry {
     pub name: String,
     pub parts: Vec<Part>,
     /// Positions of the source, in metres.
-    pub positions: Vec<Vec3>,
+    pub positions: Rc<Vec<Vec3>>,
 }
 
 pub fn read<'a, 'i>(xml: &Xml<'a, 'i>, geometry: Node<'a, 'i>, metres: f64, srgb: bool) -> Result<Geometry> {
     let name = geometry.attribute("name").or(geometry.attribute("id")).unwrap_or("mesh").to_string();
-    let mut out = Geometry { name, parts: Vec::new(), positions: Vec::new() };
+    let mut out = Geometry { name, parts: Vec::new(), positions: Rc::default() };
     let Some(mesh) = child(geometry, "mesh") else {
-        let kind = geometry.children().find(Node::is_element).map_or("nothing", name_of);
+        let kind = geometry.children().next().map_or("nothing", name_of);
         xml.warn(geometry, format!("is {kind}, not a mesh; it is left out"));
         return Ok(out);
     };
-    let mut sources = HashMap::new();
-    let mut triangulator = Triangulator::default();
-    for element in mesh.children().filter(Node::is_element) {
+    let (mut sources, mut places) = (HashMap::new(), None);
+    let (mut joined, mut triangulator) = (Joined::default(), Triangulator::default());
+    for element in mesh.children() {
         let shape = match name_of(element) {
             "triangles" => Shape::Triangles,
             "polylist" => Shape::Polylist,
@@ -55,6 +57,8 @@ pub fn read<'a, 'i>(xml: &Xml<'a, 'i>, geometry: Node<'a, 'i>, metres: f64, srgb
             metres,
             srgb,
             sources: &mut sources,
+            places: &mut places,
+            joined: &mut joined,
             triangulator: &mut triangulator,
         };
         if let Some((part, positions)) = reader.read()? {
@@ -85,19 +89,19 @@ struct Reader<'x, 'a, 'i> {
     metres: f64,
     srgb: bool,
     /// Sources that several elements of the mesh share are read once.
-    sources: &'x mut HashMap<roxmltree::NodeId, std::rc::Rc<Floats>>,
+    sources: &'x mut HashMap<NodeId, Rc<Floats>>,
+    /// Positions in metres of the latest source.
+    places: &'x mut Option<(NodeId, Rc<Vec<Vec3>>)>,
+    joined: &'x mut Joined,
     triangulator: &'x mut Triangulator,
 }
 
 /// A source and where its index stands among a corner's.
 #[derive(Clone)]
 struct Stream {
-    floats: std::rc::Rc<Floats>,
+    floats: Rc<Floats>,
     offset: usize,
 }
-
-/// Colours of three numbers, or of four.
-const NONE: usize = usize::MAX;
 
 impl<'a, 'i> Reader<'_, 'a, 'i> {
     fn stream(&mut self, input: Option<&Input<'a, 'i>>, stride: usize) -> Result<Option<Stream>> {
@@ -105,7 +109,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         let floats = match self.sources.get(&input.source.id()) {
             Some(known) => known.clone(),
             None => {
-                let read = std::rc::Rc::new(floats(self.xml, input.source, stride)?);
+                let read = Rc::new(floats(self.xml, input.source, stride)?);
                 self.sources.insert(input.source.id(), read.clone());
                 read
             }
@@ -113,10 +117,11 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         Ok(Some(Stream { floats, offset: input.offset }))
     }
 
-    fn read(&mut self) -> Result<Option<(Part, Vec<Vec3>)>> {
+    fn read(&mut self) -> Result<Option<(Part, Rc<Vec<Vec3>>)>> {
         let inputs = inputs(self.xml, self.element)?;
         let find = |semantic: &str| inputs.iter().find(|i| i.semantic == semantic);
-        let Some(positions) = self.stream(find("POSITION"), 3)? else {
+        let position = find("POSITION");
+        let Some(positions) = self.stream(position, 3)? else {
             self.xml.warn(self.element, "has no positions; it is left out");
             return Ok(None);
         };
@@ -141,13 +146,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         let corners = self.corners(&indices, width, &runs, &positions)?;
         self.xml.charge(self.element, corners.len(), 72)?;
 
-        let metres = self.metres;
-        let place = |p: [f32; 3]| (Vec3::from(p).as_dvec3() * metres).as_vec3();
-        let all: Vec<Vec3> = (0..positions.floats.count).map(|i| place(positions.floats.get(i))).collect();
-        if all.iter().any(|p| !p.is_finite()) {
-            return Err(self.problem("its positions in metres are not finite"));
-        }
-        let streams = [Some(&positions), normals.as_ref(), colors.as_ref(), uvs.first(), uvs.get(1)];
+        let all = self.places_of(position.map(|p| p.source.id()), &positions.floats)?;
         let lines = matches!(self.shape, Shape::Lines | Shape::LineStrips);
         let mut primitive = Primitive {
             topology: if lines { Topology::Lines } else { Topology::Triangles },
@@ -155,32 +154,42 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             ..Primitive::default()
         };
         let mut origin = Vec::new();
-        let mut known: HashMap<[u32; 5], u32> = HashMap::with_capacity(all.len());
+        self.joined.start(all.len());
         for corner in &corners {
-            let at = *corner as usize * width;
-            let key = streams.map(|s| s.map_or(0, |s| indices[at + s.offset] as u32));
-            let next = origin.len() as u32;
-            let vertex = *known.entry(key).or_insert(next);
+            let indices = &indices[*corner as usize * width..][..width];
+            let point = self.index(indices, &positions)?;
+            let normal = match &normals {
+                Some(s) => Vec3::from(s.floats.get(self.index(indices, s)?)),
+                None => Vec3::ZERO,
+            };
+            let color = colors.as_ref().map(|s| self.index(indices, s).map(|i| (s, s.floats.get::<4>(i))));
+            let color = color.transpose()?;
+            let mut uv = [Vec2::ZERO; 2];
+            for (uv, stream) in uv.iter_mut().zip(&uvs) {
+                let [u, v] = stream.floats.get(self.index(indices, stream)?);
+                // COLLADA counts v from the bottom.
+                *uv = Vec2::new(u, 1.0 - v);
+            }
+            let color = color.map(|(stream, values)| self.color(stream, values));
+            // By what the sources say, not by index: many files have a texture coordinate for every corner.
+            let (vertex, new) = self.joined.vertex(point as u32, |vertex| {
+                let at = vertex as usize;
+                let there = &primitive;
+                (normals.is_none() || there.normals[at] == normal)
+                    && uv.iter().zip(&there.uvs).take(uvs.len()).all(|(uv, list)| list[at] == *uv)
+                    && color.is_none_or(|c| there.colors[at] == c)
+            });
             primitive.indices.push(vertex);
-            if vertex != next {
+            if !new {
                 continue;
             }
-            for (stream, index) in streams.iter().zip(key) {
-                self.check(stream.map_or(NONE, |s| s.floats.count), index)?;
+            origin.push(point as u32);
+            primitive.positions.push(all[point]);
+            if normals.is_some() {
+                primitive.normals.push(normal);
             }
-            origin.push(key[0]);
-            primitive.positions.push(all[key[0] as usize]);
-            if let Some(s) = &normals {
-                primitive.normals.push(Vec3::from(s.floats.get(key[1] as usize)));
-            }
-            if let Some(s) = &colors {
-                primitive.colors.push(self.color(s, key[2] as usize));
-            }
-            for (list, (stream, index)) in primitive.uvs.iter_mut().zip(uvs.iter().zip([key[3], key[4]])) {
-                let [u, v] = stream.floats.get(index as usize);
-                // COLLADA counts v from the bottom.
-                list.push(Vec2::new(u, 1.0 - v));
-            }
+            primitive.colors.extend(color);
+            primitive.uvs.iter_mut().zip(uv).take(uvs.len()).for_each(|(list, uv)| list.push(uv));
         }
         if primitive.indices.is_empty() {
             return Ok(None);
@@ -194,15 +203,34 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         self.xml.problem(self.element, what)
     }
 
-    fn check(&self, count: usize, index: u32) -> Result<()> {
-        match (index as usize) < count {
-            true => Ok(()),
+    /// Positions of a source in metres.
+    fn places_of(&mut self, source: Option<NodeId>, floats: &Floats) -> Result<Rc<Vec<Vec3>>> {
+        if let (Some(source), Some((known, places))) = (source, &*self.places)
+            && source == *known
+        {
+            return Ok(places.clone());
+        }
+        let metres = self.metres;
+        let place = |i: usize| (Vec3::from(floats.get(i)).as_dvec3() * metres).as_vec3();
+        let all: Rc<Vec<Vec3>> = Rc::new((0..floats.count).map(place).collect());
+        if all.iter().any(|p| !p.is_finite()) {
+            return Err(self.problem("its positions in metres are not finite"));
+        }
+        *self.places = source.map(|s| (s, all.clone()));
+        Ok(all)
+    }
+
+    /// A corner's index into a stream, which has as many elements.
+    #[inline]
+    fn index(&self, corner: &[i32], stream: &Stream) -> Result<usize> {
+        let (index, count) = (corner[stream.offset] as u32 as usize, stream.floats.count);
+        match index < count {
+            true => Ok(index),
             false => Err(self.problem(format!("refers to element {index} of a source that has {count}"))),
         }
     }
 
-    fn color(&self, stream: &Stream, index: usize) -> Vec4 {
-        let [r, g, b, a] = stream.floats.get(index);
+    fn color(&self, stream: &Stream, [r, g, b, a]: [f32; 4]) -> Vec4 {
         let alpha = if stream.floats.stride > 3 { a.clamp(0.0, 1.0) } else { 1.0 };
         let [r, g, b] = [r, g, b].map(|c| crate::materials::linear(c.clamp(0.0, 1.0), self.srgb));
         Vec4::new(r, g, b, alpha)
@@ -213,7 +241,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         let mut indices = Vec::new();
         let mut runs = Vec::new();
         let mut holes = 0;
-        for child in self.element.children().filter(Node::is_element) {
+        for child in self.element.children() {
             let p = match name_of(child) {
                 "p" => child,
                 "ph" => {
@@ -306,9 +334,8 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
                     points.clear();
                     triangles.clear();
                     for corner in first..first + count {
-                        let index = indices[corner as usize * width + positions.offset] as u32;
-                        self.check(positions.floats.count, index)?;
-                        points.push(Vec3::from(positions.floats.get(index as usize)).as_dvec3());
+                        let index = self.index(&indices[corner as usize * width..][..width], positions)?;
+                        points.push(Vec3::from(positions.floats.get(index)).as_dvec3());
                     }
                     match self.triangulator.cut(&points, &mut triangles) {
                         Cut::Whole => {}

@@ -11,6 +11,7 @@ mod nodes;
 mod objects;
 mod sampler;
 mod source;
+mod tree;
 mod xml;
 
 use choreo_import::text::{shown, stem};
@@ -78,7 +79,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     let notes = Notes::default();
     let budget = Budget::new(MAX_DECODED_BYTES);
     let text = encoding::decode(&source.bytes)?;
-    let doc = xml::parse(&text)?;
+    let doc = tree::Document::parse(&text)?;
     let xml = xml::Xml::new(&doc, &notes, &budget);
     let root = xml.root();
     if xml::name_of(root) != "COLLADA" {

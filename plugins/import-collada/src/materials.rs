@@ -1,5 +1,6 @@
 //! `<material>` and `<effect>` (profile_COMMON), bound to a mesh instance.
 
+use crate::tree::Node;
 use crate::xml::{Xml, child, children, descendant, name_of, text_of};
 use choreo_import::Result;
 use choreo_import::color::linear_from_srgb;
@@ -7,7 +8,6 @@ use choreo_import::textures::Textures;
 use choreo_plugin::Files;
 use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
 use glam::{Affine2, Vec3, Vec4};
-use roxmltree::Node;
 use std::collections::BTreeMap;
 
 /// One channel of a colour as the file has it.
@@ -125,8 +125,7 @@ impl<'f> Materials<'f> {
         };
         let technique = child(profile, "technique");
         let shader = technique.and_then(|t| {
-            t.children()
-                .find(|n| n.is_element() && ["phong", "blinn", "lambert", "constant"].contains(&name_of(*n)))
+            t.children().find(|n| ["phong", "blinn", "lambert", "constant"].contains(&name_of(*n)))
         });
         let Some(shader) = shader else {
             xml.warn(effect, "has no phong, blinn, lambert or constant technique; white is used");

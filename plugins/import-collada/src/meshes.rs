@@ -4,10 +4,10 @@ use crate::controller::{self, Morph, MorphTargets, SkinData};
 use crate::geometry::{self, Geometry};
 use crate::materials::Materials;
 use crate::nodes::Tree;
+use crate::tree::{Node, NodeId};
 use crate::xml::{Xml, children, name_of, text_of};
 use choreo_import::{Result, smooth};
 use choreo_stage::asset::{Asset, Mesh, MeshInstance, Topology};
-use roxmltree::{Node, NodeId};
 use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -45,7 +45,7 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
 
     pub fn build(&mut self, asset: &mut Asset) -> Result<()> {
         for (joint, node) in (0u32..).zip(self.tree.joints.iter().map(|j| j.node)) {
-            for element in node.children().filter(Node::is_element) {
+            for element in node.children() {
                 match name_of(element) {
                     "instance_geometry" => {
                         if let Some(target) = self.target(element, "geometry")? {

@@ -1,11 +1,11 @@
 //! The visual scene to a parents-first list of joints, each with its stack of transforms.
 
+use crate::tree::{Node, NodeId};
 use crate::xml::{Xml, child, descendant, name_of};
 use choreo_import::decompose::{Parts, decompose};
 use choreo_import::{Problem, Result};
 use choreo_motion::{Skeleton, Transform};
 use glam::{DMat4, DQuat, DVec3};
-use roxmltree::{Node, NodeId};
 use std::collections::HashMap;
 
 /// Bounds what instance_node multiplies.
@@ -169,7 +169,7 @@ fn scene<'a, 'i>(xml: &Xml<'a, 'i>) -> Result<Option<Node<'a, 'i>>> {
 /// Nodes and instanced nodes in a scene or node, in order.
 fn nodes_in<'a, 'i>(xml: &Xml<'a, 'i>, parent: Node<'a, 'i>) -> Result<Vec<Node<'a, 'i>>> {
     let mut out = Vec::new();
-    for element in parent.children().filter(Node::is_element) {
+    for element in parent.children() {
         match name_of(element) {
             "node" => out.push(element),
             "instance_node" => {
@@ -191,7 +191,7 @@ fn nodes_in<'a, 'i>(xml: &Xml<'a, 'i>, parent: Node<'a, 'i>) -> Result<Vec<Node<
 
 fn stack<'a, 'i>(xml: &Xml<'a, 'i>, node: Node<'a, 'i>) -> Result<Vec<Element<'a>>> {
     let mut out = Vec::new();
-    for element in node.children().filter(Node::is_element) {
+    for element in node.children() {
         let (kind, count) = match name_of(element) {
             "matrix" => (Kind::Matrix, 16),
             "translate" => (Kind::Translate, 3),

@@ -1,11 +1,11 @@
 //! Cameras and lights.
 
 use crate::nodes::Tree;
+use crate::tree::Node;
 use crate::xml::{Xml, child, children, descendant, name_of};
 use choreo_import::Result;
 use choreo_stage::asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
 use glam::Vec3;
-use roxmltree::Node;
 use std::f64::consts::PI;
 
 /// Where a light's own attenuation and the inverse square that the renderer has are made equal, metres.
@@ -17,7 +17,7 @@ pub fn cameras<'a, 'i>(xml: &Xml<'a, 'i>, tree: &Tree<'a, 'i>) -> Result<Vec<Ass
         for instance in children(node, "instance_camera") {
             let camera = xml.follow(instance, "url")?;
             let technique = child(camera, "optics").and_then(|o| child(o, "technique_common"));
-            let Some(lens) = technique.and_then(|t| t.children().find(Node::is_element)) else {
+            let Some(lens) = technique.and_then(|t| t.children().next()) else {
                 xml.warn(camera, "has no optics; it is left out");
                 continue;
             };
@@ -96,9 +96,7 @@ pub fn lights<'a, 'i>(xml: &Xml<'a, 'i>, tree: &Tree<'a, 'i>) -> Result<Vec<Asse
     for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
         for instance in children(node, "instance_light") {
             let light = xml.follow(instance, "url")?;
-            let Some(kind) =
-                child(light, "technique_common").and_then(|t| t.children().find(Node::is_element))
-            else {
+            let Some(kind) = child(light, "technique_common").and_then(|t| t.children().next()) else {
                 xml.warn(light, "has no technique_common; it is left out");
                 continue;
             };

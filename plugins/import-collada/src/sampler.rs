@@ -1,10 +1,10 @@
 //! `<sampler>`: keys, and the values between them.
 
 use crate::source::{doubles, inputs, names};
+use crate::tree::Node;
 use crate::xml::Xml;
 use choreo_import::Result;
 use choreo_motion::Time;
-use roxmltree::Node;
 
 /// As in the other importers: about 115 days.
 const MAX_SECS: f64 = 1e7;

@@ -1,8 +1,8 @@
 //! `<source>` with its accessor, and the inputs that refer to sources.
 
+use crate::tree::Node;
 use crate::xml::{Xml, child, children, name_of};
 use choreo_import::Result;
-use roxmltree::Node;
 
 /// Floats with the layout that the accessor gives.
 pub struct Floats {
@@ -85,7 +85,7 @@ pub fn names<'a, 'i>(xml: &Xml<'a, 'i>, source: Node<'a, 'i>) -> Result<(Vec<&'a
     let Some((array, ids)) = array else {
         return Err(xml.problem(source, "has neither Name_array nor IDREF_array"));
     };
-    let text = array.text().unwrap_or_default();
+    let text = array.text();
     let names: Vec<&str> = text.split_ascii_whitespace().collect();
     xml.charge(array, names.len(), 16)?;
     let (offset, stride, count) = layout(xml, source, names.len(), 1)?;
@@ -115,7 +115,7 @@ pub fn inputs<'a, 'i>(xml: &Xml<'a, 'i>, element: Node<'a, 'i>) -> Result<Vec<In
             }),
         };
         // Inputs without an offset share one stream (those of vertices, joints, samplers).
-        let offset = number("offset", if input.has_attribute("offset") { index } else { 0 })?;
+        let offset = number("offset", if input.attribute("offset").is_some() { index } else { 0 })?;
         let set = number("set", 0)?;
         let semantic = input.attribute("semantic").unwrap_or_default();
         let source = xml.follow(input, "source")?;

@@ -1,12 +1,9 @@
 //! The parsed file: elements by id, places of elements, lists of numbers.
 
-use choreo_import::text::{number, shown};
+use crate::tree::{Document, Node};
+use choreo_import::text::{next_integer, next_number, shown};
 use choreo_import::{Budget, Notes, Problem, Result};
-use roxmltree::{Document, Node, ParsingOptions};
 use std::collections::HashMap;
-
-/// Bounds the memory of a file that is all tags.
-const MAX_ELEMENTS: u32 = 4_000_000;
 
 pub struct Xml<'a, 'i> {
     doc: &'a Document<'i>,
@@ -17,42 +14,10 @@ pub struct Xml<'a, 'i> {
     pub budget: &'a Budget,
 }
 
-pub fn parse(text: &str) -> Result<Document<'_>> {
-    let options = ParsingOptions { nodes_limit: MAX_ELEMENTS, ..ParsingOptions::default() };
-    Document::parse_with_options(text, options).map_err(|e| {
-        let what = match &e {
-            roxmltree::Error::DtdDetected => {
-                "has a document type definition, which is not allowed".to_string()
-            }
-            roxmltree::Error::NodesLimitReached => {
-                format!("has more than {MAX_ELEMENTS} elements, which is the limit")
-            }
-            other => {
-                // Its message ends with its own "at line:column".
-                let text = other.to_string();
-                text.rsplit_once(" at ").map_or(text.clone(), |(what, _)| what.to_string())
-            }
-        };
-        let hint = match e {
-            roxmltree::Error::DtdDetected => "take the <!DOCTYPE …> out: COLLADA needs none",
-            _ => "the file was cut off or is no XML; export or copy it again",
-        };
-        let line = match e {
-            // It knows no place of its own.
-            roxmltree::Error::DtdDetected => {
-                1 + text.find("<!DOCTYPE").map_or(0, |at| text[..at].bytes().filter(|b| *b == b'\n').count())
-                    as u32
-            }
-            _ => e.pos().row.max(1),
-        };
-        Problem::new(format!("line {line}"), what).hint(hint)
-    })
-}
-
 impl<'a, 'i> Xml<'a, 'i> {
     pub fn new(doc: &'a Document<'i>, notes: &'a Notes, budget: &'a Budget) -> Xml<'a, 'i> {
         let (mut ids, mut nodes) = (HashMap::new(), HashMap::new());
-        for node in doc.descendants().filter(Node::is_element) {
+        for node in doc.root().descendants() {
             if let Some(id) = node.attribute("id") {
                 // The first counts.
                 let map = if name_of(node) == "node" { &mut nodes } else { &mut ids };
@@ -63,23 +28,22 @@ impl<'a, 'i> Xml<'a, 'i> {
     }
 
     pub fn root(&self) -> Node<'a, 'i> {
-        self.doc.root_element()
+        self.doc.root()
     }
 
     /// `library_geometries/geometry "Cube"/mesh (line 12)`. The line is counted on demand: only messages have one.
     pub fn place(&self, node: Node<'a, 'i>) -> String {
         let mut parts: Vec<String> = node
             .ancestors()
-            .filter(|n| n.is_element() && *n != self.root())
+            .filter(|n| *n != self.root())
             .take(6)
             .map(|n| match n.attribute("id").or(n.attribute("sid")) {
-                Some(id) => format!("{} \"{}\"", n.tag_name().name(), shown(id.as_bytes())),
-                None => n.tag_name().name().to_string(),
+                Some(id) => format!("{} \"{}\"", n.name(), shown(id.as_bytes())),
+                None => n.name().to_string(),
             })
             .collect();
         parts.reverse();
-        let line = self.doc.text_pos_at(node.range().start).row;
-        format!("{} (line {line})", parts.join("/"))
+        format!("{} (line {})", parts.join("/"), node.line())
     }
 
     pub fn problem(&self, node: Node<'a, 'i>, what: impl Into<String>) -> Problem {
@@ -116,38 +80,47 @@ impl<'a, 'i> Xml<'a, 'i> {
 
     /// The numbers of an element's text.
     pub fn numbers(&self, node: Node<'a, 'i>) -> Result<Vec<f64>> {
-        let mut out = Vec::new();
-        self.each_word(node, |index, word| {
-            out.push(number(word).ok_or_else(|| self.bad(node, index, word, "a finite number"))?);
-            Ok(())
-        })?;
-        self.charge(node, out.len(), 8)?;
-        Ok(out)
+        let values = self.values(node, next_number, Some)?;
+        values.map_err(|(index, word)| self.bad(node, index, word, "a finite number"))
     }
 
     /// The same as 32-bit floats: positions of big meshes take half.
     pub fn floats(&self, node: Node<'a, 'i>) -> Result<Vec<f32>> {
-        let mut out = Vec::new();
-        self.each_word(node, |index, word| {
-            let value = number(word).map(|v| v as f32).filter(|v| v.is_finite());
-            out.push(value.ok_or_else(|| self.bad(node, index, word, "a finite number"))?);
-            Ok(())
-        })?;
-        self.charge(node, out.len(), 4)?;
-        Ok(out)
+        let values = self.values(node, next_number, |v| Some(v as f32).filter(|v| v.is_finite()))?;
+        values.map_err(|(index, word)| self.bad(node, index, word, "a finite number"))
     }
 
     /// Whole numbers from −1 (which skins use) on.
     pub fn integers(&self, node: Node<'a, 'i>) -> Result<Vec<i32>> {
-        let mut out = Vec::new();
-        self.each_word(node, |index, word| {
-            let value =
-                choreo_import::text::integer(word).and_then(|v| i32::try_from(v).ok()).filter(|v| *v >= -1);
-            out.push(value.ok_or_else(|| self.bad(node, index, word, "an index"))?);
-            Ok(())
-        })?;
-        self.charge(node, out.len(), 4)?;
-        Ok(out)
+        let values = self.values(node, next_integer, |v| i32::try_from(v).ok().filter(|v| *v >= -1))?;
+        values.map_err(|(index, word)| self.bad(node, index, word, "an index"))
+    }
+
+    /// Every value of an element's text, or the one that is none, with its number.
+    #[inline(always)]
+    fn values<V, T>(
+        &self,
+        node: Node<'a, 'i>,
+        next: impl Fn(&mut &'a [u8]) -> Option<std::result::Result<V, &'a [u8]>>,
+        of: impl Fn(V) -> Option<T>,
+    ) -> Result<std::result::Result<Vec<T>, (usize, &'a [u8])>> {
+        let mut rest = node.text().as_bytes();
+        // A value has at least a digit and a space.
+        let announced = node.attribute("count").and_then(|c| c.parse().ok()).unwrap_or(0);
+        let mut out = Vec::with_capacity(rest.len().div_ceil(2).min(announced));
+        loop {
+            let from = rest;
+            match next(&mut rest) {
+                None => break,
+                Some(Ok(value)) => match of(value) {
+                    Some(value) => out.push(value),
+                    None => return Ok(Err((out.len(), from[..from.len() - rest.len()].trim_ascii()))),
+                },
+                Some(Err(word)) => return Ok(Err((out.len(), word))),
+            }
+        }
+        self.charge(node, out.len(), size_of::<T>())?;
+        Ok(Ok(out))
     }
 
     /// Exactly `N` numbers.
@@ -169,27 +142,11 @@ impl<'a, 'i> Xml<'a, 'i> {
     fn bad(&self, node: Node<'a, 'i>, index: usize, word: &[u8], wanted: &str) -> Problem {
         self.problem(node, format!("value {index} is \"{}\", not {wanted}", shown(word)))
     }
-
-    fn each_word(
-        &self,
-        node: Node<'a, 'i>,
-        mut take: impl FnMut(usize, &'a [u8]) -> Result<()>,
-    ) -> Result<()> {
-        let mut index = 0;
-        for text in node.children().filter(|n| n.is_text()) {
-            let bytes = text.text().unwrap_or_default().as_bytes();
-            for word in bytes.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty()) {
-                take(index, word)?;
-                index += 1;
-            }
-        }
-        Ok(())
-    }
 }
 
 /// Child elements with a name.
 pub fn children<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> impl Iterator<Item = Node<'a, 'i>> {
-    node.children().filter(move |n| n.is_element() && n.tag_name().name() == name)
+    node.children().filter(move |n| n.name() == name)
 }
 
 pub fn child<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> Option<Node<'a, 'i>> {
@@ -198,14 +155,14 @@ pub fn child<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> Option<Node<'a, 
 
 /// The first element of this name at any depth below.
 pub fn descendant<'a, 'i>(node: Node<'a, 'i>, name: &'static str) -> Option<Node<'a, 'i>> {
-    node.descendants().skip(1).find(|n| n.is_element() && n.tag_name().name() == name)
+    node.descendants().skip(1).find(|n| n.name() == name)
 }
 
 pub fn name_of<'a>(node: Node<'a, '_>) -> &'a str {
-    node.tag_name().name()
+    node.name()
 }
 
 /// The element's text without white space around.
 pub fn text_of<'a>(node: Node<'a, '_>) -> &'a str {
-    node.text().unwrap_or_default().trim()
+    node.text().trim()
 }

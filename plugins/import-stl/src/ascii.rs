@@ -1,7 +1,7 @@
 //! ASCII STL: `solid`, `facet normal`, `outer loop`, `vertex`, in any letter case and with any spaces.
 
 use crate::Solid;
-use choreo_import::text::{Lines, next_word, number, shown};
+use choreo_import::text::{Lines, next_number, next_word, shown};
 use choreo_import::{Notes, Problem, Result};
 use glam::Vec3;
 
@@ -10,17 +10,16 @@ const MAX_SOLIDS: usize = 65_536;
 
 /// Without `geometry` only the solids and their names.
 pub fn read(bytes: &[u8], geometry: bool, notes: &Notes) -> Result<Vec<Solid>> {
-    let mut reader = Reader { notes, solids: Vec::new(), open: false, facet: None };
+    let mut reader = Reader { notes, solids: Vec::new(), open: false, facet: None, corners: Vec::new() };
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let mut last = 1;
     for (line, text) in Lines::new(text) {
         last = line;
         let mut rest = text;
         let Some(word) = next_word(&mut rest) else { continue };
-        let keyword = word.to_ascii_lowercase();
-        let named = matches!(keyword.as_slice(), b"solid" | b"endsolid");
-        if geometry || named {
-            reader.line(line, &keyword, rest)?;
+        let keyword = Keyword::of(word);
+        if geometry || matches!(keyword, Some(Keyword::Solid | Keyword::EndSolid)) {
+            reader.line(line, (keyword, word), rest)?;
         }
     }
     let cut = "the file was cut off; export or copy it again";
@@ -37,10 +36,37 @@ pub fn read(bytes: &[u8], geometry: bool, notes: &Notes) -> Result<Vec<Solid>> {
     Ok(reader.solids)
 }
 
+#[derive(Clone, Copy)]
+enum Keyword {
+    Solid,
+    EndSolid,
+    Facet,
+    EndFacet,
+    /// `outer`, `endloop`.
+    Loop,
+    Vertex,
+}
+
+impl Keyword {
+    #[inline]
+    fn of(word: &[u8]) -> Option<Keyword> {
+        // Most frequent first.
+        let known = [
+            (&b"vertex"[..], Keyword::Vertex),
+            (b"facet", Keyword::Facet),
+            (b"outer", Keyword::Loop),
+            (b"endloop", Keyword::Loop),
+            (b"endfacet", Keyword::EndFacet),
+            (b"solid", Keyword::Solid),
+            (b"endsolid", Keyword::EndSolid),
+        ];
+        known.iter().find(|(name, _)| word.eq_ignore_ascii_case(name)).map(|(_, keyword)| *keyword)
+    }
+}
+
 struct Facet {
     line: usize,
     normal: Vec3,
-    corners: Vec<Vec3>,
 }
 
 struct Reader<'a> {
@@ -48,20 +74,28 @@ struct Reader<'a> {
     solids: Vec<Solid>,
     open: bool,
     facet: Option<Facet>,
+    /// Of the open facet.
+    corners: Vec<Vec3>,
 }
 
 impl Reader<'_> {
-    fn line(&mut self, line: usize, keyword: &[u8], mut rest: &[u8]) -> Result<()> {
+    #[inline]
+    fn line(
+        &mut self,
+        line: usize,
+        (keyword, word): (Option<Keyword>, &[u8]),
+        mut rest: &[u8],
+    ) -> Result<()> {
         let problem = |what: String| Problem::new(format!("line {line}"), what);
         match keyword {
-            b"vertex" => {
+            Some(Keyword::Vertex) => {
                 let corner = vector(&mut rest).map_err(&problem)?;
-                let Some(facet) = &mut self.facet else {
+                if self.facet.is_none() {
                     return Err(problem("a vertex outside of a facet".into()));
-                };
-                facet.corners.push(corner);
+                }
+                self.corners.push(corner);
             }
-            b"facet" => {
+            Some(Keyword::Facet) => {
                 if let Some(open) = &self.facet {
                     return Err(problem(format!("a facet within the facet of line {}", open.line)));
                 }
@@ -71,15 +105,16 @@ impl Reader<'_> {
                 let _normal = next_word(&mut rest);
                 // Some programs write "nan" for triangles without area; what counts are the vertices.
                 let normal = vector(&mut rest).unwrap_or(Vec3::ZERO);
-                self.facet = Some(Facet { line, normal, corners: Vec::with_capacity(3) });
+                self.facet = Some(Facet { line, normal });
+                self.corners.clear();
             }
-            b"endfacet" => {
+            Some(Keyword::EndFacet) => {
                 let Some(facet) = self.facet.take() else {
                     return Err(problem("endfacet without a facet".into()));
                 };
                 self.end_facet(facet).map_err(problem)?;
             }
-            b"solid" => {
+            Some(Keyword::Solid) => {
                 if self.open {
                     self.notes.warn(format!("line {line}"), "a solid begins before the last one has ended");
                 }
@@ -90,10 +125,10 @@ impl Reader<'_> {
                 self.solids.push(Solid { name, ..Solid::default() });
                 self.open = true;
             }
-            b"endsolid" => self.open = false,
-            b"outer" | b"endloop" => {}
-            _ => {
-                let what = format!("\"{}\" is no word of STL", shown(keyword));
+            Some(Keyword::EndSolid) => self.open = false,
+            Some(Keyword::Loop) => {}
+            None => {
+                let what = format!("\"{}\" is no word of STL", shown(&word.to_ascii_lowercase()));
                 return Err(problem(what)
                     .hint("lines begin with solid, facet, outer, vertex, endloop, endfacet or endsolid"));
             }
@@ -102,7 +137,7 @@ impl Reader<'_> {
     }
 
     fn end_facet(&mut self, facet: Facet) -> std::result::Result<(), String> {
-        let corners = facet.corners.as_slice();
+        let corners = self.corners.as_slice();
         if corners.len() < 3 {
             return Err(format!("the facet of line {} has {} vertices, not 3", facet.line, corners.len()));
         }
@@ -121,14 +156,16 @@ impl Reader<'_> {
     }
 }
 
+#[inline]
 fn vector(rest: &mut &[u8]) -> std::result::Result<Vec3, String> {
     let mut values = [0.0f32; 3];
     for value in &mut values {
-        let word = next_word(rest).ok_or("there should be three numbers")?;
-        *value = number(word)
-            .map(|v| v as f32)
-            .filter(|v| v.is_finite())
-            .ok_or_else(|| format!("\"{}\" is not a finite number", shown(word)))?;
+        let from = *rest;
+        let read = next_number(rest).ok_or("there should be three numbers")?;
+        *value = read.ok().map(|v| v as f32).filter(|v| v.is_finite()).ok_or_else(|| {
+            let word = &from[..from.len() - rest.len()];
+            format!("\"{}\" is not a finite number", shown(word.trim_ascii()))
+        })?;
     }
     Ok(Vec3::from(values))
 }
