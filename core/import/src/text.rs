@@ -146,7 +146,7 @@ struct Decimal {
 }
 
 impl Decimal {
-    #[inline]
+    #[inline(always)]
     fn before(text: &[u8]) -> Option<Decimal> {
         let (negative, mut at) = match text.first() {
             Some(b'-') => (true, 1),
@@ -186,7 +186,7 @@ impl Decimal {
     }
 
     /// Of the text from which it was read; `None` beyond the range of f64.
-    #[inline]
+    #[inline(always)]
     fn value(&self, word: &[u8]) -> Option<f64> {
         if self.digits > 19 || self.mantissa > 1 << 53 || self.power.unsigned_abs() > 22 {
             return of_library(word);

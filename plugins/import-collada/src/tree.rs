@@ -5,8 +5,9 @@
 
 use choreo_import::text::shown;
 use choreo_import::{Problem, Result};
-use memchr::{memchr, memmem};
+use memchr::{memchr, memchr_iter, memmem};
 use std::borrow::Cow;
+use std::cell::OnceCell;
 use std::ops::Range;
 
 /// Bounds the memory of a file that is all tags.
@@ -20,6 +21,7 @@ pub struct Document<'i> {
     /// In the order of the file, so that an element's descendants follow it.
     elements: Vec<Element<'i>>,
     attributes: Vec<(&'i str, Cow<'i, str>)>,
+    ends_of_lines: OnceCell<Vec<usize>>,
 }
 
 #[derive(Debug)]
@@ -107,14 +109,17 @@ impl<'a, 'i> Node<'a, 'i> {
         (self.index..self.data().end).map(move |index| Node { index, ..self })
     }
 
-    /// Counted on demand: only messages have one.
+    /// From 1. Counted on demand, and once for all messages.
     pub fn line(self) -> usize {
-        line_of(self.doc.text, self.data().start)
+        let bytes = self.doc.text.as_bytes();
+        let ends = self.doc.ends_of_lines.get_or_init(|| memchr_iter(b'\n', bytes).collect());
+        1 + ends.partition_point(|end| *end < self.data().start)
     }
 }
 
+/// For the one error that ends it.
 fn line_of(text: &str, at: usize) -> usize {
-    1 + text.as_bytes()[..at.min(text.len())].iter().filter(|b| **b == b'\n').count()
+    1 + memchr_iter(b'\n', &text.as_bytes()[..at.min(text.len())]).count()
 }
 
 impl<'i> Document<'i> {
@@ -133,7 +138,8 @@ impl<'i> Document<'i> {
             };
             Problem::new(format!("line {}", line_of(text, parser.at)), what).hint(hint)
         })?;
-        Ok(Document { text, elements: parser.elements, attributes: parser.attributes })
+        let Parser { elements, attributes, .. } = parser;
+        Ok(Document { text, elements, attributes, ends_of_lines: OnceCell::new() })
     }
 }
 
@@ -150,7 +156,7 @@ type Parsed<T> = std::result::Result<T, String>;
 
 impl<'i> Parser<'i> {
     fn document(&mut self) -> Parsed<()> {
-        if let Some(at) = self.text.bytes().position(|b| b < 0x20 && !matches!(b, b'\t' | b'\n' | b'\r')) {
+        if let Some(at) = control(self.text.as_bytes()) {
             self.at = at;
             return Err(format!("byte 0x{:02x} cannot be in XML", self.text.as_bytes()[at]));
         }
@@ -193,11 +199,16 @@ impl<'i> Parser<'i> {
     }
 
     fn character_data(&mut self, raw: &'i str) -> Parsed<()> {
-        if raw.trim_ascii_start().is_empty() {
+        let word = raw.trim_ascii_start();
+        if word.is_empty() {
             return Ok(());
         }
+        let space = raw.len() - word.len();
+        self.at += space;
         let text = unescape(raw)?;
-        self.add_text(text)
+        self.add_text(text)?;
+        self.at -= space;
+        Ok(())
     }
 
     fn add_text(&mut self, text: Cow<'i, str>) -> Parsed<()> {
@@ -344,6 +355,15 @@ impl<'i> Parser<'i> {
     }
 }
 
+/// The place of a byte that no XML has: control characters other than tabs and ends of lines.
+fn control(text: &[u8]) -> Option<usize> {
+    let odd = |b: u8| b < 0x20 && !matches!(b, b'\t' | b'\n' | b'\r');
+    // Without a way out in the middle many bytes are looked at at once.
+    let blocks = text.chunks(1024).map(|block| block.iter().fold(false, |any, b| any | odd(*b)));
+    let block = blocks.enumerate().find(|(_, any)| *any)?.0 * 1024;
+    text[block..].iter().position(|b| odd(*b)).map(|at| block + at)
+}
+
 /// With its references replaced: the five of XML, and characters by number.
 fn unescape(raw: &str) -> Parsed<Cow<'_, str>> {
     let Some(first) = memchr(b'&', raw.as_bytes()) else { return Ok(Cow::Borrowed(raw)) };
@@ -378,4 +398,79 @@ fn unescape(raw: &str) -> Parsed<Cow<'_, str>> {
         rest = &after[next..];
     }
     Ok(Cow::Owned(out))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What `roxmltree` and this make of a text, as far as both say the same: elements with attributes, in order.
+    fn agrees(text: &str) {
+        let (mine, other) = (Document::parse(text).unwrap(), roxmltree::Document::parse(text).unwrap());
+        let elements: Vec<_> = other.descendants().filter(roxmltree::Node::is_element).collect();
+        assert_eq!(mine.elements.len(), elements.len());
+        for (a, b) in mine.root().descendants().zip(&elements) {
+            assert_eq!(
+                (a.name(), a.line()),
+                (b.tag_name().name(), other.text_pos_at(b.range().start).row as usize)
+            );
+            let below = |n: &roxmltree::Node<'_, '_>| n.descendants().filter(|n| n.is_element()).count();
+            assert_eq!(a.descendants().count(), below(b), "{}", a.name());
+            assert_eq!(a.children().count(), b.children().filter(|n| n.is_element()).count(), "{}", a.name());
+            assert_eq!(a.parent().map(Node::name), b.parent_element().map(|p| p.tag_name().name()));
+            let text: String = b.children().filter(|n| n.is_text()).filter_map(|n| n.text()).collect();
+            let words = |t: &str| t.split_whitespace().map(str::to_string).collect::<Vec<_>>();
+            assert_eq!(words(a.text()), words(&text), "{}", a.name());
+            for attribute in b.attributes().filter(|a| a.namespace().is_none()) {
+                assert_eq!(a.attribute(attribute.name()), Some(attribute.value()));
+            }
+        }
+    }
+
+    #[test]
+    fn the_same_tree_as_another_reader() {
+        agrees(include_str!("../tests/data/arm.dae"));
+        agrees(
+            "<?xml version='1.0'?>\n<!-- <a> -->\n<r a = '1>2' b=\"&lt;&#65;&#x42;&amp;amp;\">\n 1 <!-- 2 -->3\n\
+             <x:y xmlns:x='u' c='ä'/><![CDATA[<4>&amp;]]>&quot;5&apos;<?p <q>?>\n<e></e><f ><g/></f\n></r>\n<!-- end -->\n",
+        );
+    }
+
+    #[test]
+    fn errors_say_line_and_what_is_wrong() {
+        let deep = format!("<a>{}", "<b>".repeat(100_000));
+        let many = format!("<a {}/>", (0..257).map(|i| format!("b{i}='' ")).collect::<String>());
+        for (text, wanted) in [
+            ("", "line 1: there is no element"),
+            ("<a>\n<b></a>", "line 2: the element b is closed by </a>"),
+            ("<a/>\n</a>", "line 2: </a> closes nothing"),
+            ("<a/>\n<b/>", "line 2: the element b comes after the root element"),
+            ("<a/>\nword", "line 2: \"word\" is outside of the root element"),
+            ("<a>\n&laughs;</a>", "line 2: \"&laughs;\" means nothing"),
+            ("<a>&#0;</a>", "line 1: \"&#0;\" means nothing"),
+            ("<a>&#x110000;</a>", "line 1: \"&#x110000;\" means nothing"),
+            ("<a b='1' b='2'/>", "line 1: an element has two attributes b"),
+            ("<a b='1'c='2'/>", "line 1: there should be a space, > or />, not c"),
+            ("<a b=1/>", "line 1: there should be a quoted value, not 1"),
+            ("<a b/>", "line 1: there should be =, not /"),
+            ("<a b='<'/>", "line 1: the value of b has a < in it; a quote is missing"),
+            ("<a b='", "line 1: the value of b has no end"),
+            ("<a\n b='1'", "line 2: the file ends within the tag <a"),
+            ("<1/>", "line 1: there should be a name, not 1"),
+            ("<a><", "line 1: the file ends where there should be a name"),
+            ("<a>\n<!-- ", "line 2: a comment has no end"),
+            ("<a><![CDATA[ ]]", "line 1: a CDATA section has no end"),
+            ("<?xml ", "line 1: an instruction has no end"),
+            ("<a>\n\n\u{1}</a>", "line 3: byte 0x01 cannot be in XML"),
+            ("<a>\n\n", "line 3: the file ends within the element a"),
+            (&deep, "line 1: the file ends within the element b"),
+            (&many, "line 1: an element has more than 256 attributes, which is the limit"),
+        ] {
+            let problem = Document::parse(text).unwrap_err();
+            assert_eq!(format!("{}: {}", problem.place, problem.what), wanted);
+        }
+        let elements = format!("<a>{}</a>", "<b/>".repeat(MAX_ELEMENTS));
+        let problem = Document::parse(&elements).unwrap_err();
+        assert_eq!(problem.what, "has more than 4000000 elements, which is the limit");
+    }
 }

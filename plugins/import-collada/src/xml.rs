@@ -105,8 +105,8 @@ impl<'a, 'i> Xml<'a, 'i> {
         of: impl Fn(V) -> Option<T>,
     ) -> Result<std::result::Result<Vec<T>, (usize, &'a [u8])>> {
         let mut rest = node.text().as_bytes();
-        // A value has at least a digit and a space.
-        let announced = node.attribute("count").and_then(|c| c.parse().ok()).unwrap_or(0);
+        // A value has at least a digit and a space, and mostly three digits.
+        let announced = node.attribute("count").and_then(|c| c.parse().ok()).unwrap_or(rest.len() / 4);
         let mut out = Vec::with_capacity(rest.len().div_ceil(2).min(announced));
         loop {
             let from = rest;
