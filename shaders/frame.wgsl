@@ -28,7 +28,7 @@ struct Light {
     // xyz unit direction in which it shines, w = 0 directional, 1 point, 2 spot
     direction: vec4<f32>,
     color: vec4<f32>,
-    // x = angle scale, y = angle offset
+    // x = angle scale, y = angle offset, z = first shadow view, w = how many
     cone: vec4<f32>,
 }
 
@@ -101,6 +101,16 @@ struct Morphs {
     offsets: array<vec4<f32>>,
 }
 
+// One shadow map as it is looked up.
+struct ShadowView {
+    // xy: texels of the image, z: depth, all times w
+    texel_from_relative: mat4x4<f32>,
+    // Where the filter's texels all lie in the map: from, to
+    inside: vec4<f32>,
+    // x = metres of a texel where w is 1, zw = 1 / texels of the image
+    texel: vec4<f32>,
+}
+
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> instances: array<Instance>;
 @if(SKIN && !JOINTS_UNIFORM) @group(0) @binding(2) var<storage, read> joints: array<Rows>;
@@ -138,5 +148,9 @@ struct Morphs {
 @if(THICKNESS_TEXTURE) @group(1) @binding(27) var thickness_texture: texture_2d<f32>;
 @if(THICKNESS_TEXTURE) @group(1) @binding(28) var thickness_sampler: sampler;
 @if(LAYERS) @group(1) @binding(29) var<uniform> layers: Layers;
+
+@if(SHADOW) @group(3) @binding(0) var<uniform> shadow_views: array<ShadowView, 32>;
+@if(SHADOW) @group(3) @binding(1) var shadow_map: texture_depth_2d;
+@if(SHADOW) @group(3) @binding(2) var shadow_sampler: sampler_comparison;
 
 @if(MORPH) @group(2) @binding(0) var<storage, read> morphs: Morphs;

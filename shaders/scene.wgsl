@@ -27,6 +27,7 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @if(LIT)
     var n = unit(in.normal);
     @if(CLEARCOAT) var coat_n = n;
+    @if(SHADOW) var own_n = n;
     // MikkTSpace: the interpolated vectors are not made orthogonal again.
     @if(TANGENT) let b = cross(in.normal, in.tangent.xyz) * in.tangent.w;
     @if(NORMAL_TEXTURE)
@@ -40,6 +41,7 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     coat_n = unit(c.x * in.tangent.xyz + c.y * b + c.z * in.normal);
     @end
     @if(DOUBLE_SIDED) n = select(-n, n, front);
+    @if(DOUBLE_SIDED && SHADOW) own_n = select(-own_n, own_n, front);
     @if(DOUBLE_SIDED && CLEARCOAT) coat_n = select(-coat_n, coat_n, front);
     let v = unit(frame.eye.xyz - in.relative * frame.eye.w);
     @end
@@ -127,13 +129,16 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @if(LIT)
         @if(LOCAL_LIGHTS) let arriving = incoming(light, in.relative);
         @if(LOCAL_LIGHTS) let l = arriving.direction;
-        @if(LOCAL_LIGHTS) let light_color = arriving.color;
+        @if(LOCAL_LIGHTS) var light_color = arriving.color;
         @if(!LOCAL_LIGHTS) let l = -light.direction.xyz;
-        @if(!LOCAL_LIGHTS) let light_color = light.color.xyz;
+        @if(!LOCAL_LIGHTS) var light_color = light.color.xyz;
+        @if(SHADOW) let share = shadow_share(light, in.relative, own_n, l);
+        @if(SHADOW && !TOON) light_color *= share;
         // Behind the surface nl is 0, and everything it is multiplied with is finite.
         let nl = clamp(dot(n, l), 0.0, 1.0);
         @if(METALLIC_ROUGHNESS) color += reflect_light(s, n, v, l, nv, nl) * light_color * nl;
-        @if(TOON) color += mix(specular_color, base.rgb, toon_lit(dot(n, l), shift)) * light_color;
+        @if(TOON && !SHADOW) color += mix(specular_color, base.rgb, toon_lit(dot(n, l), shift)) * light_color;
+        @if(TOON && SHADOW) color += mix(specular_color, base.rgb, toon_lit(dot(n, l), shift) * share) * light_color;
         @if(TOON) lighting += light_color;
         @if(SHEEN) sheen += sheen_lobe(sheen_roughness, n, v, l, nv, max(nl, 0.001)) * light_color * nl;
         @if(CLEARCOAT) let coat_nl = clamp(dot(coat_n, l), 0.0, 1.0);

@@ -2,9 +2,9 @@
 //! and which actors and materials asked for it. The other half, what was left out and why, is in the plan.
 
 use crate::catalog::Catalog;
-use crate::gpu_types::{FrameUniform, LayersUniform, MaterialUniform, PostUniform};
+use crate::gpu_types::{FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform};
 use crate::mip::level_count;
-use crate::plan::{ActiveMorph, Draw, Instance, Plan, PlanLight, Rows};
+use crate::plan::{ActiveMorph, Draw, Instance, Plan, PlanLight, Rows, Shadows};
 use crate::record::{Command, Recording, Target};
 use crate::shader::{SceneVariant, switches};
 use crate::vertex::{VertexLayout, pack, pack_morphs};
@@ -96,6 +96,15 @@ impl Parts<'_> {
         askers
     }
 
+    fn shadow_draws(&self) -> impl Iterator<Item = &Draw> {
+        self.plan.shadows.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws)
+    }
+
+    /// Into the picture, then into shadow maps.
+    fn all_draws(&self) -> impl Iterator<Item = &Draw> {
+        self.plan.draws.iter().chain(self.shadow_draws())
+    }
+
     /// Without materials.
     fn actors<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> Askers {
         Askers { materials: BTreeSet::new(), ..self.askers(draws) }
@@ -113,6 +122,13 @@ impl Parts<'_> {
                         true => stage("the stage's background: nothing else is in view"),
                         false => self.actors(self.plan.draws.iter()),
                     };
+                    self.add(Kind::Pass, what, None, askers);
+                }
+                Command::BeginShadows { size: [w, h], .. } => {
+                    let maps = self.plan.shadows.as_ref().map_or(0, |s| s.views.len());
+                    let plural = if maps == 1 { "" } else { "s" };
+                    let what = format!("{maps} shadow map{plural}, {w}×{h} texels");
+                    let askers = self.actors(self.shadow_draws());
                     self.add(Kind::Pass, what, None, askers);
                 }
                 Command::PostPass { effect, from, to, .. } => {
@@ -146,7 +162,7 @@ impl Parts<'_> {
             match command {
                 Command::BindPipeline(variant) => bound = Some(*variant),
                 Command::Draw { first_instance, .. } => {
-                    let drawn = self.plan.draws.iter().find(|d| d.first_instance == *first_instance);
+                    let drawn = self.all_draws().find(|d| d.first_instance == *first_instance);
                     if let (Some(variant), Some(draw)) = (bound, drawn) {
                         let draws = of_variant.entry(variant).or_default();
                         if !draws.contains(draw) {
@@ -203,8 +219,7 @@ impl Parts<'_> {
             return;
         };
         let size = |n: usize, each: usize| Some((n * each) as u64);
-        let with =
-            |feature: Features| self.plan.draws.iter().filter(move |d| d.pipeline.features.has(feature));
+        let with = |feature: Features| self.all_draws().filter(move |d| d.pipeline.features.has(feature));
         let lit = self.plan.draws.iter().filter(|d| d.pipeline.features.is_lit());
         let frame = Askers { other: Some("every frame"), ..Askers::default() };
         let (all, skinned, morphed, lit) = (
@@ -228,6 +243,11 @@ impl Parts<'_> {
             if n > 0 {
                 self.add(Kind::FrameData, format!("{n} {what}"), size(n, each), askers);
             }
+        }
+        if let Some(shadows) = &self.plan.shadows {
+            let askers = self.actors(self.shadow_draws());
+            let bytes = size(shadows.views.len(), size_of::<FrameUniform>() + size_of::<ShadowUniform>());
+            self.add(Kind::FrameData, "views of shadow maps".into(), bytes, askers);
         }
         for pass in &self.plan.post {
             let mut askers = Askers::default();
@@ -260,8 +280,7 @@ impl Parts<'_> {
                 bytes += pack_morphs(entry.primitive(), layout).len();
                 what += &format!(", {} morph targets", entry.primitive().morphs.len());
             }
-            let draws: Vec<Draw> =
-                self.plan.draws.iter().filter(|d| d.primitive == primitive).copied().collect();
+            let draws: Vec<Draw> = self.all_draws().filter(|d| d.primitive == primitive).copied().collect();
             let askers = self.askers(draws.iter());
             self.add(Kind::Mesh, what, Some(bytes as u64), askers);
         }
@@ -325,6 +344,11 @@ impl Parts<'_> {
             }
         }
         let asked = |other| Askers { other: Some(other), ..Askers::default() };
+        if let Some(Shadows { image: [w, h], .. }) = &self.plan.shadows {
+            let bytes = 4 * u64::from(*w) * u64::from(*h);
+            let askers = self.actors(self.shadow_draws());
+            self.add(Kind::Target, format!("shadow maps {w}×{h}, 32-bit float"), Some(bytes), askers);
+        }
         let size = format!("{}×{}", recording.size[0], recording.size[1]);
         self.add(
             Kind::Target,

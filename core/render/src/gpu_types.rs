@@ -1,6 +1,7 @@
 //! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shaders.rs` compares every field's offset.
 
 use crate::catalog::{CatalogMaterial, CatalogTextureRef};
+use crate::plan::ShadowView;
 use choreo_stage::{AlphaMode, Shading, Toon};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
@@ -99,6 +100,39 @@ impl LayersUniform {
             transmission: l.transmission,
             uv,
         })
+    }
+}
+
+/// One shadow map as it is looked up.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct ShadowUniform {
+    /// xy: texels of the image; z: depth; all times w.
+    pub texel_from_relative: Mat4,
+    /// Where the filter's texels all lie in the map: from (xy) and to (zw), texels.
+    pub inside: Vec4,
+    /// x: metres of a texel where w is 1; zw: 1 / texels of the image.
+    pub texel: Vec4,
+}
+
+/// The filter reaches two texels to each side.
+const SHADOW_MARGIN: f32 = 2.0;
+
+impl ShadowUniform {
+    pub fn new(view: &ShadowView, image: [u32; 2]) -> ShadowUniform {
+        let [x, y, w, h] = [view.at[0], view.at[1], view.size[0], view.size[1]].map(|v| v as f32);
+        let texel_from_clip = Mat4::from_cols(
+            Vec4::new(w * 0.5, 0.0, 0.0, 0.0),
+            Vec4::new(0.0, h * 0.5, 0.0, 0.0),
+            Vec4::Z,
+            Vec4::new(x + w * 0.5, y + h * 0.5, 0.0, 1.0),
+        );
+        let m = SHADOW_MARGIN;
+        ShadowUniform {
+            texel_from_relative: texel_from_clip * view.clip_from_relative,
+            inside: Vec4::new(x + m, y + m, x + w - m, y + h - m),
+            texel: Vec4::new(view.texel, 0.0, 1.0 / image[0] as f32, 1.0 / image[1] as f32),
+        }
     }
 }
 

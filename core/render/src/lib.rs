@@ -15,9 +15,11 @@ mod needs;
 mod needs_layers;
 pub mod plan;
 mod planner;
+mod planner_shadows;
 pub mod record;
 pub mod renderer;
 pub mod shader;
+mod shadows;
 pub mod vertex;
 pub mod view;
 

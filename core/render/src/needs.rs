@@ -96,6 +96,10 @@ pub struct Facts {
     pub samples: u32,
     pub post_passes: usize,
     pub dark_lights: usize,
+    /// Some light that shines casts shadows.
+    pub casting: bool,
+    pub shadow_views: usize,
+    pub shadows_beyond: usize,
 }
 
 pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
@@ -181,6 +185,16 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     );
     say(facts.samples == 1, "multisampling", "one sample a pixel was asked for".into());
     say(facts.post_passes == 0, "full-screen passes and float target", "no effect is on".into());
-    say(true, "shadow maps", "no light casts shadows".into());
+    let no_shadows = match facts {
+        f if !f.casting => "no light casts shadows",
+        f if !f.lit_drawn => "nothing lit is in view",
+        _ => "nothing stands between a light that casts and what it lights",
+    };
+    say(facts.shadow_views == 0, "shadow maps", no_shadows.into());
+    say(
+        facts.shadows_beyond > 0,
+        "shadows beyond the limit",
+        format!("{} lights: all maps together are at most 32 and 8192 texels a side", facts.shadows_beyond),
+    );
     out
 }

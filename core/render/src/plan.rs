@@ -27,6 +27,8 @@ pub struct Plan {
     pub morphs: Vec<ActiveMorph>,
     /// Opaque draws sorted for few state changes, then masked, then blended ones back to front.
     pub draws: Vec<Draw>,
+    /// Maps that are drawn before all else; `None` where no light casts a shadow on what is seen.
+    pub shadows: Option<Shadows>,
     /// Full-screen passes in order.
     pub post: Vec<PostPass>,
     pub left_out: Vec<LeftOut>,
@@ -61,7 +63,34 @@ pub struct PlanLight {
     /// xyz colour · intensity, linear.
     pub color: Vec4,
     /// Spot: x = angle scale, y = angle offset (KHR_lights_punctual, "Inner and Outer Cone Angles").
+    /// z = its first view among `Shadows::views`, w = how many it has.
     pub cone: Vec4,
+}
+
+/// Depths seen from the lights that cast shadows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shadows {
+    /// Texels of the image that all maps share: powers of two, so that it seldom changes.
+    pub image: [u32; 2],
+    /// The part of it that the maps lie in.
+    pub size: [u32; 2],
+    /// Of one light together; of a sun the finest first.
+    pub views: Vec<ShadowView>,
+}
+
+/// One map: what it shows and who is drawn into it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShadowView {
+    /// Index into `Plan::lights`.
+    pub light: u32,
+    /// Its first texel in the image, and its texels.
+    pub at: [u32; 2],
+    pub size: [u32; 2],
+    /// Depth as the camera's: greater is nearer to the light.
+    pub clip_from_relative: Mat4,
+    /// Metres of a texel where clip w is 1.
+    pub texel: f32,
+    pub draws: Vec<Draw>,
 }
 
 /// What one drawn copy of a primitive needs. Laid out as the shader reads it.
@@ -172,6 +201,9 @@ impl Features {
     /// occlusion, shading shift in specular, shade colour in specular colour.
     pub const TOON: Features = Features(1 << 19);
 
+    /// Some light's shadow may fall on it.
+    pub const SHADOW: Features = Features(1 << 20);
+
     /// Clearcoat, sheen or transmission is on: the layers' uniform is read.
     pub const LAYERS: Features = Features(1 << 32);
     pub const CLEARCOAT: Features = Features(1 << 33);
@@ -187,6 +219,17 @@ impl Features {
     pub const VOLUME: Features = Features(1 << 42);
     pub const THICKNESS_TEXTURE: Features = Features(1 << 43);
 
+    /// What of a draw's features its depth depends on.
+    pub const fn of_depth(self) -> Features {
+        let shape = Self::SKIN.0 | Self::SKIN_8.0 | Self::MORPH.0;
+        let cut_out = Self::ALPHA_MASK.0
+            | Self::BASE_COLOR_TEXTURE.0
+            | Self::VERTEX_COLOR.0
+            | Self::UV0.0
+            | Self::UV1.0
+            | Self::UV_TRANSFORM.0;
+        Features(self.0 & if self.has(Self::ALPHA_MASK) { shape | cut_out } else { shape })
+    }
     /// Some normal map is read.
     pub const fn has_tangents(self) -> bool {
         self.0 & (Self::NORMAL_TEXTURE.0 | Self::CLEARCOAT_NORMAL_TEXTURE.0) != 0
@@ -254,6 +297,7 @@ pub const LEFT_OUT: &[&str] = &[
     "multisampling",
     "full-screen passes and float target",
     "shadow maps",
+    "shadows beyond the limit",
 ];
 
 /// "shadow map: out, no light casts".

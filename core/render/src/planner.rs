@@ -1,13 +1,14 @@
 //! Snapshot → plan: what is in view, which pipelines and matrices it needs, in which order it is drawn.
 
-use crate::bounds::outside;
+use crate::bounds::{Aabb, outside};
 use crate::catalog::{Catalog, PrimitiveEntry};
 use crate::needs::{DrawNeeds, Facts, features, left_out};
 use crate::plan::*;
+use crate::planner_shadows::Caster;
 use crate::view::relative;
 use choreo_plugin::{Effect, OptionKind};
 use choreo_stage::{
-    ActorState, AlphaMode, Asset, EffectUse, LightKind, LightState, MeshInstance, Snapshot, Stage,
+    ActorState, AlphaMode, Asset, EffectUse, LightKind, LightState, MeshInstance, Shadow, Snapshot, Stage,
 };
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3, Vec4};
 use std::sync::Arc;
@@ -39,7 +40,7 @@ impl Plan {
     /// The same input gives the same plan, bit for bit.
     pub fn new(catalog: &Catalog, stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Plan {
         let view = View::new(&snapshot.camera, options.size);
-        let (lights, dark_lights) = plan_lights(&snapshot.lights, &view);
+        let (lights, shadows, dark_lights) = plan_lights(&snapshot.lights, &view);
         let mut planner = Planner {
             catalog,
             options,
@@ -47,13 +48,18 @@ impl Plan {
             joint_matrices: Vec::new(),
             morphs: Vec::new(),
             items: Vec::new(),
+            skins: Vec::new(),
+            casting: shadows.iter().any(Option::is_some),
+            casters: Vec::new(),
+            receivers: Vec::new(),
             facts: Facts { lights_exist: !lights.is_empty(), dark_lights, ..Facts::default() },
             view,
         };
         for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
             planner.actor(index, &actor.asset, state);
         }
-        planner.finish(stage, snapshot, lights)
+        planner.facts.casting = planner.casting;
+        planner.finish(stage, snapshot, lights, &shadows)
     }
 }
 
@@ -77,15 +83,21 @@ enum Phase {
     Blend,
 }
 
-struct Planner<'a> {
-    catalog: &'a Catalog,
-    options: &'a PlanOptions<'a>,
-    view: View,
+pub(crate) struct Planner<'a> {
+    pub catalog: &'a Catalog,
+    pub options: &'a PlanOptions<'a>,
+    pub view: View,
     local_lights: bool,
-    joint_matrices: Vec<Rows>,
+    pub joint_matrices: Vec<Rows>,
     morphs: Vec<ActiveMorph>,
     items: Vec<Item>,
-    facts: Facts,
+    skins: Vec<PosedSkin>,
+    /// Some light casts shadows: those outside the view count too.
+    casting: bool,
+    pub casters: Vec<Caster>,
+    /// Boxes of what is lit and in view; only where some light casts.
+    pub receivers: Vec<Aabb>,
+    pub facts: Facts,
 }
 
 /// Skin matrices of one (actor, skin), shared by all its primitives; in the plan only once one is in view.
@@ -106,22 +118,26 @@ impl Planner<'_> {
             translation: state.world_from_model.translation - self.view.position,
             ..state.world_from_model
         };
-        let mut skins: Vec<PosedSkin> = Vec::new();
+        let first_skin = self.skins.len();
         let catalog = self.catalog;
         let entry = catalog.entry(index);
         for (i, (instance, primitives)) in asset.instances.iter().zip(&entry.primitives).enumerate() {
             let skin = instance.skin.filter(|s| (*s as usize) < asset.skins.len()).map(|skin| {
-                skins.iter().position(|s| s.skin == skin).unwrap_or_else(|| {
-                    let rows = skin_rows(relative_from_model, asset, skin, state);
-                    skins.push(PosedSkin { skin, rows, first_joint: None });
-                    skins.len() - 1
-                })
+                let known = self.skins[first_skin..].iter().position(|s| s.skin == skin);
+                known.map_or_else(
+                    || {
+                        let rows = skin_rows(relative_from_model, asset, skin, state);
+                        self.skins.push(PosedSkin { skin, rows, first_joint: None });
+                        self.skins.len() - 1
+                    },
+                    |at| first_skin + at,
+                )
             });
             let weights = state.morph_weights.get(i).unwrap_or(&instance.weights);
-            let skin = skin.map(|s| &mut skins[s]);
-            let first = self.items.len();
+            let (first, first_caster) = (self.items.len(), self.casters.len());
             self.mesh(primitives, instance, relative_from_model, skin, weights, (asset, state));
             self.items[first..].iter_mut().for_each(|item| item.actor = index as u32);
+            self.casters[first_caster..].iter_mut().for_each(|caster| caster.actor = index as u32);
         }
     }
 
@@ -130,7 +146,7 @@ impl Planner<'_> {
         primitives: &[PrimitiveEntry],
         instance: &MeshInstance,
         relative_from_model: DAffine3,
-        mut skin: Option<&mut PosedSkin>,
+        skin: Option<usize>,
         weights: &[f32],
         (asset, state): (&Asset, &ActorState),
     ) {
@@ -147,9 +163,9 @@ impl Planner<'_> {
                 continue;
             }
             self.facts.copies += instance.times();
-            let mut posed_skin = skin.as_deref_mut().filter(|s| {
+            let posed_skin = skin.filter(|s| {
                 // A joint list shorter than the vertices' indices cannot be drawn skinned.
-                info.influences > 0 && info.joint_count() <= s.rows.len()
+                info.influences > 0 && info.joint_count() <= self.skins[*s].rows.len()
             });
             let morph_count = weights.iter().take(info.morph_bounds.len()).enumerate().filter(active).count();
             self.facts.skins_exist |= posed_skin.is_some();
@@ -174,19 +190,21 @@ impl Planner<'_> {
                     false => relative_from_joint * daffine(copy),
                 };
                 let rigid = Rows::from_affine(relative_from_mesh);
-                let bounds = match &posed_skin {
-                    Some(s) => info.skinned(&s.rows, offset),
+                let bounds = match posed_skin {
+                    Some(s) => info.skinned(&self.skins[s].rows, offset),
                     None => info.posed(&rigid, offset),
                 };
-                if !self.options.no_culling && outside(bounds, &self.view.clip_from_relative) {
-                    self.facts.culled += 1;
+                let unseen = !self.options.no_culling && outside(bounds, &self.view.clip_from_relative);
+                self.facts.culled += usize::from(unseen);
+                if unseen && !self.casting {
                     continue;
                 }
 
-                let determinant = match &posed_skin {
+                let determinant = match posed_skin {
                     // Of the first joint in use that is not flat.
                     Some(s) => {
-                        let used = info.joint_bounds.iter().map(|(j, _)| s.rows[*j as usize].determinant());
+                        let rows = &self.skins[s].rows;
+                        let used = info.joint_bounds.iter().map(|(j, _)| rows[*j as usize].determinant());
                         used.into_iter().find(|d| *d != 0.0).unwrap_or(1.0)
                     }
                     None => rigid.determinant(),
@@ -199,15 +217,17 @@ impl Planner<'_> {
                     blend: alpha_blends(material.material.alpha_mode) || state.tint.w < 1.0,
                     glass: Glass::No,
                 };
-                let lit = key.features.is_lit();
-                self.facts.lit_drawn |= lit;
-
+                let glass = key.features.has(Features::TRANSMISSION);
+                let casts = self.casting && key.topology == TopologyKey::Triangles && !key.blend && !glass;
+                if unseen && !casts {
+                    continue;
+                }
                 let mut planned = Instance { relative_from_mesh: rigid, tint, ..Instance::default() };
-                if let Some(s) = &mut posed_skin {
-                    planned.first_joint = *s.first_joint.get_or_insert_with(|| {
-                        self.joint_matrices.extend_from_slice(&s.rows);
-                        (self.joint_matrices.len() - s.rows.len()) as u32
-                    });
+                if let Some(s) = posed_skin {
+                    // Whoever is only a caster comes in once a map shows it.
+                    if !unseen {
+                        planned.first_joint = self.first_joint(s);
+                    }
                 } else if self.options.force_all {
                     // A skin of one joint, on which every vertex hangs with weight one.
                     planned.first_joint = self.joint_matrices.len() as u32;
@@ -224,7 +244,25 @@ impl Planner<'_> {
                     // Fewer targets in this primitive than in the mesh: the pairs are in target order.
                     planned.morph_count = count.min(morph_count as u32);
                 }
-                let glass = key.features.has(Features::TRANSMISSION);
+                if casts {
+                    let key = PipelineKey { features: features.of_depth(), ..key };
+                    self.casters.push(Caster {
+                        entry: *entry,
+                        key,
+                        instance: planned,
+                        bounds,
+                        skin: posed_skin,
+                        actor: 0,
+                    });
+                }
+                if unseen {
+                    continue;
+                }
+                let lit = key.features.is_lit();
+                self.facts.lit_drawn |= lit;
+                if lit && self.casting {
+                    self.receivers.push(bounds);
+                }
                 let phase = match material.material.alpha_mode {
                     _ if key.blend || glass => Phase::Blend,
                     AlphaMode::Mask(_) => Phase::Mask,
@@ -245,7 +283,27 @@ impl Planner<'_> {
         }
     }
 
-    fn finish(mut self, stage: &Stage, snapshot: &Snapshot, lights: Vec<PlanLight>) -> Plan {
+    /// Where the skin's matrices begin among the plan's; they come in when first asked for.
+    pub fn first_joint(&mut self, skin: usize) -> u32 {
+        let (matrices, skin) = (&mut self.joint_matrices, &mut self.skins[skin]);
+        *skin.first_joint.get_or_insert_with(|| {
+            matrices.extend_from_slice(&skin.rows);
+            (matrices.len() - skin.rows.len()) as u32
+        })
+    }
+
+    fn finish(
+        mut self,
+        stage: &Stage,
+        snapshot: &Snapshot,
+        mut lights: Vec<PlanLight>,
+        shadows: &[Option<Shadow>],
+    ) -> Plan {
+        let maps = self.fit_shadows(&mut lights, shadows);
+        if !maps.is_empty() || self.options.force_all {
+            let lit = self.items.iter_mut().filter(|i| i.pipeline.features.is_lit());
+            lit.for_each(|i| i.pipeline.features = i.pipeline.features.with(Features::SHADOW));
+        }
         let state = |i: &Item| (i.phase, i.pipeline, i.entry.material, i.entry.primitive);
         // Few state changes first; within one state near primitives before far ones and near copies before far
         // ones, so that the depth test spares the shading of what is hidden. Stable: equal keys stay in actor order.
@@ -267,7 +325,7 @@ impl Planner<'_> {
 
         let mut draws: Vec<Draw> = Vec::new();
         let mut instances = Vec::with_capacity(self.items.len());
-        let instance_actors = self.items.iter().map(|item| item.actor).collect();
+        let mut instance_actors: Vec<u32> = self.items.iter().map(|item| item.actor).collect();
         let mut previous = None;
         let mut all = Features::default();
         for item in &self.items {
@@ -295,6 +353,8 @@ impl Planner<'_> {
         self.facts.drawn_copies = instances.len();
         self.facts.samples = self.options.samples;
         self.facts.post_passes = post.len();
+        self.facts.shadow_views = maps.len();
+        let shadows = self.draw_shadows(maps, &mut instances, &mut instance_actors);
         let mut left_out = left_out(all, &self.facts);
         left_out.extend(unknown);
         Plan {
@@ -310,6 +370,7 @@ impl Planner<'_> {
             joint_matrices: self.joint_matrices,
             morphs: self.morphs,
             draws,
+            shadows,
             post,
             left_out,
         }
@@ -346,9 +407,10 @@ pub(crate) fn daffine(a: Affine3A) -> DAffine3 {
     }
 }
 
-/// Lights that shine, and the number of those that do not.
-fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, usize) {
+/// Lights that shine, how each casts shadows, and the number of those that do not shine.
+fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<Option<Shadow>>, usize) {
     let mut out = Vec::with_capacity(lights.len());
+    let mut shadows = Vec::with_capacity(lights.len());
     for state in lights {
         let light = &state.light;
         let color = light.color * light.intensity;
@@ -372,6 +434,7 @@ fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, usize) {
         } else {
             Vec4::ZERO
         };
+        shadows.push(state.shadow);
         out.push(PlanLight {
             position: position.extend(inverse_range_squared),
             direction: state.direction.extend(kind),
@@ -380,7 +443,7 @@ fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, usize) {
         });
     }
     let dark = lights.len() - out.len();
-    (out, dark)
+    (out, shadows, dark)
 }
 
 /// What a script gives an effect, in manifest order; defaults where it gives nothing.

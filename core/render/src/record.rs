@@ -23,6 +23,17 @@ pub enum Command {
         morphs: usize,
         lights: usize,
     },
+    /// Starts the image of all shadow maps: depth alone, this much of it.
+    BeginShadows {
+        image: [u32; 2],
+        size: [u32; 2],
+    },
+    /// The next draws go into this map (of `Shadows::views`), seen from its light.
+    ShadowView {
+        index: usize,
+        at: [u32; 2],
+        size: [u32; 2],
+    },
     /// The gradient, computed on the host, into the picture before the pass that loads it.
     CopyBackground,
     /// Starts from the clear colour, or (without one) from what is in the target.
@@ -112,12 +123,14 @@ pub struct Counts {
     pub mesh_binds: usize,
     pub draws: usize,
     pub post_passes: usize,
+    pub shadow_views: usize,
 }
 
 /// `triangles`: of one copy of a catalogue's primitive.
 pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> usize) -> Recording {
     let mut commands = Vec::with_capacity(plan.draws.len() * 2 + 8);
-    let any = |f: Features| plan.draws.iter().any(|d| d.pipeline.features.has(f));
+    let shadow_draws = || plan.shadows.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws);
+    let any = |f: Features| plan.draws.iter().chain(shadow_draws()).any(|d| d.pipeline.features.has(f));
     let lit = plan.draws.iter().any(|d| d.pipeline.features.is_lit());
     commands.push(Command::UploadFrameData {
         instances: if plan.draws.is_empty() { 0 } else { plan.instances.len() },
@@ -125,6 +138,17 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         morphs: if any(Features::MORPH) { plan.morphs.len() } else { 0 },
         lights: if lit { plan.lights.len() } else { 0 },
     });
+
+    if let Some(shadows) = &plan.shadows {
+        commands.push(Command::BeginShadows { image: shadows.image, size: shadows.size });
+        let mut state = DrawState::new(plan, commands, true);
+        for (index, view) in shadows.views.iter().enumerate() {
+            state.commands.push(Command::ShadowView { index, at: view.at, size: view.size });
+            view.draws.iter().for_each(|draw| state.draw(draw, cull_of(draw)));
+        }
+        commands = state.commands;
+        commands.push(Command::EndPass);
+    }
 
     let scene = if plan.post.is_empty() { Target::Picture } else { Target::Float(0) };
     let gradient = matches!(plan.background, Background::Gradient { .. });
@@ -139,7 +163,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         commands.push(Command::CopyBackground);
     }
     commands.push(Command::BeginPass { target: scene, samples: plan.samples, clear, depth });
-    let mut state = DrawState { plan, commands, cull: None, pipeline: None, material: None, mesh: None };
+    let mut state = DrawState::new(plan, commands, false);
     let first_blended =
         plan.draws.iter().position(|d| d.pipeline.is_see_through()).unwrap_or(plan.draws.len());
     let (solid, blended) = plan.draws.split_at(first_blended);
@@ -211,6 +235,7 @@ fn faces_apart_pay(plan: &Plan, draws: &[Draw], triangles: impl Fn(u32) -> usize
 struct DrawState<'a> {
     plan: &'a Plan,
     commands: Vec<Command>,
+    shadow_pass: bool,
     cull: Option<Cull>,
     pipeline: Option<SceneVariant>,
     material: Option<(u32, u16)>,
@@ -218,6 +243,10 @@ struct DrawState<'a> {
 }
 
 impl DrawState<'_> {
+    fn new(plan: &Plan, commands: Vec<Command>, shadow_pass: bool) -> DrawState<'_> {
+        DrawState { plan, commands, shadow_pass, cull: None, pipeline: None, material: None, mesh: None }
+    }
+
     fn set_cull(&mut self, cull: Cull) {
         if self.cull != Some(cull) {
             self.commands.push(Command::SetCull(cull));
@@ -234,7 +263,8 @@ impl DrawState<'_> {
         }
         self.set_cull(cull);
         let slots = texture_slots(features);
-        if self.material != Some((draw.material, slots)) {
+        let reads_material = !self.shadow_pass || features.has(Features::ALPHA_MASK);
+        if reads_material && self.material != Some((draw.material, slots)) {
             self.commands.push(Command::BindMaterial { material: draw.material, slots });
             self.material = Some((draw.material, slots));
         }
@@ -257,6 +287,7 @@ impl DrawState<'_> {
             tint: drawn.iter().any(|i| i.tint != Vec4::ONE),
             joints_uniform: key.features.has(Features::SKIN) && plan.joint_matrices.len() <= UNIFORM_JOINTS,
             one_light: key.features.is_lit() && plan.lights.len() == 1,
+            shadow_pass: self.shadow_pass,
         }
     }
 }
@@ -281,7 +312,8 @@ impl Recording {
         let mut variants = std::collections::BTreeSet::new();
         for command in &self.commands {
             match command {
-                Command::BeginPass { .. } => counts.passes += 1,
+                Command::BeginPass { .. } | Command::BeginShadows { .. } => counts.passes += 1,
+                Command::ShadowView { .. } => counts.shadow_views += 1,
                 Command::BindPipeline(v) => {
                     counts.pipeline_binds += 1;
                     variants.insert(*v);
@@ -307,6 +339,10 @@ impl fmt::Display for Recording {
                     f,
                     "upload {instances} instances, {joints} joints, {morphs} morphs, {lights} lights"
                 )?,
+                Command::BeginShadows { size: [w, h], .. } => writeln!(f, "begin shadow maps {w}×{h}")?,
+                Command::ShadowView { index, at, size: [w, h] } => {
+                    writeln!(f, "  view {index}: {w}×{h} at {at:?}")?
+                }
                 Command::CopyBackground => writeln!(f, "copy background")?,
                 Command::SetCull(cull) => writeln!(f, "  cull {cull:?}")?,
                 Command::BeginPass { target, samples, clear, depth } => {

@@ -82,6 +82,7 @@ fn point_and_spot_lights_fall_off() {
         light: Light { kind, color: Vec3::ONE, intensity: 3.0, range },
         position: DVec3::new(0.0, 0.0, 2.0),
         direction: Vec3::NEG_Z,
+        shadow: None,
     };
     let mut scene = wall(Material { specular: 0.0, ..matte(Vec4::ONE) });
     for (kind, range, expected) in [

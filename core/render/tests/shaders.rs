@@ -2,7 +2,9 @@
 //! structs field by field, mistakes point at the user's line.
 
 use choreo_render::RenderError;
-use choreo_render::gpu_types::{FrameUniform, LayersUniform, MaterialUniform, PostUniform, UvTransform};
+use choreo_render::gpu_types::{
+    FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform, UvTransform,
+};
 use choreo_render::plan::{ActiveMorph, Features, Glass, Instance, PipelineKey, PlanLight, TopologyKey};
 use choreo_render::shader::*;
 use naga::TypeInner;
@@ -69,6 +71,7 @@ fn variants() -> Vec<SceneVariant> {
                     tint: subset % 5 == 2,
                     joints_uniform: false,
                     one_light: subset % 2 == 0,
+                    shadow_pass: false,
                 });
             }
         }
@@ -93,6 +96,7 @@ fn variants() -> Vec<SceneVariant> {
                     tint: on(3),
                     joints_uniform: on(4) && v.has(Features::SKIN),
                     one_light: on(3),
+                    shadow_pass: false,
                 });
             }
         }
@@ -140,7 +144,47 @@ fn layer_variants() -> Vec<SceneVariant> {
                 tint: subset % 7 == 0,
                 joints_uniform: false,
                 one_light: subset % 2 == 1,
+                shadow_pass: false,
             }));
+        }
+    }
+    list
+}
+
+/// Lit by every model with shadows, and depth alone of every shape, whole and with holes.
+fn shadow_variants() -> Vec<SceneVariant> {
+    let variant = |features: Features, shadow_pass: bool, bits: u32| SceneVariant {
+        key: PipelineKey {
+            double_sided: bits & 1 != 0,
+            blend: bits & 2 != 0 && !shadow_pass,
+            ..key(features)
+        },
+        tint: bits & 4 != 0 && !shadow_pass,
+        joints_uniform: bits & 8 != 0 && features.has(Features::SKIN),
+        one_light: bits & 16 != 0,
+        shadow_pass,
+    };
+    let shadings = [Features::METALLIC_ROUGHNESS, Features::BLINN_PHONG, Features::TOON];
+    let normal_map = Features::NORMAL_TEXTURE.with(Features::UV0);
+    let coat = Features::LAYERS.with(Features::CLEARCOAT).with(Features::SHEEN);
+    let mut list = Vec::new();
+    for bits in 0..32 {
+        for shading in shadings {
+            for extra in [Features(0), Features::LOCAL_LIGHTS, normal_map] {
+                list.push(variant(shading.with(Features::SHADOW).with(extra), false, bits));
+            }
+        }
+        let layered = Features::METALLIC_ROUGHNESS.with(coat).with(Features::SHADOW);
+        list.push(variant(layered, false, bits));
+    }
+    let all = Features::SKIN.with(Features::SKIN_8).with(Features::MORPH);
+    for shape in [Features(0), Features::SKIN, Features::MORPH, all] {
+        let cut_out = Features::ALPHA_MASK;
+        let textured = cut_out.with(Features::BASE_COLOR_TEXTURE).with(Features::UV0);
+        let moved = textured.with(Features::UV_TRANSFORM).with(Features::VERTEX_COLOR).with(Features::UV1);
+        for holes in [Features(0), cut_out, textured, moved] {
+            list.push(variant(shape.with(holes), true, 9));
+            list.push(variant(shape.with(holes), true, 0));
         }
     }
     list
@@ -160,8 +204,19 @@ fn every_combination_compiles() {
         let on = switches(v);
         compile(&files, &on, &stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
     }
-    let all = Features((1 << 44) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0);
-    let all = SceneVariant { key: key(all), tint: true, joints_uniform: true, one_light: true };
+    for v in &shadow_variants() {
+        let on = switches(v);
+        let shadow_stages = [("vs", naga::ShaderStage::Vertex), ("shadow_fs", naga::ShaderStage::Fragment)];
+        let cut_out = v.key.features.has(Features::ALPHA_MASK);
+        let stages = match v.shadow_pass {
+            true => &shadow_stages[..if cut_out { 2 } else { 1 }],
+            false => &stages[..],
+        };
+        compile(&files, &on, stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
+    }
+    let all = Features((1 << 44) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
+    let all =
+        SceneVariant { key: key(all), tint: true, joints_uniform: true, one_light: true, shadow_pass: false };
     compile(&files, &switches(&all), &stages, true).unwrap();
     let files = sources().files(&BACKGROUND).unwrap();
     parse(&files, &[]).unwrap();
@@ -192,8 +247,14 @@ macro_rules! fields {
 
 #[test]
 fn layouts_equal_the_rust_structs() {
-    let all = Features((1 << 44) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0);
-    let on = switches(&SceneVariant { key: key(all), tint: true, joints_uniform: false, one_light: false });
+    let all = Features((1 << 44) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
+    let on = switches(&SceneVariant {
+        key: key(all),
+        tint: true,
+        joints_uniform: false,
+        one_light: false,
+        shadow_pass: false,
+    });
     let (m, _) = parse(&sources().files(&SCENE).unwrap(), &on).unwrap();
     let frame = fields!(FrameUniform: clip_from_relative, eye, ambient_up, ambient_down, background_top,
         background_bottom, size, light_count, pad);
@@ -204,6 +265,8 @@ fn layouts_equal_the_rust_structs() {
     let layers = fields!(LayersUniform: sheen_color, sheen_roughness, extinction, thickness, clearcoat,
         clearcoat_roughness, clearcoat_normal_scale, transmission, uv);
     compare(&m, "Layers", size_of::<LayersUniform>(), layers);
+    let lookup = fields!(ShadowUniform: texel_from_relative, inside, texel);
+    compare(&m, "ShadowView", size_of::<ShadowUniform>(), lookup);
     compare(&m, "UvTransform", size_of::<UvTransform>(), fields!(UvTransform: x, y));
     compare(&m, "Light", size_of::<PlanLight>(), fields!(PlanLight: position, direction, color, cone));
     compare(&m, "Rows", 48, &[("x", 0), ("y", 16), ("z", 32)]);

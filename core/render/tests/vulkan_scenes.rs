@@ -99,6 +99,7 @@ fn colours_in_closed_form() {
         light: Light { kind: LightKind::Point, color: Vec3::ONE, intensity: 2.0, range: None },
         position: DVec3::new(0.0, 0.0, 2.0),
         direction: Vec3::NEG_Y,
+        shadow: None,
     });
     assert_color(middle(&lamp), [0.5; 3], "inverse square");
     let mut phong = wall(Material {

@@ -128,6 +128,7 @@ impl StageLight {
             direction: Vec3::NEG_Y,
             parent: None,
             channels: Vec::new(),
+            shadow: None,
         }
     }
 

@@ -353,6 +353,14 @@ impl Checker<'_> {
             });
         }
         self.need(light.position.is_finite(), &place, || "its place is not finite".to_string());
+        if let Some(Shadow { size, softness }) = light.shadow {
+            self.need(Shadow::SIZES.contains(&size), &place, || {
+                format!("size of its shadow map is {size}, must be 64 to 4096")
+            });
+            self.need(softness.is_finite() && softness >= 0.0, &place, || {
+                format!("softness of its shadow is {softness} m, must be finite and ≥ 0")
+            });
+        }
         if kind != LightKind::Point {
             self.need((light.direction.length() - 1.0).abs() < 1e-3, &place, || {
                 format!("direction has length {}, must be 1", light.direction.length())

@@ -14,6 +14,7 @@ pub fn default_sun() -> LightState {
         light: Light { kind: LightKind::Directional, color, intensity: 0.5, range: None },
         position: DVec3::ZERO,
         direction: Vec3::new(0.48, -0.72, -0.504).normalize(),
+        shadow: None,
     }
 }
 
@@ -49,7 +50,7 @@ pub(crate) fn evaluate(
             // glTF's Lambert surface gives back 1/π of the light (Appendix B), choreo's all of it.
             let mut shining = shining;
             shining.intensity *= std::f32::consts::FRAC_1_PI;
-            out.extend(finite(shining, world_from_light.translation, direction));
+            out.extend(finite(shining, None, world_from_light.translation, direction));
         }
     }
     if stage.lights.is_empty() && !any_in_files {
@@ -103,9 +104,9 @@ pub(crate) fn stage_light(
         Some(parent) => {
             let world_from_parent = world_from_attachment(stage, actors, parent);
             let direction = world_from_parent.matrix3 * direction;
-            finite(shining, world_from_parent.transform_point3(position), direction)
+            finite(shining, light.shadow, world_from_parent.transform_point3(position), direction)
         }
-        None => finite(shining, position, direction),
+        None => finite(shining, light.shadow, position, direction),
     }
 }
 
@@ -114,7 +115,7 @@ fn shines(light: &Light) -> bool {
 }
 
 /// A light squeezed flat by a parent of scale zero points down.
-fn finite(light: Light, position: DVec3, direction: DVec3) -> Option<LightState> {
+fn finite(light: Light, shadow: Option<Shadow>, position: DVec3, direction: DVec3) -> Option<LightState> {
     let direction = direction.as_vec3().normalize_or(Vec3::NEG_Y);
-    position.is_finite().then_some(LightState { light, position, direction })
+    position.is_finite().then_some(LightState { light, position, direction, shadow })
 }

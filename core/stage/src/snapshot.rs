@@ -1,6 +1,6 @@
 //! The stage at one time: what the renderer, `choreo pose` and tests look at.
 
-use crate::{Background, Light, Projection};
+use crate::{Background, Light, Projection, Shadow};
 use choreo_motion::Time;
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
 
@@ -49,4 +49,5 @@ pub struct LightState {
     pub position: DVec3,
     /// Unit.
     pub direction: Vec3,
+    pub shadow: Option<Shadow>,
 }

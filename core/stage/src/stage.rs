@@ -308,6 +308,27 @@ pub struct StageLight {
     /// Moves with an actor or joint: position and direction are then in its space.
     pub parent: Option<Attachment>,
     pub channels: Vec<Channel>,
+    /// Casts one, drawn so; `None`: shines through everything.
+    pub shadow: Option<Shadow>,
+}
+
+/// How the shadow of a light is drawn: a map of depths seen from the light, looked up by what is lit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shadow {
+    /// The most texels along a side of a map; 64 to 4096.
+    pub size: u32,
+    /// Metres over which an edge goes from dark to light, ≥ 0. A map is as coarse as this allows: a soft shadow costs less.
+    pub softness: f32,
+}
+
+impl Shadow {
+    pub const SIZES: std::ops::RangeInclusive<u32> = 64..=4096;
+}
+
+impl Default for Shadow {
+    fn default() -> Shadow {
+        Shadow { size: 2048, softness: 0.01 }
+    }
 }
 
 /// An effect plugin in use, with its parameters as given in the script.

@@ -267,6 +267,7 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
             direction: -Vec3::Y,
             parent,
             channels,
+            shadow: None,
         });
     }
     Ok(stage)

@@ -97,7 +97,7 @@ fn facts(stage: &Stage, catalog: &Catalog, plan: &Plan, at: f64) -> Value {
         },
         "frame": {
             "draws": plan.draws.len(),
-            "copies": plan.instances.len(),
+            "copies": plan.draws.iter().map(|d| d.instance_count).sum::<u32>(),
             "primitives_drawn": drawn,
             "pipelines": pipelines.len(),
             "joint_matrices": plan.joint_matrices.len(),

@@ -9,6 +9,7 @@ mod layers;
 mod raster;
 mod setup;
 mod shade;
+mod shadow;
 mod target;
 mod texture;
 mod tile;
@@ -16,15 +17,16 @@ mod toon;
 mod vertex;
 
 use crate::catalog::Catalog;
-use crate::plan::{Features, Plan};
+use crate::plan::{Draw, Features, Plan};
 use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
 use choreo_plugin::{Effect, Frame};
 use choreo_stage::Background;
-use glam::Vec4;
+use glam::{Mat4, Vec4};
 use raster::{TILE_HEIGHT, TILE_WIDTH};
 use rayon::prelude::*;
 use setup::Assembly;
 use shade::{Fragment, ShadeMaterial};
+use shadow::ShadowMaps;
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 use target::{Float, Srgb8, Target};
@@ -76,7 +78,8 @@ impl CpuRenderer {
             return Err(RenderError::Limit { what: "samples a pixel (1 or 4)".into(), value, limit: 4 });
         }
         let c = &self.catalog;
-        let foreign = plan.draws.iter().any(|d| {
+        let shadow_draws = plan.shadows.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws);
+        let foreign = plan.draws.iter().chain(shadow_draws).any(|d| {
             d.primitive as usize >= c.primitives.len()
                 || d.material as usize >= c.materials.len()
                 || (d.first_instance as usize + d.instance_count as usize) > plan.instances.len()
@@ -99,9 +102,16 @@ impl CpuRenderer {
             .ok_or_else(|| RenderError::Usage(format!("the renderer was made without the effect \"{name}\"")))
     }
 
-    fn batches<'a>(&'a self, plan: &'a Plan) -> Vec<Batch<'a>> {
-        let copies: Vec<(usize, usize)> = plan
-            .draws
+    /// All copies of the draws, seen through a matrix, on a picture of a size.
+    fn batches<'a>(
+        &'a self,
+        plan: &'a Plan,
+        draws: &[Draw],
+        clip_from_relative: &Mat4,
+        size: [u32; 2],
+        shadows: Option<&'a ShadowMaps>,
+    ) -> Vec<Batch<'a>> {
+        let copies: Vec<(usize, usize)> = draws
             .iter()
             .enumerate()
             .flat_map(|(d, draw)| {
@@ -111,7 +121,7 @@ impl CpuRenderer {
         copies
             .par_iter()
             .map(|&(draw, instance)| {
-                let draw = &plan.draws[draw];
+                let draw = &draws[draw];
                 let primitive = self.catalog.primitives[draw.primitive as usize].primitive();
                 let features = draw.pipeline.features;
                 let instance = &plan.instances[instance];
@@ -121,19 +131,20 @@ impl CpuRenderer {
                     instance,
                     joint_matrices: &plan.joint_matrices,
                     morphs: &plan.morphs,
-                    clip_from_relative: &plan.view.clip_from_relative,
+                    clip_from_relative,
                 }
                 .run();
                 let triangles = Assembly {
                     vertices: &vertices,
                     indices: &primitive.indices,
                     pipeline: draw.pipeline,
-                    size: plan.size,
+                    size,
                 }
                 .run();
                 Batch {
                     fragment: Fragment {
                         plan,
+                        shadows,
                         features,
                         blend: draw.pipeline.blend,
                         glass: draw.pipeline.glass,
@@ -159,7 +170,13 @@ impl CpuRenderer {
         for pass in &plan.post {
             post.push((self.effect(&pass.effect)?.clone(), pass.parameters));
         }
-        let batches = self.batches(plan);
+        let maps = plan.shadows.as_ref().map(|shadows| {
+            ShadowMaps::draw(&shadows.views, shadows.image, |view| {
+                self.batches(plan, &view.draws, &view.clip_from_relative, view.size, None)
+            })
+        });
+        let seen = &plan.view.clip_from_relative;
+        let batches = self.batches(plan, &plan.draws, seen, plan.size, maps.as_ref());
         let spans: Vec<Vec<[u16; 4]>> = batches
             .par_iter()
             .map(|b| b.triangles.iter().map(|t| tiles_of(t, plan.size)).collect())

@@ -3,12 +3,13 @@
 use super::brdf::*;
 use super::lanes::{F4, V3, Weights};
 use super::layers::*;
+use super::shadow::ShadowMaps;
 use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
 use super::vertex::Vertex;
 use crate::catalog::{CatalogMaterial, CatalogTextureRef};
 use crate::gpu_types::{BASE_SLOTS, TEXTURE_SLOTS};
-use crate::plan::{Features, Glass, Plan};
+use crate::plan::{Features, Glass, Plan, PlanLight};
 use choreo_stage::{AlphaMode, Primitive, Toon};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
@@ -23,6 +24,8 @@ pub struct ShadeMaterial {
 /// Everything a quad needs beside its weights.
 pub struct Fragment<'a> {
     pub plan: &'a Plan,
+    /// Where some light casts.
+    pub shadows: Option<&'a ShadowMaps>,
     pub features: Features,
     pub blend: bool,
     pub glass: Glass,
@@ -120,10 +123,14 @@ impl Fragment<'_> {
         let n = self.normal(vertices, ids, front, &quad, map);
         let [a, b, c] = ids.map(|i| vertices[i as usize].relative);
         let relative = weights.vec3([a, b, c]);
+        let own_n = match f.has(Features::SHADOW) {
+            true => self.normal(vertices, ids, front, &quad, None),
+            false => n,
+        };
         let eye = self.plan.view.eye;
         let v = (V3::splat(eye.truncate()) - relative * F4::splat(eye.w)).unit();
         if f.has(Features::TOON) {
-            let color = self.toon(&quad, base, relative, n, v) + self.emission(&quad);
+            let color = self.toon(&quad, base, relative, [own_n, n], v) + self.emission(&quad);
             return Shaded { rgba: [color.x, color.y, color.z, alpha], kept };
         }
         let mut specular_color = V3::splat(m.specular_color);
@@ -186,7 +193,7 @@ impl Fragment<'_> {
                     let roughness = roughness.max(F4::splat(0.07));
                     let share = sheen_albedo(roughness, nv);
                     let mut sheen = sky(n) * (share * occlusion);
-                    self.lights(relative, n, &mut sheen, |l, nl| {
+                    self.lights(relative, [own_n, n], &mut sheen, |l, nl| {
                         let nl = nl.max(F4::splat(0.001));
                         V3::splat(Vec3::ONE) * sheen_lobe(roughness, n, v, l, nv, nl)
                     });
@@ -209,7 +216,7 @@ impl Fragment<'_> {
                     let nv = n.dot(v).clamp(0.001, 1.0);
                     over.coat_weight = weight * coat_fresnel(nv);
                     over.coat = sky(n * (n.dot(v) * 2.0) - v) * occlusion;
-                    self.lights(relative, n, &mut over.coat, |l, nl| {
+                    self.lights(relative, [own_n, n], &mut over.coat, |l, nl| {
                         V3::splat(Vec3::ONE) * coat_lobe(roughness, n, v, l, nv, nl)
                     });
                 }
@@ -220,10 +227,10 @@ impl Fragment<'_> {
                 let reflected = ambient(up, down, mirrored) * ambient_specular(s.f0, s.f90, s.roughness, nv);
                 color = (s.diffuse * ambient(up, down, n) + reflected) * occlusion;
             }
-            self.lights(relative, n, &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
+            self.lights(relative, [own_n, n], &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
         } else {
             color = base * ambient(up, down, n) * occlusion;
-            self.lights(relative, n, &mut color, |l, _| {
+            self.lights(relative, [own_n, n], &mut color, |l, _| {
                 reflect_light_blinn_phong(base, specular_color, m.shininess, n, v, l)
             });
         }
@@ -261,7 +268,7 @@ impl Fragment<'_> {
     }
 
     /// For the slots see [`Features::TOON`].
-    fn toon(&self, quad: &Quad, base: V3, relative: V3, n: V3, v: V3) -> V3 {
+    fn toon(&self, quad: &Quad, base: V3, relative: V3, [own_n, n]: [V3; 2], v: V3) -> V3 {
         let material = &self.material.factors.material;
         let default = Toon::default();
         let toon = material.toon.as_deref().unwrap_or(&default);
@@ -285,7 +292,7 @@ impl Fragment<'_> {
             matcap,
             rim_mask: self.slot(quad, 3, Features::OCCLUSION_TEXTURE).map_or(one, rgb),
         };
-        surface.lit(self.plan, relative, n, v)
+        surface.lit(self.plan, relative, n, v, |light, l| self.share(light, relative, own_n, l))
     }
 
     fn slot(&self, quad: &Quad, slot: usize, bit: Features) -> Option<[F4; 4]> {
@@ -296,14 +303,21 @@ impl Fragment<'_> {
         self.sample(quad, refs[slot].as_ref(), self.material.textures[slot].as_deref())
     }
 
+    /// How much of a light arrives past what stands in its way.
+    fn share(&self, light: &PlanLight, relative: V3, own_n: V3, l: V3) -> F4 {
+        let shadows = self.shadows.filter(|_| self.features.has(Features::SHADOW));
+        shadows.map_or(F4::ONE, |s| s.share(light, relative, own_n, l))
+    }
+
     #[inline(always)]
-    fn lights(&self, relative: V3, n: V3, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
+    fn lights(&self, relative: V3, [own_n, n]: [V3; 2], color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
         for light in &self.plan.lights {
             let (l, strength) = incoming(light, relative);
             let nl = n.dot(l).clamp(0.0, 1.0);
             if !(nl * strength).any_positive() {
                 continue;
             }
+            let strength = strength * self.share(light, relative, own_n, l);
             let lit = reflect(l, nl) * V3::splat(light.color.truncate()) * (nl * strength);
             // Where the light is behind the surface the division by NL in V means nothing.
             let seen = |c: F4| F4(std::array::from_fn(|i| if nl.0[i] > 0.0 { c.0[i] } else { 0.0 }));

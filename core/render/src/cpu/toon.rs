@@ -2,7 +2,7 @@
 
 use super::brdf::{ambient, incoming};
 use super::lanes::{F4, V3};
-use crate::plan::Plan;
+use crate::plan::{Plan, PlanLight};
 use choreo_stage::Toon;
 
 /// What the surface is made of at four pixels.
@@ -20,8 +20,9 @@ pub struct ToonSurface<'a> {
 }
 
 impl ToonSurface<'_> {
-    /// Colour without emission. `relative`: the place seen from the camera; `n` and `v` unit.
-    pub fn lit(&self, plan: &Plan, relative: V3, n: V3, v: V3) -> V3 {
+    /// Colour without emission. `relative`: the place seen from the camera; `n` and `v` unit; `share`: of a light that
+    /// shadows leave, by the direction to it.
+    pub fn lit(&self, plan: &Plan, relative: V3, n: V3, v: V3, share: impl Fn(&PlanLight, V3) -> F4) -> V3 {
         let t = self.toon;
         let even = V3::splat((plan.ambient_up + plan.ambient_down) * 0.5);
         // All the light that there is, for the rim.
@@ -31,7 +32,7 @@ impl ToonSurface<'_> {
         for light in &plan.lights {
             let (l, strength) = incoming(light, relative);
             let arriving = V3::splat(light.color.truncate()) * strength;
-            color = color + self.shade.mix(self.base, self.lit_share(n.dot(l))) * arriving;
+            color = color + self.shade.mix(self.base, self.lit_share(n.dot(l)) * share(light, l)) * arriving;
             lighting = lighting + arriving;
         }
         let one = V3 { x: F4::ONE, y: F4::ONE, z: F4::ONE };

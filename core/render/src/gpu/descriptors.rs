@@ -6,11 +6,12 @@ use crate::RenderError;
 use crate::gpu_types::{LayersUniform, TEXTURE_SLOTS};
 use ash::vk;
 
-/// Set 0: per frame. Set 1: per material. Set 2: morph offsets of a primitive. Set 0 of a post pass.
+/// Set 0: per frame. Set 1: per material. Set 2: morph offsets of a primitive. Set 3: shadow maps. Set 0 of a post pass.
 pub struct Layouts {
     pub frame: vk::DescriptorSetLayout,
     pub material: vk::DescriptorSetLayout,
     pub morphs: vk::DescriptorSetLayout,
+    pub shadow: vk::DescriptorSetLayout,
     pub post: vk::DescriptorSetLayout,
 }
 
@@ -44,6 +45,7 @@ impl Layouts {
             frame: vk::DescriptorSetLayout::null(),
             material: vk::DescriptorSetLayout::null(),
             morphs: vk::DescriptorSetLayout::null(),
+            shadow: vk::DescriptorSetLayout::null(),
             post: vk::DescriptorSetLayout::null(),
         };
         let mut material = vec![(0, T::UNIFORM_BUFFER, fragment)];
@@ -61,6 +63,12 @@ impl Layouts {
             layouts.frame = create(gpu, "frame set layout", &frame)?;
             layouts.material = create(gpu, "material set layout", &material)?;
             layouts.morphs = create(gpu, "morph set layout", &[(0, T::STORAGE_BUFFER, vertex)])?;
+            let shadow = [
+                (0, T::UNIFORM_BUFFER, fragment),
+                (1, T::SAMPLED_IMAGE, fragment),
+                (2, T::SAMPLER, fragment),
+            ];
+            layouts.shadow = create(gpu, "shadow set layout", &shadow)?;
             layouts.post = create(gpu, "post set layout", &post)?;
             Ok(())
         })();
@@ -74,7 +82,7 @@ impl Layouts {
     }
 
     pub fn destroy(&mut self, gpu: &Context) {
-        for layout in [self.frame, self.material, self.morphs, self.post] {
+        for layout in [self.frame, self.material, self.morphs, self.shadow, self.post] {
             // SAFETY: made from this device (or null); no pipeline or set is created from it any more.
             unsafe { gpu.device.destroy_descriptor_set_layout(layout, None) };
         }

@@ -36,9 +36,18 @@ impl Execution<'_> {
                 Command::UploadFrameData { .. } => {}
                 Command::CopyBackground => self.copy_background(),
                 Command::SetCull(cull) => self.set_cull(*cull),
+                Command::BeginShadows { size, .. } => self.begin_shadows(*size)?,
+                Command::ShadowView { index, at, size } => {
+                    self.set_area(*at, *size);
+                    let set = self.slot.view_sets.get(*index).ok_or_else(|| missing("a shadow view"))?;
+                    self.bind_set(self.pipelines.layout, 0, set.raw);
+                }
                 Command::BeginPass { target, clear, .. } => {
                     self.begin_scene(*target, *clear);
                     self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
+                    if let (Some(_), Some(set)) = (&self.targets.shadow, &self.slot.shadow_set) {
+                        self.bind_set(self.pipelines.layout, 3, set.raw);
+                    }
                 }
                 Command::BindPipeline(_) => self.bind_pipeline(pipeline_of(i)?),
                 Command::BindMaterial { material, slots } => {
@@ -142,6 +151,48 @@ impl Execution<'_> {
         vk::BufferImageCopy::default().image_subresource(layer).image_extent(extent)
     }
 
+    /// Depth alone, into the part of the image that the maps lie in.
+    fn begin_shadows(&self, [width, height]: [u32; 2]) -> Result<(), RenderError> {
+        let Some(target) = &self.targets.shadow else {
+            return Err(RenderError::Usage("the shadow maps were not prepared".into()));
+        };
+        // The frame before may still read it.
+        let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
+        let barrier = to_depth(&target.image);
+        self.barriers(&[barrier.src_stage_mask(barrier.src_stage_mask | read)]);
+        let far = vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 };
+        let depth = vk::RenderingAttachmentInfo::default()
+            .image_view(target.image.view)
+            .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::CLEAR)
+            .store_op(vk::AttachmentStoreOp::STORE)
+            .clear_value(vk::ClearValue { depth_stencil: far });
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let info = vk::RenderingInfo::default().render_area(area).layer_count(1).depth_attachment(&depth);
+        // SAFETY: the command buffer is being recorded, outside a pass; the image is in the layout named.
+        unsafe { self.gpu.device.cmd_begin_rendering(self.slot.commands, &info) };
+        Ok(())
+    }
+
+    /// Viewport and scissor.
+    fn set_area(&self, at: [u32; 2], [width, height]: [u32; 2]) {
+        let viewport = vk::Viewport {
+            x: at[0] as f32,
+            y: at[1] as f32,
+            width: width as f32,
+            height: height as f32,
+            min_depth: 0.0,
+            max_depth: 1.0,
+        };
+        let offset = vk::Offset2D { x: at[0] as i32, y: at[1] as i32 };
+        let area = vk::Rect2D { offset, extent: vk::Extent2D { width, height } };
+        // SAFETY: the command buffer is being recorded; every pipeline has this state dynamic.
+        unsafe {
+            self.gpu.device.cmd_set_viewport(self.slot.commands, 0, &[viewport]);
+            self.gpu.device.cmd_set_scissor(self.slot.commands, 0, &[area]);
+        }
+    }
+
     fn begin_scene(&self, target: Target, clear: Option<Vec4>) {
         let resolved = self.targets.image(target);
         let multisampled = self.targets.multisampled.as_ref();
@@ -159,6 +210,7 @@ impl Execution<'_> {
         }];
         barriers.extend(multisampled.map(to_color));
         barriers.extend(self.targets.depth.as_ref().map(to_depth));
+        barriers.extend(self.targets.shadow.as_ref().map(|s| from_depth(&s.image)));
         self.barriers(&barriers);
 
         let load = if clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD };
@@ -203,15 +255,9 @@ impl Execution<'_> {
         if let Some(depth) = depth {
             info = info.depth_attachment(depth);
         }
-        let viewport =
-            vk::Viewport { width: width as f32, height: height as f32, max_depth: 1.0, ..Default::default() };
-        let commands = self.slot.commands;
         // SAFETY: the command buffer is being recorded, outside a pass; the attachments are in the layouts named.
-        unsafe {
-            self.gpu.device.cmd_begin_rendering(commands, &info);
-            self.gpu.device.cmd_set_viewport(commands, 0, &[viewport]);
-            self.gpu.device.cmd_set_scissor(commands, 0, &[area]);
-        }
+        unsafe { self.gpu.device.cmd_begin_rendering(self.slot.commands, &info) };
+        self.set_area([0; 2], [width, height]);
     }
 
     fn post(&self, pipeline: vk::Pipeline, index: usize, from: &Image, to: Target) {
@@ -307,4 +353,18 @@ fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
                 | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ,
         )
         .new_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+}
+
+/// Drawn; from now on shaders read it.
+fn from_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    let stages = vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS;
+    vk::ImageMemoryBarrier2::default()
+        .image(image.raw)
+        .subresource_range(range(vk::ImageAspectFlags::DEPTH))
+        .src_stage_mask(stages)
+        .src_access_mask(vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE)
+        .dst_stage_mask(vk::PipelineStageFlags2::FRAGMENT_SHADER)
+        .dst_access_mask(vk::AccessFlags2::SHADER_SAMPLED_READ)
+        .old_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+        .new_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)
 }

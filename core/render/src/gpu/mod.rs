@@ -14,6 +14,7 @@ pub mod faults;
 mod memory;
 mod pipelines;
 mod resources;
+mod shadow;
 mod slot;
 mod steady;
 mod targets;
@@ -347,7 +348,8 @@ impl VulkanRenderer {
             .prepare(&self.gpu, &self.layouts, &self.catalog, &recording, &mut uploads)
             .and_then(|()| {
                 let slot = &mut self.slots[index];
-                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording)
+                let shadow = self.targets.as_ref().and_then(|t| t.shadow.as_ref());
+                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, shadow)
             })
             .and_then(|()| match self.frugal && !uploads.is_empty() {
                 true => self.upload_in_parts(index, std::mem::take(&mut uploads)),

@@ -7,7 +7,7 @@ use super::error::Named;
 use super::faults::FaultPlace;
 use super::targets::{DEPTH, format};
 use crate::RenderError;
-use crate::plan::{Glass, TopologyKey};
+use crate::plan::{Features, Glass, TopologyKey};
 use crate::record::{Command, Recording, Target};
 use crate::shader::{BACKGROUND, Entry, SCENE, SceneVariant, ShaderSources, compile, switches};
 use crate::vertex::{Format, VertexLayout};
@@ -44,6 +44,10 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             (samples, float, depth) = (*s, is_float(target), *d);
             None
         }
+        Command::BeginShadows { .. } => {
+            (samples, float) = (1, false);
+            None
+        }
         Command::BindPipeline(variant) => Some(Id::Scene { variant: *variant, samples, float }),
         Command::DrawBackground => Some(Id::Background { samples, float, depth }),
         Command::PostPass { effect, to, .. } => {
@@ -78,8 +82,8 @@ impl Pipelines {
             Ok(layout)
         };
         let made = (|| {
-            pipelines.layout =
-                create("scene pipeline layout", &[layouts.frame, layouts.material, layouts.morphs])?;
+            let sets = [layouts.frame, layouts.material, layouts.morphs, layouts.shadow];
+            pipelines.layout = create("scene pipeline layout", &sets)?;
             pipelines.post_layout = create("post pipeline layout", &[layouts.post])?;
             Ok(())
         })();
@@ -152,8 +156,15 @@ impl Pipelines {
             Id::Scene { variant, samples, float } => {
                 let points = variant.key.topology == TopologyKey::Points;
                 let files = self.sources.files(&SCENE)?;
-                let code = compile(&files, &switches(variant), &stages("vs", "fs"), points)?;
                 let key = &variant.key;
+                // Of a shadow map only holes need a fragment shader.
+                let cut_out = key.features.has(Features::ALPHA_MASK);
+                let stages = match (variant.shadow_pass, cut_out) {
+                    (false, _) => stages("vs", "fs").to_vec(),
+                    (true, true) => stages("vs", "shadow_fs").to_vec(),
+                    (true, false) => stages("vs", "").first().copied().into_iter().collect(),
+                };
+                let code = compile(&files, &switches(variant), &stages, points)?;
                 self.build(
                     gpu,
                     &code,
@@ -168,7 +179,7 @@ impl Pipelines {
                         },
                         clockwise: key.mirrored,
                         samples: *samples,
-                        color: format_of(*float),
+                        color: (!variant.shadow_pass).then(|| format_of(*float)),
                         // Reversed Z: nearer is greater.
                         depth: Some((vk::CompareOp::GREATER, !key.is_see_through())),
                         mix: match (key.glass, key.blend) {
@@ -189,7 +200,7 @@ impl Pipelines {
                     &State {
                         name: "background pipeline".into(),
                         samples: *samples,
-                        color: format_of(*float),
+                        color: Some(format_of(*float)),
                         // Only where the depth is still the cleared 0.
                         depth: depth.then_some((vk::CompareOp::EQUAL, false)),
                         ..State::full_screen(self.layout)
@@ -211,7 +222,7 @@ impl Pipelines {
                     &code,
                     &State {
                         name: format!("post pipeline {effect}"),
-                        color: format_of(*float),
+                        color: Some(format_of(*float)),
                         ..State::full_screen(self.post_layout)
                     },
                 )
@@ -304,11 +315,11 @@ impl Pipelines {
                 .src_alpha_blend_factor(alpha_from)
                 .dst_alpha_blend_factor(alpha_to);
         }
-        let attachments = [attachment];
+        let attachments = Vec::from_iter(state.color.map(|_| attachment));
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
         let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::CULL_MODE];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
-        let colors = [state.color];
+        let colors = Vec::from_iter(state.color);
         let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&colors);
         if state.depth.is_some() {
             rendering = rendering.depth_attachment_format(DEPTH);
@@ -357,7 +368,8 @@ struct State {
     topology: vk::PrimitiveTopology,
     clockwise: bool,
     samples: u32,
-    color: vk::Format,
+    /// `None`: depth alone.
+    color: Option<vk::Format>,
     /// Comparison and whether it writes; `None` without a depth image.
     depth: Option<(vk::CompareOp, bool)>,
     mix: Mix,
@@ -397,7 +409,7 @@ impl State {
             topology: vk::PrimitiveTopology::TRIANGLE_LIST,
             clockwise: false,
             samples: 1,
-            color: format(Target::Picture),
+            color: Some(format(Target::Picture)),
             depth: None,
             mix: Mix::Replace,
         }

@@ -1,12 +1,14 @@
 //! What one frame in flight owns: commands, the mapped buffer of its data, descriptor sets, the buffer it is read back from.
 
 use super::context::Context;
-use super::descriptors::{Layouts, Pools, Set, write_buffer};
+use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
 use super::memory::Buffer;
-use crate::gpu_types::{FrameUniform, PostUniform};
+use super::shadow::ShadowTarget;
+use crate::gpu_types::{FrameUniform, PostUniform, ShadowUniform};
 use crate::plan::Rows;
 use crate::record::{Command, MAX_LIGHTS, Recording, UNIFORM_JOINTS};
+use crate::shadows::MAX_VIEWS;
 use crate::{Plan, RenderError};
 use ash::vk;
 use choreo_stage::Background;
@@ -18,6 +20,9 @@ pub struct Slot {
     pub commands: vk::CommandBuffer,
     ring: Option<Buffer>,
     pub frame_set: Set,
+    /// As the frame's, seen from the light of each shadow map.
+    pub view_sets: Vec<Set>,
+    pub shadow_set: Option<Set>,
     pub post_sets: Vec<Set>,
     pub readback: Option<Buffer>,
     /// Kept until this frame is done.
@@ -78,6 +83,8 @@ impl Slot {
             commands,
             ring: None,
             frame_set,
+            view_sets: Vec::new(),
+            shadow_set: None,
             post_sets: Vec::new(),
             readback: None,
             staging: None,
@@ -94,6 +101,7 @@ impl Slot {
         pools: &mut Pools,
         plan: &Plan,
         recording: &Recording,
+        shadow: Option<&ShadowTarget>,
     ) -> Result<(), RenderError> {
         let Some(Command::UploadFrameData { instances, joints, morphs, lights }) = recording.commands.first()
         else {
@@ -107,6 +115,10 @@ impl Slot {
             .max(16);
         let mut ranges = Ranges { end: 0, align };
         let frame_at = ranges.take(size_of::<FrameUniform>() as u64);
+        let views = plan.shadows.as_ref().map_or(&[][..], |s| &s.views);
+        let view_at: Vec<u64> = views.iter().map(|_| ranges.take(size_of::<FrameUniform>() as u64)).collect();
+        let lookups_range = if shadow.is_some() { MAX_VIEWS * size_of::<ShadowUniform>() } else { 0 } as u64;
+        let lookups_at = ranges.take(lookups_range);
         let post_at: Vec<u64> =
             plan.post.iter().map(|_| ranges.take(size_of::<PostUniform>() as u64)).collect();
         let instance_bytes: &[u8] = bytemuck::cast_slice(&plan.instances[..*instances]);
@@ -134,6 +146,10 @@ impl Slot {
             }
         }
 
+        let old_views = self.view_sets.len();
+        while self.view_sets.len() < views.len() {
+            self.view_sets.push(pools.allocate(gpu, layouts.frame, "shadow view set")?);
+        }
         if self.ring.as_ref().is_none_or(|r| r.size < ranges.end) {
             if let Some(mut old) = self.ring.take() {
                 old.destroy(gpu);
@@ -143,10 +159,11 @@ impl Slot {
             let ring = Buffer::new(gpu, "frame data", size, usage, MemoryLocation::CpuToGpu)?;
             // Every binding, read or not: lavapipe (22.3) follows what a bound set holds, and a descriptor of the buffer
             // that was just destroyed, legal where no shader reads it, crashes it.
-            for (binding, kind) in FRAME_BINDINGS {
-                write_buffer(gpu, self.frame_set.raw, binding, kind, ring.raw, 0, 16);
-            }
+            fill(gpu, &self.frame_set, ring.raw);
+            self.view_sets.iter().for_each(|set| fill(gpu, set, ring.raw));
             self.ring = Some(ring);
+        } else if let Some(ring) = &self.ring {
+            self.view_sets[old_views..].iter().for_each(|set| fill(gpu, set, ring.raw));
         }
         let Some(ring) = &mut self.ring else { return Ok(()) };
         let raw = ring.raw;
@@ -154,7 +171,17 @@ impl Slot {
         let mut put = |at: u64, bytes: &[u8]| {
             mapped[at as usize..at as usize + bytes.len()].copy_from_slice(bytes);
         };
-        put(frame_at, bytemuck::bytes_of(&frame_uniform(plan, *lights as u32)));
+        let frame = frame_uniform(plan, *lights as u32);
+        put(frame_at, bytemuck::bytes_of(&frame));
+        if let Some(shadows) = plan.shadows.as_ref().filter(|_| shadow.is_some()) {
+            for (i, (view, at)) in views.iter().zip(&view_at).enumerate() {
+                let seen = FrameUniform { clip_from_relative: view.clip_from_relative, ..frame };
+                put(*at, bytemuck::bytes_of(&seen));
+                let lookup = ShadowUniform::new(view, shadows.image);
+                let at = lookups_at + (i * size_of::<ShadowUniform>()) as u64;
+                put(at, bytemuck::bytes_of(&lookup));
+            }
+        }
         put(instances_at, instance_bytes);
         put(joints_at, joint_bytes);
         put(morphs_at, morph_bytes);
@@ -167,21 +194,34 @@ impl Slot {
         }
 
         use vk::DescriptorType as T;
-        let set = self.frame_set.raw;
-        write_buffer(gpu, set, 0, T::UNIFORM_BUFFER, raw, frame_at, size_of::<FrameUniform>() as u64);
-        if *instances > 0 {
-            write_buffer(gpu, set, 1, T::STORAGE_BUFFER, raw, instances_at, instance_bytes.len() as u64);
+        let seen = self.view_sets.iter().zip(&view_at);
+        for (set, at) in std::iter::once((&self.frame_set, &frame_at)).chain(seen) {
+            let set = set.raw;
+            write_buffer(gpu, set, 0, T::UNIFORM_BUFFER, raw, *at, size_of::<FrameUniform>() as u64);
+            if *instances > 0 {
+                write_buffer(gpu, set, 1, T::STORAGE_BUFFER, raw, instances_at, instance_bytes.len() as u64);
+            }
+            if reads.joints {
+                let (binding, kind) =
+                    if reads.joints_uniform { (5, T::UNIFORM_BUFFER) } else { (2, T::STORAGE_BUFFER) };
+                write_buffer(gpu, set, binding, kind, raw, joints_at, joints_range);
+            }
+            if reads.morphs {
+                write_buffer(gpu, set, 3, T::STORAGE_BUFFER, raw, morphs_at, morphs_range);
+            }
+            if reads.lights {
+                write_buffer(gpu, set, 4, T::UNIFORM_BUFFER, raw, lights_at, lights_range);
+            }
         }
-        if reads.joints {
-            let (binding, kind) =
-                if reads.joints_uniform { (5, T::UNIFORM_BUFFER) } else { (2, T::STORAGE_BUFFER) };
-            write_buffer(gpu, set, binding, kind, raw, joints_at, joints_range);
-        }
-        if reads.morphs {
-            write_buffer(gpu, set, 3, T::STORAGE_BUFFER, raw, morphs_at, morphs_range);
-        }
-        if reads.lights {
-            write_buffer(gpu, set, 4, T::UNIFORM_BUFFER, raw, lights_at, lights_range);
+        if let Some(target) = shadow {
+            let set = match self.shadow_set {
+                Some(set) => set,
+                None => pools.allocate(gpu, layouts.shadow, "shadow set")?,
+            };
+            self.shadow_set = Some(set);
+            write_buffer(gpu, set.raw, 0, T::UNIFORM_BUFFER, raw, lookups_at, lookups_range);
+            write_image(gpu, set.raw, 1, T::SAMPLED_IMAGE, target.image.view, vk::Sampler::null());
+            write_image(gpu, set.raw, 2, T::SAMPLER, vk::ImageView::null(), target.sampler);
         }
         while self.post_sets.len() < post_at.len() {
             self.post_sets.push(pools.allocate(gpu, layouts.post, "post set")?);
@@ -217,6 +257,13 @@ impl Slot {
         }
         // SAFETY: made from this device; its command buffer is not pending.
         unsafe { gpu.device.destroy_command_pool(self.pool, None) };
+    }
+}
+
+/// Every binding of a set like the frame's, whatever its shaders read.
+fn fill(gpu: &Context, set: &Set, buffer: vk::Buffer) {
+    for (binding, kind) in FRAME_BINDINGS {
+        write_buffer(gpu, set.raw, binding, kind, buffer, 0, 16);
     }
 }
 

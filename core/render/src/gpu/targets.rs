@@ -2,6 +2,7 @@
 
 use super::context::Context;
 use super::memory::{Buffer, Image, ImageDesc};
+use super::shadow::ShadowTarget;
 use crate::RenderError;
 use crate::mip::linear_to_srgb8;
 use crate::record::{Command, Recording, Target};
@@ -29,18 +30,27 @@ pub struct Needs {
     pub depth: bool,
     /// 0, 1 or 2.
     pub floats: usize,
+    /// Texels of the image of shadow maps.
+    pub shadow: Option<[u32; 2]>,
 }
 
 impl Needs {
     pub fn of(recording: &Recording) -> Needs {
-        let mut needs =
-            Needs { size: recording.size, samples: 1, scene: Target::Picture, depth: false, floats: 0 };
+        let mut needs = Needs {
+            size: recording.size,
+            samples: 1,
+            scene: Target::Picture,
+            depth: false,
+            floats: 0,
+            shadow: None,
+        };
         for command in &recording.commands {
             let float = |t: &Target| match t {
                 Target::Float(i) => *i as usize + 1,
                 Target::Picture => 0,
             };
             match command {
+                Command::BeginShadows { image, .. } => needs.shadow = Some(*image),
                 Command::BeginPass { target, samples, depth, .. } => {
                     (needs.scene, needs.samples, needs.depth) = (*target, *samples, *depth);
                     needs.floats = needs.floats.max(float(target));
@@ -62,6 +72,7 @@ pub struct Targets {
     pub depth: Option<Image>,
     /// With more than one sample: what is drawn into, resolved into the scene's target.
     pub multisampled: Option<Image>,
+    pub shadow: Option<ShadowTarget>,
     /// The gradient's rows as encoded bytes, and what they were made from.
     background: Option<(Buffer, [Vec3; 2])>,
 }
@@ -76,8 +87,15 @@ impl Targets {
         };
         use vk::ImageUsageFlags as U;
         let picture = image("picture", PICTURE, U::COLOR_ATTACHMENT | U::TRANSFER_SRC | U::TRANSFER_DST, 1)?;
-        let mut targets =
-            Targets { needs, picture, floats: Vec::new(), depth: None, multisampled: None, background: None };
+        let mut targets = Targets {
+            needs,
+            picture,
+            floats: Vec::new(),
+            depth: None,
+            multisampled: None,
+            shadow: None,
+            background: None,
+        };
         let made = (|| {
             for i in 0..needs.floats {
                 let name = format!("float target {i}");
@@ -92,6 +110,7 @@ impl Targets {
                 let made = image("multisampled picture", format, U::COLOR_ATTACHMENT, needs.samples)?;
                 targets.multisampled = Some(made);
             }
+            targets.shadow = needs.shadow.map(|size| ShadowTarget::new(gpu, size)).transpose()?;
             Ok(())
         })();
         match made {
@@ -151,6 +170,9 @@ impl Targets {
         }
         for image in self.floats.iter_mut().chain(&mut self.depth).chain(&mut self.multisampled) {
             image.destroy(gpu);
+        }
+        if let Some(mut shadow) = self.shadow.take() {
+            shadow.destroy(gpu);
         }
     }
 }

@@ -18,11 +18,12 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 8] = [
+const EMBEDDED: [(&str, &str); 9] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
     ("toon.wgsl", include_str!("../../../../shaders/toon.wgsl")),
     ("layers.wgsl", include_str!("../../../../shaders/layers.wgsl")),
+    ("shadow.wgsl", include_str!("../../../../shaders/shadow.wgsl")),
     ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
     ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
     ("background.wgsl", include_str!("../../../../shaders/background.wgsl")),
@@ -30,8 +31,8 @@ const EMBEDDED: [(&str, &str); 8] = [
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 6] =
-    ["frame.wgsl", "brdf.wgsl", "toon.wgsl", "vertex.wgsl", "layers.wgsl", "scene.wgsl"];
+pub const SCENE: [&str; 7] =
+    ["frame.wgsl", "brdf.wgsl", "toon.wgsl", "vertex.wgsl", "layers.wgsl", "shadow.wgsl", "scene.wgsl"];
 pub const BACKGROUND: [&str; 2] = ["frame.wgsl", "background.wgsl"];
 
 /// One file's text, before preprocessing.
@@ -87,11 +88,13 @@ pub struct SceneVariant {
     pub joints_uniform: bool,
     /// Exactly one light shines.
     pub one_light: bool,
+    /// Depth alone, into a shadow map.
+    pub shadow_pass: bool,
 }
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 32] = [
+    let names: [(&'static str, Features); 33] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("MORPH", Features::MORPH),
@@ -112,6 +115,7 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("ALPHA_MASK", Features::ALPHA_MASK),
         ("UV_TRANSFORM", Features::UV_TRANSFORM),
         ("LOCAL_LIGHTS", Features::LOCAL_LIGHTS),
+        ("SHADOW", Features::SHADOW),
         ("LAYERS", Features::LAYERS),
         ("CLEARCOAT", Features::CLEARCOAT),
         ("CLEARCOAT_TEXTURE", Features::CLEARCOAT_TEXTURE),
@@ -138,6 +142,7 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("DOUBLE_SIDED", key.double_sided),
         ("TINT", variant.tint),
         ("JOINTS_UNIFORM", variant.joints_uniform),
+        ("SHADOW_PASS", variant.shadow_pass),
         ("ONE_LIGHT", variant.one_light && key.features.is_lit()),
     ];
     on.extend(extra.iter().filter(|(_, is_on)| *is_on).map(|(n, _)| *n));

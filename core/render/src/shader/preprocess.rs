@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 42] = [
+pub const SWITCHES: [&str; 44] = [
     "SKIN",
     "SKIN_8",
     "MORPH",
@@ -33,6 +33,8 @@ pub const SWITCHES: [&str; 42] = [
     "ALPHA_MASK",
     "UV_TRANSFORM",
     "LOCAL_LIGHTS",
+    "SHADOW",
+    "SHADOW_PASS",
     "LAYERS",
     "CLEARCOAT",
     "CLEARCOAT_TEXTURE",

@@ -81,6 +81,7 @@ impl Scene {
             light,
             position: DVec3::ZERO,
             direction: direction.normalize(),
+            shadow: None,
         });
     }
 
@@ -236,6 +237,7 @@ pub fn busy_scene(offset: DVec3) -> Scene {
         light: Light { kind: LightKind::Point, color: Vec3::X, intensity: 2.0, range: Some(9.0) },
         position: DVec3::new(1.0, 1.0, 2.0) + offset,
         direction: Vec3::NEG_Y,
+        shadow: None,
     });
     let picture = image(16, 16, |x, y| [(x * 16) as u8, (y * 16) as u8, 128, ((x + y) * 8) as u8]);
     for i in 0..12 {

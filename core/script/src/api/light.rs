@@ -5,10 +5,9 @@ use super::keys;
 use crate::build::room;
 use crate::call::{ApiError, Call, Def, Gives, Options, Reply, color, number_in, numbers, rgb};
 use crate::color::kelvin;
-use crate::diagnostic::Severity;
 use crate::hook;
 use crate::value::*;
-use choreo_stage::{Light, LightEdit, LightKind, StageLight, Target};
+use choreo_stage::{Light, LightEdit, LightKind, Shadow, StageLight, Target};
 use glam::{DVec3, Vec3};
 use rhai::{Dynamic, Map};
 
@@ -20,7 +19,7 @@ pub const DEFS: &[Def] = &[
         "sun",
         "options?",
         Gives::A(Kind::Light),
-        "Light from afar: direction it shines in, color or kelvin, intensity (lux, 3 by default).",
+        "Light from afar: direction it shines in, color or kelvin, intensity (lux, 3 by default), shadow: true or #{ size: texels of the map (2048), softness: metres from dark to light (0.01) }.",
         sun,
     ),
     Def::new(
@@ -28,7 +27,7 @@ pub const DEFS: &[Def] = &[
         "point",
         "options?",
         Gives::A(Kind::Light),
-        "A lamp: position, color or kelvin, intensity (candela, 20 by default), range in metres.",
+        "A lamp: position, color or kelvin, intensity (candela, 20 by default), range in metres, shadow as a sun.",
         point,
     ),
     Def::new(
@@ -36,7 +35,7 @@ pub const DEFS: &[Def] = &[
         "spot",
         "options?",
         Gives::A(Kind::Light),
-        "A spotlight: position, direction or look_at (a point), inner and outer half angles in degrees, color or kelvin, intensity, range.",
+        "A spotlight: position, direction or look_at (a point), inner and outer half angles in degrees, color or kelvin, intensity, range, shadow as a sun.",
         spot,
     ),
     Def::new(
@@ -81,24 +80,31 @@ fn common(o: &Options, intensity: f64) -> Result<(Vec3, f32), ApiError> {
 }
 
 fn add(c: &Call, o: &Options, light: Light, position: DVec3, direction: Vec3) -> Reply {
+    let shadow = shadow(o)?;
     let mut build = c.build();
     room(build.lights.len(), "lights", &c.shared.limits)?;
     let number = build.lights.len() + 1;
     let name = o.text("name")?.unwrap_or_else(|| format!("{} {number}", o.function));
-    build.lights.push(StageLight { name, light, position, direction, parent: None, channels: Vec::new() });
+    let light = StageLight { position, direction, shadow, ..StageLight::new(&name, light) };
+    build.lights.push(light);
     build.light_places.push(c.place.clone());
     Ok(Dynamic::from(LightRef(build.lights.len() - 1)))
 }
 
-fn shadow(c: &Call, o: &Options) -> Result<(), ApiError> {
-    if o.flag("shadow")? == Some(true) {
-        let error = ApiError::new(format!(
-            "{}: shadow is not drawn by this version; the light shines without",
-            c.def.name
-        ));
-        c.shared.note(Severity::Warning, &c.place, &error.focus("shadow"));
-    }
-    Ok(())
+/// `true`, or `#{ size, softness }`.
+fn shadow(o: &Options) -> Result<Option<Shadow>, ApiError> {
+    let Some(given) = o.get("shadow") else { return Ok(None) };
+    let Some(map) = given.read_lock::<Map>().map(|m| m.clone()) else {
+        return Ok(o.flag("shadow")?.filter(|on| *on).map(|_| Shadow::default()));
+    };
+    let o = Options { function: o.label("shadow"), map };
+    o.check(&["size", "softness"])?;
+    let usual = Shadow::default();
+    let (low, high) = (f64::from(*Shadow::SIZES.start()), f64::from(*Shadow::SIZES.end()));
+    Ok(Some(Shadow {
+        size: o.number_in("size", low, high)?.map_or(usual.size, |v| v as u32),
+        softness: o.number_in("softness", 0.0, 100.0)?.map_or(usual.softness, |v| v as f32),
+    }))
 }
 
 fn sun(c: &mut Call) -> Reply {
@@ -108,7 +114,6 @@ fn sun(c: &mut Call) -> Reply {
         None => DVec3::new(-1.0, -2.0, -1.5).normalize(),
     };
     let (color, intensity) = common(&o, 3.0)?;
-    shadow(c, &o)?;
     let light = Light { kind: LightKind::Directional, color, intensity, range: None };
     add(c, &o, light, DVec3::ZERO, direction.as_vec3().normalize())
 }
@@ -121,7 +126,6 @@ fn point(c: &mut Call) -> Reply {
     let o = c.options(0, &["position", "color", "kelvin", "intensity", "range", "shadow", "name"])?;
     let position = o.point("position")?.unwrap_or(DVec3::new(0.0, 3.0, 2.0));
     let (color, intensity) = common(&o, 20.0)?;
-    shadow(c, &o)?;
     let light = Light { kind: LightKind::Point, color, intensity, range: range(&o)? };
     add(c, &o, light, position, Vec3::NEG_Y)
 }
@@ -163,7 +167,6 @@ fn spot(c: &mut Call) -> Reply {
         return Err(ApiError::new(format!("spot: inner must be less than outer, got {inner} and {outer}")));
     }
     let (color, intensity) = common(&o, 60.0)?;
-    shadow(c, &o)?;
     let kind = LightKind::Spot { inner: inner.to_radians() as f32, outer: outer.to_radians() as f32 };
     let light = Light { kind, color, intensity, range: range(&o)? };
     add(c, &o, light, position, direction.as_vec3().normalize())

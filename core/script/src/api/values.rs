@@ -29,6 +29,7 @@ pub const PLAN_COUNTS: &[(&str, PlanCount)] = &[
     ("lights", PlanCount::Lights),
     ("joint_matrices", PlanCount::JointMatrices),
     ("morphs", PlanCount::Morphs),
+    ("shadow_maps", PlanCount::ShadowMaps),
 ];
 
 /// A plain value, arrays and maps of these included.

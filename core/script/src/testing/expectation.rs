@@ -210,6 +210,8 @@ pub enum PlanCount {
     Lights,
     JointMatrices,
     Morphs,
+    /// Depths seen from lights that cast shadows.
+    ShadowMaps,
 }
 
 #[derive(Clone, Debug)]

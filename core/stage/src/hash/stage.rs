@@ -111,6 +111,7 @@ impl Stage {
                 w.light(&light.light);
                 w.dvec3(light.position);
                 w.vec3(light.direction);
+                w.shadow(&light.shadow);
                 w.option(&light.parent, |w, parent| w.attachment(parent));
                 w.list(&light.channels, |w, channel| w.channel(channel));
             });
@@ -167,6 +168,7 @@ impl Snapshot {
                 w.light(&light.light);
                 w.dvec3(light.position);
                 w.vec3(light.direction);
+                w.shadow(&light.shadow);
             });
             w.background(background);
             w.vec3(*ambient_up);

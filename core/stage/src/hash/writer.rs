@@ -135,6 +135,13 @@ impl Writer {
         }
     }
 
+    pub(super) fn shadow(&mut self, shadow: &Option<Shadow>) {
+        self.option(shadow, |w, Shadow { size, softness }| {
+            w.u32(*size);
+            w.f32(*softness);
+        });
+    }
+
     pub(super) fn light(&mut self, light: &Light) {
         match light.kind {
             LightKind::Directional => self.tag(0),

@@ -35,13 +35,14 @@ pub fn count(looks: &mut Looks, options: &PlanOptions, what: PlanCount, time: Ti
         PlanCount::PostPasses => plan.post.len(),
         PlanCount::Pipelines => counts().distinct_pipelines,
         PlanCount::Draws => plan.draws.len(),
-        PlanCount::Copies => plan.instances.len(),
+        PlanCount::Copies => plan.draws.iter().map(|d| d.instance_count as usize).sum(),
         PlanCount::Triangles => {
             plan.draws.iter().map(|d| triangles(d.primitive) * d.instance_count as usize).sum()
         }
         PlanCount::Lights => plan.lights.len(),
         PlanCount::JointMatrices => plan.joint_matrices.len(),
         PlanCount::Morphs => plan.morphs.len(),
+        PlanCount::ShadowMaps => plan.shadows.as_ref().map_or(0, |s| s.views.len()),
     })
 }
 

@@ -1,0 +1,344 @@
+//! Shadows of the CPU renderer against rays cast in f64, of the Vulkan renderer against the CPU's; what they cost, and what
+//! scenes without pay: nothing.
+
+mod common;
+
+use choreo_render::plan::Features;
+use choreo_render::record::{Command, RecordOptions, record};
+use choreo_render::*;
+use choreo_stage::*;
+use common::*;
+use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
+
+fn record_of(plan: &Plan) -> record::Recording {
+    record(plan, RecordOptions::default(), |_| 2)
+}
+
+fn white() -> Material {
+    Material { specular: 0.0, ..matte(Vec4::ONE) }
+}
+
+fn flat_down() -> DAffine3 {
+    DAffine3::from_rotation_x(-std::f64::consts::FRAC_PI_2)
+}
+
+/// Size of the square that stands in the light, its middle and its turn about the vertical.
+const BLOCKER: (f64, DVec3, f64) = (0.6, DVec3::new(0.1, 1.0, -0.2), 0.4);
+
+/// A floor 8 m wide seen from straight above, and a level square over it.
+fn floor_and_square() -> Scene {
+    let from_above = CameraState {
+        camera: None,
+        world_from_view: DAffine3::from_rotation_translation(
+            DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2),
+            DVec3::new(0.0, 10.0, 0.0),
+        ),
+        projection: Projection::Orthographic { height: 4.0, near: 0.1, far: 100.0 },
+    };
+    let mut scene = Scene::with_camera(from_above);
+    scene.add(&asset(vec![quad(4.0, 4.0)], vec![white()], vec![]), flat_down());
+    let (half, middle, turn) = BLOCKER;
+    let square = asset(vec![quad(half as f32, half as f32)], vec![white()], vec![]);
+    scene.add(&square, DAffine3::from_translation(middle) * DAffine3::from_rotation_y(turn) * flat_down());
+    scene
+}
+
+fn cast(scene: &mut Scene, light: Light, position: DVec3, direction: DVec3, shadow: Shadow) {
+    let direction = direction.normalize().as_vec3();
+    scene.snapshot.lights.push(LightState { light, position, direction, shadow: Some(shadow) });
+}
+
+fn plain(kind: LightKind, intensity: f32) -> Light {
+    Light { kind, color: Vec3::ONE, intensity, range: None }
+}
+
+/// How far (metres, on the square's plane) the ray from a place of the floor to the light passes inside the square's edge;
+/// negative: outside.
+fn inside(floor: DVec3, to_light: DVec3) -> f64 {
+    let (half, middle, turn) = BLOCKER;
+    let hit = floor + to_light * (middle.y / to_light.y);
+    let local = DQuat::from_rotation_y(-turn) * (hit - middle);
+    half - local.x.abs().max(local.z.abs())
+}
+
+/// Worst difference to rays further than `band` from the shadow's edge, and how much of the floor is dark; the light is where
+/// `to_light` says.
+fn against_rays(
+    frame: &choreo_plugin::Frame,
+    band: f64,
+    to_light: impl Fn(DVec3) -> DVec3,
+    lit: impl Fn(DVec3) -> f64,
+) -> (f64, usize) {
+    let (n, mut worst, mut dark) = (frame.width, 0.0f64, 0);
+    for y in 0..n {
+        for x in 0..n {
+            let metres = |p: u32| (f64::from(p) + 0.5) / f64::from(n) * 4.0 - 2.0;
+            let floor = DVec3::new(metres(x), 0.0, metres(y));
+            let (half, middle, turn) = BLOCKER;
+            let under = DQuat::from_rotation_y(-turn) * (floor - middle);
+            // Where the square itself is seen there is no floor.
+            if under.x.abs().max(under.z.abs()) < half + 0.02 {
+                continue;
+            }
+            let depth = inside(floor, to_light(floor));
+            dark += usize::from(depth > band);
+            if depth.abs() > band {
+                let expected = if depth > 0.0 { 0.0 } else { lit(floor) };
+                worst = worst.max((decode(pixel(frame, x, y)[0]) - expected).abs());
+            }
+        }
+    }
+    (worst, dark)
+}
+
+#[test]
+fn a_suns_shadow_is_where_rays_end() {
+    let direction = DVec3::new(-0.5, -1.0, -0.3).normalize();
+    let nl = -direction.y;
+    for (size, softness) in [(2048, 0.0), (512, 0.0), (2048, 0.05), (256, 0.1)] {
+        let mut scene = floor_and_square();
+        let sun = plain(LightKind::Directional, 0.8);
+        cast(&mut scene, sun, DVec3::ZERO, direction, Shadow { size, softness });
+        let (_, plan) = scene.plan(&PlanOptions::new([160, 160], 1));
+        let texel = f64::from(plan.shadows.as_ref().unwrap().views[0].texel);
+        let frame = draw_at(&scene, [160, 160], 1);
+        // Half the filter and a texel's diagonal, seen on a slanting plane.
+        let band = 3.0 * texel / nl + 1e-3;
+        let (worst, dark) = against_rays(&frame, band, |_| -direction, |_| 0.8 * nl);
+        println!(
+            "sun, {size} texels, {softness} m: texel {texel:.4} m, worst {worst:.4} beyond {band:.3} m, {dark} dark"
+        );
+        assert!(worst < 0.01 && dark > 300, "{size} {softness}: {worst}, {dark} dark");
+        // Rays of another sun find the difference.
+        let other = DQuat::from_rotation_y(0.5) * -direction;
+        assert!(against_rays(&frame, band, |_| other, |_| 0.8 * nl).0 > 0.5);
+    }
+}
+
+#[test]
+fn lamps_and_spots_cast_from_where_they_are() {
+    let at = DVec3::new(0.8, 2.5, 0.5);
+    let lit = |floor: DVec3| {
+        let way = at - floor;
+        4.0 * (way.y / way.length()) / way.length_squared()
+    };
+    let cone = LightKind::Spot { inner: 1.0, outer: 1.04 };
+    for (kind, what) in [(cone, "spot"), (LightKind::Point, "point")] {
+        let mut scene = floor_and_square();
+        let shadow = Shadow { size: 1024, softness: 0.0 };
+        cast(&mut scene, plain(kind, 4.0), at, DVec3::NEG_Y, shadow);
+        let (_, plan) = scene.plan(&PlanOptions::new([160, 160], 1));
+        let shadows = plan.shadows.as_ref().unwrap();
+        let texel = f64::from(shadows.views[0].texel) * at.y;
+        let frame = draw_at(&scene, [160, 160], 1);
+        let inside_cone = |floor: DVec3| ((at - floor).normalize().y.acos()) < 0.98;
+        let lit = |floor: DVec3| if inside_cone(floor) || what == "point" { lit(floor) } else { f64::NAN };
+        let (worst, dark) = against_rays(&frame, 4.0 * texel, |floor| at - floor, lit);
+        println!("{what}: {} maps, texel {texel:.4} m, worst {worst:.4}, {dark} dark", shadows.views.len());
+        assert!(worst < 0.012 && dark > 300, "{what}: {worst}, {dark} dark");
+        let moved = at + DVec3::new(-1.0, 0.0, 0.0);
+        assert!(against_rays(&frame, 4.0 * texel, |floor| moved - floor, lit).0 > 0.2);
+    }
+}
+
+/// A bulge on a floor under a slanting light: lit places must not shade themselves.
+fn bulge_on_floor(shadow: Option<Shadow>) -> Scene {
+    let mut scene = Scene::perspective(0.8, 5.0);
+    scene.snapshot.camera.world_from_view =
+        DAffine3::from_rotation_translation(DQuat::from_rotation_x(-0.5), DVec3::new(0.0, 2.6, 4.2));
+    scene.add(&asset(vec![quad(3.0, 3.0)], vec![white()], vec![]), flat_down());
+    let toon = Material {
+        shading: Shading::Toon,
+        toon: Some(Toon { shade_color: Vec3::new(0.3, 0.2, 0.4), ..Toon::default() }.into()),
+        ..matte(Vec4::new(0.9, 0.7, 0.6, 1.0))
+    };
+    let phong =
+        Material { shading: Shading::BlinnPhong, shininess: 20.0, ..matte(Vec4::new(0.5, 0.6, 0.9, 1.0)) };
+    let leaf = image(16, 16, |x, y| [40, 160, 60, if (x / 4 + y / 4) % 2 == 0 { 255 } else { 0 }]);
+    let holes = Material {
+        alpha_mode: AlphaMode::Mask(0.5),
+        double_sided: true,
+        base_color_texture: Some(texture(0)),
+        ..white()
+    };
+    let coat = layered::layered(MaterialLayers { clearcoat: 1.0, ..MaterialLayers::default() }, white());
+    for (i, material) in [white(), toon, phong, holes, coat].into_iter().enumerate() {
+        let a = asset(vec![layered::bulge(0.4)], vec![material], vec![leaf.clone()]);
+        let place = DVec3::new(i as f64 * 0.95 - 1.9, 0.25, 0.2 * (i % 2) as f64);
+        scene.add(&a, DAffine3::from_translation(place) * DAffine3::from_rotation_x(-1.2));
+    }
+    scene.sun(Vec3::new(-0.7, -0.8, -0.3), Vec3::ONE, 0.7);
+    scene.snapshot.lights[0].shadow = shadow;
+    scene.snapshot.ambient_up = Vec3::splat(0.2);
+    scene
+}
+
+#[test]
+fn what_is_lit_does_not_shade_itself() {
+    // Floor and one bulge that faces the light: with shadows every pixel is as without.
+    for softness in [0.0, 0.05, 0.2] {
+        let mut scene = Scene::ortho(2.0);
+        let a = asset(vec![layered::bulge(0.8)], vec![white()], vec![]);
+        for degrees in [0.0f64, 40.0, 75.0] {
+            scene.stage.actors.clear();
+            scene.snapshot.actors.clear();
+            scene.snapshot.lights.clear();
+            scene.add(&a, DAffine3::IDENTITY);
+            let l = DQuat::from_rotation_y(degrees.to_radians()) * DVec3::NEG_Z;
+            scene.sun(l.as_vec3(), Vec3::ONE, 0.8);
+            let bare = draw_at(&scene, [96, 96], 1);
+            scene.snapshot.lights[0].shadow = Some(Shadow { size: 512, softness });
+            let shaded = draw_at(&scene, [96, 96], 1);
+            let darker = bare.rgba.iter().zip(&shaded.rgba).filter(|(a, b)| a.abs_diff(**b) > 3).count();
+            // The bulge shades itself truly where its slope is steeper than the light: from 45° on.
+            if degrees < 45.0 {
+                assert_eq!(darker, 0, "{softness} m at {degrees}°");
+            }
+        }
+    }
+}
+
+#[test]
+fn alpha_tested_holes_let_light_through() {
+    let share = |mask: bool| {
+        let mut scene = floor_and_square();
+        let holes = image(8, 8, |x, _| [255, 255, 255, if x < 4 { 255 } else { 0 }]);
+        let mode = if mask { AlphaMode::Mask(0.5) } else { AlphaMode::Opaque };
+        let material = Material { alpha_mode: mode, base_color_texture: Some(texture(0)), ..white() };
+        scene.stage.actors.pop();
+        scene.snapshot.actors.pop();
+        let a = asset(vec![quad(0.6, 0.6)], vec![material], vec![holes]);
+        scene.add(&a, DAffine3::from_translation(DVec3::Y) * flat_down());
+        let sun = plain(LightKind::Directional, 0.8);
+        cast(&mut scene, sun, DVec3::ZERO, DVec3::new(1.0, -0.8, 0.0), Shadow::default());
+        let frame = draw_at(&scene, [160, 160], 1);
+        frame.rgba.chunks_exact(4).filter(|p| p[0] < 20).count()
+    };
+    let (whole, half) = (share(false), share(true));
+    let ratio = half as f64 / whole as f64;
+    assert!((ratio - 0.5).abs() < 0.03, "{half} of {whole}");
+}
+
+#[test]
+fn a_scene_without_shadows_pays_nothing() {
+    let of = |shadow: Option<Shadow>| {
+        let scene = bulge_on_floor(shadow);
+        let (_, plan) = scene.plan(&PlanOptions::new([64, 64], 1));
+        let recording = record_of(&plan);
+        (plan, recording)
+    };
+    let (plan, recording) = of(None);
+    assert!(plan.shadows.is_none());
+    assert!(plan.draws.iter().all(|d| !d.pipeline.features.has(Features::SHADOW)));
+    assert_eq!((recording.counts().passes, recording.counts().shadow_views), (1, 0));
+    let why = |plan: &Plan| plan.left_out.iter().find(|l| l.what == "shadow maps").map(|l| l.why.clone());
+    assert_eq!(why(&plan).as_deref(), Some("no light casts shadows"));
+    let (with, recording) = of(Some(Shadow::default()));
+    let counts = recording.counts();
+    assert_eq!((counts.passes, counts.shadow_views), (2, 1));
+    assert_eq!(why(&with), None);
+    // Six draws into the map and into the picture; solid ones share their pipeline and need no material.
+    assert_eq!(with.instances.len(), plan.instances.len() + 6);
+    let before = recording.commands.iter().position(|c| matches!(c, Command::BeginPass { .. })).unwrap();
+    let count = |f: fn(&Command) -> bool| recording.commands[..before].iter().filter(|c| f(c)).count();
+    assert_eq!(count(|c| matches!(c, Command::BindPipeline(_))), 2, "solid, and with holes");
+    assert_eq!(count(|c| matches!(c, Command::BindMaterial { .. })), 1, "that with holes");
+    // Nothing lit in view, and no caster: no map.
+    let mut scene = Scene::ortho(2.0);
+    scene.at(&asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
+    scene.sun(Vec3::NEG_Z, Vec3::ONE, 1.0);
+    scene.snapshot.lights[0].shadow = Some(Shadow::default());
+    let (_, plan) = scene.plan(&PlanOptions::new([64, 64], 1));
+    assert_eq!(why(&plan).as_deref(), Some("nothing lit is in view"));
+    assert!(plan.shadows.is_none());
+}
+
+#[test]
+fn casters_out_of_view_are_drawn_into_the_map_alone() {
+    let mut scene = Scene::ortho(2.0);
+    let a = asset(vec![quad(1.0, 1.0)], vec![white()], vec![]);
+    scene.at(&a, 0.0, 0.0, 0.0);
+    // Beside the picture, between its right half and a sun from the right; and one that shades nothing.
+    scene.at(&a, 4.0, 0.0, 4.0);
+    scene.at(&a, -40.0, 0.0, 0.0);
+    scene.sun(Vec3::new(-0.7, 0.0, -0.7), Vec3::ONE, 1.0);
+    scene.snapshot.lights[0].shadow = Some(Shadow::default());
+    let (_, plan) = scene.plan(&PlanOptions::new([32, 32], 1));
+    let view = &plan.shadows.as_ref().unwrap().views[0];
+    let actors: Vec<u32> = view
+        .draws
+        .iter()
+        .flat_map(|d| d.first_instance..d.first_instance + d.instance_count)
+        .map(|i| plan.instance_actors[i as usize])
+        .collect();
+    assert_eq!(actors, [0, 1]);
+    assert_eq!(plan.draws.iter().map(|d| d.instance_count).sum::<u32>(), 1);
+    let frame = draw_at(&scene, [32, 32], 1);
+    assert!(pixel(&frame, 16, 16)[0] < 10, "in the shadow of what is not seen");
+}
+
+#[test]
+fn forcing_everything_in_changes_no_pixel() {
+    for shadow in [None, Some(Shadow::default())] {
+        let scene = bulge_on_floor(shadow);
+        let options = PlanOptions::new([120, 90], 1);
+        let lean = draw(&scene, &options);
+        let forced = draw(&scene, &PlanOptions { force_all: true, ..options.clone() });
+        let worst = lean.rgba.iter().zip(&forced.rgba).map(|(a, b)| a.abs_diff(*b)).max();
+        assert!(worst <= Some(1), "{shadow:?}: {worst:?}");
+        let single = draw(&scene, &PlanOptions { no_instancing: true, no_culling: true, ..options });
+        assert_eq!(lean.rgba, single.rgba, "{shadow:?}");
+    }
+}
+
+#[test]
+fn vulkan_draws_the_same_shadows() {
+    let options = GpuOptions { validation: true, ..GpuOptions::default() };
+    let mut r = match VulkanRenderer::new(options) {
+        Ok(r) => r,
+        Err(RenderError::NoVulkan { why }) => {
+            println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
+            return;
+        }
+        Err(e) => panic!("{e}"),
+    };
+    let mut on_vulkan = |scene: &Scene, options: &PlanOptions| {
+        let (catalog, plan) = scene.plan(options);
+        r.load(catalog).unwrap();
+        r.submit(plan).unwrap();
+        r.collect(None).unwrap()
+    };
+    let mut lamps = bulge_on_floor(Some(Shadow { size: 1024, softness: 0.1 }));
+    let at = DVec3::new(0.3, 1.6, 1.0);
+    cast(&mut lamps, plain(LightKind::Point, 1.0), at, DVec3::NEG_Y, Shadow { size: 512, softness: 0.0 });
+    let spot = LightKind::Spot { inner: 0.4, outer: 0.6 };
+    cast(
+        &mut lamps,
+        plain(spot, 6.0),
+        DVec3::new(-1.0, 3.0, 1.0),
+        DVec3::new(0.3, -1.0, -0.3),
+        Shadow::default(),
+    );
+    let scenes = [
+        ("sun", bulge_on_floor(Some(Shadow { size: 1024, softness: 0.0 }))),
+        ("sun, point and spot", lamps),
+        ("none", bulge_on_floor(None)),
+        ("sun again", bulge_on_floor(Some(Shadow::default()))),
+    ];
+    for (what, scene) in &scenes {
+        for samples in [1, 4] {
+            let options = PlanOptions::new([200, 150], samples);
+            let (a, b) = (on_vulkan(scene, &options), draw(scene, &options));
+            let c = compare::compare(&a, &b, 2).unwrap();
+            println!("{what}, {samples} samples: {c}");
+            assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{what}: {c}");
+            let forced = on_vulkan(scene, &PlanOptions { force_all: true, ..options });
+            let c = compare::compare(&a, &forced, 2).unwrap();
+            assert!(c.mean < 0.05 && c.share_beyond < 0.002, "{what}, everything forced in: {c}");
+        }
+    }
+    // The bound finds a shadow that is missing.
+    let options = PlanOptions::new([200, 150], 1);
+    let c = compare::compare(&on_vulkan(&scenes[0].1, &options), &draw(&scenes[2].1, &options), 2).unwrap();
+    assert!(c.mean > 0.15 && c.share_beyond > 0.01, "{c}");
+}
