@@ -160,13 +160,11 @@ fn check_tells_what_is_hardly_meant() {
            a.play(h.clip("Run")).from(5);
            b.play(h.clip("Walk"));
            b.play(h.clip("Run"), #{ fade: 2, until: 1 });
-           camera("c").at(0, 1, 5).cut(9);
-           sun(#{ shadow: true });"#,
+           camera("c").at(0, 1, 5).cut(9);"#,
     );
     assert_eq!(
         warned(&script),
         [
-            "10: sun: shadow is not drawn by this version; the light shines without",
             "5: clip \"Walk\" is played once and takes 1 s, but its cue lasts 3 s: the last pose is held",
             "6: clip \"Run\" starts at 5 s, after the end of the stage, 4 s",
             "8: clip \"Run\" fades in over 2 s, but its cue lasts 1 s: it is never fully seen",
