@@ -34,6 +34,43 @@ fn weigh(sum: Rows, joint: u32, weight: f32) -> Rows {
 }
 @end
 
+@if(SKIN_DUAL)
+// Twin of core/motion/src/dual_quaternion.rs: stretches are blended as matrices, then motions as dual quaternions.
+struct DualSum {
+    real: vec4<f32>,
+    dual: vec4<f32>,
+    stretch: Rows,
+}
+
+// All on the side of the heaviest influence.
+fn weigh_dual(sum: DualSum, pivot: vec4<f32>, joint: u32, weight: f32) -> DualSum {
+    let q = joints[joint].x;
+    let signed = select(weight, -weight, dot(q, pivot) < 0.0);
+    return DualSum(sum.real + signed * q, sum.dual + signed * joints[joint].y, weigh(sum.stretch, joint + 1u, weight));
+}
+
+// The rotation and translation of a dual quaternion of any length.
+fn motion(q: vec4<f32>, d: vec4<f32>) -> Rows {
+    let k = 2.0 / max(dot(q, q), 1e-30);
+    let t = (d.xyz * q.w - q.xyz * d.w + cross(q.xyz, d.xyz)) * k;
+    let s = q.xyz * k;
+    return Rows(
+        vec4(1.0 - (q.y * s.y + q.z * s.z), q.x * s.y - q.w * s.z, q.x * s.z + q.w * s.y, t.x),
+        vec4(q.x * s.y + q.w * s.z, 1.0 - (q.x * s.x + q.z * s.z), q.y * s.z - q.w * s.x, t.y),
+        vec4(q.x * s.z - q.w * s.y, q.y * s.z + q.w * s.x, 1.0 - (q.x * s.x + q.y * s.y), t.z),
+    );
+}
+
+// One row of a map after another.
+fn row_after(outer: vec4<f32>, inner: Rows) -> vec4<f32> {
+    return inner.x * outer.x + inner.y * outer.y + inner.z * outer.z + vec4(0.0, 0.0, 0.0, outer.w);
+}
+
+fn after(outer: Rows, inner: Rows) -> Rows {
+    return Rows(row_after(outer.x, inner), row_after(outer.y, inner), row_after(outer.z, inner));
+}
+@end
+
 @vertex
 fn vs(in: VertexIn) -> VertexOut {
     var position = in.position;
@@ -51,20 +88,48 @@ fn vs(in: VertexIn) -> VertexOut {
     }
     @end
 
-    @if(SKIN)
-    let first = instances[in.instance].first_joint;
+    @if(SKIN) let first = instances[in.instance].first_joint;
+    @if(SKIN && !SKIN_DUAL)
     var m = Rows(vec4(0.0), vec4(0.0), vec4(0.0));
     m = weigh(m, first + in.joints.x, in.weights.x);
     m = weigh(m, first + in.joints.y, in.weights.y);
     m = weigh(m, first + in.joints.z, in.weights.z);
     m = weigh(m, first + in.joints.w, in.weights.w);
     @end
-    @if(SKIN_8)
+    @if(SKIN_8 && !SKIN_DUAL)
     m = weigh(m, first + in.joints_high.x, in.weights_high.x);
     m = weigh(m, first + in.joints_high.y, in.weights_high.y);
     m = weigh(m, first + in.joints_high.z, in.weights_high.z);
     m = weigh(m, first + in.joints_high.w, in.weights_high.w);
     @end
+    @if(SKIN_DUAL)
+    var heaviest = vec2<f32>(in.weights.x, f32(in.joints.x));
+    if in.weights.y > heaviest.x { heaviest = vec2(in.weights.y, f32(in.joints.y)); }
+    if in.weights.z > heaviest.x { heaviest = vec2(in.weights.z, f32(in.joints.z)); }
+    if in.weights.w > heaviest.x { heaviest = vec2(in.weights.w, f32(in.joints.w)); }
+    @end
+    @if(SKIN_DUAL && SKIN_8)
+    if in.weights_high.x > heaviest.x { heaviest = vec2(in.weights_high.x, f32(in.joints_high.x)); }
+    if in.weights_high.y > heaviest.x { heaviest = vec2(in.weights_high.y, f32(in.joints_high.y)); }
+    if in.weights_high.z > heaviest.x { heaviest = vec2(in.weights_high.z, f32(in.joints_high.z)); }
+    if in.weights_high.w > heaviest.x { heaviest = vec2(in.weights_high.w, f32(in.joints_high.w)); }
+    @end
+    @if(SKIN_DUAL)
+    let pivot = joints[first + 2u * u32(heaviest.y)].x;
+    let nothing = vec4<f32>(0.0);
+    var sum = DualSum(nothing, nothing, Rows(nothing, nothing, nothing));
+    sum = weigh_dual(sum, pivot, first + 2u * in.joints.x, in.weights.x);
+    sum = weigh_dual(sum, pivot, first + 2u * in.joints.y, in.weights.y);
+    sum = weigh_dual(sum, pivot, first + 2u * in.joints.z, in.weights.z);
+    sum = weigh_dual(sum, pivot, first + 2u * in.joints.w, in.weights.w);
+    @end
+    @if(SKIN_DUAL && SKIN_8)
+    sum = weigh_dual(sum, pivot, first + 2u * in.joints_high.x, in.weights_high.x);
+    sum = weigh_dual(sum, pivot, first + 2u * in.joints_high.y, in.weights_high.y);
+    sum = weigh_dual(sum, pivot, first + 2u * in.joints_high.z, in.weights_high.z);
+    sum = weigh_dual(sum, pivot, first + 2u * in.joints_high.w, in.weights_high.w);
+    @end
+    @if(SKIN_DUAL) let m = after(instances[in.instance].relative_from_mesh, after(motion(sum.real, sum.dual), sum.stretch));
     @if(!SKIN) let m = instances[in.instance].relative_from_mesh;
 
     let p = vec4(position, 1.0);

@@ -2,16 +2,17 @@
 //!
 //! A 67-joint skeleton of the shape of a Mixamo character and two 15 s clips, made here. Times are CPU time of the
 //! thread, medians over many runs, one core. The fastest run is printed beside, since other work on the machine
-//! shares caches and memory with this. Errors are those of the same clips against f64.
+//! shares caches and memory with this. `-- skinning` and `-- compression` measure that
+//! alone. Errors are those of the same clips against f64.
 
 #[path = "../tests/support/mod.rs"]
 mod support;
 
 use choreo_motion::{
-    Clip, Crossfade, Curve, FrameRate, Interpolation, Level, LocalToModel, Path, Pose, Sample, Skeleton,
-    Skin, Time, Transform,
+    Carrier, Clip, Crossfade, Curve, DualQuaternion, FrameRate, Interpolation, Level, LocalToModel, Path, Pose,
+    Sample, Skeleton, Skin, SkinDual, Time, Transform, stretch_of,
 };
-use glam::{Affine3A, DQuat, DVec3, Quat, Vec3};
+use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3, Quat, Vec3};
 use std::sync::Arc;
 use support::Random;
 
@@ -22,6 +23,13 @@ fn main() {
     // `cargo test --benches` passes `--test`: then one quick round only.
     let quick = std::env::args().any(|a| a == "--test");
     let skeleton = character();
+    if std::env::args().any(|a| a == "skinning") {
+        return skinnings(quick);
+    }
+    if std::env::args().any(|a| a == "compression") {
+        let set = ("rotations 30 Hz, hips move, rest constant", clips(&skeleton, Style::Typical));
+        return compressed(&skeleton, &[set, ("all T, R, S move, 30 Hz", clips(&skeleton, Style::All))], quick);
+    }
     println!("level: {:?}; {JOINTS} joints; ns a character, median (fastest)\n", Level::best());
     println!("crossfade: sample + sample + blend + local-to-model");
     println!("{:<44}{:>15}{:>15}{:>15}{:>12}", "clips", "one, hot", "1,000", "10,000", "error, mm");
@@ -45,19 +53,108 @@ fn main() {
     let portable = crossfades(&skeleton, &sets[0].1, 1, Level::Portable, quick);
     println!("{:<44}{portable:>15}", "the first, portable level");
 
-    println!("\none sample of a 15 s clip");
-    println!("{:<44}{:>15}{:>15}", "clip", "next frame", "random seek");
+    println!("\none sample of a 15 s clip; a random time against the next frame in turns, median of the rounds");
+    println!("{:<44}{:>15}{:>15}{:>12}", "clip", "next frame", "random seek", "random/next");
     for (name, clips) in &sets {
         let [next, random] = [false, true].map(|random| samples(&clips[0], random, quick));
-        println!("{name:<44}{next:>15}{random:>15}");
+        println!("{name:<44}{next:>15}{random:>15}{:>12.2}", seek_ratio(&clips[0], quick));
     }
+    compressed(&skeleton, &sets, quick);
 
     println!("baking lost {:.4}° at worst", lost.rotation_rad.to_degrees());
     println!("\nlocal-to-model alone: {}", local_to_model(&skeleton, quick));
-    for influences in [4, 8] {
-        let figure = skinning(influences, quick);
-        println!("skinning, {influences} influences, position + normal: {figure} ns a vertex");
+    skinnings(quick);
+}
+
+/// What compression costs and saves: bytes against dense f32 at 30 Hz (40 bytes a joint and key), the error measured when it was made
+/// and one found at other times in f64, and the time of a sample.
+fn compressed(skeleton: &Skeleton, sets: &[(&str, [Clip; 2])], quick: bool) {
+    println!("\ncompressed clips, one sample");
+    println!(
+        "{:<44}{:>10}{:>10}{:>12}{:>12}{:>15}{:>15}{:>12}",
+        "clip, tolerance", "bytes", "dense : 1", "stated, mm", "found, mm", "next frame", "random seek", "random/next"
+    );
+    for (name, clips) in sets {
+        for tolerance in [1e-5, 1e-4, 1e-3] {
+            let (clip, report) = clips[0].compressed(skeleton, tolerance).unwrap();
+            let [next, random] = [false, true].map(|random| samples(&clip, random, quick));
+            println!(
+                "{:<44}{:>10}{:>10.1}{:>12.4}{:>12.4}{next:>15}{random:>15}{:>12.2}",
+                format!("{name}, {} mm", tolerance * 1e3),
+                report.bytes[1],
+                report.dense_bytes as f64 / report.bytes[1] as f64,
+                report.worst_m * 1e3,
+                lost_mm(skeleton, &clips[0], &clip),
+                seek_ratio(&clip, quick),
+            );
+        }
     }
+}
+
+/// Farthest that any joint of a clip is from an f64 evaluation of another, at 500 times.
+fn lost_mm(skeleton: &Skeleton, source: &Clip, clip: &Clip) -> f64 {
+    let mut random = Random(41);
+    let mut pose = Pose::rest(skeleton);
+    let mut worst = 0.0f64;
+    for _ in 0..500 {
+        let time = Time(random.below(source.duration.0 as usize) as i64);
+        Sample { clip, time, pose: &mut pose }.run();
+        let wide = |t: Transform| (t.translation.as_dvec3(), t.rotation.as_dquat().normalize(), t.scale.as_dvec3());
+        let got: Vec<_> = pose.iter().map(wide).collect();
+        let wanted = support::model64(skeleton, &locals64(source, time));
+        for (a, b) in support::model64(skeleton, &got).iter().zip(wanted) {
+            worst = worst.max((a.translation - b.translation).length() * 1e3);
+        }
+    }
+    worst
+}
+
+/// Time of a sample at random times over that of the next frame, both taken in turns so that other work slows both.
+fn seek_ratio(clip: &Clip, quick: bool) -> f64 {
+    let mut pose = Pose::identity(JOINTS);
+    let [next, random] = [false, true].map(|random| sample_times(clip, random));
+    let mut round = |times: &[Time]| {
+        let start = thread_nanos();
+        for &time in times {
+            Sample { clip, time, pose: &mut pose }.run();
+            std::hint::black_box(&mut pose);
+        }
+        thread_nanos() - start
+    };
+    let mut ratios: Vec<f64> =
+        (0..if quick { 1 } else { 301 }).map(|_| (round(&random), round(&next))).map(|(r, n)| r / n.max(1.0)).collect();
+    ratios.sort_by(f64::total_cmp);
+    ratios[ratios.len() / 2]
+}
+
+fn sample_times(clip: &Clip, random: bool) -> Vec<Time> {
+    let mut numbers = Random(9);
+    (0..2_000)
+        .map(|i| match random {
+            true => Time(numbers.below(clip.duration.0 as usize) as i64),
+            false => Time(i * 11_760_000).wrapped(clip.duration),
+        })
+        .collect()
+}
+
+/// ozz-animation's figure is that of the design document: SSE, 4 influences, position + normal.
+fn skinnings(quick: bool) {
+    println!("\nskinning, position + normal, ns a vertex (ozz-animation 0.16, linear, 4 influences: 3.8)");
+    println!("{:<44}{:>15}{:>15}", "way", "4 influences", "8 influences");
+    let ways = [("linear", Way::Linear), ("dual quaternions", Way::Dual), ("dual quaternions and stretches", Way::Stretched)];
+    for (name, way) in ways {
+        let [four, eight] = [4, 8].map(|n| skinning(way, n, Level::best(), quick));
+        println!("{name:<44}{four:>15}{eight:>15}");
+    }
+    let portable = skinning(Way::Linear, 4, Level::Portable, quick);
+    println!("{:<44}{portable:>15}", "linear, portable level");
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Way {
+    Linear,
+    Dual,
+    Stretched,
 }
 
 /// CPU time of this thread in nanoseconds.
@@ -221,13 +318,7 @@ fn crossfades(skeleton: &Skeleton, clips: &[Clip; 2], count: usize, level: Level
 
 fn samples(clip: &Clip, random: bool, quick: bool) -> String {
     let mut pose = Pose::identity(JOINTS);
-    let mut numbers = Random(9);
-    let times: Vec<Time> = (0..2_000)
-        .map(|i| match random {
-            true => Time(numbers.below(clip.duration.0 as usize) as i64),
-            false => Time(i * 11_760_000).wrapped(clip.duration),
-        })
-        .collect();
+    let times = sample_times(clip, random);
     measure(times.len(), quick, || {
         for &time in &times {
             Sample { clip, time, pose: &mut pose }.run();
@@ -245,7 +336,7 @@ fn local_to_model(skeleton: &Skeleton, quick: bool) -> String {
     })
 }
 
-fn skinning(influences: usize, quick: bool) -> String {
+fn skinning(way: Way, influences: usize, level: Level, quick: bool) -> String {
     const VERTICES: usize = 10_000;
     let mut random = Random(21);
     let mut vector = |_| Vec3::new(random.signed(), random.signed(), random.signed() + 1.5);
@@ -257,18 +348,40 @@ fn skinning(influences: usize, quick: bool) -> String {
     let joint_indices: Vec<u16> = (0..VERTICES * influences).map(|_| random.below(JOINTS) as u16).collect();
     let joint_weights = vec![1.0 / influences as f32; VERTICES * influences];
     let (mut out_positions, mut out_normals) = (positions.clone(), normals.clone());
+    let wide = |m: &Affine3A| DAffine3::from_mat3_translation(Mat3::from(m.matrix3).as_dmat3(), Vec3::from(m.translation).as_dvec3());
+    let carriers: Vec<Carrier> = matrices.iter().map(|m| Carrier::of(wide(m))).collect();
+    let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
+    let stretches: Vec<Affine3A> = match way {
+        Way::Stretched => carriers.iter().map(stretch_of).collect(),
+        _ => Vec::new(),
+    };
     measure(VERTICES, quick, || {
-        Skin {
-            matrices: &matrices,
-            influences,
-            joint_indices: &joint_indices,
-            joint_weights: &joint_weights,
-            positions: &positions,
-            normals: &normals,
-            out_positions: &mut out_positions,
-            out_normals: &mut out_normals,
+        if way == Way::Linear {
+            Skin {
+                matrices: &matrices,
+                influences,
+                joint_indices: &joint_indices,
+                joint_weights: &joint_weights,
+                positions: &positions,
+                normals: &normals,
+                out_positions: &mut out_positions,
+                out_normals: &mut out_normals,
+            }
+            .run_on(level);
+        } else {
+            SkinDual {
+                motions: &motions,
+                stretches: &stretches,
+                influences,
+                joint_indices: &joint_indices,
+                joint_weights: &joint_weights,
+                positions: &positions,
+                normals: &normals,
+                out_positions: &mut out_positions,
+                out_normals: &mut out_normals,
+            }
+            .run_on(level);
         }
-        .run();
         std::hint::black_box((&mut out_positions, &mut out_normals));
     })
 }

@@ -4,6 +4,7 @@
 //! sampled at any time, without a cache, in any order.
 
 use crate::Time;
+use crate::compress::packed::Packed;
 use crate::property::{self, PropertyCurve, PropertyTarget};
 use crate::timeline::find_interval;
 use crate::tracks::Tracks;
@@ -111,7 +112,11 @@ pub struct Clip {
     pub name: String,
     pub duration: Time,
     joint_count: usize,
+    /// All curves, or those that are not packed.
     curves: Arc<[Curve]>,
+    packed: Option<Arc<Packed>>,
+    /// All curves of a packed clip, where somebody asks for them.
+    decoded: Arc<OnceLock<Box<[Curve]>>>,
     /// Packed at the first sampling, shared by clones.
     tracks: Arc<OnceLock<Tracks>>,
     /// Joints with a transform curve, one bit each.
@@ -168,6 +173,8 @@ impl Clip {
             duration,
             joint_count,
             curves: curves.into(),
+            packed: None,
+            decoded: Arc::default(),
             tracks: Arc::default(),
             animated: animated.into(),
             weight_curves: weight_curves.into(),
@@ -214,7 +221,7 @@ impl Clip {
 
     /// The same clip with each curve changed, those of expressions, seen as one morph weight, as well.
     pub(crate) fn try_each<E>(&self, mut change: impl FnMut(&Curve) -> Result<Curve, E>) -> Result<Clip, E> {
-        let curves = self.curves.iter().map(&mut change).collect::<Result<Vec<_>, E>>()?;
+        let curves = self.curves().iter().map(&mut change).collect::<Result<Vec<_>, E>>()?;
         let expression = |e: &ExpressionCurve| Ok(e.changed(change(&e.as_curve())?));
         let expressions = self.expressions.iter().map(expression).collect::<Result<Vec<_>, E>>()?;
         Ok(self.with_curves(self.joint_count, curves).expressing(expressions))
@@ -260,12 +267,47 @@ impl Clip {
     }
 
     pub(crate) fn tracks(&self) -> &Tracks {
-        self.tracks.get_or_init(|| Tracks::pack(self.joint_count, &self.curves))
+        self.tracks.get_or_init(|| Tracks::pack(self.joint_count, &self.curves, self.packed.as_ref()))
     }
 
-    /// The authored curves, as checked.
+    /// The authored curves, as checked; those of a compressed clip are decoded, once, when they are asked for.
     pub fn curves(&self) -> &[Curve] {
+        let Some(packed) = &self.packed else { return &self.curves };
+        self.decoded.get_or_init(|| {
+            let decoded = packed.decoded(self.joint_count);
+            self.curves.iter().cloned().chain(decoded).collect()
+        })
+    }
+
+    /// Curves that are stored as keys.
+    pub(crate) fn stored_curves(&self) -> &[Curve] {
         &self.curves
+    }
+
+    pub(crate) fn packed(&self) -> Option<&Packed> {
+        self.packed.as_deref()
+    }
+
+    /// Whether it is compressed; see [`Clip::compressed`].
+    pub fn is_compressed(&self) -> bool {
+        self.packed.is_some()
+    }
+
+    /// With curves that are packed beside those that it has.
+    pub(crate) fn with_packed(self, packed: Arc<Packed>) -> Clip {
+        let mut animated = self.animated.to_vec();
+        for column in packed.columns() {
+            for joint in packed.joints(column, self.joint_count) {
+                animated[joint as usize / 64] |= 1 << (joint % 64);
+            }
+        }
+        Clip {
+            packed: Some(packed),
+            animated: animated.into(),
+            tracks: Arc::default(),
+            decoded: Arc::default(),
+            ..self
+        }
     }
 
     /// Joints of the skeleton that the clip was checked against.

@@ -85,7 +85,7 @@ impl Kernel for Fused<'_, '_> {
         for (clip, time, pose) in [(job.from, job.from_time, &mut *a), (job.to, job.to_time, &mut *b)] {
             let tracks = clip.tracks();
             let constants = if unit_scale { tracks.unscaled_constants() } else { &tracks.constants };
-            sample::<F>(tracks, constants, clip.curves(), time, pose.blocks_mut());
+            sample::<F>(tracks, constants, clip.stored_curves(), time, pose.blocks_mut());
         }
         let locals = Two { a: a.blocks(), b: b.blocks(), weight: job.weight, unit_scale };
         let by_depth = job.skeleton.by_depth();

@@ -62,7 +62,7 @@ impl Clip {
         let mut share = 0.5;
         for _ in 0..ROUNDS {
             let clip = self.without_keys(&reach, tolerance_m * share, keep);
-            let worst_m = distance(skeleton, self, &clip);
+            let worst_m = distance(skeleton, self, &clip, usize::MAX);
             if worst_m <= tolerance_m {
                 let (keys, bytes) = ([self.keys(), clip.keys()], [bytes(self), bytes(&clip)]);
                 return Ok((clip, Reduced { keys, bytes, worst_m }));
@@ -125,15 +125,15 @@ impl Clip {
 }
 
 /// What an error at a joint moves in the model.
-struct Reach {
+pub(crate) struct Reach {
     /// Metres to the farthest joint below it, at rest, and [`SHELL`].
-    distance: Vec<f64>,
+    pub distance: Vec<f64>,
     /// Metres of its parent's unit.
-    unit: Vec<f64>,
+    pub unit: Vec<f64>,
 }
 
 impl Reach {
-    fn of(skeleton: &Skeleton) -> Reach {
+    pub fn of(skeleton: &Skeleton) -> Reach {
         let rest = Rest::of(skeleton);
         let mut distance = vec![0.0f64; skeleton.len()];
         for joint in (0..skeleton.len()).rev() {
@@ -231,22 +231,26 @@ fn with_keys(curve: &Curve, kept: &[usize], times: Option<Arc<[Time]>>) -> Curve
     Curve { times, values, ..curve.clone() }
 }
 
-fn bytes(clip: &Clip) -> usize {
+/// Of key times and values that are stored as they are.
+pub(crate) fn bytes(clip: &Clip) -> usize {
     let mut seen = std::collections::BTreeSet::new();
     let of = |curve: &Curve| {
         let own = seen.insert(curve.times.as_ptr() as usize);
         curve.values.len() * 4 + if own { curve.times.len() * 8 } else { 0 }
     };
-    clip.curves().iter().map(of).sum()
+    clip.stored_curves().iter().map(of).sum()
 }
 
-/// Farthest that a joint, or a point that turns with it, is apart in two clips: at all keys of both and halfway between.
-fn distance(skeleton: &Skeleton, a: &Clip, b: &Clip) -> f64 {
+/// Farthest that a joint, or a point that turns with it, is apart in two clips: at all keys of the first and halfway between, evenly
+/// chosen where that is more often than `most`.
+pub(crate) fn distance(skeleton: &Skeleton, a: &Clip, b: &Clip, most: usize) -> f64 {
     let mut times: Vec<Time> = a.curves().iter().flat_map(|c| c.times.iter().copied()).collect();
     times.sort_unstable();
     times.dedup();
     let middles: Vec<Time> = times.windows(2).map(|w| Time(w[0].0 + (w[1].0 - w[0].0) / 2)).collect();
     times.extend(middles);
+    times.sort_unstable();
+    let every = times.len().div_ceil(most.max(1)).max(1);
     let mut pose = Pose::rest(skeleton);
     let mut model = |clip: &Clip, time: Time| -> Vec<DAffine3> {
         for (joint, rest) in skeleton.rest().iter().enumerate() {
@@ -267,7 +271,7 @@ fn distance(skeleton: &Skeleton, a: &Clip, b: &Clip) -> f64 {
     };
     let rest = Rest::of(skeleton);
     let mut worst: f64 = 0.0;
-    for time in times {
+    for time in times.into_iter().step_by(every) {
         let (one, other) = (model(a, time), model(b, time));
         for (joint, (one, other)) in one.iter().zip(&other).enumerate() {
             let arm = SHELL / rest.scales[joint].max(1e-9);

@@ -39,7 +39,7 @@ impl Sample<'_> {
 
     /// The same bits at any level; for tests and benchmarks.
     pub fn run_on(&mut self, level: Level) {
-        let (tracks, curves) = (self.clip.tracks(), self.clip.curves());
+        let (tracks, curves) = (self.clip.tracks(), self.clip.stored_curves());
         dispatch(level, SampleTracks { tracks, curves, time: self.time, blocks: self.pose.blocks_mut() });
     }
 }
@@ -71,6 +71,9 @@ pub(crate) fn sample<F: F8>(
             write::<F>(column, block, load4(rows));
         }
     }
+    if let Some(packed) = &tracks.packed {
+        crate::compress::packed::read::<F>(packed, time, blocks);
+    }
     let mut batch = Batch::default();
     for group in &tracks.groups {
         let at = group.timeline.find(time);
@@ -90,7 +93,7 @@ pub(crate) fn sample<F: F8>(
 
 /// Stores the components that the channel has, in the lanes that the column drives.
 #[inline(always)]
-fn write<F: F8>(column: &Column, block: &mut PoseBlock, values: [F; 4]) {
+pub(crate) fn write<F: F8>(column: &Column, block: &mut PoseBlock, values: [F; 4]) {
     let rows = column.channel.rows(block);
     match &column.mask {
         None => {

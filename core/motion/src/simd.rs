@@ -82,14 +82,59 @@ pub(crate) trait F8: Copy {
     /// From component rows of two matrix columns, the columns side by side, one pair a joint:
     /// `(ax ay az az | bx by bz bz)`.
     fn column_pairs(a: [Self; 3], b: [Self; 3]) -> [Self; LANES];
-    /// The inverse: component rows of both columns; the fourth components are dropped.
-    fn component_rows(pairs: [Self; LANES]) -> [[Self; 3]; 2];
+    /// Component rows of four column pairs, those of the first columns in the lower half; the fourth components are dropped.
+    fn half_rows(pairs: [Self; 4]) -> [Self; 3];
+    /// The inverse of `column_pairs`: component rows of both columns, of the half rows of four pairs and of the next four.
+    fn joined_rows(first: [Self; 3], next: [Self; 3]) -> [[Self; 3]; 2];
+    /// As `half_rows`, with the fourth components.
+    fn half_rows4(pairs: [Self; 4]) -> [Self; 4];
+    /// As `joined_rows`.
+    fn joined_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2];
+    /// The dot product of each half, in all of its components: (0 + 1) + (2 + 3).
+    fn dot_halves(self, b: Self) -> Self;
     /// A matrix: its first two columns, its third and the translation. The fourth components may hold anything.
     fn of_matrix(matrix: &Affine3A) -> [Self; 2];
     /// Component rows of eight points.
     fn load_points(points: &[[f32; 3]; LANES]) -> [Self; 3];
     fn store_points(rows: [Self; 3], points: &mut [[f32; 3]; LANES]);
+    /// Eight whole numbers that lie bit by bit behind each other, lowest bits first.
+    fn unpack(bytes: &[u8; 16], width: &Width) -> Self;
 }
+
+/// How numbers of so many bits are taken out of 16 bytes.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+pub(crate) struct Width {
+    /// Four bytes a lane: where they lie; 128 is a zero.
+    bytes: [u8; 4 * LANES],
+    /// Bits of a lane's bytes that belong to the lane before.
+    shift: [u32; LANES],
+    mask: [u32; LANES],
+}
+
+/// By bits, 0 to 16.
+pub(crate) static WIDTHS: [Width; 17] = {
+    let mut all = [Width { bytes: [128; 4 * LANES], shift: [0; LANES], mask: [0; LANES] }; 17];
+    let mut bits = 0;
+    while bits <= 16 {
+        let mut lane = 0;
+        while lane < LANES {
+            let mut byte = 0;
+            while byte < 4 {
+                let at = lane * bits / 8 + byte;
+                if at < 16 {
+                    all[bits].bytes[4 * lane + byte] = at as u8;
+                }
+                byte += 1;
+            }
+            all[bits].shift[lane] = (lane * bits % 8) as u32;
+            all[bits].mask[lane] = (1 << bits) - 1;
+            lane += 1;
+        }
+        bits += 1;
+    }
+    all
+};
 
 /// Three rows. Kernels call functions like this one rather than `map` with a closure: a closure that is not inlined is
 /// compiled without AVX, and then each intrinsic in it becomes a call (three times the time, once measured).
@@ -201,9 +246,33 @@ impl F8 for Array {
         })
     }
     #[inline(always)]
-    fn component_rows(pairs: [Self; LANES]) -> [[Self; 3]; 2] {
-        let row = |component: usize| Array(std::array::from_fn(|i| pairs[i].0[component]));
-        [[row(0), row(1), row(2)], [row(4), row(5), row(6)]]
+    fn half_rows(pairs: [Self; 4]) -> [Self; 3] {
+        let [x, y, z, _] = Self::half_rows4(pairs);
+        [x, y, z]
+    }
+    #[inline(always)]
+    fn joined_rows(first: [Self; 3], next: [Self; 3]) -> [[Self; 3]; 2] {
+        let half = |row: usize, from: usize| {
+            Array(std::array::from_fn(|i| if i < 4 { first[row].0[from + i] } else { next[row].0[from + i - 4] }))
+        };
+        [0, 4].map(|from| [half(0, from), half(1, from), half(2, from)])
+    }
+    #[inline(always)]
+    fn half_rows4(pairs: [Self; 4]) -> [Self; 4] {
+        std::array::from_fn(|c| Array(std::array::from_fn(|i| pairs[i % 4].0[c + i / 4 * 4])))
+    }
+    #[inline(always)]
+    fn joined_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2] {
+        let half = |row: usize, from: usize| {
+            Array(std::array::from_fn(|i| if i < 4 { first[row].0[from + i] } else { next[row].0[from + i - 4] }))
+        };
+        [0, 4].map(|from| [half(0, from), half(1, from), half(2, from), half(3, from)])
+    }
+    #[inline(always)]
+    fn dot_halves(self, b: Self) -> Self {
+        let p = self.mul(b).0;
+        let (low, high) = ((p[0] + p[1]) + (p[2] + p[3]), (p[4] + p[5]) + (p[6] + p[7]));
+        Array([low, low, low, low, high, high, high, high])
     }
     #[inline(always)]
     fn of_matrix(matrix: &Affine3A) -> [Self; 2] {
@@ -221,11 +290,19 @@ impl F8 for Array {
             *point = [rows[0].0[i], rows[1].0[i], rows[2].0[i]];
         }
     }
+    #[inline(always)]
+    fn unpack(bytes: &[u8; 16], width: &Width) -> Self {
+        let byte = |at: u8| bytes.get(usize::from(at)).copied().unwrap_or(0);
+        Array(std::array::from_fn(|lane| {
+            let word = u32::from_le_bytes(std::array::from_fn(|i| byte(width.bytes[4 * lane + i])));
+            ((word >> width.shift[lane]) & width.mask[lane]) as f32
+        }))
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
 mod avx {
-    use super::{F8, LANES, Lane};
+    use super::{F8, LANES, Lane, Width};
     use glam::Affine3A;
     use std::arch::x86_64::*;
 
@@ -332,16 +409,47 @@ mod avx {
             }
         }
         #[inline(always)]
-        fn component_rows(p: [Self; LANES]) -> [[Self; 3]; 2] {
+        fn half_rows(p: [Self; 4]) -> [Self; 3] {
+            let [x, y, z] = unsafe { rows([p[0].0, p[1].0, p[2].0, p[3].0]) };
+            [Avx(x), Avx(y), Avx(z)]
+        }
+        #[inline(always)]
+        fn joined_rows(first: [Self; 3], next: [Self; 3]) -> [[Self; 3]; 2] {
+            let (mut a, mut b) = (first, next);
+            for c in 0..3 {
+                a[c] = first[c].lower_halves(next[c]);
+                b[c] = first[c].upper_halves(next[c]);
+            }
+            [a, b]
+        }
+        #[inline(always)]
+        fn half_rows4(p: [Self; 4]) -> [Self; 4] {
             unsafe {
-                let low = rows([p[0].0, p[1].0, p[2].0, p[3].0]);
-                let high = rows([p[4].0, p[5].0, p[6].0, p[7].0]);
-                let (mut a, mut b) = ([p[0]; 3], [p[0]; 3]);
-                for c in 0..3 {
-                    a[c] = Avx(_mm256_permute2f128_ps::<0x20>(low[c], high[c]));
-                    b[c] = Avx(_mm256_permute2f128_ps::<0x31>(low[c], high[c]));
-                }
-                [a, b]
+                let (ab, cd) = (_mm256_unpacklo_ps(p[0].0, p[1].0), _mm256_unpacklo_ps(p[2].0, p[3].0));
+                let (ab_zw, cd_zw) = (_mm256_unpackhi_ps(p[0].0, p[1].0), _mm256_unpackhi_ps(p[2].0, p[3].0));
+                [
+                    Avx(_mm256_shuffle_ps::<0b01_00_01_00>(ab, cd)),
+                    Avx(_mm256_shuffle_ps::<0b11_10_11_10>(ab, cd)),
+                    Avx(_mm256_shuffle_ps::<0b01_00_01_00>(ab_zw, cd_zw)),
+                    Avx(_mm256_shuffle_ps::<0b11_10_11_10>(ab_zw, cd_zw)),
+                ]
+            }
+        }
+        #[inline(always)]
+        fn joined_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2] {
+            let (mut a, mut b) = (first, next);
+            for c in 0..4 {
+                a[c] = first[c].lower_halves(next[c]);
+                b[c] = first[c].upper_halves(next[c]);
+            }
+            [a, b]
+        }
+        #[inline(always)]
+        fn dot_halves(self, b: Self) -> Self {
+            unsafe {
+                let p = _mm256_mul_ps(self.0, b.0);
+                let pairs = _mm256_add_ps(p, _mm256_permute_ps::<0b10_11_00_01>(p));
+                Avx(_mm256_add_ps(pairs, _mm256_permute_ps::<0b01_00_11_10>(pairs)))
             }
         }
         #[inline(always)]
@@ -382,6 +490,28 @@ mod avx {
                 _mm256_storeu2_m128(to.add(16), to.add(4), m14);
                 _mm256_storeu2_m128(to.add(20), to.add(8), m25);
             }
+        }
+        #[inline(always)]
+        fn unpack(bytes: &[u8; 16], width: &Width) -> Self {
+            // A `Width` is aligned to 32 bytes, and so is each of its three parts.
+            unsafe {
+                let bytes = _mm256_broadcastsi128_si256(_mm_loadu_si128(bytes.as_ptr().cast()));
+                let words = _mm256_shuffle_epi8(bytes, _mm256_load_si256(width.bytes.as_ptr().cast()));
+                let shifted = _mm256_srlv_epi32(words, _mm256_load_si256(width.shift.as_ptr().cast()));
+                let numbers = _mm256_and_si256(shifted, _mm256_load_si256(width.mask.as_ptr().cast()));
+                Avx(_mm256_cvtepi32_ps(numbers))
+            }
+        }
+    }
+
+    impl Avx {
+        #[inline(always)]
+        fn lower_halves(self, b: Self) -> Self {
+            Avx(unsafe { _mm256_permute2f128_ps::<0x20>(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn upper_halves(self, b: Self) -> Self {
+            Avx(unsafe { _mm256_permute2f128_ps::<0x31>(self.0, b.0) })
         }
     }
 

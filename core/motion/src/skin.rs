@@ -118,17 +118,19 @@ impl Kernel for SkinVertices<'_, '_> {
     fn run<F: F8>(self) {
         // Known counts are unrolled.
         match self.0.influences {
-            4 => self.vertices::<F>(4),
-            8 => self.vertices::<F>(8),
-            influences => self.vertices::<F>(influences),
+            4 => self.vertices::<F, 4>(),
+            8 => self.vertices::<F, 8>(),
+            _ => self.vertices::<F, 0>(),
         }
     }
 }
 
 impl SkinVertices<'_, '_> {
+    /// N influences, or any number where N is 0.
     #[inline(always)]
-    fn vertices<F: F8>(self, influences: usize) {
+    fn vertices<F: F8, const N: usize>(self) {
         let job = self.0;
+        let influences = job.influences;
         let positions: &[[f32; 3]] = bytemuck::cast_slice(job.positions);
         let normals: &[[f32; 3]] = bytemuck::cast_slice(job.normals);
         let out_positions: &mut [[f32; 3]] = bytemuck::cast_slice_mut(job.out_positions);
@@ -136,8 +138,11 @@ impl SkinVertices<'_, '_> {
         for first in (0..positions.len()).step_by(LANES) {
             let count = LANES.min(positions.len() - first);
             let range = first * influences..(first + count) * influences;
-            let joints = &job.joint_indices[range.clone()];
-            let matrices = blended::<F>(job.matrices, influences, joints, &job.joint_weights[range]);
+            let (joints, weights) = (&job.joint_indices[range.clone()], &job.joint_weights[range]);
+            let matrices = match N {
+                0 => blended::<F>(job.matrices, influences, joints, weights),
+                _ => blended_by::<F, N>(job.matrices, joints, weights),
+            };
             let points = eight::<F>(&positions[first..]);
             put_eight(transformed(&matrices, points), &mut out_positions[first..]);
             if !normals.is_empty() {
@@ -149,34 +154,67 @@ impl SkinVertices<'_, '_> {
 }
 
 /// Component rows of four matrix columns of eight vertices.
-type Rows<F> = [[F; 3]; 4];
+pub(crate) type Rows<F> = [[F; 3]; 4];
 
-/// Weighted sums of matrices, for up to eight vertices.
+/// Weighted sums of matrices, for up to eight vertices of any number of influences.
 #[inline(always)]
-fn blended<F: F8>(matrices: &[Affine3A], influences: usize, joints: &[u16], weights: &[f32]) -> Rows<F> {
+pub(crate) fn blended<F: F8>(matrices: &[Affine3A], influences: usize, joints: &[u16], weights: &[f32]) -> Rows<F> {
     let zero = F::splat(0.0);
     let (mut c01, mut c23) = ([zero; LANES], [zero; LANES]);
     if influences > 0 {
         let vertices = joints.chunks_exact(influences).zip(weights.chunks_exact(influences));
         for (vertex, (joints, weights)) in vertices.enumerate().take(LANES) {
-            let (mut a, mut b) = (zero, zero);
-            for (joint, weight) in joints.iter().zip(weights) {
-                let [x, y] = F::of_matrix(&matrices[usize::from(*joint)]);
-                let weight = F::splat(*weight);
-                a = a.add(x.mul(weight));
-                b = b.add(y.mul(weight));
-            }
-            c01[vertex] = a;
-            c23[vertex] = b;
+            [c01[vertex], c23[vertex]] = weighted(matrices, joints, weights);
         }
     }
-    let ([c0, c1], [c2, c3]) = (F::component_rows(c01), F::component_rows(c23));
+    let ([c0, c1], [c2, c3]) = (component_rows(c01), component_rows(c23));
     [c0, c1, c2, c3]
+}
+
+#[inline(always)]
+fn component_rows<F: F8>([a, b, c, d, e, f, g, h]: [F; LANES]) -> [[F; 3]; 2] {
+    F::joined_rows(F::half_rows([a, b, c, d]), F::half_rows([e, f, g, h]))
+}
+
+/// The same for a known number of influences. Four vertices at a time, so that their matrices stay in registers.
+#[inline(always)]
+pub(crate) fn blended_by<F: F8, const N: usize>(matrices: &[Affine3A], joints: &[u16], weights: &[f32]) -> Rows<F> {
+    let (joints, _) = joints.as_chunks::<N>();
+    let (weights, _) = weights.as_chunks::<N>();
+    let (Some(joints), Some(weights)) = (joints.first_chunk::<LANES>(), weights.first_chunk::<LANES>()) else {
+        return blended(matrices, N, joints.as_flattened(), weights.as_flattened());
+    };
+    let zero = F::splat(0.0);
+    let mut halves = [[[zero; 3]; 2]; 2];
+    for (half, out) in halves.iter_mut().enumerate() {
+        let (mut c01, mut c23) = ([zero; 4], [zero; 4]);
+        for i in 0..4 {
+            let vertex = half * 4 + i;
+            [c01[i], c23[i]] = weighted(matrices, &joints[vertex], &weights[vertex]);
+        }
+        *out = [F::half_rows(c01), F::half_rows(c23)];
+    }
+    let [[low01, low23], [high01, high23]] = halves;
+    let ([c0, c1], [c2, c3]) = (F::joined_rows(low01, high01), F::joined_rows(low23, high23));
+    [c0, c1, c2, c3]
+}
+
+/// The weighted sum of one vertex's matrices, as column pairs.
+#[inline(always)]
+fn weighted<F: F8>(matrices: &[Affine3A], joints: &[u16], weights: &[f32]) -> [F; 2] {
+    let mut sum = [F::splat(0.0); 2];
+    for (i, (joint, weight)) in joints.iter().zip(weights).enumerate() {
+        let [x, y] = F::of_matrix(&matrices[usize::from(*joint)]);
+        let weight = F::splat(*weight);
+        let (x, y) = (x.mul(weight), y.mul(weight));
+        sum = if i == 0 { [x, y] } else { [sum[0].add(x), sum[1].add(y)] };
+    }
+    sum
 }
 
 /// The first eight points, fewer at the end of the list.
 #[inline(always)]
-fn eight<F: F8>(points: &[[f32; 3]]) -> [F; 3] {
+pub(crate) fn eight<F: F8>(points: &[[f32; 3]]) -> [F; 3] {
     match points.first_chunk::<LANES>() {
         Some(points) => F::load_points(points),
         None => {
@@ -188,7 +226,7 @@ fn eight<F: F8>(points: &[[f32; 3]]) -> [F; 3] {
 }
 
 #[inline(always)]
-fn put_eight<F: F8>(rows: [F; 3], points: &mut [[f32; 3]]) {
+pub(crate) fn put_eight<F: F8>(rows: [F; 3], points: &mut [[f32; 3]]) {
     match points.first_chunk_mut::<LANES>() {
         Some(points) => F::store_points(rows, points),
         None => {
@@ -201,7 +239,7 @@ fn put_eight<F: F8>(rows: [F; 3], points: &mut [[f32; 3]]) {
 }
 
 #[inline(always)]
-fn transformed<F: F8>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3]) -> [F; 3] {
+pub(crate) fn transformed<F: F8>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3]) -> [F; 3] {
     let mut out = [x; 3];
     for i in 0..3 {
         out[i] = c0[i].mul(x).add(c1[i].mul(y)).add(c2[i].mul(z)).add(c3[i]);
@@ -211,7 +249,7 @@ fn transformed<F: F8>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3]) -> [F; 3] {
 
 /// Through the cofactors, at unit length; unchanged where they collapse.
 #[inline(always)]
-fn transformed_normals<F: F8>([c0, c1, c2, _]: &Rows<F>, normals: [F; 3]) -> [F; 3] {
+pub(crate) fn transformed_normals<F: F8>([c0, c1, c2, _]: &Rows<F>, normals: [F; 3]) -> [F; 3] {
     let [x, y, z] = normals;
     let (a, b, c) = (cross(c1, c2), cross(c2, c0), cross(c0, c1));
     // The inverse transpose is cofactors / determinant: a mirroring matrix turns the cofactors round.
@@ -230,7 +268,7 @@ fn transformed_normals<F: F8>([c0, c1, c2, _]: &Rows<F>, normals: [F; 3]) -> [F;
 }
 
 #[inline(always)]
-fn cross<F: F8>(a: &[F; 3], b: &[F; 3]) -> [F; 3] {
+pub(crate) fn cross<F: F8>(a: &[F; 3], b: &[F; 3]) -> [F; 3] {
     [
         a[1].mul(b[2]).sub(a[2].mul(b[1])),
         a[2].mul(b[0]).sub(a[0].mul(b[2])),
@@ -239,7 +277,7 @@ fn cross<F: F8>(a: &[F; 3], b: &[F; 3]) -> [F; 3] {
 }
 
 #[inline(always)]
-fn dot3<F: F8>(a: &[F; 3], b: &[F; 3]) -> F {
+pub(crate) fn dot3<F: F8>(a: &[F; 3], b: &[F; 3]) -> F {
     a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }
 

@@ -7,6 +7,7 @@
 //!   neighbouring rows, so that a random time costs what the next frame costs.
 //! - The few others ("singles") stay as authored, and are gathered eight at a time.
 
+use crate::compress::packed::Packed;
 use crate::slerp::{one_minus_cos, terms_for};
 use crate::timeline::Timeline;
 use crate::{Curve, Interpolation, LANES, Lane, Path, PoseBlock, Time};
@@ -106,6 +107,8 @@ pub(crate) struct Tracks {
     /// Translations, rotations, scales.
     pub constants: Vec<Constant>,
     pub groups: Vec<Group>,
+    /// Of a compressed clip.
+    pub packed: Option<Arc<Packed>>,
     /// Whether every joint has a curve, by channel.
     pub covers: [bool; 3],
     /// No curve makes a scale other than exactly 1.
@@ -124,7 +127,7 @@ impl Tracks {
         &self.constants[..scales]
     }
 
-    pub fn pack(joint_count: usize, curves: &[Curve]) -> Tracks {
+    pub fn pack(joint_count: usize, curves: &[Curve], packed: Option<&Arc<Packed>>) -> Tracks {
         let mut driven = [0usize; 3];
         let mut unit_scale = true;
         let mut constants: BTreeMap<(Channel, u32), Lanes> = BTreeMap::new();
@@ -143,7 +146,12 @@ impl Tracks {
                 groups.entry(&curve.times).or_default().push(index);
             }
         }
+        for (column, packed) in packed.iter().flat_map(|p| p.columns().map(move |c| (c, p))) {
+            driven[column.channel as usize] += packed.joints(column, joint_count).len();
+            unit_scale &= column.channel != Channel::Scale;
+        }
         Tracks {
+            packed: packed.cloned(),
             constants: constants
                 .into_iter()
                 .map(|((channel, block), lanes)| Constant {

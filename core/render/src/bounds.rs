@@ -1,9 +1,11 @@
 //! Axis-aligned boxes of primitives and their posed, morphed, skinned copies: never too small, so that culling never shows.
 
 use crate::plan::Rows;
+use choreo_motion::Carrier;
 pub use choreo_stage::Aabb;
 use choreo_stage::Primitive;
-use glam::{Affine3A, Mat4, Vec3};
+use glam::{Affine3A, DAffine3, Mat4, Vec3};
+use std::sync::OnceLock;
 
 /// Box of the transformed box: centre moved, half extents by the absolute matrix.
 fn transformed(b: Aabb, rows: &Rows) -> Aabb {
@@ -31,6 +33,8 @@ pub struct PrimitiveInfo {
     pub influences: usize,
     /// Some vertex colour is not white.
     pub colored: bool,
+    /// By joint: those that move a vertex together with it, itself included. Found when first asked for.
+    companions: OnceLock<Vec<Vec<u16>>>,
 }
 
 impl PrimitiveInfo {
@@ -56,6 +60,7 @@ impl PrimitiveInfo {
             morph_bounds: Vec::new(),
             influences: 0,
             colored: p.colors.iter().any(|&c| c != glam::Vec4::ONE),
+            companions: OnceLock::new(),
         };
         if !valid {
             return info;
@@ -120,6 +125,59 @@ impl PrimitiveInfo {
         }
         all
     }
+
+    /// Relative-space box of a dual-quaternion skinned copy.
+    ///
+    /// With q = Σ wᵢ qᵢ, a vertex goes to Σᵢⱼ wᵢ wⱼ pᵢ qᵢ q̄ⱼ / |q|², where pᵢ is the place that motion i alone gives its
+    /// stretched position. As the same sum of any fixed point c is c, it is at most max |pᵢ − c| / |q| from c; and where all
+    /// qᵢ are at least κ alike, |q| ≥ κ + (1 − κ) / n for n influences, since the heaviest weighs at least 1/n.
+    pub fn dual_skinned(
+        &self,
+        primitive: &Primitive,
+        carriers: &[Carrier],
+        relative_from_model: &Rows,
+        morph_offset: Aabb,
+    ) -> Aabb {
+        let companions = self.companions.get_or_init(|| companions(primitive, self.joint_count()));
+        let mut all = Aabb::EMPTY;
+        for (joint, b) in &self.joint_bounds {
+            let of = |j: &u16| carriers.get(usize::from(*j));
+            let together = || companions[usize::from(*joint)].iter().filter_map(of);
+            let reach = grown(*b, morph_offset);
+            let stretched = together().fold(Aabb::EMPTY, |sum, c| {
+                let stretch = DAffine3 { matrix3: c.stretch, translation: glam::DVec3::ZERO };
+                sum.union(transformed(reach, &Rows::from_affine(stretch)))
+            });
+            let hull = together().fold(Aabb::EMPTY, |sum, c| {
+                sum.union(transformed(stretched, &Rows::from_affine(c.rigid())))
+            });
+            let alike = |a: &Carrier| together().map(|b| a.real.dot(b.real).abs()).fold(1.0, f64::min);
+            let kappa = together().map(alike).fold(1.0, f64::min);
+            let most = self.influences.min(together().count()).max(1);
+            let shortest = kappa + (1.0 - kappa) / most as f64;
+            let mut bounds = hull;
+            if together().nth(1).is_some() && !hull.is_empty() {
+                let (center, radius) = (hull.center(), (hull.max - hull.min).length() * 0.5);
+                let radius = Vec3::splat((f64::from(radius) / shortest * (1.0 + 1e-6)) as f32);
+                bounds = Aabb { min: center - radius, max: center + radius };
+            }
+            all = all.union(transformed(bounds, relative_from_model));
+        }
+        all
+    }
+}
+
+/// By joint: the joints that share a vertex with it.
+fn companions(p: &Primitive, joints: usize) -> Vec<Vec<u16>> {
+    let mut all = vec![std::collections::BTreeSet::new(); joints];
+    let vertices = p.joint_indices.chunks_exact(p.influences.max(1));
+    for (joints, weights) in vertices.zip(p.joint_weights.chunks_exact(p.influences.max(1))) {
+        let used = || joints.iter().zip(weights).filter(|(_, w)| **w != 0.0).map(|(j, _)| *j);
+        for joint in used() {
+            all[usize::from(joint)].extend(used());
+        }
+    }
+    all.into_iter().map(|joints| joints.into_iter().collect()).collect()
 }
 
 fn grown(b: Aabb, by: Aabb) -> Aabb {
@@ -163,6 +221,19 @@ impl Rows {
     pub fn transform_vector(&self, v: Vec3) -> Vec3 {
         let v = v.extend(0.0);
         Vec3::new(self.0[0].dot(v), self.0[1].dot(v), self.0[2].dot(v))
+    }
+
+    /// This map after a stretch that leaves the origin.
+    pub fn times(&self, stretch: &Rows) -> Rows {
+        let [a, b, c] = stretch.0;
+        let row = |r: glam::Vec4| (a * r.x + b * r.y + c * r.z).truncate().extend(r.w);
+        Rows(self.0.map(row))
+    }
+
+    /// Another map after this.
+    pub fn after(&self, outer: &Rows) -> Rows {
+        let [a, b, c] = self.0;
+        Rows(outer.0.map(|r| a * r.x + b * r.y + c * r.z + glam::Vec4::new(0.0, 0.0, 0.0, r.w)))
     }
 
     /// Determinant of the 3×3 part: negative where it mirrors.

@@ -16,6 +16,7 @@ mod needs_layers;
 pub mod plan;
 mod planner;
 mod planner_shadows;
+mod planner_skins;
 pub mod record;
 pub mod renderer;
 pub mod shader;

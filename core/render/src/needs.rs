@@ -9,6 +9,8 @@ use glam::{Affine2, Vec3};
 #[derive(Clone, Copy, Debug)]
 pub struct DrawNeeds {
     pub skinned: bool,
+    /// By dual quaternions.
+    pub dual: bool,
     pub morphed: bool,
     pub local_lights: bool,
 }
@@ -67,6 +69,7 @@ pub fn features(
     crate::needs_layers::bits(layers, force_all).into_iter().for_each(|(on, bit)| set(on, bit));
     set(needs.skinned || force_all, Features::SKIN);
     set((needs.skinned && primitive.info.influences == 8) || force_all, Features::SKIN_8);
+    set(needs.skinned && needs.dual, Features::SKIN_DUAL);
     set(needs.morphed || force_all, Features::MORPH);
     set((primitive.info.colored || force_all) && !toon, Features::VERTEX_COLOR);
     set(metallic_roughness, Features::METALLIC_ROUGHNESS);
@@ -127,6 +130,11 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
         all.has(Features::SKIN) && !all.has(Features::SKIN_8),
         "influences 5 to 8",
         "no vertex is moved by more than four joints".into(),
+    );
+    say(
+        all.has(Features::SKIN) && !all.has(Features::SKIN_DUAL),
+        "dual quaternions",
+        "every skin is blended linearly".into(),
     );
     let morph_why =
         if facts.morphs_exist { "every weight in view is zero" } else { "no mesh has morph targets" };

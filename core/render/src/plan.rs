@@ -21,7 +21,8 @@ pub struct Plan {
     pub instances: Vec<Instance>,
     /// Of each instance: index into `Stage::actors`.
     pub instance_actors: Vec<u32>,
-    /// relative-from-mesh of every skin joint in use: `world translation − camera`, rows of a 3×4 matrix.
+    /// Linear skins, one a joint in use: relative-from-mesh, `world translation − camera`, rows of a 3×4 matrix.
+    /// Dual-quaternion skins, two a joint, model-from-mesh: real part, dual part, nothing; then the stretch before them.
     pub joint_matrices: Vec<Rows>,
     /// (target, weight) pairs with weight ≠ 0, ranges given by the instances.
     pub morphs: Vec<ActiveMorph>,
@@ -97,7 +98,7 @@ pub struct ShadowView {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Instance {
-    /// relative-from-mesh; unused by skinned draws.
+    /// relative-from-mesh; relative-from-model of dual-quaternion skins; unused by linear ones.
     pub relative_from_mesh: Rows,
     pub tint: Vec4,
     /// First entry in `joint_matrices`.
@@ -203,6 +204,8 @@ impl Features {
 
     /// Some light's shadow may fall on it.
     pub const SHADOW: Features = Features(1 << 20);
+    /// The skin's joints are dual quaternions. Another way rather than more of one: never forced in.
+    pub const SKIN_DUAL: Features = Features(1 << 31);
 
     /// Clearcoat, sheen or transmission is on: the layers' uniform is read.
     pub const LAYERS: Features = Features(1 << 32);
@@ -221,7 +224,7 @@ impl Features {
 
     /// What of a draw's features its depth depends on.
     pub const fn of_depth(self) -> Features {
-        let shape = Self::SKIN.0 | Self::SKIN_8.0 | Self::MORPH.0;
+        let shape = Self::SKIN.0 | Self::SKIN_8.0 | Self::SKIN_DUAL.0 | Self::MORPH.0;
         let cut_out = Self::ALPHA_MASK.0
             | Self::BASE_COLOR_TEXTURE.0
             | Self::VERTEX_COLOR.0
@@ -270,6 +273,7 @@ pub const LEFT_OUT: &[&str] = &[
     "primitives outside the view",
     "skinning",
     "influences 5 to 8",
+    "dual quaternions",
     "morph targets",
     "normals, lights and ambient light",
     "lights",

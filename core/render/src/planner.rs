@@ -5,6 +5,7 @@ use crate::catalog::{Catalog, PrimitiveEntry};
 use crate::needs::{DrawNeeds, Facts, features, left_out};
 use crate::plan::*;
 use crate::planner_shadows::Caster;
+use crate::planner_skins::{PosedSkin, dual_rows};
 use crate::view::relative;
 use choreo_plugin::{Effect, OptionKind};
 use choreo_stage::{
@@ -100,13 +101,6 @@ pub(crate) struct Planner<'a> {
     pub facts: Facts,
 }
 
-/// Skin matrices of one (actor, skin), shared by all its primitives; in the plan only once one is in view.
-struct PosedSkin {
-    skin: u32,
-    rows: Vec<Rows>,
-    first_joint: Option<u32>,
-}
-
 impl Planner<'_> {
     fn actor(&mut self, index: usize, asset: &Asset, state: &ActorState) {
         if !state.visible {
@@ -126,8 +120,7 @@ impl Planner<'_> {
                 let known = self.skins[first_skin..].iter().position(|s| s.skin == skin);
                 known.map_or_else(
                     || {
-                        let rows = skin_rows(relative_from_model, asset, skin, state);
-                        self.skins.push(PosedSkin { skin, rows, first_joint: None });
+                        self.skins.push(PosedSkin::new(relative_from_model, asset, skin, state));
                         self.skins.len() - 1
                     },
                     |at| first_skin + at,
@@ -180,6 +173,7 @@ impl Planner<'_> {
             let offset = info.morph_offset(weights);
             let needs = DrawNeeds {
                 skinned: posed_skin.is_some(),
+                dual: posed_skin.is_some_and(|s| !self.skins[s].carriers.is_empty()),
                 morphed: morph_count > 0,
                 local_lights: self.local_lights,
             };
@@ -189,9 +183,15 @@ impl Planner<'_> {
                     true => relative_from_joint,
                     false => relative_from_joint * daffine(copy),
                 };
-                let rigid = Rows::from_affine(relative_from_mesh);
-                let bounds = match posed_skin {
-                    Some(s) => info.skinned(&self.skins[s].rows, offset),
+                let rigid = Rows::from_affine(match needs.dual {
+                    true => relative_from_model,
+                    false => relative_from_mesh,
+                });
+                let bounds = match posed_skin.map(|s| &self.skins[s]) {
+                    Some(s) if needs.dual => {
+                        info.dual_skinned(primitive.primitive(), &s.carriers, &rigid, offset)
+                    }
+                    Some(s) => info.skinned(&s.rows, offset),
                     None => info.posed(&rigid, offset),
                 };
                 let unseen = !self.options.no_culling && outside(bounds, &self.view.clip_from_relative);
@@ -287,8 +287,12 @@ impl Planner<'_> {
     pub fn first_joint(&mut self, skin: usize) -> u32 {
         let (matrices, skin) = (&mut self.joint_matrices, &mut self.skins[skin]);
         *skin.first_joint.get_or_insert_with(|| {
-            matrices.extend_from_slice(&skin.rows);
-            (matrices.len() - skin.rows.len()) as u32
+            let first = matrices.len() as u32;
+            match skin.carriers.is_empty() {
+                true => matrices.extend_from_slice(&skin.rows),
+                false => matrices.extend(skin.carriers.iter().flat_map(dual_rows)),
+            }
+            first
         })
     }
 
@@ -375,28 +379,6 @@ impl Planner<'_> {
             left_out,
         }
     }
-}
-
-/// relative-from-mesh of every joint of a skin: world · model-from-joint · inverse bind (glTF 2.0 §3.7.3.3), in f64.
-fn skin_rows(relative_from_model: DAffine3, asset: &Asset, skin: u32, state: &ActorState) -> Vec<Rows> {
-    let skin = &asset.skins[skin as usize];
-    skin.joints
-        .iter()
-        .enumerate()
-        .map(|(i, joint)| {
-            let pose = state.model_from_joint.get(*joint as usize).copied().unwrap_or(Affine3A::IDENTITY);
-            let bind = skin.inverse_bind.get(i).copied().unwrap_or(glam::Mat4::IDENTITY);
-            let bind = DAffine3 {
-                matrix3: DMat3::from_cols(
-                    bind.x_axis.truncate().as_dvec3(),
-                    bind.y_axis.truncate().as_dvec3(),
-                    bind.z_axis.truncate().as_dvec3(),
-                ),
-                translation: bind.w_axis.truncate().as_dvec3(),
-            };
-            Rows::from_affine(relative_from_model * daffine(pose) * bind)
-        })
-        .collect()
 }
 
 pub(crate) fn daffine(a: Affine3A) -> DAffine3 {

@@ -42,6 +42,8 @@ fn variants() -> Vec<SceneVariant> {
         Features(0),
         Features::SKIN,
         Features::SKIN.with(Features::SKIN_8),
+        Features::SKIN.with(Features::SKIN_DUAL),
+        Features::SKIN.with(Features::SKIN_8).with(Features::SKIN_DUAL),
         Features::MORPH,
         Features::MORPH.with(Features::SKIN),
         Features::MORPH.with(Features::SKIN).with(Features::SKIN_8),

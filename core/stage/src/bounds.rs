@@ -4,6 +4,7 @@
 //! hull of the joints' boxes: one box a joint, around the vertices it influences and in its own space, bounds every pose.
 
 use crate::{Asset, MeshInstance};
+use choreo_motion::Skinning;
 use glam::{Affine3A, DAffine3, DVec3, Mat4, Vec3, Vec3A};
 
 /// Axis-aligned box; empty where `min > max`.
@@ -286,7 +287,7 @@ pub(crate) fn rest_bounds(asset: &Asset) -> Aabb {
             bounds = boxes.fold(bounds, Aabb::union);
             continue;
         }
-        let carriers = crate::posed_mesh::Carriers::new(asset, instance, joints);
+        let carriers = crate::posed_mesh::Carriers::new(Skinning::Linear, asset, instance, joints);
         for primitive in &mesh.primitives {
             for (v, position) in primitive.positions.iter().enumerate() {
                 let model_from_mesh = carriers.at_vertex(primitive, v);

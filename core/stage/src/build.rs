@@ -69,6 +69,7 @@ impl Actor {
             morphs: Vec::new(),
             expressions: Vec::new(),
             file_lights: true,
+            skinning: Skinning::default(),
         }
     }
 }

@@ -9,9 +9,10 @@ use crate::goals::plant::Plants;
 use crate::goals::solve::{self, GoalScratch};
 use crate::goals::springs::{self, Kept, Simulation};
 use crate::order::{self, Order, Step};
-use crate::pose::{self, PoseScratch};
+use crate::pose::PoseScratch;
+use crate::posing::Posing;
 use crate::*;
-use choreo_motion::Time;
+use choreo_motion::{Skinning, Time};
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -121,7 +122,8 @@ pub(crate) struct Scratch {
     motions: Option<Arc<Motions>>,
     carry: CarryScratch,
     order: Order,
-    pose: PoseScratch,
+    /// One for each part that a thread poses.
+    pose: Vec<PoseScratch>,
     placements: Vec<Placement>,
     /// World frame that an actor's placement is in.
     world_from_parent: Vec<DAffine3>,
@@ -165,10 +167,10 @@ impl Scratch {
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Need {
+pub(crate) struct Need {
     /// Its place in the world counts for something.
     world: bool,
-    pose: bool,
+    pub(crate) pose: bool,
 }
 
 fn evaluate(
@@ -250,23 +252,10 @@ pub(crate) fn evaluate_actors(
         }
     }
     find_needs(stage, scratch, time, &out.actors);
-    scratch.poses = 0;
-    for (index, (actor, state)) in stage.actors.iter().zip(&mut out.actors).enumerate() {
-        if !scratch.needs[index].pose {
-            state.model_from_joint.clear();
-            state.morph_weights.clear();
-            state.base_colors.clear();
-            continue;
-        }
-        scratch.poses += 1;
-        scratch.all_poses += 1;
-        let first = scratch.pose_edits.partition_point(|(a, _)| *a < index);
-        let edits = scratch.pose_edits[first..].iter().take_while(|(a, _)| *a == index);
-        let edits = edits.map(|(_, place)| &scratch.edits.actors[*place]);
-        let (joints, weights) = (&mut state.model_from_joint, &mut state.morph_weights);
-        pose::pose_actor(actor, time, motions.of(index), edits, &mut scratch.pose, joints, weights);
-        crate::properties::base_colors(actor, time, &mut state.base_colors);
-    }
+    let Scratch { pose, needs, pose_edits, edits, .. } = scratch;
+    let posing = Posing { time, motions: &motions, needs, pose_edits, edits: &edits.actors };
+    scratch.poses = posing.run(&stage.actors, &mut out.actors, pose);
+    scratch.all_poses += scratch.poses;
     place_actors(stage, scratch, &mut out.actors);
     if let Evaluation::Goals(plants) = how {
         let mut goals = std::mem::take(&mut scratch.goals);
@@ -497,6 +486,7 @@ impl Default for ActorState {
             morph_weights: Vec::new(),
             tint: Vec4::ONE,
             base_colors: Vec::new(),
+            skinning: Skinning::default(),
         }
     }
 }

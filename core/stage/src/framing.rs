@@ -8,7 +8,7 @@ use crate::evaluate::{Evaluation, Scratch, evaluate_actors, widen};
 use crate::goals::plant::Plants;
 use crate::posed_mesh::Carriers;
 use crate::*;
-use choreo_motion::Time;
+use choreo_motion::{Skinning, Time};
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::OnceLock;
 
@@ -74,6 +74,11 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
                     add_outline(&mut bounds, &actor.asset, mesh_instance, reach, state, &axes_from_model);
                     continue;
                 }
+                if state.skinning != Skinning::Linear {
+                    // Limbs that are not thinned reach beyond the boxes of their joints.
+                    add_vertices(&mut bounds, &actor.asset, index, state, &axes_from_model);
+                    continue;
+                }
                 let weights = state.morph_weights.get(index).map_or(&[][..], Vec::as_slice);
                 for part in &reach.parts {
                     let Some(joint) = state.model_from_joint.get(part.joint as usize) else { continue };
@@ -102,6 +107,20 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
     Ok(boxes)
 }
 
+/// All vertices of an instance as posed.
+fn add_vertices(
+    bounds: &mut DAabb,
+    asset: &Asset,
+    instance: usize,
+    state: &ActorState,
+    axes_from_model: &DAffine3,
+) {
+    let in_model = ActorState { world_from_model: *axes_from_model, ..state.clone() };
+    for posed in posed_meshes(asset, &in_model).iter().filter(|p| p.instance == instance) {
+        posed.primitives.iter().flat_map(|p| &p.positions).for_each(|p| bounds.add(*p));
+    }
+}
+
 /// The posed vertices of the outline.
 fn add_outline(
     bounds: &mut DAabb,
@@ -112,7 +131,7 @@ fn add_outline(
     axes_from_model: &DAffine3,
 ) {
     let Some(mesh) = asset.meshes.get(instance.mesh as usize) else { return };
-    let carriers = Carriers::new(asset, instance, &state.model_from_joint);
+    let carriers = Carriers::new(state.skinning, asset, instance, &state.model_from_joint);
     for (primitive, vertex) in &reach.outline {
         let (primitive, vertex) = (&mesh.primitives[*primitive as usize], *vertex as usize);
         let in_model =

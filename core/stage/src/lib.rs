@@ -27,6 +27,7 @@ pub mod path;
 pub mod playing;
 mod pose;
 pub mod posed_mesh;
+mod posing;
 mod properties;
 pub mod snapshot;
 pub mod stage;

@@ -2,6 +2,7 @@
 //! truth that renderers are compared with. Slow and plain.
 
 use crate::{ActorState, Asset, MeshInstance, Primitive};
+use choreo_motion::{Carrier, Skinning};
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec3};
 
 /// One mesh instance of an asset, or one of its copies, posed.
@@ -23,11 +24,22 @@ pub struct PosedPrimitive {
 
 /// All mesh instances of an actor in world space. Empty where the actor was not posed (invisible).
 pub fn posed_meshes(asset: &Asset, actor: &ActorState) -> Vec<PosedInstance> {
-    posed_meshes_in(asset, &actor.model_from_joint, &actor.morph_weights, actor.world_from_model)
+    let ActorState { model_from_joint, morph_weights, world_from_model, skinning, .. } = actor;
+    posed_meshes_by(*skinning, asset, model_from_joint, morph_weights, *world_from_model)
 }
 
-/// As [`posed_meshes`], moved by any map: identity gives model space.
+/// As [`posed_meshes`] with linear skinning, moved by any map: identity gives model space.
 pub fn posed_meshes_in(
+    asset: &Asset,
+    model_from_joint: &[Affine3A],
+    morph_weights: &[Vec<f32>],
+    world_from_model: DAffine3,
+) -> Vec<PosedInstance> {
+    posed_meshes_by(Skinning::Linear, asset, model_from_joint, morph_weights, world_from_model)
+}
+
+fn posed_meshes_by(
+    skinning: Skinning,
     asset: &Asset,
     model_from_joint: &[Affine3A],
     morph_weights: &[Vec<f32>],
@@ -40,7 +52,7 @@ pub fn posed_meshes_in(
     for (index, instance) in asset.instances.iter().enumerate() {
         let Some(mesh) = asset.meshes.get(instance.mesh as usize) else { continue };
         let weights = morph_weights.get(index).map_or(&[][..], Vec::as_slice);
-        let at_joint = Carriers::new(asset, instance, model_from_joint);
+        let at_joint = Carriers::new(skinning, asset, instance, model_from_joint);
         for copy in instance.joint_from_copies() {
             let carriers = at_joint.of_copy(&copy);
             let pose = |p: &Primitive| pose_primitive(p, &carriers, weights, world_from_model);
@@ -89,12 +101,24 @@ fn cofactor(m: DMat3) -> DMat3 {
 /// What carries the vertices of one instance: its skin's joints, or its node.
 #[derive(Clone)]
 pub(crate) struct Carriers {
-    skin: Vec<DMat4>,
+    skin: Slots,
     rigid: DAffine3,
 }
 
+/// One a joint of the skin.
+#[derive(Clone)]
+enum Slots {
+    Linear(Vec<DMat4>),
+    Dual(Vec<Carrier>),
+}
+
 impl Carriers {
-    pub(crate) fn new(asset: &Asset, instance: &MeshInstance, model_from_joint: &[Affine3A]) -> Carriers {
+    pub(crate) fn new(
+        skinning: Skinning,
+        asset: &Asset,
+        instance: &MeshInstance,
+        model_from_joint: &[Affine3A],
+    ) -> Carriers {
         let joint = |j: u32| match model_from_joint.get(j as usize) {
             Some(m) => DAffine3::from_mat3_translation(
                 glam::Mat3::from(m.matrix3).as_dmat3(),
@@ -103,10 +127,14 @@ impl Carriers {
             None => DAffine3::IDENTITY,
         };
         let skin = instance.skin.and_then(|s| asset.skins.get(s as usize));
-        let skin = skin.map_or(Vec::new(), |skin| {
+        let matrices = skin.map_or(Vec::new(), |skin| {
             let inverse_bind = |i: usize| skin.inverse_bind.get(i).map_or(DMat4::IDENTITY, |m| m.as_dmat4());
             skin.joints.iter().enumerate().map(|(i, j)| DMat4::from(joint(*j)) * inverse_bind(i)).collect()
         });
+        let skin = match skinning {
+            Skinning::Linear => Slots::Linear(matrices),
+            Skinning::DualQuaternion => Slots::Dual(matrices.iter().map(|m| Carrier::of(affine(m))).collect()),
+        };
         Carriers { skin, rigid: joint(instance.joint) }
     }
 
@@ -115,21 +143,33 @@ impl Carriers {
         Carriers { skin: self.skin.clone(), rigid: self.rigid * crate::evaluate::widen(joint_from_copy) }
     }
 
-    /// model-from-mesh at a vertex: Σ weight · joint · inverse bind (glTF 2.0 §3.7.3.3).
+    /// model-from-mesh at a vertex: Σ weight · joint · inverse bind (glTF 2.0 §3.7.3.3), or its dual quaternion.
     pub(crate) fn at_vertex(&self, primitive: &Primitive, v: usize) -> DAffine3 {
         let n = primitive.influences;
-        if n == 0 || self.skin.is_empty() {
+        let slots = match &self.skin {
+            Slots::Linear(slots) => slots.len(),
+            Slots::Dual(slots) => slots.len(),
+        };
+        if n == 0 || slots == 0 {
             return self.rigid;
         }
-        let mut blended = DMat4::ZERO;
-        for k in v * n..(v + 1) * n {
-            if let (Some(slot), Some(weight)) =
-                (primitive.joint_indices.get(k), primitive.joint_weights.get(k))
-                && let Some(matrix) = self.skin.get(usize::from(*slot))
-            {
-                blended += *matrix * f64::from(*weight);
+        let influences = (v * n..(v + 1) * n).filter_map(|k| {
+            let (slot, weight) = (primitive.joint_indices.get(k)?, primitive.joint_weights.get(k)?);
+            Some((usize::from(*slot), f64::from(*weight)))
+        });
+        match &self.skin {
+            Slots::Linear(slots) => {
+                let mut blended = DMat4::ZERO;
+                for (slot, weight) in influences {
+                    blended += slots.get(slot).map_or(DMat4::ZERO, |m| *m * weight);
+                }
+                affine(&blended)
             }
+            Slots::Dual(slots) => Carrier::blend(influences.filter_map(|(slot, w)| Some((slots.get(slot)?, w)))),
         }
-        DAffine3::from_mat3_translation(DMat3::from_mat4(blended), blended.w_axis.truncate())
     }
+}
+
+fn affine(m: &DMat4) -> DAffine3 {
+    DAffine3::from_mat3_translation(DMat3::from_mat4(*m), m.w_axis.truncate())
 }

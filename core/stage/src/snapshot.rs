@@ -1,7 +1,7 @@
 //! The stage at one time: what the renderer, `choreo pose` and tests look at.
 
 use crate::{Background, Light, Projection, Shadow};
-use choreo_motion::Time;
+use choreo_motion::{Skinning, Time};
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
 
 #[derive(Clone, Debug, Default)]
@@ -32,6 +32,8 @@ pub struct ActorState {
     pub tint: Vec4,
     /// Linear RGBA factors of the asset's materials where its clips animate any; else empty: those of the materials.
     pub base_colors: Vec<Vec4>,
+    /// How vertices follow several joints.
+    pub skinning: Skinning,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -3,7 +3,7 @@
 use crate::{ActorSprings, Asset, CueRoot, Goal, Light, Projection, Walk, Warp};
 pub use choreo_motion::ik::Limit;
 use choreo_motion::{Clip, FrameRate, Interpolation, PhaseFade, Time};
-pub use choreo_motion::{Ease, Repeat};
+pub use choreo_motion::{Ease, Repeat, Skinning};
 use glam::{DQuat, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 use thiserror::Error;
@@ -99,6 +99,8 @@ pub struct Actor {
     pub expressions: Vec<(u32, f32)>,
     /// Whether the file's own lights shine when this actor is on stage.
     pub file_lights: bool,
+    /// How vertices follow several joints.
+    pub skinning: Skinning,
 }
 
 /// Where something stands in its parent: f64, so that 10 000 km from the origin looks as the origin does.

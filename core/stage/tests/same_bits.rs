@@ -98,3 +98,37 @@ fn one_bit_more_is_another_hash() {
     m.translation.x = f32::from_bits(m.translation.x.to_bits() ^ 1);
     assert_ne!(snapshot.content_hash(), before);
 }
+
+/// A crowd is posed by as many threads as there are.
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let f = figure();
+    let mut stage = Stage::default();
+    for i in 0..120 {
+        let actor = stage.cast(&format!("{i}"), f.clone());
+        stage.actors[actor].transform = Placement::at(f64::from(i), 0.0, 0.0);
+        let clip = f.clips[i as usize % f.clips.len()].clone();
+        stage.play(actor, Cue { speed: 1.0 + f64::from(i) * 0.01, ..Cue::new(clip) });
+        // Some are not seen, and not posed.
+        stage.actors[actor].visible = i % 7 != 3;
+    }
+    let stage = Arc::new(stage);
+    let hashes = |threads: usize| -> Vec<ContentHash> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut evaluator = Evaluator::new(stage.clone());
+            let mut snapshot = Snapshot::default();
+            let mut at = |t: f64| {
+                evaluator.at_into(secs(t), &mut snapshot).unwrap();
+                assert!(evaluator.poses() > 100);
+                snapshot.content_hash()
+            };
+            [0.1, 2.3, 0.7].map(&mut at).to_vec()
+        })
+    };
+    let one = hashes(1);
+    assert!(one[0] != one[1], "the hash must see poses");
+    for threads in [2, 3, 16] {
+        assert_eq!(hashes(threads), one, "{threads} threads");
+    }
+}

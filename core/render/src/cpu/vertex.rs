@@ -96,19 +96,61 @@ impl VertexStage<'_> {
             return self.joint_matrices[first];
         }
         let used = if self.features.has(Features::SKIN_8) { stride } else { stride.min(4) };
+        let range = i * stride..i * stride + used;
+        let joints = &self.primitive.joint_indices[range.clone()];
+        let weights = &self.primitive.joint_weights[range];
+        if self.features.has(Features::SKIN_DUAL) {
+            return self.dual(first, joints, weights);
+        }
         let mut sum = Rows::default();
-        for k in i * stride..i * stride + used {
-            let weight = self.primitive.joint_weights[k];
+        for (joint, weight) in joints.iter().zip(weights) {
             // Unused influences may name any joint.
-            if weight != 0.0 {
-                let joint = &self.joint_matrices[first + self.primitive.joint_indices[k] as usize];
-                for (s, j) in sum.0.iter_mut().zip(&joint.0) {
-                    *s += *j * weight;
-                }
+            if *weight != 0.0 {
+                add(&mut sum, &self.joint_matrices[first + usize::from(*joint)], *weight);
             }
         }
         sum
     }
+
+    /// Stretches blended as matrices, then motions as dual quaternions on the side of the heaviest (`choreo_motion::dual_quaternion`).
+    fn dual(&self, first: usize, joints: &[u16], weights: &[f32]) -> Rows {
+        let mut heaviest = 0;
+        for k in 1..weights.len() {
+            if weights[k] > weights[heaviest] {
+                heaviest = k;
+            }
+        }
+        let at = |joint: u16| first + 2 * usize::from(joint);
+        let pivot = self.joint_matrices[at(joints[heaviest])].0[0];
+        let (mut real, mut dual, mut stretch) = (Vec4::ZERO, Vec4::ZERO, Rows::default());
+        for (joint, weight) in joints.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
+            let [q, d, _] = self.joint_matrices[at(*joint)].0;
+            let signed = if q.dot(pivot) < 0.0 { -*weight } else { *weight };
+            real += q * signed;
+            dual += d * signed;
+            add(&mut stretch, &self.joint_matrices[at(*joint) + 1], *weight);
+        }
+        motion(real, dual).times(&stretch).after(&self.instance.relative_from_mesh)
+    }
+}
+
+fn add(sum: &mut Rows, rows: &Rows, weight: f32) {
+    for (s, r) in sum.0.iter_mut().zip(&rows.0) {
+        *s += *r * weight;
+    }
+}
+
+/// The rotation and translation of a dual quaternion of any length.
+fn motion(q: Vec4, d: Vec4) -> Rows {
+    let k = 2.0 / q.dot(q).max(1e-30);
+    let (v, e) = (q.truncate(), d.truncate());
+    let t = (e * q.w - v * d.w + v.cross(e)) * k;
+    let (x, y, z, w) = (v.x * k, v.y * k, v.z * k, q.w);
+    Rows([
+        Vec4::new(1.0 - (v.y * y + v.z * z), v.x * y - w * z, v.x * z + w * y, t.x),
+        Vec4::new(v.x * y + w * z, 1.0 - (v.x * x + v.z * z), v.y * z - w * x, t.y),
+        Vec4::new(v.x * z - w * y, v.y * z + w * x, 1.0 - (v.x * x + v.y * y), t.z),
+    ])
 }
 
 fn unit(v: Vec3) -> Vec3 {

@@ -94,9 +94,10 @@ pub struct SceneVariant {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 33] = [
+    let names: [(&'static str, Features); 34] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
+        ("SKIN_DUAL", Features::SKIN_DUAL),
         ("MORPH", Features::MORPH),
         ("VERTEX_COLOR", Features::VERTEX_COLOR),
         ("UV0", Features::UV0),

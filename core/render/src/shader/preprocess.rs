@@ -12,9 +12,10 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 44] = [
+pub const SWITCHES: [&str; 45] = [
     "SKIN",
     "SKIN_8",
+    "SKIN_DUAL",
     "MORPH",
     "VERTEX_COLOR",
     "UV0",

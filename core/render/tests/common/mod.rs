@@ -67,6 +67,7 @@ impl Scene {
             morph_weights: asset.instances.iter().map(|i| i.weights.clone()).collect(),
             tint: Vec4::ONE,
             base_colors: Vec::new(),
+            skinning: Default::default(),
         });
         self.stage.actors.len() - 1
     }

@@ -83,6 +83,14 @@ pub const DEFS: &[Def] = &[
     ),
     Def::new(
         Kind::Actor,
+        "skinning",
+        "how",
+        THIS,
+        "How vertices that hang on several joints follow them: \"linear\", as glTF says, or \"dual_quaternion\", which keeps the girth of twisted limbs.",
+        skinning,
+    ),
+    Def::new(
+        Kind::Actor,
         "key",
         "property, keys, how? | property, name, keys, how?",
         THIS,
@@ -337,6 +345,19 @@ fn file_lights(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let on = c.value(0).as_bool().map_err(|_| c.wrong(0, "true or false"))?;
     c.build().actor(this.id)?.actor.file_lights = on;
+    c.itself()
+}
+
+const SKINNINGS: [(&str, Skinning); 2] =
+    [("linear", Skinning::Linear), ("dual_quaternion", Skinning::DualQuaternion)];
+
+fn skinning(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let name = c.name(0)?;
+    let Some((_, how)) = SKINNINGS.iter().find(|(known, _)| *known == name) else {
+        return Err(unknown("skinning", &name, "", SKINNINGS.iter().map(|(known, _)| *known)));
+    };
+    c.build().actor(this.id)?.actor.skinning = *how;
     c.itself()
 }
 

@@ -66,6 +66,15 @@ pub const DEFS: &[Def] = &[
         "With fewer keys: no joint is farther off than so many metres, measured in the model; options: keep (\"own\": each curve keeps its own keys, fewest bytes; \"shared\": curves keep the same, sampled fastest).",
         reduce,
     ),
+    Def::new(
+        Kind::Clip,
+        "compress",
+        "tolerance",
+        CLIP,
+        "In fewer bytes, sampled as fast: no joint is farther off than so many metres (0.0001 is good), measured in the model; what would not become smaller stays as it is. Best done last: edits, and other bodies, take the keys out again.",
+        compress,
+    ),
+    Def::new(Kind::Clip, "bytes", "", Gives::Value("int"), "How many bytes its keys take.", byte_count),
     Def::new(Kind::Clip, "keys", "", Gives::Value("int"), "How many keys its curves have.", key_count),
 ];
 
@@ -134,6 +143,16 @@ fn reduce(c: &mut Call) -> Reply {
         _ => Keep::Own,
     };
     edit(c, |clip, asset| clip.reduced(&asset.skeleton, tolerance, keep).map(|(clip, _)| clip))
+}
+
+fn compress(c: &mut Call) -> Reply {
+    let tolerance = c.number_in(0, 1e-6, 0.1)?;
+    edit(c, |clip, asset| clip.compressed(&asset.skeleton, tolerance).map(|(clip, _)| clip))
+}
+
+fn byte_count(c: &mut Call) -> Reply {
+    let this: ClipRef = c.this()?;
+    Ok(Dynamic::from_int(this.clip.stored_bytes() as i64))
 }
 
 fn key_count(c: &mut Call) -> Reply {

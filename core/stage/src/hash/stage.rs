@@ -4,7 +4,7 @@ use super::ContentHash;
 use super::asset::clip_hash;
 use super::writer::{Writer, hash_of};
 use crate::*;
-use choreo_motion::{Clip, Shape};
+use choreo_motion::{Clip, Shape, Skinning};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -36,6 +36,7 @@ impl Stage {
                     morphs,
                     expressions,
                     file_lights,
+                    skinning,
                 } = actor;
                 w.text(name);
                 w.bytes(&asset.content_hash());
@@ -95,6 +96,7 @@ impl Stage {
                     w.f32(*weight);
                 });
                 w.flag(*file_lights);
+                w.flag(*skinning == Skinning::DualQuaternion);
             });
             w.list(cameras, |w, camera| {
                 w.text(&camera.name);
@@ -153,6 +155,7 @@ impl Snapshot {
                     morph_weights,
                     tint,
                     base_colors,
+                    skinning,
                 } = actor;
                 w.flag(*visible);
                 world_from_model.to_cols_array().into_iter().for_each(|v| w.f64(v));
@@ -160,6 +163,7 @@ impl Snapshot {
                 w.list(morph_weights, |w, weights| w.f32s(weights));
                 w.vec4(*tint);
                 w.vec4s(base_colors);
+                w.flag(*skinning == Skinning::DualQuaternion);
             });
             w.option(&camera.camera, |w, index| w.count(*index));
             camera.world_from_view.to_cols_array().into_iter().for_each(|v| w.f64(v));

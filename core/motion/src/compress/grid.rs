@@ -1,0 +1,73 @@
+//! Even key times that hold those of a clip.
+
+use crate::exact::curve_at;
+use crate::{Clip, Curve, Interpolation, Path, Time};
+
+/// `frames` times, `step` ticks apart.
+pub(super) struct Grid {
+    pub start: Time,
+    pub step: i64,
+    pub frames: usize,
+}
+
+/// Rates that files are made at, and those at which other keys are taken.
+const RATES: [i64; 9] = [24, 25, 30, 48, 50, 60, 100, 120, 240];
+/// Key times in files are f32 seconds: ticks that one may be beside the grid.
+const BESIDE: i64 = Time::TICKS_PER_SECOND / 50_000;
+/// More frames than this are not looked at: two hours at 120 Hz.
+const MOST_FRAMES: i64 = 1 << 20;
+
+/// Whether a curve is one that is packed.
+pub(super) fn packs(curve: &Curve) -> bool {
+    !matches!(curve.path, Path::Weights(_)) && curve.interpolation != Interpolation::Step
+}
+
+impl Grid {
+    /// Grids to try, the coarsest that may do first.
+    pub fn candidates(clip: &Clip) -> Vec<Grid> {
+        let times = || clip.curves().iter().filter(|c| packs(c)).flat_map(|c| c.times.iter().copied());
+        let (Some(start), Some(end)) = (times().min(), times().max()) else { return Vec::new() };
+        let length = (end - start).0;
+        let linear = clip.curves().iter().all(|c| c.interpolation != Interpolation::CubicSpline);
+        let holds = |rate: i64| {
+            let step = Time::TICKS_PER_SECOND / rate;
+            times().all(|t| {
+                let rest = (t - start).0.rem_euclid(step);
+                rest.min(step - rest) <= BESIDE
+            })
+        };
+        let own = RATES.into_iter().find(|rate| linear && holds(*rate));
+        let rates = own.into_iter().chain([60, 120, 240].into_iter().filter(|r| own.is_none_or(|own| *r > own)));
+        rates
+            .map(|rate| Time::TICKS_PER_SECOND / rate)
+            .map(|step| (step, (length + step - 1 - BESIDE).max(0) / step + 1))
+            .filter(|(_, frames)| (2..=MOST_FRAMES).contains(frames))
+            .map(|(step, frames)| Grid { start, step, frames: frames as usize })
+            .collect()
+    }
+
+    pub fn times(&self) -> impl Iterator<Item = Time> + '_ {
+        (0..self.frames).map(|frame| Time(self.start.0 + frame as i64 * self.step))
+    }
+
+    /// A curve at all times, in f64; rotations in the hemisphere of the one before.
+    pub fn values(&self, curve: &Curve) -> Vec<[f64; 4]> {
+        let mut values: Vec<[f64; 4]> = self.times().map(|t| curve_at(curve, nearest_key(curve, t))).collect();
+        if curve.path == Path::Rotation {
+            for i in 1..values.len() {
+                let before = values[i - 1];
+                if before.iter().zip(values[i]).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
+                    values[i] = values[i].map(|c| -c);
+                }
+            }
+        }
+        values
+    }
+}
+
+/// A time of the grid, or the key that it stands for.
+fn nearest_key(curve: &Curve, time: Time) -> Time {
+    let at = curve.times.partition_point(|t| *t < time);
+    let near = |i: usize| curve.times.get(i).copied().filter(|t| (*t - time).0.abs() <= BESIDE);
+    near(at).or_else(|| at.checked_sub(1).and_then(near)).unwrap_or(time)
+}

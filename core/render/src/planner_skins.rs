@@ -1,0 +1,49 @@
+//! What the joints of a skin do to its vertices, as shaders read it.
+
+use crate::plan::Rows;
+use crate::planner::daffine;
+use choreo_motion::{Carrier, Skinning};
+use choreo_stage::{ActorState, Asset};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec4};
+
+/// Skin matrices of one (actor, skin), shared by all its primitives; in the plan only once one is in view.
+pub(crate) struct PosedSkin {
+    pub skin: u32,
+    /// relative-from-mesh, one a joint.
+    pub rows: Vec<Rows>,
+    /// model-from-mesh in parts, where the skin is not linear.
+    pub carriers: Vec<Carrier>,
+    pub first_joint: Option<u32>,
+}
+
+impl PosedSkin {
+    /// World · model-from-joint · inverse bind (glTF 2.0 §3.7.3.3), in f64.
+    pub fn new(relative_from_model: DAffine3, asset: &Asset, skin: u32, state: &ActorState) -> PosedSkin {
+        let mut posed = PosedSkin { skin, rows: Vec::new(), carriers: Vec::new(), first_joint: None };
+        let skin = &asset.skins[skin as usize];
+        for (i, joint) in skin.joints.iter().enumerate() {
+            let pose = state.model_from_joint.get(*joint as usize).copied().unwrap_or(Affine3A::IDENTITY);
+            let bind = skin.inverse_bind.get(i).copied().unwrap_or(glam::Mat4::IDENTITY);
+            let bind = DAffine3 {
+                matrix3: DMat3::from_cols(
+                    bind.x_axis.truncate().as_dvec3(),
+                    bind.y_axis.truncate().as_dvec3(),
+                    bind.z_axis.truncate().as_dvec3(),
+                ),
+                translation: bind.w_axis.truncate().as_dvec3(),
+            };
+            posed.rows.push(Rows::from_affine(relative_from_model * daffine(pose) * bind));
+            if state.skinning == Skinning::DualQuaternion {
+                posed.carriers.push(Carrier::of(daffine(pose) * bind));
+            }
+        }
+        posed
+    }
+}
+
+/// A joint of a dual-quaternion skin as the shader reads it; see [`Plan::joint_matrices`].
+pub(crate) fn dual_rows(carrier: &Carrier) -> [Rows; 2] {
+    let part = |q: glam::DQuat| glam::DVec4::from(q).as_vec4();
+    let stretch = DAffine3 { matrix3: carrier.stretch, translation: DVec3::ZERO };
+    [Rows([part(carrier.real), part(carrier.dual), Vec4::ZERO]), Rows::from_affine(stretch)]
+}

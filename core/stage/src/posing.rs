@@ -1,0 +1,62 @@
+//! All poses of one time, on all cores where there are many.
+
+use crate::carry::Motions;
+use crate::evaluate::Need;
+use crate::pose::{self, PoseScratch};
+use crate::{Actor, ActorEdit, ActorState};
+use choreo_motion::Time;
+use rayon::prelude::*;
+
+/// Fewer poses are taken on one thread: handing them out costs some microseconds.
+const SHARED_OUT_FROM: usize = 48;
+
+/// What the poses read. Each is a function of its actor, the time and the edits alone, so that threads change no bit.
+pub(crate) struct Posing<'a> {
+    pub time: Time,
+    pub motions: &'a Motions,
+    /// One an actor.
+    pub needs: &'a [Need],
+    /// (actor, place in `edits`), sorted.
+    pub pose_edits: &'a [(usize, usize)],
+    pub edits: &'a [ActorEdit],
+}
+
+impl Posing<'_> {
+    /// Poses whom anything needs, and says how many they are. `scratch` grows to one for each part that a thread takes.
+    pub fn run(&self, actors: &[Actor], states: &mut [ActorState], scratch: &mut Vec<PoseScratch>) -> usize {
+        let poses = self.needs.iter().filter(|need| need.pose).count();
+        let threads = if poses < SHARED_OUT_FROM { 1 } else { rayon::current_num_threads() };
+        // Neighbours are often alike: small parts, so that none is left with all that is costly.
+        let size = actors.len().div_ceil(if threads > 1 { 4 * threads } else { 1 }).max(1);
+        let parts = actors.len().div_ceil(size);
+        if scratch.len() < parts {
+            scratch.resize_with(parts, PoseScratch::default);
+        }
+        if threads <= 1 {
+            scratch.iter_mut().take(1).for_each(|scratch| self.part(0, actors, states, scratch));
+        } else {
+            let each = actors.par_chunks(size).zip(states.par_chunks_mut(size)).zip(&mut scratch[..parts]);
+            each.enumerate()
+                .for_each(|(i, ((actors, states), scratch))| self.part(i * size, actors, states, scratch));
+        }
+        poses
+    }
+
+    fn part(&self, first: usize, actors: &[Actor], states: &mut [ActorState], scratch: &mut PoseScratch) {
+        for (index, (actor, state)) in (first..).zip(actors.iter().zip(states)) {
+            if !self.needs[index].pose {
+                state.model_from_joint.clear();
+                state.morph_weights.clear();
+                state.base_colors.clear();
+                continue;
+            }
+            state.skinning = actor.skinning;
+            let at = self.pose_edits.partition_point(|(a, _)| *a < index);
+            let edits = self.pose_edits[at..].iter().take_while(|(a, _)| *a == index);
+            let edits = edits.map(|(_, place)| &self.edits[*place]);
+            let (joints, weights) = (&mut state.model_from_joint, &mut state.morph_weights);
+            pose::pose_actor(actor, self.time, self.motions.of(index), edits, scratch, joints, weights);
+            crate::properties::base_colors(actor, self.time, &mut state.base_colors);
+        }
+    }
+}
