@@ -14,6 +14,7 @@ mod reduction;
 mod rotation;
 mod samples;
 mod scenes;
+mod skinning;
 mod springs;
 mod time;
 mod video;
@@ -39,7 +40,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 14] = [
+const SECTIONS: [(&str, Measure); 15] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -49,6 +50,7 @@ const SECTIONS: [(&str, Measure); 14] = [
     ("time", time::section),
     ("springs", springs::section),
     ("ik", ik::section),
+    ("skinning", skinning::section),
     ("packing", packing::section),
     ("mipmaps", mipmaps::section),
     ("samples", samples::section),

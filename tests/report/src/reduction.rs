@@ -26,7 +26,12 @@ pub fn section() -> Result<Section, String> {
             ways.push((format!("{name}, {mm} mm"), clip, report.bytes[1]));
         }
     }
-    let mut choice = Choice::new("reduction", "Which keys of motion sampled at 30 Hz can go?");
+    for mm in [0.01, 0.1, 0.5, 1.0, 2.0, 5.0] {
+        let (clip, report) = dense.compressed(skeleton, mm * 1e-3).map_err(|e| e.to_string())?;
+        ways.push((format!("compressed, {mm} mm"), clip, report.bytes[1]));
+    }
+    let floats = skeleton.len() * 40 * 30;
+    let mut choice = Choice::new("reduction", "In how few bytes is motion sampled at 30 Hz kept?");
     choice.error_unit = "mm";
     choice.reference = "f64 slerp on all keys, any joint's place in the model, at 400 times".into();
     choice.per = format!("sample of {} joints at any time", skeleton.len());
@@ -39,18 +44,25 @@ pub fn section() -> Result<Section, String> {
         let errors = errors(skeleton, &dense, clip);
         let mut row =
             Row::new(name).error(errors.worst, errors.mean()).nanos(nanos).bytes(*bytes as f64 / secs);
-        row.note = format!("size: a second; {} keys", clip.keys());
+        let ratio = floats as f64 / (*bytes as f64 / secs);
+        row.note = match clip.is_compressed() {
+            true => format!("size: a second; a {ratio:.1}th of dense floats"),
+            false => format!("size: a second; {} keys", clip.keys()),
+        };
         choice.rows.push(row);
     }
     choice.choose(
         "all keys, 30 Hz",
-        "clips stay as authored where a script does not ask for less with Clip.reduce",
+        "clips stay as authored where a script does not ask for less with Clip.compress or Clip.reduce",
     );
     Ok(Section {
         title: "Key reduction and compression",
         text: "A key goes where the keys around it tell it within the tolerance, which is shared out by how far the joints below reach; \
                then the whole is measured in the model and done again until it holds. Keys of each curve's own are fewest bytes, \
-               but every curve then looks for its own interval; shared ones keep the rows that eight joints are read from at once."
+               but every curve then looks for its own interval; shared ones keep the rows that eight joints are read from at once. \
+               Compressed clips keep the rate and the slerp between keys; each key comes from a cubic spline with a knot for every 1 to 8 \
+               of them, in as few bits as the tolerance needs. Dense floats are translation, rotation and scale of every joint: 40 bytes \
+               a key."
             .into(),
         choices: vec![choice],
         tables: Vec::new(),

@@ -1,4 +1,4 @@
-//! Clips as authored, or resampled to an even rate.
+//! Clips as authored, resampled to an even rate, or compressed.
 
 use super::{Found, Limits, Scene, pick};
 use crate::timing::{Case, Clock, interleaved};
@@ -46,7 +46,7 @@ pub fn choices(scene: &Scene) -> Found {
 
 /// The choice for these clips, each equally long in use.
 pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
-    let mut choice = Choice::new("bake", "Are clips sampled as authored, or baked to an even rate?");
+    let mut choice = Choice::new("bake", "Are clips sampled as authored, baked to an even rate, or compressed?");
     choice.error_unit = "mm";
     choice.reference =
         "joints in model space against f64 slerp and splines on the source's keys, at keys, between them and between frames".into();
@@ -65,6 +65,15 @@ pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
         // A clip of hours, too large to be baked at this rate.
         if let Ok(baked) = baked {
             ways.push((format!("baked at {rate} Hz"), baked));
+        }
+    }
+    for mm in [0.1, 1.0] {
+        let small: Result<Vec<Played>, _> = clips
+            .iter()
+            .map(|(clip, skeleton)| Ok((Arc::new(clip.compressed(skeleton, mm * 1e-3)?.0), skeleton.clone())))
+            .collect::<Result<_, choreo_motion::CompressError>>();
+        if let Some(small) = small.ok().filter(|clips| clips.iter().any(|(clip, _)| clip.is_compressed())) {
+            ways.push((format!("compressed, {mm} mm"), small));
         }
     }
     let mut errors = vec![Spread::default(); ways.len()];
@@ -90,7 +99,7 @@ pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
     for (((name, clips), error), (place, nanos)) in
         ways.iter().zip(&errors).zip(places.into_iter().zip(nanos))
     {
-        let bytes: usize = clips.iter().map(|(clip, _)| size(clip)).sum();
+        let bytes: usize = clips.iter().map(|(clip, _)| clip.stored_bytes()).sum();
         let row = Row::new(name.clone())
             .error(error.worst, error.mean())
             .at(place)
@@ -139,18 +148,4 @@ fn timed(clips: &[Played]) -> Case<'_> {
             std::hint::black_box(pose.blocks());
         }
     })
-}
-
-/// Keys as they are held: values, and times once where curves share them.
-fn size(clip: &Clip) -> usize {
-    let mut seen: Vec<*const Time> = Vec::new();
-    let mut bytes = 0;
-    for curve in clip.curves() {
-        bytes += curve.values.len() * 4;
-        if !seen.contains(&curve.times.as_ptr()) {
-            seen.push(curve.times.as_ptr());
-            bytes += curve.times.len() * 8;
-        }
-    }
-    bytes
 }

@@ -4,6 +4,7 @@ pub mod bake;
 pub mod crossfade;
 pub mod mips;
 pub mod renderer;
+pub mod skinning;
 pub mod vertices;
 pub mod video;
 
@@ -37,7 +38,7 @@ pub struct Measured {
 }
 
 /// Keys of all choices, in the order in which they are measured.
-pub const KEYS: [&str; 6] = ["bake", "crossfade", "vertices", "mips", "renderer", "video"];
+pub const KEYS: [&str; 7] = ["bake", "crossfade", "skinning", "vertices", "mips", "renderer", "video"];
 
 /// Measures the choices of these keys; errors are of the scene or of a device.
 pub fn measure(scene: &mut Scene, keys: &[&str]) -> Result<Measured, String> {
@@ -50,6 +51,7 @@ pub fn measure(scene: &mut Scene, keys: &[&str]) -> Result<Measured, String> {
         let found = match key {
             "bake" => bake::choices(scene),
             "crossfade" => crossfade::choices(scene),
+            "skinning" => skinning::choices(scene, &moment),
             "vertices" => vertices::choices(scene, &moment),
             "mips" => mips::choices(scene, &moment),
             "renderer" => renderer::choices(scene, &moment)?,

@@ -5,8 +5,8 @@ use crate::picture::Moment;
 use crate::truth::Spread;
 use crate::vertex::{NORMALS, WEIGHTS, degrees_between};
 use choreo_report::{Choice, Row};
-use choreo_stage::Asset;
-use glam::{DAffine3, DVec3, Mat3, Vec3};
+use choreo_stage::{Asset, Skin};
+use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 use std::sync::Arc;
 
 /// Of one mesh; taken evenly.
@@ -77,19 +77,7 @@ fn weights(assets: &[(&Arc<Asset>, usize)], moment: &Moment) -> Option<Choice> {
             ) else {
                 continue;
             };
-            let carriers: Vec<DAffine3> = skin
-                .joints
-                .iter()
-                .zip(&skin.inverse_bind)
-                .map(|(joint, bind)| {
-                    let joint = posed.get(*joint as usize).copied().unwrap_or(glam::Affine3A::IDENTITY);
-                    let joint = DAffine3::from_mat3_translation(
-                        Mat3::from(joint.matrix3).as_dmat3(),
-                        Vec3::from(joint.translation).as_dvec3(),
-                    );
-                    joint * DAffine3::from_mat4(bind.as_dmat4())
-                })
-                .collect();
+            let carriers = model_from_mesh(skin, posed);
             for primitive in mesh.primitives.iter().filter(|p| p.influences > 0) {
                 let n = primitive.influences;
                 let step = primitive.positions.len().div_ceil(MOST_VERTICES).max(1);
@@ -122,4 +110,18 @@ fn weights(assets: &[(&Arc<Asset>, usize)], moment: &Moment) -> Option<Choice> {
     }
     choice.choose(WEIGHTS[1].0, "as exact as floats to the eye, at half their size");
     Some(choice)
+}
+
+/// What each joint of a skin does to the mesh.
+pub(super) fn model_from_mesh(skin: &Skin, posed: &[Affine3A]) -> Vec<DAffine3> {
+    let pairs = skin.joints.iter().zip(&skin.inverse_bind);
+    let map = |(joint, bind): (&u32, &Mat4)| {
+        let joint = posed.get(*joint as usize).copied().unwrap_or(Affine3A::IDENTITY);
+        let joint = DAffine3::from_mat3_translation(
+            Mat3::from(joint.matrix3).as_dmat3(),
+            Vec3::from(joint.translation).as_dvec3(),
+        );
+        joint * DAffine3::from_mat4(bind.as_dmat4())
+    };
+    pairs.map(map).collect()
 }

@@ -1,0 +1,265 @@
+//! Skins: how vertices follow joints, how many joints count, and in what numbers positions are kept.
+
+use crate::{BUDGET_SECS, Random, Section};
+use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_measure::truth::Spread;
+use choreo_motion::{Carrier, DualQuaternion, Skin, SkinDual, stretch_of};
+use choreo_report::{Cell, Choice, Row, Table, quantity};
+use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3A, Vec3, Vec3A};
+
+const VERTICES: usize = 4_000;
+/// Of the limb, metres.
+const RADIUS: f64 = 0.04;
+const ANGLES: [f64; 6] = [10.0, 45.0, 90.0, 120.0, 150.0, 175.0];
+
+pub fn section() -> Result<Section, String> {
+    let (twist, table) = twisted();
+    Ok(Section {
+        title: "Skins",
+        text: "A vertex between two joints goes the straight way between where they would take it, if their matrices are blended: a twisted \
+               limb loses cos(θ/2) of its girth halfway, all of it at half a turn. Dual quaternions turn it about the axis between the \
+               motions. They bulge where joints bend, and other programs do not know them, so that files' own skins stay linear, as \
+               glTF has it, where a script does not ask. Scales and shears are blended before the motions and cost a second sum."
+            .into(),
+        choices: vec![twist, influences(), positions()],
+        tables: vec![table],
+        off_front: vec![
+            ("skinning", "linear blending is what the files were painted for, and the cheapest; who twists says so."),
+            (
+                "positions",
+                "half the bytes of positions are a fifth of a vertex's; 16 bits would show as creases on large flat meshes, \
+                 where a step is as large as the mesh is wide.",
+            ),
+        ],
+    })
+}
+
+fn narrow(map: &DAffine3) -> Affine3A {
+    Affine3A { matrix3: Mat3A::from(map.matrix3.as_mat3()), translation: Vec3A::from(map.translation.as_vec3()) }
+}
+
+/// Vertices with the joints that move them.
+struct Mesh {
+    influences: usize,
+    joints: Vec<u16>,
+    weights: Vec<f32>,
+    positions: Vec<Vec3>,
+}
+
+#[derive(Clone, Copy)]
+enum Way {
+    Linear,
+    Dual,
+    Stretched,
+}
+
+impl Mesh {
+    fn skinned(&self, way: Way, maps: &[DAffine3], out: &mut [Vec3], normals: &mut [Vec3]) {
+        let Mesh { influences, joints, weights, positions } = self;
+        let carriers: Vec<Carrier> = maps.iter().map(|m| Carrier::of(*m)).collect();
+        let matrices: Vec<Affine3A> = maps.iter().map(narrow).collect();
+        let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
+        let stretches: Vec<Affine3A> = match way {
+            Way::Stretched => carriers.iter().map(stretch_of).collect(),
+            _ => Vec::new(),
+        };
+        let (joint_indices, joint_weights, influences) = (joints, weights, *influences);
+        // Positions stand in for normals: the cost is the same.
+        let source: &[Vec3] = if normals.is_empty() { &[] } else { positions };
+        match way {
+            Way::Linear => Skin {
+                matrices: &matrices,
+                influences,
+                joint_indices,
+                joint_weights,
+                positions,
+                normals: source,
+                out_positions: out,
+                out_normals: normals,
+            }
+            .run(),
+            _ => SkinDual {
+                motions: &motions,
+                stretches: &stretches,
+                influences,
+                joint_indices,
+                joint_weights,
+                positions,
+                normals: source,
+                out_positions: out,
+                out_normals: normals,
+            }
+            .run(),
+        }
+    }
+
+    fn nanos(&self, ways: &[Way], maps: &[DAffine3]) -> Vec<f64> {
+        let mut cases: Vec<Case> = ways
+            .iter()
+            .map(|way| {
+                let (mut out, mut normals) = (self.positions.clone(), self.positions.clone());
+                Case::new(VERTICES, move || {
+                    self.skinned(*way, maps, &mut out, &mut normals);
+                    std::hint::black_box((&mut out, &mut normals));
+                })
+            })
+            .collect();
+        interleaved(Clock::Thread, BUDGET_SECS, &mut cases)
+    }
+}
+
+/// A limb along x from 0 to 25 cm, weights evenly from one joint to the other.
+fn limb() -> Mesh {
+    let mut random = Random(3);
+    let mut mesh = Mesh { influences: 4, joints: Vec::new(), weights: Vec::new(), positions: Vec::new() };
+    for _ in 0..VERTICES {
+        let (along, angle) = (random.unit(), random.unit() * std::f64::consts::TAU);
+        let at = DVec3::new(along * 0.25, libm::cos(angle) * RADIUS, libm::sin(angle) * RADIUS);
+        mesh.positions.push(at.as_vec3());
+        mesh.joints.extend([0, 1, 0, 0]);
+        mesh.weights.extend([1.0 - along as f32, along as f32, 0.0, 0.0]);
+    }
+    mesh
+}
+
+fn twisted() -> (Choice, Table) {
+    let mesh = limb();
+    let ways = [
+        ("linear blending", Way::Linear),
+        ("dual quaternions", Way::Dual),
+        ("dual quaternions after stretches", Way::Stretched),
+    ];
+    let mut choice = Choice::new("skinning", "How do vertices follow several joints?");
+    choice.error_unit = "mm";
+    choice.reference = "a limb of 4 cm radius whose sections turn evenly about its axis, a closed form; twisted by 10° to 175°".into();
+    choice.per = "vertex with 4 influences, position and normal".into();
+    let titles: Vec<String> = ANGLES.iter().map(|a| format!(">{a}°")).collect();
+    let columns: Vec<(&str, &str)> = [("worst error in mm, twisted by", "way")]
+        .into_iter()
+        .chain(titles.iter().map(|t| (t.as_str(), "from one end to the other")))
+        .collect();
+    let mut table = Table::new("By the angle of the twist", &columns);
+    let nanos = mesh.nanos(&ways.map(|w| w.1), &turned(120.0));
+    let mut out = mesh.positions.clone();
+    for ((name, way), nanos) in ways.into_iter().zip(nanos) {
+        let mut all = Spread::default();
+        let mut place = String::new();
+        let mut cells = vec![Cell::text(name)];
+        for angle in ANGLES {
+            mesh.skinned(way, &turned(angle), &mut out, &mut []);
+            let mut errors = Spread::default();
+            for ((at, weights), got) in mesh.positions.iter().zip(mesh.weights.chunks(4)).zip(&out) {
+                let share = f64::from(weights[1]);
+                let want = DQuat::from_rotation_x(angle.to_radians() * share) * at.as_dvec3();
+                let error = (got.as_dvec3() - want).length() * 1e3;
+                errors.add(error);
+                if all.add(error) {
+                    place = format!("{angle}°, {share:.2} of the way");
+                }
+            }
+            cells.push(Cell::number(quantity(errors.worst), errors.worst));
+        }
+        table.rows.push(cells);
+        choice.rows.push(Row::new(name).error(all.worst, all.mean()).nanos(nanos).at(place));
+    }
+    choice.choose("linear blending", "what glTF says and what files are painted for; .skinning(\"dual_quaternion\") where limbs twist");
+    (choice, table)
+}
+
+fn turned(degrees: f64) -> Vec<DAffine3> {
+    vec![DAffine3::IDENTITY, DAffine3::from_rotation_x(degrees.to_radians())]
+}
+
+/// A bent back of 16 joints, 10 cm apart, each vertex on the eight nearest; the heaviest few are kept.
+fn influences() -> Choice {
+    const MOST: usize = 8;
+    let mut choice = Choice::new("influences", "How many joints move a vertex?");
+    choice.error_unit = "mm";
+    choice.reference = "all 8 influences in f64; a back of 16 joints, each bent by 12°".into();
+    choice.per = "vertex, position and normal".into();
+    let mut maps = vec![DAffine3::IDENTITY];
+    for joint in 1..16 {
+        let pivot = DVec3::new(0.1 * f64::from(joint), 0.0, 0.0);
+        let bend = DAffine3::from_translation(pivot)
+            * DAffine3::from_rotation_z(12f64.to_radians())
+            * DAffine3::from_translation(-pivot);
+        maps.push(maps[joint as usize - 1] * bend);
+    }
+    let mut random = Random(5);
+    let mut all: Vec<(Vec3, Vec<(u16, f64)>)> = Vec::new();
+    for _ in 0..VERTICES {
+        let at = DVec3::new(random.unit() * 1.5, random.signed() * 0.12, random.signed() * 0.1);
+        let far = |joint: usize| (at.x - 0.1 * joint as f64 - 0.05) / 0.12;
+        let mut weights: Vec<(u16, f64)> =
+            (0..16).map(|j| (j as u16, libm::exp(-0.5 * far(j) * far(j)))).collect();
+        weights.sort_by(|a, b| b.1.total_cmp(&a.1));
+        weights.truncate(MOST);
+        all.push((at.as_vec3(), weights));
+    }
+    let kept = |n: usize| -> Mesh {
+        let mut mesh = Mesh { influences: n, joints: Vec::new(), weights: Vec::new(), positions: Vec::new() };
+        for (at, weights) in &all {
+            let sum: f64 = weights[..n].iter().map(|w| w.1).sum();
+            mesh.positions.push(*at);
+            mesh.joints.extend(weights[..n].iter().map(|w| w.0));
+            mesh.weights.extend(weights[..n].iter().map(|w| (w.1 / sum) as f32));
+        }
+        mesh
+    };
+    let exact: Vec<DVec3> = all
+        .iter()
+        .map(|(at, weights)| {
+            let sum: f64 = weights.iter().map(|w| w.1).sum();
+            weights.iter().map(|(j, w)| maps[usize::from(*j)].transform_point3(at.as_dvec3()) * (*w / sum)).sum()
+        })
+        .collect();
+    for n in 1..=MOST {
+        let mesh = kept(n);
+        let mut out = mesh.positions.clone();
+        mesh.skinned(Way::Linear, &maps, &mut out, &mut []);
+        let mut errors = Spread::default();
+        exact.iter().zip(&out).for_each(|(want, got)| _ = errors.add((got.as_dvec3() - *want).length() * 1e3));
+        let nanos = mesh.nanos(&[Way::Linear], &maps)[0];
+        let row = Row::new(format!("{n}, the heaviest")).error(errors.worst, errors.mean()).nanos(nanos);
+        choice.rows.push(row.bytes((n * 4) as f64));
+    }
+    choice.choose("8, the heaviest", "what a file says, up to 8; meshes whose vertices have no more than 4 are drawn with 4");
+    choice
+}
+
+/// A figure's positions in fewer bytes.
+fn positions() -> Choice {
+    let mut choice = Choice::new("positions", "In what numbers are positions kept?");
+    choice.error_unit = "mm";
+    choice.reference = "the file's own f32, skinned in f64; a figure of 1.8 m, joints turned by up to 120°".into();
+    let mut random = Random(6);
+    let half_size = DVec3::new(0.5, 0.9, 0.3);
+    let ways: [(&str, usize, fn(f64, f64) -> f64); 4] = [
+        ("f32 × 3", 12, |v, _| v),
+        ("16-bit signed × 4, in the mesh's box", 8, |v, half| libm::round(v / half * 32767.0) / 32767.0 * half),
+        ("half float × 4", 8, |v, _| half_float(v)),
+        ("10-bit signed × 3, in the mesh's box", 4, |v, half| libm::round(v / half * 511.0) / 511.0 * half),
+    ];
+    let mut errors = [Spread::default(); 4];
+    for _ in 0..20_000 {
+        let at = DVec3::new(random.signed(), random.signed(), random.signed()) * half_size;
+        let at = at.as_vec3().as_dvec3();
+        let turn = DQuat::from_axis_angle(random.direction(), random.unit() * 120f64.to_radians());
+        for ((_, _, pack), error) in ways.iter().zip(&mut errors) {
+            let packed = DVec3::new(pack(at.x, half_size.x), pack(at.y, half_size.y), pack(at.z, half_size.z));
+            error.add((turn * packed - turn * at).length() * 1e3);
+        }
+    }
+    for ((name, bytes, _), error) in ways.iter().zip(errors) {
+        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).bytes(*bytes as f64));
+    }
+    choice.choose("f32 × 3", "exact at any size of a mesh, without a box that shaders must know");
+    choice
+}
+
+/// Rounded to the 11 bits of IEEE 754 binary16.
+fn half_float(v: f64) -> f64 {
+    let (_, exponent) = libm::frexp(v);
+    let step = libm::ldexp(1.0, exponent.max(-13) - 11);
+    libm::round(v / step) * step
+}
