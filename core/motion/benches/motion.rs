@@ -9,8 +9,8 @@
 mod support;
 
 use choreo_motion::{
-    Carrier, Clip, Crossfade, Curve, DualQuaternion, FrameRate, Interpolation, Level, LocalToModel, Path, Pose,
-    Sample, Skeleton, Skin, SkinDual, Time, Transform, stretch_of,
+    Carrier, Clip, Crossfade, Curve, DualQuaternion, FrameRate, Interpolation, Level, LocalToModel, Path,
+    Pose, Sample, Skeleton, Skin, SkinDual, Time, Transform, stretch_of,
 };
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3, Quat, Vec3};
 use std::sync::Arc;
@@ -28,7 +28,11 @@ fn main() {
     }
     if std::env::args().any(|a| a == "compression") {
         let set = ("rotations 30 Hz, hips move, rest constant", clips(&skeleton, Style::Typical));
-        return compressed(&skeleton, &[set, ("all T, R, S move, 30 Hz", clips(&skeleton, Style::All))], quick);
+        return compressed(
+            &skeleton,
+            &[set, ("all T, R, S move, 30 Hz", clips(&skeleton, Style::All))],
+            quick,
+        );
     }
     println!("level: {:?}; {JOINTS} joints; ns a character, median (fastest)\n", Level::best());
     println!("crossfade: sample + sample + blend + local-to-model");
@@ -53,7 +57,9 @@ fn main() {
     let portable = crossfades(&skeleton, &sets[0].1, 1, Level::Portable, quick);
     println!("{:<44}{portable:>15}", "the first, portable level");
 
-    println!("\none sample of a 15 s clip; a random time against the next frame in turns, median of the rounds");
+    println!(
+        "\none sample of a 15 s clip; a random time against the next frame in turns, median of the rounds"
+    );
     println!("{:<44}{:>15}{:>15}{:>12}", "clip", "next frame", "random seek", "random/next");
     for (name, clips) in &sets {
         let [next, random] = [false, true].map(|random| samples(&clips[0], random, quick));
@@ -72,7 +78,14 @@ fn compressed(skeleton: &Skeleton, sets: &[(&str, [Clip; 2])], quick: bool) {
     println!("\ncompressed clips, one sample");
     println!(
         "{:<44}{:>10}{:>10}{:>12}{:>12}{:>15}{:>15}{:>12}",
-        "clip, tolerance", "bytes", "dense : 1", "stated, mm", "found, mm", "next frame", "random seek", "random/next"
+        "clip, tolerance",
+        "bytes",
+        "dense : 1",
+        "stated, mm",
+        "found, mm",
+        "next frame",
+        "random seek",
+        "random/next"
     );
     for (name, clips) in sets {
         for tolerance in [1e-5, 1e-4, 1e-3] {
@@ -99,7 +112,8 @@ fn lost_mm(skeleton: &Skeleton, source: &Clip, clip: &Clip) -> f64 {
     for _ in 0..500 {
         let time = Time(random.below(source.duration.0 as usize) as i64);
         Sample { clip, time, pose: &mut pose }.run();
-        let wide = |t: Transform| (t.translation.as_dvec3(), t.rotation.as_dquat().normalize(), t.scale.as_dvec3());
+        let wide =
+            |t: Transform| (t.translation.as_dvec3(), t.rotation.as_dquat().normalize(), t.scale.as_dvec3());
         let got: Vec<_> = pose.iter().map(wide).collect();
         let wanted = support::model64(skeleton, &locals64(source, time));
         for (a, b) in support::model64(skeleton, &got).iter().zip(wanted) {
@@ -121,8 +135,10 @@ fn seek_ratio(clip: &Clip, quick: bool) -> f64 {
         }
         thread_nanos() - start
     };
-    let mut ratios: Vec<f64> =
-        (0..if quick { 1 } else { 301 }).map(|_| (round(&random), round(&next))).map(|(r, n)| r / n.max(1.0)).collect();
+    let mut ratios: Vec<f64> = (0..if quick { 1 } else { 301 })
+        .map(|_| (round(&random), round(&next)))
+        .map(|(r, n)| r / n.max(1.0))
+        .collect();
     ratios.sort_by(f64::total_cmp);
     ratios[ratios.len() / 2]
 }
@@ -141,7 +157,11 @@ fn sample_times(clip: &Clip, random: bool) -> Vec<Time> {
 fn skinnings(quick: bool) {
     println!("\nskinning, position + normal, ns a vertex (ozz-animation 0.16, linear, 4 influences: 3.8)");
     println!("{:<44}{:>15}{:>15}", "way", "4 influences", "8 influences");
-    let ways = [("linear", Way::Linear), ("dual quaternions", Way::Dual), ("dual quaternions and stretches", Way::Stretched)];
+    let ways = [
+        ("linear", Way::Linear),
+        ("dual quaternions", Way::Dual),
+        ("dual quaternions and stretches", Way::Stretched),
+    ];
     for (name, way) in ways {
         let [four, eight] = [4, 8].map(|n| skinning(way, n, Level::best(), quick));
         println!("{name:<44}{four:>15}{eight:>15}");
@@ -348,7 +368,12 @@ fn skinning(way: Way, influences: usize, level: Level, quick: bool) -> String {
     let joint_indices: Vec<u16> = (0..VERTICES * influences).map(|_| random.below(JOINTS) as u16).collect();
     let joint_weights = vec![1.0 / influences as f32; VERTICES * influences];
     let (mut out_positions, mut out_normals) = (positions.clone(), normals.clone());
-    let wide = |m: &Affine3A| DAffine3::from_mat3_translation(Mat3::from(m.matrix3).as_dmat3(), Vec3::from(m.translation).as_dvec3());
+    let wide = |m: &Affine3A| {
+        DAffine3::from_mat3_translation(
+            Mat3::from(m.matrix3).as_dmat3(),
+            Vec3::from(m.translation).as_dvec3(),
+        )
+    };
     let carriers: Vec<Carrier> = matrices.iter().map(|m| Carrier::of(wide(m))).collect();
     let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
     let stretches: Vec<Affine3A> = match way {

@@ -156,7 +156,8 @@ mod tests {
         let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -2.0) / 3.0, 2.2);
         for scale in [DVec3::ONE, DVec3::splat(0.01), DVec3::new(1.0, 2.0, 0.5), DVec3::new(-1.0, 1.0, 1.0)] {
             let shear = DAffine3::from_mat3(DMat3::from_cols(DVec3::X, DVec3::new(0.4, 1.0, 0.1), DVec3::Z));
-            let map = DAffine3::from_scale_rotation_translation(scale, turn, DVec3::new(3.0, -1.0, 2.0)) * shear;
+            let map =
+                DAffine3::from_scale_rotation_translation(scale, turn, DVec3::new(3.0, -1.0, 2.0)) * shear;
             let carrier = Carrier::of(map);
             assert!(near(Carrier::blend([(&carrier, 1.0)].into_iter()), map), "{scale}");
             assert!((DMat3::from_quat(carrier.real).determinant() - 1.0).abs() < 1e-12);
@@ -170,7 +171,10 @@ mod tests {
             [DVec3::X * 1e-9, DVec3::ZERO, DVec3::ZERO],
             [DVec3::Y, DVec3::Z * 2.0, DVec3::ZERO],
         ] {
-            let map = DAffine3 { matrix3: DMat3::from_cols_array_2d(&columns.map(|c| c.to_array())), translation: DVec3::X };
+            let map = DAffine3 {
+                matrix3: DMat3::from_cols_array_2d(&columns.map(|c| c.to_array())),
+                translation: DVec3::X,
+            };
             let got = Carrier::blend([(&Carrier::of(map), 1.0)].into_iter());
             assert!(near(got, map), "{got} {map}");
         }
@@ -192,7 +196,10 @@ mod tests {
             assert!(near(got, about(angle / 2.0)), "{degrees}");
             // The other quaternion of the same rotation gives the same.
             let b = Carrier { real: -b.real, dual: -b.dual, ..b };
-            assert!(near(Carrier::blend([(&b, 0.5), (&a, 0.5)].into_iter()), about(angle / 2.0)), "{degrees}");
+            assert!(
+                near(Carrier::blend([(&b, 0.5), (&a, 0.5)].into_iter()), about(angle / 2.0)),
+                "{degrees}"
+            );
             // Linear blending thins a limb: the determinant of the mean of two turns is (1 + cos) / 2.
             let linear = (about(0.0).matrix3 + about(angle).matrix3) * 0.5;
             assert!((linear.determinant() - (1.0 + angle.cos()) / 2.0).abs() < 1e-12);

@@ -253,7 +253,9 @@ impl F8 for Array {
     #[inline(always)]
     fn joined_rows(first: [Self; 3], next: [Self; 3]) -> [[Self; 3]; 2] {
         let half = |row: usize, from: usize| {
-            Array(std::array::from_fn(|i| if i < 4 { first[row].0[from + i] } else { next[row].0[from + i - 4] }))
+            Array(std::array::from_fn(
+                |i| if i < 4 { first[row].0[from + i] } else { next[row].0[from + i - 4] },
+            ))
         };
         [0, 4].map(|from| [half(0, from), half(1, from), half(2, from)])
     }
@@ -264,7 +266,9 @@ impl F8 for Array {
     #[inline(always)]
     fn joined_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2] {
         let half = |row: usize, from: usize| {
-            Array(std::array::from_fn(|i| if i < 4 { first[row].0[from + i] } else { next[row].0[from + i - 4] }))
+            Array(std::array::from_fn(
+                |i| if i < 4 { first[row].0[from + i] } else { next[row].0[from + i - 4] },
+            ))
         };
         [0, 4].map(|from| [half(0, from), half(1, from), half(2, from), half(3, from)])
     }

@@ -158,7 +158,12 @@ pub(crate) type Rows<F> = [[F; 3]; 4];
 
 /// Weighted sums of matrices, for up to eight vertices of any number of influences.
 #[inline(always)]
-pub(crate) fn blended<F: F8>(matrices: &[Affine3A], influences: usize, joints: &[u16], weights: &[f32]) -> Rows<F> {
+pub(crate) fn blended<F: F8>(
+    matrices: &[Affine3A],
+    influences: usize,
+    joints: &[u16],
+    weights: &[f32],
+) -> Rows<F> {
     let zero = F::splat(0.0);
     let (mut c01, mut c23) = ([zero; LANES], [zero; LANES]);
     if influences > 0 {
@@ -178,10 +183,15 @@ fn component_rows<F: F8>([a, b, c, d, e, f, g, h]: [F; LANES]) -> [[F; 3]; 2] {
 
 /// The same for a known number of influences. Four vertices at a time, so that their matrices stay in registers.
 #[inline(always)]
-pub(crate) fn blended_by<F: F8, const N: usize>(matrices: &[Affine3A], joints: &[u16], weights: &[f32]) -> Rows<F> {
+pub(crate) fn blended_by<F: F8, const N: usize>(
+    matrices: &[Affine3A],
+    joints: &[u16],
+    weights: &[f32],
+) -> Rows<F> {
     let (joints, _) = joints.as_chunks::<N>();
     let (weights, _) = weights.as_chunks::<N>();
-    let (Some(joints), Some(weights)) = (joints.first_chunk::<LANES>(), weights.first_chunk::<LANES>()) else {
+    let (Some(joints), Some(weights)) = (joints.first_chunk::<LANES>(), weights.first_chunk::<LANES>())
+    else {
         return blended(matrices, N, joints.as_flattened(), weights.as_flattened());
     };
     let zero = F::splat(0.0);

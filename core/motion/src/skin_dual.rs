@@ -54,7 +54,10 @@ impl SkinDual<'_> {
         }
         let joints = self.motions.len();
         if !self.stretches.is_empty() && self.stretches.len() != joints {
-            return Err(format!("`SkinDual.stretches` holds {}, the skin has {joints} joints", self.stretches.len()));
+            return Err(format!(
+                "`SkinDual.stretches` holds {}, the skin has {joints} joints",
+                self.stretches.len()
+            ));
         }
         let lengths = [
             ("joint_indices", self.joint_indices.len(), vertices * self.influences),
@@ -72,7 +75,10 @@ impl SkinDual<'_> {
             return Err(format!("`SkinDual.joint_indices[{at}]` is {joint}, the skin has {joints} joints"));
         }
         if let Some(at) = self.joint_weights.iter().position(|w| !w.is_finite()) {
-            return Err(format!("`SkinDual.joint_weights[{at}]` is {}, must be finite", self.joint_weights[at]));
+            return Err(format!(
+                "`SkinDual.joint_weights[{at}]` is {}, must be finite",
+                self.joint_weights[at]
+            ));
         }
         Ok(())
     }

@@ -3,7 +3,8 @@
 mod support;
 
 use choreo_motion::{
-    Clip, CompressError, Crossfade, Curve, FrameRate, Interpolation, Level, Path, Pose, Sample, Skeleton, Time, Transform,
+    Clip, CompressError, Crossfade, Curve, FrameRate, Interpolation, Level, Path, Pose, Sample, Skeleton,
+    Time, Transform,
 };
 use glam::{Affine3A, DQuat, DVec3, EulerRot, Quat, Vec3};
 use std::sync::Arc;
@@ -11,9 +12,19 @@ use support::Random;
 
 /// Chains of a spine and two arms, some 60 joints.
 fn body(joints: usize) -> Skeleton {
+    let parents: Vec<Option<u32>> = (0..joints as u32)
+        .map(|j| {
+            if j == 0 {
+                None
+            } else if j % 20 == 0 {
+                Some(3)
+            } else {
+                Some(j - 1)
+            }
+        })
+        .collect();
     let parents: Vec<Option<u32>> =
-        (0..joints as u32).map(|j| if j == 0 { None } else if j % 20 == 0 { Some(3) } else { Some(j - 1) }).collect();
-    let parents: Vec<Option<u32>> = parents.into_iter().enumerate().map(|(j, p)| p.map(|p| p.min(j as u32 - 1))).collect();
+        parents.into_iter().enumerate().map(|(j, p)| p.map(|p| p.min(j as u32 - 1))).collect();
     let mut random = Random(4);
     let rest = (0..joints)
         .map(|j| Transform {
@@ -55,15 +66,33 @@ fn motion(skeleton: &Skeleton, rate: u32, secs: f64, jitter: f32, interpolation:
             }
         }
         let joint = joint as u32;
-        curves.push(Curve { joint, path: Path::Rotation, interpolation, times: times.clone(), values: values.into() });
+        curves.push(Curve {
+            joint,
+            path: Path::Rotation,
+            interpolation,
+            times: times.clone(),
+            values: values.into(),
+        });
         let still = |v: Vec3| -> Arc<[f32]> { times.iter().flat_map(|_| v.to_array()).collect() };
         let linear = Interpolation::Linear;
         let mut places = still(rest.translation);
         if joint == 0 {
             places = times.iter().flat_map(|t| [t.as_secs() as f32 * 1.4, 1.0, 0.0]).collect();
         }
-        curves.push(Curve { joint, path: Path::Translation, interpolation: linear, times: times.clone(), values: places });
-        curves.push(Curve { joint, path: Path::Scale, interpolation: linear, times: times.clone(), values: still(Vec3::ONE) });
+        curves.push(Curve {
+            joint,
+            path: Path::Translation,
+            interpolation: linear,
+            times: times.clone(),
+            values: places,
+        });
+        curves.push(Curve {
+            joint,
+            path: Path::Scale,
+            interpolation: linear,
+            times: times.clone(),
+            values: still(Vec3::ONE),
+        });
     }
     Clip::new("motion".into(), skeleton.len(), curves).unwrap()
 }
@@ -76,7 +105,8 @@ fn error_mm(skeleton: &Skeleton, a: &Clip, b: &Clip) -> f64 {
         let time = Time((a.duration.0 as f64 * ((f64::from(i) * 0.618_033_988_75) % 1.0)) as i64);
         pose.copy_from(&Pose::rest(skeleton));
         Sample { clip: b, time, pose: &mut pose }.run();
-        let wide = |t: Transform| (t.translation.as_dvec3(), t.rotation.as_dquat().normalize(), t.scale.as_dvec3());
+        let wide =
+            |t: Transform| (t.translation.as_dvec3(), t.rotation.as_dquat().normalize(), t.scale.as_dvec3());
         let got: Vec<_> = pose.iter().map(wide).collect();
         let mut want: Vec<_> = skeleton.rest().iter().copied().map(wide).collect();
         for curve in a.curves() {
@@ -127,7 +157,10 @@ fn rough_motion_other_rates_and_splines_stay_within_the_tolerance() {
         let error = error_mm(&skeleton, &clip, &small);
         assert!(error <= 0.1, "{rate} Hz, {interpolation:?}: {error} mm, {report:?}");
         assert!(report.bytes[1] <= report.bytes[0]);
-        assert!(interpolation != Interpolation::Linear || report.bytes[1] * 2 < report.bytes[0], "{rate} {report:?}");
+        assert!(
+            interpolation != Interpolation::Linear || report.bytes[1] * 2 < report.bytes[0],
+            "{rate} {report:?}"
+        );
     }
 }
 
@@ -149,7 +182,10 @@ fn levels_and_decoded_keys_give_the_same() {
         Sample { clip: &plain, time, pose: decoded }.run();
         for (a, b) in best.iter().zip(decoded.iter()) {
             let q = if a.rotation.dot(b.rotation) < 0.0 { -b.rotation } else { b.rotation };
-            assert!(a.rotation.abs_diff_eq(q, 2e-6) && a.translation.abs_diff_eq(b.translation, 1e-5), "{a:?} {b:?}");
+            assert!(
+                a.rotation.abs_diff_eq(q, 2e-6) && a.translation.abs_diff_eq(b.translation, 1e-5),
+                "{a:?} {b:?}"
+            );
             assert!((a.rotation.length() - 1.0).abs() < 1e-5);
         }
     }
@@ -199,7 +235,10 @@ fn what_cannot_become_smaller_stays_and_bad_input_is_named() {
     assert_eq!(same.curves(), few.curves());
     let empty = Clip::new("empty".into(), 5, Vec::new()).unwrap();
     assert!(!empty.compressed(&skeleton, 1e-4).unwrap().0.is_compressed());
-    assert_eq!(few.compressed(&skeleton, f64::NAN).unwrap_err().to_string(), "the tolerance of NaN m must be from 0.000001 m to 0.1 m");
+    assert_eq!(
+        few.compressed(&skeleton, f64::NAN).unwrap_err().to_string(),
+        "the tolerance of NaN m must be from 0.000001 m to 0.1 m"
+    );
     let wrong = few.compressed(&body(6), 1e-4).unwrap_err();
     assert_eq!(wrong, CompressError::Joints { clip: "few".into(), joints: 5, expected: 6 });
     // Everything rests: one key each.

@@ -17,7 +17,13 @@ struct Case {
 }
 
 impl Case {
-    fn random(random: &mut Random, vertices: usize, influences: usize, stretched: bool, mirrored: bool) -> Case {
+    fn random(
+        random: &mut Random,
+        vertices: usize,
+        influences: usize,
+        stretched: bool,
+        mirrored: bool,
+    ) -> Case {
         let carriers = (0..7)
             .map(|_| {
                 let rotation = DQuat::from_array(random.rotation().map(f64::from)).normalize();
@@ -94,7 +100,8 @@ fn dual_quaternions_follow_f64_with_the_same_bits_at_any_level() {
                 let error = case.error(&positions, &normals);
                 assert!(error < 2e-5, "{influences} influences, {stretched} {mirrored}: {error}");
                 let portable = case.run(Level::Portable);
-                let bits = |v: &[Vec3]| v.iter().flat_map(|p| p.to_array().map(f32::to_bits)).collect::<Vec<_>>();
+                let bits =
+                    |v: &[Vec3]| v.iter().flat_map(|p| p.to_array().map(f32::to_bits)).collect::<Vec<_>>();
                 assert_eq!(bits(&portable.0), bits(&positions));
                 assert_eq!(bits(&portable.1), bits(&normals));
             }

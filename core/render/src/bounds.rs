@@ -148,9 +148,8 @@ impl PrimitiveInfo {
                 let stretch = DAffine3 { matrix3: c.stretch, translation: glam::DVec3::ZERO };
                 sum.union(transformed(reach, &Rows::from_affine(stretch)))
             });
-            let hull = together().fold(Aabb::EMPTY, |sum, c| {
-                sum.union(transformed(stretched, &Rows::from_affine(c.rigid())))
-            });
+            let hull = together()
+                .fold(Aabb::EMPTY, |sum, c| sum.union(transformed(stretched, &Rows::from_affine(c.rigid()))));
             let alike = |a: &Carrier| together().map(|b| a.real.dot(b.real).abs()).fold(1.0, f64::min);
             let kappa = together().map(alike).fold(1.0, f64::min);
             let most = self.influences.min(together().count()).max(1);

@@ -79,9 +79,11 @@ fn a_twisted_tube_keeps_its_girth() {
             let turn = Affine3A::from_rotation_y(degrees.to_radians());
             let thin = 67.0 * (degrees.to_radians() / 2.0).cos();
             for (skinning, width) in [(Skinning::Linear, thin), (Skinning::DualQuaternion, 67.0)] {
-                let mut frames = vec![draw_cpu(&scene(influences, turn, skinning, DAffine3::IDENTITY), &options)];
+                let mut frames =
+                    vec![draw_cpu(&scene(influences, turn, skinning, DAffine3::IDENTITY), &options)];
                 if let Some(device) = &mut device {
-                    let (catalog, plan) = scene(influences, turn, skinning, DAffine3::IDENTITY).plan(&options);
+                    let (catalog, plan) =
+                        scene(influences, turn, skinning, DAffine3::IDENTITY).plan(&options);
                     device.load(catalog).unwrap();
                     device.submit(plan).unwrap();
                     frames.push(device.collect(None).unwrap());
@@ -120,7 +122,10 @@ fn stretched_and_mirrored_tubes_are_drawn_alike() {
         let c = compare(&cpu, &gpu, 2).unwrap();
         assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{c}");
         let linear = draw_cpu(&scene(4, upper, Skinning::Linear, world), &options);
-        assert!(compare(&linear, &gpu, 2).unwrap().share_beyond > 0.02, "the comparison must see another skinning");
+        assert!(
+            compare(&linear, &gpu, 2).unwrap().share_beyond > 0.02,
+            "the comparison must see another skinning"
+        );
     }
 }
 
@@ -152,7 +157,8 @@ fn boxes_hold_every_vertex_and_are_not_much_larger() {
         for posed in posed_meshes(&scene.stage.actors[0].asset, &scene.snapshot.actors[0]) {
             for p in posed.primitives.iter().flat_map(|p| &p.positions) {
                 tight.add(p.as_vec3());
-                let inside = bounds.min.cmple(p.as_vec3() + 1e-5).all() && bounds.max.cmpge(p.as_vec3() - 1e-5).all();
+                let inside =
+                    bounds.min.cmple(p.as_vec3() + 1e-5).all() && bounds.max.cmpge(p.as_vec3() - 1e-5).all();
                 assert!(inside, "{i}: {p} is outside of {bounds:?}");
             }
         }
@@ -171,6 +177,7 @@ fn only_who_asks_pays() {
     assert_eq!((linear.joint_matrices.len(), dual.joint_matrices.len()), (2, 4));
     let features = dual.draws[0].pipeline.features;
     assert!(features.has(Features::SKIN_DUAL) && !linear.draws[0].pipeline.features.has(Features::SKIN_DUAL));
-    let recording = |plan: &Plan| format!("{}", record::record(plan, record::RecordOptions::default(), |_| 2));
+    let recording =
+        |plan: &Plan| format!("{}", record::record(plan, record::RecordOptions::default(), |_| 2));
     assert!(recording(&linear).contains("2 joints") && recording(&dual).contains("4 joints"));
 }

@@ -133,7 +133,9 @@ impl Carriers {
         });
         let skin = match skinning {
             Skinning::Linear => Slots::Linear(matrices),
-            Skinning::DualQuaternion => Slots::Dual(matrices.iter().map(|m| Carrier::of(affine(m))).collect()),
+            Skinning::DualQuaternion => {
+                Slots::Dual(matrices.iter().map(|m| Carrier::of(affine(m))).collect())
+            }
         };
         Carriers { skin, rigid: joint(instance.joint) }
     }
@@ -165,7 +167,9 @@ impl Carriers {
                 }
                 affine(&blended)
             }
-            Slots::Dual(slots) => Carrier::blend(influences.filter_map(|(slot, w)| Some((slots.get(slot)?, w)))),
+            Slots::Dual(slots) => {
+                Carrier::blend(influences.filter_map(|(slot, w)| Some((slots.get(slot)?, w))))
+            }
         }
     }
 }

@@ -35,7 +35,10 @@ pub fn section() -> Result<Section, String> {
 }
 
 fn narrow(map: &DAffine3) -> Affine3A {
-    Affine3A { matrix3: Mat3A::from(map.matrix3.as_mat3()), translation: Vec3A::from(map.translation.as_vec3()) }
+    Affine3A {
+        matrix3: Mat3A::from(map.matrix3.as_mat3()),
+        translation: Vec3A::from(map.translation.as_vec3()),
+    }
 }
 
 /// Vertices with the joints that move them.
@@ -162,7 +165,10 @@ fn twisted() -> (Choice, Table) {
         table.rows.push(cells);
         choice.rows.push(Row::new(name).error(all.worst, all.mean()).nanos(nanos).at(place));
     }
-    choice.choose("linear blending", "what glTF says and what files are painted for; .skinning(\"dual_quaternion\") where limbs twist");
+    choice.choose(
+        "linear blending",
+        "what glTF says and what files are painted for; .skinning(\"dual_quaternion\") where limbs twist",
+    );
     (choice, table)
 }
 
@@ -210,7 +216,10 @@ fn influences() -> Choice {
         .iter()
         .map(|(at, weights)| {
             let sum: f64 = weights.iter().map(|w| w.1).sum();
-            weights.iter().map(|(j, w)| maps[usize::from(*j)].transform_point3(at.as_dvec3()) * (*w / sum)).sum()
+            weights
+                .iter()
+                .map(|(j, w)| maps[usize::from(*j)].transform_point3(at.as_dvec3()) * (*w / sum))
+                .sum()
         })
         .collect();
     for n in 1..=MOST {
@@ -218,12 +227,18 @@ fn influences() -> Choice {
         let mut out = mesh.positions.clone();
         mesh.skinned(Way::Linear, &maps, &mut out, &mut []);
         let mut errors = Spread::default();
-        exact.iter().zip(&out).for_each(|(want, got)| _ = errors.add((got.as_dvec3() - *want).length() * 1e3));
+        exact
+            .iter()
+            .zip(&out)
+            .for_each(|(want, got)| _ = errors.add((got.as_dvec3() - *want).length() * 1e3));
         let nanos = mesh.nanos(&[Way::Linear], &maps)[0];
         let row = Row::new(format!("{n}, the heaviest")).error(errors.worst, errors.mean()).nanos(nanos);
         choice.rows.push(row.bytes((n * 4) as f64));
     }
-    choice.choose("8, the heaviest", "what a file says, up to 8; meshes whose vertices have no more than 4 are drawn with 4");
+    choice.choose(
+        "8, the heaviest",
+        "what a file says, up to 8; meshes whose vertices have no more than 4 are drawn with 4",
+    );
     choice
 }
 
@@ -231,12 +246,15 @@ fn influences() -> Choice {
 fn positions() -> Choice {
     let mut choice = Choice::new("positions", "In what numbers are positions kept?");
     choice.error_unit = "mm";
-    choice.reference = "the file's own f32, skinned in f64; a figure of 1.8 m, joints turned by up to 120°".into();
+    choice.reference =
+        "the file's own f32, skinned in f64; a figure of 1.8 m, joints turned by up to 120°".into();
     let mut random = Random(6);
     let half_size = DVec3::new(0.5, 0.9, 0.3);
     let ways: [(&str, usize, fn(f64, f64) -> f64); 4] = [
         ("f32 × 3", 12, |v, _| v),
-        ("16-bit signed × 4, in the mesh's box", 8, |v, half| libm::round(v / half * 32767.0) / 32767.0 * half),
+        ("16-bit signed × 4, in the mesh's box", 8, |v, half| {
+            libm::round(v / half * 32767.0) / 32767.0 * half
+        }),
         ("half float × 4", 8, |v, _| half_float(v)),
         ("10-bit signed × 3, in the mesh's box", 4, |v, half| libm::round(v / half * 511.0) / 511.0 * half),
     ];
@@ -246,7 +264,8 @@ fn positions() -> Choice {
         let at = at.as_vec3().as_dvec3();
         let turn = DQuat::from_axis_angle(random.direction(), random.unit() * 120f64.to_radians());
         for ((_, _, pack), error) in ways.iter().zip(&mut errors) {
-            let packed = DVec3::new(pack(at.x, half_size.x), pack(at.y, half_size.y), pack(at.z, half_size.z));
+            let packed =
+                DVec3::new(pack(at.x, half_size.x), pack(at.y, half_size.y), pack(at.z, half_size.z));
             error.add((turn * packed - turn * at).length() * 1e3);
         }
     }

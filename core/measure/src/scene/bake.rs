@@ -46,7 +46,8 @@ pub fn choices(scene: &Scene) -> Found {
 
 /// The choice for these clips, each equally long in use.
 pub fn bake(clips: &[Played], budget_secs: f64) -> Choice {
-    let mut choice = Choice::new("bake", "Are clips sampled as authored, baked to an even rate, or compressed?");
+    let mut choice =
+        Choice::new("bake", "Are clips sampled as authored, baked to an even rate, or compressed?");
     choice.error_unit = "mm";
     choice.reference =
         "joints in model space against f64 slerp and splines on the source's keys, at keys, between them and between frames".into();

@@ -28,9 +28,11 @@ pub fn choices(scene: &Scene, moment: &Moment) -> Found {
     if vertices == 0 {
         return Found::None("no mesh on stage has a skin".into());
     }
-    let mut choice = Choice::new("skinning", "Do vertices follow their joints linearly, or by dual quaternions?");
+    let mut choice =
+        Choice::new("skinning", "Do vertices follow their joints linearly, or by dual quaternions?");
     choice.error_unit = "mm";
-    choice.reference = "linear blending, as glTF has it: how far vertices are from there, on this frame".into();
+    choice.reference =
+        "linear blending, as glTF has it: how far vertices are from there, on this frame".into();
     choice.per = format!("vertex of {vertices}, on the CPU");
     let mut apart = Spread::default();
     let mut place = String::new();
@@ -53,7 +55,10 @@ pub fn choices(scene: &Scene, moment: &Moment) -> Found {
     let dual = scene.stage.actors.iter().any(|a| a.skinning == Skinning::DualQuaternion);
     match dual {
         true => choice.choose(NAMES[1], "what the script asks for, for some actor at least"),
-        false => choice.choose(NAMES[0], "as glTF has it; .skinning(\"dual_quaternion\") keeps the girth of twisted limbs"),
+        false => choice.choose(
+            NAMES[0],
+            "as glTF has it; .skinning(\"dual_quaternion\") keeps the girth of twisted limbs",
+        ),
     }
     Found::Choices(vec![choice])
 }
@@ -71,9 +76,11 @@ fn posed<'a>(scene: &'a Scene, moment: &Moment) -> Vec<Posed<'a>> {
             let maps = model_from_mesh(skin, &state.model_from_joint);
             let carriers: Vec<Carrier> = maps.iter().map(|m| Carrier::of(*m)).collect();
             let scaled = carriers.iter().any(|c| !c.stretch.abs_diff_eq(glam::DMat3::IDENTITY, 1e-6));
-            for primitive in mesh.primitives.iter().filter(|p| {
-                p.influences > 0 && p.joint_indices.iter().all(|j| usize::from(*j) < maps.len())
-            }) {
+            for primitive in mesh
+                .primitives
+                .iter()
+                .filter(|p| p.influences > 0 && p.joint_indices.iter().all(|j| usize::from(*j) < maps.len()))
+            {
                 out.push(Posed {
                     primitive,
                     place: format!("{}, mesh \"{}\"", actor.name, mesh.name),

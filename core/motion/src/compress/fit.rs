@@ -13,7 +13,12 @@ pub(crate) const STRIDES: [usize; 6] = [1, 2, 3, 4, 6, 8];
 /// Weights of four knots at a fraction of the way from the second to the third.
 pub(crate) fn basis(s: f64) -> [f64; 4] {
     let (r, s2, s3) = (1.0 - s, s * s, s * s * s);
-    [r * r * r / 6.0, (3.0 * s3 - 6.0 * s2 + 4.0) / 6.0, (-3.0 * s3 + 3.0 * s2 + 3.0 * s + 1.0) / 6.0, s3 / 6.0]
+    [
+        r * r * r / 6.0,
+        (3.0 * s3 - 6.0 * s2 + 4.0) / 6.0,
+        (-3.0 * s3 + 3.0 * s2 + 3.0 * s + 1.0) / 6.0,
+        s3 / 6.0,
+    ]
 }
 
 /// Knots that so many frames need.

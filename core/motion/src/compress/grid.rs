@@ -37,7 +37,8 @@ impl Grid {
             })
         };
         let own = RATES.into_iter().find(|rate| linear && holds(*rate));
-        let rates = own.into_iter().chain([60, 120, 240].into_iter().filter(|r| own.is_none_or(|own| *r > own)));
+        let rates =
+            own.into_iter().chain([60, 120, 240].into_iter().filter(|r| own.is_none_or(|own| *r > own)));
         rates
             .map(|rate| Time::TICKS_PER_SECOND / rate)
             .map(|step| (step, (length + step - 1 - BESIDE).max(0) / step + 1))
@@ -52,7 +53,8 @@ impl Grid {
 
     /// A curve at all times, in f64; rotations in the hemisphere of the one before.
     pub fn values(&self, curve: &Curve) -> Vec<[f64; 4]> {
-        let mut values: Vec<[f64; 4]> = self.times().map(|t| curve_at(curve, nearest_key(curve, t))).collect();
+        let mut values: Vec<[f64; 4]> =
+            self.times().map(|t| curve_at(curve, nearest_key(curve, t))).collect();
         if curve.path == Path::Rotation {
             for i in 1..values.len() {
                 let before = values[i - 1];

@@ -51,7 +51,12 @@ type Lanes = [Option<(usize, f64)>; LANES];
 
 impl Packed {
     /// The moving curves (index, tolerance) packed, and those for which that does not pay.
-    pub(super) fn new(clip: &Clip, grid: &Grid, fits: &Fits, moving: &[(usize, f64)]) -> (Packed, Vec<usize>) {
+    pub(super) fn new(
+        clip: &Clip,
+        grid: &Grid,
+        fits: &Fits,
+        moving: &[(usize, f64)],
+    ) -> (Packed, Vec<usize>) {
         let mut columns: BTreeMap<(u32, Channel), Lanes> = BTreeMap::new();
         for (index, allowed) in moving {
             let curve = &clip.curves()[*index];
@@ -66,7 +71,8 @@ impl Packed {
                 Draft::new(block, channel, &lanes, fits, at).map(|draft| (*stride, draft))
             });
             // Bytes a frame, times all frames: knots at the ends count too.
-            let cost = |(stride, draft): &(usize, Draft)| draft.row_bytes() * knot_count(grid.frames, *stride);
+            let cost =
+                |(stride, draft): &(usize, Draft)| draft.row_bytes() * knot_count(grid.frames, *stride);
             let best = drafts.min_by_key(cost);
             let curves = lanes.iter().flatten().count();
             match best.filter(|best| cost(best) < curves * channel.width() * 4 * grid.frames) {
@@ -110,7 +116,8 @@ impl Packed {
 
     /// The curves as decoded, LINEAR, with keys at all frames.
     pub fn decoded(&self, joint_count: usize) -> Vec<Curve> {
-        let times: Arc<[Time]> = (0..self.frames as i64).map(|k| Time(self.start.0 + k * self.step)).collect();
+        let times: Arc<[Time]> =
+            (0..self.frames as i64).map(|k| Time(self.start.0 + k * self.step)).collect();
         let mut curves: Vec<Curve> = Vec::new();
         let mut values: Vec<Vec<f32>> = Vec::new();
         for column in self.columns() {
@@ -233,7 +240,8 @@ impl Draft {
                 low[3].0[lane] = 1.0;
             }
         }
-        let column = Column { block: self.block, channel: self.channel, mask: (!full).then_some(mask), terms };
+        let column =
+            Column { block: self.block, channel: self.channel, mask: (!full).then_some(mask), terms };
         PackedColumn { column, widths: self.widths, low, step }
     }
 
