@@ -144,24 +144,32 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
     }
     let _ = writeln!(
         t,
-        "meshes     {} with {} primitives, {} vertices, {} triangles",
+        "meshes     {} with {}, {}, {}",
         asset.meshes.len(),
-        facts.primitives,
-        facts.vertices,
-        facts.triangles
+        count(facts.primitives, "primitive", "primitives"),
+        count(facts.vertices, "vertex", "vertices"),
+        count(facts.triangles, "triangle", "triangles")
     );
     let copied: Vec<usize> =
         asset.instances.iter().filter(|i| !i.copies.is_empty()).map(|i| i.times()).collect();
     if !copied.is_empty() {
         let copies: usize = copied.iter().sum();
-        let _ = writeln!(t, "copies     {copies}, of {} meshes drawn many times", copied.len());
+        let of = count(copied.len(), "mesh", "meshes");
+        let _ = writeln!(t, "copies     {copies}, of {of} drawn many times");
     }
     let skins: Vec<String> = asset.skins.iter().map(|s| s.joints.len().to_string()).collect();
-    let in_skins = if skins.is_empty() { String::new() } else { format!(" ({} joints)", skins.join(", ")) };
-    let _ = writeln!(t, "joints     {} nodes, {} skins{in_skins}", asset.skeleton.len(), skins.len());
+    let in_skins = match skins.as_slice() {
+        [] => String::new(),
+        [one] if one == "1" => " (1 joint)".to_string(),
+        _ => format!(" ({} joints)", skins.join(", ")),
+    };
+    let (nodes, skins) = (asset.skeleton.len(), skins.len());
+    let (nodes, skins) = (count(nodes, "node", "nodes"), count(skins, "skin", "skins"));
+    let _ = writeln!(t, "joints     {nodes}, {skins}{in_skins}");
     for mesh in asset.meshes.iter().filter(|m| m.morph_targets > 0) {
         let names = model::list(mesh.morph_names.iter().map(String::as_str), 12);
-        let _ = writeln!(t, "morphs     {}: {} targets {names}", mesh.name, mesh.morph_targets);
+        let targets = count(mesh.morph_targets, "target", "targets");
+        let _ = writeln!(t, "morphs     {}: {targets} {names}", mesh.name);
     }
     let _ = writeln!(
         t,
@@ -177,10 +185,10 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
     for clip in &asset.clips {
         let _ = writeln!(
             t,
-            "  {:<28} {:8.3} s, {} curves",
+            "  {:<28} {:8.3} s, {}",
             clip.name,
             clip.duration.as_secs(),
-            clip.curves().len() + clip.properties().len()
+            count(clip.curves().len() + clip.properties().len(), "curve", "curves")
         );
     }
     t.push_str(&character::text(asset, joints));
@@ -205,13 +213,18 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
     t
 }
 
+fn count(number: usize, one: &str, many: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { many })
+}
+
 /// The file's own convention, before it was converted.
 fn origin(o: &Origin) -> String {
     let mut text = o.format.clone();
     if let Some(metres) = o.metres_per_unit {
         // An inch times something has more digits than anyone reads.
         let shown = if metres < 1e-3 { metres } else { (metres * 1e6).round() / 1e6 };
-        let _ = write!(text, ", 1 unit = {shown} m");
+        let is = if o.unit_is_assumed { "taken as" } else { "=" };
+        let _ = write!(text, ", 1 unit {is} {shown} m");
     }
     if !o.up.is_empty() {
         let _ = write!(text, ", {} up", o.up);
@@ -277,7 +290,7 @@ fn facts_json(asset: &Asset, facts: &Facts, joints: bool) -> Value {
         "importer": facts.importer.0,
         "origin": {
             "format": asset.origin.format, "writer": asset.origin.writer,
-            "metres_per_unit": asset.origin.metres_per_unit, "up": asset.origin.up,
+            "metres_per_unit": asset.origin.metres_per_unit, "unit_is_assumed": asset.origin.unit_is_assumed, "up": asset.origin.up,
         },
         "joints": asset.skeleton.len(),
         "skins": asset.skins.iter().map(|s| s.joints.len()).collect::<Vec<_>>(),

@@ -1,7 +1,7 @@
 //! Files cut off and with single bits turned over: no panic, bounded memory, an error with a place or a valid asset.
 
-use crate::{import_bytes, sound};
-use choreo_plugin::Importer;
+use crate::{Companions, import, sound, source};
+use choreo_plugin::{Files, Importer, Needs};
 use std::time::Instant;
 
 /// Flips of an everyday run; `$CHOREO_FLIPS` asks for more.
@@ -29,7 +29,7 @@ pub struct Outcome {
 
 /// As [`run_slice`], at 50 places.
 pub fn run(importer: &dyn Importer, name: &str, bytes: &[u8], flips: usize) -> Outcome {
-    run_slice(importer, name, bytes, 50, flips)
+    run_slice(importer, name, bytes, &Companions::none(), 50, flips)
 }
 
 /// The longest that one import may compute, seconds.
@@ -37,13 +37,20 @@ const MOST_SECS: f64 = 2.0;
 
 /// Cuts the file at that many places and turns over `flips` seeded bits, one at a time. Panics with the name and the place
 /// where an error has none, where an import computed for more than two seconds, or where the whole took more memory at once
-/// than 16 times the file and 64 MiB.
-pub fn run_slice(importer: &dyn Importer, name: &str, bytes: &[u8], cuts: usize, flips: usize) -> Outcome {
+/// than 16 times the file and 64 MiB. What lies beside the file is as it should be.
+pub fn run_slice(
+    importer: &dyn Importer,
+    name: &str,
+    bytes: &[u8],
+    beside: &dyn Files,
+    cuts: usize,
+    flips: usize,
+) -> Outcome {
     let mut outcome = Outcome::default();
     let memory = Memory::start();
     let mut one = |how: &str, damaged: Vec<u8>| {
         let (start, computed) = (Instant::now(), computed_secs());
-        let result = import_bytes(importer, name, damaged);
+        let result = import(importer, &source(name, damaged), beside, Needs::ALL);
         let wall = start.elapsed().as_secs_f64();
         let secs = computed_secs().zip(computed).map_or(wall, |(after, before)| after - before);
         outcome.slowest_secs = outcome.slowest_secs.max(secs);

@@ -9,6 +9,7 @@ pub mod normals;
 pub mod pictures;
 pub mod polygon;
 pub mod problem;
+pub mod progress;
 pub mod search;
 pub mod smooth;
 pub mod tangents;
@@ -17,3 +18,4 @@ pub mod textures;
 
 pub use budget::{Budget, Notes};
 pub use problem::{Problem, Result};
+pub use progress::Progress;

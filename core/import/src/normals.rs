@@ -53,6 +53,12 @@ fn copy_vertex(p: &mut Primitive, vertex: usize) -> u32 {
     new
 }
 
+/// At length 1; `None` for a zero and what is not finite. Of lengths whose square a 32-bit float cannot hold in double precision.
+pub fn unit(v: Vec3) -> Option<Vec3> {
+    let near = v.try_normalize().filter(|n| (n.length_squared() - 1.0).abs() < 1e-5);
+    near.or_else(|| v.as_dvec3().try_normalize().map(|n| n.as_vec3()))
+}
+
 /// glTF 2.0 §3.7.2.1: without normals, a client must compute flat ones.
 pub fn flat(p: &mut Primitive) {
     let face_normals: Vec<Vec3> = p
@@ -87,6 +93,15 @@ pub fn apply_tangents(p: &mut Primitive, tangents: &[Vec4]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn vectors_of_any_length_become_units() {
+        for scale in [1.0, 1e-22, 1e-38, 1e-44, 1e18, 1e38] {
+            let v = unit(Vec3::new(scale, -scale, 0.0)).unwrap();
+            assert!((v - Vec3::new(0.70710677, -0.70710677, 0.0)).length() < 1e-6, "{scale}: {v}");
+        }
+        assert_eq!([Vec3::ZERO, Vec3::splat(f32::NAN), Vec3::splat(f32::INFINITY)].map(unit), [None; 3]);
+    }
     use glam::Vec2;
 
     /// Two triangles that meet at a right angle share an edge: two vertices are copied.

@@ -3,6 +3,7 @@
 //! Nothing is listed and nothing is opened but through [`Files`], which keeps to the folders that the user gave: each place is
 //! tried beside the file first, then in every search path.
 
+use crate::text::shown;
 use choreo_plugin::Files;
 use std::sync::Arc;
 
@@ -64,6 +65,23 @@ pub fn read_first(files: &dyn Files, places: &[String]) -> Result<Arc<Vec<u8>>, 
     Err(first.unwrap_or_else(|| "it names no file".to_string()))
 }
 
+/// What to say of a picture or library at none of its [`places`]: its name, where it was looked for, and what to do. `why` is
+/// what [`read_first`] said: anything but that there is no such file is told as it is.
+pub fn missing(written: &str, why: &str) -> String {
+    let why_lower = why.to_lowercase();
+    let absent =
+        ["no such file", "not found", "leads out of", "lies outside", "absolute path", "there are no files"];
+    if !absent.iter().any(|known| why_lower.contains(known)) {
+        return why.to_string();
+    }
+    let name = shown(file_name(&written.replace('\\', "/")).as_bytes());
+    let outside = if written.contains("..") { ", and folders above it are not read" } else { "" };
+    format!(
+        "\"{name}\" is not beside the file or in its {}{outside}; give its folder with --search",
+        FOLDERS.map(|f| format!("{f}/")).join(", ")
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -87,6 +105,16 @@ mod tests {
         );
         assert_eq!(places(&["/etc/passwd"])[0], "passwd");
         assert!(places(&["/etc/passwd", r"C:\x", r"\\server\x"]).iter().all(|p| !is_absolute(p)));
+    }
+
+    #[test]
+    fn what_is_missing_is_told_shortly() {
+        assert_eq!(
+            missing(r"D:\gone\lost.png", "cannot read \"lost.png\": no such file in \"models\""),
+            "\"lost.png\" is not beside the file or in its textures/, images/, maps/; give its folder with --search"
+        );
+        let large = "cannot read \"a.png\": it is too large";
+        assert_eq!(missing("a.png", large), large);
     }
 
     #[test]

@@ -14,6 +14,11 @@ impl<'a> Lines<'a> {
         Lines { rest: bytes, number: 0 }
     }
 
+    /// Bytes that are not read yet.
+    pub fn left(&self) -> usize {
+        self.rest.len()
+    }
+
     /// For text that starts inside a file: the first line gets `first`.
     pub fn from(bytes: &'a [u8], first: usize) -> Lines<'a> {
         Lines { rest: bytes, number: first.saturating_sub(1) }
@@ -255,6 +260,11 @@ pub fn integer(word: &[u8]) -> Option<i64> {
     Some(if negative { -value } else { value })
 }
 
+/// `1 channel`, `2 channels`.
+pub fn count(number: usize, noun: &str) -> String {
+    format!("{number} {noun}{}", if number == 1 { "" } else { "s" })
+}
+
 /// Bytes of a file as they can stand in a message: short, without control characters.
 pub fn shown(bytes: &[u8]) -> String {
     const MOST: usize = 40;
@@ -375,5 +385,6 @@ mod tests {
         assert_eq!(words(b"  f 1/2\t3 ").collect::<Vec<_>>(), [&b"f"[..], b"1/2", b"3"]);
         assert_eq!((stem("a/b.c/walk.01.bvh"), stem(".obj"), stem("x")), ("walk.01", ".obj", "x"));
         assert_eq!(shown(b"a\x01\xff"), "a\u{fffd}\u{fffd}");
+        assert_eq!([0, 1, 2].map(|n| count(n, "face")), ["0 faces", "1 face", "2 faces"]);
     }
 }

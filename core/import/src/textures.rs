@@ -64,10 +64,7 @@ impl Textures {
             return Err("the texture has no file name".to_string());
         }
         let bytes =
-            search::read_first(files, &search::places(&[&path])).map_err(|e| match e.contains(&name) {
-                true => e,
-                false => format!("cannot read \"{path}\": {e}"),
-            })?;
+            search::read_first(files, &search::places(&[&path])).map_err(|e| search::missing(&path, &e))?;
         // Comparing and keeping cost as decoding does: they come out of the same budget.
         budget.charge(bytes.len() as u64, 1)?;
         let same = self.entries.iter().position(|e| e.bytes.as_ref() == bytes.as_slice());

@@ -48,6 +48,8 @@ pub struct Origin {
     pub writer: String,
     /// Metres a unit of the file; `None` where it is not known.
     pub metres_per_unit: Option<f64>,
+    /// The format has no unit: the importer's option, or its guess.
+    pub unit_is_assumed: bool,
     /// The file's upward axis: "+Y", "+Z"; may be empty.
     pub up: String,
     /// What else the file says of itself, as label and text: title, authors, licence.

@@ -5,7 +5,7 @@ mod motion;
 mod units;
 
 use choreo_import::text::stem;
-use choreo_import::{Notes, Problem, Result, bones};
+use choreo_import::{Notes, Problem, Progress, Result, bones};
 use choreo_motion::Skeleton;
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::Asset;
@@ -46,11 +46,11 @@ impl Importer for BvhImporter {
     fn import(
         &self,
         source: &Source,
-        _: &dyn Files,
+        files: &dyn Files,
         needs: Needs,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
-        import(source, needs, options).map_err(|p| p.in_file(&source.name))
+        import(source, files, needs, options).map_err(|p| p.in_file(&source.name))
     }
 }
 
@@ -62,7 +62,7 @@ struct Convention {
     turn: DQuat,
 }
 
-fn import(source: &Source, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
     let notes = Notes::default();
     let (joints, rest_of_file) = hierarchy::read(&source.bytes, &notes)?;
     let up_z = options.text("up") == Some("z");
@@ -86,6 +86,7 @@ fn import(source: &Source, needs: Needs, options: &ImportOptions) -> Result<Asse
         origin: Origin {
             format: "BVH".into(),
             metres_per_unit: Some(scale),
+            unit_is_assumed: true,
             up: if up_z { "+Z" } else { "+Y" }.into(),
             ..Origin::default()
         },
@@ -94,10 +95,12 @@ fn import(source: &Source, needs: Needs, options: &ImportOptions) -> Result<Asse
     if needs.geometry && options.bool("bones").unwrap_or(true) {
         bones::add_bones(&mut asset);
     }
-    if needs.clips
-        && let Some(clip) = motion::read(rest_of_file, &joints, &convention, stem(&source.name), &notes)?
-    {
-        asset.clips.push(Arc::new(clip));
+    if needs.clips {
+        // Nearly all of a file is frames.
+        let progress = Progress::new(files, rest_of_file.bytes.len());
+        let name = stem(&source.name);
+        let clip = motion::read(rest_of_file, &joints, &convention, name, &progress, &notes)?;
+        asset.clips.extend(clip.map(Arc::new));
     }
     asset.warnings = notes.into_warnings();
     Ok(asset)

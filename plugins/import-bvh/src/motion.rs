@@ -2,8 +2,8 @@
 
 use crate::Convention;
 use crate::hierarchy::{Channel, Joint, Rest};
-use choreo_import::text::{Lines, integer, next_word, number, shown, words};
-use choreo_import::{Notes, Problem, Result};
+use choreo_import::text::{Lines, count as counted, integer, next_word, number, shown, words};
+use choreo_import::{Notes, Problem, Progress, Result};
 use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Path, Time};
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
@@ -19,8 +19,10 @@ pub fn read(
     joints: &[Joint],
     convention: &Convention,
     name: &str,
+    progress: &Progress<'_>,
     notes: &Notes,
 ) -> Result<Option<Clip>> {
+    let total = rest.bytes.len();
     let Some(mut lines) = rest.lines() else {
         notes.warn(format!("line {}", rest.line), "the file has no MOTION; it is a skeleton without a clip");
         return Ok(None);
@@ -41,7 +43,8 @@ pub fn read(
     }
 
     let mut tracks = Tracks::new(joints, convention);
-    let read = frames(&mut lines, &mut tracks, declared, frames_line, notes)?;
+    let tell = |left: usize| progress.reach(total - left.min(total));
+    let read = frames(&mut lines, &mut tracks, declared, frames_line, (&tell, notes))?;
     if read == 0 {
         notes.warn(format!("line {frames_line}"), "there are no frames, so there is no clip");
         return Ok(None);
@@ -131,13 +134,14 @@ fn frames(
     tracks: &mut Tracks<'_>,
     declared: i64,
     frames_line: usize,
-    notes: &Notes,
+    (tell, notes): (&dyn Fn(usize) -> Result<()>, &Notes),
 ) -> Result<i64> {
     let width = tracks.width;
     let mut values = vec![0.0; width];
     let (mut read, mut surplus, mut longer) = (0, 0, 0);
-    let mut lines = lines.filter(|(_, l)| !l.trim_ascii().is_empty()).peekable();
-    while let Some((line, text)) = lines.next() {
+    let full = |(_, l): &(usize, &[u8])| !l.trim_ascii().is_empty();
+    while let Some((line, text)) = lines.find(full) {
+        tell(lines.left())?;
         if read == declared {
             surplus += 1;
             continue;
@@ -155,7 +159,7 @@ fn frames(
         }
         if given < width {
             let what = format!("the frame has {given} numbers; the joints have {width} channels");
-            if lines.peek().is_none() && read > 0 {
+            if lines.clone().find(full).is_none() && read > 0 {
                 notes.warn(format!("line {line}"), format!("{what}; this last frame is left out"));
                 break;
             }
@@ -175,7 +179,10 @@ fn frames(
         read += 1;
     }
     if longer > 1 {
-        notes.warn("MOTION", format!("{longer} frames have more numbers than the joints have channels"));
+        notes.warn(
+            "MOTION",
+            format!("{} with more numbers than the joints have channels", counted(longer, "frame")),
+        );
     }
     if surplus > 0 {
         notes.warn("MOTION", format!("{surplus} more lines than frames were announced; they are left out"));

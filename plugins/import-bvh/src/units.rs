@@ -30,7 +30,7 @@ pub fn guess(joints: &[Joint], notes: &Notes) -> f64 {
     };
     notes.warn(
         "HIERARCHY",
-        format!("the format has no unit; the skeleton's greatest extent at rest is {size:.4}, so a unit is taken as {text}; set it with the option scale (metres a unit)"),
+        format!("the format has no unit; taken as {text} by the skeleton's extent of {size:.4} (option scale: metres a unit)"),
     );
     scale
 }

@@ -92,7 +92,7 @@ fn names_times_and_guesses() {
     assert_eq!(
         warnings(&asset),
         [
-            "HIERARCHY: the format has no unit; the skeleton's greatest extent at rest is 140.0000, so a unit is taken as 1 cm; set it with the option scale (metres a unit)"
+            "HIERARCHY: the format has no unit; taken as 1 cm by the skeleton's extent of 140.0000 (option scale: metres a unit)"
         ]
     );
 

@@ -6,7 +6,7 @@ use crate::nodes::Tree;
 use crate::sampler::Sampler;
 use crate::tree::{Node, NodeId};
 use crate::xml::{Xml, child, children, descendant, name_of};
-use choreo_import::text::shown;
+use choreo_import::text::{self, shown};
 use choreo_import::{Problem, Result};
 use choreo_motion::{Clip, Time};
 use std::collections::{BTreeMap, HashMap};
@@ -70,7 +70,7 @@ pub fn read<'a, 'i>(
         out.extend(reader.clip(file.to_string(), &rest, (Time::ZERO, None), morphs)?);
     }
     for (what, (count, place)) in reader.left_out {
-        xml.notes.warn(place, format!("{count} channels {what}; they are left out"));
+        xml.notes.warn(place, format!("{} {what}; left out", text::count(count, "channel")));
     }
     Ok(out)
 }
@@ -129,7 +129,8 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             self.xml.notes.warn(
                 format!("clip \"{name}\""),
                 format!(
-                    "{before_zero} channels have keys before 0 s, where the clip begins; those are left out"
+                    "{} with keys before 0 s, where the clip begins; those are left out",
+                    text::count(before_zero, "channel")
                 ),
             );
         }
@@ -179,33 +180,33 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             _ => (last, ""),
         };
         let Some(first) = parts.first().copied().or((!sid.is_empty()).then_some(sid)) else {
-            return self.leave(channel, "have no target");
+            return self.leave(channel, "without a target");
         };
         let Some(mut node) = self.xml.node_by_id(first).or(self.xml.by_id(first)) else {
-            return self.leave(channel, "drive something that is not in the file");
+            return self.leave(channel, "for something that is not in the file");
         };
         if name_of(node) != "node" {
             return match self.morph(node, member) {
                 Some(target) => Some(target),
-                None => self.leave(channel, "drive something that is neither a node nor a morph weight"),
+                None => self.leave(channel, "for something that is neither a node nor a morph weight"),
             };
         }
         for sid in parts.iter().skip(1) {
             let Some(below) = node.descendants().find(|n| n.attribute("sid") == Some(sid)) else {
-                return self.leave(channel, "drive something that is not in the file");
+                return self.leave(channel, "for something that is not in the file");
             };
             node = below;
         }
         let Some(joints) = self.tree.of_element.get(&node.id()) else {
-            return self.leave(channel, "drive nodes that are not in the scene");
+            return self.leave(channel, "for nodes that are not in the scene");
         };
         let stack = &self.tree.joints[*joints.first()? as usize].stack;
         let Some(element) = stack.iter().position(|e| e.sid == sid) else {
-            return self.leave(channel, "drive something of a node that is no transform");
+            return self.leave(channel, "for something of a node that is no transform");
         };
         match Part::of(member, stack[element].kind) {
             Some(part) => Some(Target::Joints(joints.clone(), element, part)),
-            None => self.leave(channel, "name a part of a transform that it does not have"),
+            None => self.leave(channel, "for a part of a transform that it does not have"),
         }
     }
 

@@ -5,6 +5,7 @@ use crate::tree::{Node, NodeId};
 use crate::xml::{Xml, child, children, name_of};
 use choreo_import::corners::Joined;
 use choreo_import::polygon::{Cut, Triangulator};
+use choreo_import::text;
 use choreo_import::{Problem, Result};
 use choreo_stage::asset::{Primitive, Topology};
 use glam::{Vec2, Vec3, Vec4};
@@ -270,7 +271,10 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             if indices.is_empty() { indices = read } else { indices.extend(read) }
         }
         if holes > 0 {
-            self.xml.warn(self.element, format!("{holes} polygons have holes, which are filled"));
+            self.xml.warn(
+                self.element,
+                format!("{} with holes, which are filled", text::count(holes, "polygon")),
+            );
         }
         if self.shape == Shape::Polylist {
             runs.clear();
@@ -300,7 +304,10 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             if !n.is_multiple_of(of) {
                 self.xml.warn(
                     self.element,
-                    format!("{} corners at the end make no whole line or triangle", n % of),
+                    format!(
+                        "{} at the end, too few for a line or triangle",
+                        text::count((n % of) as usize, "corner")
+                    ),
                 );
             }
             (0..n - n % of).collect()
@@ -346,13 +353,13 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
                 }
             }
         }
-        for (count, what) in [
-            (short, "have too few corners; they are left out"),
-            (crossing, "cross themselves or have no area; their triangles are a guess"),
-            (fans, "have too many corners to be cut properly; they are fans"),
+        for (number, what) in [
+            (short, "with too few corners left out"),
+            (crossing, "crossing itself or without area; the triangles are a guess"),
+            (fans, "with too many corners to be cut properly, made into fans"),
         ] {
-            if count > 0 {
-                self.xml.warn(self.element, format!("{count} polygons {what}"));
+            if number > 0 {
+                self.xml.warn(self.element, format!("{} {what}", text::count(number, "polygon")));
             }
         }
         Ok(out)

@@ -80,7 +80,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     let budget = Budget::new(MAX_DECODED_BYTES);
     let text = encoding::decode(&source.bytes)?;
     let doc = tree::Document::parse(&text)?;
-    let xml = xml::Xml::new(&doc, &notes, &budget);
+    let xml = xml::Xml::new(&doc, files, &notes, &budget);
     let root = xml.root();
     if xml::name_of(root) != "COLLADA" {
         let what = format!("the root element is {}, not COLLADA", shown(xml::name_of(root).as_bytes()));

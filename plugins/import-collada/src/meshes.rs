@@ -6,6 +6,7 @@ use crate::materials::Materials;
 use crate::nodes::Tree;
 use crate::tree::{Node, NodeId};
 use crate::xml::{Xml, children, name_of, text_of};
+use choreo_import::text::count;
 use choreo_import::{Result, smooth};
 use choreo_stage::asset::{Asset, Mesh, MeshInstance, Topology};
 use std::collections::{BTreeMap, HashMap};
@@ -63,8 +64,8 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
         }
         if self.without_normals > 0 {
             let what = format!(
-                "{} parts have no normals; edges of up to {:.0}° are smooth (option smooth)",
-                self.without_normals,
+                "{} without normals; edges of up to {:.0}° are smooth (option smooth)",
+                count(self.without_normals, "part"),
                 self.smooth_rad.to_degrees()
             );
             self.xml.notes.warn("library_geometries", what);

@@ -109,6 +109,11 @@ impl<'a, 'i> Node<'a, 'i> {
         (self.index..self.data().end).map(move |index| Node { index, ..self })
     }
 
+    /// The element's byte in the file's text.
+    pub fn start(self) -> usize {
+        self.data().start
+    }
+
     /// From 1. Counted on demand, and once for all messages.
     pub fn line(self) -> usize {
         let bytes = self.doc.text.as_bytes();
@@ -123,6 +128,11 @@ fn line_of(text: &str, at: usize) -> usize {
 }
 
 impl<'i> Document<'i> {
+    /// Bytes of its text.
+    pub fn length(&self) -> usize {
+        self.text.len()
+    }
+
     pub fn root<'a>(&'a self) -> Node<'a, 'i> {
         Node { doc: self, index: 0 }
     }

@@ -2,7 +2,8 @@
 
 use crate::tree::{Document, Node};
 use choreo_import::text::{next_integer, next_number, shown};
-use choreo_import::{Budget, Notes, Problem, Result};
+use choreo_import::{Budget, Notes, Problem, Progress, Result};
+use choreo_plugin::Files;
 use std::collections::HashMap;
 
 pub struct Xml<'a, 'i> {
@@ -12,10 +13,16 @@ pub struct Xml<'a, 'i> {
     nodes: HashMap<&'a str, Node<'a, 'i>>,
     pub notes: &'a Notes,
     pub budget: &'a Budget,
+    progress: Progress<'a>,
 }
 
 impl<'a, 'i> Xml<'a, 'i> {
-    pub fn new(doc: &'a Document<'i>, notes: &'a Notes, budget: &'a Budget) -> Xml<'a, 'i> {
+    pub fn new(
+        doc: &'a Document<'i>,
+        files: &'a dyn Files,
+        notes: &'a Notes,
+        budget: &'a Budget,
+    ) -> Xml<'a, 'i> {
         let (mut ids, mut nodes) = (HashMap::new(), HashMap::new());
         for node in doc.root().descendants() {
             if let Some(id) = node.attribute("id") {
@@ -24,7 +31,8 @@ impl<'a, 'i> Xml<'a, 'i> {
                 map.entry(id).or_insert(node);
             }
         }
-        Xml { doc, ids, nodes, notes, budget }
+        let progress = Progress::new(files, doc.length());
+        Xml { doc, ids, nodes, notes, budget, progress }
     }
 
     pub fn root(&self) -> Node<'a, 'i> {
@@ -104,6 +112,8 @@ impl<'a, 'i> Xml<'a, 'i> {
         next: impl Fn(&mut &'a [u8]) -> Option<std::result::Result<V, &'a [u8]>>,
         of: impl Fn(V) -> Option<T>,
     ) -> Result<std::result::Result<Vec<T>, (usize, &'a [u8])>> {
+        // Nearly all of a file are lists like this, read about in its order.
+        self.progress.reach(node.start())?;
         let mut rest = node.text().as_bytes();
         // A value has at least a digit and a space, and mostly three digits.
         let announced = node.attribute("count").and_then(|c| c.parse().ok()).unwrap_or(rest.len() / 4);

@@ -120,14 +120,17 @@ fn odd_files_are_read_with_a_word() {
         read("<scene><instance_visual_scene url=\"#scene\"/></scene>", ""),
         "does not say which scene it shows",
     );
-    has(read("art/skin%201.png", "../../../../etc/passwd"), "../../../../etc/passwd");
+    has(
+        read("art/skin%201.png", "../../../../etc/passwd"),
+        "\"passwd\" is not beside the file or in its textures/, images/, maps/, and folders above it are not read; give its folder with --search",
+    );
     has(read("<up_axis>Z_UP", "<up_axis>UP"), "\"UP\" is not an axis");
     has(
         read(
             "<polylist material=\"SKIN\" count=\"2\">",
             "<polylist material=\"SKIN\" count=\"2\"><!-- odd -->",
         ),
-        "no normals",
+        "without normals",
     );
     has(
         read("1 0 0 100 0 1 0 0 0 0 1 0 0 0 0 1</matrix>", "1 0.5 0 100 0 1 0 0 0 0 1 0 0 0 0 1</matrix>"),

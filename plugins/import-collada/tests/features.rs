@@ -56,7 +56,7 @@ fn nodes_in_metres_and_upright() {
         (asset.origin.metres_per_unit, asset.origin.up.as_str(), asset.origin.writer.as_str()),
         (Some(0.01), "+Z", "by hand")
     );
-    let said = ["library_geometries: 1 parts have no normals; edges of up to 30° are smooth (option smooth)"];
+    let said = ["library_geometries: 1 part without normals; edges of up to 30° are smooth (option smooth)"];
     assert_eq!(warnings(&asset), said);
     let x = with(&[("Z_UP", "X_UP")]);
     let at = pose::at(&x, None, 0.0)[3].translation;
@@ -110,7 +110,7 @@ fn uv_sets_materials_and_textures() {
     assert!(alone.materials[0].base_color_texture.is_none());
     assert_eq!(
         warnings(&alone)[0],
-        "library_images/image \"skin-png\" (line 9): \"art/skin 1.png\": file not found; the texture is left out"
+        "library_images/image \"skin-png\" (line 9): \"skin 1.png\" is not beside the file or in its textures/, images/, maps/; give its folder with --search; the texture is left out"
     );
 }
 

@@ -293,20 +293,18 @@ fn what_cannot_be_driven_is_said() {
         assert_eq!(asset.clips[0].duration, Time::from_secs(1.0));
         warnings(&asset).last().cloned().unwrap_or_default()
     };
+    assert!(said("gone/m(0)(0)").ends_with("1 channel for something that is not in the file; left out"));
     assert!(
-        said("gone/m(0)(0)")
-            .ends_with("1 channels drive something that is not in the file; they are left out")
+        said("skin/x")
+            .ends_with("1 channel for something that is neither a node nor a morph weight; left out")
     );
-    assert!(said("skin/x").ends_with(
-        "1 channels drive something that is neither a node nor a morph weight; they are left out"
-    ));
     assert!(
         said("lower-node/visibility")
-            .ends_with("1 channels drive something of a node that is no transform; they are left out")
+            .ends_with("1 channel for something of a node that is no transform; left out")
     );
     assert!(
         said("lower-node/m(9)(0)")
-            .ends_with("1 channels name a part of a transform that it does not have; they are left out")
+            .ends_with("1 channel for a part of a transform that it does not have; left out")
     );
     assert!(said("lower-node/m(3)(1)").ends_with("interpolation CARDINAL is not supported; LINEAR is used"));
 }

@@ -1,6 +1,7 @@
 //! The file through ufbx: what it is asked for, the limits it works under, what it says when it gives up.
 
 use crate::file::File;
+use choreo_import::text::count;
 use choreo_import::{Problem, Result};
 use choreo_plugin::{Files, Needs};
 use std::cell::Cell;
@@ -121,6 +122,7 @@ pub fn pass_warnings(file: &File<'_>) {
         file.notes.warn(place, format!("{}{times}", warning.description.as_ref()));
     }
     if names > 0 {
-        file.notes.warn("", format!("{names} texts are not UTF-8; what cannot be read in them is replaced"));
+        let names = count(names, "text");
+        file.notes.warn("", format!("{names} not in UTF-8; what cannot be read there is replaced"));
     }
 }

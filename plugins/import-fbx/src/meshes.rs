@@ -4,6 +4,7 @@ use crate::file::{File, place_of};
 use crate::materials::Read;
 use crate::nodes::Tree;
 use crate::{morphs, skinning, vertices};
+use choreo_import::text::count;
 use choreo_import::{Problem, Result};
 use choreo_stage::Asset;
 use choreo_stage::asset::{Mesh, MeshInstance};
@@ -124,7 +125,7 @@ fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[Read]) ->
 fn left_out(file: &File<'_>, mesh: &ufbx::Mesh, place: &str) {
     let few = mesh.num_point_faces + mesh.num_line_faces;
     if few > 0 {
-        file.notes.warn(place, format!("{few} faces with one or two corners are left out"));
+        file.notes.warn(place, format!("{} with one or two corners left out", count(few, "face")));
     }
     if !mesh.cache_deformers.as_ref().is_empty() {
         file.notes.warn(place, "a point cache moves it, which is not read; it is shown at rest");

@@ -290,18 +290,16 @@ fn fetch(file: &File<'_>, texture: &Texture, place: &str) -> Result<Option<(Stri
     }
     let by_name = [name.as_str()];
     let tried = search::places(if named.is_empty() { &by_name } else { &paths });
-    if let Ok(bytes) = search::read_first(file.files, &tried) {
-        return Ok(Some((name, bytes)));
-    }
-    let what = match tried.as_slice() {
-        [] => "names no file and holds no picture; it is left out".to_string(),
-        _ => {
-            let tried = tried.join(", ");
-            format!(
-                "its picture \"{named}\" is not there; looked for {tried} beside the file and in the search paths"
-            )
-        }
+    let why = match search::read_first(file.files, &tried) {
+        Ok(bytes) => return Ok(Some((name, bytes))),
+        Err(why) => why,
     };
-    file.notes.warn(place, what);
+    file.notes.warn(
+        place,
+        match tried.as_slice() {
+            [] => "names no file and holds no picture; it is left out".to_string(),
+            _ => search::missing(named, &why),
+        },
+    );
     Ok(None)
 }

@@ -5,6 +5,7 @@ use crate::file::File;
 use crate::materials::Read;
 use crate::morphs::Target;
 use crate::skinning::Weights;
+use choreo_import::text::count;
 use choreo_import::{Result, normals, tangents};
 use choreo_stage::asset::{MorphTarget, Primitive};
 use glam::{Vec2, Vec3, Vec4};
@@ -237,13 +238,13 @@ impl Maker<'_, '_> {
         }
         let mut zero = 0;
         for normal in &mut self.out.normals {
-            *normal = normal.try_normalize().unwrap_or_else(|| {
+            *normal = normals::unit(*normal).unwrap_or_else(|| {
                 zero += 1;
                 Vec3::Y
             });
         }
         if zero > 0 {
-            self.file.notes.warn(place(), format!("{zero} normals have length 0; +Y is used"));
+            self.file.notes.warn(place(), format!("{} of length 0; +Y is used", count(zero, "normal")));
         }
     }
 

@@ -5,6 +5,7 @@ use crate::file::File;
 use crate::nodes::Tree;
 use crate::problem::{Problem, Result, element};
 use crate::{instancing, skinning, topology, variants};
+use choreo_import::text::count;
 use choreo_import::{normals, tangents};
 use choreo_stage::asset::{Material, Mesh, MeshInstance, MorphTarget, Primitive, Skin, Topology};
 use glam::{Vec2, Vec3, Vec4};
@@ -229,7 +230,7 @@ fn finish_normals(file: &File<'_>, out: &mut Primitive, place: &dyn Fn() -> Stri
     }
     let mut zero = 0;
     for normal in &mut out.normals {
-        *normal = match normal.try_normalize() {
+        *normal = match normals::unit(*normal) {
             Some(n) => n,
             None => {
                 zero += 1;
@@ -238,7 +239,7 @@ fn finish_normals(file: &File<'_>, out: &mut Primitive, place: &dyn Fn() -> Stri
         };
     }
     if zero > 0 {
-        file.warn(place(), format!("{zero} normals have length 0; +Y is used"));
+        file.warn(place(), format!("{} of length 0; +Y is used", count(zero, "normal")));
     }
     Ok(())
 }
@@ -257,7 +258,7 @@ fn finish_tangents(
     if !of_file.is_empty() {
         out.tangents = vectors(of_file, |t| {
             let t = Vec4::from(t);
-            let direction = t.truncate().try_normalize().unwrap_or(Vec3::X);
+            let direction = normals::unit(t.truncate()).unwrap_or(Vec3::X);
             direction.extend(if t.w < 0.0 { -1.0 } else { 1.0 })
         });
         return Ok(());

@@ -4,9 +4,10 @@ mod mesh;
 mod mtl;
 mod parse;
 
+use choreo_import::search;
 use choreo_import::text::{Lines, next_word, stem};
 use choreo_import::textures::{Textures, is_normal_map};
-use choreo_import::{Budget, Notes, Problem, Result, normals, tangents};
+use choreo_import::{Budget, Notes, Problem, Progress, Result, normals, tangents};
 use choreo_motion::{Skeleton, Transform};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::asset::{
@@ -94,7 +95,8 @@ fn looks_like_obj(bytes: &[u8]) -> bool {
 fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
     let notes = Notes::default();
     let budget = Budget::new(MAX_DECODED_BYTES);
-    let model = parse::read(&source.bytes, needs.geometry, &notes)?;
+    let model =
+        parse::read(&source.bytes, needs.geometry, &Progress::new(files, source.bytes.len()), &notes)?;
     if model.groups.is_empty() && model.materials.is_empty() && model.positions.is_empty() && needs.geometry {
         return Err(Problem::new("line 1", "there is nothing of OBJ in it")
             .hint("an OBJ file has lines \"v x y z\" and \"f 1 2 3\""));
@@ -128,6 +130,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
             format: "Wavefront OBJ".into(),
             writer: writer(&model.comment).into(),
             metres_per_unit: Some(scale),
+            unit_is_assumed: true,
             up: if up_z { "+Z" } else { "+Y" }.into(),
             ..Origin::default()
         },
@@ -215,7 +218,7 @@ fn libraries(
     let mut out = BTreeMap::new();
     let read =
         |name: &str, place: &str, out: &mut BTreeMap<String, mtl::Mtl>| -> std::result::Result<(), String> {
-            let bytes = files.read(&name.replace('\\', "/"))?;
+            let bytes = search::read_first(files, &search::places(&[name]))?;
             budget.charge(bytes.len() as u64, 4)?;
             for material in mtl::read(&bytes, name, notes) {
                 if out.contains_key(&material.name) {
@@ -240,12 +243,12 @@ fn libraries(
         let Err(what) = read(names, &place, &mut out) else { continue };
         let several: Vec<&str> = names.split_whitespace().collect();
         if several.len() < 2 {
-            notes.warn(place, format!("material library \"{names}\" cannot be read: {what}"));
+            notes.warn(place, format!("material library {}", search::missing(names, &what)));
             continue;
         }
         for name in several {
             if let Err(what) = read(name, &place, &mut out) {
-                notes.warn(place.as_str(), format!("material library \"{name}\" cannot be read: {what}"));
+                notes.warn(place.as_str(), format!("material library {}", search::missing(name, &what)));
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use crate::parse::{Corner, Model, NONE, Shape};
 use choreo_import::polygon::{Cut, Triangulator};
+use choreo_import::text::count;
 use choreo_import::{Budget, Notes, Problem, Result, smooth};
 use choreo_stage::asset::{Primitive, Topology};
 use glam::{DVec3, Vec2, Vec3, Vec4};
@@ -64,17 +65,21 @@ pub fn build(
                 format!("edges of up to {:.0}° are smooth (option smooth)", settings.smooth_rad.to_degrees())
             }
         };
-        notes.warn("f", format!("{missing} faces have no normals; {how}"));
+        notes.warn("f", format!("{} without normals; {how}", count(missing, "face")));
     }
     let Builder { crossing, too_much, .. } = builder;
     if crossing.count > 0 {
-        let what =
-            format!("{} faces cross themselves or have no area; their triangles are a guess", crossing.count);
+        let what = format!(
+            "{} crossing itself or without area; the triangles are a guess",
+            count(crossing.count, "face")
+        );
         notes.warn(format!("line {}", crossing.line), what);
     }
     if too_much.count > 0 {
-        let what =
-            format!("{} faces have too many corners to be cut properly; they are fans", too_much.count);
+        let what = format!(
+            "{} with too many corners to be cut properly, made into fans",
+            count(too_much.count, "face")
+        );
         notes.warn(format!("line {}", too_much.line), what);
     }
     Ok(out)

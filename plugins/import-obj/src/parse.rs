@@ -1,7 +1,7 @@
 //! The lines of an OBJ file to flat lists.
 
-use choreo_import::text::{Lines, integer, next_word, number, shown};
-use choreo_import::{Notes, Problem, Result};
+use choreo_import::text::{self, Lines, integer, next_word, number, shown};
+use choreo_import::{Notes, Problem, Progress, Result};
 use glam::{DVec3, Vec2, Vec3};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -69,7 +69,7 @@ impl Model {
 }
 
 /// Without `geometry` only names are read.
-pub fn read(bytes: &[u8], geometry: bool, notes: &Notes) -> Result<Model> {
+pub fn read(bytes: &[u8], geometry: bool, progress: &Progress<'_>, notes: &Notes) -> Result<Model> {
     let mut parser = Parser {
         notes,
         model: Model::default(),
@@ -87,6 +87,8 @@ pub fn read(bytes: &[u8], geometry: bool, notes: &Notes) -> Result<Model> {
     };
     let mut lines = Lines::new(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes));
     while let Some((line, text)) = lines.next() {
+        // What is read becomes meshes after that, in about half of the time again.
+        progress.reach((bytes.len() - lines.left()) / 3 * 2)?;
         let mut text = Cow::Borrowed(text);
         // A backslash at the end continues the line.
         while text.trim_ascii_end().ends_with(b"\\") {
@@ -268,8 +270,8 @@ impl Parser<'_> {
         let model = self.model;
         if let Some(line) = self.short {
             let what = format!(
-                "{} faces have fewer than three corners (or lines fewer than two); they are left out",
-                self.short_count
+                "{} with fewer than three corners (or lines with fewer than two) left out",
+                text::count(self.short_count, "face")
             );
             self.notes.warn(format!("line {line}"), what);
         }

@@ -58,7 +58,7 @@ fn companions_that_are_missing_or_broken() {
     };
     assert_eq!(
         import("newmtl a\nmap_Kd ../../etc/passwd\n")[0],
-        "a.mtl line 1: \"../../etc/passwd\": file not found; the texture is left out"
+        "a.mtl line 1: \"passwd\" is not beside the file or in its textures/, images/, maps/, and folders above it are not read; give its folder with --search; the texture is left out"
     );
     let cut = import("newmtl a\nmap_Kd cut.png\n");
     assert!(cut[0].starts_with("a.mtl line 1: \"cut.png\" has a damaged header"), "{cut:?}");

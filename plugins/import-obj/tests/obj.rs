@@ -111,7 +111,7 @@ fn materials_and_texture_options() {
         [
             "room.mtl: not used: aniso",
             "room.mtl line 17: map_d \"mask.png\" is not the file of map_Kd; only its alpha channel can be used, so it is left out",
-            "f: 1 faces have no normals; edges of up to 30° are smooth (option smooth)",
+            "f: 1 face without normals; edges of up to 30° are smooth (option smooth)",
             "material \"rough\": the bump map \"bumps.png\" looks like a normal map and is used as one",
         ]
     );
@@ -169,7 +169,7 @@ fn missing_normals_by_angle_and_by_smoothing_group() {
     let groups = folded("s 1\nf 1 2 3 4\nf 4 3 6 5\ns off\nf 5 6 7 8\n");
     assert!(normals(&groups, edge).iter().all(|n| n.y > 0.4 && n.z > 0.4), "{:?}", normals(&groups, edge));
     assert_eq!(normals(&groups, Vec3::new(0.0, 1.0, -2.0)), [Vec3::Y]);
-    assert_eq!(warnings(&groups), ["f: 3 faces have no normals; they are made from the smoothing groups"]);
+    assert_eq!(warnings(&groups), ["f: 3 faces without normals; they are made from the smoothing groups"]);
 }
 
 #[test]
@@ -179,11 +179,11 @@ fn missing_libraries_and_materials_are_said() {
     assert_eq!(
         said[..5],
         [
-            "line 7: 1 faces have fewer than three corners (or lines fewer than two); they are left out",
+            "line 7: 1 face with fewer than three corners (or lines with fewer than two) left out",
             "line 9: \"foo\": is not known; 2 such lines are left out",
             "line 8: \"vp\": free-form curves and surfaces are not supported; it is left out",
-            "line 1: material library \"a\" cannot be read: \"a\": file not found",
-            "line 1: material library \"b.mtl\" cannot be read: \"b.mtl\": file not found",
+            "line 1: material library \"a\" is not beside the file or in its textures/, images/, maps/; give its folder with --search",
+            "line 1: material library \"b.mtl\" is not beside the file or in its textures/, images/, maps/; give its folder with --search",
         ]
     );
     assert!(said[5].starts_with("line 2: material \"gold\" is in none"));

@@ -2,19 +2,21 @@
 
 use crate::Solid;
 use choreo_import::text::{Lines, next_number, next_word, shown};
-use choreo_import::{Notes, Problem, Result};
+use choreo_import::{Notes, Problem, Progress, Result};
 use glam::Vec3;
 
 /// Every solid is a node: bounds the memory of empty ones.
 const MAX_SOLIDS: usize = 65_536;
 
 /// Without `geometry` only the solids and their names.
-pub fn read(bytes: &[u8], geometry: bool, notes: &Notes) -> Result<Vec<Solid>> {
+pub fn read(bytes: &[u8], geometry: bool, progress: &Progress<'_>, notes: &Notes) -> Result<Vec<Solid>> {
     let mut reader = Reader { notes, solids: Vec::new(), open: false, facet: None, corners: Vec::new() };
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let mut last = 1;
-    for (line, text) in Lines::new(text) {
+    let mut lines = Lines::new(text);
+    while let Some((line, text)) = lines.next() {
         last = line;
+        progress.reach(bytes.len() - lines.left())?;
         let mut rest = text;
         let Some(word) = next_word(&mut rest) else { continue };
         let keyword = Keyword::of(word);

@@ -1,6 +1,7 @@
 //! Binary STL: 80 bytes of header, a count, 50 bytes a triangle.
 
 use crate::Solid;
+use choreo_import::text::count as counted;
 use choreo_import::{Notes, Problem, Result};
 use glam::Vec3;
 
@@ -98,7 +99,8 @@ fn colors(header: &[u8], body: &[u8], solid: &mut Solid, notes: &Notes) {
             .map(|w| if w >> 15 == 1 { [channel(w, 10), channel(w, 5), channel(w, 0)] } else { white })
             .collect();
         let what = format!(
-            "{colored} facets have a colour in their attribute bytes, read as VisCAM and SolidView write it"
+            "{} with a colour in the attribute bytes, read as VisCAM and SolidView write it",
+            counted(colored, "facet")
         );
         notes.warn("byte 80", what);
     } else if attributes().any(|w| w != 0) {

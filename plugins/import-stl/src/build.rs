@@ -1,7 +1,7 @@
 //! Solids to nodes and meshes, in metres and +Y up.
 
 use crate::Solid;
-use choreo_import::text::stem;
+use choreo_import::text::{count, stem};
 use choreo_import::{Notes, Problem, Result, smooth};
 use choreo_motion::{Skeleton, Transform};
 use choreo_plugin::{ImportOptions, Needs, Source};
@@ -55,6 +55,7 @@ pub fn asset(
         origin: Origin {
             format: format.into(),
             metres_per_unit: needs.geometry.then_some(scale),
+            unit_is_assumed: true,
             up: if up_z { "+Z" } else { "+Y" }.into(),
             ..Origin::default()
         },
@@ -106,7 +107,9 @@ fn guess(solids: &[Solid], notes: &Notes) -> f64 {
     let (scale, name) = if size >= MILLIMETRES_FROM { (0.001, "1 mm") } else { (1.0, "1 m") };
     notes.warn(
         "solid",
-        format!("the format has no unit; the greatest extent is {size}, so a unit is taken as {name}; set it with the option scale (metres a unit)"),
+        format!(
+            "the format has no unit; taken as {name} by its extent of {size} (option scale: metres a unit)"
+        ),
     );
     scale
 }
@@ -152,13 +155,13 @@ fn primitive(
         notes.warn(
             place(),
             format!(
-                "{against} of {} facets have a normal against the order of their vertices; the order counts",
+                "{against} of {} facets with a normal against the order of their vertices; the order counts",
                 normals.len() / 3
             ),
         );
     }
     if without_area > 0 {
-        notes.warn(place(), format!("{without_area} facets have no area"));
+        notes.warn(place(), format!("{} without area", count(without_area, "facet")));
     }
     let colors = solid.colors.iter().flat_map(|c| [linear(*c); 3]).collect();
     let mut out = Primitive {

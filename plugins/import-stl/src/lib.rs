@@ -4,7 +4,7 @@ mod ascii;
 mod binary;
 mod build;
 
-use choreo_import::{Notes, Result};
+use choreo_import::{Notes, Progress, Result};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::Asset;
 use glam::Vec3;
@@ -64,11 +64,11 @@ impl Importer for StlImporter {
     fn import(
         &self,
         source: &Source,
-        _: &dyn Files,
+        files: &dyn Files,
         needs: Needs,
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
-        import(source, needs, options).map_err(|p| p.in_file(&source.name))
+        import(source, files, needs, options).map_err(|p| p.in_file(&source.name))
     }
 }
 
@@ -84,10 +84,11 @@ struct Solid {
     colors: Vec<[u8; 3]>,
 }
 
-fn import(source: &Source, needs: Needs, options: &ImportOptions) -> Result<Asset> {
+fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
     let notes = Notes::default();
+    let progress = Progress::new(files, source.bytes.len());
     let (solids, format) = match (needs.geometry, Encoding::of(&source.bytes)) {
-        (_, Encoding::Ascii) => (ascii::read(&source.bytes, needs.geometry, &notes)?, "ASCII STL"),
+        (_, Encoding::Ascii) => (ascii::read(&source.bytes, needs.geometry, &progress, &notes)?, "ASCII STL"),
         (false, _) => (vec![Solid::default()], "binary STL"),
         (true, _) => (vec![binary::read(&source.bytes, &notes)?], "binary STL"),
     };

@@ -52,8 +52,8 @@ fn solids_become_nodes_z_up_and_flat() {
     assert_eq!(
         warnings(&asset),
         [
-            "solid: the format has no unit; the greatest extent is 6, so a unit is taken as 1 m; set it with the option scale (metres a unit)",
-            "solid \"solid 1\": 1 of 1 facets have a normal against the order of their vertices; the order counts",
+            "solid: the format has no unit; taken as 1 m by its extent of 6 (option scale: metres a unit)",
+            "solid \"solid 1\": 1 of 1 facets with a normal against the order of their vertices; the order counts",
         ]
     );
     let y = with(TWO, &[("up", OptionValue::Text("y".into())), ("scale", OptionValue::Number(0.5))]);
@@ -84,7 +84,7 @@ fn facet_colours_of_both_customs() {
         |a: &Asset| -> Vec<Vec4> { a.meshes[0].primitives[0].colors.iter().step_by(3).copied().collect() };
     let rgb = |r: f32, g: f32, b: f32| Vec4::new(r, g, b, 1.0);
     assert_eq!(colors(&viscam), [rgb(1.0, 0.0, 0.0), rgb(0.0, 1.0, 0.0), Vec4::ONE, Vec4::ONE]);
-    assert!(warnings(&viscam)[0].starts_with("byte 80: 3 facets have a colour"), "{:?}", warnings(&viscam));
+    assert!(warnings(&viscam)[0].starts_with("byte 80: 3 facets with a colour"), "{:?}", warnings(&viscam));
     let magics = read(binary(b"COLOR=\xFF\x00\xFF\xFF,MATERIAL=", [0x001F, 0x03E0, 0x8000, 0x7C00])).unwrap();
     assert_eq!(
         colors(&magics),
@@ -163,7 +163,7 @@ fn what_is_left_is_said() {
     assert_eq!(asset.meshes[0].primitives[0].indices.len(), 9);
     assert!(warnings(&asset)[0].starts_with("line 2: the facet has 4 vertices"), "{:?}", warnings(&asset));
     let flat = TWO.replacen("vertex 4 3 4", "vertex 2 0 0", 1);
-    assert!(warnings(&read(flat).unwrap()).contains(&"solid \"roof\": 1 facets have no area".to_string()));
+    assert!(warnings(&read(flat).unwrap()).contains(&"solid \"roof\": 1 facet without area".to_string()));
 }
 
 #[test]

@@ -64,6 +64,7 @@ pub fn read_animation(document: &Document<'_>, asset: &mut Asset) {
 
 fn origin(document: &Document<'_>, format: &str, about: About) -> Origin {
     Origin {
+        unit_is_assumed: false,
         format: format.into(),
         writer: one_line(document.generator().unwrap_or_default()),
         metres_per_unit: Some(1.0),

@@ -28,7 +28,7 @@ const STEPS: [&str; 5] = [
 ];
 /// A number that no file's textures reach: nothing is written. assimp then ends with this code.
 const NO_TEXTURE: &str = "--texture=100000";
-const ENDED: i32 = 6;
+const ENDED: i32 = 10;
 
 /// Milliseconds of computing; MiB at most.
 #[derive(Clone, Copy)]

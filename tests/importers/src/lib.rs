@@ -22,6 +22,8 @@ pub const FORMATS: [Format; 5] = [
 
 /// Sample files of all these formats; there are others beside them.
 pub const SAMPLES: usize = 54;
+/// Those of glTF, VRM and VRMA.
+pub const GLTF_SAMPLES: usize = 40;
 
 fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
@@ -32,18 +34,28 @@ pub fn importer(path: &Path) -> Option<&'static dyn Importer> {
     let extension = extension(path);
     match extension.as_str() {
         "glb" | "gltf" => Some(&import_gltf::GltfImporter),
+        "vrm" | "vrma" => Some(&import_vrm::VrmImporter),
         _ => FORMATS.iter().find(|f| f.extension == extension).map(|f| f.importer),
     }
 }
 
 /// Every file of the five formats, relative to the folder, in order.
 pub fn samples(folder: &Path) -> Vec<PathBuf> {
+    files(folder, |extension| FORMATS.iter().any(|f| f.extension == extension))
+}
+
+/// Files of glTF and of the formats over it, in order.
+pub fn gltf_samples(folder: &Path) -> Vec<PathBuf> {
+    files(folder, |extension| ["glb", "gltf", "vrm", "vrma"].contains(&extension))
+}
+
+fn files(folder: &Path, wanted: impl Fn(&str) -> bool) -> Vec<PathBuf> {
     let mut out = Vec::new();
     let mut folders = vec![folder.to_path_buf()];
     while let Some(inner) = folders.pop() {
         let Ok(entries) = std::fs::read_dir(inner) else { continue };
         for path in entries.flatten().map(|e| e.path()) {
-            let known = FORMATS.iter().any(|f| f.extension == extension(&path));
+            let known = wanted(&extension(&path));
             match path.is_dir() {
                 true => folders.push(path),
                 false if known => out.extend(path.strip_prefix(folder).map(Path::to_path_buf)),

@@ -2,13 +2,18 @@
 //! memory and time. The everyday test takes a seeded slice, small files first; all of it, some minutes in release:
 //! `cargo test --release -p importers --test damage -- --ignored --nocapture`.
 
-use choreo_import_testing::{assets, damage};
-use importers::{SAMPLES, importer, samples};
+use choreo_import_testing::{Companions, assets, damage};
+use importers::{GLTF_SAMPLES, SAMPLES, gltf_samples, importer, samples};
+use std::path::{Path, PathBuf};
+
+type Samples = (usize, fn(&Path) -> Vec<PathBuf>);
+const FIVE: Samples = (SAMPLES, samples);
+const GLTF: Samples = (GLTF_SAMPLES, gltf_samples);
 
 /// Cuts and flips of each file.
-fn run(cuts: usize, flips: usize, budget_bytes: usize) {
-    let Some(folder) = assets(SAMPLES) else { return };
-    let mut files: Vec<(usize, std::path::PathBuf)> = samples(&folder)
+fn run((count, samples): Samples, cuts: usize, flips: usize, budget_bytes: usize) {
+    let Some(folder) = assets(count) else { return };
+    let mut files: Vec<(usize, PathBuf)> = samples(&folder)
         .into_iter()
         .map(|name| (std::fs::metadata(folder.join(&name)).map_or(0, |m| m.len() as usize), name))
         .collect();
@@ -23,6 +28,7 @@ fn run(cuts: usize, flips: usize, budget_bytes: usize) {
             importer,
             &name.display().to_string(),
             &bytes,
+            &Companions::in_folder(folder.join(name).parent().unwrap_or(&folder)),
             cuts.min(share),
             flips.min(share),
         );
@@ -45,11 +51,22 @@ fn run(cuts: usize, flips: usize, budget_bytes: usize) {
 
 #[test]
 fn a_slice() {
-    run(6, 12, 1 << 20);
+    run(FIVE, 6, 12, 1 << 20);
+}
+
+#[test]
+fn a_slice_of_gltf() {
+    run(GLTF, 2, 4, 1 << 16);
 }
 
 #[test]
 #[ignore = "50 cuts and 1,000 flips of every sample: minutes, in release"]
 fn all() {
-    run(50, 1000, usize::MAX);
+    run(FIVE, 50, 1000, usize::MAX);
+}
+
+#[test]
+#[ignore = "as all, with pictures to decode: most of an hour, in release"]
+fn all_of_gltf() {
+    run(GLTF, 50, 1000, usize::MAX);
 }

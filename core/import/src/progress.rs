@@ -1,0 +1,67 @@
+//! How far an import is, for a bar; and its end where nobody wants it any more.
+
+use crate::{Problem, Result};
+use choreo_plugin::Files;
+use std::cell::Cell;
+
+/// Smaller steps cannot be seen.
+const STEPS: usize = 256;
+
+/// Of a file that is read from its beginning to its end.
+pub struct Progress<'f> {
+    files: &'f dyn Files,
+    total: usize,
+    next: Cell<usize>,
+}
+
+impl<'f> Progress<'f> {
+    pub fn new(files: &'f dyn Files, total: usize) -> Progress<'f> {
+        Progress { files, total, next: Cell::new(0) }
+    }
+
+    /// Says that so many bytes are done, where that is a step further. An error where the import was cancelled.
+    #[inline]
+    pub fn reach(&self, done: usize) -> Result<()> {
+        if done < self.next.get() { Ok(()) } else { self.tell(done) }
+    }
+
+    #[cold]
+    fn tell(&self, done: usize) -> Result<()> {
+        self.next.set(done + self.total / STEPS + 1);
+        match self.files.progress(done as f32 / self.total.max(1) as f32) {
+            true => Ok(()),
+            false => Err(Problem::new(format!("byte {done}"), "the import was cancelled")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::RefCell;
+    use std::sync::Arc;
+
+    struct Bar(RefCell<Vec<f32>>);
+
+    impl Files for Bar {
+        fn read(&self, name: &str) -> std::result::Result<Arc<Vec<u8>>, String> {
+            Err(format!("{name}: not found"))
+        }
+
+        fn progress(&self, part: f32) -> bool {
+            self.0.borrow_mut().push(part);
+            part < 0.5
+        }
+    }
+
+    #[test]
+    fn steps_that_can_be_seen_until_it_is_cancelled() {
+        let bar = Bar(RefCell::default());
+        let progress = Progress::new(&bar, 1_000_000);
+        let end = (0..=1_000_000).find_map(|done| progress.reach(done).err());
+        assert_eq!(end.unwrap().what, "the import was cancelled");
+        let told = bar.0.into_inner();
+        assert!(told.is_sorted() && (100..=128).contains(&(told.len() - 1)), "{}", told.len());
+        assert!((0.5..0.51).contains(told.last().unwrap()));
+    }
+}
