@@ -1,4 +1,5 @@
-//! Import times and peak memory of the sample files, beside assimp's: `cargo bench -p importers [-- FILTER]`.
+//! Import times and peak memory of the sample files, beside assimp's: `cargo bench -p importers [-- FILTER]`; what the option
+//! `tolerance` of import-fbx costs: `-- --tolerance`.
 //!
 //! Both as a fresh process for every run, in turns, so that both find memory as cold and the machine as busy. Time is what the
 //! system says the threads have computed, without the start of the process: assimp's whole process less that of `assimp version`;
@@ -8,8 +9,8 @@
 //! makes nothing of what it has read; the like of ours has the steps whose results ours always has ([`STEPS`]).
 //! Memory is the greatest that a whole process had resident.
 
-use choreo_plugin::Needs;
-use importers::{SAMPLES, import, samples};
+use choreo_plugin::{Needs, OptionValue};
+use importers::{SAMPLES, import_with, samples};
 use nix::time::{ClockId, clock_gettime};
 use std::io::Read;
 use std::path::Path;
@@ -56,17 +57,19 @@ fn status(field: &str) -> Option<f64> {
 }
 
 /// This process, started for one file: `ms MiB`.
-fn once(path: &Path) {
+fn once(path: &Path, tolerance: Option<f64>) {
+    let given: Vec<_> = tolerance.map(|t| ("tolerance", OptionValue::Number(t))).into_iter().collect();
     let before = thread_ms();
-    let asset = import(path, Needs { textures: false, ..Needs::ALL });
+    let asset = import_with(path, Needs { textures: false, ..Needs::ALL }, &given);
     let after = thread_ms();
     assert!(std::hint::black_box(asset).is_ok(), "{}", path.display());
     println!("{} {}", after - before, status("VmHWM:").unwrap_or(f64::NAN) / 1024.0);
 }
 
-fn ours(path: &Path) -> Option<Run> {
+fn ours(path: &Path, tolerance: Option<f64>) -> Option<Run> {
     let me = std::env::current_exe().ok()?;
-    let output = Command::new(me).arg("--once").arg(path).output().ok()?;
+    let tolerance = tolerance.map(|t| t.to_string());
+    let output = Command::new(me).arg("--once").arg(path).args(tolerance).output().ok()?;
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let mut numbers = text.split_whitespace().filter_map(|w| w.parse().ok());
     Some(Run { ms: numbers.next()?, mib: numbers.next()? })
@@ -107,15 +110,40 @@ fn medians(runs: &[Run]) -> Run {
     Run { ms: median(runs.iter().map(|r| r.ms)), mib: median(runs.iter().map(|r| r.mib)) }
 }
 
+/// What the option of import-fbx costs: files whose clips it shapes.
+fn tolerances(folder: &Path) {
+    const DEGREES: [f64; 3] = [0.5, 0.05, 0.005];
+    println!("| file | ms at tolerance 0.5 | 0.05 | 0.005 |\n|---|---|---|---|");
+    let files = [
+        "fbx/huesitos.fbx",
+        "fbx/pab/walk.fbx",
+        "fbx/pab/locomotions.fbx",
+        "fbx/ufbx/maya_game_sausage_7500_binary_combined.fbx",
+    ];
+    for name in files {
+        let mut runs: [Vec<Run>; 3] = Default::default();
+        for _ in 0..RUNS {
+            for (runs, degrees) in runs.iter_mut().zip(DEGREES) {
+                runs.extend(ours(&folder.join(name), Some(degrees)));
+            }
+        }
+        let [a, b, c] = runs.map(|runs| medians(&runs).ms);
+        println!("| {name} | {a:.2} | {b:.2} | {c:.2} |");
+    }
+}
+
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    if let [flag, path] = args.as_slice()
+    if let [flag, path, tolerance @ ..] = args.as_slice()
         && flag == "--once"
     {
-        return once(Path::new(path));
+        return once(Path::new(path), tolerance.first().and_then(|t| t.parse().ok()));
     }
     let filter = args.iter().find(|a| !a.starts_with('-')).cloned().unwrap_or_default();
     let Some(folder) = choreo_import_testing::assets(SAMPLES) else { return };
+    if args.iter().any(|a| a == "--tolerance") {
+        return tolerances(&folder);
+    }
     println!(
         "| file | KB | ours, ms | assimp, the same, ms | | assimp raw, ms | | ours, MiB | assimp, the same, MiB |"
     );
@@ -128,7 +156,7 @@ fn main() {
         let shown = path.display().to_string();
         let (mut a, mut start, mut raw, mut full) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for _ in 0..RUNS {
-            a.extend(ours(&path));
+            a.extend(ours(&path, None));
             start.extend(assimp(&["version"]));
             let extract = ["extract", &shown, "/dev/null", NO_TEXTURE];
             raw.extend(assimp(&extract));

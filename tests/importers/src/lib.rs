@@ -3,7 +3,7 @@
 pub mod assimp;
 
 use choreo_import_testing::{Companions, source};
-use choreo_plugin::{ImportError, Importer, Needs};
+use choreo_plugin::{ImportError, Importer, Needs, OptionValue};
 use choreo_stage::Asset;
 use std::path::{Path, PathBuf};
 
@@ -67,13 +67,19 @@ fn files(folder: &Path, wanted: impl Fn(&str) -> bool) -> Vec<PathBuf> {
     out
 }
 
-/// With what lies beside it.
+/// With what lies beside it, and default options.
 pub fn import(path: &Path, needs: Needs) -> Result<Asset, ImportError> {
+    import_with(path, needs, &[])
+}
+
+/// As [`import`], with options of its importer.
+pub fn import_with(path: &Path, needs: Needs, given: &[(&str, OptionValue)]) -> Result<Asset, ImportError> {
     let importer = importer(path).unwrap_or_else(|| panic!("no importer for {}", path.display()));
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let folder = Companions::in_folder(path.parent().unwrap_or(Path::new(".")));
-    choreo_import_testing::import(importer, &source(&name, bytes), &folder, needs)
+    let options = choreo_import_testing::options(importer, given);
+    importer.import(&source(&name, bytes), &folder, needs, &options)
 }
 
 pub fn whole(path: &Path) -> Asset {
