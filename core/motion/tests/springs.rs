@@ -30,7 +30,7 @@ impl Numbers {
 
 fn still(target: DVec3) -> Drive {
     let zero = DVec3::ZERO;
-    Drive { head: zero, target, length: 0.2, gravity: zero, pull: zero, wind: zero }
+    Drive { head: zero, follows: false, target, length: 0.2, gravity: zero, pull: zero, wind: zero }
 }
 
 fn at(direction: DVec3, drive: &Drive) -> BoneState {
@@ -361,6 +361,78 @@ fn a_long_undamped_chain_cannot_run_away() {
     }
     let limit = std::f64::consts::PI * 60.0 + 1.0;
     assert!(run.state.bones().iter().flatten().all(|b| b.velocity.length() < limit));
+}
+
+/// Where the ends of tails of 1 to 100 bones are at each 60th of a second, at so many steps in it.
+fn shaken_tails(count: usize, steps: u32, spring: SpringBone, frames: u32) -> Vec<Vec3> {
+    let (skeleton, mut rig) = tail(count);
+    rig.bones_mut().for_each(|b| b.spring = spring);
+    let mut run = Run::new((skeleton, rig));
+    let mut seen = Vec::new();
+    for i in 0..=frames * steps {
+        let t = f64::from(i) / f64::from(60 * steps);
+        // Three tones, one of them the bones' own.
+        let x = 0.1 * (1.0 - libm::cos(9.0 * t)) + 0.02 * libm::sin(18.8 * t) + 0.01 * libm::sin(40.0 * t);
+        run.step(DAffine3::from_translation(DVec3::X * x), 1.0 / f64::from(60 * steps));
+        if i.is_multiple_of(steps) {
+            let last = run.out.last().unwrap();
+            seen.push(last.transform_point3(Vec3::NEG_Y * 0.1));
+        }
+    }
+    seen
+}
+
+fn apart(a: &[Vec3], b: &[Vec3]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (*a - *b).length()).fold(0.0, f32::max)
+}
+
+/// The same motion at finer steps, however long the chain, however lightly damped.
+#[test]
+fn chains_converge_to_a_thousand_times_finer_steps() {
+    for (count, steps) in [(1, 1000), (4, 1000), (20, 200), (100, 40)] {
+        for ratio in [0.02, 0.4, 1.5] {
+            let spring = SpringBone::new(3.0, ratio);
+            let tip = |steps| shaken_tails(count, steps, spring, 60);
+            let truth = tip(steps);
+            let off = [1, 4].map(|steps| apart(&tip(steps), &truth));
+            let reach = count as f32 * 0.1;
+            println!("{count} bones, ζ {ratio}: {off:?} m");
+            assert!(off[0] < 0.1 * reach, "{count} bones, ζ {ratio}: {off:?}");
+            // Of first order at least, but for the rounding of f32 matrices.
+            assert!(off[1] < off[0] / 3.0 + 1e-4 * reach, "{count} bones, ζ {ratio}: {off:?}");
+        }
+    }
+}
+
+/// What is passed on along a chain is never more than what came in: the frequency response, far into an even shake.
+#[test]
+fn a_bone_never_swings_farther_than_the_one_it_follows() {
+    for frequency in [0.5, 3.0] {
+        for hz in [0.3, 1.0, 2.5, 3.0, 3.5, 8.0] {
+            let bone = SpringBone::new(frequency, 0.0);
+            let swing = |follows: bool| {
+                let drive = |t: f64| Drive {
+                    follows,
+                    target: planar(0.1 * libm::sin(std::f64::consts::TAU * hz * t)),
+                    gravity: DVec3::NEG_Y * 9.81,
+                    length: 5.0,
+                    ..still(DVec3::NEG_Y)
+                };
+                let mut state = at(DVec3::NEG_Y, &drive(0.0));
+                let mut most = 0.0f64;
+                for i in 1..=24_000 {
+                    let t = f64::from(i) / 1200.0;
+                    bone.step(&mut state, &drive(t), 1.0 / 1200.0);
+                    most = if t > 16.0 { most.max(angle(state.direction).abs()) } else { 0.0 };
+                }
+                most
+            };
+            assert!(swing(true) < 0.1001, "{frequency} Hz at {hz} Hz: {}", swing(true));
+            if (hz - frequency).abs() < 0.1 {
+                assert!(swing(false) > 0.3, "one that follows nothing rings: {}", swing(false));
+            }
+        }
+    }
 }
 
 #[test]

@@ -121,7 +121,7 @@ pub fn section() -> Result<Section, String> {
 
 fn still() -> Drive {
     let zero = DVec3::ZERO;
-    Drive { head: zero, target: DVec3::NEG_Y, length: 0.2, gravity: zero, pull: zero, wind: zero }
+    Drive { head: zero, follows: false, target: DVec3::NEG_Y, length: 0.2, gravity: zero, pull: zero, wind: zero }
 }
 
 fn at(angle: f64, drive: &Drive) -> BoneState {
@@ -248,7 +248,7 @@ fn moving() -> Table {
     table
 }
 
-/// A tail whose root shakes: at 60 steps a second and more, against 3840.
+/// A tail whose root shakes: at 60 steps a second and more, against 60,000.
 fn chains() -> Result<Table, String> {
     const LENGTHS: [usize; 4] = [1, 4, 20, 100];
     const STEPS: [u32; 4] = [60, 120, 240, 480];
@@ -306,7 +306,7 @@ fn chains() -> Result<Table, String> {
     let mut rows: Vec<Vec<Cell>> =
         STEPS.iter().map(|s| vec![Cell::text(format!("{s} steps a second"))]).collect();
     for count in LENGTHS {
-        let truth = tips(count, 3840)?;
+        let truth = tips(count, 60_000)?;
         for (row, steps) in rows.iter_mut().zip(STEPS) {
             let got = tips(count, steps)?;
             let off =

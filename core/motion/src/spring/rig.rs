@@ -211,6 +211,7 @@ mod tests {
         let (spring, pull) = of_vrm(joint, length);
         let drive = Drive {
             head: DVec3::ZERO,
+            follows: false,
             target: DVec3::NEG_Y,
             length,
             gravity: DVec3::ZERO,

@@ -114,7 +114,7 @@ impl SpringStep<'_> {
                 if space.0 != bone.center {
                     space = (bone.center, self.space(bone.center));
                 }
-                by = self.swing(bone, state, &space.1, by.unwrap_or(Moved::NOT), &model_from_world).or(by);
+                by = self.swing(bone, state, &space.1, by, &model_from_world).or(by);
             }
             moved[joint] = by;
             if let Some(by) = by {
@@ -134,11 +134,14 @@ impl SpringStep<'_> {
         bone: &RigBone,
         state: &mut Option<BoneState>,
         space: &Space,
-        parent: Moved,
+        parent: Option<Moved>,
         model_from_world: &DMat3,
     ) -> Option<Moved> {
+        let follows = parent.is_some();
+        let parent = parent.unwrap_or(Moved::NOT);
         let animated = &self.model_from_joint[bone.joint as usize];
-        let head = parent.point(Vec3::from(animated.translation).as_dvec3());
+        let animated_head = Vec3::from(animated.translation).as_dvec3();
+        let head = parent.point(animated_head);
         let stick = parent.rotation * Vec3::from(animated.matrix3 * Vec3A::from(bone.tail)).as_dvec3();
         let world_stick = self.world_from_model.matrix3 * stick;
         let length = world_stick.length();
@@ -148,7 +151,8 @@ impl SpringStep<'_> {
             return None;
         }
         let drive = Drive {
-            head: space.to(world_head),
+            head: space.to(self.world_from_model.transform_point3(animated_head)),
+            follows,
             target: space.turn_to(world_stick / length),
             length,
             gravity: space.turn_to(bone.gravity),
