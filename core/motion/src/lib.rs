@@ -107,7 +107,7 @@ pub use phase::{PhaseFade, Steps};
 pub use planar::Planar;
 pub use playback::{Playback, Repeat};
 pub use pose::{LANES, Lane, Pose, PoseBlock};
-pub use property::{PropertyCurve, PropertyTarget};
+pub use property::{MaterialProperty, PropertyCurve, PropertyTarget};
 pub use retarget::{Retarget, bind_or_retarget};
 pub use root_motion::{RootMotion, RootParts};
 pub use sample::Sample;

@@ -17,8 +17,43 @@ pub enum PropertyTarget {
     LightColor(u32),
     /// As the file has it (lux, candela).
     LightIntensity(u32),
+    /// Metres.
+    LightRange(u32),
+    /// Half angles of a spot's cone, radians.
+    SpotInner(u32),
+    SpotOuter(u32),
     /// Linear RGBA factor of a material.
     BaseColor(u32),
+    Material(u32, MaterialProperty),
+}
+
+/// Numbers of a material beside its base colour. Textures by their slot: base colour, metallic-roughness, normal, occlusion, emissive,
+/// specular, specular colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum MaterialProperty {
+    /// Linear RGB, the file's strength multiplied in.
+    Emissive,
+    /// In units of the file's.
+    EmissiveStrength,
+    Metallic,
+    Roughness,
+    AlphaCutoff,
+    NormalScale,
+    OcclusionStrength,
+    UvOffset(u8),
+    /// Radians.
+    UvRotation(u8),
+    UvScale(u8),
+}
+
+impl MaterialProperty {
+    fn width(self) -> usize {
+        match self {
+            MaterialProperty::Emissive => 3,
+            MaterialProperty::UvOffset(_) | MaterialProperty::UvScale(_) => 2,
+            _ => 1,
+        }
+    }
 }
 
 impl PropertyTarget {
@@ -27,9 +62,13 @@ impl PropertyTarget {
         match self {
             PropertyTarget::CameraYfov(_)
             | PropertyTarget::CameraHeight(_)
-            | PropertyTarget::LightIntensity(_) => 1,
+            | PropertyTarget::LightIntensity(_)
+            | PropertyTarget::LightRange(_)
+            | PropertyTarget::SpotInner(_)
+            | PropertyTarget::SpotOuter(_) => 1,
             PropertyTarget::LightColor(_) => 3,
             PropertyTarget::BaseColor(_) => 4,
+            PropertyTarget::Material(_, property) => property.width(),
         }
     }
 }

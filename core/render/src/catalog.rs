@@ -57,6 +57,36 @@ pub struct CatalogMaterial {
 }
 
 impl CatalogMaterial {
+    /// The same material with the factors and texture transforms that it has now.
+    pub fn changed(&self, now: &Material, white: bool) -> CatalogMaterial {
+        let toon = now.toon.as_deref().filter(|_| now.shading == Shading::Toon);
+        let moved = |known: Option<CatalogTextureRef>, texture: &Option<TextureRef>| {
+            let uv_transform = texture.as_ref().map(|t| t.uv_transform);
+            known.map(|k| CatalogTextureRef { uv_transform: uv_transform.unwrap_or(k.uv_transform), ..k })
+        };
+        CatalogMaterial {
+            material: Material {
+                base_color: if white { Vec4::ONE } else { now.base_color },
+                layers: self.material.layers.clone(),
+                ..now.clone()
+            },
+            base_color: moved(self.base_color, &now.base_color_texture),
+            metallic_roughness: match toon {
+                Some(_) => self.metallic_roughness,
+                None => moved(self.metallic_roughness, &now.metallic_roughness_texture),
+            },
+            normal: moved(self.normal, &now.normal_texture),
+            occlusion: moved(self.occlusion, toon.map_or(&now.occlusion_texture, |t| &t.rim_texture)),
+            emissive: moved(self.emissive, &now.emissive_texture),
+            specular: moved(self.specular, toon.map_or(&now.specular_texture, |t| &t.shading_shift_texture)),
+            specular_color: moved(
+                self.specular_color,
+                toon.map_or(&now.specular_color_texture, |t| &t.shade_texture),
+            ),
+            layers: self.layers,
+        }
+    }
+
     /// In the order of the fields.
     pub fn texture_refs(&self) -> [Option<CatalogTextureRef>; TEXTURE_SLOTS] {
         let base = [
@@ -106,6 +136,8 @@ pub struct PrimitiveEntry {
     pub material: u32,
     /// The asset's material whose base colour its clips animate: white in the catalogue, it comes with each copy's tint.
     pub animated: Option<u32>,
+    /// The asset's material where more than that may change with the time; see `ActorState::materials`.
+    pub changes: Option<u32>,
 }
 
 impl Catalog {
@@ -143,11 +175,16 @@ impl Builder {
     fn asset(&mut self, asset: &Asset) -> AssetEntry {
         let animated = asset.animated_base_colors();
         let is_animated = |m: u32| animated.get(m as usize).is_some_and(|a| *a);
+        let changing = asset.changing_materials();
+        let changes = |m: u32| changing.get(m as usize).is_some_and(|c| *c);
         let material_ids: Vec<u32> = (0..)
             .zip(&asset.materials)
             .map(|(index, m)| match is_animated(index) {
-                true => self.material(asset, &Material { base_color: Vec4::ONE, ..m.clone() }),
-                false => self.material(asset, m),
+                true => {
+                    let white = Material { base_color: Vec4::ONE, ..m.clone() };
+                    self.material(asset, &white, changes(index))
+                }
+                false => self.material(asset, m, changes(index)),
             })
             .collect();
         let mut default_material = None;
@@ -163,11 +200,13 @@ impl Builder {
                 for (index, primitive) in mesh.primitives.iter().enumerate() {
                     let material = primitive.material.and_then(|m| material_ids.get(m as usize).copied());
                     let material = material.unwrap_or_else(|| {
-                        *default_material.get_or_insert_with(|| self.material(asset, &Material::default()))
+                        *default_material
+                            .get_or_insert_with(|| self.material(asset, &Material::default(), false))
                     });
                     let animated = primitive.material.filter(|m| is_animated(*m));
+                    let changes = primitive.material.filter(|m| changes(*m));
                     let primitive = self.primitive(mesh, index as u32);
-                    ids.push(PrimitiveEntry { primitive, material, animated });
+                    ids.push(PrimitiveEntry { primitive, material, animated, changes });
                 }
                 meshes[instance.mesh as usize] = Some(ids);
             }
@@ -186,12 +225,13 @@ impl Builder {
         })
     }
 
-    fn material(&mut self, asset: &Asset, m: &Material) -> u32 {
+    /// `changing`: what its factors leave out now may come in later.
+    fn material(&mut self, asset: &Asset, m: &Material, changing: bool) -> u32 {
         let lit = m.shading != Shading::Unlit;
         let metallic_roughness = m.shading == Shading::MetallicRoughness;
         let toon = m.toon.as_deref().filter(|_| m.shading == Shading::Toon);
         let mut texture = |t: &Option<TextureRef>, srgb, needed| {
-            t.as_ref().filter(|_| needed).and_then(|t| self.texture(asset, t, srgb))
+            t.as_ref().filter(|_| needed || (changing && lit)).and_then(|t| self.texture(asset, t, srgb))
         };
         let layers = m.layers.as_deref().filter(|_| metallic_roughness).filter(|l| shows(l));
         let layer_textures = layers.map_or([None; LAYER_SLOTS], |l| {
@@ -236,7 +276,9 @@ impl Builder {
             material: Material {
                 // A cutoff of zero discards nothing.
                 alpha_mode: match m.alpha_mode {
-                    AlphaMode::Mask(cutoff) if cutoff.is_nan() || cutoff <= 0.0 => AlphaMode::Opaque,
+                    AlphaMode::Mask(cutoff) if cutoff.is_nan() || (cutoff <= 0.0 && !changing) => {
+                        AlphaMode::Opaque
+                    }
                     mode => mode,
                 },
                 layers: layers.map(|l| Box::new(l.clone())),

@@ -244,6 +244,12 @@ impl Parts<'_> {
                 self.add(Kind::FrameData, format!("{n} {what}"), size(n, each), askers);
             }
         }
+        if !self.plan.materials.is_empty() {
+            let n = self.plan.materials.len();
+            let askers = self.actors(self.all_draws().filter(|d| d.changed.is_some()));
+            let bytes = size(n, size_of::<MaterialUniform>());
+            self.add(Kind::FrameData, format!("{n} materials that change"), bytes, askers);
+        }
         if let Some(shadows) = &self.plan.shadows {
             let askers = self.actors(self.shadow_draws());
             let bytes = size(shadows.views.len(), size_of::<FrameUniform>() + size_of::<ShadowUniform>());
@@ -289,7 +295,7 @@ impl Parts<'_> {
     fn materials_and_textures(&mut self, recording: &Recording) {
         let mut slots_of: BTreeMap<u32, u16> = BTreeMap::new();
         for command in &recording.commands {
-            if let Command::BindMaterial { material, slots } = command {
+            if let Command::BindMaterial { material, slots, .. } = command {
                 *slots_of.entry(*material).or_default() |= slots;
             }
         }

@@ -2,8 +2,10 @@
 //!
 //! All positions are camera-relative: world axes, origin at the camera. They are computed in f64 and handed over as f32.
 
+use crate::catalog::CatalogMaterial;
 use choreo_stage::{AlphaMode, Background, Shading, Topology};
 use glam::{DVec3, Mat4, Vec3, Vec4};
+use std::sync::Arc;
 
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -28,11 +30,20 @@ pub struct Plan {
     pub morphs: Vec<ActiveMorph>,
     /// Opaque draws sorted for few state changes, then masked, then blended ones back to front.
     pub draws: Vec<Draw>,
+    /// Materials that are not now as in the catalogue, with the textures that they have there.
+    pub materials: Vec<Arc<CatalogMaterial>>,
     /// Maps that are drawn before all else; `None` where no light casts a shadow on what is seen.
     pub shadows: Option<Shadows>,
     /// Full-screen passes in order.
     pub post: Vec<PostPass>,
     pub left_out: Vec<LeftOut>,
+}
+
+impl Plan {
+    /// Of all shadow maps.
+    pub fn shadow_draws(&self) -> impl Iterator<Item = &Draw> {
+        self.shadows.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws)
+    }
 }
 
 /// Three rows of an affine 3×4 matrix: `dot(row.xyz, p) + row.w`.
@@ -254,6 +265,8 @@ pub struct Draw {
     /// Catalogue ids.
     pub primitive: u32,
     pub material: u32,
+    /// Index into `Plan::materials` where the material is not as in the catalogue.
+    pub changed: Option<u32>,
     /// Range of `Plan::instances`.
     pub first_instance: u32,
     pub instance_count: u32,

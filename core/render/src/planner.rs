@@ -1,7 +1,7 @@
 //! Snapshot → plan: what is in view, which pipelines and matrices it needs, in which order it is drawn.
 
 use crate::bounds::{Aabb, outside};
-use crate::catalog::{Catalog, PrimitiveEntry};
+use crate::catalog::{Catalog, CatalogMaterial, PrimitiveEntry};
 use crate::needs::{DrawNeeds, Facts, features, left_out};
 use crate::plan::*;
 use crate::planner_shadows::Caster;
@@ -50,6 +50,8 @@ impl Plan {
             morphs: Vec::new(),
             items: Vec::new(),
             skins: Vec::new(),
+            materials: Vec::new(),
+            changed: Vec::new(),
             casting: shadows.iter().any(Option::is_some),
             casters: Vec::new(),
             receivers: Vec::new(),
@@ -69,6 +71,8 @@ struct Item {
     phase: Phase,
     pipeline: PipelineKey,
     entry: PrimitiveEntry,
+    /// Of the plan's changed materials.
+    changed: Option<u32>,
     /// Metres in front of the camera.
     depth: f32,
     /// The smallest depth among the copies that share its draw.
@@ -93,6 +97,9 @@ pub(crate) struct Planner<'a> {
     morphs: Vec<ActiveMorph>,
     items: Vec<Item>,
     skins: Vec<PosedSkin>,
+    pub materials: Vec<Arc<CatalogMaterial>>,
+    /// Of the actor at hand: (its material, the catalogue's, place in `materials`).
+    changed: Vec<(u32, u32, u32)>,
     /// Some light casts shadows: those outside the view count too.
     casting: bool,
     pub casters: Vec<Caster>,
@@ -113,6 +120,7 @@ impl Planner<'_> {
             ..state.world_from_model
         };
         let first_skin = self.skins.len();
+        self.changed.clear();
         let catalog = self.catalog;
         let entry = catalog.entry(index);
         for (i, (instance, primitives)) in asset.instances.iter().zip(&entry.primitives).enumerate() {
@@ -151,7 +159,9 @@ impl Planner<'_> {
         for entry in primitives {
             let primitive = &self.catalog.primitives[entry.primitive as usize];
             let info = &primitive.info;
-            let material = &self.catalog.materials[entry.material as usize];
+            let changed = self.changed_material(entry, state);
+            let now = changed.map(|c| self.materials[c as usize].clone());
+            let material = now.as_deref().unwrap_or(&self.catalog.materials[entry.material as usize]);
             if !info.valid || primitive.primitive().indices.is_empty() {
                 continue;
             }
@@ -248,6 +258,7 @@ impl Planner<'_> {
                     let key = PipelineKey { features: features.of_depth(), ..key };
                     self.casters.push(Caster {
                         entry: *entry,
+                        changed,
                         key,
                         instance: planned,
                         bounds,
@@ -260,7 +271,7 @@ impl Planner<'_> {
                 }
                 let lit = key.features.is_lit();
                 self.facts.lit_drawn |= lit;
-                if lit && self.casting {
+                if lit && self.casting && bounds.min.is_finite() && bounds.max.is_finite() {
                     self.receivers.push(bounds);
                 }
                 let phase = match material.material.alpha_mode {
@@ -274,6 +285,7 @@ impl Planner<'_> {
                     phase,
                     pipeline: PipelineKey { glass: *glass, ..key },
                     entry: *entry,
+                    changed,
                     depth,
                     nearest: depth,
                     instance: planned,
@@ -281,6 +293,21 @@ impl Planner<'_> {
                 }));
             }
         }
+    }
+
+    /// The material of a primitive where it is not now as in the catalogue.
+    fn changed_material(&mut self, entry: &PrimitiveEntry, state: &ActorState) -> Option<u32> {
+        let index = entry.changes?;
+        let known = self.changed.iter().find(|(m, c, _)| (*m, *c) == (index, entry.material));
+        if let Some((_, _, place)) = known {
+            return Some(*place);
+        }
+        let now = &state.materials.iter().find(|m| m.material == index)?.now;
+        let place = self.materials.len() as u32;
+        let base = &self.catalog.materials[entry.material as usize];
+        self.materials.push(Arc::new(base.changed(now, entry.animated.is_some())));
+        self.changed.push((index, entry.material, place));
+        Some(place)
     }
 
     /// Where the skin's matrices begin among the plan's; they come in when first asked for.
@@ -308,7 +335,7 @@ impl Planner<'_> {
             let lit = self.items.iter_mut().filter(|i| i.pipeline.features.is_lit());
             lit.for_each(|i| i.pipeline.features = i.pipeline.features.with(Features::SHADOW));
         }
-        let state = |i: &Item| (i.phase, i.pipeline, i.entry.material, i.entry.primitive);
+        let state = |i: &Item| (i.phase, i.pipeline, i.entry.material, i.changed, i.entry.primitive);
         // Few state changes first; within one state near primitives before far ones and near copies before far
         // ones, so that the depth test spares the shading of what is hidden. Stable: equal keys stay in actor order.
         self.items.sort_by(|a, b| state(a).cmp(&state(b)).then(a.depth.total_cmp(&b.depth)));
@@ -319,7 +346,7 @@ impl Planner<'_> {
             }
             self.items[i].nearest = nearest;
         }
-        let batch = |i: &Item| (i.phase, i.pipeline, i.entry.material);
+        let batch = |i: &Item| (i.phase, i.pipeline, i.entry.material, i.changed);
         self.items.sort_by(|a, b| {
             let same = batch(a).cmp(&batch(b)).then(a.nearest.total_cmp(&b.nearest));
             same.then(a.entry.primitive.cmp(&b.entry.primitive))
@@ -342,6 +369,7 @@ impl Planner<'_> {
                     pipeline: item.pipeline,
                     primitive: item.entry.primitive,
                     material: item.entry.material,
+                    changed: item.changed,
                     first_instance: instances.len() as u32,
                     instance_count: 1,
                 }),
@@ -374,6 +402,7 @@ impl Planner<'_> {
             joint_matrices: self.joint_matrices,
             morphs: self.morphs,
             draws,
+            materials: self.materials,
             shadows,
             post,
             left_out,

@@ -11,6 +11,7 @@ use glam::Vec4;
 /// One copy of one primitive that light does not go through, in view or not.
 pub(crate) struct Caster {
     pub entry: PrimitiveEntry,
+    pub changed: Option<u32>,
     /// What its depth needs.
     pub key: PipelineKey,
     pub instance: Instance,
@@ -74,7 +75,8 @@ impl Planner<'_> {
             // Materials count only where they cut holes.
             let state = |c: &Caster| {
                 let cut_out = c.key.features.has(Features::ALPHA_MASK);
-                (c.key, if cut_out { c.entry.material } else { 0 }, c.entry.primitive)
+                let material = if cut_out { (c.entry.material, c.changed) } else { (0, None) };
+                (c.key, material, c.entry.primitive)
             };
             let mut drawn: Vec<&Caster> = map.casters.iter().map(|i| &casters[*i]).collect();
             drawn.sort_by_key(|c| state(c));
@@ -88,7 +90,8 @@ impl Planner<'_> {
                     _ => draws.push(Draw {
                         pipeline: caster.key,
                         primitive: caster.entry.primitive,
-                        material: state(caster).1,
+                        material: state(caster).1.0,
+                        changed: state(caster).1.1,
                         first_instance: instances.len() as u32,
                         instance_count: 1,
                     }),

@@ -47,8 +47,10 @@ pub enum Command {
     /// Which faces of the next draws are left out.
     SetCull(Cull),
     /// Index into `Catalog::materials`, and which of its textures the pipeline reads (see [`texture_slots`]).
+    /// `changed`: index into `Plan::materials`, whose factors count then.
     BindMaterial {
         material: u32,
+        changed: Option<u32>,
         slots: u16,
     },
     /// Index into `Catalog::primitives`, with the attributes that are bound, and its morph offsets.
@@ -238,7 +240,7 @@ struct DrawState<'a> {
     shadow_pass: bool,
     cull: Option<Cull>,
     pipeline: Option<SceneVariant>,
-    material: Option<(u32, u16)>,
+    material: Option<(u32, Option<u32>, u16)>,
     mesh: Option<(u32, VertexLayout, bool)>,
 }
 
@@ -264,9 +266,10 @@ impl DrawState<'_> {
         self.set_cull(cull);
         let slots = texture_slots(features);
         let reads_material = !self.shadow_pass || features.has(Features::ALPHA_MASK);
-        if reads_material && self.material != Some((draw.material, slots)) {
-            self.commands.push(Command::BindMaterial { material: draw.material, slots });
-            self.material = Some((draw.material, slots));
+        let Draw { material, changed, .. } = *draw;
+        if reads_material && self.material != Some((material, changed, slots)) {
+            self.commands.push(Command::BindMaterial { material, changed, slots });
+            self.material = Some((material, changed, slots));
         }
         let mesh = (draw.primitive, VertexLayout::of(features), features.has(Features::MORPH));
         if self.mesh != Some(mesh) {

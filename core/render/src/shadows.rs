@@ -138,7 +138,8 @@ fn sun(axes: Axes, most: f64, softness: f64, region: &Region<'_>) -> Vec<Fitted>
     let pixel = 2.0 * if perspective { finest } else { 1.0 }
         / f64::from(region.view.clip_from_view.y_axis.y.abs()).max(1e-9)
         / f64::from(region.picture[1].max(1));
-    let fine_enough = (2.0 * pixel).max(1.2 * softness / FILTER);
+    // Twelve pixels of penumbra; a second map costs every caster again.
+    let fine_enough = (4.0 * pixel).max(1.2 * softness / FILTER);
     let lit = [axes.right, axes.up, axes.forward].map(|axis| spans(region.receivers, axis));
     if !lit.iter().all(|s| s.is_finite()) {
         return Vec::new();

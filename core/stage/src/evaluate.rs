@@ -487,6 +487,7 @@ impl Default for ActorState {
             tint: Vec4::ONE,
             base_colors: Vec::new(),
             skinning: Skinning::default(),
+            materials: Vec::new(),
         }
     }
 }

@@ -2,6 +2,8 @@
 //!
 //! VRM 1.0, "expressions.md"; `blendShapeMaster` of VRM 0.x in the same form, under 1.0's names.
 
+use glam::{Vec2, Vec4};
+
 /// A named face: `happy`, `aa`, `blink`. Its weight is 0..=1; at 1 it adds its binds to the morph weights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Expression {
@@ -10,6 +12,8 @@ pub struct Expression {
     pub binary: bool,
     pub group: ExpressionGroup,
     pub morphs: Vec<MorphBind>,
+    pub colors: Vec<ColorBind>,
+    pub uvs: Vec<UvBind>,
     /// What it does to expressions of the other groups while its own weight is above 0.
     pub over_mouth: Override,
     pub over_blink: Override,
@@ -22,6 +26,32 @@ pub struct MorphBind {
     pub instance: u32,
     pub target: u32,
     pub weight: f32,
+}
+
+/// Takes one colour of a material towards `to`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColorBind {
+    pub material: u32,
+    pub color: MaterialColor,
+    /// Linear; alpha counts for the base colour alone.
+    pub to: Vec4,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MaterialColor {
+    Base,
+    Emission,
+    Shade,
+    Matcap,
+    Rim,
+}
+
+/// Takes offset and scale of all textures of a material towards these.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UvBind {
+    pub material: u32,
+    pub offset: Vec2,
+    pub scale: Vec2,
 }
 
 /// Kinds of expressions that programs make by themselves, and that others can hold down.

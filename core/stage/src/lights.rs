@@ -59,13 +59,29 @@ pub(crate) fn evaluate(
 }
 
 /// A light of a file as the actor's clips have it. Splines overshoot: nothing shines darkness.
-fn animated(actor: &Actor, number: u32, light: Light, time: Time) -> Light {
-    let color = properties::at(actor, PropertyTarget::LightColor(number), light.color.to_array(), time);
-    let intensity = properties::at(actor, PropertyTarget::LightIntensity(number), [light.intensity], time);
+fn animated(actor: &Actor, number_of: u32, light: Light, time: Time) -> Light {
+    let color = properties::at(actor, PropertyTarget::LightColor(number_of), light.color.to_array(), time);
+    let intensity = properties::at(actor, PropertyTarget::LightIntensity(number_of), [light.intensity], time);
+    let number = |target: PropertyTarget, rest: f32| properties::at(actor, target, [rest], time).map(|[v]| v);
+    let range = number(PropertyTarget::LightRange(number_of), light.range.unwrap_or(0.0));
+    let kind = match light.kind {
+        LightKind::Spot { inner, outer } => {
+            // KHR_lights_punctual: 0 ≤ inner < outer ≤ π/2; splines overshoot.
+            let most = std::f32::consts::FRAC_PI_2;
+            let at = |target, rest| number(target, rest).unwrap_or(rest).clamp(0.0, most);
+            let outer = at(PropertyTarget::SpotOuter(number_of), outer).max(1e-3);
+            LightKind::Spot {
+                inner: at(PropertyTarget::SpotInner(number_of), inner).min(outer - 1e-3).max(0.0),
+                outer,
+            }
+        }
+        kind => kind,
+    };
     Light {
+        kind,
+        range: range.map_or(light.range, |r| (r > 0.0).then_some(r)),
         color: color.map_or(light.color, |c| Vec3::from_array(c).max(Vec3::ZERO)),
         intensity: intensity.map_or(light.intensity, |[i]| i.max(0.0)),
-        ..light
     }
 }
 

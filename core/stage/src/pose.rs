@@ -20,6 +20,13 @@ pub(crate) struct PoseScratch {
     group: GroupScratch,
 }
 
+impl PoseScratch {
+    /// Settled weights of the expressions of the actor that was posed last.
+    pub fn expressions(&self) -> &[f32] {
+        &self.expressions
+    }
+}
+
 /// Fills `model_from_joint` and `morph_weights` of an actor. A function of the actor, the time and the edits alone: actors can
 /// be posed in any order and on any threads. `edits` are those of this actor, in order.
 pub(crate) fn pose_actor<'e>(

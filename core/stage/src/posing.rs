@@ -48,6 +48,7 @@ impl Posing<'_> {
                 state.model_from_joint.clear();
                 state.morph_weights.clear();
                 state.base_colors.clear();
+                state.materials.clear();
                 continue;
             }
             state.skinning = actor.skinning;
@@ -57,6 +58,7 @@ impl Posing<'_> {
             let (joints, weights) = (&mut state.model_from_joint, &mut state.morph_weights);
             pose::pose_actor(actor, self.time, self.motions.of(index), edits, scratch, joints, weights);
             crate::properties::base_colors(actor, self.time, &mut state.base_colors);
+            crate::material_changes::at(actor, scratch.expressions(), self.time, &mut state.materials);
         }
     }
 }

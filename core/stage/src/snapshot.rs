@@ -1,6 +1,6 @@
 //! The stage at one time: what the renderer, `choreo pose` and tests look at.
 
-use crate::{Background, Light, Projection, Shadow};
+use crate::{Background, ChangedMaterial, Light, Projection, Shadow};
 use choreo_motion::{Skinning, Time};
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
 
@@ -34,6 +34,8 @@ pub struct ActorState {
     pub base_colors: Vec<Vec4>,
     /// How vertices follow several joints.
     pub skinning: Skinning,
+    /// Materials of which clips, expressions or they themselves change more than that, in the asset's order.
+    pub materials: Vec<ChangedMaterial>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,7 +1,7 @@
 //! Toon shading: the parameters of MToon, VRM's own look (`VRMC_materials_mtoon` 1.0; 0.x is converted to it).
 
 use crate::TextureRef;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// What [`crate::Shading::Toon`] needs beside a material's base colour, normal map, emission and alpha. Colours are linear.
 /// Defaults are those of `VRMC_materials_mtoon`.
@@ -33,6 +33,17 @@ pub struct Toon {
     pub rim_lighting_mix: f32,
     /// Kept for whoever draws outlines; the renderers here draw none.
     pub outline: Option<Outline>,
+    /// Textures, the matcap aside, that move by themselves.
+    pub uv_motion: Option<UvMotion>,
+}
+
+/// Texture coordinates that move with the time, about the texture's middle (MToon, "UV animation").
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UvMotion {
+    /// Textures a second.
+    pub scroll: Vec2,
+    /// Radians a second.
+    pub rotation: f32,
 }
 
 impl Default for Toon {
@@ -53,6 +64,7 @@ impl Default for Toon {
             rim_texture: None,
             rim_lighting_mix: 1.0,
             outline: None,
+            uv_motion: None,
         }
     }
 }
@@ -77,7 +89,9 @@ impl Toon {
             .outline
             .as_ref()
             .is_none_or(|o| o.width.is_finite() && o.color.is_finite() && o.lighting_mix.is_finite());
-        numbers.iter().all(|v| v.is_finite())
+        let moves = self.uv_motion.is_none_or(|m| m.scroll.is_finite() && m.rotation.is_finite());
+        moves
+            && numbers.iter().all(|v| v.is_finite())
             && self.shade_color.is_finite()
             && self.matcap.is_finite()
             && self.rim_color.is_finite()

@@ -51,12 +51,16 @@ fn mesh(file: &File<'_>, index: usize, morph_targets: usize, materials: &[Materi
     })
 }
 
-/// `extras.targetNames`, which most writers use; "target N" for those without.
+/// `extras.targetNames` of the mesh, which most writers use, or of a primitive, as writers of VRM 0.x do; "target N" for those without.
 fn morph_names(json: &json::Mesh, count: usize) -> Vec<String> {
-    let extras = json.extras.as_ref().and_then(|e| serde_json::from_str::<serde_json::Value>(e.get()).ok());
-    let listed = extras.as_ref().and_then(|e| e.get("targetNames")).and_then(|n| n.as_array());
+    let listed = |extras: &json::Extras| {
+        let value: serde_json::Value = serde_json::from_str(extras.as_ref()?.get()).ok()?;
+        value.get("targetNames")?.as_array().cloned()
+    };
+    let of_mesh = listed(&json.extras);
+    let listed = of_mesh.or_else(|| json.primitives.iter().find_map(|p| listed(&p.extras)));
     (0..count)
-        .map(|i| match listed.and_then(|l| l.get(i)).and_then(|n| n.as_str()) {
+        .map(|i| match listed.as_ref().and_then(|l| l.get(i)).and_then(|n| n.as_str()) {
             Some(name) => name.to_string(),
             None => format!("target {i}"),
         })

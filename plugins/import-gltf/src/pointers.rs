@@ -2,7 +2,7 @@
 
 use crate::file::File;
 use crate::nodes::Tree;
-use choreo_motion::PropertyTarget;
+use choreo_motion::{MaterialProperty, PropertyTarget};
 use gltf::json::animation::Property;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -76,12 +76,68 @@ pub fn meaning(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<Meaning> {
             match property {
                 "color" => things(lights, PropertyTarget::LightColor, 1.0),
                 "intensity" => things(lights, PropertyTarget::LightIntensity, 1.0),
+                "range" => things(lights, PropertyTarget::LightRange, 1.0),
+                _ => None,
+            }
+        }
+        ["extensions", "KHR_lights_punctual", "lights", light, "spot", angle] => {
+            let lights = lights_of(file, tree, number(light)?);
+            match angle {
+                "innerConeAngle" => things(lights, PropertyTarget::SpotInner, 1.0),
+                "outerConeAngle" => things(lights, PropertyTarget::SpotOuter, 1.0),
                 _ => None,
             }
         }
         ["materials", material, "pbrMetallicRoughness", "baseColorFactor"] => {
             let material = number(material).filter(|m| *m < file.root.materials.len())?;
             things(vec![material as u32], PropertyTarget::BaseColor, 1.0)
+        }
+        ["materials", material, ref path @ ..] => {
+            let material = number(material).filter(|m| *m < file.root.materials.len())?;
+            let (property, factor) = material_property(&file.root.materials[material], path)?;
+            let targets = vec![PropertyTarget::Material(material as u32, property)];
+            Some(Meaning::Things { targets, factor })
+        }
+        _ => None,
+    }
+}
+
+/// What of a material the rest of a pointer means, and what its values are to be multiplied by.
+fn material_property(material: &gltf::json::Material, path: &[&str]) -> Option<(MaterialProperty, f32)> {
+    let strength = || {
+        let extensions = material.extensions.as_ref()?;
+        Some(extensions.emissive_strength.as_ref()?.emissive_strength.0)
+    };
+    let plain = |property| Some((property, 1.0));
+    match path {
+        ["emissiveFactor"] => Some((MaterialProperty::Emissive, strength().unwrap_or(1.0).max(0.0))),
+        // Here the strength is a part of the factor: it can be animated where it is not nothing at rest.
+        ["extensions", "KHR_materials_emissive_strength", "emissiveStrength"] => {
+            let rest = strength().filter(|s| *s > 0.0)?;
+            Some((MaterialProperty::EmissiveStrength, 1.0 / rest))
+        }
+        ["pbrMetallicRoughness", "metallicFactor"] => plain(MaterialProperty::Metallic),
+        ["pbrMetallicRoughness", "roughnessFactor"] => plain(MaterialProperty::Roughness),
+        ["alphaCutoff"] => plain(MaterialProperty::AlphaCutoff),
+        ["normalTexture", "scale"] => plain(MaterialProperty::NormalScale),
+        ["occlusionTexture", "strength"] => plain(MaterialProperty::OcclusionStrength),
+        [texture @ .., "extensions", "KHR_texture_transform", part] => {
+            let slot = match texture {
+                ["pbrMetallicRoughness", "baseColorTexture"] => 0,
+                ["pbrMetallicRoughness", "metallicRoughnessTexture"] => 1,
+                ["normalTexture"] => 2,
+                ["occlusionTexture"] => 3,
+                ["emissiveTexture"] => 4,
+                ["extensions", "KHR_materials_specular", "specularTexture"] => 5,
+                ["extensions", "KHR_materials_specular", "specularColorTexture"] => 6,
+                _ => return None,
+            };
+            match *part {
+                "offset" => plain(MaterialProperty::UvOffset(slot)),
+                "rotation" => plain(MaterialProperty::UvRotation(slot)),
+                "scale" => plain(MaterialProperty::UvScale(slot)),
+                _ => None,
+            }
         }
         _ => None,
     }

@@ -223,6 +223,10 @@ fn morph_names_weights_and_animated_weights() {
     assert_eq!((curve.path, curve.values[2]), (Path::Weights(1), 1.0));
     b.json["nodes"][0]["weights"] = json!([0.5]);
     assert_eq!(b.import().instances[0].weights, [0.5]);
+    // Writers of VRM 0.x name them in the primitives.
+    b.json["meshes"][0].as_object_mut().unwrap().remove("extras");
+    b.json["meshes"][0]["primitives"][0]["extras"] = json!({"targetNames": ["frown"]});
+    assert_eq!(b.import().meshes[0].morph_names, ["frown"]);
 }
 
 /// Rotations as normalised shorts and bytes; the flag itself is often forgotten.

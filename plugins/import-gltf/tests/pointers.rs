@@ -123,7 +123,7 @@ fn without_the_clip_nothing_changes() {
 #[test]
 fn what_cannot_be_animated_is_named() {
     let asset = import(&[
-        ("/materials/0/emissiveFactor", &[0.0; 3], &[1.0; 3]),
+        ("/materials/0/extensions/KHR_materials_ior/ior", &[0.0; 3], &[1.0; 3]),
         ("/nodes/77/translation/x", &[0.0], &[1.0]),
         ("/cameras/3/perspective/yfov", &[0.8], &[0.4]),
         ("nonsense", &[0.8], &[0.4]),
@@ -137,7 +137,7 @@ fn what_cannot_be_animated_is_named() {
     assert_eq!(
         texts,
         [
-            line(0, "/materials/0/emissiveFactor"),
+            line(0, "/materials/0/extensions/KHR_materials_ior/ior"),
             line(1, "/nodes/77/translation/x"),
             line(2, "/cameras/3/perspective/yfov"),
             line(3, "nonsense")
@@ -153,4 +153,33 @@ fn what_cannot_be_animated_is_named() {
         common::error_text(common::import_bytes("bad.glb", wrong)),
         "bad.glb: animations[0].channels[0]: has 2 keys and needs 8 numbers, but accessors[2] holds 6"
     );
+}
+
+#[test]
+fn factors_of_materials_follow_their_keys() {
+    let asset = import(&[
+        ("/materials/0/emissiveFactor", &[0.0, 0.0, 0.0], &[1.0, 0.5, 0.25]),
+        ("/materials/0/pbrMetallicRoughness/metallicFactor", &[1.0], &[0.0]),
+        ("/materials/0/pbrMetallicRoughness/roughnessFactor", &[0.2], &[0.6]),
+        ("/extensions/KHR_lights_punctual/lights/0/range", &[2.0], &[4.0]),
+    ]);
+    assert_eq!(asset.warnings, []);
+    assert_eq!(asset.changing_materials(), [true]);
+    for (secs, share) in [(0.0, 0.0f32), (0.25, 0.25), (0.5, 0.5)] {
+        let snapshot = at(&asset, secs);
+        let changed = &snapshot.actors[0].materials[0];
+        let (now, rest) = (&changed.now, &asset.materials[0]);
+        assert_eq!(changed.material, 0);
+        assert!(now.emissive.abs_diff_eq(glam::Vec3::new(1.0, 0.5, 0.25) * share, 1e-5), "{secs}");
+        assert!(
+            (now.metallic - (1.0 - share)).abs() < 1e-5 && (now.roughness - (0.2 + 0.4 * share)).abs() < 1e-5
+        );
+        assert_eq!(now.base_color, rest.base_color);
+        let range = snapshot.lights[0].light.range.unwrap();
+        assert!((range - (2.0 + 2.0 * share)).abs() < 1e-4, "{secs}: {range}");
+    }
+    // An actor whose clips play nothing has the file's materials.
+    let mut stage = Stage::default();
+    stage.cast("a", asset.clone());
+    assert!(stage.at(Time::from_secs(0.5)).unwrap().actors[0].materials.is_empty());
 }

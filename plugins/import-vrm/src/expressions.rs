@@ -1,10 +1,12 @@
 //! Facial expressions: VRM 1.0 `expressions`, and `blendShapeMaster` of VRM 0.x under 1.0's names.
 
 use crate::json::At;
+use choreo_import::color::linear_from_srgb;
 use choreo_import::{Problem, Result};
 use choreo_plugin::Needs;
 use choreo_stage::asset::Asset;
-use choreo_stage::{Expression, ExpressionGroup, MorphBind, Override};
+use choreo_stage::{ColorBind, Expression, ExpressionGroup, MaterialColor, MorphBind, Override, UvBind};
+use glam::{Vec2, Vec4};
 use import_gltf::profile::Document;
 
 /// VRM 1.0, "expressions.md".
@@ -20,10 +22,10 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Ass
                 name: name.to_string(),
                 binary: at.flag("isBinary")?.unwrap_or(false),
                 group,
-                morphs: Vec::new(),
                 over_mouth: over("overrideMouth"),
                 over_blink: over("overrideBlink"),
                 over_gaze: over("overrideLookAt"),
+                ..Expression::default()
             };
             for bind in at.list("morphTargetBinds")? {
                 let node = bind.needed_index("node")?;
@@ -31,8 +33,27 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Ass
                 let weight = bind.number("weight")?.unwrap_or(1.0).clamp(0.0, 1.0);
                 faces.bind(&mut face, &bind, weight, |i| Some(i.joint) == joint)?;
             }
-            let colors = at.list("materialColorBinds")?.next().is_some();
-            faces.add(face, colors || at.list("textureTransformBinds")?.next().is_some(), &at);
+            for bind in at.list("materialColorBinds")? {
+                let color = bind.text("type").and_then(color_of);
+                let to = bind.first_four("targetValue")?;
+                let (Some(color), Some(to)) = (color, to) else {
+                    faces.unpainted(&face);
+                    continue;
+                };
+                let material = faces.material(&bind, bind.needed_index("material")?)?;
+                face.colors.extend(material.map(|material| ColorBind {
+                    material,
+                    color,
+                    to: Vec4::from(to),
+                }));
+            }
+            for bind in at.list("textureTransformBinds")? {
+                let material = faces.material(&bind, bind.needed_index("material")?)?;
+                let scale = bind.first_two("scale")?.map_or(Vec2::ONE, Vec2::from);
+                let offset = bind.first_two("offset")?.map_or(Vec2::ZERO, Vec2::from);
+                face.uvs.extend(material.map(|material| UvBind { material, offset, scale }));
+            }
+            faces.add(face, &at);
         }
     }
     faces.finish(expressions.place());
@@ -57,7 +78,28 @@ pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut 
             let weight = bind.number("weight")?.unwrap_or(100.0).clamp(0.0, 100.0) / 100.0;
             faces.bind(&mut face, &bind, weight, |i| i.mesh as usize == mesh)?;
         }
-        faces.add(face, at.list("materialValues")?.next().is_some(), &at);
+        for value in at.list("materialValues")? {
+            let to = value.first_four("targetValue")?;
+            let material = value.text("materialName").and_then(|name| faces.named(name));
+            let (Some(to), Some(material)) = (to, material) else {
+                faces.unpainted(&face);
+                continue;
+            };
+            match value.text("propertyName") {
+                // Of all textures but the matcap; v counts from below.
+                Some("_MainTex_ST") => face.uvs.push(UvBind {
+                    material,
+                    offset: Vec2::new(to[2], 1.0 - to[3] - to[1]),
+                    scale: Vec2::new(to[0], to[1]),
+                }),
+                Some(name) if color_v0(name).is_some() => face.colors.extend(color_v0(name).map(|color| {
+                    let [r, g, b] = [to[0], to[1], to[2]].map(|c| linear_from_srgb(c.max(0.0)));
+                    ColorBind { material, color, to: Vec4::new(r, g, b, to[3]) }
+                })),
+                _ => faces.unpainted(&face),
+            }
+        }
+        faces.add(face, &at);
     }
     faces.finish(master.place());
     Ok(())
@@ -87,6 +129,29 @@ fn preset_v0(name: &str) -> Option<&'static str> {
     })
 }
 
+/// VRM 1.0, "materialColorBinds"; outlines are not drawn.
+fn color_of(name: &str) -> Option<MaterialColor> {
+    Some(match name {
+        "color" => MaterialColor::Base,
+        "emissionColor" => MaterialColor::Emission,
+        "shadeColor" => MaterialColor::Shade,
+        "matcapColor" => MaterialColor::Matcap,
+        "rimColor" => MaterialColor::Rim,
+        _ => return None,
+    })
+}
+
+/// Names of MToon 0.x's properties.
+fn color_v0(name: &str) -> Option<MaterialColor> {
+    Some(match name {
+        "_Color" => MaterialColor::Base,
+        "_EmissionColor" => MaterialColor::Emission,
+        "_ShadeColor" => MaterialColor::Shade,
+        "_RimColor" => MaterialColor::Rim,
+        _ => return None,
+    })
+}
+
 fn override_of(document: &Document<'_>, at: &At<'_>, key: &str) -> Override {
     match at.text(key) {
         None | Some("none") => Override::None,
@@ -104,13 +169,13 @@ struct Faces<'a, 'd> {
     /// Without geometry there are no meshes to bind to: nothing is missing then.
     geometry: bool,
     asset: &'a mut Asset,
-    /// Names of those that also change materials.
-    painted: Vec<String>,
+    /// Names of those that also change something of materials that is not drawn or not there.
+    unpainted: Vec<String>,
 }
 
 impl<'a, 'd> Faces<'a, 'd> {
     fn new(document: &'a Document<'d>, needs: Needs, asset: &'a mut Asset) -> Faces<'a, 'd> {
-        Faces { document, geometry: needs.geometry, asset, painted: Vec::new() }
+        Faces { document, geometry: needs.geometry, asset, unpainted: Vec::new() }
     }
 
     fn bind(
@@ -142,7 +207,31 @@ impl<'a, 'd> Faces<'a, 'd> {
         Ok(())
     }
 
-    fn add(&mut self, face: Expression, painted: bool, at: &At<'_>) {
+    /// A material of the file, where the asset has it.
+    fn material(&self, at: &At<'_>, index: usize) -> Result<Option<u32>> {
+        if !self.geometry && self.asset.materials.is_empty() {
+            return Ok(None);
+        }
+        match index < self.asset.materials.len() {
+            true => Ok(Some(index as u32)),
+            false => {
+                let what = format!("is {index}, but there are {} materials", self.asset.materials.len());
+                Err(Problem::new(at.place_of("material"), what))
+            }
+        }
+    }
+
+    fn named(&self, name: &str) -> Option<u32> {
+        self.asset.materials.iter().position(|m| m.name == name).map(|i| i as u32)
+    }
+
+    fn unpainted(&mut self, face: &Expression) {
+        if !self.unpainted.contains(&face.name) && (self.geometry || !self.asset.materials.is_empty()) {
+            self.unpainted.push(face.name.clone());
+        }
+    }
+
+    fn add(&mut self, face: Expression, at: &At<'_>) {
         if face.name.is_empty() {
             return self.document.warn(at.place(), "has no name; it is left out");
         }
@@ -150,17 +239,14 @@ impl<'a, 'd> Faces<'a, 'd> {
             let shown: String = face.name.chars().take(40).collect();
             return self.document.warn(at.place(), format!("is a second \"{shown}\"; it is left out"));
         }
-        if painted {
-            self.painted.push(face.name.clone());
-        }
         self.asset.expressions.push(face);
     }
 
     fn finish(self, place: String) {
-        if !self.painted.is_empty() {
-            let names: Vec<&str> = self.painted.iter().take(12).map(String::as_str).collect();
-            let what = "also change colours or texture coordinates of materials, which is not shown";
-            let count = self.painted.len();
+        if !self.unpainted.is_empty() {
+            let names: Vec<&str> = self.unpainted.iter().take(12).map(String::as_str).collect();
+            let what = "also change something of materials that is not drawn or not there";
+            let count = self.unpainted.len();
             self.document.warn(place, format!("{count} expressions {what}: {}", names.join(", ")));
         }
     }

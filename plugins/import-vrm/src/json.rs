@@ -95,6 +95,10 @@ impl<'a> At<'a> {
         Ok(Some(out))
     }
 
+    pub fn first_two(&self, key: &str) -> Result<Option<[f32; 2]>> {
+        self.first(key)
+    }
+
     pub fn first_three(&self, key: &str) -> Result<Option<[f32; 3]>> {
         self.first(key)
     }

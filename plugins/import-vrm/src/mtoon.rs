@@ -4,8 +4,8 @@ use crate::json::At;
 use choreo_import::color::linear_from_srgb;
 use choreo_import::{Problem, Result};
 use choreo_stage::asset::{Material, Shading, TextureRef};
-use choreo_stage::{Outline, Toon};
-use glam::Vec3;
+use choreo_stage::{Outline, Toon, UvMotion};
+use glam::{Vec2, Vec3};
 use import_gltf::MaterialTextures;
 use import_gltf::profile::Document;
 use serde_json::{Value, json};
@@ -24,7 +24,7 @@ impl NotShown {
     pub fn warn(&self, document: &Document<'_>) {
         for (count, what) in [
             (&self.outlines, "have outlines, which are kept but not drawn"),
-            (&self.moving_uvs, "have textures that move by themselves; they stand still"),
+            (&self.moving_uvs, "have textures of which a mask says what moves; they stand still"),
             (
                 &self.orders,
                 "say how transparent parts are drawn over each other; they are sorted back to front",
@@ -81,14 +81,17 @@ pub fn read(
         rim_texture: texture("rimMultiplyTexture")?,
         rim_lighting_mix: number("rimLightingMixFactor", d.rim_lighting_mix)?,
         outline: (mode != "none" && outline.width > 0.0).then_some(outline),
+        uv_motion: None,
     };
-    let moves =
-        ["uvAnimationScrollXSpeedFactor", "uvAnimationScrollYSpeedFactor", "uvAnimationRotationSpeedFactor"];
-    let mut moving = false;
-    for key in moves {
-        moving |= number(key, 0.0)? != 0.0;
-    }
-    one_more(&not_shown.moving_uvs, moving);
+    let motion = UvMotion {
+        scroll: Vec2::new(
+            number("uvAnimationScrollXSpeedFactor", 0.0)?,
+            number("uvAnimationScrollYSpeedFactor", 0.0)?,
+        ),
+        rotation: number("uvAnimationRotationSpeedFactor", 0.0)?,
+    };
+    let toon =
+        Toon { uv_motion: moving(motion, at.get("uvAnimationMaskTexture").is_some(), not_shown), ..toon };
     let order =
         at.flag("transparentWithZWrite")? == Some(true) || number("renderQueueOffsetNumber", 0.0)? != 0.0;
     one_more(&not_shown.orders, order);
@@ -157,12 +160,21 @@ pub fn read_v0(
         outline: (mode > 0.0 && outline.width > 0.0).then_some(outline),
         ..d
     };
-    let mut moving = false;
-    for key in ["_UvAnimScrollX", "_UvAnimScrollY", "_UvAnimRotation"] {
-        moving |= number(key, 0.0)? != 0.0;
-    }
-    one_more(&not_shown.moving_uvs, moving);
+    // v counts from below, and rotation in turns.
+    let motion = UvMotion {
+        scroll: Vec2::new(number("_UvAnimScrollX", 0.0)?, -number("_UvAnimScrollY", 0.0)?),
+        rotation: number("_UvAnimRotation", 0.0)? * std::f32::consts::TAU,
+    };
+    let masked = pictures.index("_UvAnimMaskTexture")?.is_some();
+    let toon = Toon { uv_motion: moving(motion, masked, not_shown), ..toon };
     finish(at, toon, material, not_shown)
+}
+
+/// `None` where nothing moves, or only parts of a texture, by a mask.
+fn moving(motion: UvMotion, masked: bool, not_shown: &NotShown) -> Option<UvMotion> {
+    let moves = motion.scroll != Vec2::ZERO || motion.rotation != 0.0;
+    one_more(&not_shown.moving_uvs, moves && masked);
+    (moves && !masked).then_some(motion)
 }
 
 fn finish(at: &At<'_>, toon: Toon, material: &mut Material, not_shown: &NotShown) -> Result<()> {

@@ -96,13 +96,14 @@ fn what_is_left_or_guessed_is_said() {
         said(Version::V1, |j| {
             let faces = &mut j["extensions"]["VRMC_vrm"]["expressions"];
             faces["custom"]["happy"] = json!({});
-            faces["preset"]["happy"]["materialColorBinds"] = json!([{ "material": 0 }]);
+            faces["preset"]["happy"]["materialColorBinds"] =
+                json!([{ "material": 0, "type": "outlineColor", "targetValue": [1, 0, 0, 1] }]);
             faces["preset"]["happy"]["overrideBlink"] = json!("maybe");
         }),
         [
             "extensions.VRMC_vrm.expressions.preset.happy.overrideBlink: is none of none, block and blend; none is used",
             "extensions.VRMC_vrm.expressions.custom.happy: is a second \"happy\"; it is left out",
-            "extensions.VRMC_vrm.expressions: 1 expressions also change colours or texture coordinates of materials, which is not shown: happy",
+            "extensions.VRMC_vrm.expressions: 1 expressions also change something of materials that is not drawn or not there: happy",
         ]
     );
     assert_eq!(

@@ -16,7 +16,7 @@ mod tile;
 mod toon;
 mod vertex;
 
-use crate::catalog::Catalog;
+use crate::catalog::{Catalog, CatalogMaterial};
 use crate::plan::{Draw, Features, Plan};
 use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
 use choreo_plugin::{Effect, Frame};
@@ -78,10 +78,10 @@ impl CpuRenderer {
             return Err(RenderError::Limit { what: "samples a pixel (1 or 4)".into(), value, limit: 4 });
         }
         let c = &self.catalog;
-        let shadow_draws = plan.shadows.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws);
-        let foreign = plan.draws.iter().chain(shadow_draws).any(|d| {
+        let foreign = plan.draws.iter().chain(plan.shadow_draws()).any(|d| {
             d.primitive as usize >= c.primitives.len()
                 || d.material as usize >= c.materials.len()
+                || d.changed.is_some_and(|changed| changed as usize >= plan.materials.len())
                 || (d.first_instance as usize + d.instance_count as usize) > plan.instances.len()
         });
         if foreign {
@@ -102,6 +102,23 @@ impl CpuRenderer {
             .ok_or_else(|| RenderError::Usage(format!("the renderer was made without the effect \"{name}\"")))
     }
 
+    /// The plan's own materials, with the textures of those that they stand for.
+    fn changed_materials(&self, plan: &Plan) -> Vec<ShadeMaterial> {
+        let draws = plan.draws.iter().chain(plan.shadow_draws());
+        let mut of: Vec<Option<u32>> = vec![None; plan.materials.len()];
+        for draw in draws {
+            if let Some(changed) = draw.changed {
+                of[changed as usize] = Some(draw.material);
+            }
+        }
+        let textures =
+            |m: Option<u32>| m.map(|m| self.materials[m as usize].textures.clone()).unwrap_or_default();
+        let pairs = plan.materials.iter().zip(of);
+        pairs
+            .map(|(now, m)| ShadeMaterial { factors: CatalogMaterial::clone(now), textures: textures(m) })
+            .collect()
+    }
+
     /// All copies of the draws, seen through a matrix, on a picture of a size.
     fn batches<'a>(
         &'a self,
@@ -110,6 +127,7 @@ impl CpuRenderer {
         clip_from_relative: &Mat4,
         size: [u32; 2],
         shadows: Option<&'a ShadowMaps>,
+        changed_materials: &'a [ShadeMaterial],
     ) -> Vec<Batch<'a>> {
         let copies: Vec<(usize, usize)> = draws
             .iter()
@@ -151,7 +169,10 @@ impl CpuRenderer {
                         double_sided: draw.pipeline.double_sided,
                         tint: instance.tint,
                         primitive,
-                        material: &self.materials[draw.material as usize],
+                        material: match draw.changed {
+                            Some(changed) => &changed_materials[changed as usize],
+                            None => &self.materials[draw.material as usize],
+                        },
                     },
                     phase: match draw.pipeline {
                         k if k.is_see_through() => Phase::Blend,
@@ -170,13 +191,14 @@ impl CpuRenderer {
         for pass in &plan.post {
             post.push((self.effect(&pass.effect)?.clone(), pass.parameters));
         }
+        let changed = self.changed_materials(plan);
         let maps = plan.shadows.as_ref().map(|shadows| {
             ShadowMaps::draw(&shadows.views, shadows.image, |view| {
-                self.batches(plan, &view.draws, &view.clip_from_relative, view.size, None)
+                self.batches(plan, &view.draws, &view.clip_from_relative, view.size, None, &changed)
             })
         });
         let seen = &plan.view.clip_from_relative;
-        let batches = self.batches(plan, &plan.draws, seen, plan.size, maps.as_ref());
+        let batches = self.batches(plan, &plan.draws, seen, plan.size, maps.as_ref(), &changed);
         let spans: Vec<Vec<[u16; 4]>> = batches
             .par_iter()
             .map(|b| b.triangles.iter().map(|t| tiles_of(t, plan.size)).collect())

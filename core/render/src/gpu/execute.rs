@@ -50,8 +50,11 @@ impl Execution<'_> {
                     }
                 }
                 Command::BindPipeline(_) => self.bind_pipeline(pipeline_of(i)?),
-                Command::BindMaterial { material, slots } => {
-                    let set = self.resources.material_set(*material, *slots);
+                Command::BindMaterial { material, changed, slots } => {
+                    let set = match changed {
+                        Some(changed) => self.slot.changed_set(*changed, *slots),
+                        None => self.resources.material_set(*material, *slots),
+                    };
                     self.bind_set(self.pipelines.layout, 1, set.ok_or_else(|| missing("a material"))?);
                 }
                 Command::BindMesh { primitive, layout, morphs } => {

@@ -351,6 +351,11 @@ impl VulkanRenderer {
                 let shadow = self.targets.as_ref().and_then(|t| t.shadow.as_ref());
                 slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, shadow)
             })
+            .and_then(|()| {
+                let (slot, pools) = (&mut self.slots[index], &mut self.pools);
+                let (layouts, catalog) = (&self.layouts, &self.catalog);
+                slot.write_changed(&self.gpu, layouts, pools, catalog, &recording, &mut self.resources)
+            })
             .and_then(|()| match self.frugal && !uploads.is_empty() {
                 true => self.upload_in_parts(index, std::mem::take(&mut uploads)),
                 false => Ok(()),

@@ -88,7 +88,7 @@ impl Resources {
         let mut materials = HashSet::new();
         for command in &recording.commands {
             match command {
-                Command::BindMaterial { material, slots }
+                Command::BindMaterial { material, slots, .. }
                     if !self.materials.contains_key(&(*material, *slots)) =>
                 {
                     materials.insert((*material, *slots));
@@ -264,23 +264,41 @@ impl Resources {
             write_buffer(gpu, set.raw, LayersUniform::BINDING, kind, raw, layers_at, size);
         }
         uploads.buffer(raw, &bytes);
+        self.write_textures(gpu, catalog, index, slots, set.raw)
+    }
+
+    /// Textures and samplers of a material, prepared before, into a set of the materials' layout.
+    pub fn write_textures(
+        &mut self,
+        gpu: &Context,
+        catalog: &Catalog,
+        index: u32,
+        slots: u16,
+        set: vk::DescriptorSet,
+    ) -> Result<(), RenderError> {
+        let material = &catalog.materials[index as usize];
         for (slot, texture) in material.texture_refs().iter().enumerate() {
             let binding = 1 + 2 * slot as u32;
             let null = (vk::ImageView::null(), vk::Sampler::null());
             if slots & (1 << slot) == 0 {
                 // Not read; but lavapipe (22.3) follows the null pointer of a sampler that was never written.
                 let sampler = self.sampler(gpu, Sampler::default())?;
-                write_image(gpu, set.raw, binding + 1, vk::DescriptorType::SAMPLER, null.0, sampler);
+                write_image(gpu, set, binding + 1, vk::DescriptorType::SAMPLER, null.0, sampler);
                 continue;
             }
             let (view, sampler) = match texture {
                 Some(t) => (self.textures.get(&texture_key(catalog, t.texture)).map(|i| i.view), t.sampler),
                 None => (self.white.as_ref().map(|i| i.view), Sampler::default()),
             };
-            let view = view.ok_or_else(|| RenderError::Usage(format!("{name} lacks its texture {slot}")))?;
+            let view = view.ok_or_else(|| {
+                RenderError::Usage(format!(
+                    "material \"{}\" lacks its texture {slot}",
+                    material.material.name
+                ))
+            })?;
             let sampler = self.sampler(gpu, sampler)?;
-            write_image(gpu, set.raw, binding, vk::DescriptorType::SAMPLED_IMAGE, view, null.1);
-            write_image(gpu, set.raw, binding + 1, vk::DescriptorType::SAMPLER, null.0, sampler);
+            write_image(gpu, set, binding, vk::DescriptorType::SAMPLED_IMAGE, view, null.1);
+            write_image(gpu, set, binding + 1, vk::DescriptorType::SAMPLER, null.0, sampler);
         }
         Ok(())
     }

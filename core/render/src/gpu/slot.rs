@@ -4,8 +4,10 @@ use super::context::Context;
 use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
 use super::memory::Buffer;
+use super::resources::Resources;
 use super::shadow::ShadowTarget;
-use crate::gpu_types::{FrameUniform, PostUniform, ShadowUniform};
+use crate::Catalog;
+use crate::gpu_types::{FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform};
 use crate::plan::Rows;
 use crate::record::{Command, MAX_LIGHTS, Recording, UNIFORM_JOINTS};
 use crate::shadows::MAX_VIEWS;
@@ -23,6 +25,10 @@ pub struct Slot {
     /// As the frame's, seen from the light of each shadow map.
     pub view_sets: Vec<Set>,
     pub shadow_set: Option<Set>,
+    /// Of the frame's changed materials: where their uniforms lie, which of them with which textures, and their sets.
+    changed_at: Vec<[u64; 2]>,
+    changed: Vec<(u32, u16)>,
+    changed_sets: Vec<Set>,
     pub post_sets: Vec<Set>,
     pub readback: Option<Buffer>,
     /// Kept until this frame is done.
@@ -85,6 +91,9 @@ impl Slot {
             frame_set,
             view_sets: Vec::new(),
             shadow_set: None,
+            changed_at: Vec::new(),
+            changed: Vec::new(),
+            changed_sets: Vec::new(),
             post_sets: Vec::new(),
             readback: None,
             staging: None,
@@ -117,6 +126,8 @@ impl Slot {
         let frame_at = ranges.take(size_of::<FrameUniform>() as u64);
         let views = plan.shadows.as_ref().map_or(&[][..], |s| &s.views);
         let view_at: Vec<u64> = views.iter().map(|_| ranges.take(size_of::<FrameUniform>() as u64)).collect();
+        let of_material = [size_of::<MaterialUniform>(), size_of::<LayersUniform>()].map(|s| s as u64);
+        self.changed_at = plan.materials.iter().map(|_| of_material.map(|size| ranges.take(size))).collect();
         let lookups_range = if shadow.is_some() { MAX_VIEWS * size_of::<ShadowUniform>() } else { 0 } as u64;
         let lookups_at = ranges.take(lookups_range);
         let post_at: Vec<u64> =
@@ -186,6 +197,12 @@ impl Slot {
         put(joints_at, joint_bytes);
         put(morphs_at, morph_bytes);
         put(lights_at, light_bytes);
+        for ([base_at, layers_at], material) in self.changed_at.iter().zip(&plan.materials) {
+            put(*base_at, bytemuck::bytes_of(&MaterialUniform::new(material)));
+            if let Some(layers) = LayersUniform::new(material) {
+                put(*layers_at, bytemuck::bytes_of(&layers));
+            }
+        }
         let size = Vec2::new(plan.size[0] as f32, plan.size[1] as f32);
         for (at, pass) in post_at.iter().zip(&plan.post) {
             let p = &pass.parameters;
@@ -241,6 +258,47 @@ impl Slot {
         }
         self.size = plan.size;
         Ok(())
+    }
+
+    /// Sets of the materials that are not as in the catalogue; after `write`, and after the resources are prepared.
+    pub fn write_changed(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        pools: &mut Pools,
+        catalog: &Catalog,
+        recording: &Recording,
+        resources: &mut Resources,
+    ) -> Result<(), RenderError> {
+        self.changed.clear();
+        // Made anew each frame: lavapipe (22.3) follows what a bound set holds, textures that are gone and not read included.
+        self.changed_sets.drain(..).for_each(|set| pools.free(gpu, set));
+        for command in &recording.commands {
+            let Command::BindMaterial { material, changed: Some(changed), slots } = command else { continue };
+            let (Some(ring), Some([base_at, layers_at])) =
+                (&self.ring, self.changed_at.get(*changed as usize))
+            else {
+                return Err(RenderError::Usage("a changed material is not in the plan".into()));
+            };
+            if self.changed.contains(&(*changed, *slots)) {
+                continue;
+            }
+            let made = pools.allocate(gpu, layouts.material, "changed material set")?;
+            self.changed_sets.push(made);
+            let set = made.raw;
+            let uniform = vk::DescriptorType::UNIFORM_BUFFER;
+            write_buffer(gpu, set, 0, uniform, ring.raw, *base_at, size_of::<MaterialUniform>() as u64);
+            let size = size_of::<LayersUniform>() as u64;
+            write_buffer(gpu, set, LayersUniform::BINDING, uniform, ring.raw, *layers_at, size);
+            resources.write_textures(gpu, catalog, *material, *slots, set)?;
+            self.changed.push((*changed, *slots));
+        }
+        Ok(())
+    }
+
+    pub fn changed_set(&self, changed: u32, slots: u16) -> Option<vk::DescriptorSet> {
+        let place = self.changed.iter().position(|c| *c == (changed, slots))?;
+        self.changed_sets.get(place).map(|set| set.raw)
     }
 
     pub fn release_staging(&mut self, gpu: &Context) {

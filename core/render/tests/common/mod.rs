@@ -68,6 +68,7 @@ impl Scene {
             tint: Vec4::ONE,
             base_colors: Vec::new(),
             skinning: Default::default(),
+            materials: Vec::new(),
         });
         self.stage.actors.len() - 1
     }

@@ -3,7 +3,7 @@
 use super::writer::{Writer, hash_of};
 use super::{ContentHash, character};
 use crate::*;
-use choreo_motion::{Clip, Path, PropertyTarget, Skeleton};
+use choreo_motion::{Clip, MaterialProperty, Path, PropertyTarget, Skeleton};
 use std::sync::Arc;
 
 impl Primitive {
@@ -84,7 +84,7 @@ impl Material {
         hash_of(|w| self.write(w, &of))
     }
 
-    fn write(&self, w: &mut Writer, image_hash: &dyn Fn(u32) -> Option<ContentHash>) {
+    pub(super) fn write(&self, w: &mut Writer, image_hash: &dyn Fn(u32) -> Option<ContentHash>) {
         let Material {
             name: _,
             shading,
@@ -213,7 +213,11 @@ fn toon_parameters(w: &mut Writer, toon: &Toon, image_hash: &dyn Fn(u32) -> Opti
         rim_texture: _,
         rim_lighting_mix,
         outline,
+        uv_motion,
     } = toon;
+    w.option(uv_motion, |w, UvMotion { scroll, rotation }| {
+        w.f32s(&[scroll.x, scroll.y, *rotation]);
+    });
     for color in [shade_color, matcap, rim_color] {
         w.vec3(*color);
     }
@@ -288,9 +292,29 @@ pub fn clip_hash(clip: &Clip) -> ContentHash {
                 PropertyTarget::LightColor(i) => (2, *i),
                 PropertyTarget::LightIntensity(i) => (3, *i),
                 PropertyTarget::BaseColor(i) => (4, *i),
+                PropertyTarget::LightRange(i) => (5, *i),
+                PropertyTarget::SpotInner(i) => (6, *i),
+                PropertyTarget::SpotOuter(i) => (7, *i),
+                PropertyTarget::Material(i, _) => (8, *i),
             };
             w.tag(kind);
             w.u32(index);
+            if let PropertyTarget::Material(_, property) = target {
+                let (kind, slot) = match *property {
+                    MaterialProperty::Emissive => (0, 0),
+                    MaterialProperty::EmissiveStrength => (1, 0),
+                    MaterialProperty::Metallic => (2, 0),
+                    MaterialProperty::Roughness => (3, 0),
+                    MaterialProperty::AlphaCutoff => (4, 0),
+                    MaterialProperty::NormalScale => (5, 0),
+                    MaterialProperty::OcclusionStrength => (6, 0),
+                    MaterialProperty::UvOffset(slot) => (7, slot),
+                    MaterialProperty::UvRotation(slot) => (8, slot),
+                    MaterialProperty::UvScale(slot) => (9, slot),
+                };
+                w.tag(kind);
+                w.tag(slot);
+            }
             w.interpolation(curve.interpolation);
             w.list(&curve.times, |w, t| w.time(*t));
             w.f32s(&curve.values);

@@ -1,7 +1,9 @@
 //! What makes a model a character: bones of a human body, expressions, springs, eyes.
 
 use super::writer::Writer;
-use crate::{Expression, ExpressionGroup, Eyes, EyesMovedBy, MorphBind, Override, RangeMap};
+use crate::{
+    ColorBind, Expression, ExpressionGroup, Eyes, EyesMovedBy, MorphBind, Override, RangeMap, UvBind,
+};
 use choreo_motion::Humanoid;
 use choreo_motion::spring::parameters::{ColliderShape, SpringChain, SpringCollider, SpringJoint, Springs};
 
@@ -18,7 +20,8 @@ pub(super) fn humanoid(w: &mut Writer, humanoid: &Humanoid) {
 }
 
 pub(super) fn expression(w: &mut Writer, expression: &Expression) {
-    let Expression { name, binary, group, morphs, over_mouth, over_blink, over_gaze } = expression;
+    let Expression { name, binary, group, morphs, colors, uvs, over_mouth, over_blink, over_gaze } =
+        expression;
     w.text(name);
     w.flag(*binary);
     w.tag(match group {
@@ -31,6 +34,15 @@ pub(super) fn expression(w: &mut Writer, expression: &Expression) {
         w.u32(*instance);
         w.u32(*target);
         w.f32(*weight);
+    });
+    w.list(colors, |w, ColorBind { material, color, to }| {
+        w.u32(*material);
+        w.tag(*color as u8);
+        w.vec4(*to);
+    });
+    w.list(uvs, |w, UvBind { material, offset, scale }| {
+        w.u32(*material);
+        w.f32s(&[offset.x, offset.y, scale.x, scale.y]);
     });
     for over in [over_mouth, over_blink, over_gaze] {
         w.tag(match over {

@@ -156,6 +156,7 @@ impl Snapshot {
                     tint,
                     base_colors,
                     skinning,
+                    materials,
                 } = actor;
                 w.flag(*visible);
                 world_from_model.to_cols_array().into_iter().for_each(|v| w.f64(v));
@@ -164,6 +165,10 @@ impl Snapshot {
                 w.vec4(*tint);
                 w.vec4s(base_colors);
                 w.flag(*skinning == Skinning::DualQuaternion);
+                w.list(materials, |w, ChangedMaterial { material, now }| {
+                    w.u32(*material);
+                    now.write(w, &|_| None);
+                });
             });
             w.option(&camera.camera, |w, index| w.count(*index));
             camera.world_from_view.to_cols_array().into_iter().for_each(|v| w.f64(v));
