@@ -59,7 +59,15 @@ pub const CASES: &[Case] = &[
 
 fn drive() -> Drive {
     let zero = DVec3::ZERO;
-    Drive { head: zero, follows: false, target: DVec3::NEG_Y, length: 0.2, gravity: zero, pull: zero, wind: zero }
+    Drive {
+        head: zero,
+        follows: false,
+        target: DVec3::NEG_Y,
+        length: 0.2,
+        gravity: zero,
+        pull: zero,
+        wind: zero,
+    }
 }
 
 /// Bent by 1 rad.

@@ -103,9 +103,8 @@ pub fn section() -> Result<Section, String> {
         title: "Springs",
         text: "Hair and tails are oscillators of one to ten hertz, skirts of a hundred. Explicit steps run away, implicit ones are stable and \
                wrong, and both give another motion at another frame rate. The closed form takes the step exactly, whatever its length; what is \
-               left for a moving body is that its pose is looked at 60 times a second. Along a chain each bone feels the one before it and gives \
-               nothing back: a tail of many light bones that is shaken hard whips, bounded and the same everywhere, but as sensitive as a real whip, \
-               so that finer steps show another motion of its end."
+               left for a moving body is that its pose is looked at 60 times a second. Along a chain each bone follows the one before it, feels what the body does, \
+               and passes on no more of a swing than it got: chains of any length converge, to first order where the air drags at them."
             .into(),
         choices: vec![choice],
         tables: vec![
@@ -121,7 +120,15 @@ pub fn section() -> Result<Section, String> {
 
 fn still() -> Drive {
     let zero = DVec3::ZERO;
-    Drive { head: zero, follows: false, target: DVec3::NEG_Y, length: 0.2, gravity: zero, pull: zero, wind: zero }
+    Drive {
+        head: zero,
+        follows: false,
+        target: DVec3::NEG_Y,
+        length: 0.2,
+        gravity: zero,
+        pull: zero,
+        wind: zero,
+    }
 }
 
 fn at(angle: f64, drive: &Drive) -> BoneState {

@@ -140,7 +140,11 @@ impl SpringBone {
         }
         let (target, next_target) = (log(d, state.target), log(d, drive.target));
         let stiffness = self.stiffness + softening;
-        let damping = if drive.follows { self.damping.max(passing_on(self.stiffness, softening)) } else { self.damping };
+        let damping = if drive.follows {
+            self.damping.max(passing_on(self.stiffness, softening))
+        } else {
+            self.damping
+        };
         let response = Response::new(stiffness, damping, seconds);
         let steady = target * self.stiffness + towards_load;
         let ramp = (next_target - target) * (self.stiffness / seconds);
