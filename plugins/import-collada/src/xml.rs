@@ -16,6 +16,9 @@ pub struct Xml<'a, 'i> {
     progress: Progress<'a>,
 }
 
+/// Values of a text, or the number and word of the one that is none.
+type Values<'a, T> = std::result::Result<Vec<T>, (usize, &'a [u8])>;
+
 impl<'a, 'i> Xml<'a, 'i> {
     pub fn new(
         doc: &'a Document<'i>,
@@ -111,7 +114,7 @@ impl<'a, 'i> Xml<'a, 'i> {
         node: Node<'a, 'i>,
         next: impl Fn(&mut &'a [u8]) -> Option<std::result::Result<V, &'a [u8]>>,
         of: impl Fn(V) -> Option<T>,
-    ) -> Result<std::result::Result<Vec<T>, (usize, &'a [u8])>> {
+    ) -> Result<Values<'a, T>> {
         // Nearly all of a file are lists like this, read about in its order.
         self.progress.reach(node.start())?;
         let mut rest = node.text().as_bytes();
