@@ -1,7 +1,8 @@
 //! Clips on other skeletons: curves re-indexed by joint name.
 
+use crate::rest::Rest;
 use crate::t_pose::Bodies;
-use crate::{Clip, Curve, Skeleton};
+use crate::{Clip, Curve, Path, Skeleton};
 
 /// The clip's curves on the joints of another skeleton that have the same name, exactly or else without namespace
 /// prefixes ([`crate::skeleton::plain_name`]), or else by its place in a human body ([`crate::joint_names::humanoid_name`]):
@@ -13,13 +14,15 @@ use crate::{Clip, Curve, Skeleton};
 /// "how_to_transform_human_pose.md"); other bones keep their own lengths. So the axes and sizes of the two may differ.
 ///
 /// Where two joints of the clip's skeleton match one of the target's, the exactly named wins, else the first.
-/// Curves of expressions go along as they are.
+/// Curves of expressions go along as they are. Places are in metres of the model: below a node that scales centimetres they are a hundred
+/// times as large as elsewhere.
 pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<String>) {
     if from.names() == to.names() {
         return (clip.clone(), Vec::new());
     }
     let bodies = (from.humanoid().is_some() || to.humanoid().is_some()).then(|| Bodies::new(from, to));
     let matched: Vec<Option<u32>> = match_joints(from, to, bodies.as_ref());
+    let units = Units { from: Rest::of(from).scales, to: Rest::of(to).scales };
     let mut unmatched = std::collections::BTreeSet::new();
     let mut curves: Vec<Curve> = Vec::with_capacity(clip.curves().len());
     for curve in clip.curves() {
@@ -28,7 +31,10 @@ pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<Stri
                 let bone = bodies.as_ref().and_then(|b| b.bone(curve.joint)).filter(|(_, to)| *to == joint);
                 match (&bodies, bone) {
                     (Some(bodies), Some((bone, _))) => curves.extend(bodies.carry(curve, bone)),
-                    _ => curves.push(Curve { joint, ..curve.clone() }),
+                    _ => {
+                        let parents = [from.parents()[curve.joint as usize], to.parents()[joint as usize]];
+                        curves.push(Curve { joint, ..units.carry(curve, parents) });
+                    }
                 }
             }
             None => {
@@ -38,6 +44,25 @@ pub fn bind_clip(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<Stri
     }
     let names = unmatched.into_iter().filter_map(|j| from.names().get(j as usize).cloned()).collect();
     (clip.with_curves(to.len(), curves), names)
+}
+
+/// Mean size of each joint's unit in the model.
+struct Units {
+    from: Vec<f64>,
+    to: Vec<f64>,
+}
+
+impl Units {
+    /// A curve in the units of another parent; the same keys where these are equal, but for rounding.
+    fn carry(&self, curve: &Curve, [from, to]: [Option<u32>; 2]) -> Curve {
+        let unit = |scales: &[f64], parent: Option<u32>| parent.map_or(1.0, |p| scales[p as usize]);
+        let ratio = unit(&self.from, from) / unit(&self.to, to);
+        if curve.path != Path::Translation || !ratio.is_finite() || (ratio - 1.0).abs() < 1e-4 {
+            return curve.clone();
+        }
+        let values = curve.values.iter().map(|v| (f64::from(*v) * ratio) as f32).collect();
+        Curve { values, ..curve.clone() }
+    }
 }
 
 /// By names alone.

@@ -81,6 +81,9 @@ impl Chain {
         if !target.is_finite() || !solved.distance.is_finite() || self.reach() == 0.0 {
             return solved;
         }
+        if self.straighten_towards(target) {
+            return Solved { distance: (self.end() - target).length(), iterations: 0 };
+        }
         let mut best = (solved.distance, self.bones.clone());
         self.bend_if_straight(target);
         let mut scratch = Scratch::default();
@@ -107,6 +110,26 @@ impl Chain {
             solved.distance = best.0;
         }
         solved
+    }
+
+    /// Nearest to a target out of reach is the straight chain, which iterations come to ever more slowly. False where the target is in reach, or
+    /// where a joint may not turn that far.
+    fn straighten_towards(&mut self, target: DVec3) -> bool {
+        let way = target - self.origin;
+        let free = self.bones.iter().all(|bone| bone.limit == Limit::Free);
+        let Some(line) = way.try_normalize().filter(|_| free && way.length() >= self.reach()) else {
+            return false;
+        };
+        let mut parent = self.parent;
+        for bone in &mut self.bones {
+            let turned = parent * bone.rotation;
+            // A bone without length points nowhere.
+            if let Some(along) = (turned * bone.offset).try_normalize() {
+                bone.turn(super::arc(along, line), parent);
+            }
+            parent = (parent * bone.rotation).normalize();
+        }
+        true
     }
 
     /// A straight chain with a target on its own line has no direction to bend in: one is chosen, always the same, and each bone

@@ -25,6 +25,8 @@ pub struct Report {
     pub held: Vec<(String, f64)>,
     /// Whether the source rests on both feet ([`Retarget::rests_standing`]).
     pub rests_standing: bool,
+    /// Whether the target does ([`Retarget::target_stands`]).
+    pub target_stands: bool,
     /// Sampling stopped at [`MOST_KEYS`] before the tolerance was reached.
     pub coarse: bool,
 }
@@ -59,6 +61,7 @@ impl Retarget<'_> {
         let mut report = Report {
             unmatched: self.unmatched(clip),
             rests_standing: self.rests_standing(),
+            target_stands: self.target_stands(),
             ..Report::default()
         };
         let mut out: Vec<Curve> = Vec::new();

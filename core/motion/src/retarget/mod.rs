@@ -128,6 +128,13 @@ impl Side {
             [Some(left), Some(right)] => (height(left) - height(right)).abs() < 0.1 * leg,
             _ => true,
         };
+        // Who rests in the middle of a stride stands on the lower foot, and on the other one where that is as low.
+        if let ([Some(left), Some(right)], false) = (feet, stands) {
+            let low = height(left).min(height(right));
+            for (joint, standing) in &mut contacts {
+                *standing -= height(if is_below(skeleton, *joint, left) { left } else { right }) - low;
+            }
+        }
         Side { human, rest, floor, leg, contacts, stands }
     }
 }
@@ -147,8 +154,11 @@ fn in_body(skeleton: &Skeleton, human: &Human) -> Vec<bool> {
 
 impl<'a> Retarget<'a> {
     pub fn new(from: &'a Skeleton, to: &'a Skeleton, options: Options) -> Retarget<'a> {
-        let (source, target) = (Side::of(from), Side::of(to));
+        let (mut source, mut target) = (Side::of(from), Side::of(to));
         let map = JointMap::new([from, to], [&source.human, &target.human], &options.joints);
+        // Toes that the other body has none of tell nothing of its height, and there and back would not end where it began.
+        target.contacts.retain(|(joint, _)| map.source(*joint).is_some());
+        source.contacts.retain(|(joint, _)| map.pairs().any(|(_, followed, _)| followed == *joint));
         let ratio = |a: f64, b: f64| Some(a / b).filter(|r| r.is_finite() && *r > 1e-6 && *r < 1e6);
         let legs = ratio(target.leg, source.leg);
         let scale =
@@ -197,6 +207,11 @@ impl<'a> Retarget<'a> {
         self.source.stands
     }
 
+    /// Whether the target does. Where it does not, what stands is counted from its lower foot.
+    pub fn target_stands(&self) -> bool {
+        self.target.stands
+    }
+
     /// Whether both skeletons are bodies, with hips, legs and arms: else there is nothing to go by but names.
     pub fn is_body(&self) -> bool {
         self.source.human.is_body() && self.target.human.is_body() && self.hips.is_some()
@@ -220,11 +235,15 @@ impl<'a> Retarget<'a> {
         !self.source.contacts.is_empty() && !self.target.contacts.is_empty()
     }
 
-    /// Whether a joint's place follows the source's: the hips and what is above them.
+    /// Whether a joint's place follows the source's: the hips and what is above them, and feet that do not hang on them, as handles of a rig.
     fn moves(&self, joint: u32) -> bool {
+        let handle = || {
+            let foot = ["left foot", "right foot"].iter().any(|f| self.target.human.joint(f) == Some(joint));
+            foot && self.hips.is_some_and(|hips| !is_below(self.to, joint, hips))
+        };
         self.options.translations != Translations::None
             && self.map.source(joint).is_some()
-            && self.hips.is_some_and(|hips| is_below(self.to, hips, joint))
+            && (self.hips.is_some_and(|hips| is_below(self.to, hips, joint)) || handle())
     }
 }
 

@@ -142,7 +142,7 @@ fn retarget(c: &mut Call) -> Reply {
     let (clip, report) = match c.len() == 1 && same_joints(&this.clip, &this.asset.skeleton, &on.skeleton) {
         true => {
             let (clip, unmatched) = bind_clip(&this.clip, &this.asset.skeleton, &on.skeleton);
-            (clip, Report { unmatched, rests_standing: true, ..Report::default() })
+            (clip, Report { unmatched, rests_standing: true, target_stands: true, ..Report::default() })
         }
         false => retarget.clip(&this.clip),
     };
@@ -150,9 +150,7 @@ fn retarget(c: &mut Call) -> Reply {
         return Err(nothing(&this, &on, &report.unmatched));
     }
     note(c, &this, &on, &report);
-    if !report.rests_standing {
-        not_standing(c, &this, &on);
-    }
+    not_standing(c, &this, &on, &report);
     made(c, clip, on)
 }
 
@@ -181,15 +179,23 @@ fn note(c: &Call, of: &ClipRef, on: &Asset, report: &Report) {
     }
 }
 
-fn not_standing(c: &Call, of: &ClipRef, on: &Asset) {
-    let error = ApiError::new(format!(
-        "clip \"{}\" of \"{}\" on \"{}\": \"{}\" does not rest standing on both feet, as files of moves alone often do not; what it rests \
-         in counts as upright",
-        of.clip.name, of.asset.name, on.name, of.asset.name
-    ));
-    let hint =
-        "put it on the character that it was made for first: clip.retarget(its_character).retarget(asset)";
-    c.shared.note(Severity::Warning, &c.place, &error.hint(hint));
+fn not_standing(c: &Call, of: &ClipRef, on: &Asset, report: &Report) {
+    if !report.rests_standing {
+        let error = ApiError::new(format!(
+            "clip \"{}\" of \"{}\" on \"{}\": \"{}\" does not rest standing on both feet, as files of moves alone often do not; what it rests \
+             in counts as upright",
+            of.clip.name, of.asset.name, on.name, of.asset.name
+        ));
+        let hint = "put it on the character that it was made for first: clip.retarget(its_character).retarget(asset)";
+        c.shared.note(Severity::Warning, &c.place, &error.hint(hint));
+    }
+    if !report.target_stands {
+        let error = ApiError::new(format!(
+            "clip \"{}\" of \"{}\" on \"{}\": \"{}\" does not rest standing on both feet; it is taken to stand on the lower one",
+            of.clip.name, of.asset.name, on.name, on.name
+        ));
+        c.shared.note(Severity::Warning, &c.place, &error);
+    }
 }
 
 fn mapping(c: &mut Call) -> Reply {
@@ -249,9 +255,7 @@ pub fn fit(c: &Call, given: &ClipRef, asset: &Asset) -> Result<Clip, ApiError> {
     }
     if let Some(report) = &report {
         note(c, given, asset, report);
-        if !report.rests_standing {
-            not_standing(c, given, asset);
-        }
+        not_standing(c, given, asset, report);
         count(c, &bound)?;
     } else if !missing.is_empty() {
         let names = list(missing.iter().map(String::as_str), 12);
