@@ -4,6 +4,7 @@
 //! once for each distance of the knots.
 
 use super::grid::{Grid, packs};
+use crate::slerp::one_minus_cos;
 use crate::{Clip, Curve, Path, Time};
 use std::sync::Arc;
 
@@ -30,6 +31,8 @@ pub(crate) fn knot_count(frames: usize, stride: usize) -> usize {
 pub(super) struct Fits(Vec<Option<Fit>>);
 
 pub(super) struct Fit {
+    /// 1 − cos of the widest interval between neighbours, of quaternions.
+    pub widest: f64,
     pub values: Vec<[f64; 4]>,
     /// By stride: the knots, and the farthest that the spline is from a value; rotations in radians.
     pub splines: Vec<(Vec<[f64; 4]>, f64)>,
@@ -46,7 +49,10 @@ impl Fits {
                 (knots, worst)
             };
             let splines = solvers.iter().map(spline).collect();
-            Fit { values, splines }
+            let narrow = |q: &[f64; 4]| q.map(|c| c as f32);
+            let intervals = values.windows(2).map(|w| one_minus_cos(narrow(&w[0]), narrow(&w[1])));
+            let widest = if curve.path == Path::Rotation { intervals.fold(0.0, f64::max) } else { 0.0 };
+            Fit { widest, values, splines }
         };
         Fits(clip.curves().iter().map(|curve| packs(curve).then(|| fit(curve))).collect())
     }

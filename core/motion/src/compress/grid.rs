@@ -19,7 +19,7 @@ const MOST_FRAMES: i64 = 1 << 20;
 
 /// Whether a curve is one that is packed.
 pub(super) fn packs(curve: &Curve) -> bool {
-    !matches!(curve.path, Path::Weights(_)) && curve.interpolation != Interpolation::Step
+    !matches!(curve.path, Path::Weights(_)) && curve.interpolation == Interpolation::Linear
 }
 
 impl Grid {
@@ -28,7 +28,6 @@ impl Grid {
         let times = || clip.curves().iter().filter(|c| packs(c)).flat_map(|c| c.times.iter().copied());
         let (Some(start), Some(end)) = (times().min(), times().max()) else { return Vec::new() };
         let length = (end - start).0;
-        let linear = clip.curves().iter().all(|c| c.interpolation != Interpolation::CubicSpline);
         let holds = |rate: i64| {
             let step = Time::TICKS_PER_SECOND / rate;
             times().all(|t| {
@@ -36,7 +35,7 @@ impl Grid {
                 rest.min(step - rest) <= BESIDE
             })
         };
-        let own = RATES.into_iter().find(|rate| linear && holds(*rate));
+        let own = RATES.into_iter().find(|rate| holds(*rate));
         let rates =
             own.into_iter().chain([60, 120, 240].into_iter().filter(|r| own.is_none_or(|own| *r > own)));
         rates

@@ -52,7 +52,7 @@ const ROUNDS: usize = 9;
 const LESS: f64 = 0.7;
 
 impl Clip {
-    /// The clip in fewer bytes. Steps, morph weights, expressions and properties stay as they are. What edits or exports the
+    /// The clip in fewer bytes. Steps and splines, morph weights, expressions and properties stay as they are. What edits or exports the
     /// clip sees the decoded keys.
     pub fn compressed(
         &self,

@@ -4,7 +4,7 @@ use super::fit::{Fits, STRIDES, basis, knot_count};
 use super::grid::Grid;
 use crate::sample::write;
 use crate::simd::{F8, Kernel, Level, WIDTHS, dispatch};
-use crate::slerp::{Series, one_minus_cos, terms_for};
+use crate::slerp::{Series, terms_for};
 use crate::tracks::{Channel, Column};
 use crate::{Clip, Curve, Interpolation, LANES, Lane, Path, Pose, PoseBlock, Time};
 use std::collections::BTreeMap;
@@ -39,6 +39,8 @@ struct Stride {
 #[derive(Debug)]
 struct PackedColumn {
     column: Column,
+    /// Of rotations: neighbours are so near that the straight way between them, made unit, is as good as slerp.
+    straight: bool,
     /// Bits of each component.
     widths: [u8; 4],
     /// Value of 0, and of one step.
@@ -160,6 +162,9 @@ impl Packed {
     }
 }
 
+/// By how many radians nlerp is off slerp at most, over (1 − cos)^1.5 of the quaternions' angle: 0.004 θ³ of rotations θ apart.
+const STRAIGHT: f64 = 0.09;
+
 /// A column with the fewest bits at one stride.
 struct Draft {
     block: u32,
@@ -167,6 +172,7 @@ struct Draft {
     lanes: Lanes,
     /// Of [`STRIDES`].
     stride: usize,
+    straight: bool,
     widths: [u8; 4],
     low: [[f64; LANES]; 4],
     range: [[f64; LANES]; 4],
@@ -180,12 +186,15 @@ impl Draft {
             channel,
             lanes: *lanes,
             stride,
+            straight: true,
             widths: [0; 4],
             low: [[0.0; LANES]; 4],
             range: [[0.0; LANES]; 4],
         };
         for (lane, (index, allowed)) in lanes.iter().enumerate().filter_map(|(i, l)| Some((i, (*l)?))) {
-            let (knots, worst) = &fits.of(index)?.splines[stride];
+            let fit = fits.of(index)?;
+            let (knots, worst) = &fit.splines[stride];
+            draft.straight &= STRAIGHT * fit.widest * fit.widest.sqrt() <= 0.2 * allowed;
             // What is left for the rounding of the knots: errors that do not depend on each other add up by their squares.
             let left = (allowed * allowed - worst * worst).max(0.0).sqrt();
             if left < 0.3 * allowed {
@@ -217,15 +226,8 @@ impl Draft {
         let mask = Lane(self.lanes.map(|l| f32::from_bits(if l.is_some() { u32::MAX } else { 0 })));
         let mut terms = 0;
         if self.channel == Channel::Rotation {
-            for fit in self.lanes.iter().flatten().filter_map(|(index, _)| fits.of(*index)) {
-                let narrow = |q: &[f64; 4]| q.map(|c| c as f32);
-                let widest = fit
-                    .values
-                    .windows(2)
-                    .map(|w| one_minus_cos(narrow(&w[0]), narrow(&w[1])))
-                    .fold(0.0, f64::max);
-                terms = terms.max(terms_for(widest));
-            }
+            let fits = self.lanes.iter().flatten().filter_map(|(index, _)| fits.of(*index));
+            terms = fits.map(|fit| terms_for(fit.widest)).max().unwrap_or(0);
         }
         let (mut low, mut step) = ([Lane::splat(0.0); 4], [Lane::splat(0.0); 4]);
         for c in 0..4 {
@@ -242,7 +244,7 @@ impl Draft {
         }
         let column =
             Column { block: self.block, channel: self.channel, mask: (!full).then_some(mask), terms };
-        PackedColumn { column, widths: self.widths, low, step }
+        PackedColumn { column, straight: self.straight, widths: self.widths, low, step }
     }
 
     /// The largest number of a component.
@@ -354,7 +356,7 @@ fn columns<F: F8, const N: usize>(
         between[i] = F::splat(a + (b - a) * fraction);
     }
     let mut at = 0;
-    for PackedColumn { column, widths, low, step } in &stride.columns {
+    for PackedColumn { column, straight, widths, low, step } in &stride.columns {
         let mut knots = [[F::splat(0.0); N]; 4];
         for c in 0..column.channel.width() {
             for (i, knot) in knots[c].iter_mut().enumerate() {
@@ -367,7 +369,8 @@ fn columns<F: F8, const N: usize>(
         }
         let Some(block) = blocks.get_mut(column.block as usize) else { continue };
         let mut values = [F::splat(0.0); 4];
-        if column.channel == Channel::Rotation {
+        let rotation = column.channel == Channel::Rotation;
+        if rotation && !straight {
             let (mut a, mut b) = (values, values);
             let mut square = F::splat(0.0);
             for c in 0..4 {
@@ -383,8 +386,12 @@ fn columns<F: F8, const N: usize>(
             }
             values = near_unit(values);
         } else {
-            for c in 0..3 {
+            // The fourth component of translations and scales is not stored.
+            for c in 0..4 {
                 values[c] = F::load(&low[c]).add(F::load(&step[c]).mul(weighed(&knots[c], &between)));
+            }
+            if rotation {
+                values = near_unit(values);
             }
         }
         write(column, block, values);
