@@ -1,7 +1,7 @@
 //! What all frames of a stage share: every distinct primitive, material and texture once, keyed by content.
 
 use crate::bounds::PrimitiveInfo;
-use crate::content::{material_hash, short};
+use crate::content::{material_content, material_hash, short};
 use crate::gpu_types::{BASE_SLOTS, LAYER_SLOTS, TEXTURE_SLOTS};
 use choreo_stage::{
     AlphaMode, Asset, Image, Material, MaterialLayers, Primitive, Sampler, Shading, Stage, TextureRef, Toon,
@@ -45,6 +45,8 @@ impl CatalogPrimitive {
 #[derive(Clone, Debug)]
 pub struct CatalogMaterial {
     pub material: Material,
+    /// Content hash, with that of its textures: equal in the catalogues of different stages.
+    pub hash: [u8; 16],
     pub base_color: Option<CatalogTextureRef>,
     pub metallic_roughness: Option<CatalogTextureRef>,
     pub normal: Option<CatalogTextureRef>,
@@ -65,6 +67,8 @@ impl CatalogMaterial {
             known.map(|k| CatalogTextureRef { uv_transform: uv_transform.unwrap_or(k.uv_transform), ..k })
         };
         CatalogMaterial {
+            // Of what it was; what it is now belongs to one frame.
+            hash: self.hash,
             material: Material {
                 base_color: if white { Vec4::ONE } else { now.base_color },
                 layers: self.material.layers.clone(),
@@ -143,7 +147,16 @@ pub struct PrimitiveEntry {
 impl Catalog {
     /// Every distinct primitive, material and texture of the stage's assets, in order of first use.
     pub fn new(stage: &Stage) -> Catalog {
+        Catalog::after(&Catalog::default(), stage)
+    }
+
+    /// The same as `new`; what the catalogue of an earlier stage holds of the same assets is not looked through again.
+    pub fn after(earlier: &Catalog, stage: &Stage) -> Catalog {
         let mut builder = Builder::default();
+        for p in &earlier.primitives {
+            builder.known_primitives.insert((Arc::as_ptr(&p.mesh), p.index), (p.hash, p.info.clone()));
+        }
+        builder.image_hashes = earlier.textures.iter().map(|t| (Arc::as_ptr(&t.image), t.hash)).collect();
         let mut asset_ids: HashMap<*const Asset, u32> = HashMap::new();
         for actor in &stage.actors {
             let id = *asset_ids.entry(Arc::as_ptr(&actor.asset)).or_insert_with(|| {
@@ -153,7 +166,11 @@ impl Catalog {
             });
             builder.catalog.asset_of_actor.push(id);
         }
-        builder.catalog
+        let mut catalog = builder.catalog;
+        for m in &mut catalog.materials {
+            m.hash = material_content(m, &catalog.textures);
+        }
+        catalog
     }
 
     pub fn entry(&self, actor: usize) -> &AssetEntry {
@@ -167,6 +184,8 @@ struct Builder {
     primitives: HashMap<[u8; 16], u32>,
     materials: HashMap<[u8; 16], u32>,
     textures: HashMap<([u8; 16], bool), u32>,
+    /// Of an earlier catalogue, which holds the meshes alive.
+    known_primitives: HashMap<(*const choreo_stage::Mesh, u32), ([u8; 16], PrimitiveInfo)>,
     /// Files share images by `Arc`: hashed once.
     image_hashes: HashMap<*const Image, [u8; 16]>,
 }
@@ -217,9 +236,10 @@ impl Builder {
 
     fn primitive(&mut self, mesh: &Arc<choreo_stage::Mesh>, index: u32) -> u32 {
         let primitive = &mesh.primitives[index as usize];
-        let hash = short(primitive.content_hash());
+        let known = self.known_primitives.get(&(Arc::as_ptr(mesh), index)).cloned();
+        let hash = known.as_ref().map_or_else(|| short(primitive.content_hash()), |(hash, _)| *hash);
         *self.primitives.entry(hash).or_insert_with(|| {
-            let info = PrimitiveInfo::new(primitive);
+            let info = known.map_or_else(|| PrimitiveInfo::new(primitive), |(_, info)| info);
             self.catalog.primitives.push(CatalogPrimitive { mesh: mesh.clone(), index, hash, info });
             self.catalog.primitives.len() as u32 - 1
         })
@@ -249,6 +269,8 @@ impl Builder {
             uses.map(|(t, srgb, needed)| texture(t, srgb, needed))
         });
         let material = CatalogMaterial {
+            // Known once all textures are.
+            hash: [0; 16],
             layers: layer_textures,
             base_color: texture(&m.base_color_texture, true, true),
             metallic_roughness: match toon {

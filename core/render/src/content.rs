@@ -1,6 +1,6 @@
 //! Content hashes: the first 16 bytes of BLAKE3. Those of primitives and images are the stage's own.
 
-use crate::catalog::{CatalogMaterial, CatalogTextureRef};
+use crate::catalog::{CatalogMaterial, CatalogTexture, CatalogTextureRef};
 use choreo_stage::{AlphaMode, ContentHash, Shading, Wrap};
 use glam::{Vec3, Vec4};
 
@@ -19,6 +19,18 @@ pub fn short(hash: ContentHash) -> [u8; 16] {
 
 /// Of what the catalogue keeps of a material: textures count by their index there.
 pub fn material_hash(m: &CatalogMaterial) -> [u8; 16] {
+    hash_with(m, &|texture| texture.to_le_bytes().to_vec())
+}
+
+/// The same for the catalogues of different stages: textures count by their content.
+pub fn material_content(m: &CatalogMaterial, textures: &[CatalogTexture]) -> [u8; 16] {
+    hash_with(m, &|texture| match textures.get(texture as usize) {
+        Some(t) => [&t.hash[..], &[u8::from(t.srgb), u8::from(t.mipmaps)]].concat(),
+        None => Vec::new(),
+    })
+}
+
+fn hash_with(m: &CatalogMaterial, texture_id: &dyn Fn(u32) -> Vec<u8>) -> [u8; 16] {
     let mut h = blake3::Hasher::new();
     let f = &m.material;
     let (alpha, cutoff) = match f.alpha_mode {
@@ -42,7 +54,7 @@ pub fn material_hash(m: &CatalogMaterial) -> [u8; 16] {
         array(&mut h, &[t.shading_shift_scale, t.rim_fresnel_power, t.rim_lift, t.rim_lighting_mix]);
     }
     for t in m.texture_refs() {
-        texture_ref(&mut h, t);
+        texture_ref(&mut h, t, texture_id);
     }
     if let Some(l) = crate::gpu_types::LayersUniform::new(m) {
         h.update(bytemuck::bytes_of(&l));
@@ -54,7 +66,7 @@ fn vec4(v: Vec3) -> Vec4 {
     v.extend(0.0)
 }
 
-fn texture_ref(h: &mut blake3::Hasher, t: Option<CatalogTextureRef>) {
+fn texture_ref(h: &mut blake3::Hasher, t: Option<CatalogTextureRef>, id: &dyn Fn(u32) -> Vec<u8>) {
     let Some(t) = t else {
         h.update(&[0]);
         return;
@@ -69,6 +81,6 @@ fn texture_ref(h: &mut blake3::Hasher, t: Option<CatalogTextureRef>) {
         t.sampler.mip_linear.map_or(2, u8::from),
         t.uv_set,
     ]);
-    h.update(&t.texture.to_le_bytes());
+    h.update(&id(t.texture));
     array(h, &t.uv_transform.to_cols_array());
 }

@@ -29,4 +29,4 @@ pub use cpu::CpuRenderer;
 pub use gpu::{GpuOptions, SteadyRenderer, VulkanRenderer};
 pub use plan::Plan;
 pub use planner::{PlanOptions, effect_parameters};
-pub use renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
+pub use renderer::{DeviceInfo, DeviceKind, RenderError, Renderer, Work};

@@ -1,7 +1,7 @@
 //! What the program sees of a renderer, Vulkan or CPU: plans in, frames out, several in flight.
 
 use crate::{Catalog, Plan};
-use choreo_plugin::Frame;
+use choreo_plugin::{Effect, Frame};
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -20,10 +20,32 @@ pub trait Renderer: Send {
     /// The oldest submitted frame, waiting for it. The given frame's buffer is reused.
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError>;
 
+    /// Effects that plans may name from now on, in place of those before. What else the renderer has made stays.
+    fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError>;
+
+    /// Reads the shader folder again; on an error the last good shaders stay. Nothing where there is none.
+    fn reload_shaders(&mut self) -> Result<(), RenderError> {
+        Ok(())
+    }
+
+    /// What it has made so far.
+    fn work(&self) -> Work {
+        Work::default()
+    }
+
     /// What went wrong and was made good since the last call, for the user.
     fn take_notes(&mut self) -> Vec<String> {
         Vec::new()
     }
+}
+
+/// Counts of what was made on a device since the renderer is there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    pub meshes: u64,
+    pub textures: u64,
+    pub materials: u64,
+    pub pipelines: u64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -330,7 +330,7 @@ fn a_folder_wins_and_its_mistakes_name_the_file() {
     let folder = std::env::temp_dir().join(format!("choreo-shaders-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("background.wgsl"), "fn x() -> f32 {\n  retrun 1.0;\n}\n").unwrap();
-    let sources = ShaderSources { folder: Some(folder.clone()) };
+    let sources = ShaderSources::read(Some(folder.clone())).unwrap();
     let files = sources.files(&BACKGROUND).unwrap();
     let error = parse(&files, &[]).unwrap_err().to_string();
     std::fs::remove_dir_all(&folder).unwrap();

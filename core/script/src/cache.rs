@@ -3,12 +3,19 @@
 use choreo_stage::Asset;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Assets by what they were made of. Clones share one store. An entry is used while the bytes of its file, and of all that the
 /// importer asked for beside it, are the same, and is replaced when they are not.
 #[derive(Clone, Debug, Default)]
-pub struct AssetCache(Arc<Mutex<BTreeMap<Key, Slot>>>);
+pub struct AssetCache(Arc<Store>);
+
+#[derive(Debug, Default)]
+struct Store {
+    slots: Mutex<BTreeMap<Key, Slot>>,
+    imports: AtomicU64,
+}
 
 /// Locked while its asset is made.
 pub(crate) type Slot = Arc<Mutex<Option<Made>>>;
@@ -41,12 +48,31 @@ pub(crate) struct SideFile {
 
 impl AssetCache {
     pub(crate) fn slot(&self, key: Key) -> Slot {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).entry(key).or_default().clone()
+        self.0.slots.lock().unwrap_or_else(PoisonError::into_inner).entry(key).or_default().clone()
     }
 
     /// The slot of what has been asked for before.
     pub(crate) fn made(&self, key: &Key) -> Option<Slot> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).get(key).cloned()
+        self.0.slots.lock().unwrap_or_else(PoisonError::into_inner).get(key).cloned()
+    }
+
+    pub(crate) fn count_import(&self) {
+        self.0.imports.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How many assets were imported into it so far.
+    pub fn imports(&self) -> u64 {
+        self.0.imports.load(Ordering::Relaxed)
+    }
+
+    /// Drops the assets that nobody else holds, for one who runs a changing script again and again.
+    pub fn drop_unused(&self) {
+        let mut slots = self.0.slots.lock().unwrap_or_else(PoisonError::into_inner);
+        slots.retain(|_, slot| match slot.try_lock() {
+            Ok(made) => made.as_ref().is_some_and(|made| Arc::strong_count(&made.asset) > 1),
+            // Being made.
+            Err(_) => true,
+        });
     }
 }
 

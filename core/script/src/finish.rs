@@ -40,7 +40,9 @@ pub fn finish(
         places.cameras = build.cameras.iter().map(|c| c.at.clone()).collect();
         places.lights = std::mem::take(&mut build.light_places);
         places.effects = std::mem::take(&mut build.effect_places);
-        let layers = layers(&build, &mut notes);
+        let (layers, cue_places) = layers(&build, &mut notes);
+        places.cues = cue_places;
+        places.markers = build.markers.clone();
         cycles(&build, &mut notes);
         if let Some((place, error)) = crate::totals::too_much(&build, &shared.limits) {
             notes.push((Severity::Error, place, error));
@@ -132,7 +134,10 @@ fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Vec<(Severity, 
 const PRIORITIES: u32 = 1 << 30;
 
 /// The layers of every actor: the base first, then each chain with a mask, in the order of the script.
-fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Vec<Vec<Layer>> {
+fn layers(
+    build: &Build,
+    notes: &mut Vec<(Severity, Place, ApiError)>,
+) -> (Vec<Vec<Layer>>, Vec<Vec<Vec<Place>>>) {
     let times = cue::all_times(build);
     let mut layers: Vec<Vec<Layer>> = build.actors.iter().map(|_| vec![Layer::default()]).collect();
     // Layer of each chain, within its actor.
@@ -225,24 +230,36 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Vec<Ve
         made[id] = Some(cue);
     }
     gets_nowhere(build, &made, notes);
+    // With the place of each cue beside it.
+    let mut laid: Vec<Vec<(Layer, Vec<(Cue, Place)>)>> = Vec::with_capacity(layers.len());
+    for of_actor in layers {
+        laid.push(of_actor.into_iter().map(|layer| (layer, Vec::new())).collect());
+    }
     for (draft, cue) in build.cues.iter().zip(made) {
         let chain = &build.chains[draft.chain];
-        layers[chain.actor][slots[draft.chain]].cues.extend(cue);
+        laid[chain.actor][slots[draft.chain]].1.extend(cue.map(|cue| (cue, draft.at.clone())));
     }
-    for of_actor in &mut layers {
-        for layer in of_actor.iter_mut() {
-            layer.cues.sort_by_key(|c| c.start);
-        }
-        // Equal layers in an order of their own, so that not even rounding depends on how the script is written.
-        of_actor[1..].sort_by_cached_key(|layer| {
-            let alone = layer.rank < PRIORITIES && layer.mode == LayerMode::Override;
-            (layer.rank, if alone { [0; 32] } else { layer.content_hash() })
-        });
-        if of_actor.len() == 1 && of_actor[0].cues.is_empty() {
-            of_actor.clear();
-        }
+    laid.into_iter().map(of_actor).unzip()
+}
+
+/// An actor's layers and their cues in order, and the places of the cues.
+fn of_actor(laid: Vec<(Layer, Vec<(Cue, Place)>)>) -> (Vec<Layer>, Vec<Vec<Place>>) {
+    let sorted = |(mut layer, mut cues): (Layer, Vec<(Cue, Place)>)| {
+        cues.sort_by_key(|(cue, _)| cue.start);
+        let (cues, places): (Vec<Cue>, Vec<Place>) = cues.into_iter().unzip();
+        layer.cues = cues;
+        (layer, places)
+    };
+    let mut all: Vec<(Layer, Vec<Place>)> = laid.into_iter().map(sorted).collect();
+    // Equal layers in an order of their own, so that not even rounding depends on how the script is written.
+    all[1..].sort_by_cached_key(|(layer, _)| {
+        let alone = layer.rank < PRIORITIES && layer.mode == LayerMode::Override;
+        (layer.rank, if alone { [0; 32] } else { layer.content_hash() })
+    });
+    if all.len() == 1 && all[0].0.cues.is_empty() {
+        all.clear();
     }
-    layers
+    all.into_iter().unzip()
 }
 
 fn actor((draft, layers): (ActorDraft, Vec<Layer>)) -> Actor {

@@ -109,6 +109,16 @@ impl Folders {
 
     /// Finds `name` relative to `start` (a canonical folder within the roots), else in each root.
     pub fn find(&self, start: Option<&Path>, name: &str) -> Result<Found, LoadError> {
+        self.find_telling(start, name, &mut |_| ())
+    }
+
+    /// The same; `told` gets each path at which something, appearing or being pointed elsewhere, would be found instead.
+    pub fn find_telling(
+        &self,
+        start: Option<&Path>,
+        name: &str,
+        told: &mut dyn FnMut(&Path),
+    ) -> Result<Found, LoadError> {
         let refuse = |why: &str| {
             Err(LoadError::new(format!("cannot read \"{}\": {why}", cut(name))).hint(format!(
                 "a script reads files in its own folder and in the folders given with --search: {}",
@@ -132,9 +142,18 @@ impl Folders {
             escapes = false;
             let candidate = parts.iter().fold(root.clone(), |p, part| p.join(part));
             let path = match candidate.canonicalize() {
-                Ok(path) => path,
-                Err(e) if e.kind() == std::io::ErrorKind::NotFound => continue,
+                Ok(path) => {
+                    if path != candidate {
+                        told(&candidate);
+                    }
+                    path
+                }
+                Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+                    told(&candidate);
+                    continue;
+                }
                 Err(e) => {
+                    told(&candidate);
                     return Err(LoadError::new(format!("cannot read \"{}\": {}", cut(name), words(&e))));
                 }
             };

@@ -44,7 +44,7 @@ pub use limits::{Limits, raise_hint};
 pub use lint::Places;
 pub use loader::{BUILT_IN, ImportChoice, Loader};
 pub use reference::reference;
-pub use run::{Script, ScriptOptions, run_file, run_text};
+pub use run::{Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};
 // The same words for a slip of the hand everywhere.
 pub use api::clip::mapping_lines;
 pub(crate) use choreo_plugin::suggest;

@@ -8,7 +8,7 @@ use choreo_plugin::{
     Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionError, Registry, Source,
 };
 use choreo_stage::Asset;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -55,6 +55,8 @@ struct State {
     imports: BTreeMap<(PathBuf, String), Arc<Import>>,
     /// Canonical path and hash of everything read.
     used: BTreeMap<PathBuf, [u8; 32]>,
+    /// Where something was looked for that is not there, or is a link.
+    looked_for: BTreeSet<PathBuf>,
 }
 
 impl Loader {
@@ -113,6 +115,19 @@ impl Loader {
         self.state().used.clone()
     }
 
+    /// Where files were looked for so far and not found, and links on the way to those found.
+    pub fn looked_for(&self) -> BTreeSet<PathBuf> {
+        self.state().looked_for.clone()
+    }
+
+    /// [`Folders::find`], remembering where it looked.
+    pub fn find_in(&self, folders: &Folders, start: Option<&Path>, name: &str) -> Result<Found, LoadError> {
+        let mut told = Vec::new();
+        let found = folders.find_telling(start, name, &mut |path| told.push(path.to_path_buf()));
+        self.state().looked_for.extend(told);
+        found
+    }
+
     /// How many imports were begun so far, each pair of file and options once.
     pub fn loaded(&self) -> usize {
         self.state().imports.len()
@@ -152,7 +167,7 @@ impl Loader {
                 (PathBuf::from(name), None)
             }
             None => {
-                let found = self.folders.find(start, name)?;
+                let found = self.find_in(&self.folders, start, name)?;
                 (found.path.clone(), Some(found))
             }
         };
@@ -255,6 +270,7 @@ impl Loader {
             return Ok(made.asset.clone());
         }
         let files = files();
+        self.cache.count_import();
         let mut asset = importer.import(source, &files, needs, options).map_err(from_import)?;
         asset.name = source.name.clone();
         if !needs.geometry && self.needs.geometry {
@@ -314,7 +330,7 @@ impl Files for NearFiles<'_> {
             return Err(format!("cannot read \"{relative}\": cancelled"));
         }
         let folders = &self.loader.folders;
-        let bytes = folders.find(self.start, relative).and_then(|found: Found| {
+        let bytes = self.loader.find_in(folders, self.start, relative).and_then(|found: Found| {
             let bytes = folders.read(&found, relative)?;
             self.loader.note_used(&found.path, &bytes);
             Ok(bytes)

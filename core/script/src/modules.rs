@@ -62,7 +62,7 @@ impl ModuleResolver for Modules {
         let folders = shared.loader.folders().base_only();
         let start = source.and_then(|s| self.state().folders.get(s).cloned());
         let start = start.or_else(|| shared.test().scene.as_ref().map(|scene| scene.folder.clone()));
-        let found = folders.find(start.as_deref(), &name).map_err(|e| {
+        let found = shared.loader.find_in(&folders, start.as_deref(), &name).map_err(|e| {
             let mut error = ApiError::new(e.message);
             error.hint = e.hint.map(|_| "modules are imported from the script's own folder only".to_string());
             fail(error)

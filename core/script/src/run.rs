@@ -17,6 +17,7 @@ use crate::suggest::{did_you_mean, list};
 use choreo_plugin::{Needs, Registry};
 use choreo_stage::Stage;
 use rhai::Engine;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -74,6 +75,45 @@ pub fn run_file(
 ) -> Result<Script, Vec<Diagnostic>> {
     let opened = open(path, None, Mode::Stage, registry, options).map_err(|e| vec![e])?;
     on_own_thread(move || run_here(&opened.name, &opened.text, &opened.shared))
+}
+
+/// The files that a run touched, whether it succeeded or not: for those who wait for them to change.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Touched {
+    /// Canonical paths of all that was read, with the BLAKE3 of what was read there.
+    pub read: BTreeMap<PathBuf, [u8; 32]>,
+    /// Where something was looked for that was not there, and links on the way to what was.
+    pub looked_for: BTreeSet<PathBuf>,
+}
+
+impl Touched {
+    /// Of a loader so far.
+    pub fn by(loader: &Loader) -> Touched {
+        Touched { read: loader.used(), looked_for: loader.looked_for() }
+    }
+}
+
+/// As [`run_file`], and tells which files the run depends on also where it fails.
+pub fn run_file_touching(
+    path: &Path,
+    registry: &Registry,
+    options: &ScriptOptions,
+) -> (Result<Script, Vec<Diagnostic>>, Touched) {
+    let opened = match open(path, None, Mode::Stage, registry, options) {
+        Ok(opened) => opened,
+        Err(error) => {
+            let mut touched = Touched::default();
+            touched.looked_for.extend(std::path::absolute(path));
+            return (Err(vec![error]), touched);
+        }
+    };
+    let loader = opened.shared.loader.clone();
+    let result = on_own_thread(move || run_here(&opened.name, &opened.text, &opened.shared));
+    let mut touched = Touched::by(&loader);
+    // A link to the script can be pointed elsewhere.
+    let named = std::path::absolute(path).ok().filter(|named| !touched.read.contains_key(named));
+    touched.looked_for.extend(named);
+    (result, touched)
 }
 
 /// A script file that has been read.

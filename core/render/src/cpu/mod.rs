@@ -276,6 +276,11 @@ fn row_color(plan: &Plan, y: usize) -> Vec4 {
 }
 
 impl Renderer for CpuRenderer {
+    fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError> {
+        self.effects = effects.to_vec();
+        Ok(())
+    }
+
     fn device(&self) -> &DeviceInfo {
         &self.device
     }

@@ -51,9 +51,10 @@ impl Execution<'_> {
                 }
                 Command::BindPipeline(_) => self.bind_pipeline(pipeline_of(i)?),
                 Command::BindMaterial { material, changed, slots } => {
+                    let kept = || self.catalog.materials.get(*material as usize);
                     let set = match changed {
                         Some(changed) => self.slot.changed_set(*changed, *slots),
-                        None => self.resources.material_set(*material, *slots),
+                        None => kept().and_then(|m| self.resources.material_set(m.hash, *slots)),
                     };
                     self.bind_set(self.pipelines.layout, 1, set.ok_or_else(|| missing("a material"))?);
                 }

@@ -22,7 +22,7 @@ mod upload;
 
 use crate::record::{Command, MAX_LIGHTS, RecordOptions, Recording, record};
 use crate::shader::ShaderSources;
-use crate::{Catalog, DeviceInfo, DeviceKind, Plan, RenderError, Renderer};
+use crate::{Catalog, DeviceInfo, DeviceKind, Plan, RenderError, Renderer, Work};
 use ash::vk;
 use choreo_plugin::{Effect, Frame};
 use choreo_stage::Background;
@@ -109,9 +109,10 @@ impl VulkanRenderer {
             faults: options.faults,
         })?;
         let mut layouts = Layouts::new(&gpu)?;
-        let sources = ShaderSources { folder: options.shader_dir };
         let cache_dir = options.cache_dir.as_deref();
-        let pipelines = match Pipelines::new(&gpu, &layouts, cache_dir, sources, options.effects) {
+        let pipelines = ShaderSources::read(options.shader_dir)
+            .and_then(|sources| Pipelines::new(&gpu, &layouts, cache_dir, sources, options.effects));
+        let pipelines = match pipelines {
             Ok(pipelines) => pipelines,
             Err(e) => {
                 layouts.destroy(&gpu);
@@ -172,13 +173,6 @@ impl VulkanRenderer {
     /// Bytes of device memory in use, by what the allocator handed out.
     pub fn allocated_bytes(&self) -> u64 {
         self.gpu.allocator().generate_report().total_allocated_bytes
-    }
-
-    /// Compiles the shaders again from the shader folder; on an error the last good ones stay.
-    pub fn reload_shaders(&mut self) -> Result<(), RenderError> {
-        self.wait_idle()?;
-        self.pipelines.reload(&self.gpu)?;
-        self.gpu.check_messages()
     }
 
     fn wait_idle(&self) -> Result<(), RenderError> {
@@ -391,11 +385,31 @@ impl Renderer for VulkanRenderer {
 
     fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError> {
         self.wait_idle()?;
+        let before = self.resources.counts();
         self.resources.retain(&self.gpu, &catalog);
         self.catalog = catalog;
-        self.fresh = true;
-        context::give_back_freed_memory();
+        // Where nothing goes and nothing comes there is nothing to give back.
+        if before == [0; 3] || self.resources.counts() != before {
+            self.fresh = true;
+            context::give_back_freed_memory();
+        }
         self.gpu.check_messages()
+    }
+
+    fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError> {
+        self.wait_idle()?;
+        self.pipelines.set_effects(&self.gpu, effects);
+        self.gpu.check_messages()
+    }
+
+    fn reload_shaders(&mut self) -> Result<(), RenderError> {
+        self.wait_idle()?;
+        self.pipelines.reload(&self.gpu)?;
+        self.gpu.check_messages()
+    }
+
+    fn work(&self) -> Work {
+        Work { pipelines: self.pipelines.created(), ..self.resources.work }
     }
 
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {

@@ -33,6 +33,8 @@ pub struct Pipelines {
     sources: ShaderSources,
     effects: Vec<Arc<dyn Effect>>,
     made: HashMap<Id, vk::Pipeline>,
+    /// How many were ever made.
+    created: u64,
 }
 
 /// The pipeline of each command of a recording, in order (`None` for commands that bind none).
@@ -73,6 +75,7 @@ impl Pipelines {
             sources,
             effects,
             made: HashMap::new(),
+            created: 0,
         };
         let create = |name: &str, sets: &[vk::DescriptorSetLayout]| {
             let info = vk::PipelineLayoutCreateInfo::default().set_layouts(sets);
@@ -109,6 +112,7 @@ impl Pipelines {
         let missing: BTreeSet<&Id> = ids.iter().flatten().filter(|id| !self.made.contains_key(id)).collect();
         let missing: Vec<&Id> = missing.into_iter().collect();
         let made = self.create_all(gpu, &missing)?;
+        self.created += made.len() as u64;
         self.made.extend(missing.into_iter().cloned().zip(made));
         Ok(())
     }
@@ -136,11 +140,44 @@ impl Pipelines {
         }
     }
 
+    /// How many were ever made.
+    pub fn created(&self) -> u64 {
+        self.created
+    }
+
+    /// Other effects in place of those before; pipelines of those whose text is another are made again where a frame asks.
+    /// No frame may be in flight.
+    pub fn set_effects(&mut self, gpu: &Context, effects: &[Arc<dyn Effect>]) {
+        let old = std::mem::replace(&mut self.effects, effects.to_vec());
+        let text = |all: &[Arc<dyn Effect>], name: &str| {
+            all.iter().find(|e| e.manifest().name == name).map(|e| e.wgsl().to_string())
+        };
+        self.made.retain(|id, pipeline| {
+            let Id::Post { effect, .. } = id else { return true };
+            let same = text(&old, effect) == text(effects, effect);
+            if !same {
+                // SAFETY: no frame in flight uses it.
+                unsafe { gpu.device.destroy_pipeline(*pipeline, None) };
+            }
+            same
+        });
+    }
+
     /// Compiles every pipeline in use again from the shader folder; on an error the last good ones stay.
     /// No frame may be in flight.
     pub fn reload(&mut self, gpu: &Context) -> Result<(), RenderError> {
+        let before = self.sources.clone();
+        self.sources = ShaderSources::read(before.folder.clone())?;
         let ids: Vec<Id> = self.made.keys().cloned().collect();
-        let made = self.create_all(gpu, &ids.iter().collect::<Vec<_>>())?;
+        let made = match self.create_all(gpu, &ids.iter().collect::<Vec<_>>()) {
+            Ok(made) => made,
+            Err(error) => {
+                // A pipeline that a later frame asks for comes from what worked, too.
+                self.sources = before;
+                return Err(error);
+            }
+        };
+        self.created += made.len() as u64;
         for (id, pipeline) in ids.into_iter().zip(made) {
             if let Some(old) = self.made.insert(id, pipeline) {
                 // SAFETY: no frame in flight uses it.

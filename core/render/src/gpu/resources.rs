@@ -10,6 +10,7 @@ use crate::catalog::{Catalog, CatalogPrimitive};
 use crate::gpu_types::{LayersUniform, MaterialUniform};
 use crate::mip;
 use crate::record::{Command, Recording};
+use crate::renderer::Work;
 use crate::vertex::{VertexLayout, pack, pack_morphs};
 use ash::vk;
 use choreo_stage::{Sampler, Wrap};
@@ -51,10 +52,12 @@ pub struct Resources {
     morphs: HashMap<(Hash, VertexLayout), Morphs>,
     textures: HashMap<TextureKey, Image>,
     samplers: HashMap<Sampler, vk::Sampler>,
-    /// By catalogue index and which texture slots the shader reads.
-    materials: HashMap<(u32, u16), Material>,
+    /// By content and which texture slots the shader reads.
+    materials: HashMap<(Hash, u16), Material>,
     white: Option<Image>,
     pools: Pools,
+    /// What has been made so far.
+    pub work: Work,
 }
 
 impl Resources {
@@ -66,7 +69,7 @@ impl Resources {
         self.morphs.get(&(hash, layout)).map(|m| m.set.raw)
     }
 
-    pub fn material_set(&self, material: u32, slots: u16) -> Option<vk::DescriptorSet> {
+    pub fn material_set(&self, material: Hash, slots: u16) -> Option<vk::DescriptorSet> {
         self.materials.get(&(material, slots)).map(|m| m.set.raw)
     }
 
@@ -89,7 +92,10 @@ impl Resources {
         for command in &recording.commands {
             match command {
                 Command::BindMaterial { material, slots, .. }
-                    if !self.materials.contains_key(&(*material, *slots)) =>
+                    if catalog
+                        .materials
+                        .get(*material as usize)
+                        .is_none_or(|m| !self.materials.contains_key(&(m.hash, *slots))) =>
                 {
                     materials.insert((*material, *slots));
                 }
@@ -142,6 +148,7 @@ impl Resources {
             let name = format!("mesh \"{}\" primitive {}", entry.mesh.name, entry.index);
             let buffer = Buffer::new(gpu, &name, bytes.len() as u64, usage, MemoryLocation::GpuOnly)?;
             uploads.buffer(buffer.raw, &bytes);
+            self.work.meshes += 1;
             let index_type = if packed.wide_indices { vk::IndexType::UINT32 } else { vk::IndexType::UINT16 };
             slot.insert(Mesh { buffer, indices_at, index_count: packed.index_count, index_type });
         }
@@ -221,6 +228,7 @@ impl Resources {
             let below = chain.iter().map(|l| (l.width, l.height, &l.rgba[..]));
             uploads.image(made.raw, std::iter::once(base).chain(below));
             self.textures.insert(texture_key(catalog, *t), made);
+            self.work.textures += 1;
         }
         Ok(())
     }
@@ -256,7 +264,8 @@ impl Resources {
         };
         // In the table first, so that it is destroyed with the rest where a later step fails.
         let raw = uniform.raw;
-        self.materials.insert((index, slots), Material { uniform, set });
+        self.materials.insert((material.hash, slots), Material { uniform, set });
+        self.work.materials += 1;
         write_buffer(gpu, set.raw, 0, vk::DescriptorType::UNIFORM_BUFFER, raw, 0, size);
         if layers.is_some() {
             let size = size_of::<LayersUniform>() as u64;
@@ -333,17 +342,21 @@ impl Resources {
         Ok(sampler)
     }
 
-    /// A new catalogue: materials go (indices change), meshes and textures stay where their content is still in use.
-    /// No frame may be in flight.
+    /// A new catalogue: what it holds too stays. No frame may be in flight.
     pub fn retain(&mut self, gpu: &Context, catalog: &Catalog) {
         let primitives: HashSet<Hash> = catalog.primitives.iter().map(|p| p.hash).collect();
         let textures: HashSet<TextureKey> =
             (0..catalog.textures.len() as u32).map(|t| texture_key(catalog, t)).collect();
         let pools = &mut self.pools;
-        for (_, mut m) in self.materials.drain() {
-            m.uniform.destroy(gpu);
-            pools.free(gpu, m.set);
-        }
+        let materials: HashSet<Hash> = catalog.materials.iter().map(|m| m.hash).collect();
+        self.materials.retain(|(hash, _), m| {
+            let keep = materials.contains(hash);
+            if !keep {
+                m.uniform.destroy(gpu);
+                pools.free(gpu, m.set);
+            }
+            keep
+        });
         self.meshes.retain(|(hash, _), m| {
             let keep = primitives.contains(hash);
             if !keep {

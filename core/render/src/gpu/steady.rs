@@ -3,8 +3,8 @@
 //! same bytes, so nobody sees it in the pictures.
 
 use super::{GpuOptions, VulkanRenderer};
-use crate::{Catalog, DeviceInfo, Plan, RenderError, Renderer};
-use choreo_plugin::Frame;
+use crate::{Catalog, DeviceInfo, Plan, RenderError, Renderer, Work};
+use choreo_plugin::{Effect, Frame};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -155,6 +155,20 @@ impl Renderer for SteadyRenderer {
         self.inside = self.inside.saturating_sub(1);
         self.failed = None;
         Ok(frame)
+    }
+
+    fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError> {
+        self.options.effects = effects.to_vec();
+        // A fresh device gets them from the options.
+        self.steadily(|this| this.inner()?.set_effects(effects))
+    }
+
+    fn reload_shaders(&mut self) -> Result<(), RenderError> {
+        self.steadily(|this| this.inner()?.reload_shaders())
+    }
+
+    fn work(&self) -> Work {
+        self.inner.as_ref().map(Renderer::work).unwrap_or_default()
     }
 
     fn take_notes(&mut self) -> Vec<String> {

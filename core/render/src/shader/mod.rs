@@ -11,10 +11,12 @@ use crate::RenderError;
 use crate::plan::{Features, Glass, PipelineKey};
 use std::path::PathBuf;
 
-/// Where the text of a module comes from: the program itself, or a folder for live editing (whose files win).
+/// Where the text of a module comes from: the program itself, or a folder for live editing (whose files win), as it was when
+/// it was read: a file that is being edited changes nothing before it is read again as a whole.
 #[derive(Clone, Debug, Default)]
 pub struct ShaderSources {
     pub folder: Option<PathBuf>,
+    texts: Vec<SourceFile>,
 }
 
 /// (file name, text built into the program).
@@ -43,19 +45,31 @@ pub struct SourceFile {
 }
 
 impl ShaderSources {
+    /// Reads the folder's modules.
+    pub fn read(folder: Option<PathBuf>) -> Result<ShaderSources, RenderError> {
+        let mut texts = Vec::new();
+        if let Some(folder) = &folder {
+            for (name, _) in EMBEDDED {
+                let path = folder.join(name);
+                let name = path.display().to_string();
+                match std::fs::read_to_string(&path) {
+                    Ok(text) => texts.push(SourceFile { name, text }),
+                    // A folder may hold only the modules that somebody is editing.
+                    Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
+                    Err(e) => {
+                        return Err(RenderError::Shader { file: name, text: format!("cannot read: {e}") });
+                    }
+                }
+            }
+        }
+        Ok(ShaderSources { folder, texts })
+    }
+
     pub fn file(&self, name: &str) -> Result<SourceFile, RenderError> {
         if let Some(folder) = &self.folder {
-            let path = folder.join(name);
-            match std::fs::read_to_string(&path) {
-                Ok(text) => return Ok(SourceFile { name: path.display().to_string(), text }),
-                // A folder may hold only the modules that somebody is editing.
-                Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
-                Err(e) => {
-                    return Err(RenderError::Shader {
-                        file: path.display().to_string(),
-                        text: format!("cannot read: {e}"),
-                    });
-                }
+            let path = folder.join(name).display().to_string();
+            if let Some(file) = self.texts.iter().find(|file| file.name == path) {
+                return Ok(file.clone());
             }
         }
         let (_, text) = EMBEDDED.iter().find(|(n, _)| *n == name).ok_or_else(|| RenderError::Shader {

@@ -70,14 +70,19 @@ pub struct Places {
     pub looks: Vec<Vec<Place>>,
     pub cameras: Vec<Place>,
     pub cuts: Vec<Place>,
+    /// By actor, layer and cue, as in `Stage::actors`.
+    pub cues: Vec<Vec<Vec<Place>>>,
+    /// Named times of the stage.
+    pub markers: Vec<(String, Time)>,
     pub lights: Vec<Place>,
     pub effects: Vec<Place>,
     /// Files of which the script uses the clips alone, so that no mesh and no picture of them was made.
     pub clips_only: Vec<(String, Place)>,
     /// The script's name in messages.
-    pub(crate) main: String,
+    pub main: String,
     pub(crate) remarks: Vec<Remark>,
-    pub(crate) sources: Arc<BTreeMap<String, Arc<str>>>,
+    /// The text of the script and its modules, by their names in messages.
+    pub sources: Arc<BTreeMap<String, Arc<str>>>,
 }
 
 impl Places {

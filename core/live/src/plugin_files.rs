@@ -1,0 +1,175 @@
+//! Plugins that are files: `NAME.importer.rhai` and `NAME.wgsl` in a folder `plugins` beside the script, in the folders
+//! given with `--plugins`, and in those that the environment variable CHOREO_PLUGINS names. No other place is read.
+
+use choreo_dropin::RhaiImporter;
+use choreo_look::WgslEffect;
+use choreo_plugin::{PluginFile, Registry};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Folders named as the system's PATH is.
+pub const VARIABLE: &str = "CHOREO_PLUGINS";
+/// The folder beside a script.
+const BESIDE: &str = "plugins";
+
+/// Endings of the names of plugin files.
+pub const ENDINGS: [&str; 2] = [choreo_dropin::ENDING, choreo_look::ENDING];
+
+/// Bytes of a plugin's text, and files looked at in one folder.
+const MOST_BYTES: u64 = 4 << 20;
+const MOST_FILES: usize = 10_000;
+
+/// A folder that cannot be used at all.
+#[derive(Debug, Error)]
+pub enum FolderError {
+    #[error("{flag} {}: no such folder", folder.display())]
+    Missing { flag: &'static str, folder: PathBuf },
+    #[error("{}: cannot read: {error}", folder.display())]
+    Unreadable { folder: PathBuf, error: std::io::Error },
+}
+
+/// What is wrong with one plugin file: what the user reads, and the file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PluginProblem {
+    /// Complete with its place.
+    pub text: String,
+    pub file: PathBuf,
+}
+
+/// What was found.
+pub struct Found {
+    /// The plugins given and those of the files. Later folders win over earlier ones: those of CHOREO_PLUGINS, then those named
+    /// in order, then the folders beside the inputs.
+    pub registry: Registry,
+    pub problems: Vec<PluginProblem>,
+    /// The text of every plugin file.
+    pub files: Vec<PluginFile>,
+    /// Where a plugin file put there would be found; those beside the inputs need not be there.
+    pub folders: Vec<PathBuf>,
+}
+
+/// The texts of plugin files, not yet compiled.
+pub struct Listing {
+    plugins: Registry,
+    /// As the user named each.
+    shown: Vec<String>,
+    pub files: Vec<PluginFile>,
+    pub problems: Vec<PluginProblem>,
+    /// As in [`Found`].
+    pub folders: Vec<PathBuf>,
+}
+
+pub fn found(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Found, FolderError> {
+    read(plugins, named, inputs).map(Listing::compile)
+}
+
+/// Reads the files in the order in which they count.
+pub fn read(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Listing, FolderError> {
+    let mut folders = Vec::new();
+    let variable = std::env::var_os(VARIABLE).unwrap_or_default();
+    for folder in std::env::split_paths(&variable).filter(|f| !f.as_os_str().is_empty()) {
+        folders.push((folder, VARIABLE));
+    }
+    folders.extend(named.iter().map(|f| (f.clone(), "--plugins")));
+    for (folder, flag) in &folders {
+        if !folder.is_dir() {
+            return Err(FolderError::Missing { flag, folder: folder.clone() });
+        }
+    }
+    for input in inputs {
+        let folder = if input.is_dir() { input } else { input.parent().unwrap_or(Path::new("")) };
+        let beside = folder.join(BESIDE);
+        if !folders.iter().any(|(f, _)| *f == beside) {
+            folders.push((beside, BESIDE));
+        }
+    }
+    let folders: Vec<PathBuf> = folders.into_iter().map(|(folder, _)| folder).collect();
+    let mut listing = Listing {
+        plugins: plugins.clone(),
+        shown: Vec::new(),
+        files: Vec::new(),
+        problems: Vec::new(),
+        folders: Vec::new(),
+    };
+    for folder in folders.iter().filter(|f| f.is_dir()) {
+        let files = files(folder);
+        for path in files.map_err(|error| FolderError::Unreadable { folder: folder.clone(), error })? {
+            match read_one(&path) {
+                Ok(file) => {
+                    listing.shown.push(path.display().to_string());
+                    listing.files.push(file);
+                }
+                Err(text) => {
+                    let file = path.canonicalize().unwrap_or(path);
+                    listing.problems.push(PluginProblem { text, file });
+                }
+            }
+        }
+    }
+    listing.folders = folders;
+    Ok(listing)
+}
+
+impl Listing {
+    pub fn compile(self) -> Found {
+        let Listing { plugins, shown, files, problems, folders } = self;
+        let mut found = Found { registry: plugins, problems, files, folders };
+        for (shown, file) in shown.iter().zip(&found.files) {
+            if let Err(text) = compile(&mut found.registry, shown, file) {
+                found.problems.push(PluginProblem { text, file: file.path.clone() });
+            }
+        }
+        found
+    }
+}
+
+/// Plugin files of a folder, by name, so that the order is the same on every machine.
+fn files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder)?.take(MOST_FILES) {
+        let path = entry?.path();
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let is_plugin = ENDINGS.iter().any(|ending| name.ends_with(ending));
+        if is_plugin && !name.starts_with('.') && path.is_file() {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+fn read_one(path: &Path) -> Result<PluginFile, String> {
+    let shown = path.display();
+    let failed = |e: std::io::Error| format!("{shown}: cannot read: {}", reason(&e));
+    let length = std::fs::metadata(path).map_err(failed)?.len();
+    if length > MOST_BYTES {
+        return Err(format!("{shown}: a plugin of {length} bytes, at most {MOST_BYTES}"));
+    }
+    let bytes = std::fs::read(path).map_err(failed)?;
+    let text = String::from_utf8(bytes)
+        .map_err(|e| format!("{shown}: byte {} is no UTF-8 text", e.utf8_error().valid_up_to()))?;
+    Ok(PluginFile { path: path.canonicalize().map_err(failed)?, text })
+}
+
+fn compile(registry: &mut Registry, shown: &str, file: &PluginFile) -> Result<(), String> {
+    if shown.ends_with(choreo_look::ENDING) {
+        let effect = WgslEffect::from_text(shown, &file.text).map_err(|e| e.to_string())?;
+        registry.add_effect(effect.with_file(file.clone()));
+    } else {
+        let importer = RhaiImporter::from_text(shown, &file.text).map_err(|e| e.to_string())?;
+        registry.add_importer(importer.with_file(file.clone()));
+    }
+    Ok(())
+}
+
+/// The system's words without "(os error 2)".
+fn reason(error: &std::io::Error) -> String {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => "no such file or folder".to_string(),
+        std::io::ErrorKind::PermissionDenied => "permission denied".to_string(),
+        _ => {
+            let text = error.to_string();
+            text.split_once(" (os error").map_or(text.clone(), |(words, _)| words.to_string())
+        }
+    }
+}

@@ -1,0 +1,289 @@
+//! Waiting for files to change.
+//!
+//! Folders are watched and not files: an editor that saves by renaming over a file would silence a watch on the file itself.
+//! A folder that is not there is waited for in the nearest one above it that is. What counts is content: a file written anew
+//! with the same bytes has not changed.
+
+use notify::event::{AccessKind, AccessMode, ModifyKind, RenameMode};
+use notify::{Event, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
+use thiserror::Error;
+
+/// After a file was closed or moved into its place it is whole: what else belongs to the same save comes within this time.
+const WHOLE: Duration = Duration::from_millis(3);
+/// After a file was opened, written or taken away: its writer goes on within this time.
+const UNFINISHED: Duration = Duration::from_millis(60);
+/// However busy the folder is, what has changed is told after this time.
+const LONGEST: Duration = Duration::from_secs(2);
+
+/// The system has only so many watches for a user.
+const MOST_FOLDERS: usize = 2000;
+
+#[derive(Debug, Error)]
+pub enum WatchError {
+    #[error("cannot watch files: {0}")]
+    System(#[from] notify::Error),
+    #[error("the system no longer tells of changes")]
+    Gone,
+}
+
+/// What is waited for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Interest {
+    /// Absolute paths, with the BLAKE3 of what was read there; `None` where nothing was.
+    pub files: BTreeMap<PathBuf, Option<[u8; 32]>>,
+    /// Any file directly in this folder whose name ends so.
+    pub folders: BTreeSet<(PathBuf, String)>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum Waited {
+    /// These files are others than they were.
+    Changed(BTreeSet<PathBuf>),
+    /// By a [`Waker`].
+    Woken,
+    TimedOut,
+}
+
+/// Ends a wait from another thread.
+#[derive(Clone, Debug)]
+pub struct Waker(Sender<Signal>);
+
+impl Waker {
+    pub fn wake(&self) {
+        // A watch that has gone waits for nothing.
+        let _ = self.0.send(Signal::Wake);
+    }
+}
+
+#[derive(Debug)]
+enum Signal {
+    Event(Event),
+    /// Events were lost: everything is looked at again.
+    Lost,
+    Wake,
+}
+
+pub struct Watch {
+    watcher: RecommendedWatcher,
+    signals: Receiver<Signal>,
+    to: Sender<Signal>,
+    interest: Interest,
+    watched: BTreeSet<PathBuf>,
+}
+
+impl Watch {
+    pub fn new() -> Result<Watch, WatchError> {
+        let (to, signals) = channel();
+        let events = to.clone();
+        let watcher = notify::recommended_watcher(move |event: notify::Result<Event>| {
+            let signal = match event {
+                Ok(event) if event.need_rescan() => Signal::Lost,
+                Ok(event) => Signal::Event(event),
+                Err(_) => Signal::Lost,
+            };
+            // After the watch has gone nobody listens.
+            let _ = events.send(signal);
+        })?;
+        Ok(Watch { watcher, signals, to, interest: Interest::default(), watched: BTreeSet::new() })
+    }
+
+    pub fn waker(&self) -> Waker {
+        Waker(self.to.clone())
+    }
+
+    /// How many folders are watched.
+    pub fn folders(&self) -> usize {
+        self.watched.len()
+    }
+
+    /// From now on these are waited for. What changed in a folder that was not watched before, since it was read, is told by
+    /// the next [`Watch::wait`].
+    pub fn set(&mut self, interest: Interest) {
+        self.interest = interest;
+        let new = self.arrange();
+        if !new.is_empty() {
+            let _ = self.to.send(Signal::Lost);
+        }
+    }
+
+    /// Waits until something of interest has changed, and whoever changed it is done.
+    pub fn wait(&mut self, timeout: Option<Duration>) -> Result<Waited, WatchError> {
+        let until = timeout.map(|timeout| Instant::now() + timeout);
+        let mut candidates = Candidates::default();
+        loop {
+            let deadline = [until, candidates.due()].into_iter().flatten().min();
+            let signal = match deadline {
+                None => self.signals.recv().map_err(|_| WatchError::Gone)?,
+                Some(at) => match self.signals.recv_timeout(at.saturating_duration_since(Instant::now())) {
+                    Ok(signal) => signal,
+                    Err(RecvTimeoutError::Disconnected) => return Err(WatchError::Gone),
+                    Err(RecvTimeoutError::Timeout) => {
+                        if candidates.due().is_some_and(|due| due <= Instant::now()) {
+                            let changed = self.changed(&candidates.take());
+                            if !changed.is_empty() {
+                                return Ok(Waited::Changed(changed));
+                            }
+                        }
+                        if until.is_some_and(|until| until <= Instant::now()) {
+                            return Ok(Waited::TimedOut);
+                        }
+                        continue;
+                    }
+                },
+            };
+            match signal {
+                Signal::Wake => {
+                    // What was seen so far is looked at by the next wait.
+                    if candidates.due().is_some() {
+                        let _ = self.to.send(Signal::Lost);
+                    }
+                    return Ok(Waited::Woken);
+                }
+                Signal::Lost => {
+                    let all: BTreeSet<PathBuf> = self.all();
+                    candidates.add(all, WHOLE);
+                }
+                Signal::Event(event) => {
+                    let touched = self.touched(&event);
+                    if !touched.is_empty() {
+                        candidates.add(touched, quiet_after(event.kind));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Of the files of interest those that an event may be about.
+    fn touched(&mut self, event: &Event) -> BTreeSet<PathBuf> {
+        let mut touched = BTreeSet::new();
+        if matches!(event.kind, EventKind::Access(kind) if kind != AccessKind::Close(AccessMode::Write)) {
+            return touched;
+        }
+        for path in &event.paths {
+            if self.is_of_interest(path) {
+                touched.insert(path.clone());
+            }
+            // A folder on the way to files of interest has come, gone or been put in another's place.
+            let below: Vec<PathBuf> =
+                self.all().into_iter().filter(|f| f != path && f.starts_with(path)).collect();
+            let in_folder = self.interest.folders.iter().any(|(folder, _)| folder.starts_with(path));
+            if !below.is_empty() || in_folder {
+                let gone: Vec<PathBuf> =
+                    self.watched.iter().filter(|w| w.starts_with(path)).cloned().collect();
+                for folder in gone {
+                    // The watch may have gone with the folder.
+                    let _ = self.watcher.unwatch(&folder);
+                    self.watched.remove(&folder);
+                }
+                self.arrange();
+                touched.extend(below);
+                touched.extend(self.in_folders());
+            }
+        }
+        touched
+    }
+
+    fn is_of_interest(&self, path: &Path) -> bool {
+        self.interest.files.contains_key(path) || self.interest.folders.iter().any(|f| is_in(path, f))
+    }
+
+    /// Every path of interest that is known by name.
+    fn all(&self) -> BTreeSet<PathBuf> {
+        self.interest.files.keys().cloned().chain(self.in_folders()).collect()
+    }
+
+    /// What lies in the folders of interest.
+    fn in_folders(&self) -> BTreeSet<PathBuf> {
+        let mut found = BTreeSet::new();
+        for folder in &self.interest.folders {
+            let entries = std::fs::read_dir(&folder.0).into_iter().flatten().flatten();
+            found.extend(entries.map(|e| e.path()).filter(|path| is_in(path, folder)));
+        }
+        found
+    }
+
+    fn changed(&mut self, candidates: &BTreeSet<PathBuf>) -> BTreeSet<PathBuf> {
+        let mut changed = BTreeSet::new();
+        for path in candidates {
+            let now = std::fs::read(path).ok().map(|bytes| *blake3::hash(&bytes).as_bytes());
+            if self.interest.files.get(path).copied().flatten() != now {
+                // Told once.
+                self.interest.files.insert(path.clone(), now);
+                changed.insert(path.clone());
+            }
+        }
+        changed
+    }
+
+    /// Watches the folders of what is of interest, and the folder above each, where it would be put in another's place. Gives
+    /// those that were not watched before.
+    fn arrange(&mut self) -> Vec<PathBuf> {
+        let folders = self.interest.files.keys().filter_map(|f| f.parent());
+        let folders = folders.chain(self.interest.folders.iter().map(|(folder, _)| folder.as_path()));
+        let mut wanted = BTreeSet::new();
+        for folder in folders {
+            let Some(there) = folder.ancestors().find(|f| f.is_dir()) else { continue };
+            wanted.insert(there.to_path_buf());
+            wanted.extend(there.parent().map(Path::to_path_buf));
+        }
+        for gone in self.watched.difference(&wanted).cloned().collect::<Vec<_>>() {
+            let _ = self.watcher.unwatch(&gone);
+            self.watched.remove(&gone);
+        }
+        let mut new = Vec::new();
+        for folder in wanted {
+            // One that has gone meanwhile, or may not be read, is no reason to end.
+            if self.watched.len() < MOST_FOLDERS
+                && !self.watched.contains(&folder)
+                && self.watcher.watch(&folder, RecursiveMode::NonRecursive).is_ok()
+            {
+                self.watched.insert(folder.clone());
+                new.push(folder);
+            }
+        }
+        new
+    }
+}
+
+fn is_in(path: &Path, (folder, ending): &(PathBuf, String)) -> bool {
+    let name = path.file_name().map(|n| n.to_string_lossy());
+    path.parent() == Some(folder) && name.is_some_and(|n| n.ends_with(ending.as_str()) && !n.starts_with('.'))
+}
+
+/// How long nothing more must come for the change to be whole.
+fn quiet_after(kind: EventKind) -> Duration {
+    match kind {
+        EventKind::Access(_) => WHOLE,
+        EventKind::Modify(ModifyKind::Name(RenameMode::To | RenameMode::Both)) => WHOLE,
+        _ => UNFINISHED,
+    }
+}
+
+/// Files that may have changed, and when to look.
+#[derive(Default)]
+struct Candidates {
+    paths: BTreeSet<PathBuf>,
+    first: Option<Instant>,
+    look_at: Option<Instant>,
+}
+
+impl Candidates {
+    fn add(&mut self, paths: BTreeSet<PathBuf>, quiet: Duration) {
+        let now = Instant::now();
+        self.paths.extend(paths);
+        let first = *self.first.get_or_insert(now);
+        self.look_at = Some((now + quiet).min(first + LONGEST));
+    }
+
+    fn due(&self) -> Option<Instant> {
+        self.look_at
+    }
+
+    fn take(&mut self) -> BTreeSet<PathBuf> {
+        std::mem::take(self).paths
+    }
+}
