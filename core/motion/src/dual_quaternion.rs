@@ -62,8 +62,8 @@ impl Carrier {
         let mut stretch = DMat3::ZERO;
         for (carrier, weight) in influences {
             let signed = if carrier.real.dot(pivot.real) < 0.0 { -weight } else { weight };
-            real = real + carrier.real * signed;
-            dual = dual + carrier.dual * signed;
+            real += carrier.real * signed;
+            dual += carrier.dual * signed;
             stretch += carrier.stretch * weight;
         }
         let length = real.length();

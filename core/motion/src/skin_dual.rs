@@ -205,11 +205,8 @@ impl<F: F8> Motion<F> {
 
     #[inline(always)]
     fn moved(&self, point: [F; 3]) -> [F; 3] {
-        let mut out = self.turned(point);
-        for i in 0..3 {
-            out[i] = out[i].add(self.translation[i]);
-        }
-        out
+        let turned = self.turned(point);
+        [0, 1, 2].map(|i| turned[i].add(self.translation[i]))
     }
 }
 

@@ -231,7 +231,7 @@ fn layers(
     }
     gets_nowhere(build, &made, notes);
     // With the place of each cue beside it.
-    let mut laid: Vec<Vec<(Layer, Vec<(Cue, Place)>)>> = Vec::with_capacity(layers.len());
+    let mut laid: Vec<Vec<Laid>> = Vec::with_capacity(layers.len());
     for of_actor in layers {
         laid.push(of_actor.into_iter().map(|layer| (layer, Vec::new())).collect());
     }
@@ -242,9 +242,12 @@ fn layers(
     laid.into_iter().map(of_actor).unzip()
 }
 
+/// A layer without its cues, and those with their places.
+type Laid = (Layer, Vec<(Cue, Place)>);
+
 /// An actor's layers and their cues in order, and the places of the cues.
-fn of_actor(laid: Vec<(Layer, Vec<(Cue, Place)>)>) -> (Vec<Layer>, Vec<Vec<Place>>) {
-    let sorted = |(mut layer, mut cues): (Layer, Vec<(Cue, Place)>)| {
+fn of_actor(laid: Vec<Laid>) -> (Vec<Layer>, Vec<Vec<Place>>) {
+    let sorted = |(mut layer, mut cues): Laid| {
         cues.sort_by_key(|(cue, _)| cue.start);
         let (cues, places): (Vec<Cue>, Vec<Place>) = cues.into_iter().unzip();
         layer.cues = cues;

@@ -250,7 +250,8 @@ fn positions() -> Choice {
         "the file's own f32, skinned in f64; a figure of 1.8 m, joints turned by up to 120°".into();
     let mut random = Random(6);
     let half_size = DVec3::new(0.5, 0.9, 0.3);
-    let ways: [(&str, usize, fn(f64, f64) -> f64); 4] = [
+    type Pack = fn(f64, f64) -> f64;
+    let ways: [(&str, usize, Pack); 4] = [
         ("f32 × 3", 12, |v, _| v),
         ("16-bit signed × 4, in the mesh's box", 8, |v, half| {
             libm::round(v / half * 32767.0) / 32767.0 * half
