@@ -35,6 +35,8 @@ pub enum Command {
     /// Render a script, or a model file as it is, to video or pictures
     #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Render(RenderArgs),
+    /// Open a window on a script, or a model: every save is seen at once
+    View(ViewArgs),
     /// Find everything that can be found without drawing
     #[command(after_long_help = limits_help())]
     Check(CheckArgs),
@@ -122,6 +124,9 @@ pub struct RenderArgs {
     /// Go on where an earlier render of the same was stopped: finished frames are not drawn again
     #[arg(long)]
     pub resume: bool,
+    /// After every save, draw the frames that it touches again and write the output anew, until Ctrl-C
+    #[arg(long, conflicts_with = "resume")]
+    pub watch: bool,
     /// Threads at most (default: one for each core)
     #[arg(long, value_name = "N")]
     pub jobs: Option<String>,
@@ -138,6 +143,16 @@ pub enum Device {
     Auto,
     Vulkan,
     Cpu,
+}
+
+#[derive(Args, Debug)]
+pub struct ViewArgs {
+    /// A script (.rhai), or a model file
+    #[arg(value_name = "SCRIPT|MODEL")]
+    pub input: PathBuf,
+    /// Options of the viewer: see choreo-view --help
+    #[arg(value_name = "OPTION", trailing_var_arg = true, allow_hyphen_values = true)]
+    pub rest: Vec<std::ffi::OsString>,
 }
 
 #[derive(Args, Debug)]
@@ -334,7 +349,7 @@ impl Command {
             Command::Pose(a) => a.json,
             Command::Test(a) => a.json,
             Command::Plugins(a) => a.json,
-            Command::New(_) => false,
+            Command::New(_) | Command::View(_) => false,
         }
     }
 }

@@ -142,7 +142,9 @@ impl Drawing<'_> {
             return Ok(0);
         }
         let catalog = Arc::new(Catalog::new(&self.job.scene.stage));
-        renderer.load(catalog.clone()).map_err(crate::pipeline::render_failure)?;
+        let failed = crate::pipeline::render_failure;
+        renderer.set_effects(self.registry.effects()).map_err(failed)?;
+        renderer.load(catalog.clone()).map_err(failed)?;
         let mut evaluator = Evaluator::new(self.job.scene.stage.clone());
         let size = self.job.settings.size;
         let options =

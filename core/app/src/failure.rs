@@ -15,6 +15,8 @@ pub enum Failure {
     /// Sections failed, or none was tested: how many. What failed has been told.
     Tests(String),
     Interrupted,
+    /// Another program of ours ended with this code and has said why.
+    Told(u8),
     /// The reader of standard output has gone.
     ClosedPipe,
 }
@@ -65,6 +67,7 @@ impl Failure {
             Failure::Output(_) => 3,
             Failure::Device(_) => 4,
             Failure::Interrupted => 130,
+            Failure::Told(code) => *code,
             // What a shell reports for a process that SIGPIPE ended.
             Failure::ClosedPipe => 141,
         }
@@ -77,7 +80,7 @@ impl Failure {
             Failure::Usage(text) => vec![format!("{text}\n    see choreo --help")],
             Failure::Output(text) | Failure::Device(text) | Failure::Tests(text) => vec![text.clone()],
             Failure::Interrupted => vec!["interrupted".to_string()],
-            Failure::ClosedPipe => Vec::new(),
+            Failure::ClosedPipe | Failure::Told(_) => Vec::new(),
         }
     }
 
@@ -90,6 +93,7 @@ impl Failure {
             Failure::Tests(_) => "tests",
             Failure::Interrupted => "interrupted",
             Failure::ClosedPipe => "closed pipe",
+            Failure::Told(_) => "viewer",
         };
         let errors: Vec<serde_json::Value> = match self {
             Failure::Input(problems) => problems.iter().map(Problem::json).collect(),

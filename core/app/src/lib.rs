@@ -27,12 +27,16 @@ mod progress;
 mod provenance;
 mod ranges;
 mod registry;
+mod remember;
 mod render;
+mod render_watch;
 mod scene;
 mod summary;
 mod test;
 mod video;
+mod view;
 
+pub use device::cache_dir;
 pub use registry::registry;
 
 use args::{Cli, Command};
@@ -63,6 +67,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, plugins: &Registry) -> Exit
         Command::Explain(args) => explain::run(args, plugins),
         Command::Measure(args) => measure::run(args, plugins),
         Command::Pose(args) => pose::run(args, plugins),
+        Command::View(args) => view::run(args),
         Command::Test(args) => test::run(args, plugins),
         Command::Plugins(args) => registry::run(args, plugins),
         Command::New(args) => new::run(args),

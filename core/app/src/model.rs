@@ -5,10 +5,10 @@ use crate::failure::{Failure, reason};
 use crate::importing::Bar;
 use crate::ranges;
 use crate::scene::Opening;
-use choreo_motion::{Clip, Time};
+pub use choreo_live::model::list;
 use choreo_plugin::Registry;
-use choreo_script::{BUILT_IN, ImportChoice, Imports, Limits, LoadError, Loader, did_you_mean};
-use choreo_stage::{Asset, Cue, Repeat, Stage};
+use choreo_script::{BUILT_IN, ImportChoice, Imports, Limits, LoadError, Loader, Touched, did_you_mean};
+use choreo_stage::{Asset, Stage};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -123,57 +123,23 @@ pub fn import_with_hash(
     let base = if is_built_in(path) { Path::new("choreo.rhai") } else { path };
     let loader = Loader::for_file(base, search, registry, opening.needs, limits.file).map_err(problem)?;
     let imports = Imports::default();
+    let loader = match opening.keep {
+        Some(keep) => loader.with_cache(&keep.assets),
+        None => loader,
+    };
     let loader = Arc::new(loader.watched_by(&imports));
     let _bar = Bar::over(&imports, opening.quiet);
-    let asset = loader.load(name, &choice).map_err(problem)?;
+    let asset = loader.load(name, &choice);
+    if let Some(keep) = opening.keep {
+        keep.set_touched(Touched::by(&loader));
+    }
+    let asset = asset.map_err(problem)?;
     let mut files: Vec<[u8; 32]> = loader.used().into_values().collect();
     files.sort_unstable();
     Ok((asset, *blake3::hash(files.as_flattened()).as_bytes()))
 }
 
-/// The asset alone on stage, framed and lit by the stage's defaults, playing one clip once through.
+/// [`choreo_live::model::stage`].
 pub fn stage(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, Failure> {
-    let clip = match clip {
-        None => asset.clips.first().cloned(),
-        Some(name) => Some(find_clip(&asset, name)?.clone()),
-    };
-    let mut stage = Stage::default();
-    // Something that stands still is one picture.
-    stage.settings.length = stage.settings.fps.time_of(1);
-    let actor = stage.cast("model", asset);
-    if let Some(clip) = clip {
-        if clip.duration > Time::ZERO {
-            stage.settings.length = clip.duration;
-        }
-        stage.play(actor, Cue { repeat: Repeat::Once, ..Cue::new(clip) });
-    }
-    Ok(stage)
-}
-
-fn find_clip<'a>(asset: &'a Asset, name: &str) -> Result<&'a Arc<Clip>, Failure> {
-    let names = || asset.clips.iter().map(|c| c.name.as_str());
-    if let Some(clip) = asset.clips.iter().find(|c| c.name == name) {
-        return Ok(clip);
-    }
-    if asset.clips.is_empty() {
-        return Err(Failure::input(format!(
-            "{}: unknown clip \"{name}\"; the file has no clips",
-            asset.name
-        )));
-    }
-    Err(Failure::input(format!(
-        "{}: unknown clip \"{name}\"{}\n    hint: clips: {}",
-        asset.name,
-        did_you_mean(name, names()),
-        list(names(), 100)
-    )))
-}
-
-/// `a, b, c` of at most `most` names, then how many more.
-pub fn list<'a>(names: impl Iterator<Item = &'a str> + Clone, most: usize) -> String {
-    let shown: Vec<&str> = names.clone().take(most).collect();
-    match names.count() - shown.len() {
-        0 => shown.join(", "),
-        more => format!("{}, and {more} more", shown.join(", ")),
-    }
+    choreo_live::model::stage(asset, clip).map_err(Failure::input)
 }

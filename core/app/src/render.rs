@@ -4,8 +4,8 @@ use crate::args::RenderArgs;
 use crate::budget::Budgeted;
 use crate::failure::Failure;
 use crate::output::Target;
-use crate::scene::{self, Opening, Scene};
-use crate::{device, draw, plugin_files, ranges, summary};
+use crate::scene::{self, Keep, Opening, Scene};
+use crate::{device, draw, plugin_files, ranges, render_watch, summary};
 use choreo_motion::Time;
 use choreo_plugin::{ExportOptions, Exporter, Registry};
 use choreo_stage::Settings;
@@ -26,6 +26,9 @@ pub struct Job {
 }
 
 pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
+    if args.watch {
+        return render_watch::run(&args, plugins);
+    }
     let start = Instant::now();
     let jobs = args.jobs.as_deref().map(ranges::jobs).transpose()?;
     let target = Target::parse(&args.output)?;
@@ -36,14 +39,20 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     }
     // The driver takes as long to start as the script and its assets: side by side.
     let starting = device::start(args.device, jobs, registry.effects());
-    let prepared = prepare(&args, target, &registry);
+    let prepared = prepare(&args, target, &registry, None);
     let started = starting.wait();
     let job = prepared?;
     let drawn = draw::draw(&args, &job, &registry, started?, jobs)?;
     summary::report(&args, &job, &drawn, start.elapsed().as_secs_f64())
 }
 
-fn prepare(args: &RenderArgs, target: Target, registry: &Registry) -> Result<Job, Failure> {
+/// Refuses what can be refused. `keep`: of earlier renders of the same.
+pub fn prepare(
+    args: &RenderArgs,
+    target: Target,
+    registry: &Registry,
+    keep: Option<&Keep>,
+) -> Result<Job, Failure> {
     let exporter = target.exporter(registry)?;
     let mut options = ExportOptions::default();
     for text in &args.export {
@@ -57,7 +66,8 @@ fn prepare(args: &RenderArgs, target: Target, registry: &Registry) -> Result<Job
     let at = args.at.as_deref().map(ranges::at).transpose()?;
     let samples = args.samples.as_deref().map(ranges::samples).transpose()?;
 
-    let mut scene = scene::open(&args.scene, registry, Opening { quiet: args.quiet, ..Opening::TO_DRAW })?;
+    let opening = Opening { quiet: args.quiet, keep, ..Opening::TO_DRAW };
+    let mut scene = scene::open(&args.scene, registry, opening)?;
     let mut settings = scene.stage.settings.clone();
     settings.size = size.unwrap_or(settings.size);
     // The stage too: a camera that frames what it sees does so for the shape of this picture.

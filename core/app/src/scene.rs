@@ -5,9 +5,11 @@ use crate::failure::{Failure, Problem};
 use crate::importing::Bar;
 use crate::{memory, model, ranges};
 use choreo_plugin::{Needs, Registry};
-use choreo_script::{Diagnostic, Limits, Places, ScriptOptions, Severity, run_file};
+use choreo_script::{
+    AssetCache, Diagnostic, Limits, Places, ScriptOptions, Severity, Touched, run_file_touching,
+};
 use choreo_stage::Stage;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 pub struct Scene {
     /// The file's name without folders.
@@ -32,15 +34,33 @@ pub struct Scene {
 
 /// How a scene is opened: what will be used of its assets, and whether a bar may be shown.
 #[derive(Clone, Copy, Debug)]
-pub struct Opening {
+pub struct Opening<'a> {
     pub needs: Needs,
     pub quiet: bool,
+    pub keep: Option<&'a Keep>,
 }
 
-impl Opening {
-    pub const TO_DRAW: Opening = Opening { needs: Needs::ALL, quiet: false };
+impl Opening<'_> {
+    pub const TO_DRAW: Opening<'static> = Opening { needs: Needs::ALL, quiet: false, keep: None };
     /// No picture is decoded.
-    pub const TO_TELL: Opening = Opening { needs: Needs::NO_PIXELS, quiet: false };
+    pub const TO_TELL: Opening<'static> = Opening { needs: Needs::NO_PIXELS, quiet: false, keep: None };
+}
+
+/// For who opens the same again and again: the assets, and which files the last time was about, also where it failed.
+#[derive(Debug, Default)]
+pub struct Keep {
+    pub assets: AssetCache,
+    touched: Mutex<Touched>,
+}
+
+impl Keep {
+    pub fn touched(&self) -> Touched {
+        self.touched.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    pub fn set_touched(&self, touched: Touched) {
+        *self.touched.lock().unwrap_or_else(PoisonError::into_inner) = touched;
+    }
 }
 
 pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<Scene, Failure> {
@@ -68,6 +88,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
         }
         model::must_be_file(&args.input)?;
         let options = ScriptOptions {
+            assets: opening.keep.map(|keep| keep.assets.clone()).unwrap_or_default(),
             set,
             search_paths: args.search.clone(),
             limits: limits.clone(),
@@ -75,8 +96,11 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
             ..ScriptOptions::default()
         };
         let bar = Bar::over(&options.imports, opening.quiet);
-        let script = run_file(&args.input, registry, &options);
+        let (script, touched) = run_file_touching(&args.input, registry, &options);
         drop(bar);
+        if let Some(keep) = opening.keep {
+            keep.set_touched(touched);
+        }
         let script = script.map_err(|d| Failure::Input(errors(d)))?;
         let mut warnings: Vec<String> = script.warnings.iter().map(ToString::to_string).collect();
         let asset_warnings = asset_warnings(&script.stage);

@@ -35,6 +35,7 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
         let plural = if frames == 1 { "frame" } else { "frames" };
         let there = match frames as u64 - drawn.drawn.min(frames as u64) {
             0 => String::new(),
+            reused if args.watch => format!(", {reused} of them drawn before,"),
             reused => format!(", {reused} of them there before,"),
         };
         eprintln!(

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// (Debian and Ubuntu package, what is missing without it, a file that shows it is there)
-const NEEDED: [(&str, &str, &[&str]); 6] = [
+const NEEDED: [(&str, &str, &[&str]); 13] = [
     ("libvulkan1", "Vulkan loader", &["libvulkan.so.1"]),
     (
         "mesa-vulkan-drivers",
@@ -22,6 +22,13 @@ const NEEDED: [(&str, &str, &[&str]); 6] = [
     ),
     ("libwayland-client0", "library that the driver loads", &["libwayland-client.so.0"]),
     ("ffmpeg", "second decoder of the videos we write", &["/usr/bin/ffmpeg"]),
+    ("xvfb", "window system without a screen", &["/usr/bin/Xvfb"]),
+    ("xdotool", "hands for the windows' tests", &["/usr/bin/xdotool"]),
+    ("imagemagick", "pictures of those windows", &["/usr/bin/convert"]),
+    ("libx11-xcb1", "library of windows", &["libX11-xcb.so.1"]),
+    ("libxcursor1", "library of windows", &["libXcursor.so.1"]),
+    ("libxi6", "library of windows", &["libXi.so.6"]),
+    ("libxkbcommon-x11-0", "library of windows", &["libxkbcommon-x11.so.0"]),
     ("assimp-utils", "second importer that ours are compared with", &["/usr/bin/assimp"]),
 ];
 

@@ -1,0 +1,102 @@
+//! `choreo render --watch`: what a save touches is drawn again, and nothing else.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+const SCRIPT: &str = r##"stage(#{ size: [48, 32], fps: 8, length: 1.0 });
+cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: "#c04020" }))
+    .key("position", [[0.0, [0, 0, 0]], [0.5, [0, 0, 0]], [1.0, [1, 0, 0]]]);
+camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 0.0, 0.0]);
+"##;
+
+struct Watching {
+    child: Child,
+    lines: Receiver<String>,
+}
+
+impl Drop for Watching {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl Watching {
+    fn new(folder: &Path, output: &str) -> Watching {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_choreo"));
+        command.args(["render", "a.rhai", "-o", output, "--device", "cpu", "--watch"]).current_dir(folder);
+        let mut child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+        let (to, lines) = channel();
+        let from = BufReader::new(child.stderr.take().unwrap());
+        std::thread::spawn(move || from.lines().map_while(Result::ok).try_for_each(|line| to.send(line)));
+        Watching { child, lines }
+    }
+
+    /// The next line with this in it.
+    fn says(&self, part: &str) -> String {
+        let end = Instant::now() + Duration::from_secs(100);
+        let mut seen = Vec::new();
+        while let Ok(line) = self.lines.recv_timeout(end.saturating_duration_since(Instant::now())) {
+            if line.contains(part) {
+                return line;
+            }
+            seen.push(line);
+        }
+        panic!("no \"{part}\" in {seen:?}");
+    }
+}
+
+fn save(folder: &Path, text: &str) {
+    fs::write(folder.join("a.rhai.new"), text).unwrap();
+    fs::rename(folder.join("a.rhai.new"), folder.join("a.rhai")).unwrap();
+}
+
+#[test]
+fn only_the_frames_that_a_save_touches_are_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    save(folder.path(), SCRIPT);
+    let watching = Watching::new(folder.path(), "out/%02d.png");
+    // Equal frames are one: the box stands still until the fifth.
+    assert!(watching.says("8 frames").starts_with("8 frames, 4 of them drawn before, in "));
+    let picture = |frame: usize| fs::read(folder.path().join(format!("out/{frame:02}.png"))).unwrap();
+    let last = picture(7);
+    save(folder.path(), &SCRIPT.replace("[1, 0, 0]", "[-1, 0, 0]"));
+    assert!(watching.says("8 frames").starts_with("8 frames, 5 of them drawn before, in "));
+    assert!(picture(7) != last);
+    // A comment touches none; back again, all are known.
+    save(folder.path(), &format!("// as it was\n{SCRIPT}"));
+    assert!(watching.says("8 frames").starts_with("8 frames, 8 of them drawn before, in "));
+    // Faulty: said with its place; the files stay.
+    save(folder.path(), &SCRIPT.replace("camera(", "camra("));
+    assert!(watching.says("camra").contains("a.rhai:4:"));
+    assert!(picture(7).starts_with(b"\x89PNG"));
+    save(folder.path(), &SCRIPT.replace("#c04020", "#20c040"));
+    assert!(watching.says("8 frames").starts_with("8 frames, 4 of them drawn before, in "));
+    // The same pictures as without a memory.
+    let pixels = |name: &str| image::open(folder.path().join(name)).unwrap().into_rgba8();
+    let once = Command::new(env!("CARGO_BIN_EXE_choreo"))
+        .args(["render", "a.rhai", "-o", "once/%02d.png", "--device", "cpu", "--quiet"])
+        .current_dir(folder.path())
+        .status();
+    assert!(once.unwrap().success());
+    for frame in 0..8 {
+        assert!(pixels(&format!("out/{frame:02}.png")) == pixels(&format!("once/{frame:02}.png")), "{frame}");
+    }
+}
+
+#[test]
+fn standard_output_keeps_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    save(folder.path(), SCRIPT);
+    let output = Command::new(env!("CARGO_BIN_EXE_choreo"))
+        .args(["render", "a.rhai", "-o", "-", "--watch"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(2) && text.contains("standard output keeps nothing"), "{text}");
+}

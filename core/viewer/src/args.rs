@@ -1,0 +1,85 @@
+//! The command line.
+
+use choreo_live::Recipe;
+use choreo_script::{ImportChoice, Limits};
+use clap::Parser;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Shows a script, or a model, while it is being written: every save is seen at once.
+#[derive(Parser, Debug)]
+#[command(name = "choreo-view", version)]
+struct Args {
+    /// A script (.rhai), or a model file
+    #[arg(value_name = "SCRIPT|MODEL")]
+    input: PathBuf,
+    /// A parameter of the script, read there with param("NAME"); repeatable
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    set: Vec<String>,
+    /// Model files: the clip to play (default: the first)
+    #[arg(long, value_name = "NAME")]
+    clip: Option<String>,
+    /// A further folder in which load(…) looks for files; repeatable
+    #[arg(long = "search", value_name = "DIR")]
+    search: Vec<PathBuf>,
+    /// A further folder of plugin files: NAME.importer.rhai, NAME.wgsl; repeatable
+    #[arg(long = "plugins", value_name = "DIR")]
+    plugins: Vec<PathBuf>,
+    /// Raise or lower a limit; repeatable
+    #[arg(long = "limit", value_name = "NAME=NUMBER")]
+    limit: Vec<String>,
+    /// The program's own WGSL modules are read from here, and again when they change
+    #[arg(long = "shaders", value_name = "DIR")]
+    shaders: Option<PathBuf>,
+    /// Begin at this time, in seconds
+    #[arg(long, value_name = "SECS", default_value_t = 0.0)]
+    at: f64,
+    /// Begin playing
+    #[arg(long)]
+    play: bool,
+}
+
+/// What the user asks for.
+pub struct Asked {
+    pub recipe: Recipe,
+    pub at: f64,
+    pub play: bool,
+}
+
+pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Asked, ExitCode> {
+    let args = Args::try_parse_from(args).map_err(|error| {
+        // Help and version are answers, not errors; clap knows which stream and code.
+        let code = error.exit_code();
+        let _ = error.print();
+        ExitCode::from(code as u8)
+    })?;
+    let usage = |text: String| {
+        eprintln!("{text}\n    see choreo-view --help");
+        ExitCode::from(2)
+    };
+    let mut limits = Limits::default();
+    for limit in &args.limit {
+        limits.set(limit).map_err(|e| usage(format!("--limit {limit}: {e}")))?;
+    }
+    let mut set = Vec::new();
+    for text in &args.set {
+        let pair = text.split_once('=').filter(|(name, _)| !name.is_empty());
+        let (name, value) = pair.ok_or_else(|| usage(format!("--set {text}: write NAME=VALUE")))?;
+        set.push((name.to_string(), value.to_string()));
+    }
+    if !args.at.is_finite() {
+        return Err(usage(format!("--at {}: write seconds", args.at)));
+    }
+    let recipe = Recipe {
+        set,
+        search: args.search,
+        plugins: args.plugins,
+        limits,
+        clip: args.clip,
+        import: ImportChoice::default(),
+        shaders: args.shaders,
+        ..Recipe::new(args.input)
+    };
+    Ok(Asked { recipe, at: args.at, play: args.play })
+}

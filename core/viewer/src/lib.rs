@@ -1,0 +1,37 @@
+//! The viewer: a window in which a script is seen as it is being written. The only crate that knows egui, a program of its own:
+//! `choreo-view`.
+//!
+//! ```text
+//! choreo_live::Live ─ versions ─► Viewer (app: plain state) ─ wishes ─► choreo_live::Painter ─ frames ─┐
+//!                                    ▲ panels (egui)                                                   │
+//!                                    └─────────────── window (winit, Vulkan) ◄─────────────────────────┘
+//! ```
+
+pub mod app;
+mod args;
+pub mod editing;
+pub mod orbit;
+pub mod panels;
+pub mod playhead;
+pub mod selection;
+pub mod span;
+pub mod timeline;
+mod window;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+/// One call of the program: `args` as in `std::env::args_os()`.
+pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let asked = match args::parse(args) {
+        Ok(asked) => asked,
+        Err(code) => return code,
+    };
+    match window::run(asked) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(text) => {
+            eprintln!("{text}");
+            ExitCode::from(4)
+        }
+    }
+}

@@ -1,0 +1,5 @@
+//! `choreo-view SCRIPT`.
+
+fn main() -> std::process::ExitCode {
+    choreo_viewer::run(std::env::args_os())
+}

@@ -1,0 +1,40 @@
+//! What the frame that is shown needed and what was left out; what was done so far.
+
+use crate::app::Viewer;
+use egui::{Grid, Ui};
+
+pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some(shown) = &viewer.shown else {
+        ui.label("no frame was drawn yet");
+        return;
+    };
+    let millis = |d: std::time::Duration| format!("{:.2} ms", d.as_secs_f64() * 1e3);
+    let rows = [
+        ("device", format!("{} ({})", shown.device.name, shown.device.driver)),
+        ("poses", millis(shown.evaluated_in)),
+        ("plan", millis(shown.planned_in)),
+        ("drawing", millis(shown.drawn_in)),
+        ("draws", shown.draws.to_string()),
+        ("last build of the scene", millis(viewer.build_took)),
+        ("builds, imports so far", format!("{}, {}", viewer.work.builds, viewer.work.imports)),
+        (
+            "meshes, textures, materials, pipelines made so far",
+            format!(
+                "{}, {}, {}, {}",
+                viewer.drawn.meshes, viewer.drawn.textures, viewer.drawn.materials, viewer.drawn.pipelines
+            ),
+        ),
+    ];
+    Grid::new("explain").num_columns(2).striped(true).show(ui, |ui| {
+        for (name, value) in rows {
+            ui.label(name);
+            ui.monospace(value);
+            ui.end_row();
+        }
+    });
+    ui.add_space(6.0);
+    ui.label("left out of this frame:");
+    for (what, why) in &shown.left_out {
+        ui.label(format!("{what}: {why}"));
+    }
+}

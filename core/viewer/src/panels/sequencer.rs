@@ -1,0 +1,312 @@
+//! Rows of bars over time: who plays what, which camera is on; the playhead, and how to move it.
+
+use crate::app::Viewer;
+use crate::selection::Selected;
+use crate::span::Span;
+use crate::timeline::{Bar, Timeline};
+use choreo_live::edit::Part;
+use choreo_motion::Time;
+use egui::{Align2, Color32, CornerRadius, FontId, Painter, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
+
+const LABELS: f32 = 120.0;
+const ROW: f32 = 20.0;
+const RULER: f32 = 22.0;
+
+/// Told apart also by eyes that do not tell red from green (after Okabe and Ito, "Color Universal Design").
+const COLORS: [[u8; 3]; 8] = [
+    [0x00, 0x72, 0xb2],
+    [0x00, 0x8a, 0x66],
+    [0xa8, 0x5c, 0x00],
+    [0x8c, 0x4f, 0x78],
+    [0x2f, 0x7f, 0xa8],
+    [0x7a, 0x72, 0x10],
+    [0x9e, 0x3f, 0x1a],
+    [0x5b, 0x64, 0x70],
+];
+
+pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
+    transport(ui, viewer, now);
+    let area = ui.available_rect_before_wrap();
+    let ruler =
+        Rect::from_min_max(pos2(area.left() + LABELS, area.top()), pos2(area.right(), area.top() + RULER));
+    if ruler.width() < 20.0 {
+        return;
+    }
+    scrub(ui, viewer, ruler);
+    ui.allocate_rect(Rect::from_min_max(area.min, pos2(area.right(), ruler.bottom())), Sense::hover());
+    let rows = viewer.timeline.rows.len();
+    egui::ScrollArea::vertical().auto_shrink([false, false]).show_rows(ui, ROW, rows, |ui, shown| {
+        ui.spacing_mut().item_spacing.y = 0.0;
+        for index in shown {
+            row(ui, viewer, index, ruler);
+        }
+    });
+    wheel(ui, viewer, area, ruler);
+    over_all(ui, viewer, area, ruler);
+}
+
+fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
+    ui.horizontal(|ui| {
+        let playhead = &mut viewer.playhead;
+        if ui.button("|◀").on_hover_text("first frame (Home)").clicked() {
+            playhead.step(i64::MIN / 2);
+        }
+        if ui.button("◀").on_hover_text("one frame back (←)").clicked() {
+            playhead.step(-1);
+        }
+        let label = if playhead.is_playing() { "Pause" } else { "Play" };
+        if ui.button(label).on_hover_text("Space").clicked() {
+            playhead.toggle(now);
+        }
+        if ui.button("▶").on_hover_text("one frame on (→)").clicked() {
+            playhead.step(1);
+        }
+        if ui.button("▶|").on_hover_text("last frame (End)").clicked() {
+            playhead.step(i64::MAX / 2);
+        }
+        ui.toggle_value(&mut playhead.looping, "Loop");
+        ui.separator();
+        let text = format!(
+            "{:.3} s   frame {} of {}   {} frames a second",
+            playhead.time().as_secs(),
+            playhead.frame(),
+            playhead.frames(),
+            playhead.fps().as_fps()
+        );
+        ui.monospace(text);
+        ui.separator();
+        let units = if viewer.in_seconds { "seconds" } else { "frames" };
+        if ui.button(units).on_hover_text("times as seconds or as frames (T)").clicked() {
+            viewer.in_seconds = !viewer.in_seconds;
+        }
+        if ui.button("Whole").on_hover_text("show the whole scene").clicked() {
+            viewer.span = Span::whole(viewer.playhead.length().as_secs());
+        }
+    });
+}
+
+/// The ruler: a press or a drag on it moves the playhead.
+fn scrub(ui: &mut Ui, viewer: &mut Viewer, ruler: Rect) {
+    let response = ui.interact(ruler, ui.id().with("ruler"), Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, "time"));
+    if let Some(pointer) = response.interact_pointer_pos() {
+        let secs = viewer.span.secs_at(pointer.x - ruler.left(), ruler.width());
+        viewer.playhead.seek(Time::from_secs(secs.clamp(0.0, viewer.playhead.length().as_secs())));
+    }
+    let painter = ui.painter_at(ruler);
+    let visuals = ui.visuals();
+    painter.rect_filled(ruler, 0.0, visuals.extreme_bg_color);
+    let font = FontId::proportional(10.5);
+    let fps = viewer.playhead.fps().as_fps();
+    // In frames the lines lie on whole frames.
+    let unit = if viewer.in_seconds { 1.0 } else { 1.0 / fps };
+    let in_units = Span { from: viewer.span.from / unit, to: viewer.span.to / unit };
+    let step = in_units.ruler(ruler.width(), 56.0);
+    let step = if viewer.in_seconds { step } else { step.max(1.0) };
+    let mut line = (in_units.from / step).ceil();
+    while line * step <= in_units.to {
+        let x = ruler.left() + in_units.x_of(line * step, ruler.width());
+        painter.vline(x, ruler.bottom() - 5.0..=ruler.bottom(), Stroke::new(1.0, visuals.weak_text_color()));
+        let text = match viewer.in_seconds {
+            true if step < 0.1 => format!("{:.2}", line * step),
+            true if step < 1.0 => format!("{:.1}", line * step),
+            _ => format!("{:.0}", line * step),
+        };
+        // The first and the last are read whole, too.
+        let galley = painter.layout_no_wrap(text, font.clone(), visuals.weak_text_color());
+        let half = galley.size().x / 2.0;
+        let middle = x.min(ruler.right() - half).max(ruler.left() + half);
+        painter.galley(pos2(middle - half, ruler.top() + 2.0), galley, visuals.weak_text_color());
+        line += 1.0;
+    }
+}
+
+fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::hover());
+    let label = Rect::from_min_max(rect.min, pos2(ruler.left(), rect.bottom()));
+    let lane = Rect::from_min_max(pos2(ruler.left(), rect.top()), pos2(ruler.right(), rect.bottom()));
+    let visuals = ui.visuals().clone();
+    let row = &viewer.timeline.rows[index];
+    let selected_actor = row.what.is_some() && row.what == viewer.selection;
+    if index % 2 == 1 {
+        ui.painter().rect_filled(rect, 0.0, visuals.faint_bg_color);
+    }
+    let mut clicked = None;
+    let mut dragged = None;
+    let response = ui.interact(label, ui.id().with(("row", index)), Sense::click());
+    response.widget_info(|| {
+        egui::WidgetInfo::labeled(egui::WidgetType::Label, true, format!("row {}", row.label))
+    });
+    if response.clicked() {
+        clicked = row.what.clone();
+    }
+    let color = if selected_actor { visuals.strong_text_color() } else { visuals.text_color() };
+    let text = ui.painter_at(label.shrink2(vec2(4.0, 0.0)));
+    let left = pos2(label.left() + 6.0, label.center().y);
+    text.text(left, Align2::LEFT_CENTER, &row.label, FontId::proportional(12.0), color);
+    for (number, bar) in row.bars.iter().enumerate() {
+        let x = |time: Time| lane.left() + viewer.span.x_of(time.as_secs(), lane.width());
+        let place =
+            Rect::from_min_max(pos2(x(bar.start), lane.top() + 1.5), pos2(x(bar.end), lane.bottom() - 1.5));
+        let place = place.intersect(lane);
+        if place.width() <= 0.0 {
+            continue;
+        }
+        let response = ui.interact(place, ui.id().with(("bar", index, number)), Sense::click());
+        let name = format!("{} on {}", bar.label, row.label);
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name.clone()));
+        if response.clicked() {
+            clicked = Some(bar.what.clone());
+        }
+        let selected = viewer.selection.as_ref() == Some(&bar.what);
+        let wrong = Timeline::is_marked(bar, &viewer.problems);
+        draw(&ui.painter_at(lane), bar, place, &x, selected, wrong);
+        response.on_hover_text(hover(viewer, bar));
+        for (part, at) in handles(bar) {
+            if let Some(change) = handle(ui, viewer, bar, part, at, (index, number), lane) {
+                dragged = Some((bar.what.clone(), part, change));
+            }
+        }
+    }
+    if let Some((what, part, secs)) = dragged {
+        viewer.said = viewer.set_cue(&what, part, secs).err();
+    }
+    if let Some(what) = clicked {
+        viewer.selection = if viewer.selection.as_ref() == Some(&what) { None } else { Some(what) };
+    }
+}
+
+/// What of a bar can be dragged, and where it is.
+fn handles(bar: &Bar) -> Vec<(Part, Time)> {
+    match bar.what {
+        Selected::Cue { .. } => {
+            let fade = (bar.start + bar.fade_in).min(bar.end);
+            let mut all = vec![(Part::Start, bar.start), (Part::End, bar.end)];
+            all.extend((bar.fade_in > Time::ZERO).then_some((Part::FadeIn, fade)));
+            all
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// One of them; once it is let go, the new value in seconds, on a whole frame.
+fn handle(
+    ui: &Ui,
+    viewer: &Viewer,
+    bar: &Bar,
+    part: Part,
+    at: Time,
+    id: (usize, usize),
+    lane: Rect,
+) -> Option<f64> {
+    let x = lane.left() + viewer.span.x_of(at.as_secs(), lane.width());
+    // The fade's handle is above, the ends' are as high as the bar.
+    let bottom = if part == Part::FadeIn { lane.top() + 7.0 } else { lane.bottom() };
+    let place = Rect::from_min_max(pos2(x - 4.0, lane.top()), pos2(x + 4.0, bottom)).intersect(lane);
+    if place.width() <= 0.0 {
+        return None;
+    }
+    let (row, number) = id;
+    let response = ui.interact(place, ui.id().with(("handle", row, number, part as u8)), Sense::drag());
+    let name = match part {
+        Part::Start => "start of",
+        Part::End => "end of",
+        Part::FadeIn => "fade of",
+    };
+    let label = format!("{name} {} in row {row}", bar.label);
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
+    let response = response.on_hover_cursor(egui::CursorIcon::ResizeHorizontal);
+    let pointer =
+        response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped())?;
+    let secs = viewer.span.secs_at(pointer.x - lane.left(), lane.width());
+    let fps = viewer.playhead.fps().as_fps();
+    let secs = ((secs * fps).round() / fps).clamp(0.0, viewer.playhead.length().as_secs());
+    let shown = lane.left() + viewer.span.x_of(secs, lane.width());
+    ui.painter_at(lane).vline(shown, lane.y_range(), Stroke::new(2.0, Color32::WHITE));
+    let value = if part == Part::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
+    response.drag_stopped().then_some(value)
+}
+
+fn hover(viewer: &Viewer, bar: &Bar) -> String {
+    let mut text =
+        format!("{}\n{} to {}", bar.label, viewer.shown_time(bar.start), viewer.shown_time(bar.end));
+    if bar.fade_in > Time::ZERO {
+        text += &format!("\nfades in over {} s", bar.fade_in.as_secs());
+    }
+    if bar.place.line > 0 {
+        text += &format!("\n{}:{}", bar.place.file, bar.place.line);
+    }
+    text
+}
+
+fn draw(painter: &Painter, bar: &Bar, place: Rect, x: &dyn Fn(Time) -> f32, selected: bool, wrong: bool) {
+    let [r, g, b] = COLORS[bar.kind % COLORS.len()];
+    let color = if wrong { Color32::from_rgb(0xc0, 0x30, 0x28) } else { Color32::from_rgb(r, g, b) };
+    painter.rect_filled(place, CornerRadius::same(3), color);
+    if let Some(holds) = bar.holds_from {
+        // The clip is over: its last pose is held.
+        let held = Rect::from_min_max(pos2(x(holds), place.top()), place.max).intersect(place);
+        painter.rect_filled(held, CornerRadius::same(3), Color32::from_black_alpha(90));
+    }
+    let wedge = |from: f32, to: f32, low: f32| {
+        let points = vec![pos2(from, place.top()), pos2(to, place.top()), pos2(low, place.bottom())];
+        painter.add(egui::Shape::convex_polygon(points, Color32::from_black_alpha(110), Stroke::NONE));
+    };
+    if bar.fade_in > Time::ZERO {
+        let end = x((bar.start + bar.fade_in).min(bar.end));
+        wedge(x(bar.start), end, x(bar.start));
+    }
+    if bar.fade_out > Time::ZERO {
+        let begin = x((bar.end - bar.fade_out).max(bar.start));
+        wedge(begin, x(bar.end), x(bar.end));
+    }
+    let text = painter.with_clip_rect(place.shrink2(vec2(4.0, 0.0)).intersect(painter.clip_rect()));
+    let left = pos2(place.left() + 5.0, place.center().y);
+    text.text(left, Align2::LEFT_CENTER, &bar.label, FontId::proportional(11.5), Color32::WHITE);
+    if selected {
+        painter.rect_stroke(
+            place,
+            CornerRadius::same(3),
+            Stroke::new(2.0, Color32::WHITE),
+            StrokeKind::Inside,
+        );
+    }
+}
+
+fn wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
+    let Some(pointer) = ui.ctx().pointer_hover_pos().filter(|p| area.contains(*p) && p.x >= ruler.left())
+    else {
+        return;
+    };
+    let (scroll, zoom) = ui.input(|i| (i.smooth_scroll_delta, f64::from(i.zoom_delta())));
+    let length = viewer.playhead.length().as_secs();
+    let (x, width) = (pointer.x - ruler.left(), ruler.width());
+    if zoom != 1.0 {
+        viewer.span.zoom(zoom, x, width, length);
+    }
+    if scroll.x != 0.0 {
+        viewer.span.pan(scroll.x, width, length);
+    }
+}
+
+/// Markers and the playhead, over all rows.
+fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, ruler: Rect) {
+    let lanes = Rect::from_min_max(ruler.min, area.max);
+    let painter = ui.painter_at(lanes);
+    let x = |time: Time| ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());
+    let visuals = ui.visuals();
+    for (name, time) in &viewer.timeline.markers {
+        let line = Stroke::new(1.0, visuals.warn_fg_color);
+        painter.vline(x(*time), lanes.y_range(), line);
+        let at = pos2(x(*time) + 2.0, ruler.bottom());
+        painter.text(at, Align2::LEFT_TOP, name, FontId::proportional(10.0), visuals.warn_fg_color);
+    }
+    // What comes after the end is no scene.
+    let after = Rect::from_min_max(pos2(x(viewer.timeline.length), lanes.top()), lanes.max);
+    painter.rect_filled(after.intersect(lanes), 0.0, Color32::from_black_alpha(110));
+    let head = x(viewer.playhead.time());
+    painter.vline(head, lanes.y_range(), Stroke::new(1.5, Color32::from_rgb(0xff, 0x6a, 0x3d)));
+    let tip =
+        vec![pos2(head - 5.0, lanes.top()), pos2(head + 5.0, lanes.top()), pos2(head, lanes.top() + 8.0)];
+    painter.add(egui::Shape::convex_polygon(tip, Color32::from_rgb(0xff, 0x6a, 0x3d), Stroke::NONE));
+}

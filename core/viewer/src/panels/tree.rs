@@ -1,0 +1,63 @@
+//! Who and what is on stage.
+
+use crate::app::Viewer;
+use crate::selection::Selected;
+use egui::{RichText, Ui};
+
+pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some(scene) = viewer.scene.clone() else {
+        ui.label("empty");
+        return;
+    };
+    let id = ui.id().with("search");
+    let mut search: String = ui.data_mut(|d| d.get_temp(id)).unwrap_or_default();
+    let field = egui::TextEdit::singleline(&mut search).hint_text("search").desired_width(f32::INFINITY);
+    if ui.add(field).changed() {
+        ui.data_mut(|d| d.insert_temp(id, search.clone()));
+    }
+    let wanted = search.to_lowercase();
+    let matches = |name: &str| wanted.is_empty() || name.to_lowercase().contains(&wanted);
+    let stage = &scene.stage;
+    section(ui, "actors", stage.actors.len());
+    for (index, actor) in stage.actors.iter().enumerate().filter(|(_, a)| matches(&a.name)) {
+        let visible =
+            viewer.shown.as_ref().and_then(|s| s.snapshot.actors.get(index)).is_none_or(|a| a.visible);
+        let mut text = RichText::new(&actor.name);
+        if !visible {
+            text = text.weak();
+        }
+        select(ui, viewer, text, Selected::Actor(actor.name.clone()));
+    }
+    section(ui, "cameras", stage.cameras.len());
+    let on = viewer.shown.as_ref().and_then(|s| s.snapshot.camera.camera);
+    for (index, camera) in stage.cameras.iter().enumerate().filter(|(_, c)| matches(&c.name)) {
+        let text = RichText::new(&camera.name);
+        let text = if on == Some(index) { text.strong() } else { text };
+        select(ui, viewer, text, Selected::Camera(camera.name.clone()));
+    }
+    section(ui, "lights", stage.lights.len());
+    for (index, light) in stage.lights.iter().enumerate() {
+        let name = format!("{} {}", crate::panels::inspector::light_kind(&light.light), index + 1);
+        if matches(&name) {
+            select(ui, viewer, RichText::new(name), Selected::Light(index));
+        }
+    }
+    section(ui, "effects", stage.effects.len());
+    for (index, effect) in stage.effects.iter().enumerate().filter(|(_, e)| matches(&e.plugin)) {
+        select(ui, viewer, RichText::new(&effect.plugin), Selected::Effect(index));
+    }
+}
+
+fn section(ui: &mut Ui, name: &str, count: usize) {
+    if count > 0 {
+        ui.add_space(6.0);
+        ui.label(RichText::new(format!("{name} ({count})")).size(11.0).weak());
+    }
+}
+
+fn select(ui: &mut Ui, viewer: &mut Viewer, text: RichText, what: Selected) {
+    let selected = viewer.selection.as_ref() == Some(&what);
+    if ui.selectable_label(selected, text).clicked() {
+        viewer.selection = (!selected).then_some(what);
+    }
+}

@@ -1,0 +1,500 @@
+//! The window's own Vulkan device: the only other place beside `choreo_render::gpu` that knows ash. One frame in flight: what is
+//! drawn is a few thousand triangles and one texture, and waiting for the last of them costs less than keeping everything twice.
+
+use super::gpu_error::{GpuError, Named};
+use super::picture::{Picture, whole};
+use super::swapchain::{Swapchain, surface_format};
+use ash::{khr, vk};
+use choreo_plugin::Frame;
+use egui::{ClippedPrimitive, TextureId, TexturesDelta};
+use egui_ash_renderer::allocator::GpuAllocator;
+use egui_ash_renderer::vulkan::create_vulkan_descriptor_set_layout;
+use egui_ash_renderer::{DynamicRendering, Options, RenderMode, Renderer};
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
+use winit::window::Window;
+
+/// A driver that hangs must not hang the program.
+const TIMEOUT_NS: u64 = 60_000_000_000;
+
+pub struct Gpu {
+    _entry: ash::Entry,
+    instance: ash::Instance,
+    surfaces: khr::surface::Instance,
+    surface: vk::SurfaceKHR,
+    physical: vk::PhysicalDevice,
+    device: Option<Device>,
+}
+
+/// Everything made from the device, in one place so that it goes in order.
+struct Device {
+    raw: ash::Device,
+    queue: vk::Queue,
+    swapchains: khr::swapchain::Device,
+    format: vk::SurfaceFormatKHR,
+    swapchain: Option<Swapchain>,
+    pool: vk::CommandPool,
+    commands: vk::CommandBuffer,
+    /// Signalled when the last frame is done.
+    done: vk::Fence,
+    acquired: vk::Semaphore,
+    sampler: vk::Sampler,
+    set_layout: vk::DescriptorSetLayout,
+    sets: vk::DescriptorPool,
+    set: vk::DescriptorSet,
+    allocator: Option<Arc<Mutex<Allocator>>>,
+    egui: Option<Renderer<GpuAllocator>>,
+    picture: Option<Picture>,
+    picture_id: Option<TextureId>,
+    /// Textures that the frame in flight may still use.
+    to_free: Vec<TextureId>,
+    largest_texture: usize,
+}
+
+impl Gpu {
+    pub fn new(window: &Window) -> Result<Gpu, GpuError> {
+        let other = |object: &'static str, text: String| GpuError::Other { object, text };
+        // SAFETY: loading libvulkan runs its own initialisers, as every Vulkan program does.
+        let entry = unsafe { ash::Entry::load() }.map_err(|e| {
+            GpuError::Missing(format!("{e}\n    hint: apt install libvulkan1 mesa-vulkan-drivers"))
+        })?;
+        let display = window.display_handle().map_err(|e| other("display", e.to_string()))?.as_raw();
+        let handle = window.window_handle().map_err(|e| other("window", e.to_string()))?.as_raw();
+        let extensions = ash_window::enumerate_required_extensions(display).named("window extensions")?;
+        let app =
+            vk::ApplicationInfo::default().application_name(c"choreo-view").api_version(vk::API_VERSION_1_3);
+        let info =
+            vk::InstanceCreateInfo::default().application_info(&app).enabled_extension_names(extensions);
+        // SAFETY: all pointers of `info` live until the call returns.
+        let instance = unsafe { entry.create_instance(&info, None) }.map_err(|e| {
+            GpuError::Missing(format!(
+                "no driver for windows: {e:?}\n    hint: apt install mesa-vulkan-drivers"
+            ))
+        })?;
+        let surfaces = khr::surface::Instance::new(&entry, &instance);
+        let mut gpu = Gpu {
+            _entry: entry,
+            instance,
+            surfaces,
+            surface: vk::SurfaceKHR::null(),
+            physical: vk::PhysicalDevice::null(),
+            device: None,
+        };
+        // From here on `drop` cleans up.
+        // SAFETY: the handles are the window's, which outlives this.
+        gpu.surface =
+            unsafe { ash_window::create_surface(&gpu._entry, &gpu.instance, display, handle, None) }
+                .named("surface of the window")?;
+        let (physical, family) = gpu.choose()?;
+        gpu.physical = physical;
+        let device = gpu.open(family)?;
+        gpu.device = Some(device);
+        Ok(gpu)
+    }
+
+    /// A device that can show pictures in the window; a GPU before a driver that draws on the CPU.
+    fn choose(&self) -> Result<(vk::PhysicalDevice, u32), GpuError> {
+        let mut best: Option<(u32, vk::PhysicalDevice, u32)> = None;
+        // SAFETY: instance and surface are alive, here and below.
+        for physical in unsafe { self.instance.enumerate_physical_devices() }.named("list of devices")? {
+            let (properties, families) = unsafe {
+                (
+                    self.instance.get_physical_device_properties(physical),
+                    self.instance.get_physical_device_queue_family_properties(physical),
+                )
+            };
+            let rank = match properties.device_type {
+                vk::PhysicalDeviceType::DISCRETE_GPU => 4,
+                vk::PhysicalDeviceType::INTEGRATED_GPU => 3,
+                vk::PhysicalDeviceType::VIRTUAL_GPU => 2,
+                _ => 1,
+            };
+            let family = (0u32..).zip(&families).find(|(index, family)| {
+                let shows = unsafe {
+                    self.surfaces.get_physical_device_surface_support(physical, *index, self.surface)
+                };
+                family.queue_flags.contains(vk::QueueFlags::GRAPHICS) && shows.unwrap_or(false)
+            });
+            if let Some((family, _)) = family
+                && properties.api_version >= vk::API_VERSION_1_3
+                && best.is_none_or(|(r, ..)| rank > r)
+            {
+                best = Some((rank, physical, family));
+            }
+        }
+        best.map(|(_, physical, family)| (physical, family)).ok_or_else(|| {
+            let why = "no device with Vulkan 1.3 can show pictures in this window";
+            GpuError::Missing(format!("{why}\n    hint: apt install mesa-vulkan-drivers"))
+        })
+    }
+
+    fn open(&self, family: u32) -> Result<Device, GpuError> {
+        let priorities = [1.0];
+        let queues =
+            [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
+        let extensions = [khr::swapchain::NAME.as_ptr()];
+        let mut features =
+            vk::PhysicalDeviceVulkan13Features::default().dynamic_rendering(true).synchronization2(true);
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&extensions)
+            .push_next(&mut features);
+        // SAFETY: all pointers of `info` live until the call returns; Vulkan 1.3 has these features, and the window's surface the
+        // extension.
+        let raw = unsafe { self.instance.create_device(self.physical, &info, None) }.named("device")?;
+        // SAFETY: the device was made with one queue of this family.
+        let queue = unsafe { raw.get_device_queue(family, 0) };
+        // SAFETY: surface and device are alive.
+        let formats =
+            unsafe { self.surfaces.get_physical_device_surface_formats(self.physical, self.surface) };
+        let limits = unsafe { self.instance.get_physical_device_properties(self.physical) }.limits;
+        let mut device = Device {
+            swapchains: khr::swapchain::Device::new(&self.instance, &raw),
+            raw,
+            queue,
+            format: vk::SurfaceFormatKHR::default(),
+            swapchain: None,
+            pool: vk::CommandPool::null(),
+            commands: vk::CommandBuffer::null(),
+            done: vk::Fence::null(),
+            acquired: vk::Semaphore::null(),
+            sampler: vk::Sampler::null(),
+            set_layout: vk::DescriptorSetLayout::null(),
+            sets: vk::DescriptorPool::null(),
+            set: vk::DescriptorSet::null(),
+            allocator: None,
+            egui: None,
+            picture: None,
+            picture_id: None,
+            to_free: Vec::new(),
+            largest_texture: limits.max_image_dimension2_d as usize,
+        };
+        // From here on `drop` cleans up.
+        let formats = formats.named("formats of the window")?;
+        device.format = surface_format(&formats)
+            .ok_or(GpuError::Other { object: "window", text: "it has no format".into() })?;
+        device.make(&self.instance, self.physical, family)?;
+        Ok(device)
+    }
+
+    /// Pixels of the largest texture's side.
+    pub fn largest_texture(&self) -> usize {
+        self.device.as_ref().map_or(2048, |d| d.largest_texture)
+    }
+
+    /// The texture with the last frame, once there was one.
+    pub fn picture_id(&self) -> Option<TextureId> {
+        self.device.as_ref().and_then(|d| d.picture_id)
+    }
+
+    /// Draws one frame of the window. `frame`: a new picture; `before`: called right before it is shown.
+    pub fn draw(
+        &mut self,
+        window: [u32; 2],
+        primitives: &[ClippedPrimitive],
+        pixels_per_point: f32,
+        mut textures: TexturesDelta,
+        frame: Option<&Frame>,
+        before: impl FnOnce(),
+    ) -> Result<(), GpuError> {
+        let device = self.device.as_mut().ok_or_else(|| GpuError::Missing("the device has gone".into()));
+        let ready = device.and_then(|d| d.wait().map(|()| d));
+        let device = ready.inspect_err(|_| textures.clear())?;
+        device.textures(textures)?;
+        if let Some(frame) = frame {
+            device.prepare_picture([frame.width, frame.height])?;
+        }
+        // A window that is being resized may need a second swapchain before one fits.
+        for _ in 0..3 {
+            if device.swapchain.as_ref().is_none_or(|s| s.window != window) {
+                // SAFETY: surface and device are alive.
+                let capabilities = unsafe {
+                    self.surfaces.get_physical_device_surface_capabilities(self.physical, self.surface)
+                };
+                let capabilities = capabilities.named("abilities of the window")?;
+                if capabilities.current_extent.width == 0 || capabilities.current_extent.height == 0 {
+                    return Ok(());
+                }
+                device.new_swapchain(self.surface, &capabilities, window)?;
+            }
+            let Some(swapchain) = &device.swapchain else { return Ok(()) };
+            let Some(index) = swapchain.next(device.acquired)? else {
+                device.drop_swapchain()?;
+                continue;
+            };
+            device.record(index, primitives, pixels_per_point, frame)?;
+            device.submit(index)?;
+            before();
+            let fits = device.swapchain.as_ref().map_or(Ok(true), |s| s.present(device.queue, index))?;
+            if !fits {
+                device.drop_swapchain()?;
+            }
+            return Ok(());
+        }
+        Ok(())
+    }
+}
+
+impl Device {
+    fn make(
+        &mut self,
+        instance: &ash::Instance,
+        physical: vk::PhysicalDevice,
+        family: u32,
+    ) -> Result<(), GpuError> {
+        let raw = &self.raw;
+        let pool = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(family)
+            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        let fence = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
+        let sampler = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::LINEAR)
+            .min_filter(vk::Filter::LINEAR)
+            .address_mode_u(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE);
+        let sizes =
+            [vk::DescriptorPoolSize { ty: vk::DescriptorType::COMBINED_IMAGE_SAMPLER, descriptor_count: 1 }];
+        let sets = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
+        // SAFETY: the device is alive; what is made is destroyed by `drop`.
+        unsafe {
+            self.pool = raw.create_command_pool(&pool, None).named("command pool")?;
+            let info =
+                vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
+            self.commands = raw.allocate_command_buffers(&info).named("commands")?[0];
+            self.done = raw.create_fence(&fence, None).named("fence")?;
+            let semaphore = raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
+            self.acquired = semaphore.named("semaphore")?;
+            self.sampler = raw.create_sampler(&sampler, None).named("sampler")?;
+            self.sets = raw.create_descriptor_pool(&sets, None).named("descriptor pool")?;
+        }
+        self.set_layout = create_vulkan_descriptor_set_layout(raw).named("descriptor layout")?;
+        let layouts = [self.set_layout];
+        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.sets).set_layouts(&layouts);
+        // SAFETY: as above.
+        self.set = unsafe { raw.allocate_descriptor_sets(&info) }.named("descriptor set")?[0];
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.clone(),
+            device: raw.clone(),
+            physical_device: physical,
+            debug_settings: Default::default(),
+            buffer_device_address: false,
+            allocation_sizes: Default::default(),
+        });
+        let allocator = Arc::new(Mutex::new(allocator.named("allocator")?));
+        let mode = RenderMode::DynamicRendering(DynamicRendering {
+            color_attachment_format: self.format.format,
+            depth_attachment_format: None,
+            stencil_attachment_format: None,
+        });
+        let srgb_framebuffer = matches!(
+            self.format.format,
+            vk::Format::B8G8R8A8_SRGB | vk::Format::R8G8B8A8_SRGB | vk::Format::A8B8G8R8_SRGB_PACK32
+        );
+        let options = Options { in_flight_frames: 1, srgb_framebuffer, ..Options::default() };
+        let egui = Renderer::with_gpu_allocator(allocator.clone(), raw.clone(), mode, options);
+        self.allocator = Some(allocator);
+        self.egui = Some(egui.named("renderer of the panels")?);
+        Ok(())
+    }
+
+    /// For the last frame.
+    fn wait(&mut self) -> Result<(), GpuError> {
+        // SAFETY: the fence is alive; it is signalled at first.
+        unsafe { self.raw.wait_for_fences(&[self.done], true, TIMEOUT_NS) }.named("last frame")?;
+        for id in std::mem::take(&mut self.to_free) {
+            if let Some(egui) = &mut self.egui {
+                egui.free_texture(id).named("texture")?;
+            }
+        }
+        Ok(())
+    }
+
+    fn textures(&mut self, mut textures: TexturesDelta) -> Result<(), GpuError> {
+        // Emptied at once: egui takes it for a fault if one is dropped with something left in it.
+        let set = std::mem::take(&mut textures.set);
+        self.to_free.extend(std::mem::take(&mut textures.free));
+        let Some(egui) = &mut self.egui else { return Ok(()) };
+        for (id, deltas) in &set {
+            for delta in deltas {
+                egui.set_texture(self.queue, self.pool, *id, delta).named("texture of the panels")?;
+            }
+        }
+        Ok(())
+    }
+
+    fn prepare_picture(&mut self, size: [u32; 2]) -> Result<(), GpuError> {
+        if self.picture.as_ref().is_some_and(|p| p.size == size) {
+            return Ok(());
+        }
+        let Some(allocator) = self.allocator.clone() else { return Ok(()) };
+        let mut allocator = locked(&allocator);
+        if let Some(mut old) = self.picture.take() {
+            old.destroy(&self.raw, &mut allocator);
+        }
+        let picture = Picture::new(&self.raw, &mut allocator, size)?;
+        let image = [vk::DescriptorImageInfo::default()
+            .sampler(self.sampler)
+            .image_view(picture.view())
+            .image_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)];
+        let write = [vk::WriteDescriptorSet::default()
+            .dst_set(self.set)
+            .descriptor_type(vk::DescriptorType::COMBINED_IMAGE_SAMPLER)
+            .image_info(&image)];
+        // SAFETY: no frame in flight uses the set.
+        unsafe { self.raw.update_descriptor_sets(&write, &[]) };
+        self.picture = Some(picture);
+        let (egui, set) = (&mut self.egui, self.set);
+        self.picture_id = self.picture_id.or_else(|| egui.as_mut().map(|egui| egui.add_user_texture(set)));
+        Ok(())
+    }
+
+    fn new_swapchain(
+        &mut self,
+        surface: vk::SurfaceKHR,
+        capabilities: &vk::SurfaceCapabilitiesKHR,
+        window: [u32; 2],
+    ) -> Result<(), GpuError> {
+        self.drop_swapchain()?;
+        let made =
+            Swapchain::new(&self.raw, self.swapchains.clone(), surface, capabilities, self.format, window);
+        self.swapchain = Some(made?);
+        Ok(())
+    }
+
+    fn drop_swapchain(&mut self) -> Result<(), GpuError> {
+        if let Some(mut old) = self.swapchain.take() {
+            // SAFETY: the queue is only used on this thread.
+            unsafe { self.raw.device_wait_idle() }.named("device")?;
+            old.destroy(&self.raw);
+        }
+        Ok(())
+    }
+
+    fn record(
+        &mut self,
+        index: u32,
+        primitives: &[ClippedPrimitive],
+        pixels_per_point: f32,
+        frame: Option<&Frame>,
+    ) -> Result<(), GpuError> {
+        let (Some(swapchain), Some(egui)) = (&self.swapchain, &mut self.egui) else { return Ok(()) };
+        let (raw, commands, extent) = (&self.raw, self.commands, swapchain.extent);
+        let (image, view) = (swapchain.images[index as usize], swapchain.views[index as usize]);
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the last frame is done, so its commands are not pending.
+        unsafe {
+            raw.reset_command_buffer(commands, vk::CommandBufferResetFlags::empty()).named("commands")?;
+            raw.begin_command_buffer(commands, &begin).named("commands")?;
+        }
+        if let (Some(picture), Some(frame)) = (&mut self.picture, frame) {
+            picture.upload(raw, commands, frame);
+        }
+        use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};
+        let barrier = |from, to, access: (vk::AccessFlags2, vk::AccessFlags2), after| {
+            [vk::ImageMemoryBarrier2::default()
+                .image(image)
+                .subresource_range(whole())
+                .old_layout(from)
+                .new_layout(to)
+                .src_stage_mask(S::COLOR_ATTACHMENT_OUTPUT)
+                .src_access_mask(access.0)
+                .dst_stage_mask(after)
+                .dst_access_mask(access.1)
+                .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+                .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)]
+        };
+        let write = A::COLOR_ATTACHMENT_WRITE | A::COLOR_ATTACHMENT_READ;
+        let to_draw =
+            barrier(L::UNDEFINED, L::COLOR_ATTACHMENT_OPTIMAL, (A::NONE, write), S::COLOR_ATTACHMENT_OUTPUT);
+        let to_show = barrier(L::COLOR_ATTACHMENT_OPTIMAL, L::PRESENT_SRC_KHR, (write, A::NONE), S::NONE);
+        let color = [vk::RenderingAttachmentInfo::default()
+            .image_view(view)
+            .image_layout(L::COLOR_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::CLEAR)
+            .store_op(vk::AttachmentStoreOp::STORE)];
+        let info = vk::RenderingInfo::default()
+            .render_area(vk::Rect2D { offset: vk::Offset2D::default(), extent })
+            .layer_count(1)
+            .color_attachments(&color);
+        // SAFETY: commands are being recorded; the image was acquired; all pointers live until each call returns.
+        unsafe {
+            raw.cmd_pipeline_barrier2(
+                commands,
+                &vk::DependencyInfo::default().image_memory_barriers(&to_draw),
+            );
+            raw.cmd_begin_rendering(commands, &info);
+        }
+        let drawn = egui.cmd_draw(commands, extent, pixels_per_point, primitives);
+        // SAFETY: as above.
+        unsafe {
+            raw.cmd_end_rendering(commands);
+            raw.cmd_pipeline_barrier2(
+                commands,
+                &vk::DependencyInfo::default().image_memory_barriers(&to_show),
+            );
+            raw.end_command_buffer(commands).named("commands")?;
+        }
+        drawn.named("panels")
+    }
+
+    fn submit(&self, index: u32) -> Result<(), GpuError> {
+        let Some(swapchain) = &self.swapchain else { return Ok(()) };
+        let stage = vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT;
+        let wait = [vk::SemaphoreSubmitInfo::default().semaphore(self.acquired).stage_mask(stage)];
+        let signal = [vk::SemaphoreSubmitInfo::default()
+            .semaphore(swapchain.drawn[index as usize])
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(self.commands)];
+        let submit = [vk::SubmitInfo2::default()
+            .wait_semaphore_infos(&wait)
+            .signal_semaphore_infos(&signal)
+            .command_buffer_infos(&commands)];
+        // SAFETY: fence and semaphores are free: the last frame is done and the image was just acquired.
+        unsafe {
+            self.raw.reset_fences(&[self.done]).named("fence")?;
+            self.raw.queue_submit2(self.queue, &submit, self.done).named("frame of the window")
+        }
+    }
+}
+
+fn locked(allocator: &Mutex<Allocator>) -> MutexGuard<'_, Allocator> {
+    allocator.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // SAFETY: nothing else submits; an error (device lost) means that nothing runs any more.
+        let _ = unsafe { self.raw.device_wait_idle() };
+        if let Some(mut swapchain) = self.swapchain.take() {
+            swapchain.destroy(&self.raw);
+        }
+        if let (Some(mut picture), Some(allocator)) = (self.picture.take(), &self.allocator) {
+            picture.destroy(&self.raw, &mut locked(allocator));
+        }
+        // Its buffers before the allocator, that before the device.
+        self.egui = None;
+        self.allocator = None;
+        // SAFETY: made from this device, no longer used; null handles are ignored.
+        unsafe {
+            self.raw.destroy_descriptor_pool(self.sets, None);
+            self.raw.destroy_descriptor_set_layout(self.set_layout, None);
+            self.raw.destroy_sampler(self.sampler, None);
+            self.raw.destroy_semaphore(self.acquired, None);
+            self.raw.destroy_fence(self.done, None);
+            self.raw.destroy_command_pool(self.pool, None);
+            self.raw.destroy_device(None);
+        }
+    }
+}
+
+impl Drop for Gpu {
+    fn drop(&mut self) {
+        self.device = None;
+        // SAFETY: everything made from them has gone.
+        unsafe {
+            self.surfaces.destroy_surface(self.surface, None);
+            self.instance.destroy_instance(None);
+        }
+    }
+}

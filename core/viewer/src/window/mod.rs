@@ -1,0 +1,309 @@
+//! The window: events in, frames out. It sleeps unless something has happened.
+
+mod gpu;
+mod gpu_error;
+mod picture;
+mod start;
+mod swapchain;
+
+use crate::app::Viewer;
+use crate::args::Asked;
+use crate::panels::Panels;
+use choreo_live::{Live, Painted, Painter, Version};
+use choreo_plugin::Frame;
+use gpu::Gpu;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use winit::application::ApplicationHandler;
+use winit::dpi::LogicalSize;
+use winit::event::{StartCause, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
+use winit::window::{Window, WindowId};
+
+/// What other threads tell.
+enum News {
+    Version(Box<Version>),
+    Painted(Box<Painted>),
+    /// egui wants to be drawn again after this time.
+    Repaint(Duration),
+}
+
+/// Opens the window and stays until it is closed. The text says what is missing.
+pub fn run(asked: Asked) -> Result<(), String> {
+    let events = start::event_loop()?;
+    let proxy = events.create_proxy();
+    let registry = choreo::registry();
+    let shaders = asked.recipe.shaders.clone();
+    let painter = {
+        let proxy = proxy.clone();
+        // A window that has gone needs no picture; here and below.
+        let told = move |painted| drop(proxy.send_event(News::Painted(Box::new(painted))));
+        Painter::start(start::renderer(registry.effects().to_vec(), shaders), told)
+    };
+    let painter = painter.map_err(|e| format!("cannot start a thread: {e}"))?;
+    let path = asked.recipe.is_script().then(|| asked.recipe.input.clone());
+    let name = asked.recipe.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let live = {
+        let proxy = proxy.clone();
+        let told = move |version| drop(proxy.send_event(News::Version(Box::new(version))));
+        Live::start(asked.recipe, &registry, told).map_err(|e| e.to_string())?
+    };
+    let mut viewer = Viewer::new(name);
+    viewer.path = path;
+    let mut app = App {
+        viewer,
+        panels: Panels::default(),
+        begin: Some((asked.at, asked.play)),
+        painter,
+        _live: live,
+        proxy,
+        open: None,
+        frame: None,
+        reloads: 0,
+        clock: Instant::now(),
+        wake_at: None,
+        failures: 0,
+        failed: None,
+    };
+    events.run_app(&mut app).map_err(|e| format!("the window system failed: {e}"))?;
+    app.failed.take().map_or(Ok(()), Err)
+}
+
+struct App {
+    viewer: Viewer,
+    panels: Panels,
+    /// Where to begin, until the first version is there.
+    begin: Option<(f64, bool)>,
+    painter: Painter,
+    _live: Live,
+    proxy: EventLoopProxy<News>,
+    open: Option<Open>,
+    /// Drawn and not yet on the screen.
+    frame: Option<Frame>,
+    /// Changes of shaders that the painter was told of.
+    reloads: u64,
+    clock: Instant,
+    wake_at: Option<Instant>,
+    /// In a row.
+    failures: u32,
+    failed: Option<String>,
+}
+
+/// The window, what translates its events, and what draws into it.
+struct Open {
+    egui: egui::Context,
+    input: egui_winit::State,
+    // Before the window, whose surface it draws on.
+    gpu: Gpu,
+    window: Arc<Window>,
+}
+
+impl Open {
+    fn new(window: Arc<Window>, proxy: &EventLoopProxy<News>) -> Result<Open, String> {
+        let gpu = Gpu::new(&window).map_err(|e| e.to_string())?;
+        let egui = egui::Context::default();
+        let proxy = std::sync::Mutex::new(proxy.clone());
+        egui.set_request_repaint_callback(move |info| {
+            let proxy = proxy.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            drop(proxy.send_event(News::Repaint(info.delay)));
+        });
+        let input = egui_winit::State::new(
+            egui.clone(),
+            egui::ViewportId::ROOT,
+            &window,
+            Some(window.scale_factor() as f32),
+            window.theme(),
+            Some(gpu.largest_texture()),
+        );
+        Ok(Open { egui, input, gpu, window })
+    }
+}
+
+impl App {
+    fn now(&self) -> f64 {
+        self.clock.elapsed().as_secs_f64()
+    }
+
+    fn redraw(&self) {
+        if let Some(open) = &self.open {
+            open.window.request_redraw();
+        }
+    }
+
+    /// Moves the playhead on and asks for the frame that is due.
+    fn advance(&mut self) {
+        let now = self.now();
+        let due = self.viewer.playhead.tick(now);
+        if let Some(asked) = self.viewer.wish() {
+            if self.reloads != self.viewer.reloads() {
+                self.reloads = self.viewer.reloads();
+                self.painter.shaders_changed();
+            }
+            self.painter.ask(asked);
+        }
+        // A frame on its way wakes us itself.
+        if let Some(due) = due.filter(|_| !self.viewer.is_waiting()) {
+            self.wake_in(Duration::from_secs_f64(due.clamp(0.001, 1.0)));
+        }
+    }
+
+    fn wake_in(&mut self, delay: Duration) {
+        let at = Instant::now().checked_add(delay);
+        self.wake_at = match (self.wake_at, at) {
+            (Some(earlier), Some(at)) => Some(earlier.min(at)),
+            (earlier, at) => earlier.or(at),
+        };
+    }
+
+    fn draw(&mut self, events: &ActiveEventLoop) {
+        let now = self.now();
+        let Some(open) = &mut self.open else { return };
+        let size = open.window.inner_size();
+        if size.width == 0 || size.height == 0 {
+            return;
+        }
+        let input = open.input.take_egui_input(&open.window);
+        let texture = open.gpu.picture_id();
+        let (panels, viewer) = (&mut self.panels, &mut self.viewer);
+        let output = open.egui.run_ui(input, |ui| panels.show(ui, viewer, texture, now));
+        open.input.handle_platform_output(&open.window, output.platform_output);
+        let pixels_per_point = output.pixels_per_point;
+        let primitives = open.egui.tessellate(output.shapes, pixels_per_point);
+        let had_picture = texture.is_some();
+        let drawn = open.gpu.draw(
+            [size.width, size.height],
+            &primitives,
+            pixels_per_point,
+            output.textures_delta,
+            self.frame.as_ref(),
+            || open.window.pre_present_notify(),
+        );
+        let has_picture = open.gpu.picture_id().is_some();
+        let delay = output.viewport_output.get(&egui::ViewportId::ROOT).map(|v| v.repaint_delay);
+        match drawn {
+            Ok(()) => {
+                self.failures = 0;
+                if let Some(frame) = self.frame.take() {
+                    self.painter.give_back(frame);
+                }
+                if has_picture && !had_picture {
+                    // The panels did not know it yet.
+                    self.redraw();
+                }
+            }
+            Err(error) => self.begin_again(&error.to_string(), events),
+        }
+        if let Some(delay) = delay.filter(|d| *d < Duration::from_secs(3600)) {
+            self.wake_in(delay);
+        }
+        self.advance();
+        if self.viewer.quit {
+            events.exit();
+        }
+    }
+
+    /// A lost device or surface: made afresh once; what is shown and where stays.
+    fn begin_again(&mut self, error: &str, events: &ActiveEventLoop) {
+        self.failures += 1;
+        // A window has one surface at a time: the old one goes here.
+        let window = self.open.take().map(|open| open.window);
+        let again = match window {
+            Some(window) if self.failures < 3 => Open::new(window, &self.proxy),
+            _ => Err("tried again".to_string()),
+        };
+        match again {
+            Ok(open) => {
+                self.open = Some(open);
+                self.redraw();
+            }
+            Err(second) => {
+                self.failed = Some(format!("the window can no longer be drawn: {error}; {second}"));
+                events.exit();
+            }
+        }
+    }
+}
+
+impl ApplicationHandler<News> for App {
+    fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
+        if matches!(cause, StartCause::ResumeTimeReached { .. }) {
+            self.wake_at = None;
+            self.redraw();
+        }
+    }
+
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        if self.open.is_some() {
+            return;
+        }
+        let attributes = Window::default_attributes()
+            .with_title(format!("{} – choreo", self.viewer.name))
+            .with_inner_size(LogicalSize::new(1280.0, 860.0))
+            .with_min_inner_size(LogicalSize::new(320.0, 200.0));
+        let window = events.create_window(attributes).map_err(|e| format!("no window: {e}"));
+        match window.and_then(|window| Open::new(Arc::new(window), &self.proxy)) {
+            Ok(open) => {
+                self.open = Some(open);
+                self.redraw();
+            }
+            Err(error) => {
+                self.failed = Some(error);
+                events.exit();
+            }
+        }
+    }
+
+    fn user_event(&mut self, _: &ActiveEventLoop, news: News) {
+        match news {
+            News::Version(version) => {
+                self.viewer.take_version(*version);
+                if self.viewer.scene.is_some()
+                    && let Some((at, play)) = self.begin.take()
+                {
+                    self.viewer.playhead.seek(choreo_motion::Time::from_secs(at));
+                    if play {
+                        self.viewer.playhead.play(self.now());
+                    }
+                }
+                self.advance();
+                self.redraw();
+            }
+            News::Painted(painted) => {
+                if let Some(frame) = self.viewer.take_painted(*painted)
+                    && let Some(skipped) = self.frame.replace(frame)
+                {
+                    self.painter.give_back(skipped);
+                }
+                // The next is drawn while this one goes to the screen.
+                self.advance();
+                self.redraw();
+            }
+            News::Repaint(delay) if delay.is_zero() => self.redraw(),
+            News::Repaint(delay) => self.wake_in(delay),
+        }
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        let Some(open) = &mut self.open else { return };
+        let wants = open.input.on_window_event(&open.window, &event);
+        match event {
+            WindowEvent::CloseRequested => events.exit(),
+            WindowEvent::RedrawRequested => self.draw(events),
+            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => self.redraw(),
+            _ if wants.repaint => self.redraw(),
+            _ => {}
+        }
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        events.set_control_flow(match self.wake_at {
+            Some(at) => ControlFlow::WaitUntil(at),
+            None => ControlFlow::Wait,
+        });
+    }
+
+    fn exiting(&mut self, _: &ActiveEventLoop) {
+        // While the window system is still there.
+        self.open = None;
+    }
+}

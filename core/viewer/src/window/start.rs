@@ -1,0 +1,80 @@
+//! What can be missing when a window is to be opened, said with the package that has it.
+
+use crate::window::News;
+use choreo_live::StartRenderer;
+use choreo_plugin::Effect;
+use choreo_render::gpu::{GpuOptions, SteadyRenderer};
+use choreo_render::{CpuRenderer, Renderer};
+use std::panic::{catch_unwind, set_hook, take_hook};
+use std::path::PathBuf;
+use std::sync::Arc;
+use winit::event_loop::EventLoop;
+
+/// (part of the system's words, Debian and Ubuntu packages)
+const PACKAGES: [(&str, &str); 7] = [
+    ("xkbcommon-x11", "libxkbcommon-x11-0"),
+    ("xkbcommon", "libxkbcommon0 libxkbcommon-x11-0"),
+    ("libXcursor", "libxcursor1"),
+    ("libXi", "libxi6"),
+    ("libX11-xcb", "libx11-xcb1"),
+    ("libX11", "libx11-6 libx11-xcb1 libxcursor1 libxi6"),
+    ("wayland", "libwayland-client0"),
+];
+
+pub fn event_loop() -> Result<EventLoop<News>, String> {
+    let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
+    let windows = cfg!(windows) || cfg!(target_os = "macos");
+    if !windows && !set("DISPLAY") && !set("WAYLAND_DISPLAY") && !set("WAYLAND_SOCKET") {
+        return Err(no_window("there is no display: neither WAYLAND_DISPLAY nor DISPLAY is set"));
+    }
+    // xkbcommon-dl panics where the library is missing; its words are ours to tell.
+    let hook = take_hook();
+    set_hook(Box::new(|_| ()));
+    let made = catch_unwind(|| EventLoop::<News>::with_user_event().build());
+    set_hook(hook);
+    match made {
+        Ok(Ok(events)) => Ok(events),
+        Ok(Err(error)) => Err(no_window(&error.to_string())),
+        Err(panic) => {
+            let text = panic.downcast_ref::<String>().map(String::as_str);
+            let text = text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("a library is missing");
+            Err(no_window(text))
+        }
+    }
+}
+
+fn no_window(why: &str) -> String {
+    let package = PACKAGES.iter().find(|(part, _)| why.contains(part));
+    let package = package.map_or_else(String::new, |(_, names)| format!("\n    hint: apt install {names}"));
+    format!("cannot open a window: {why}{package}\n    choreo render draws the same frames without one")
+}
+
+/// As `choreo render` has it: Vulkan where a driver works, else our own renderer.
+pub fn renderer(effects: Vec<Arc<dyn Effect>>, shaders: Option<PathBuf>) -> StartRenderer {
+    Box::new(move || {
+        let cache_dir = choreo::cache_dir();
+        let options =
+            GpuOptions { cache_dir, shader_dir: shaders, effects: effects.clone(), ..GpuOptions::default() };
+        let renderer: (Box<dyn Renderer>, Option<String>) = match SteadyRenderer::new(options) {
+            Ok(renderer) => (Box::new(renderer), None),
+            Err(error) => {
+                let note = format!("pictures are drawn on the CPU: {error}");
+                (Box::new(CpuRenderer::new(&effects)), Some(note))
+            }
+        };
+        Ok(renderer)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::no_window;
+
+    #[test]
+    fn what_is_missing_is_told_with_its_package() {
+        let text = no_window("Library libxkbcommon-x11.so could not be loaded.");
+        assert!(text.contains("apt install libxkbcommon-x11-0\n"), "{text}");
+        assert!(no_window("libX11.so.6: cannot open").contains("libx11-6"));
+        assert!(!no_window("something else").contains("apt"));
+    }
+}

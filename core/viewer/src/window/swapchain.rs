@@ -1,0 +1,144 @@
+//! The images that the window shows.
+
+use super::gpu_error::{GpuError, Named};
+use super::picture::whole;
+use ash::{khr, vk};
+
+pub struct Swapchain {
+    loader: khr::swapchain::Device,
+    raw: vk::SwapchainKHR,
+    pub images: Vec<vk::Image>,
+    pub views: Vec<vk::ImageView>,
+    /// One an image: signalled when it has been drawn.
+    pub drawn: Vec<vk::Semaphore>,
+    pub extent: vk::Extent2D,
+    /// As the window was when it was made.
+    pub window: [u32; 2],
+}
+
+/// What a surface is drawn in: sRGB where it has it, so that blending is linear and the picture's bytes come out as they are.
+pub fn surface_format(formats: &[vk::SurfaceFormatKHR]) -> Option<vk::SurfaceFormatKHR> {
+    let wanted = [
+        vk::Format::B8G8R8A8_SRGB,
+        vk::Format::R8G8B8A8_SRGB,
+        vk::Format::A8B8G8R8_SRGB_PACK32,
+        vk::Format::B8G8R8A8_UNORM,
+        vk::Format::R8G8B8A8_UNORM,
+    ];
+    let best = wanted.iter().find_map(|w| formats.iter().find(|f| f.format == *w));
+    best.or(formats.first()).copied()
+}
+
+impl Swapchain {
+    pub fn new(
+        device: &ash::Device,
+        loader: khr::swapchain::Device,
+        surface: vk::SurfaceKHR,
+        capabilities: &vk::SurfaceCapabilitiesKHR,
+        format: vk::SurfaceFormatKHR,
+        window: [u32; 2],
+    ) -> Result<Swapchain, GpuError> {
+        // A surface whose size is up to us says so with the greatest number.
+        let extent = match capabilities.current_extent {
+            vk::Extent2D { width: u32::MAX, .. } => vk::Extent2D {
+                width: window[0]
+                    .clamp(capabilities.min_image_extent.width, capabilities.max_image_extent.width),
+                height: window[1]
+                    .clamp(capabilities.min_image_extent.height, capabilities.max_image_extent.height),
+            },
+            given => given,
+        };
+        let most = if capabilities.max_image_count == 0 { u32::MAX } else { capabilities.max_image_count };
+        let alpha = match capabilities.supported_composite_alpha.contains(vk::CompositeAlphaFlagsKHR::OPAQUE)
+        {
+            true => vk::CompositeAlphaFlagsKHR::OPAQUE,
+            false => vk::CompositeAlphaFlagsKHR::INHERIT,
+        };
+        let info = vk::SwapchainCreateInfoKHR::default()
+            .surface(surface)
+            .min_image_count((capabilities.min_image_count + 1).min(most))
+            .image_format(format.format)
+            .image_color_space(format.color_space)
+            .image_extent(extent)
+            .image_array_layers(1)
+            .image_usage(vk::ImageUsageFlags::COLOR_ATTACHMENT)
+            .pre_transform(capabilities.current_transform)
+            .composite_alpha(alpha)
+            .present_mode(vk::PresentModeKHR::FIFO)
+            .clipped(true);
+        // SAFETY: surface and device are alive; destroyed by `destroy`, here and below.
+        let raw = unsafe { loader.create_swapchain(&info, None) }.named("swapchain")?;
+        let mut made = Swapchain {
+            loader,
+            raw,
+            images: Vec::new(),
+            views: Vec::new(),
+            drawn: Vec::new(),
+            extent,
+            window,
+        };
+        match made.views(device, format.format) {
+            Ok(()) => Ok(made),
+            Err(e) => {
+                made.destroy(device);
+                Err(e)
+            }
+        }
+    }
+
+    fn views(&mut self, device: &ash::Device, format: vk::Format) -> Result<(), GpuError> {
+        // SAFETY: as above.
+        self.images =
+            unsafe { self.loader.get_swapchain_images(self.raw) }.named("images of the swapchain")?;
+        for image in &self.images {
+            let info = vk::ImageViewCreateInfo::default()
+                .image(*image)
+                .view_type(vk::ImageViewType::TYPE_2D)
+                .format(format)
+                .subresource_range(whole());
+            // SAFETY: as above.
+            unsafe {
+                self.views.push(device.create_image_view(&info, None).named("view of the swapchain")?);
+                let semaphore = device.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
+                self.drawn.push(semaphore.named("semaphore")?);
+            }
+        }
+        Ok(())
+    }
+
+    /// The next image; `None` where the surface has changed and a new swapchain is needed.
+    pub fn next(&self, signal: vk::Semaphore) -> Result<Option<u32>, GpuError> {
+        const SECOND: u64 = 1_000_000_000;
+        // SAFETY: the semaphore is unsignalled and no frame waits for it.
+        match unsafe { self.loader.acquire_next_image(self.raw, 5 * SECOND, signal, vk::Fence::null()) } {
+            // One that merely no longer fits is shown, and replaced after.
+            Ok((index, _)) => Ok(Some(index)),
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(None),
+            Err(e) => Err(e).named("next image of the window"),
+        }
+    }
+
+    /// Gives whether it still fits the window.
+    pub fn present(&self, queue: vk::Queue, index: u32) -> Result<bool, GpuError> {
+        let (chains, indices, wait) = ([self.raw], [index], [self.drawn[index as usize]]);
+        let info =
+            vk::PresentInfoKHR::default().swapchains(&chains).image_indices(&indices).wait_semaphores(&wait);
+        // SAFETY: the image was acquired and drawn; the semaphore is signalled by the frame.
+        match unsafe { self.loader.queue_present(queue, &info) } {
+            Ok(suboptimal) => Ok(!suboptimal),
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(false),
+            Err(e) => Err(e).named("showing a frame"),
+        }
+    }
+
+    /// No frame may be in flight.
+    pub fn destroy(&mut self, device: &ash::Device) {
+        // SAFETY: made from this device, no longer used.
+        unsafe {
+            self.views.drain(..).for_each(|view| device.destroy_image_view(view, None));
+            self.drawn.drain(..).for_each(|semaphore| device.destroy_semaphore(semaphore, None));
+            self.loader.destroy_swapchain(self.raw, None);
+        }
+        self.raw = vk::SwapchainKHR::null();
+    }
+}

@@ -1,0 +1,281 @@
+//! A real window, on a display without a screen, driven as by a person: opened, played, scrubbed, its script edited, broken and
+//! mended, resized and closed.
+
+#![cfg(target_os = "linux")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const SCRIPT: &str = r##"stage(#{ size: [320, 180], fps: 30, length: 3.0, background: #{ top: "#204060", bottom: "#204060" } });
+let ada = cast("ada", load("choreo:mannequin", #{ color: "coral" }));
+ada.play(load("choreo:mannequin").clip("Dance_Groove"));
+camera("c").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+sun(#{ direction: [-0.6, -1.0, -0.9] });
+"##;
+
+/// Killed when a test ends, however it ends.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+struct Screen {
+    _server: Running,
+    display: String,
+}
+
+fn there(program: &str) -> bool {
+    std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).any(|p| p.join(program).is_file())
+}
+
+impl Screen {
+    /// `None`, with a word, where this machine lacks what it takes.
+    fn new() -> Option<Screen> {
+        for program in ["Xvfb", "xdotool", "import"] {
+            if !there(program) {
+                println!("SKIP 1: {program} is not installed");
+                return None;
+            }
+        }
+        // The server picks a free number and tells it.
+        let mut server = Command::new("Xvfb");
+        server.args(["-displayfd", "1", "-screen", "0", "1400x1000x24", "-nolisten", "tcp"]);
+        let mut child = server.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut line = String::new();
+        let out = child.stdout.take().unwrap();
+        std::io::BufRead::read_line(&mut std::io::BufReader::new(out), &mut line).unwrap();
+        Some(Screen { _server: Running(child), display: format!(":{}", line.trim()) })
+    }
+
+    fn run(&self, program: &str, args: &[&str]) -> Output {
+        Command::new(program).args(args).env("DISPLAY", &self.display).output().unwrap()
+    }
+
+    fn xdotool(&self, args: &[&str]) -> String {
+        let output = self.run("xdotool", args);
+        String::from_utf8_lossy(&output.stdout).trim().to_string()
+    }
+
+    fn view(&self, args: &[&str]) -> Running {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_choreo-view"));
+        command.args(args).env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
+        Running(command.stderr(Stdio::piped()).spawn().unwrap())
+    }
+
+    /// Waits for the window.
+    fn window(&self) -> String {
+        until("a window", || {
+            let found = self.xdotool(&["search", "--onlyvisible", "--name", "choreo"]);
+            found.lines().next().map(str::to_string)
+        })
+    }
+
+    /// RGB rows of what is on the screen.
+    fn shot(&self, window: &str) -> Shot {
+        let output = self.run("import", &["-window", window, "-depth", "8", "ppm:-"]);
+        Shot::read(&output.stdout).unwrap_or_else(|| panic!("{}", String::from_utf8_lossy(&output.stderr)))
+    }
+
+    fn save(&self, window: &str, name: &str) {
+        // For people to look at, where they ask for it.
+        if let Some(folder) = std::env::var_os("CHOREO_SHOTS") {
+            let file = Path::new(&folder).join(name);
+            self.run("import", &["-window", window, &file.to_string_lossy()]);
+        }
+    }
+
+    fn key(&self, window: &str, key: &str) {
+        self.xdotool(&["windowfocus", window]);
+        self.xdotool(&["key", key]);
+    }
+}
+
+#[derive(Clone, PartialEq)]
+struct Shot {
+    width: usize,
+    height: usize,
+    rgb: Vec<u8>,
+}
+
+impl Shot {
+    /// A binary PPM.
+    fn read(bytes: &[u8]) -> Option<Shot> {
+        let mut at = 0;
+        let mut words = Vec::new();
+        while words.len() < 4 {
+            let end = at + bytes.get(at..)?.iter().position(u8::is_ascii_whitespace)?;
+            words.push(std::str::from_utf8(&bytes[at..end]).ok()?);
+            at = end + 1;
+        }
+        let (width, height) = (words[1].parse().ok()?, words[2].parse().ok()?);
+        Some(Shot { width, height, rgb: bytes.get(at..)?.to_vec() })
+    }
+
+    /// How many pixels are about this color.
+    fn count(&self, color: [u8; 3]) -> usize {
+        let near = |p: &[u8]| p.iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 2);
+        self.rgb.chunks_exact(3).filter(|p| near(p)).count()
+    }
+
+    /// The least rectangle that holds all pixels of this color: left, top, right, bottom.
+    fn bounds(&self, color: [u8; 3]) -> [usize; 4] {
+        let mut found = [usize::MAX, usize::MAX, 0, 0];
+        for (i, p) in self.rgb.chunks_exact(3).enumerate() {
+            if p.iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 1) {
+                let (x, y) = (i % self.width, i / self.width);
+                found = [found[0].min(x), found[1].min(y), found[2].max(x + 1), found[3].max(y + 1)];
+            }
+        }
+        found
+    }
+
+    fn pixel(&self, x: usize, y: usize) -> [u8; 3] {
+        let at = (y * self.width + x) * 3;
+        [self.rgb[at], self.rgb[at + 1], self.rgb[at + 2]]
+    }
+}
+
+fn until<T>(what: &str, mut is: impl FnMut() -> Option<T>) -> T {
+    let end = Instant::now() + Duration::from_secs(90);
+    loop {
+        if let Some(found) = is() {
+            return found;
+        }
+        assert!(Instant::now() < end, "waited in vain for {what}");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
+const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
+
+#[test]
+fn a_session_at_the_window() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let script = folder.path().join("a.rhai");
+    fs::write(&script, SCRIPT).unwrap();
+    let mut viewer = screen.view(&[script.to_str().unwrap()]);
+    let window = screen.window();
+    // Open: the picture is there.
+    let first = until("the first picture", || {
+        let shot = screen.shot(&window);
+        (shot.count(BACKGROUND) > 20_000).then_some(shot)
+    });
+    // The picture's pixels are those that render writes.
+    the_same_as_render(&first, &script, folder.path());
+    screen.save(&window, "open.png");
+
+    // Keys: another frame is another picture, and home again the first.
+    screen.xdotool(&["mousemove", "--window", &window, "600", "300"]);
+    screen.key(&window, "End");
+    until("the last frame", || (screen.shot(&window) != first).then_some(()));
+    screen.key(&window, "Home");
+    until("the first frame", || {
+        (screen.shot(&window).count(BACKGROUND) == first.count(BACKGROUND)).then_some(())
+    });
+
+    // Play: it moves by itself, and pauses.
+    screen.key(&window, "space");
+    let a = screen.shot(&window);
+    until("movement", || (screen.shot(&window) != a).then_some(()));
+    screen.save(&window, "playing.png");
+    screen.key(&window, "space");
+    until("rest", || {
+        let a = screen.shot(&window);
+        std::thread::sleep(Duration::from_millis(300));
+        (screen.shot(&window) == a).then_some(())
+    });
+
+    // Edit: the new background is seen; the way most editors save.
+    let green = SCRIPT.replace("#204060", "#206040");
+    fs::write(folder.path().join("a.rhai.new"), &green).unwrap();
+    fs::rename(folder.path().join("a.rhai.new"), &script).unwrap();
+    until("the edit", || (screen.shot(&window).count([0x20, 0x60, 0x40]) > 20_000).then_some(()));
+    // Break it: the picture stays.
+    fs::write(&script, green.replace("Dance_Groove", "Dance_Grove")).unwrap();
+    std::thread::sleep(Duration::from_millis(1000));
+    until("the last good picture", || {
+        (screen.shot(&window).count([0x20, 0x60, 0x40]) > 20_000).then_some(())
+    });
+    screen.save(&window, "broken.png");
+    // Mend it.
+    fs::write(&script, green.replace("#206040", "#602040")).unwrap();
+    until("the mended version", || (screen.shot(&window).count([0x60, 0x20, 0x40]) > 20_000).then_some(()));
+
+    // Resize, large and small.
+    for (width, height) in [(500, 400), (1390, 990), (330, 210), (1200, 800)] {
+        screen.xdotool(&["windowsize", &window, &width.to_string(), &height.to_string()]);
+        until("the window in its new size", || {
+            let shot = screen.shot(&window);
+            (shot.width == width && shot.height == height).then_some(())
+        });
+    }
+    until("the picture", || (screen.shot(&window).count([0x60, 0x20, 0x40]) > 20_000).then_some(()));
+    screen.save(&window, "resized.png");
+
+    // Close; it ends well.
+    assert!(viewer.0.try_wait().unwrap().is_none(), "it is still there");
+    screen.key(&window, "ctrl+q");
+    let status = until("the end", || viewer.0.try_wait().unwrap());
+    assert_eq!(status.code(), Some(0));
+}
+
+/// Compares the picture in the window, found by its background, with what `render` draws of the same size.
+fn the_same_as_render(shot: &Shot, script: &Path, folder: &Path) {
+    let [left, top, right, bottom] = shot.bounds(BACKGROUND);
+    assert_eq!([right - left, bottom - top], [320, 180], "the picture has its own size");
+    let picture = folder.join("a.png");
+    let viewer = PathBuf::from(env!("CARGO_BIN_EXE_choreo-view"));
+    let args = ["render", "--at", "0", "--quiet", "-o"].map(String::from);
+    let mut args: Vec<std::ffi::OsString> = args.into_iter().map(Into::into).collect();
+    args.insert(0, viewer.into());
+    args.push(picture.clone().into());
+    args.push(script.into());
+    let code = choreo::run(args, &choreo::registry());
+    assert_eq!(format!("{code:?}"), format!("{:?}", std::process::ExitCode::SUCCESS));
+    let output = Command::new("convert").arg(&picture).args(["-depth", "8", "ppm:-"]).output().unwrap();
+    let rendered = Shot::read(&output.stdout).unwrap();
+    let mut worst = 0;
+    for y in 0..180 {
+        for x in 0..320 {
+            let (a, b) = (shot.pixel(left + x, top + y), rendered.pixel(x, y));
+            worst = worst.max(a.iter().zip(b).map(|(a, b)| a.abs_diff(b)).max().unwrap_or(0));
+        }
+    }
+    // Decoded from sRGB and encoded again by the device, at most one step.
+    assert!(worst <= 1, "worst difference {worst}");
+}
+
+#[test]
+fn without_a_display_it_says_so() {
+    let output = Command::new(env!("CARGO_BIN_EXE_choreo-view"))
+        .arg("a.rhai")
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("WAYLAND_SOCKET")
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(4));
+    assert!(text.starts_with("cannot open a window: there is no display: "), "{text}");
+    assert!(text.contains("choreo render"), "{text}");
+}
+
+#[test]
+fn a_display_that_does_not_answer_is_a_message() {
+    let output = Command::new(env!("CARGO_BIN_EXE_choreo-view"))
+        .arg("a.rhai")
+        .env("DISPLAY", ":98765")
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(4), "{text}");
+    assert!(text.starts_with("cannot open a window: "), "{text}");
+}
