@@ -1,4 +1,4 @@
-//! What is wrong, with places; a click shows the line in the script.
+//! What is wrong, with places, and what the script printed.
 
 use crate::app::Viewer;
 use choreo_script::Severity;

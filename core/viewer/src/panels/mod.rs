@@ -40,6 +40,18 @@ impl Tab {
     }
 }
 
+/// Dark, as pictures are judged in the dark; text light enough to be read for hours.
+pub fn set_colors(context: &egui::Context) {
+    let mut visuals = egui::Visuals::dark();
+    visuals.widgets.noninteractive.fg_stroke.color = egui::Color32::from_gray(190);
+    visuals.widgets.inactive.fg_stroke.color = egui::Color32::from_gray(205);
+    visuals.weak_text_color = Some(egui::Color32::from_gray(140));
+    visuals.error_fg_color = egui::Color32::from_rgb(0xff, 0x80, 0x70);
+    visuals.warn_fg_color = egui::Color32::from_rgb(0xf0, 0xb0, 0x50);
+    context.set_theme(egui::Theme::Dark);
+    context.set_visuals_of(egui::Theme::Dark, visuals);
+}
+
 /// All that is drawn into the window.
 pub struct Panels {
     dock: DockState<Tab>,
@@ -218,7 +230,7 @@ impl TabViewer for Tabs<'_> {
     fn title(&mut self, tab: &mut Tab) -> WidgetText {
         match tab {
             Tab::Messages if self.viewer.faulty => {
-                RichText::new(tab.title()).color(egui::Color32::from_rgb(0xe0, 0x50, 0x40)).into()
+                RichText::new(tab.title()).color(egui::Color32::from_rgb(0xff, 0x80, 0x70)).into()
             }
             tab => tab.title().into(),
         }

@@ -298,8 +298,9 @@ fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, ruler: Rect) {
     for (name, time) in &viewer.timeline.markers {
         let line = Stroke::new(1.0, visuals.warn_fg_color);
         painter.vline(x(*time), lanes.y_range(), line);
-        let at = pos2(x(*time) + 2.0, ruler.bottom());
-        painter.text(at, Align2::LEFT_TOP, name, FontId::proportional(10.0), visuals.warn_fg_color);
+        // Below the rows, where no bar is in the way unless there are many.
+        let at = pos2(x(*time) + 3.0, lanes.bottom() - 2.0);
+        painter.text(at, Align2::LEFT_BOTTOM, name, FontId::proportional(11.5), visuals.warn_fg_color);
     }
     // What comes after the end is no scene.
     let after = Rect::from_min_max(pos2(x(viewer.timeline.length), lanes.top()), lanes.max);

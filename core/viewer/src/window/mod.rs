@@ -102,6 +102,7 @@ impl Open {
     fn new(window: Arc<Window>, proxy: &EventLoopProxy<News>) -> Result<Open, String> {
         let gpu = Gpu::new(&window).map_err(|e| e.to_string())?;
         let egui = egui::Context::default();
+        crate::panels::set_colors(&egui);
         let proxy = std::sync::Mutex::new(proxy.clone());
         egui.set_request_repaint_callback(move |info| {
             let proxy = proxy.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
