@@ -125,7 +125,7 @@ fn measure_names_a_way_for_each_choice() {
     let value = json(dir.path(), &["measure", "s.rhai", "--device", "cpu", "--json", "--plot", "m.svg"]);
     let choices = value["choices"].as_array().unwrap();
     let named: Vec<&str> = choices.iter().map(|c| c["choice"].as_str().unwrap()).collect();
-    assert_eq!(named, ["bake", "crossfade", "normals", "weights", "renderer", "video"]);
+    assert_eq!(named, ["bake", "crossfade", "skinning", "normals", "weights", "renderer", "video"]);
     for choice in choices {
         assert!(choice["chosen"].is_string() && !choice["why"].as_str().unwrap().is_empty(), "{choice}");
         for row in choice["rows"].as_array().unwrap() {
