@@ -3,7 +3,7 @@
 #![no_main]
 
 use choreo_motion::*;
-use glam::{Affine3A, Mat4, Quat, Vec3};
+use glam::{Affine3A, DAffine3, Mat4, Quat, Vec3};
 use libfuzzer_sys::arbitrary::{Arbitrary, Result, Unstructured};
 use libfuzzer_sys::fuzz_target;
 
@@ -163,6 +163,28 @@ fn poses(u: &mut Unstructured) -> Result<()> {
     Ok(())
 }
 
+/// A clip in fewer bytes gives the same bits at every level, alone and in a crossfade, and says how far it is off.
+fn compressed(u: &mut Unstructured) -> Result<()> {
+    let Some(skeleton) = skeleton(u)? else { return Ok(()) };
+    let Some(clip) = clip(u, skeleton.len())? else { return Ok(()) };
+    if clip.duration > Time::from_secs(100.0) {
+        return Ok(());
+    }
+    let tolerance = [1e-4, 1e-6, 0.1, f64::from(float(u)?)][u.choose_index(4)?];
+    let Ok((small, told)) = clip.compressed(&skeleton, tolerance) else { return Ok(()) };
+    assert!(told.worst_m <= tolerance, "{told:?}");
+    let times = [time(u)?, time(u)?, clip.duration];
+    let poses = [Level::Portable, Level::best()].map(|level| {
+        times.map(|time| {
+            let mut pose = Pose::rest(&skeleton);
+            Sample { clip: &small, time, pose: &mut pose }.run_on(level);
+            bits(&pose)
+        })
+    });
+    assert_eq!(poses[0], poses[1], "levels differ");
+    Ok(())
+}
+
 fn vertices(u: &mut Unstructured) -> Result<()> {
     let matrix = |u: &mut Unstructured| -> Result<Affine3A> {
         let t = transform(u)?;
@@ -198,6 +220,34 @@ fn vertices(u: &mut Unstructured) -> Result<()> {
     if job.check().is_ok() {
         job.run();
     }
+    let wide = |m: &Affine3A| DAffine3 {
+        matrix3: glam::Mat3::from(m.matrix3).as_dmat3(),
+        translation: m.translation.as_dvec3(),
+    };
+    let carriers: Vec<Carrier> = matrices.iter().map(|m| Carrier::of(wide(m))).collect();
+    let motions: Vec<DualQuaternion> = carriers.iter().map(DualQuaternion::from).collect();
+    let stretches: Vec<Affine3A> =
+        if u.arbitrary()? { carriers.iter().map(stretch_of).collect() } else { Vec::new() };
+    let dual = [Level::Portable, Level::best()].map(|level| {
+        let mut out_positions = vec![Vec3::ZERO; positions.len()];
+        let mut out_normals = vec![Vec3::ZERO; normals.len()];
+        let mut job = SkinDual {
+            motions: &motions,
+            stretches: &stretches,
+            influences,
+            joint_indices: &joint_indices,
+            joint_weights: &joint_weights,
+            positions: &positions,
+            normals: &normals,
+            out_positions: &mut out_positions,
+            out_normals: &mut out_normals,
+        };
+        if job.check().is_ok() {
+            job.run_on(level);
+        }
+        out_positions.iter().chain(&out_normals).flat_map(|v| v.to_array().map(number)).collect::<Vec<_>>()
+    });
+    assert_eq!(dual[0], dual[1], "levels differ");
     let targets = list(u, 4, |u| list(u, 20, vec3))?;
     let targets: Vec<&[Vec3]> = targets.iter().map(Vec::as_slice).collect();
     let weights = list(u, 5, float)?;
@@ -230,7 +280,8 @@ fuzz_target!(|bytes: &[u8]| {
     // Too few bytes is no finding.
     let _ = match kind % 8 {
         0..4 => poses(&mut u),
-        4..7 => vertices(&mut u),
+        4..6 => vertices(&mut u),
+        6 => compressed(&mut u),
         _ => playback(&mut u),
     };
 });
