@@ -245,3 +245,18 @@ fn what_cannot_become_smaller_stays_and_bad_input_is_named() {
     let still = motion(&skeleton, 30, 2.0, 0.0, Interpolation::Linear).cut(Time::ZERO, Time(1)).unwrap();
     assert!(still.compressed(&skeleton, 1e-4).is_ok());
 }
+
+#[test]
+fn keys_as_far_apart_as_time_goes_stay_as_they_are() {
+    let curve = Curve {
+        joint: 0,
+        path: Path::Translation,
+        interpolation: Interpolation::Linear,
+        times: vec![Time(i64::MIN / 2), Time(0), Time(i64::MAX)].into(),
+        values: vec![0.0; 9].into(),
+    };
+    let Ok(clip) = Clip::new("long".into(), 1, vec![curve]) else { panic!("such keys can be") };
+    let (small, told) = clip.compressed(&body(1), 1e-4).unwrap();
+    assert_eq!((told.worst_m, told.bytes[0]), (0.0, told.bytes[1]));
+    assert_eq!(small.duration, clip.duration);
+}

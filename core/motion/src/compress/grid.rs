@@ -40,14 +40,14 @@ impl Grid {
             own.into_iter().chain([60, 120, 240].into_iter().filter(|r| own.is_none_or(|own| *r > own)));
         rates
             .map(|rate| Time::TICKS_PER_SECOND / rate)
-            .map(|step| (step, (length + step - 1 - BESIDE).max(0) / step + 1))
+            .map(|step| (step, length.saturating_add(step - 1 - BESIDE).max(0) / step + 1))
             .filter(|(_, frames)| (2..=MOST_FRAMES).contains(frames))
             .map(|(step, frames)| Grid { start, step, frames: frames as usize })
             .collect()
     }
 
     pub fn times(&self) -> impl Iterator<Item = Time> + '_ {
-        (0..self.frames).map(|frame| Time(self.start.0 + frame as i64 * self.step))
+        (0..self.frames).map(|frame| Time(self.start.0.saturating_add(frame as i64 * self.step)))
     }
 
     /// A curve at all times, in f64; rotations in the hemisphere of the one before.
