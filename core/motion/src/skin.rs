@@ -47,6 +47,48 @@ impl SkinMatrices<'_> {
     }
 }
 
+/// What every way of skinning asks of its vertices.
+pub(crate) struct SkinnedVertices<'a> {
+    /// In messages.
+    pub job: &'a str,
+    pub joints: usize,
+    pub influences: usize,
+    pub joint_indices: &'a [u16],
+    pub joint_weights: &'a [f32],
+    pub positions: usize,
+    pub normals: usize,
+    pub out_positions: usize,
+    pub out_normals: usize,
+}
+
+impl SkinnedVertices<'_> {
+    pub fn check(&self) -> Result<(), String> {
+        let (job, vertices, joints) = (self.job, self.positions, self.joints);
+        if self.normals != 0 && self.normals != vertices {
+            return Err(format!("`{job}.normals` holds {}, there are {vertices} positions", self.normals));
+        }
+        let lengths = [
+            ("joint_indices", self.joint_indices.len(), vertices * self.influences),
+            ("joint_weights", self.joint_weights.len(), vertices * self.influences),
+            ("out_positions", self.out_positions, vertices),
+            ("out_normals", self.out_normals, self.normals),
+        ];
+        for (field, holds, needs) in lengths {
+            if holds != needs {
+                return Err(format!("`{job}.{field}` holds {holds}, must hold {needs}"));
+            }
+        }
+        if let Some(at) = self.joint_indices.iter().position(|j| usize::from(*j) >= joints) {
+            let joint = self.joint_indices[at];
+            return Err(format!("`{job}.joint_indices[{at}]` is {joint}, the skin has {joints} joints"));
+        }
+        if let Some(at) = self.joint_weights.iter().position(|w| !w.is_finite()) {
+            return Err(format!("`{job}.joint_weights[{at}]` is {}, must be finite", self.joint_weights[at]));
+        }
+        Ok(())
+    }
+}
+
 /// Linear blend skinning of positions and normals.
 ///
 /// Normals go through the blended matrix's cofactors (the inverse transpose but for a positive factor, finite for
@@ -69,35 +111,18 @@ pub struct Skin<'a> {
 
 impl Skin<'_> {
     pub fn check(&self) -> Result<(), String> {
-        let vertices = self.positions.len();
-        if !self.normals.is_empty() && self.normals.len() != vertices {
-            return Err(format!(
-                "`Skin.normals` holds {}, there are {vertices} positions",
-                self.normals.len()
-            ));
+        SkinnedVertices {
+            job: "Skin",
+            joints: self.matrices.len(),
+            influences: self.influences,
+            joint_indices: self.joint_indices,
+            joint_weights: self.joint_weights,
+            positions: self.positions.len(),
+            normals: self.normals.len(),
+            out_positions: self.out_positions.len(),
+            out_normals: self.out_normals.len(),
         }
-        let lengths = [
-            ("joint_indices", self.joint_indices.len(), vertices * self.influences),
-            ("joint_weights", self.joint_weights.len(), vertices * self.influences),
-            ("out_positions", self.out_positions.len(), vertices),
-            ("out_normals", self.out_normals.len(), self.normals.len()),
-        ];
-        for (field, holds, needs) in lengths {
-            if holds != needs {
-                return Err(format!("`Skin.{field}` holds {holds}, must hold {needs}"));
-            }
-        }
-        if let Some(at) = self.joint_indices.iter().position(|j| usize::from(*j) >= self.matrices.len()) {
-            return Err(format!(
-                "`Skin.joint_indices[{at}]` is {}, the skin has {} joints",
-                self.joint_indices[at],
-                self.matrices.len()
-            ));
-        }
-        if let Some(at) = self.joint_weights.iter().position(|w| !w.is_finite()) {
-            return Err(format!("`Skin.joint_weights[{at}]` is {}, must be finite", self.joint_weights[at]));
-        }
-        Ok(())
+        .check()
     }
 
     /// Panics where a joint index is out of range, which `check` finds.

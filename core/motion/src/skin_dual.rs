@@ -1,7 +1,9 @@
 //! Dual-quaternion skinning on the CPU, eight vertices at a time; the formulas are those of [`crate::dual_quaternion`].
 
 use crate::simd::{F8, Kernel, Level, dispatch};
-use crate::skin::{blended, blended_by, cross, dot3, eight, put_eight, transformed, transformed_normals};
+use crate::skin::{
+    SkinnedVertices, blended, blended_by, cross, dot3, eight, put_eight, transformed, transformed_normals,
+};
 use crate::{Carrier, LANES};
 use glam::{Affine3A, DQuat, Mat3A, Vec3, Vec3A};
 
@@ -45,13 +47,6 @@ pub struct SkinDual<'a> {
 
 impl SkinDual<'_> {
     pub fn check(&self) -> Result<(), String> {
-        let vertices = self.positions.len();
-        if !self.normals.is_empty() && self.normals.len() != vertices {
-            return Err(format!(
-                "`SkinDual.normals` holds {}, there are {vertices} positions",
-                self.normals.len()
-            ));
-        }
         let joints = self.motions.len();
         if !self.stretches.is_empty() && self.stretches.len() != joints {
             return Err(format!(
@@ -59,28 +54,18 @@ impl SkinDual<'_> {
                 self.stretches.len()
             ));
         }
-        let lengths = [
-            ("joint_indices", self.joint_indices.len(), vertices * self.influences),
-            ("joint_weights", self.joint_weights.len(), vertices * self.influences),
-            ("out_positions", self.out_positions.len(), vertices),
-            ("out_normals", self.out_normals.len(), self.normals.len()),
-        ];
-        for (field, holds, needs) in lengths {
-            if holds != needs {
-                return Err(format!("`SkinDual.{field}` holds {holds}, must hold {needs}"));
-            }
+        SkinnedVertices {
+            job: "SkinDual",
+            joints,
+            influences: self.influences,
+            joint_indices: self.joint_indices,
+            joint_weights: self.joint_weights,
+            positions: self.positions.len(),
+            normals: self.normals.len(),
+            out_positions: self.out_positions.len(),
+            out_normals: self.out_normals.len(),
         }
-        if let Some(at) = self.joint_indices.iter().position(|j| usize::from(*j) >= joints) {
-            let joint = self.joint_indices[at];
-            return Err(format!("`SkinDual.joint_indices[{at}]` is {joint}, the skin has {joints} joints"));
-        }
-        if let Some(at) = self.joint_weights.iter().position(|w| !w.is_finite()) {
-            return Err(format!(
-                "`SkinDual.joint_weights[{at}]` is {}, must be finite",
-                self.joint_weights[at]
-            ));
-        }
-        Ok(())
+        .check()
     }
 
     /// Panics where a joint index is out of range, which `check` finds.

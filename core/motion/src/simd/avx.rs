@@ -1,0 +1,244 @@
+//! Eight floats in a register of AVX.
+
+use super::{F8, Width};
+use crate::{LANES, Lane};
+use glam::Affine3A;
+use std::arch::x86_64::*;
+
+/// Only ever made inside `run_avx2`, which is entered after asking the processor: that is what makes each
+/// `unsafe` below sound, all of which only call AVX intrinsics on values, or load and store whole references.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx(__m256);
+
+impl F8 for Avx {
+    #[inline(always)]
+    fn load(lane: &Lane) -> Self {
+        // A `Lane` is 32 bytes, 32-byte aligned.
+        Avx(unsafe { _mm256_load_ps(lane.0.as_ptr()) })
+    }
+    #[inline(always)]
+    fn store(self, lane: &mut Lane) {
+        unsafe { _mm256_store_ps(lane.0.as_mut_ptr(), self.0) }
+    }
+    #[inline(always)]
+    fn splat(v: f32) -> Self {
+        Avx(unsafe { _mm256_set1_ps(v) })
+    }
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        Avx(unsafe { _mm256_add_ps(self.0, b.0) })
+    }
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        Avx(unsafe { _mm256_sub_ps(self.0, b.0) })
+    }
+    #[inline(always)]
+    fn mul(self, b: Self) -> Self {
+        Avx(unsafe { _mm256_mul_ps(self.0, b.0) })
+    }
+    #[inline(always)]
+    fn div(self, b: Self) -> Self {
+        Avx(unsafe { _mm256_div_ps(self.0, b.0) })
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Avx(unsafe { _mm256_sqrt_ps(self.0) })
+    }
+    #[inline(always)]
+    fn flipped_by(self, by: Self) -> Self {
+        Avx(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(by.0, _mm256_set1_ps(-0.0))) })
+    }
+    #[inline(always)]
+    fn equals(self, b: Self) -> Self {
+        Avx(unsafe { _mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, b.0) })
+    }
+    #[inline(always)]
+    fn less(self, b: Self) -> Self {
+        Avx(unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, b.0) })
+    }
+    #[inline(always)]
+    fn select(mask: Self, yes: Self, no: Self) -> Self {
+        Avx(unsafe { _mm256_blendv_ps(no.0, yes.0, mask.0) })
+    }
+    #[inline(always)]
+    fn both(half: &[f32; 4]) -> Self {
+        Avx(unsafe {
+            let half = _mm_loadu_ps(half.as_ptr());
+            _mm256_set_m128(half, half)
+        })
+    }
+    #[inline(always)]
+    fn upper(half: &[f32; 4]) -> Self {
+        Avx(unsafe {
+            let both = Self::both(half).0;
+            _mm256_blend_ps::<0xF0>(_mm256_setzero_ps(), both)
+        })
+    }
+    #[inline(always)]
+    fn spread<const I: usize>(self) -> Self {
+        Avx(unsafe {
+            match I {
+                0 => _mm256_permute_ps::<0x00>(self.0),
+                1 => _mm256_permute_ps::<0x55>(self.0),
+                2 => _mm256_permute_ps::<0xAA>(self.0),
+                _ => _mm256_permute_ps::<0xFF>(self.0),
+            }
+        })
+    }
+    #[inline(always)]
+    fn store_halves(self, out: &mut [[f32; 4]; 2]) {
+        unsafe { _mm256_storeu_ps(out.as_mut_ptr().cast(), self.0) }
+    }
+    #[inline(always)]
+    fn load_halves(halves: &[[f32; 4]; 2]) -> Self {
+        Avx(unsafe { _mm256_loadu_ps(halves.as_ptr().cast()) })
+    }
+    #[inline(always)]
+    fn column_pairs(a: [Self; 3], b: [Self; 3]) -> [Self; LANES] {
+        unsafe {
+            let mut low = [_mm256_setzero_ps(); 3];
+            let mut high = low;
+            for c in 0..3 {
+                low[c] = _mm256_permute2f128_ps::<0x20>(a[c].0, b[c].0);
+                high[c] = _mm256_permute2f128_ps::<0x31>(a[c].0, b[c].0);
+            }
+            let [a0, a1, a2, a3] = columns(low);
+            let [a4, a5, a6, a7] = columns(high);
+            [Avx(a0), Avx(a1), Avx(a2), Avx(a3), Avx(a4), Avx(a5), Avx(a6), Avx(a7)]
+        }
+    }
+    #[inline(always)]
+    fn half_rows(p: [Self; 4]) -> [Self; 3] {
+        let [x, y, z] = unsafe { rows([p[0].0, p[1].0, p[2].0, p[3].0]) };
+        [Avx(x), Avx(y), Avx(z)]
+    }
+    #[inline(always)]
+    fn joined_rows(first: [Self; 3], next: [Self; 3]) -> [[Self; 3]; 2] {
+        let (mut a, mut b) = (first, next);
+        for c in 0..3 {
+            a[c] = first[c].lower_halves(next[c]);
+            b[c] = first[c].upper_halves(next[c]);
+        }
+        [a, b]
+    }
+    #[inline(always)]
+    fn half_rows4(p: [Self; 4]) -> [Self; 4] {
+        unsafe {
+            let (ab, cd) = (_mm256_unpacklo_ps(p[0].0, p[1].0), _mm256_unpacklo_ps(p[2].0, p[3].0));
+            let (ab_zw, cd_zw) = (_mm256_unpackhi_ps(p[0].0, p[1].0), _mm256_unpackhi_ps(p[2].0, p[3].0));
+            [
+                Avx(_mm256_shuffle_ps::<0b01_00_01_00>(ab, cd)),
+                Avx(_mm256_shuffle_ps::<0b11_10_11_10>(ab, cd)),
+                Avx(_mm256_shuffle_ps::<0b01_00_01_00>(ab_zw, cd_zw)),
+                Avx(_mm256_shuffle_ps::<0b11_10_11_10>(ab_zw, cd_zw)),
+            ]
+        }
+    }
+    #[inline(always)]
+    fn joined_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2] {
+        let (mut a, mut b) = (first, next);
+        for c in 0..4 {
+            a[c] = first[c].lower_halves(next[c]);
+            b[c] = first[c].upper_halves(next[c]);
+        }
+        [a, b]
+    }
+    #[inline(always)]
+    fn dot_halves(self, b: Self) -> Self {
+        unsafe {
+            let p = _mm256_mul_ps(self.0, b.0);
+            let pairs = _mm256_add_ps(p, _mm256_permute_ps::<0b10_11_00_01>(p));
+            Avx(_mm256_add_ps(pairs, _mm256_permute_ps::<0b01_00_11_10>(pairs)))
+        }
+    }
+    #[inline(always)]
+    fn of_matrix(matrix: &Affine3A) -> [Self; 2] {
+        // On x86-64 a `Vec3A` is an SSE register: four floats, none of them padding.
+        let from: *const f32 = std::ptr::from_ref(matrix).cast();
+        unsafe { [Avx(_mm256_loadu_ps(from)), Avx(_mm256_loadu_ps(from.add(8)))] }
+    }
+    #[inline(always)]
+    fn load_points(points: &[[f32; 3]; LANES]) -> [Self; 3] {
+        // The 24 floats as six quarters of eight points; then the shuffles of Intel's "3D Vector Normalization
+        // Using 256-Bit AVX" (S. Kaufmann, 2011).
+        let from: *const f32 = points.as_ptr().cast();
+        unsafe {
+            let m03 = _mm256_loadu2_m128(from.add(12), from);
+            let m14 = _mm256_loadu2_m128(from.add(16), from.add(4));
+            let m25 = _mm256_loadu2_m128(from.add(20), from.add(8));
+            let xy = _mm256_shuffle_ps::<0b10_01_11_10>(m14, m25);
+            let yz = _mm256_shuffle_ps::<0b01_00_10_01>(m03, m14);
+            [
+                Avx(_mm256_shuffle_ps::<0b10_00_11_00>(m03, xy)),
+                Avx(_mm256_shuffle_ps::<0b11_01_10_00>(yz, xy)),
+                Avx(_mm256_shuffle_ps::<0b11_00_11_01>(yz, m25)),
+            ]
+        }
+    }
+    #[inline(always)]
+    fn store_points([x, y, z]: [Self; 3], points: &mut [[f32; 3]; LANES]) {
+        let to: *mut f32 = points.as_mut_ptr().cast();
+        unsafe {
+            let xy = _mm256_shuffle_ps::<0b10_00_10_00>(x.0, y.0);
+            let yz = _mm256_shuffle_ps::<0b11_01_11_01>(y.0, z.0);
+            let zx = _mm256_shuffle_ps::<0b11_01_10_00>(z.0, x.0);
+            let m03 = _mm256_shuffle_ps::<0b10_00_10_00>(xy, zx);
+            let m14 = _mm256_shuffle_ps::<0b11_01_10_00>(yz, xy);
+            let m25 = _mm256_shuffle_ps::<0b11_01_11_01>(zx, yz);
+            _mm256_storeu2_m128(to.add(12), to, m03);
+            _mm256_storeu2_m128(to.add(16), to.add(4), m14);
+            _mm256_storeu2_m128(to.add(20), to.add(8), m25);
+        }
+    }
+    #[inline(always)]
+    fn unpack(bytes: &[u8; 16], width: &Width) -> Self {
+        // A `Width` is aligned to 32 bytes, and so is each of its three parts.
+        unsafe {
+            let bytes = _mm256_broadcastsi128_si256(_mm_loadu_si128(bytes.as_ptr().cast()));
+            let words = _mm256_shuffle_epi8(bytes, _mm256_load_si256(width.bytes.as_ptr().cast()));
+            let shifted = _mm256_srlv_epi32(words, _mm256_load_si256(width.shift.as_ptr().cast()));
+            let numbers = _mm256_and_si256(shifted, _mm256_load_si256(width.mask.as_ptr().cast()));
+            Avx(_mm256_cvtepi32_ps(numbers))
+        }
+    }
+}
+
+impl Avx {
+    #[inline(always)]
+    fn lower_halves(self, b: Self) -> Self {
+        Avx(unsafe { _mm256_permute2f128_ps::<0x20>(self.0, b.0) })
+    }
+    #[inline(always)]
+    fn upper_halves(self, b: Self) -> Self {
+        Avx(unsafe { _mm256_permute2f128_ps::<0x31>(self.0, b.0) })
+    }
+}
+
+/// Component rows of four column pairs, in each half.
+#[inline(always)]
+unsafe fn rows([a, b, c, d]: [__m256; 4]) -> [__m256; 3] {
+    unsafe {
+        let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
+        let (ab_z, cd_z) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d));
+        [
+            _mm256_shuffle_ps::<0b01_00_01_00>(ab, cd),
+            _mm256_shuffle_ps::<0b11_10_11_10>(ab, cd),
+            _mm256_shuffle_ps::<0b01_00_01_00>(ab_z, cd_z),
+        ]
+    }
+}
+
+/// Rows x, y, z of four joints in each half, to a column x y z z of each.
+#[inline(always)]
+unsafe fn columns([x, y, z]: [__m256; 3]) -> [__m256; 4] {
+    unsafe {
+        let low = _mm256_unpacklo_ps(x, y);
+        let high = _mm256_unpackhi_ps(x, y);
+        [
+            _mm256_shuffle_ps::<0b00_00_01_00>(low, z),
+            _mm256_shuffle_ps::<0b01_01_11_10>(low, z),
+            _mm256_shuffle_ps::<0b10_10_01_00>(high, z),
+            _mm256_shuffle_ps::<0b11_11_11_10>(high, z),
+        ]
+    }
+}
