@@ -12,27 +12,35 @@ use crate::local;
 use crate::meshes::Shown;
 use crate::morphs;
 use crate::nodes::Tree;
+use crate::objects::Object;
+use crate::properties;
 use crate::sampled;
 use crate::weights::Track;
 use choreo_import::{Problem, Result};
 use choreo_motion::clip::MAX_WEIGHTS;
-use choreo_motion::{Clip, Curve, Interpolation, Path, Time};
+use choreo_motion::{Clip, Curve, Interpolation, Path, PropertyCurve, Time};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use ufbx::AnimStack;
+use ufbx::{AnimCurve, AnimStack};
 
 /// Keys further out than this (about 115 days) are taken for damage.
 const MAX_KEY_SECS: f64 = 1e7;
 /// Metres, parts of a quaternion, of a scale.
 const STILL: f32 = 1e-6;
 
-pub fn read(file: &File<'_>, tree: &Tree, shown: &[Shown<'_>]) -> Result<Vec<Arc<Clip>>> {
+pub fn read(
+    file: &File<'_>,
+    tree: &Tree,
+    shown: &[Shown<'_>],
+    objects: &[Object<'_>],
+) -> Result<Vec<Arc<Clip>>> {
     let mut clips = Vec::new();
     for stack in &file.scene.anim_stacks {
         let driven = Driven::new(stack);
         let span = span(stack, &driven)?;
-        let maker =
-            Maker { file, tree, shown, stack, driven, span, times: Times::default(), curves: Vec::new() };
+        let repeated = driven.repeated(span);
+        let (times, curves) = (Times::default(), Vec::new());
+        let maker = Maker { file, tree, shown, objects, stack, driven, repeated, span, times, curves };
         match maker.clip()? {
             Some(clip) => clips.push(Arc::new(clip)),
             None => file.notes.warn(place_of(&stack.element), "moves nothing and is left out"),
@@ -57,14 +65,17 @@ fn span(stack: &AnimStack, driven: &Driven<'_>) -> Result<Span> {
     }
 }
 
-struct Maker<'a, 'f> {
-    file: &'a File<'f>,
+pub struct Maker<'a, 'f> {
+    pub file: &'a File<'f>,
     tree: &'a Tree,
     shown: &'a [Shown<'f>],
-    stack: &'a AnimStack,
-    driven: Driven<'a>,
-    span: Span,
-    times: Times,
+    pub objects: &'a [Object<'f>],
+    pub stack: &'a AnimStack,
+    pub driven: Driven<'a>,
+    /// Elements with curves that go on beyond their keys.
+    pub repeated: BTreeSet<u32>,
+    pub span: Span,
+    pub times: Times,
     curves: Vec<Curve>,
 }
 
@@ -72,25 +83,26 @@ struct Maker<'a, 'f> {
 type Groups<'a> = BTreeMap<Vec<(Time, Time)>, Vec<Member<'a>>>;
 
 impl Maker<'_, '_> {
-    fn place(&self) -> String {
+    pub fn place(&self) -> String {
         place_of(&self.stack.element)
     }
 
     fn clip(mut self) -> Result<Option<Clip>> {
-        let repeated = self.driven.repeated(self.span);
-        self.tell_repeated(&repeated);
-        self.nodes(&repeated)?;
-        self.weights(&repeated)?;
+        self.tell_repeated();
+        self.nodes()?;
+        self.weights()?;
+        let mut properties = self.properties()?;
         self.left_out();
-        if self.curves.iter().all(|c| self.is_still(c)) {
+        if self.curves.iter().all(|c| self.is_still(c)) && properties.is_empty() {
             return Ok(None);
         }
-        self.reach();
+        self.reach(&mut properties);
         let name = match self.stack.element.name.as_ref() {
             "" => format!("stack {}", self.stack.element.typed_id),
             name => name.to_string(),
         };
         Clip::new(name, self.tree.skeleton.len(), self.curves)
+            .and_then(|clip| clip.with_properties(properties))
             .map(Some)
             .map_err(|e| Problem::new(place_of(&self.stack.element), e.to_string()))
     }
@@ -110,8 +122,8 @@ impl Maker<'_, '_> {
         }
     }
 
-    fn tell_repeated(&self, repeated: &BTreeSet<u32>) {
-        for id in repeated.iter().take(20) {
+    fn tell_repeated(&self) {
+        for id in self.repeated.iter().take(20) {
             if let Some(element) = self.file.scene.elements.get(*id as usize) {
                 let what = format!(
                     "repeats beyond its keys, and is sampled {} times a second; steps are not kept",
@@ -122,14 +134,14 @@ impl Maker<'_, '_> {
         }
     }
 
-    fn nodes(&mut self, repeated: &BTreeSet<u32>) -> Result<()> {
+    fn nodes(&mut self) -> Result<()> {
         let scene = self.file.scene;
         // Those that have a closed form, kept for as long as their members.
         let mut closed = Vec::new();
         for id in self.driven.nodes(scene) {
             let Some(node) = scene.nodes.get(id as usize) else { continue };
             let Some(joint) = self.tree.joint_of_node.get(id as usize).copied().flatten() else { continue };
-            let repeats = repeated.contains(&node.element.element_id);
+            let repeats = Driven::is_of(&self.repeated, node);
             match self.driven.props(node).filter(|_| !repeats && self.span.length() > Time(2)) {
                 Some(props) => closed.push((joint, props)),
                 None => self.sampled(node, joint, repeats)?,
@@ -137,7 +149,7 @@ impl Maker<'_, '_> {
         }
         let mut groups = Groups::new();
         for (joint, props) in &closed {
-            for path in [Path::Translation, Path::Rotation, Path::Scale] {
+            for path in PATHS {
                 self.gather(&mut groups, *joint, props, path)?;
             }
         }
@@ -165,31 +177,53 @@ impl Maker<'_, '_> {
     ) -> Result<()> {
         let local = &props.local;
         let (swings, scaled) = local.swings();
-        let mut parts: Vec<usize> = match path {
-            Path::Translation => vec![0],
-            Path::Rotation => vec![1],
-            _ => vec![2],
-        };
-        if path == Path::Translation && swings && props.drives(1) {
-            parts.push(1);
-        }
-        if path == Path::Translation && scaled && props.drives(2) {
-            // Its place in a member is after the rotation's.
-            parts = vec![0, 1, 2];
-        }
-        if !parts.iter().any(|part| props.drives(*part)) {
+        let own = PATHS.iter().position(|p| *p == path).unwrap_or_default();
+        let swung = path == Path::Translation && swings && (props.drives(1) || scaled && props.drives(2));
+        let with_scale = swung && scaled && props.drives(2);
+        // A helper for scale follows the scale of others by its own, all else by its translation.
+        let follows = path == if local.is_scale_helper { Path::Scale } else { Path::Translation };
+        let factors = if follows { &props.factors[..] } else { &[] };
+        if !props.drives(own) && !swung && !factors.iter().any(|f| f.drives()) {
             return Ok(());
         }
         let mut curves: Vec<Vec<curve::Piece>> = Vec::with_capacity(9);
-        for part in parts {
+        let mut add = |of: &dyn Fn(usize) -> (Option<&'m AnimCurve>, f64), tolerance: f64| {
+            let first = curves.len();
             for axis in 0..3 {
-                let (curve, otherwise) = props.curve(part, axis);
+                let (curve, otherwise) = of(axis);
                 self.file.charge(curve.map_or(1, |c| c.keyframes.len()), 2 * 64, || self.place())?;
                 let mut out = Vec::with_capacity(curve.map_or(1, |c| c.keyframes.len() + 1));
-                let tolerance = self.tolerance(path, part, props);
                 curve::pieces(curve, otherwise, self.span, tolerance, &mut out);
                 curves.push(out);
             }
+            Ok(first)
+        };
+        let greatest = |of: &dyn Fn(usize) -> (Option<&'m AnimCurve>, f64)| {
+            let most = |axis| match of(axis) {
+                (Some(c), _) => c.min_value.abs().max(c.max_value.abs()),
+                (None, v) => v.abs(),
+            };
+            (0..3).map(most).fold(1e-12, f64::max)
+        };
+        let of_factor = |f: usize| move |axis: usize| factors[f].curve(axis);
+        let whole: f64 = (0..factors.len()).map(|f| greatest(&of_factor(f))).product();
+        let tolerance = self.tolerance(path, own, props) / whole.max(1e-9);
+        add(&|axis| props.curve(own, axis), tolerance)?;
+        let turned = match swung {
+            true => Some(add(&|axis| props.curve(1, axis), self.tolerance(path, 1, props))?),
+            false => None,
+        };
+        let scaled = match with_scale {
+            true => Some(add(&|axis| props.curve(2, axis), self.tolerance(path, 2, props))?),
+            false => None,
+        };
+        let size = greatest(&|axis| props.curve(own, axis));
+        let mut multiplied = Vec::new();
+        for f in 0..factors.len() {
+            let of = of_factor(f);
+            // What the others make of its error.
+            let others = size * whole / greatest(&of);
+            multiplied.push(add(&of, self.tolerance(path, own, props) / others.max(1e-12))?);
         }
         let slices: Vec<&[curve::Piece]> = curves.iter().map(|c| c.as_slice()).collect();
         let count: usize = slices.iter().map(|c| c.len()).sum();
@@ -199,7 +233,10 @@ impl Maker<'_, '_> {
             path,
             local,
             curves: Joined::new(&slices),
-            rest: [props.rest(0), props.rest(1), props.rest(2)],
+            turned,
+            scaled,
+            factors: multiplied,
+            rest: [props.rest(1), props.rest(2)],
         };
         if member.curves.is_constant() {
             let (value, _) = member.at_start();
@@ -257,7 +294,7 @@ impl Maker<'_, '_> {
     }
 
     /// One curve a mesh: at every time at which one of its channels bends, the weights of all its shapes.
-    fn weights(&mut self, repeated: &BTreeSet<u32>) -> Result<()> {
+    fn weights(&mut self) -> Result<()> {
         let mut done = BTreeSet::new();
         for one in self.shown {
             let count = morphs::count(one.mesh);
@@ -270,7 +307,7 @@ impl Maker<'_, '_> {
             let mut tracks = Vec::new();
             for (channel, curves) in morphs::channels(one.mesh).zip(&curves) {
                 let id = channel.element.element_id;
-                let with = (curves.as_slice(), repeated.contains(&id));
+                let with = (curves.as_slice(), self.repeated.contains(&id));
                 let track = match curves.is_empty() {
                     true => Track::still(channel),
                     false => {
@@ -297,7 +334,10 @@ impl Maker<'_, '_> {
 
     /// What of the stack clips cannot hold.
     fn left_out(&self) {
-        for (id, names) in self.driven.others() {
+        let known = |id: u32, name: &str| {
+            self.objects.iter().any(|o| o.element_id() == Some(id) && properties::is_known(o, name))
+        };
+        for (id, names) in self.driven.others(known) {
             let Some(of_file) = self.file.scene.elements.get(id as usize) else { continue };
             let list = names.iter().take(6).copied().collect::<Vec<_>>().join(", ");
             let what = format!("animates {list}, which clips cannot hold; the value at rest is used");
@@ -306,24 +346,33 @@ impl Maker<'_, '_> {
     }
 
     /// A clip is as long as its longest curve: the first gets a key at the end that the stack names.
-    fn reach(&mut self) {
+    fn reach(&mut self, properties: &mut [PropertyCurve]) {
         let length = self.span.length();
-        let last = |c: &Curve| c.times.last().copied().unwrap_or(Time::ZERO);
-        if self.curves.iter().map(last).max().unwrap_or(Time::ZERO) >= length {
+        let of_joints = self.curves.iter().map(|c| &c.times);
+        let ends = of_joints.chain(properties.iter().map(|p| &p.times)).filter_map(|t| t.last());
+        if ends.max().is_some_and(|end| *end >= length) {
             return;
         }
-        let curve = &mut self.curves[0];
-        let mut end = curve.values[curve.values.len() - curve.stride()..].to_vec();
-        if curve.interpolation == Interpolation::CubicSpline {
-            // It rests from there on.
-            let width = curve.path.width();
-            end[..width].fill(0.0);
-            end[2 * width..].fill(0.0);
+        let mut extend =
+            |times: &mut Arc<[Time]>, values: &mut Arc<[f32]>, how: Interpolation, width: usize| {
+                let stride = if how == Interpolation::CubicSpline { 3 * width } else { width };
+                let mut end = values[values.len() - stride..].to_vec();
+                if how == Interpolation::CubicSpline {
+                    // It rests from there on.
+                    end[..width].fill(0.0);
+                    end[2 * width..].fill(0.0);
+                }
+                *values = values.iter().chain(&end).copied().collect();
+                *times = self.times.share(times.iter().copied().chain([length]).collect());
+            };
+        if let Some(c) = self.curves.first_mut() {
+            extend(&mut c.times, &mut c.values, c.interpolation, c.path.width());
+        } else if let Some(p) = properties.first_mut() {
+            extend(&mut p.times, &mut p.values, p.interpolation, p.target.width());
         }
-        curve.values = curve.values.iter().chain(&end).copied().collect();
-        curve.times = self.times.share(curve.times.iter().copied().chain([length]).collect());
     }
 }
 
+const PATHS: [Path; 3] = [Path::Translation, Path::Rotation, Path::Scale];
 /// Parts of a node's transform, as [`local::ALL`] begins.
 pub const PARTS: [&str; 3] = [local::TRANSLATION, local::ROTATION, local::SCALING];

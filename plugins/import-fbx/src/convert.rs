@@ -2,7 +2,7 @@
 
 use choreo_import::{Problem, Result};
 use choreo_motion::Transform;
-use glam::{DQuat, Mat4, Quat, Vec3, Vec4};
+use glam::{DAffine3, DMat4, DQuat, DVec3, Mat4, Quat, Vec3};
 
 pub fn vec3(v: &ufbx::Vec3) -> Vec3 {
     Vec3::new(v.x as f32, v.y as f32, v.z as f32)
@@ -26,14 +26,18 @@ pub fn transform(t: &ufbx::Transform, place: impl FnOnce() -> String) -> Result<
     }
 }
 
-pub fn matrix(m: &ufbx::Matrix, place: impl FnOnce() -> String) -> Result<Mat4> {
-    let column = |x: f64, y: f64, z: f64, w: f32| Vec4::new(x as f32, y as f32, z as f32, w);
-    let out = Mat4::from_cols(
-        column(m.m00, m.m10, m.m20, 0.0),
-        column(m.m01, m.m11, m.m21, 0.0),
-        column(m.m02, m.m12, m.m22, 0.0),
-        column(m.m03, m.m13, m.m23, 1.0),
-    );
+pub fn affine(m: &ufbx::Matrix) -> DAffine3 {
+    let column = DVec3::new;
+    DAffine3::from_cols(
+        column(m.m00, m.m10, m.m20),
+        column(m.m01, m.m11, m.m21),
+        column(m.m02, m.m12, m.m22),
+        column(m.m03, m.m13, m.m23),
+    )
+}
+
+pub fn matrix(m: &DAffine3, place: impl FnOnce() -> String) -> Result<Mat4> {
+    let out = DMat4::from(*m).as_mat4();
     match out.is_finite() {
         true => Ok(out),
         false => Err(Problem::new(place(), "a matrix is not finite")),

@@ -8,7 +8,8 @@ use crate::weights::WEIGHT;
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
 use ufbx::{
-    AnimCurve, AnimLayer, AnimProp, AnimStack, AnimValue, BlendChannel, ElementType, ExtrapolationMode,
+    AnimCurve, AnimLayer, AnimProp, AnimStack, AnimValue, BlendChannel, Element, ElementType,
+    ExtrapolationMode,
 };
 use ufbx::{Node, PropFlags, Scene};
 
@@ -30,10 +31,25 @@ pub struct Driven<'a> {
 pub struct Props<'a> {
     pub local: Local,
     values: [Option<&'a AnimValue>; 3],
+    /// Scale that its translation (of a helper for scale: its scale) is multiplied by, node by node.
+    pub factors: Vec<Factor<'a>>,
+}
+
+pub struct Factor<'a> {
+    value: Option<&'a AnimValue>,
+    rest: DVec3,
 }
 
 fn curves(value: &AnimValue) -> impl Iterator<Item = &AnimCurve> {
     value.curves.iter().flatten().map(|c| c.as_ref())
+}
+
+/// Where a number comes from that is no part of a transform.
+pub enum Source<'a> {
+    Nothing,
+    One(&'a AnimValue),
+    /// Through several layers, or a connection.
+    Mixed(Vec<&'a AnimCurve>),
 }
 
 impl<'a> Driven<'a> {
@@ -83,17 +99,28 @@ impl<'a> Driven<'a> {
                     .get(id)
                     .is_some_and(|(_, list)| list.iter().any(|e| local::ALL.contains(&e.name)))
             };
-            drives(&node.element.element_id) || helpers(node).iter().any(drives)
+            drives(&node.element.element_id) || helpers(node).iter().any(|h| drives(&h.element.element_id))
         };
         let nodes = scene.nodes.into_iter().filter(|n| !n.is_root && moves(n));
         nodes.map(|n| n.element.typed_id).collect()
     }
 
-    /// `None` where its curves have no closed form here: mixed layers, animated pivots, connections, scale of others.
+    /// `None` where its curves have no closed form here: mixed layers, animated pivots, connections.
     pub fn props(&self, node: &Node) -> Option<Props<'a>> {
         let local = Local::new(node).filter(|_| !self.overridden)?;
+        let values = self.replaced(&node.element)?;
+        let factor = |helper: &Node| {
+            let [_, _, value] = self.replaced(&helper.element)?;
+            Some(Factor { value, rest: local::property(helper, local::SCALING).unwrap_or(DVec3::ONE) })
+        };
+        let factors = helpers(node).into_iter().map(factor).collect::<Option<_>>()?;
+        Some(Props { local, values, factors })
+    }
+
+    /// Values of translation, rotation and scale that one layer has alone.
+    fn replaced(&self, element: &Element) -> Option<[Option<&'a AnimValue>; 3]> {
         let mut values = [None; 3];
-        for entry in &self.entries.get(&node.element.element_id)?.1 {
+        for entry in self.entries.get(&element.element_id).map_or(&[][..], |(_, list)| list) {
             let Some(part) = PARTS.iter().position(|p| *p == entry.name) else {
                 if local::ALL.contains(&entry.name) {
                     return None;
@@ -102,23 +129,29 @@ impl<'a> Driven<'a> {
             };
             let layer = self.layers[entry.layer];
             let replaces = entry.layer == 0 || !layer.additive && !layer.blended;
-            let prop = node.element.props.find_prop(entry.name)?;
+            let prop = element.props.find_prop(entry.name)?;
             if !replaces || prop.flags.has_any(PropFlags::CONNECTED) {
                 return None;
             }
             values[part] = Some(entry.value);
         }
         let connected = |name: &&str| {
-            let prop = node.element.props.find_prop(name);
+            let prop = element.props.find_prop(name);
             prop.is_some_and(|p| p.flags.has_any(PropFlags::CONNECTED))
         };
-        (!local::ALL.iter().any(connected)).then_some(Props { local, values })
+        (!local::ALL.iter().any(connected)).then_some(values)
+    }
+
+    /// Whether a node or one whose scale it follows is among these elements.
+    pub fn is_of(elements: &BTreeSet<u32>, node: &Node) -> bool {
+        let of = |n: &Node| elements.contains(&n.element.element_id);
+        of(node) || helpers(node).into_iter().any(of)
     }
 
     /// All curves that a node's transform depends on.
     pub fn curves_of(&self, node: &Node) -> impl Iterator<Item = &'a AnimCurve> {
-        let mut ids = helpers(node);
-        ids.insert(node.element.element_id);
+        let own = [node.element.element_id];
+        let ids: BTreeSet<u32> = helpers(node).iter().map(|h| h.element.element_id).chain(own).collect();
         let of_node = move |id: &u32| ids.contains(id);
         let known = |e: &&Entry<'a>| local::ALL.contains(&e.name) || e.name == LAYER_WEIGHT;
         self.entries
@@ -128,19 +161,34 @@ impl<'a> Driven<'a> {
             .flat_map(|e| curves(e.value))
     }
 
+    pub fn property(&self, element: &Element, name: &str) -> Source<'a> {
+        let Some((_, list)) = self.entries.get(&element.element_id) else { return Source::Nothing };
+        let named: Vec<&Entry<'a>> = list.iter().filter(|e| e.name == name).collect();
+        let Some(last) = named.last() else { return Source::Nothing };
+        let layer = self.layers[last.layer];
+        let replaces = last.layer == 0 || !layer.additive && !layer.blended;
+        let prop = element.props.find_prop(name);
+        let connected = prop.is_some_and(|p| p.flags.has_any(PropFlags::CONNECTED));
+        match replaces && !connected && !self.overridden {
+            true => Source::One(last.value),
+            false => Source::Mixed(named.iter().flat_map(|e| curves(e.value)).collect()),
+        }
+    }
+
     /// Empty where nothing drives the channel.
     pub fn weight_curves(&self, channel: &BlendChannel) -> Vec<&'a AnimCurve> {
         let Some((_, list)) = self.entries.get(&channel.element.element_id) else { return Vec::new() };
         list.iter().filter(|e| e.name == WEIGHT).flat_map(|e| curves(e.value)).collect()
     }
 
-    /// Properties that change and are no part of a transform, nor a blend shape's weight.
-    pub fn others(&self) -> BTreeMap<u32, Vec<&'a str>> {
+    /// Properties that change and are no part of a transform, nor a blend shape's weight, nor `known` of an element.
+    pub fn others(&self, known: impl Fn(u32, &str) -> bool) -> BTreeMap<u32, Vec<&'a str>> {
         let mut out = BTreeMap::new();
         for (id, (kind, list)) in &self.entries {
             let known = |name: &str| match kind {
                 ElementType::Node => local::ALL.contains(&name),
                 ElementType::AnimLayer => name == LAYER_WEIGHT,
+                ElementType::Camera | ElementType::Light => known(*id, name),
                 _ => name == WEIGHT,
             };
             let changes = |e: &&Entry<'a>| {
@@ -160,21 +208,44 @@ impl<'a> Driven<'a> {
 
 const LAYER_WEIGHT: &str = "Weight";
 
-/// Nodes (by element) that a node's translation or scale follows.
-fn helpers(node: &Node) -> BTreeSet<u32> {
-    let mut out = BTreeSet::new();
+/// Helpers whose scale a node's translation is multiplied by; of a helper, those whose scale its own is. As
+/// `ufbx_evaluate_transform` goes: up from the parent, as long as there are helpers.
+fn helpers(node: &Node) -> Vec<&Node> {
+    let mut out: Vec<&Node> = Vec::new();
     let Some(parent) = &node.parent else { return out };
-    out.extend(parent.scale_helper.as_ref().map(|h| h.element.element_id));
+    match &parent.scale_helper {
+        Some(helper) if !node.is_scale_helper => out.push(helper),
+        None if !node.is_scale_helper => return out,
+        _ => {}
+    }
     let mut above = parent.inherit_scale_node.as_ref();
     while let Some(node) = above {
-        // A file cannot make a circle of it, ufbx says; but this costs nothing.
         let Some(helper) = &node.scale_helper else { break };
-        if !out.insert(helper.element.element_id) && out.len() > 1 {
+        let known = |h: &&Node| h.element.element_id == helper.element.element_id;
+        // A file cannot make a circle of it, ufbx says; but this costs nothing.
+        if out.iter().any(known) {
             break;
         }
+        out.push(helper);
         above = node.inherit_scale_node.as_ref();
     }
     out
+}
+
+impl<'a> Factor<'a> {
+    pub fn drives(&self) -> bool {
+        self.value.is_some()
+    }
+
+    pub fn curve(&self, axis: usize) -> (Option<&'a AnimCurve>, f64) {
+        match self.value {
+            Some(value) => {
+                let v = &value.default_value;
+                (value.curves[axis].as_deref(), [v.x, v.y, v.z][axis])
+            }
+            None => (None, self.rest[axis]),
+        }
+    }
 }
 
 impl<'a> Props<'a> {

@@ -68,10 +68,33 @@ fn cut(from: Time, to: Time, k: u32, parts: u32) -> Time {
 
 /// One member's keys at those times.
 pub fn curve(member: &Member<'_>, parts: &[u32], times: &[Time], accuracy: Accuracy) -> Keys {
-    let keys = keys(member, parts);
-    let width = member.path.width();
-    let blend = if member.path == Path::Rotation { Blend::Rotation } else { Blend::Numbers };
-    if accuracy.rate.is_some() || straight(member.path, &keys, times, SHARE * limit(member.path, accuracy)) {
+    let mut latest = Latest::default();
+    let along = Along { intervals: &member.curves.intervals, parts, times };
+    let limit = limit(member.path, accuracy);
+    spline(along, member.path, limit, accuracy, |i, u| member.at(i, u, &mut latest))
+}
+
+/// Intervals without gaps but jumps, the parts of each, and the key times that come of both.
+#[derive(Clone, Copy)]
+pub struct Along<'a> {
+    pub intervals: &'a [(Time, Time)],
+    pub parts: &'a [u32],
+    pub times: &'a [Time],
+}
+
+/// Keys of what has a value and a change (an interval) anywhere in each interval: lines where they stay within `limit`.
+pub fn spline(
+    along: Along<'_>,
+    path: Path,
+    limit: f64,
+    accuracy: Accuracy,
+    at: impl FnMut(usize, f64) -> ([f64; 4], [f64; 4]),
+) -> Keys {
+    let Along { intervals, parts, times } = along;
+    let keys = keys(intervals, parts, at);
+    let width = path.width();
+    let blend = if path == Path::Rotation { Blend::Rotation } else { Blend::Numbers };
+    if accuracy.rate.is_some() || straight(path, &keys, times, SHARE * limit) {
         let values = keys.iter().flat_map(|k| &k.value[..width]).map(|v| *v as f32).collect();
         return finish(times.to_vec(), values, width, blend);
     }
@@ -84,14 +107,17 @@ pub fn curve(member: &Member<'_>, parts: &[u32], times: &[Time], accuracy: Accur
     Keys { interpolation: Interpolation::CubicSpline, times: times.to_vec(), values }
 }
 
-fn keys(member: &Member<'_>, parts: &[u32]) -> Vec<Key> {
+fn keys(
+    intervals: &[(Time, Time)],
+    parts: &[u32],
+    mut at: impl FnMut(usize, f64) -> ([f64; 4], [f64; 4]),
+) -> Vec<Key> {
     let mut out: Vec<Key> = Vec::with_capacity(parts.iter().map(|n| *n as usize).sum::<usize>() + 1);
-    let mut latest = Latest::default();
     let mut reached = None;
-    for (interval, ((from, to), parts)) in member.curves.intervals.iter().zip(parts).enumerate() {
+    for (interval, ((from, to), parts)) in intervals.iter().zip(parts).enumerate() {
         let secs = (*to - *from).as_secs();
         for k in 0..=*parts {
-            let (value, change) = member.at(interval, f64::from(k) / f64::from(*parts), &mut latest);
+            let (value, change) = at(interval, f64::from(k) / f64::from(*parts));
             let slope = change.map(|c| c / secs);
             match out.last_mut() {
                 Some(last) if k == 0 && reached == Some(*from) => (last.value, last.after) = (value, slope),

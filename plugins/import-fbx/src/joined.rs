@@ -89,6 +89,28 @@ impl Joined {
         self.vector(interval, first, |c| c[1] + u * (2.0 * c[2] + u * (3.0 * c[3])))
     }
 
+    /// Up to three plain numbers, each given to a function that also says its slope: values, and changes an interval.
+    pub fn numbers(&self, interval: usize, u: f64, of: impl Fn(f64) -> (f64, f64)) -> ([f64; 4], [f64; 4]) {
+        let (mut values, mut changes) = ([0.0; 4], [0.0; 4]);
+        for (k, c) in self.pieces[interval * self.width..][..self.width].iter().enumerate() {
+            let (value, slope) = of(c[0] + u * (c[1] + u * (c[2] + u * c[3])));
+            values[k] = value;
+            changes[k] = slope * (c[1] + u * (2.0 * c[2] + u * (3.0 * c[3])));
+        }
+        (values, changes)
+    }
+
+    /// Of a value and its derivatives over an interval.
+    fn bounds_by_axis(&self, interval: usize, first: usize) -> Bounds {
+        [
+            self.vector(interval, first, |c| c[0].abs() + c[1].abs() + c[2].abs() + c[3].abs()),
+            self.vector(interval, first, |c| c[1].abs() + 2.0 * c[2].abs() + 3.0 * c[3].abs()),
+            self.vector(interval, first, |c| 2.0 * c[2].abs() + 6.0 * c[3].abs()),
+            self.vector(interval, first, |c| 6.0 * c[3].abs()),
+            DVec3::ZERO,
+        ]
+    }
+
     /// Bounds of the first three derivatives over an interval, the three curves added up.
     fn bounds(&self, interval: usize, first: usize, unit: f64) -> [f64; 3] {
         let sum = |v: DVec3| (v.x + v.y + v.z) * unit;
@@ -111,10 +133,30 @@ pub struct Member<'a> {
     pub joint: u32,
     pub path: Path,
     pub local: &'a Local,
-    /// Three curves; of a translation that swings about a pivot also those of the rotation, and of the scale.
+    /// Its own three, then those that the next three fields name by their first.
     pub curves: Joined,
-    /// For members of fewer curves, the values of the others at rest.
-    pub rest: [DVec3; 3],
+    /// Of a translation that swings about a pivot, those of the rotation and of the scale.
+    pub turned: Option<usize>,
+    pub scaled: Option<usize>,
+    /// Scale of others that it is multiplied by.
+    pub factors: Vec<usize>,
+    /// Rotation and scale where they have no curves.
+    pub rest: [DVec3; 2],
+}
+
+/// Bounds of a value and its first four derivatives, axis by axis.
+type Bounds = [DVec3; 5];
+
+/// Those of a product (Leibniz).
+fn product(a: &Bounds, b: &Bounds) -> Bounds {
+    const BINOMIAL: [[f64; 5]; 5] = [
+        [1.0, 0.0, 0.0, 0.0, 0.0],
+        [1.0, 1.0, 0.0, 0.0, 0.0],
+        [1.0, 2.0, 1.0, 0.0, 0.0],
+        [1.0, 3.0, 3.0, 1.0, 0.0],
+        [1.0, 4.0, 6.0, 4.0, 1.0],
+    ];
+    std::array::from_fn(|n| (0..=n).map(|k| a[k] * b[n - k] * BINOMIAL[n][k]).sum())
 }
 
 /// The angles that were turned last, as neighbouring intervals share theirs.
@@ -137,7 +179,11 @@ impl Latest {
 impl Member<'_> {
     /// Value and change (an interval), the file's own, at a place in an interval.
     pub fn at(&self, interval: usize, u: f64, latest: &mut Latest) -> ([f64; 4], [f64; 4]) {
-        let (value, slope) = (self.curves.value(interval, 0, u), self.curves.slope(interval, 0, u));
+        let (mut value, mut slope) = self.read(interval, 0, u);
+        for first in &self.factors {
+            let (factor, change) = self.read(interval, *first, u);
+            (value, slope) = (value * factor, slope * factor + value * change);
+        }
         let local = self.local;
         let wide = |v: DVec3| [v.x, v.y, v.z, 0.0];
         match self.path {
@@ -147,8 +193,12 @@ impl Member<'_> {
             }
             Path::Scale => (wide(local.scale_at(value)), wide(local.scale_at(slope))),
             _ => {
-                let (turned, turning) = self.other(3, interval, u, self.rest[1]);
-                let (scale, scaling) = self.other(6, interval, u, self.rest[2]);
+                let other = |first: Option<usize>, rest| match first {
+                    Some(first) => self.read(interval, first, u),
+                    None => (rest, DVec3::ZERO),
+                };
+                let (turned, turning) = other(self.turned, self.rest[0]);
+                let (scale, scaling) = other(self.scaled, self.rest[1]);
                 let turn = latest.turn(local, turned);
                 let at = local.translation_at(value, &turn, scale);
                 (wide(at), wide(local.translation_rate((&turn, scale), (slope, turning, scaling))))
@@ -161,11 +211,8 @@ impl Member<'_> {
         self.at(0, 0.0, &mut Latest::default())
     }
 
-    fn other(&self, first: usize, interval: usize, u: f64, rest: DVec3) -> (DVec3, DVec3) {
-        match self.curves.width > first {
-            true => (self.curves.value(interval, first, u), self.curves.slope(interval, first, u)),
-            false => (rest, DVec3::ZERO),
-        }
+    fn read(&self, interval: usize, first: usize, u: f64) -> (DVec3, DVec3) {
+        (self.curves.value(interval, first, u), self.curves.slope(interval, first, u))
     }
 
     /// Radians or metres by which a cubic Hermite curve with this member's values and slopes at both ends of an interval can
@@ -174,23 +221,33 @@ impl Member<'_> {
         match self.path {
             // A quaternion's chord is half the angle.
             Path::Rotation => 2.0 * bell(self.curves.bounds(interval, 0, HALF_RAD))[3] / 384.0,
-            Path::Translation if self.curves.width > 3 => {
-                let r = bell(self.curves.bounds(interval, 3, 2.0 * HALF_RAD));
-                let scaled = self.local.scaled_swing_metres();
-                let (widest, s) = match self.curves.width > 6 {
-                    true => {
-                        let s = self.curves.bounds(interval, 6, 1.0);
-                        (self.curves.value(interval, 6, 0.0).abs() + DVec3::splat(s[0]), s)
-                    }
-                    false => (self.rest[2], [0.0; 3]),
-                };
-                let swing = self.local.swing_metres(DVec3::ZERO) + scaled * widest.length();
-                let swing = if self.curves.width > 6 { swing } else { self.local.swing_metres(widest) };
-                // The product of a swing that changes with the scale, and a rotation.
-                let mixed = 4.0 * s[0] * r[2] + 6.0 * s[1] * r[1] + 4.0 * s[2] * r[0];
-                (swing * r[3] + scaled * mixed) / 384.0
-            }
-            _ => 0.0,
+            Path::Scale => self.local.scale_at(self.multiplied(interval)).abs().max_element() / 384.0,
+            _ => (self.multiplied(interval).length() * self.local.metres() + self.swung(interval)) / 384.0,
         }
+    }
+
+    /// The fourth derivative of its own value, in the file's unit: none but for the scale of others.
+    fn multiplied(&self, interval: usize) -> DVec3 {
+        if self.factors.is_empty() {
+            return DVec3::ZERO;
+        }
+        let own = self.curves.bounds_by_axis(interval, 0);
+        let of = |all: Bounds, first: &usize| product(&all, &self.curves.bounds_by_axis(interval, *first));
+        self.factors.iter().fold(own, of)[4]
+    }
+
+    /// That of what swings about a pivot, in metres.
+    fn swung(&self, interval: usize) -> f64 {
+        let Some(turned) = self.turned else { return 0.0 };
+        let r = bell(self.curves.bounds(interval, turned, 2.0 * HALF_RAD));
+        let arm = self.local.scaled_swing_metres();
+        let Some(scaled) = self.scaled else {
+            return self.local.swing_metres(self.rest[1]) * r[3];
+        };
+        let s = self.curves.bounds(interval, scaled, 1.0);
+        let widest = self.curves.value(interval, scaled, 0.0).abs() + DVec3::splat(s[0]);
+        let swing = self.local.swing_metres(DVec3::ZERO) + arm * widest.length();
+        // The product of a swing that changes with the scale, and a rotation.
+        swing * r[3] + arm * (4.0 * s[0] * r[2] + 6.0 * s[1] * r[1] + 4.0 * s[2] * r[0])
     }
 }

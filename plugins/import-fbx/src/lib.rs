@@ -9,8 +9,10 @@ mod curve;
 mod driven;
 mod emit;
 mod file;
+mod geometry;
 mod joined;
 mod keys;
+mod lens;
 mod load;
 mod local;
 mod materials;
@@ -18,6 +20,7 @@ mod meshes;
 mod morphs;
 mod nodes;
 mod objects;
+mod properties;
 #[cfg(test)]
 mod random;
 mod refine;
@@ -115,10 +118,11 @@ fn decode(file: &File<'_>, tree: &nodes::Tree, materials: &[materials::Read]) ->
     if file.needs.geometry {
         meshes::read(file, tree, &shown, materials, &mut asset)?;
     }
-    asset.cameras = objects::cameras(file, tree)?;
-    asset.lights = objects::lights(file, tree)?;
+    let mut objects = Vec::new();
+    asset.cameras = objects::cameras(file, tree, &mut objects)?;
+    asset.lights = objects::lights(file, tree, &mut objects)?;
     if file.needs.clips {
-        asset.clips = clips::read(file, tree, &shown)?;
+        asset.clips = clips::read(file, tree, &shown, &objects)?;
     }
     Ok(asset)
 }

@@ -59,8 +59,9 @@ pub fn load(bytes: &[u8], needs: Needs, files: &dyn Files) -> Result<SceneRoot> 
         generate_missing_normals: true,
         normalize_normals: true,
         use_blender_pbr_material: true,
-        // One tree of translations, rotations and scales, in metres: what it cannot say otherwise becomes helper nodes.
-        geometry_transform_handling: GeometryTransformHandling::ModifyGeometry,
+        // One tree of translations, rotations and scales, in metres: what it cannot say otherwise becomes helper nodes. Those of
+        // geometry go into the meshes, where `nodes` can: with our own trigonometry.
+        geometry_transform_handling: GeometryTransformHandling::HelperNodes,
         inherit_mode_handling: InheritModeHandling::Compensate,
         space_conversion: SpaceConversion::ModifyGeometry,
         handedness_conversion_axis: MirrorAxis::X,

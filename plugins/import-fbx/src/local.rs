@@ -2,7 +2,7 @@
 //! what ufbx adds for units and axes. In f64 with libm, so that every machine gets the same bits; and with its speed.
 
 use choreo_motion::Transform;
-use glam::{DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use ufbx::{MirrorAxis, Node, PropFlags, RotationOrder};
 
 pub const TRANSLATION: &str = "Lcl Translation";
@@ -44,6 +44,10 @@ pub struct Local {
     metres: f64,
     resize: f64,
     mirror: Option<usize>,
+    /// Holds the scale of its parent for those that inherit it.
+    pub is_scale_helper: bool,
+    /// At rest, of scale that is not inherited: what the translation is multiplied by, and the scale.
+    factors: [DVec3; 2],
 }
 
 /// An Euler rotation, its parts kept for its speed.
@@ -71,17 +75,20 @@ pub fn property(node: &Node, name: &str) -> Option<DVec3> {
 }
 
 impl Local {
-    /// `None` for nodes whose place depends on others': those below scale that is not inherited, and the helpers for it.
+    /// `None` for the root, which has a place of ufbx's making.
     pub fn new(node: &Node) -> Option<Local> {
-        let alone =
-            node.parent.as_ref().is_none_or(|p| p.scale_helper.is_none() && p.inherit_scale_node.is_none());
-        if node.is_root || node.is_scale_helper || !alone {
+        if node.is_root {
             return None;
         }
+        let helper = |n: &Node| n.scale_helper.as_ref().map(|h| vector(&h.local_transform.scale));
+        let parent = node.parent.as_ref();
+        let factors = match node.is_scale_helper {
+            true => [None, parent.and_then(|p| p.inherit_scale_node.as_ref()).and_then(|n| helper(n))],
+            false => [parent.and_then(|p| helper(p)), None],
+        };
         let at = |name| property(node, name).unwrap_or(DVec3::ZERO);
         let space = node.use_rotation_space;
         let order = if space { node.rotation_order } else { RotationOrder::Xyz };
-        let euler = |v| turn(Some([0, 1, 2]), v).all;
         let (pre, post) = match space {
             true => (euler(at("PreRotation")), euler(at("PostRotation")).conjugate()),
             false => (DQuat::IDENTITY, DQuat::IDENTITY),
@@ -106,6 +113,8 @@ impl Local {
                 MirrorAxis::Y => Some(1),
                 MirrorAxis::Z => Some(2),
             },
+            is_scale_helper: node.is_scale_helper,
+            factors: factors.map(|f| f.unwrap_or(DVec3::ONE)),
         };
         if node.has_adjust_transform {
             local.axes_turn = quaternion(&node.adjust_pre_rotation);
@@ -213,6 +222,14 @@ impl Local {
         scaling * self.resize
     }
 
+    /// From the node to its parent where nothing moves.
+    pub fn matrix_at_rest(&self) -> DAffine3 {
+        let turn = self.turn(self.rotation);
+        let translation = self.translation_at(self.translation * self.factors[0], &turn, self.scaling);
+        let scale = self.scale_at(self.scaling) * self.factors[1];
+        DAffine3::from_scale_rotation_translation(scale, self.rotation_of(&turn), translation)
+    }
+
     /// As the file has it where nothing moves.
     pub fn at_rest(&self) -> Transform {
         let turn = self.turn(self.rotation);
@@ -220,9 +237,11 @@ impl Local {
         let length = rotation.length();
         let sound = length.is_finite() && length > 1e-9;
         Transform {
-            translation: self.translation_at(self.translation, &turn, self.scaling).as_vec3(),
+            translation: self
+                .translation_at(self.translation * self.factors[0], &turn, self.scaling)
+                .as_vec3(),
             rotation: if sound { (rotation * (1.0 / length)).as_quat() } else { glam::Quat::IDENTITY },
-            scale: self.scale_at(self.scaling).as_vec3(),
+            scale: (self.scale_at(self.scaling) * self.factors[1]).as_vec3(),
         }
     }
 }
@@ -242,6 +261,11 @@ fn axes(order: RotationOrder) -> Option<[usize; 3]> {
         RotationOrder::Zyx => Some([2, 1, 0]),
         RotationOrder::Spheric => None,
     }
+}
+
+/// About X, then Y, then Z.
+pub fn euler(degrees: DVec3) -> DQuat {
+    turn(Some([0, 1, 2]), degrees).all
 }
 
 fn turn(axes: Option<[usize; 3]>, degrees: DVec3) -> Turn {

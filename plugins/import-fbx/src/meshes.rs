@@ -1,8 +1,9 @@
 //! Which meshes hang where, with which materials; each combination is built once.
 
 use crate::file::{File, place_of};
+use crate::geometry::Geometry;
 use crate::materials::Read;
-use crate::nodes::Tree;
+use crate::nodes::{self, Tree};
 use crate::{morphs, skinning, vertices};
 use choreo_import::text::count;
 use choreo_import::{Problem, Result};
@@ -15,21 +16,24 @@ use ufbx::{Node, SubdivisionDisplayMode};
 /// A mesh on a node that is shown.
 pub struct Shown<'a> {
     pub joint: u32,
+    /// That of the file, which a helper may hold the mesh for.
     pub node: &'a Node,
+    pub holder: &'a Node,
     pub mesh: &'a ufbx::Mesh,
 }
 
 /// In the order of joints. Also says what of the file is not shown, and why.
 pub fn shown<'a>(file: &File<'a>, tree: &Tree) -> Vec<Shown<'a>> {
     let mut out = Vec::new();
-    for (joint, id) in tree.node_of_joint.iter().enumerate() {
-        let Some(node) = file.scene.nodes.as_ref().get(*id) else { continue };
-        let node: &Node = node;
+    for (joint, id) in &tree.holders {
+        let Some(holder) = file.scene.nodes.as_ref().get(*id) else { continue };
+        let holder: &Node = holder;
+        let node = nodes::owner(holder);
         let mut meshes = 0;
-        for attribute in node.all_attribs.as_ref() {
+        for attribute in holder.all_attribs.as_ref() {
             let place = || place_of(&node.element);
             if let Some(mesh) = ufbx::as_mesh(attribute) {
-                if !tree.shown[joint] {
+                if !tree.shown[*joint as usize] {
                     file.notes.warn(
                         place(),
                         "its mesh is hidden in the file and left out; the option hidden shows it",
@@ -37,7 +41,7 @@ pub fn shown<'a>(file: &File<'a>, tree: &Tree) -> Vec<Shown<'a>> {
                     break;
                 }
                 meshes += 1;
-                out.push(Shown { joint: joint as u32, node, mesh });
+                out.push(Shown { joint: *joint, node, holder, mesh });
                 continue;
             }
             let kind = match attribute.type_ {
@@ -69,8 +73,7 @@ pub fn read(
     // By mesh and the materials that its node gives it.
     let mut known: BTreeMap<(u32, Vec<u32>), Option<u32>> = BTreeMap::new();
     for one in shown {
-        let of_node = one.node.materials.as_ref().iter().map(|m| m.element.typed_id);
-        let slots: Vec<u32> = of_node.collect();
+        let slots = slots(one);
         file.charge(slots.len() + 8, 8, || place_of(&one.node.element))?;
         let key = (one.mesh.element.typed_id, slots);
         let mesh = match known.get(&key) {
@@ -96,6 +99,17 @@ pub fn read(
     Ok(())
 }
 
+/// Materials by `typed_id`: of the node that holds the mesh; ufbx gives helpers those of the mesh's first node.
+fn slots(one: &Shown<'_>) -> Vec<u32> {
+    let list = |node: &Node| -> Vec<u32> { node.materials.into_iter().map(|m| m.element.typed_id).collect() };
+    let mut out = list(one.holder);
+    let above = one.holder.parent.as_ref().filter(|_| one.holder.is_geometry_transform_helper);
+    for (slot, own) in out.iter_mut().zip(above.map_or(Vec::new(), |p| list(p))) {
+        *slot = own;
+    }
+    out
+}
+
 /// `None` for a mesh without a face that has an area.
 fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[Read]) -> Result<Option<Mesh>> {
     let mesh = one.mesh;
@@ -105,8 +119,14 @@ fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[Read]) ->
     };
     left_out(file, mesh, &place());
     let weights = skinning::weights(file, mesh, &place)?;
-    let targets = morphs::targets(file, mesh, &place)?;
-    let primitives = vertices::primitives(file, mesh, slots, materials, weights.as_ref(), &targets, &place)?;
+    let geometry = Geometry::of(one.holder);
+    let mut targets = morphs::targets(file, mesh, &place)?;
+    if let Some(geometry) = &geometry {
+        targets.iter_mut().for_each(|t| t.turn(geometry));
+    }
+    let of_points =
+        vertices::OfPoints { weights: weights.as_ref(), targets: &targets, geometry: geometry.as_ref() };
+    let primitives = vertices::primitives(file, mesh, slots, materials, of_points, &place)?;
     if primitives.is_empty() {
         file.notes.warn(place(), "has no face with three or more corners and is left out");
         return Ok(None);

@@ -3,6 +3,7 @@
 
 use crate::convert::vec3;
 use crate::file::File;
+use crate::geometry::Geometry;
 use choreo_import::Result;
 use glam::Vec3;
 use ufbx::{BlendChannel, BlendShape, Mesh};
@@ -12,6 +13,14 @@ pub struct Target {
     pub positions: Vec<Vec3>,
     /// Empty where the file has none.
     pub normals: Vec<Vec3>,
+}
+
+impl Target {
+    /// As the mesh's points are by a geometric transform.
+    pub fn turn(&mut self, geometry: &Geometry) {
+        self.positions.iter_mut().for_each(|p| *p = geometry.offset(*p));
+        self.normals.iter_mut().for_each(|n| *n = geometry.normal_offset(*n));
+    }
 }
 
 /// All channels of a mesh, in the order of its morph targets.

@@ -5,14 +5,15 @@ use crate::file::{File, place_of};
 use crate::local::Local;
 use choreo_import::{Problem, Result};
 use choreo_motion::{Skeleton, Transform};
-use ufbx::{Node, PropFlags};
+use ufbx::{ElementType, Node, PropFlags};
 
 pub struct Tree {
     pub skeleton: Skeleton,
     /// Joint of each node of the file, by `typed_id`; `None` for the root that only holds the others.
     pub joint_of_node: Vec<Option<u32>>,
-    /// `typed_id` of each joint's node.
-    pub node_of_joint: Vec<usize>,
+    /// Nodes with their joints, in the order of these: a helper for a geometric transform that goes into its mesh is its
+    /// parent's.
+    pub holders: Vec<(u32, usize)>,
     /// Nodes that the file shows, by joint.
     pub shown: Vec<bool>,
 }
@@ -26,10 +27,10 @@ pub fn read(file: &File<'_>) -> Result<Tree> {
     tree.add(file, root);
     let names = names(&tree.nodes);
     let rest = tree.nodes.iter().map(|node| rest(node)).collect::<Result<_>>()?;
-    let node_of_joint = tree.nodes.iter().map(|n| n.element.typed_id as usize).collect();
+    tree.holders.sort_unstable();
     let skeleton =
         Skeleton::new(names, tree.parents, rest).map_err(|e| Problem::new("nodes", e.to_string()))?;
-    Ok(Tree { skeleton, joint_of_node: tree.joint_of_node, node_of_joint, shown: tree.shown })
+    Ok(Tree { skeleton, joint_of_node: tree.joint_of_node, holders: tree.holders, shown: tree.shown })
 }
 
 /// By our own trigonometry where the node stands for itself: the same bits on every machine.
@@ -50,6 +51,7 @@ struct Walk<'a> {
     nodes: Vec<&'a Node>,
     parents: Vec<Option<u32>>,
     shown: Vec<bool>,
+    holders: Vec<(u32, usize)>,
 }
 
 impl<'a> Walk<'a> {
@@ -61,6 +63,14 @@ impl<'a> Walk<'a> {
             // The root belongs to no object of the file.
             let joint = match node.is_root && node.all_attribs.is_empty() {
                 true => None,
+                false if is_folded(node) => {
+                    let known = self.joint_of_node.get_mut(node.element.typed_id as usize);
+                    if let (Some(slot), Some(joint)) = (known, parent) {
+                        *slot = Some(joint);
+                        self.holders.push((joint, node.element.typed_id as usize));
+                    }
+                    continue;
+                }
                 false => {
                     let joint = self.nodes.len() as u32;
                     let Some(slot) = self.joint_of_node.get_mut(node.element.typed_id as usize) else {
@@ -69,6 +79,7 @@ impl<'a> Walk<'a> {
                     if slot.replace(joint).is_some() {
                         continue;
                     }
+                    self.holders.push((joint, node.element.typed_id as usize));
                     self.nodes.push(node);
                     self.parents.push(parent);
                     self.shown.push(shown);
@@ -89,8 +100,28 @@ fn child_of<T>(child: &ufbx::Ref<T>) -> &T {
     child
 }
 
+/// A helper for a geometric transform that needs no joint: the meshes on it are nowhere else, and take it in.
+pub fn is_folded(node: &Node) -> bool {
+    let alone = |a: &ufbx::Element| match a.type_ {
+        ElementType::Camera | ElementType::Light => false,
+        ElementType::Mesh => a.instances.len() <= 1,
+        _ => true,
+    };
+    node.is_geometry_transform_helper && node.children.is_empty() && node.all_attribs.into_iter().all(alone)
+}
+
+/// The node of the file that a helper helps.
+pub fn owner(mut node: &Node) -> &Node {
+    while node.is_geometry_transform_helper || node.is_scale_helper {
+        let Some(parent) = &node.parent else { break };
+        node = parent;
+    }
+    node
+}
+
 fn is_lod_group(node: &Node) -> bool {
-    node.all_attribs.as_ref().iter().any(|a| a.type_ == ufbx::ElementType::LodGroup)
+    let is = |n: &Node| n.all_attribs.as_ref().iter().any(|a| a.type_ == ElementType::LodGroup);
+    is(node) || node.geometry_transform_helper.as_ref().is_some_and(|h| is(h))
 }
 
 /// FBX: a node is as hidden as its parent, unless it says otherwise.

@@ -2,6 +2,7 @@
 
 use crate::convert::vec3;
 use crate::file::{File, place_of};
+use crate::lens;
 use crate::nodes::Tree;
 use choreo_import::{Problem, Result};
 use choreo_stage::asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
@@ -31,9 +32,25 @@ fn name(element: &ufbx::Element, node: &Node) -> String {
     own.to_string()
 }
 
-pub fn cameras(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetCamera>> {
+/// A camera or light of the file as one of the asset's: what clips change of it goes to that number.
+pub struct Object<'a> {
+    pub index: u32,
+    pub camera: Option<&'a Camera>,
+    pub light: Option<&'a ufbx::Light>,
+    /// Of a light: lux or candela of intensity 1.
+    pub unit: f64,
+}
+
+impl Object<'_> {
+    pub fn element_id(&self) -> Option<u32> {
+        let camera = self.camera.map(|c| c.element.element_id);
+        camera.or(self.light.map(|l| l.element.element_id))
+    }
+}
+
+pub fn cameras<'a>(file: &File<'a>, tree: &Tree, objects: &mut Vec<Object<'a>>) -> Result<Vec<AssetCamera>> {
     let mut out = Vec::new();
-    for (joint, id) in tree.node_of_joint.iter().enumerate() {
+    for (joint, id) in &tree.holders {
         let Some(node) = file.scene.nodes.as_ref().get(*id) else { continue };
         // The views of MotionBuilder's window, which it writes into every file.
         if PRODUCERS.contains(&node.element.name.as_ref()) {
@@ -41,7 +58,9 @@ pub fn cameras(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetCamera>> {
         }
         for camera in node.all_attribs.as_ref().iter().filter_map(|a| ufbx::as_camera(a)) {
             let projection = projection(camera)?;
-            out.push(AssetCamera { name: name(&camera.element, node), joint: joint as u32, projection });
+            let index = out.len() as u32;
+            objects.push(Object { index, camera: Some(camera), light: None, unit: 1.0 });
+            out.push(AssetCamera { name: name(&camera.element, node), joint: *joint, projection });
         }
     }
     Ok(out)
@@ -54,7 +73,8 @@ fn projection(camera: &Camera) -> Result<Projection> {
     let far = Some(far).filter(|f| f.is_finite() && *f > near);
     match camera.projection_mode {
         ProjectionMode::Perspective => {
-            let yfov = (camera.field_of_view_deg.y * (PI / 180.0)) as f32;
+            let (_, lens, at) = lens::of(camera);
+            let yfov = lens.at(at).0 as f32;
             if !(yfov > 0.0 && f64::from(yfov) < PI) {
                 return Err(fail("its field of view must be between 0° and 180°"));
             }
@@ -70,23 +90,26 @@ fn projection(camera: &Camera) -> Result<Projection> {
     }
 }
 
-pub fn lights(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetLight>> {
+pub fn lights<'a>(file: &File<'a>, tree: &Tree, objects: &mut Vec<Object<'a>>) -> Result<Vec<AssetLight>> {
     let mut out = Vec::new();
-    for (joint, id) in tree.node_of_joint.iter().enumerate() {
+    for (joint, id) in &tree.holders {
         let Some(node) = file.scene.nodes.as_ref().get(*id) else { continue };
         for light in node.all_attribs.as_ref().iter().filter_map(|a| ufbx::as_light(a)) {
-            if !light.cast_light || !tree.shown[joint] {
+            if !light.cast_light || !tree.shown[*joint as usize] {
                 file.notes.warn(place_of(&node.element), "its light is off in the file and left out");
                 continue;
             }
             let light_name = name(&light.element, node);
-            out.push(AssetLight { name: light_name, joint: joint as u32, light: read(file, node, light)? });
+            let (read, unit) = read(file, node, light)?;
+            objects.push(Object { index: out.len() as u32, camera: None, light: Some(light), unit });
+            out.push(AssetLight { name: light_name, joint: *joint, light: read });
         }
     }
     Ok(out)
 }
 
-fn read(file: &File<'_>, node: &Node, light: &ufbx::Light) -> Result<Light> {
+/// Also what its intensity is multiplied by.
+fn read(file: &File<'_>, node: &Node, light: &ufbx::Light) -> Result<(Light, f64)> {
     let color = vec3(&light.color);
     let fail = |what: &str| Problem::new(place_of(&node.element), what);
     if !color.is_finite() || !light.intensity.is_finite() {
@@ -108,9 +131,10 @@ fn read(file: &File<'_>, node: &Node, light: &ufbx::Light) -> Result<Light> {
             LightKind::Point
         }
     };
-    let intensity = (light.intensity.max(0.0) * unit(file, node, light, kind)) as f32;
+    let unit = unit(file, node, light, kind);
+    let intensity = (light.intensity.max(0.0) * unit) as f32;
     let intensity = if intensity.is_finite() { intensity } else { f32::MAX.sqrt() };
-    Ok(Light { kind, color: color.max(Vec3::ZERO), intensity, range: None })
+    Ok((Light { kind, color: color.max(Vec3::ZERO), intensity, range: None }, unit))
 }
 
 /// Lux or candela of intensity 1. FBX has no unit: 1 makes a white surface white, at the distance of one unit where the light

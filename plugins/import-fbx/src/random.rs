@@ -67,8 +67,9 @@ fn curve(dice: &mut Dice, id: u64, (middle, size): (f64, f64)) -> String {
     )
 }
 
-/// A chain of nodes with curves; in two layers where asked.
-fn file(dice: &mut Dice, layers: u64) -> String {
+/// A chain of nodes with curves; in two layers where asked. `own_scale`: some nodes do not inherit their parent's scale, or take
+/// only its axes' from all above.
+fn file(dice: &mut Dice, layers: u64, own_scale: bool) -> String {
     let (up, front) = if dice.chance(2) { (1, 2) } else { (2, 1) };
     let sign = if up == 1 { 1 } else { -1 };
     let unit = [1.0, 2.54, 100.0][dice.below(3) as usize];
@@ -90,8 +91,11 @@ fn file(dice: &mut Dice, layers: u64) -> String {
     let mut next = 10_000;
     for node in 0..4u64 {
         let mut properties = format!("P: \"RotationOrder\", \"enum\", \"\", \"\", {}\n", dice.below(6));
-        properties +=
-            "P: \"RotationActive\", \"bool\", \"\", \"\", 1\nP: \"InheritType\", \"enum\", \"\", \"\", 1\n";
+        let inherits = if own_scale { [0, 2, 1][dice.below(3) as usize] } else { 1 };
+        let _ = write!(
+            properties,
+            "P: \"RotationActive\", \"bool\", \"\", \"\", 1\nP: \"InheritType\", \"enum\", \"\", \"\", {inherits}\n"
+        );
         for (name, size) in [
             ("PreRotation", 90.0),
             ("PostRotation", 90.0),
@@ -130,7 +134,7 @@ fn file(dice: &mut Dice, layers: u64) -> String {
                 [("Lcl Translation", (0.0, 4.0)), ("Lcl Rotation", (0.0, 120.0)), ("Lcl Scaling", (1.2, 0.5))]
             {
                 // Scale in a tree that shears is another matter: only the last node's moves.
-                if dice.chance(4) || name == "Lcl Scaling" && node != 3 {
+                if dice.chance(4) || name == "Lcl Scaling" && node != 3 && !own_scale {
                     continue;
                 }
                 let value = next;
@@ -163,7 +167,7 @@ fn file(dice: &mut Dice, layers: u64) -> String {
 fn one_layer() {
     let mut dice = Dice(7);
     for round in 0..60 {
-        let text = file(&mut dice, 1);
+        let text = file(&mut dice, 1, false);
         let close = worst(text.as_bytes(), Choice::Within(0.05), 211, 0.0);
         assert!(close.keys > 0, "{round}");
         assert!(
@@ -175,12 +179,31 @@ fn one_layer() {
     }
 }
 
+/// Translations are products with the scale of those above, which has curves of its own.
+#[test]
+fn scale_that_is_not_inherited() {
+    let mut dice = Dice(5);
+    let mut helped = 0;
+    for round in 0..40 {
+        let text = file(&mut dice, 1, true);
+        let close = worst(text.as_bytes(), Choice::Within(0.05), 211, 0.0);
+        helped += close.helpers;
+        assert!(
+            close.degrees < 0.0501 && close.translation < 1.02e-4 && close.scale < 1.02e-4,
+            "{round}: {close:?}\n{text}"
+        );
+        let late = worst(text.as_bytes(), Choice::Within(0.05), 211, 0.01);
+        assert!(late.degrees > 0.1 || late.translation > 2e-4, "{round}: {late:?}");
+    }
+    assert!(helped > 40, "{helped} helpers for scale");
+}
+
 /// Mixed layers are sampled: what the probes miss is a little more.
 #[test]
 fn two_layers() {
     let mut dice = Dice(11);
     for round in 0..8 {
-        let text = file(&mut dice, 2);
+        let text = file(&mut dice, 2, false);
         let close = worst(text.as_bytes(), Choice::Within(0.05), 101, 0.0);
         println!("{close:?}");
         assert!(close.degrees < 0.15 && close.translation < 4e-4, "{round}: {close:?}\n{text}");

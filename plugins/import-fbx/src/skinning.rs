@@ -2,8 +2,9 @@
 
 use crate::convert;
 use crate::file::{File, place_of};
+use crate::local::Local;
 use crate::meshes::Shown;
-use crate::nodes::Tree;
+use crate::nodes::{self, Tree};
 use choreo_import::{Problem, Result};
 use choreo_stage::asset::Skin;
 use glam::Mat4;
@@ -32,16 +33,21 @@ pub fn skin(file: &File<'_>, tree: &Tree, one: &Shown<'_>) -> Result<Option<Skin
     let place = || place_of(&deformer.element);
     let mut skin = Skin::default();
     file.charge(deformer.clusters.len() + 1, size_of::<Mat4>() + 4, place)?;
+    // A helper that is a joint, as its mesh hangs in several places.
+    let helper = one.holder.is_geometry_transform_helper && !nodes::is_folded(one.holder);
+    let geometry = Local::new(one.holder).filter(|_| helper).map(|local| local.matrix_at_rest());
     for cluster in &deformer.clusters {
         let bone = cluster.bone_node.as_ref().map(|b| b.element.typed_id as usize);
         let joint = bone.and_then(|b| tree.joint_of_node.get(b).copied().flatten());
         let joint =
             joint.ok_or_else(|| Problem::new(place_of(&cluster.element), "has no bone among the nodes"))?;
         skin.joints.push(joint);
-        skin.inverse_bind.push(convert::matrix(&cluster.geometry_to_bone, || place_of(&cluster.element))?);
+        let bind = convert::affine(&cluster.mesh_node_to_bone);
+        let bind = geometry.map_or(bind, |g| bind * g);
+        skin.inverse_bind.push(convert::matrix(&bind, || place_of(&cluster.element))?);
     }
     skin.joints.push(one.joint);
-    skin.inverse_bind.push(convert::matrix(&one.node.geometry_to_node, place)?);
+    skin.inverse_bind.push(Mat4::IDENTITY);
     Ok(Some(skin))
 }
 

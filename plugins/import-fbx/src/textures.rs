@@ -2,12 +2,13 @@
 
 use crate::alpha::{self, Alpha};
 use crate::file::{File, place_of};
+use crate::local;
 use crate::materials::Read;
 use choreo_import::pictures::{Encoded, Formats};
 use choreo_import::search;
 use choreo_import::{Problem, Result};
 use choreo_stage::asset::{Image, Sampler, TextureRef, Wrap};
-use glam::{Affine2, Mat2, Vec2};
+use glam::{Affine2, DAffine2, DAffine3, DMat2, DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use ufbx::{Texture, TextureType, WrapMode};
@@ -250,19 +251,52 @@ fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>
     Some(Arc::new(Image { name: unique.join(" + "), width, height, rgba }))
 }
 
+/// The inverse of T · Rp · R · Rp⁻¹ · Sp · S · Sp⁻¹, of which textures show two axes. By libm from the file's angles.
+fn texture_from_uv(texture: &Texture) -> DAffine2 {
+    let props = &texture.element.props;
+    let at = |name: &str, otherwise: DVec3| {
+        let found = props.find_prop(name);
+        found.map_or(otherwise, |p| DVec3::new(p.value_vec4.x, p.value_vec4.y, p.value_vec4.z))
+    };
+    let (turned, scaled) = (at("TextureRotationPivot", DVec3::ZERO), at("TextureScalingPivot", DVec3::ZERO));
+    let moved = DAffine3::from_translation;
+    let rotation = DAffine3::from_quat(local::euler(at("Rotation", DVec3::ZERO)));
+    let scale = DAffine3::from_scale(at("Scaling", DVec3::ONE));
+    let whole = moved(at("Translation", DVec3::ZERO) + turned)
+        * rotation
+        * moved(scaled - turned)
+        * scale
+        * moved(-scaled);
+    let swapped = props.find_prop("UVSwap").is_some_and(|p| p.value_int != 0);
+    let (x, y) = (whole.matrix3.x_axis, whole.matrix3.y_axis);
+    let flat = DAffine2::from_mat2_translation(
+        DMat2::from_cols(x.truncate(), y.truncate()),
+        whole.translation.truncate(),
+    );
+    // Swapped axes have no inverse as ufbx reads them, nor have textures seen from the side.
+    if swapped || x.z != 0.0 || y.z != 0.0 || flat.matrix2.determinant() == 0.0 {
+        let m = &texture.uv_to_texture;
+        return DAffine2::from_mat2_translation(
+            DMat2::from_cols(DVec2::new(m.m00, m.m10), DVec2::new(m.m01, m.m11)),
+            DVec2::new(m.m03, m.m13),
+        );
+    }
+    flat.inverse()
+}
+
 /// v points down here and up in FBX: its map is turned over before and after.
 fn place(file: &File<'_>, texture: &Texture, image: u32, uv_set: u8) -> TextureRef {
     let wrap = |mode| if mode == WrapMode::Clamp { Wrap::ClampToEdge } else { Wrap::Repeat };
-    let m = &texture.uv_to_texture;
-    let number = |v: f64| v as f32;
     let mut uv_transform = match texture.has_uv_transform {
-        true => Affine2::from_mat2_translation(
-            Mat2::from_cols(
-                Vec2::new(number(m.m00), number(-m.m10)),
-                Vec2::new(number(-m.m01), number(m.m11)),
-            ),
-            Vec2::new(number(m.m01 + m.m03), number(1.0 - m.m11 - m.m13)),
-        ),
+        true => {
+            let m = texture_from_uv(texture);
+            let (x, y, t) = (m.x_axis, m.y_axis, m.translation);
+            let turned_over = DAffine2::from_mat2_translation(
+                DMat2::from_cols(DVec2::new(x.x, -x.y), DVec2::new(-y.x, y.y)),
+                DVec2::new(y.x + t.x, 1.0 - y.y - t.y),
+            );
+            turned_over.as_affine2()
+        }
         false => Affine2::IDENTITY,
     };
     if !uv_transform.is_finite() {

@@ -2,6 +2,7 @@
 
 use crate::convert::{linear_from_srgb, vec3};
 use crate::file::File;
+use crate::geometry::Geometry;
 use crate::materials::Read;
 use crate::morphs::Target;
 use crate::skinning::Weights;
@@ -15,13 +16,20 @@ use ufbx::{Face, Mesh, MeshPart, VertexVec2, VertexVec3, VertexVec4};
 const MAX_COMPARED: usize = 64;
 const NONE: u32 = u32::MAX;
 
+/// What the points of a mesh have beside their place.
+#[derive(Clone, Copy)]
+pub struct OfPoints<'a> {
+    pub weights: Option<&'a Weights>,
+    pub targets: &'a [Target],
+    pub geometry: Option<&'a Geometry>,
+}
+
 pub fn primitives(
     file: &File<'_>,
     mesh: &Mesh,
     slots: &[u32],
     materials: &[Read],
-    weights: Option<&Weights>,
-    targets: &[Target],
+    of_points: OfPoints<'_>,
     place: &dyn Fn() -> String,
 ) -> Result<Vec<Primitive>> {
     let uv_sets = uv_sets(file, mesh, slots, materials, place);
@@ -33,8 +41,7 @@ pub fn primitives(
         let maker = Maker {
             file,
             mesh,
-            weights,
-            targets,
+            of_points,
             uv_sets: &uv_sets,
             // 0 is no part's mark.
             part: number as u32 + 1,
@@ -81,8 +88,7 @@ fn uv_sets<'m>(
 struct Maker<'a, 'f> {
     file: &'a File<'f>,
     mesh: &'a Mesh,
-    weights: Option<&'a Weights>,
-    targets: &'a [Target],
+    of_points: OfPoints<'a>,
     uv_sets: &'a [Option<&'a VertexVec2>; 2],
     part: u32,
     /// By point of the mesh: the part that wrote it, and the latest vertex there.
@@ -113,8 +119,9 @@ impl Maker<'_, '_> {
             return Ok(None);
         }
         // As if no two corners shared a vertex; 120 bytes hold one with everything but skin and morphs.
-        let skin = self.weights.map_or(0, |w| w.influences * 6);
-        let morphs: usize = self.targets.iter().map(|t| if t.normals.is_empty() { 12 } else { 24 }).sum();
+        let skin = self.of_points.weights.map_or(0, |w| w.influences * 6);
+        let morphs: usize =
+            self.of_points.targets.iter().map(|t| if t.normals.is_empty() { 12 } else { 24 }).sum();
         self.file.charge(part.num_triangles, 12, place)?;
         self.triangles(part);
         self.file.charge(self.out.positions.len(), 120 + skin + morphs, place)?;
@@ -161,6 +168,9 @@ impl Maker<'_, '_> {
             let count = mesh.triangulate_face(&mut corners, Face { index_begin, num_indices });
             corners.iter().take(count as usize * 3).for_each(|corner| self.corner(*corner));
         }
+        if self.of_points.geometry.is_some_and(|g| g.mirrors) {
+            self.out.indices.chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
+        }
         // A face that ends in the middle cannot be: `corner` refuses single corners of none.
         debug_assert!(self.out.indices.len().is_multiple_of(3));
     }
@@ -171,7 +181,10 @@ impl Maker<'_, '_> {
         // Indices are in range as ufbx clamps them.
         let point = mesh.vertex_indices.as_ref().get(at).copied().unwrap_or(0);
         let corner = Corner {
-            normal: at3(&mesh.vertex_normal, at).map_or(Vec3::ZERO, vec3),
+            normal: at3(&mesh.vertex_normal, at).map_or(Vec3::ZERO, |n| match self.of_points.geometry {
+                Some(geometry) => geometry.normal(n),
+                None => vec3(n),
+            }),
             uv: self.uv_sets.map(|set| {
                 // v points up in FBX, down here.
                 set.and_then(|s| at2(s, at)).map_or(Vec2::ZERO, |v| Vec2::new(v.x as f32, (1.0 - v.y) as f32))
@@ -210,7 +223,8 @@ impl Maker<'_, '_> {
     }
 
     fn push(&mut self, point: u32, corner: Corner) -> u32 {
-        let position = self.mesh.vertices.as_ref().get(point as usize).map_or(Vec3::ZERO, vec3);
+        let place = |p: &ufbx::Vec3| self.of_points.geometry.map_or_else(|| vec3(p), |g| g.point(p));
+        let position = self.mesh.vertices.as_ref().get(point as usize).map_or(Vec3::ZERO, place);
         let vertex = self.out.positions.len() as u32;
         self.out.positions.push(position);
         self.out.normals.push(corner.normal);
@@ -249,7 +263,7 @@ impl Maker<'_, '_> {
     }
 
     fn skin(&mut self) {
-        let Some(weights) = self.weights else { return };
+        let Some(weights) = self.of_points.weights else { return };
         let n = weights.influences;
         self.out.influences = n;
         self.out.joint_indices.reserve(self.of_file.len() * n);
@@ -262,7 +276,7 @@ impl Maker<'_, '_> {
     }
 
     fn morphs(&mut self) {
-        for target in self.targets {
+        for target in self.of_points.targets {
             let moves = |offsets: &[Vec3]| -> Vec<Vec3> {
                 let get = |p: &u32| offsets.get(*p as usize).copied().unwrap_or(Vec3::ZERO);
                 match self.of_file.iter().any(|p| get(p) != Vec3::ZERO) {

@@ -3,7 +3,7 @@
 mod common;
 
 use choreo_import_testing::{Companions, import, sound, warnings};
-use choreo_motion::{Interpolation, Path};
+use choreo_motion::{Interpolation, Path, PropertyTarget, Time};
 use choreo_plugin::Needs;
 use choreo_stage::Asset;
 use choreo_stage::asset::{AlphaMode, LightKind, Primitive, Projection, Shading};
@@ -283,7 +283,15 @@ fn lamp_and_camera() {
     let Projection::Perspective { yfov, near, far } = eye.projection else { panic!() };
     assert!((yfov.to_degrees() - 40.0).abs() < 1e-3, "{}", yfov.to_degrees());
     assert!((near - 0.0254).abs() < 1e-6 && (far.unwrap() - 25.4).abs() < 1e-4);
-    assert!(warnings(&asset).iter().any(|w| w.contains("animates Intensity, which clips cannot hold")));
+    // From nothing to what it is at rest, in a second.
+    let mut at = [0.0];
+    assert!(asset.clips[0].sample_property(
+        PropertyTarget::LightIntensity(0),
+        Time::from_secs(0.25),
+        &mut at
+    ));
+    assert!((at[0] / lamp.light.intensity - 0.25).abs() < 1e-6, "{at:?}");
+    assert!(!warnings(&asset).iter().any(|w| w.contains("animates")), "{:?}", warnings(&asset));
 }
 
 #[test]

@@ -1,0 +1,87 @@
+//! What cameras see of FBX's numbers: field of view in one of four ways, or the width of an orthographic view. By libm from the
+//! numbers of the file, so that every machine gets the same bits; ufbx's own angles come from the C library.
+
+use std::f64::consts::PI;
+use ufbx::{ApertureMode, Camera, ProjectionMode};
+
+const RADIANS: f64 = PI / 180.0;
+const MM_PER_INCH: f64 = 25.4;
+
+/// How one property of a camera gives its full vertical angle (radians), or height of view (metres).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Lens {
+    /// In proportion.
+    Times(f64),
+    /// A horizontal angle in degrees, of a picture so many times as wide as high.
+    Across(f64),
+    /// A focal length in millimetres, before a film of this half height in millimetres.
+    Focal(f64),
+}
+
+impl Lens {
+    /// Value, and its change with the property's.
+    pub fn at(self, v: f64) -> (f64, f64) {
+        match self {
+            Lens::Times(factor) => (v * factor, factor),
+            Lens::Across(aspect) => {
+                let wide = libm::tan(v * (RADIANS * 0.5));
+                let high = wide / aspect;
+                (2.0 * libm::atan(high), RADIANS * (1.0 + wide * wide) / (aspect * (1.0 + high * high)))
+            }
+            Lens::Focal(half) => (2.0 * libm::atan(half / v), -2.0 * half / (v * v + half * half)),
+        }
+    }
+
+    /// In proportion, so that a cubic of the property is one of the value.
+    pub fn is_plain(self) -> bool {
+        matches!(self, Lens::Times(_))
+    }
+}
+
+/// The property that counts, what it gives, and its value at rest.
+pub fn of(camera: &Camera) -> (&'static str, Lens, f64) {
+    if camera.projection_mode == ProjectionMode::Orthographic {
+        let zoom = camera.element.props.find_prop("OrthoZoom").map_or(1.0, |p| p.value_vec4.x);
+        let zoom = if zoom == 0.0 { 1.0 } else { zoom };
+        return ("OrthoZoom", Lens::Times(camera.orthographic_size.y / zoom), zoom);
+    }
+    match camera.aperture_mode {
+        ApertureMode::Vertical => ("FieldOfView", Lens::Times(RADIANS), camera.field_of_view_deg.y),
+        ApertureMode::HorizontalAndVertical => {
+            ("FieldOfViewY", Lens::Times(RADIANS), camera.field_of_view_deg.y)
+        }
+        ApertureMode::Horizontal => {
+            ("FieldOfView", Lens::Across(camera.aspect_ratio), camera.field_of_view_deg.x)
+        }
+        ApertureMode::FocalLength => {
+            let half = camera.aperture_size_inch.y * (0.5 * MM_PER_INCH);
+            ("FocalLength", Lens::Focal(half), camera.focal_length_mm)
+        }
+    }
+}
+
+/// All that say how much a camera sees: those that [`of`] does not name change nothing.
+pub const ALL: [&str; 5] = ["FieldOfView", "FieldOfViewX", "FieldOfViewY", "FocalLength", "OrthoZoom"];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A picture twice as wide as high, 90° across: atan ½ up and down. 24 mm of film 12 mm away: 90°.
+    #[test]
+    fn angles_of_right_triangles() {
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a} {b}");
+        near(Lens::Across(2.0).at(90.0).0, 2.0 * 0.463_647_609_000_806_1);
+        near(Lens::Focal(12.0).at(12.0).0, PI / 2.0);
+        near(Lens::Times(RADIANS).at(60.0).0, PI / 3.0);
+    }
+
+    #[test]
+    fn changes_are_those_of_the_values() {
+        for (lens, v) in [(Lens::Across(1.6), 75.0), (Lens::Focal(12.0), 35.0), (Lens::Times(0.3), 2.0)] {
+            let step = 1e-5;
+            let by_steps = (lens.at(v + step).0 - lens.at(v - step).0) / (2.0 * step);
+            assert!((lens.at(v).1 - by_steps).abs() < 1e-9, "{lens:?} {} {by_steps}", lens.at(v).1);
+        }
+    }
+}
