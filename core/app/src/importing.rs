@@ -1,6 +1,6 @@
 //! A bar while files are read and imported, on a terminal, for what takes longer than a moment.
 
-use choreo_script::Imports;
+use choreo_script::{ImportProgress, Imports};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -30,15 +30,8 @@ impl Bar {
                 if now.done == now.files {
                     continue;
                 }
-                let bar = shown.get_or_insert_with(bar);
-                bar.set_length(now.bytes.max(1));
-                bar.set_position(now.bytes_done);
-                bar.set_message(format!(
-                    "{} of {} files: {}",
-                    now.done,
-                    now.files,
-                    choreo_plugin::suggest::list(now.names.iter().map(String::as_str), 2)
-                ));
+                let target = || ProgressDrawTarget::stderr_with_hz(10);
+                show(shown.get_or_insert_with(|| bar(target())), &now);
             }
             if let Some(bar) = shown {
                 bar.finish_and_clear();
@@ -49,8 +42,15 @@ impl Bar {
     }
 }
 
-fn bar() -> ProgressBar {
-    let bar = ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::stderr_with_hz(10));
+fn show(bar: &ProgressBar, now: &ImportProgress) {
+    bar.set_length(now.bytes.max(1));
+    bar.set_position(now.bytes_done);
+    let names = choreo_plugin::suggest::list(now.names.iter().map(String::as_str), 2);
+    bar.set_message(format!("{} of {} files: {names}", now.done, now.files));
+}
+
+fn bar(target: ProgressDrawTarget) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(1), target);
     if let Ok(style) = ProgressStyle::with_template("{bar:32} importing {msg} ({bytes} of {total_bytes})") {
         bar.set_style(style.progress_chars("█▌·"));
     }
@@ -63,5 +63,64 @@ impl Drop for Bar {
             drop(end);
             let _ = watcher.join();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use indicatif::TermLike;
+    use std::io::Result;
+    use std::sync::{Arc, Mutex};
+
+    /// A terminal of one line that keeps what is written.
+    #[derive(Clone, Debug, Default)]
+    struct Line(Arc<Mutex<String>>);
+
+    impl TermLike for Line {
+        fn width(&self) -> u16 {
+            100
+        }
+        fn move_cursor_up(&self, _: usize) -> Result<()> {
+            Ok(())
+        }
+        fn move_cursor_down(&self, _: usize) -> Result<()> {
+            Ok(())
+        }
+        fn move_cursor_right(&self, _: usize) -> Result<()> {
+            Ok(())
+        }
+        fn move_cursor_left(&self, _: usize) -> Result<()> {
+            Ok(())
+        }
+        fn write_line(&self, text: &str) -> Result<()> {
+            self.write_str(text)
+        }
+        fn write_str(&self, text: &str) -> Result<()> {
+            self.0.lock().unwrap().push_str(text);
+            Ok(())
+        }
+        fn clear_line(&self) -> Result<()> {
+            self.0.lock().unwrap().clear();
+            Ok(())
+        }
+        fn flush(&self) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn half_of_two_files() {
+        let line = Line::default();
+        let drawn = bar(ProgressDrawTarget::term_like(Box::new(line.clone())));
+        let names = vec!["knight.glb".to_string()];
+        show(&drawn, &ImportProgress { files: 2, done: 1, bytes: 4 << 20, bytes_done: 2 << 20, names });
+        drawn.force_draw();
+        let text = line.0.lock().unwrap().clone();
+        let wanted = "████████████████·";
+        assert!(text.contains(wanted), "{text}");
+        assert!(text.contains("importing 1 of 2 files: knight.glb (2.00 MiB of 4.00 MiB)"), "{text}");
+        drawn.finish_and_clear();
+        assert_eq!(line.0.lock().unwrap().trim(), "", "its line is clean again");
     }
 }

@@ -133,9 +133,12 @@ fn facts(asset: &Asset, importer: (String, String)) -> Facts {
 
 fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
     let mut t = String::new();
+    let texts = scene::texts(asset);
     let _ = writeln!(t, "{}: {} ({})", asset.name, facts.importer.0, facts.importer.1);
     if !asset.origin.format.is_empty() {
-        let _ = writeln!(t, "file       {}", origin(&asset.origin));
+        let told = asset.warnings.iter().any(|w| w.text.starts_with("the format has no unit"));
+        let guessed = asset.origin.unit_is_assumed && told;
+        let _ = writeln!(t, "file       {}", origin(&asset.origin, guessed));
     }
     if let Some([min, max]) = facts.extents {
         let size: [f32; 3] = std::array::from_fn(|i| max[i] - min[i]);
@@ -207,7 +210,7 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
     if joints {
         t.push_str(&tree(asset));
     }
-    for warning in scene::texts(asset) {
+    for warning in texts {
         let _ = writeln!(t, "{warning}");
     }
     t
@@ -218,9 +221,10 @@ fn count(number: usize, one: &str, many: &str) -> String {
 }
 
 /// The file's own convention, before it was converted.
-fn origin(o: &Origin) -> String {
+fn origin(o: &Origin, guessed: bool) -> String {
     let mut text = o.format.clone();
-    if let Some(metres) = o.metres_per_unit {
+    // A guess has a warning of its own, with its reason.
+    if let Some(metres) = o.metres_per_unit.filter(|_| !guessed) {
         // An inch times something has more digits than anyone reads.
         let shown = if metres < 1e-3 { metres } else { (metres * 1e6).round() / 1e6 };
         let is = if o.unit_is_assumed { "taken as" } else { "=" };

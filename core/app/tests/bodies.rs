@@ -151,8 +151,22 @@ fn every_body_moves_as_every_other() {
                 report.sampled.len(),
                 report.sampled_keys
             );
-            // Upper and lower limbs point where the source's do, 0.0275° at worst: pab/run.fbx on the Knight.
+            // Upper and lower limbs point where the source's do. What is left comes of joints that are sampled, each to within
+            // 1e-3 rad (0.057°) between its keys: 0.0275° at worst, pab/run.fbx on the Knight. A closer tolerance takes it away.
             assert!(limbs < 0.03, "{} on {}: {limbs}°", from.asset.name, to.asset.name);
+            if limbs > 0.005 {
+                let close = Options { tolerance_rad: 1e-5, ..Options::default() };
+                let closer = Retarget::new(&from.asset.skeleton, &to.asset.skeleton, close).clip(clip).0;
+                let left = (0..40).map(|i| {
+                    let time = Time(clip.duration.0 / 40 * i + 12_345);
+                    let source = model(&from.asset.skeleton, Some(clip), time);
+                    let target = model(&to.asset.skeleton, Some(&closer), time);
+                    limbs_apart([&humans[0], &humans[1]], [&source, &target], there.yaw_degrees())
+                });
+                let left = left.fold(0.0, f64::max);
+                println!("| … at 1e-5 rad | | | | | {left:.4} | | | | |");
+                assert!(left < 0.1 * limbs, "{} on {}: {left}° of {limbs}°", from.asset.name, to.asset.name);
+            }
             pairs += 1;
         }
     }

@@ -16,11 +16,13 @@ pub struct Parts {
 pub fn decompose(m: &DMat4) -> Parts {
     let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.truncate());
     let translation = m.w_axis.truncate();
-    let largest = columns.iter().map(|c| c.length()).fold(0.0, f64::max);
+    let lengths = columns.map(|c| c.length());
+    let largest = lengths.iter().fold(0.0, |a: f64, b| a.max(*b));
     if largest == 0.0 || !largest.is_finite() {
         return Parts { translation, rotation: DQuat::IDENTITY, scale: DVec3::ZERO, error: 0.0 };
     }
-    let [ax, ay, az] = columns.map(|c| (c.length() > largest * 1e-9).then(|| c.normalize()));
+    let axis = |i: usize| (lengths[i] > largest * 1e-9).then(|| columns[i] * (1.0 / lengths[i]));
+    let (ax, ay, az) = (axis(0), axis(1), axis(2));
     let x = ax.unwrap_or_else(|| match (ay, az) {
         (Some(y), Some(z)) => y.cross(z).normalize_or(y.any_orthonormal_vector()),
         (Some(y), None) => y.any_orthonormal_vector(),
@@ -33,7 +35,7 @@ pub fn decompose(m: &DMat4) -> Parts {
         _ => x.any_orthonormal_vector(),
     };
     let z = x.cross(y);
-    let mut scale = DVec3::from(columns.map(|c| c.length()));
+    let mut scale = DVec3::from(lengths);
     let mut rotation = DMat3::from_cols(x, y, z);
     if columns[2].dot(z) < 0.0 {
         scale.x = -scale.x;

@@ -1,11 +1,12 @@
 //! Pictures of a model file: sized from their headers, then decoded beside the rest of the import.
 
 use crate::problem::{Problem, Result};
-use choreo_plugin::Needs;
+use choreo_plugin::{Files, Needs};
 use choreo_stage::asset::Image;
 use image::{ImageFormat, ImageReader};
 use std::io::Cursor;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, OnceLock};
 
 pub const MAX_IMAGE_SIDE: u32 = 16384;
@@ -105,11 +106,19 @@ impl<B: AsRef<[u8]>> Encoded<B> {
     }
 }
 
+/// What an import says that nobody wants any more.
+pub const CANCELLED: &str = "the import was cancelled";
+
+/// Of an import, what is done when its pictures begin to be waited for: most of their time is theirs alone.
+const BEFORE_PICTURES: f32 = 0.5;
+
 /// Decodes pictures on threads of their own while `rest` runs here; one result a picture, in order. Where no pixels are needed
-/// they have a name and a size.
+/// they have a name and a size. `files` is told how many pixels are done; where it calls the import off, the pictures that are
+/// left are not begun.
 pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     entries: &[Encoded<B>],
     needs: Needs,
+    files: &dyn Files,
     rest: impl FnOnce() -> R,
 ) -> (Vec<Result<Arc<Image>>>, R) {
     if !needs.pixels {
@@ -118,26 +127,93 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     let next = AtomicUsize::new(0);
     let slots: Vec<OnceLock<Result<Arc<Image>>>> = entries.iter().map(|_| OnceLock::new()).collect();
-    let work = || {
+    let work = |done: Sender<u64>| {
         loop {
             let at = next.fetch_add(1, Ordering::Relaxed);
             let (Some(entry), Some(slot)) = (entries.get(at), slots.get(at)) else { return };
             // Each number is given out once, so the slot is empty.
             let _ = slot.set(entry.decode());
+            // Nobody listens any more where `rest` has panicked.
+            let _ = done.send(entry.pixels());
         }
     };
+    let mut cancelled = false;
     let rest = std::thread::scope(|scope| {
-        let workers: Vec<_> =
-            (0..cores.min(MAX_WORKERS).min(entries.len())).map(|_| scope.spawn(work)).collect();
+        let (done, told) = channel();
+        let workers: Vec<_> = (0..cores.min(MAX_WORKERS).min(entries.len()))
+            .map(|_| {
+                let done = done.clone();
+                scope.spawn(|| work(done))
+            })
+            .collect();
+        drop(done);
         let rest = rest();
+        let all: u64 = entries.iter().map(Encoded::pixels).sum();
+        let mut sum = 0;
+        while let Ok(pixels) = told.recv() {
+            sum += pixels;
+            let part = sum as f64 / all.max(1) as f64;
+            if !files.progress(BEFORE_PICTURES + (1.0 - BEFORE_PICTURES) * part as f32) {
+                cancelled = sum < all;
+                next.store(entries.len(), Ordering::Relaxed);
+            }
+        }
         // A decoder that panics leaves its slot empty, which is reported below.
         workers.into_iter().for_each(|w| drop(w.join()));
         rest
     });
-    let failed = |entry: &Encoded<B>| {
-        Err(Problem::new(entry.place.clone(), "the picture decoder failed")
-            .hint("convert the picture to PNG"))
+    let failed = |entry: &Encoded<B>| match cancelled {
+        true => Err(Problem::new(entry.place.clone(), CANCELLED)),
+        false => Err(Problem::new(entry.place.clone(), "the picture decoder failed")
+            .hint("convert the picture to PNG")),
     };
     let images = slots.into_iter().zip(entries).map(|(s, e)| s.into_inner().unwrap_or_else(|| failed(e)));
     (images.collect(), rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::RefCell;
+
+    /// Calls off after so many words; keeps what it was told.
+    struct Bar(RefCell<Vec<f32>>, usize);
+
+    impl Files for Bar {
+        fn read(&self, name: &str) -> std::result::Result<Arc<Vec<u8>>, String> {
+            Err(format!("{name}: not found"))
+        }
+
+        fn progress(&self, part: f32) -> bool {
+            self.0.borrow_mut().push(part);
+            self.0.borrow().len() <= self.1
+        }
+    }
+
+    fn pictures(count: usize) -> Vec<Encoded<Vec<u8>>> {
+        let mut png = Vec::new();
+        let picture = image::RgbaImage::from_pixel(64, 64, image::Rgba([9, 8, 7, 255]));
+        picture.write_to(&mut Cursor::new(&mut png), ImageFormat::Png).unwrap_or_else(|e| panic!("{e}"));
+        let one = |k| Encoded::examine(format!("images[{k}]"), format!("{k}.png"), png.clone(), Formats::Web);
+        (0..count).map(|k| one(k).unwrap_or_else(|e| panic!("{}", e.what))).collect()
+    }
+
+    #[test]
+    fn each_picture_that_is_done_is_told() {
+        let bar = Bar(RefCell::default(), 100);
+        let (images, rest) = decode_beside(&pictures(20), Needs::ALL, &bar, || 7);
+        assert!(rest == 7 && images.iter().all(|i| i.as_ref().is_ok_and(|i| i.rgba[..3] == [9, 8, 7])));
+        let told = bar.0.into_inner();
+        assert!(told.is_sorted() && told.len() == 20 && told[19] == 1.0, "{told:?}");
+        assert_eq!(told[0], 0.525);
+    }
+
+    #[test]
+    fn pictures_that_nobody_wants_are_not_begun() {
+        let bar = Bar(RefCell::default(), 0);
+        // More than can be done before the first word is heard.
+        let (images, _) = decode_beside(&pictures(4000), Needs::ALL, &bar, || ());
+        let left = images.iter().filter(|i| i.as_ref().is_err_and(|p| p.what == CANCELLED)).count();
+        assert!(left > 0, "{left}");
+    }
 }

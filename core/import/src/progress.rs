@@ -1,5 +1,6 @@
 //! How far an import is, for a bar; and its end where nobody wants it any more.
 
+use crate::pictures::CANCELLED;
 use crate::{Problem, Result};
 use choreo_plugin::Files;
 use std::cell::Cell;
@@ -30,7 +31,7 @@ impl<'f> Progress<'f> {
         self.next.set(done + self.total / STEPS + 1);
         match self.files.progress(done as f32 / self.total.max(1) as f32) {
             true => Ok(()),
-            false => Err(Problem::new(format!("byte {done}"), "the import was cancelled")),
+            false => Err(Problem::new(format!("byte {done}"), CANCELLED)),
         }
     }
 }

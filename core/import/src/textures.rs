@@ -2,8 +2,9 @@
 //!
 //! A missing or broken picture is no reason to refuse a model: it is a warning.
 
+use crate::Result;
 use crate::budget::{Budget, Notes};
-use crate::pictures::{Encoded, Formats, decode_beside};
+use crate::pictures::{CANCELLED, Encoded, Formats, decode_beside};
 use crate::search;
 use choreo_plugin::{Files, Needs};
 use choreo_stage::asset::Image;
@@ -58,7 +59,7 @@ impl Textures {
         place: &str,
         files: &dyn Files,
         budget: &Budget,
-    ) -> Result<u32, String> {
+    ) -> std::result::Result<u32, String> {
         let (path, name) = plain_path(written);
         if name.is_empty() {
             return Err("the texture has no file name".to_string());
@@ -78,21 +79,26 @@ impl Textures {
         Ok(self.entries.len() as u32 - 1)
     }
 
-    /// Decodes while `rest` runs. What cannot be decoded is one white pixel, with a warning.
+    /// Decodes while `rest` runs. What cannot be decoded is one white pixel, with a warning. An error where `files` called it off.
     pub fn decode_beside<R>(
         self,
         notes: &Notes,
         needs: Needs,
+        files: &dyn Files,
         rest: impl FnOnce() -> R,
-    ) -> (Vec<Arc<Image>>, R) {
-        let (decoded, rest) = decode_beside(&self.entries, needs, rest);
+    ) -> Result<(Vec<Arc<Image>>, R)> {
+        let (decoded, rest) = decode_beside(&self.entries, needs, files, rest);
+        let is_off = |r: &Result<Arc<Image>>| r.as_ref().is_err_and(|p| p.what == CANCELLED);
+        if let Some(Err(problem)) = decoded.iter().find(|r| is_off(r)) {
+            return Err(problem.clone());
+        }
         let images = decoded.into_iter().zip(&self.entries).map(|(result, entry)| {
             result.unwrap_or_else(|problem| {
                 notes.warn(problem.place, format!("{}; white is used", problem.what));
                 Arc::new(Image { name: entry.name.clone(), width: 1, height: 1, rgba: vec![255; 4] })
             })
         });
-        (images.collect(), rest)
+        Ok((images.collect(), rest))
     }
 }
 

@@ -89,8 +89,9 @@ impl Import {
         self.bytes.store(bytes, Ordering::Relaxed);
     }
 
+    /// A bar never runs back: pictures are told after what was decoded beside them. (Bits of floats above 0 are in their order.)
     pub(crate) fn set_progress(&self, part: f32) {
-        self.part.store(part.clamp(0.0, 1.0).to_bits(), Ordering::Relaxed);
+        self.part.fetch_max(part.clamp(0.0, 1.0).to_bits(), Ordering::Relaxed);
     }
 
     /// Gives it up: an importer that is at work ends at the next file or step that it tells of.

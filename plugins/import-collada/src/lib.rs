@@ -121,7 +121,8 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
         true => animation::read(&xml, &tree, &morphs, stem(&source.name)),
         false => Ok(Vec::new()),
     };
-    let (images, clips) = materials.textures.unwrap_or_default().decode_beside(&notes, needs, clips);
+    let (images, clips) =
+        materials.textures.unwrap_or_default().decode_beside(&notes, needs, files, clips)?;
     (asset.images, asset.clips) = (images, clips?);
     take_normal_maps(&mut asset, materials.bumps, &notes);
     add_tangents(&mut asset);

@@ -91,7 +91,8 @@ impl Convention {
 
     /// parent-from-joint of a stack.
     pub fn local(&self, stack: &[Element<'_>], root: bool) -> DMat4 {
-        let file = stack.iter().fold(DMat4::IDENTITY, |m, e| m * e.matrix());
+        let product = stack.iter().map(Element::matrix).reduce(|m, e| m * e);
+        let file = product.unwrap_or(DMat4::IDENTITY);
         let scaled = self.scaled(file);
         if root { self.up * scaled } else { scaled }
     }

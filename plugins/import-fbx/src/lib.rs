@@ -30,7 +30,7 @@ mod textures;
 mod vertices;
 mod weights;
 
-use choreo_import::{Result, bones, pictures};
+use choreo_import::{Problem, Result, bones, pictures};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::Asset;
 use file::File;
@@ -97,8 +97,12 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
 
     // Pictures take as long as everything else together: they are decoded beside it.
     let (pictures, rest) =
-        pictures::decode_beside(table.pictures(), needs, || decode(&file, &tree, &materials));
+        pictures::decode_beside(table.pictures(), needs, files, || decode(&file, &tree, &materials));
     let mut asset = rest?;
+    let is_off = |p: &Problem| p.what == pictures::CANCELLED;
+    if let Some(off) = pictures.iter().filter_map(|p| p.as_ref().err()).find(|p| is_off(p)) {
+        return Err(off.clone());
+    }
     let show_bones = options.bool("bones").unwrap_or(true) && !scene.bones.is_empty();
     asset.name = source.name.clone();
     asset.images = table.finish(&file, pictures, &mut materials)?;

@@ -143,12 +143,19 @@ impl Local {
 
     /// What the Euler rotation is held between.
     pub fn rotation_of(&self, turn: &Turn) -> DQuat {
-        self.mirrored(self.axes_turn * (self.before * (turn.all * self.after)))
+        self.mirrored(self.between(turn.all))
     }
 
     /// Its change a unit of time where the angles change by `rates`, degrees a unit of time.
     pub fn rotation_rate(&self, turn: &Turn, rates: DVec3) -> DQuat {
-        self.mirrored(self.axes_turn * (self.before * (self.euler_rate(turn, rates) * self.after)))
+        self.mirrored(self.between(self.euler_rate(turn, rates)))
+    }
+
+    /// What turns nothing costs nothing: most nodes have neither axes to turn nor rotations before and after.
+    fn between(&self, q: DQuat) -> DQuat {
+        let q = if self.after == DQuat::IDENTITY { q } else { q * self.after };
+        let q = if self.before == DQuat::IDENTITY { q } else { self.before * q };
+        if self.axes_turn == DQuat::IDENTITY { q } else { self.axes_turn * q }
     }
 
     fn mirrored(&self, q: DQuat) -> DQuat {
@@ -165,12 +172,8 @@ impl Local {
     fn euler_rate(&self, turn: &Turn, rates: DVec3) -> DQuat {
         let Some([a, b, c]) = self.axes else { return DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0) };
         let half = |axis: usize| rates[axis] * HALF_RAD;
-        let unit = |axis: usize| {
-            let v = AXES[axis];
-            DQuat::from_xyzw(v.x, v.y, v.z, 0.0)
-        };
-        let inner = turn.parts[2] * (unit(b) * turn.first_two);
-        (turn.all * unit(a)) * half(a) + inner * half(b) + (unit(c) * turn.all) * half(c)
+        let inner = turn.parts[2] * axis_times(b, turn.first_two);
+        times_axis(turn.all, a) * half(a) + inner * half(b) + axis_times(c, turn.all) * half(c)
     }
 
     /// Metres.
@@ -202,7 +205,8 @@ impl Local {
     }
 
     fn to_metres(&self, v: DVec3) -> DVec3 {
-        let mut out = self.axes_turn * v * self.metres;
+        let turned = if self.axes_turn == DQuat::IDENTITY { v } else { self.axes_turn * v };
+        let mut out = turned * self.metres;
         if let Some(axis) = self.mirror {
             out[axis] = -out[axis];
         }
@@ -263,6 +267,23 @@ fn axes(order: RotationOrder) -> Option<[usize; 3]> {
     }
 }
 
+/// A quaternion times i, j or k: only its numbers change their places.
+fn times_axis(q: DQuat, axis: usize) -> DQuat {
+    match axis {
+        0 => DQuat::from_xyzw(q.w, q.z, -q.y, -q.x),
+        1 => DQuat::from_xyzw(-q.z, q.w, q.x, -q.y),
+        _ => DQuat::from_xyzw(q.y, -q.x, q.w, -q.z),
+    }
+}
+
+fn axis_times(axis: usize, q: DQuat) -> DQuat {
+    match axis {
+        0 => DQuat::from_xyzw(q.w, -q.z, q.y, -q.x),
+        1 => DQuat::from_xyzw(q.z, q.w, -q.x, -q.y),
+        _ => DQuat::from_xyzw(-q.y, q.x, q.w, -q.z),
+    }
+}
+
 /// About X, then Y, then Z.
 pub fn euler(degrees: DVec3) -> DQuat {
     turn(Some([0, 1, 2]), degrees).all
@@ -282,4 +303,19 @@ fn turn(axes: Option<[usize; 3]>, degrees: DVec3) -> Turn {
     });
     let first_two = parts[1] * parts[0];
     Turn { parts, first_two, all: parts[2] * first_two }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn products_with_axes() {
+        let q = DQuat::from_xyzw(0.1, -0.2, 0.3, 0.9);
+        for (axis, v) in AXES.iter().enumerate() {
+            let unit = DQuat::from_xyzw(v.x, v.y, v.z, 0.0);
+            assert_eq!(times_axis(q, axis), q * unit);
+            assert_eq!(axis_times(axis, q), unit * q);
+        }
+    }
 }

@@ -140,7 +140,7 @@ fn import(
 
     // Pictures take as long as everything else together: they are decoded beside it.
     let (images, rest) =
-        pictures::decode_beside(&table.entries, needs, || decode(&file, &tree, needs, &materials));
+        pictures::decode_beside(&table.entries, needs, files, || decode(&file, &tree, needs, &materials));
     drop(table);
     let mut asset = rest?;
     asset.name = source.name.clone();

@@ -118,10 +118,10 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
         materials(&model, source, files, needs, &settings, &mut textures, &budget, &notes)?;
 
     // Pictures take as long as everything else together: they are decoded beside it.
-    let (images, built) = textures.decode_beside(&notes, needs, || match needs.geometry {
+    let (images, built) = textures.decode_beside(&notes, needs, files, || match needs.geometry {
         true => mesh::build(&model, &settings, &budget, &notes),
         false => Ok(Vec::new()),
-    });
+    })?;
     let mut asset = Asset {
         name: source.name.clone(),
         images,

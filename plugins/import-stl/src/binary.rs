@@ -2,7 +2,7 @@
 
 use crate::Solid;
 use choreo_import::text::count as counted;
-use choreo_import::{Notes, Problem, Result};
+use choreo_import::{Notes, Problem, Progress, Result};
 use glam::Vec3;
 
 const HEADER: usize = 80;
@@ -17,7 +17,7 @@ pub fn size(triangles: u32) -> u64 {
     (HEADER + 4) as u64 + TRIANGLE as u64 * u64::from(triangles)
 }
 
-pub fn read(bytes: &[u8], notes: &Notes) -> Result<Solid> {
+pub fn read(bytes: &[u8], progress: &Progress<'_>, notes: &Notes) -> Result<Solid> {
     let Some(count) = announced(bytes) else {
         let what = format!("the file has {} bytes; a binary STL has at least {}", bytes.len(), HEADER + 4);
         return Err(Problem::new("byte 0", what)
@@ -42,6 +42,7 @@ pub fn read(bytes: &[u8], notes: &Notes) -> Result<Solid> {
     solid.positions.reserve_exact(count as usize * 3);
     solid.normals.reserve_exact(count as usize);
     for (index, triangle) in body.chunks_exact(TRIANGLE).enumerate() {
+        progress.reach(HEADER + 4 + index * TRIANGLE)?;
         let vector = |at: usize| {
             // A chunk has fifty bytes.
             let float = |i: usize| f32::from_le_bytes([0, 1, 2, 3].map(|b| triangle[at + i * 4 + b]));

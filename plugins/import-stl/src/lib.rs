@@ -90,7 +90,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     let (solids, format) = match (needs.geometry, Encoding::of(&source.bytes)) {
         (_, Encoding::Ascii) => (ascii::read(&source.bytes, needs.geometry, &progress, &notes)?, "ASCII STL"),
         (false, _) => (vec![Solid::default()], "binary STL"),
-        (true, _) => (vec![binary::read(&source.bytes, &notes)?], "binary STL"),
+        (true, _) => (vec![binary::read(&source.bytes, &progress, &notes)?], "binary STL"),
     };
     build::asset(source, solids, format, needs, options, notes)
 }

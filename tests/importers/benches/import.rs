@@ -1,5 +1,5 @@
 //! Import times and peak memory of the sample files, beside assimp's: `cargo bench -p importers [-- FILTER]`; what the option
-//! `tolerance` of import-fbx costs: `-- --tolerance`.
+//! `tolerance` of import-fbx costs: `-- --tolerance`; what of a file's time is a process that begins: `-- --again PATH`.
 //!
 //! Both as a fresh process for every run, in turns, so that both find memory as cold and the machine as busy. Time is what the
 //! system says the threads have computed, without the start of the process: assimp's whole process less that of `assimp version`;
@@ -64,6 +64,19 @@ fn once(path: &Path, tolerance: Option<f64>) {
     let after = thread_ms();
     assert!(std::hint::black_box(asset).is_ok(), "{}", path.display());
     println!("{} {}", after - before, status("VmHWM:").unwrap_or(f64::NAN) / 1024.0);
+}
+
+/// Of this process: milliseconds of the first import, and of the fastest of a hundred more, which find code and memory warm.
+fn again(path: &Path) {
+    let run = || {
+        let before = thread_ms();
+        let asset = import_with(path, Needs { textures: false, ..Needs::ALL }, &[]);
+        assert!(std::hint::black_box(asset).is_ok(), "{}", path.display());
+        thread_ms() - before
+    };
+    let first = run();
+    let warm = (0..100).map(|_| run()).fold(f64::INFINITY, f64::min);
+    println!("{first:.2} ms, warm {warm:.2} ms");
 }
 
 fn ours(path: &Path, tolerance: Option<f64>) -> Option<Run> {
@@ -138,6 +151,11 @@ fn main() {
         && flag == "--once"
     {
         return once(Path::new(path), tolerance.first().and_then(|t| t.parse().ok()));
+    }
+    if let [flag, path] = args.as_slice()
+        && flag == "--again"
+    {
+        return again(Path::new(path));
     }
     let filter = args.iter().find(|a| !a.starts_with('-')).cloned().unwrap_or_default();
     let Some(folder) = choreo_import_testing::assets(SAMPLES) else { return };
