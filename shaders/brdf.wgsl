@@ -12,17 +12,24 @@ struct Surface {
     f0: vec3<f32>,
     f90: f32,
     roughness: f32,
+    // Unit, along and across which highlights are drawn out, and alpha in each.
+    @if(ANISOTROPY) along: vec3<f32>,
+    @if(ANISOTROPY) across: vec3<f32>,
+    @if(ANISOTROPY) alphas: vec2<f32>,
+    // Reflectance under a thin film at this angle, and the film's share of the surface.
+    @if(IRIDESCENCE) film: vec3<f32>,
+    @if(IRIDESCENCE) film_share: f32,
 }
 
 // glTF 2.0 Appendix B.3 and KHR_materials_specular.
 fn surface_of(base: vec3<f32>, metallic: f32, roughness: f32, specular: f32, specular_color: vec3<f32>) -> Surface {
     let dielectric = min(0.04 * specular_color, vec3(1.0)) * specular;
-    return Surface(
-        base * (1.0 - metallic),
-        mix(dielectric, base, metallic),
-        mix(specular, 1.0, metallic),
-        max(roughness, 0.045),
-    );
+    var s: Surface;
+    s.diffuse = base * (1.0 - metallic);
+    s.f0 = mix(dielectric, base, metallic);
+    s.f90 = mix(specular, 1.0, metallic);
+    s.roughness = max(roughness, 0.045);
+    return s;
 }
 
 // Diffuse + GGX with Smith's height-correlated visibility (Heitz 2014) and Schlick's Fresnel, times π.
@@ -30,15 +37,29 @@ fn reflect_light(s: Surface, n: vec3<f32>, v: vec3<f32>, l: vec3<f32>, nv: f32, 
     let h = unit(l + v);
     let nh = clamp(dot(n, h), 0.0, 1.0);
     let vh = clamp(dot(v, h), 0.0, 1.0);
+    @if(!ANISOTROPY)
     let alpha = s.roughness * s.roughness;
     let a2 = alpha * alpha;
     let d = nh * nh * (a2 - 1.0) + 1.0;
     // Distribution a2 / d² and visibility 0.5 / (…) in one division.
     let smith = nl * sqrt(nv * nv * (1.0 - a2) + a2) + nv * sqrt(nl * nl * (1.0 - a2) + a2);
     let lobe = 0.5 * a2 / (d * d * smith);
+    @end
+    @if(ANISOTROPY)
+    // KHR_materials_anisotropy, "Implementation": the same distribution and visibility with an alpha each way.
+    let at = s.alphas.x;
+    let ab = s.alphas.y;
+    let a2 = at * ab;
+    let d = vec3(ab * dot(s.along, h), at * dot(s.across, h), a2 * nh);
+    let w = a2 / dot(d, d);
+    let smith = nl * length(vec3(at * dot(s.along, v), ab * dot(s.across, v), nv))
+        + nv * length(vec3(at * dot(s.along, l), ab * dot(s.across, l), nl));
+    let lobe = 0.5 * a2 * w * w / smith;
+    @end
     let x = 1.0 - vh;
     let x2 = x * x;
-    let fresnel = s.f0 + (vec3(s.f90) - s.f0) * (x2 * x2 * x);
+    @if(!IRIDESCENCE) let fresnel = s.f0 + (vec3(s.f90) - s.f0) * (x2 * x2 * x);
+    @if(IRIDESCENCE) let fresnel = mix(s.f0 + (vec3(s.f90) - s.f0) * (x2 * x2 * x), s.film, s.film_share);
     let share = 1.0 - max(fresnel.x, max(fresnel.y, fresnel.z));
     return s.diffuse * share + fresnel * lobe;
 }

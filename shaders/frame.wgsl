@@ -64,16 +64,20 @@ struct Material {
     occlusion_strength: f32,
     shininess: f32,
     rim_lighting_mix: f32,
-    pad0: f32,
-    pad1: f32,
+    outline_width: f32,
+    outline_on_screen: f32,
     // Toon: shading shift, toony, GI equalization, scale of the shift texture
     toon: vec4<f32>,
     // rim colour, Fresnel power
     rim: vec4<f32>,
     // matcap colour, rim lift
     matcap: vec4<f32>,
-    // base colour, metallic-roughness, normal, occlusion, emissive, specular, specular colour
-    uv: array<UvTransform, 7>,
+    // Outline's colour, and how much the surface's light counts
+    outline: vec4<f32>,
+    // How far a masked motion has come: textures, radians
+    uv_moved: vec4<f32>,
+    // base colour, metallic-roughness, normal, occlusion, emissive, specular, specular colour, outline width, mask of what moves
+    uv: array<UvTransform, 9>,
 }
 
 @if(LAYERS)
@@ -87,8 +91,19 @@ struct Layers {
     clearcoat_roughness: f32,
     clearcoat_normal_scale: f32,
     transmission: f32,
-    // clearcoat, its roughness, its normal, sheen colour, its roughness, transmission, thickness
-    uv: array<UvTransform, 7>,
+    diffuse_transmission_color: vec3<f32>,
+    diffuse_transmission: f32,
+    // Cosine and sine of the rotation.
+    anisotropy_direction: vec2<f32>,
+    anisotropy: f32,
+    iridescence: f32,
+    // Nanometres where the texture is 0 and where it is 1.
+    iridescence_thickness: vec2<f32>,
+    iridescence_ior: f32,
+    pad: f32,
+    // clearcoat, its roughness, its normal, sheen colour, its roughness, transmission, thickness, iridescence, its thickness,
+    // anisotropy, diffuse transmission, its colour
+    uv: array<UvTransform, 12>,
 }
 @end
 
@@ -118,39 +133,53 @@ struct ShadowView {
 @if(MORPH) @group(0) @binding(3) var<storage, read> active_morphs: array<ActiveMorph>;
 @if(LIT) @group(0) @binding(4) var<uniform> lights: array<Light, 256>;
 
-@group(1) @binding(0) var<uniform> material: Material;
-@if(BASE_COLOR_TEXTURE) @group(1) @binding(1) var base_color_texture: texture_2d<f32>;
-@if(BASE_COLOR_TEXTURE) @group(1) @binding(2) var base_color_sampler: sampler;
-@if(METALLIC_ROUGHNESS_TEXTURE) @group(1) @binding(3) var metallic_roughness_texture: texture_2d<f32>;
-@if(METALLIC_ROUGHNESS_TEXTURE) @group(1) @binding(4) var metallic_roughness_sampler: sampler;
-@if(NORMAL_TEXTURE) @group(1) @binding(5) var normal_texture: texture_2d<f32>;
-@if(NORMAL_TEXTURE) @group(1) @binding(6) var normal_sampler: sampler;
-@if(OCCLUSION_TEXTURE) @group(1) @binding(7) var occlusion_texture: texture_2d<f32>;
-@if(OCCLUSION_TEXTURE) @group(1) @binding(8) var occlusion_sampler: sampler;
-@if(EMISSIVE_TEXTURE) @group(1) @binding(9) var emissive_texture: texture_2d<f32>;
-@if(EMISSIVE_TEXTURE) @group(1) @binding(10) var emissive_sampler: sampler;
-@if(SPECULAR_TEXTURE) @group(1) @binding(11) var specular_texture: texture_2d<f32>;
-@if(SPECULAR_TEXTURE) @group(1) @binding(12) var specular_sampler: sampler;
-@if(SPECULAR_COLOR_TEXTURE) @group(1) @binding(13) var specular_color_texture: texture_2d<f32>;
-@if(SPECULAR_COLOR_TEXTURE) @group(1) @binding(14) var specular_color_sampler: sampler;
-@if(CLEARCOAT_TEXTURE) @group(1) @binding(15) var clearcoat_texture: texture_2d<f32>;
-@if(CLEARCOAT_TEXTURE) @group(1) @binding(16) var clearcoat_sampler: sampler;
-@if(CLEARCOAT_ROUGHNESS_TEXTURE) @group(1) @binding(17) var clearcoat_roughness_texture: texture_2d<f32>;
-@if(CLEARCOAT_ROUGHNESS_TEXTURE) @group(1) @binding(18) var clearcoat_roughness_sampler: sampler;
-@if(CLEARCOAT_NORMAL_TEXTURE) @group(1) @binding(19) var clearcoat_normal_texture: texture_2d<f32>;
-@if(CLEARCOAT_NORMAL_TEXTURE) @group(1) @binding(20) var clearcoat_normal_sampler: sampler;
-@if(SHEEN_COLOR_TEXTURE) @group(1) @binding(21) var sheen_color_texture: texture_2d<f32>;
-@if(SHEEN_COLOR_TEXTURE) @group(1) @binding(22) var sheen_color_sampler: sampler;
-@if(SHEEN_ROUGHNESS_TEXTURE) @group(1) @binding(23) var sheen_roughness_texture: texture_2d<f32>;
-@if(SHEEN_ROUGHNESS_TEXTURE) @group(1) @binding(24) var sheen_roughness_sampler: sampler;
-@if(TRANSMISSION_TEXTURE) @group(1) @binding(25) var transmission_texture: texture_2d<f32>;
-@if(TRANSMISSION_TEXTURE) @group(1) @binding(26) var transmission_sampler: sampler;
-@if(THICKNESS_TEXTURE) @group(1) @binding(27) var thickness_texture: texture_2d<f32>;
-@if(THICKNESS_TEXTURE) @group(1) @binding(28) var thickness_sampler: sampler;
-@if(LAYERS) @group(1) @binding(29) var<uniform> layers: Layers;
+@group(3) @binding(0) var<uniform> material: Material;
+@if(BASE_COLOR_TEXTURE) @group(3) @binding(1) var base_color_texture: texture_2d<f32>;
+@if(BASE_COLOR_TEXTURE) @group(3) @binding(2) var base_color_sampler: sampler;
+@if(METALLIC_ROUGHNESS_TEXTURE) @group(3) @binding(3) var metallic_roughness_texture: texture_2d<f32>;
+@if(METALLIC_ROUGHNESS_TEXTURE) @group(3) @binding(4) var metallic_roughness_sampler: sampler;
+@if(NORMAL_TEXTURE) @group(3) @binding(5) var normal_texture: texture_2d<f32>;
+@if(NORMAL_TEXTURE) @group(3) @binding(6) var normal_sampler: sampler;
+@if(OCCLUSION_TEXTURE) @group(3) @binding(7) var occlusion_texture: texture_2d<f32>;
+@if(OCCLUSION_TEXTURE) @group(3) @binding(8) var occlusion_sampler: sampler;
+@if(EMISSIVE_TEXTURE) @group(3) @binding(9) var emissive_texture: texture_2d<f32>;
+@if(EMISSIVE_TEXTURE) @group(3) @binding(10) var emissive_sampler: sampler;
+@if(SPECULAR_TEXTURE) @group(3) @binding(11) var specular_texture: texture_2d<f32>;
+@if(SPECULAR_TEXTURE) @group(3) @binding(12) var specular_sampler: sampler;
+@if(SPECULAR_COLOR_TEXTURE) @group(3) @binding(13) var specular_color_texture: texture_2d<f32>;
+@if(SPECULAR_COLOR_TEXTURE) @group(3) @binding(14) var specular_color_sampler: sampler;
+@if(CLEARCOAT_TEXTURE) @group(3) @binding(15) var clearcoat_texture: texture_2d<f32>;
+@if(CLEARCOAT_TEXTURE) @group(3) @binding(16) var clearcoat_sampler: sampler;
+@if(CLEARCOAT_ROUGHNESS_TEXTURE) @group(3) @binding(17) var clearcoat_roughness_texture: texture_2d<f32>;
+@if(CLEARCOAT_ROUGHNESS_TEXTURE) @group(3) @binding(18) var clearcoat_roughness_sampler: sampler;
+@if(CLEARCOAT_NORMAL_TEXTURE) @group(3) @binding(19) var clearcoat_normal_texture: texture_2d<f32>;
+@if(CLEARCOAT_NORMAL_TEXTURE) @group(3) @binding(20) var clearcoat_normal_sampler: sampler;
+@if(SHEEN_COLOR_TEXTURE) @group(3) @binding(21) var sheen_color_texture: texture_2d<f32>;
+@if(SHEEN_COLOR_TEXTURE) @group(3) @binding(22) var sheen_color_sampler: sampler;
+@if(SHEEN_ROUGHNESS_TEXTURE) @group(3) @binding(23) var sheen_roughness_texture: texture_2d<f32>;
+@if(SHEEN_ROUGHNESS_TEXTURE) @group(3) @binding(24) var sheen_roughness_sampler: sampler;
+@if(TRANSMISSION_TEXTURE) @group(3) @binding(25) var transmission_texture: texture_2d<f32>;
+@if(TRANSMISSION_TEXTURE) @group(3) @binding(26) var transmission_sampler: sampler;
+@if(THICKNESS_TEXTURE) @group(3) @binding(27) var thickness_texture: texture_2d<f32>;
+@if(THICKNESS_TEXTURE) @group(3) @binding(28) var thickness_sampler: sampler;
+@if(IRIDESCENCE_TEXTURE) @group(3) @binding(29) var iridescence_texture: texture_2d<f32>;
+@if(IRIDESCENCE_TEXTURE) @group(3) @binding(30) var iridescence_sampler: sampler;
+@if(IRIDESCENCE_THICKNESS_TEXTURE) @group(3) @binding(31) var iridescence_thickness_texture: texture_2d<f32>;
+@if(IRIDESCENCE_THICKNESS_TEXTURE) @group(3) @binding(32) var iridescence_thickness_sampler: sampler;
+@if(ANISOTROPY_TEXTURE) @group(3) @binding(33) var anisotropy_texture: texture_2d<f32>;
+@if(ANISOTROPY_TEXTURE) @group(3) @binding(34) var anisotropy_sampler: sampler;
+@if(DIFFUSE_TRANSMISSION_TEXTURE) @group(3) @binding(35) var diffuse_transmission_texture: texture_2d<f32>;
+@if(DIFFUSE_TRANSMISSION_TEXTURE) @group(3) @binding(36) var diffuse_transmission_sampler: sampler;
+@if(DIFFUSE_TRANSMISSION_COLOR_TEXTURE) @group(3) @binding(37) var diffuse_transmission_color_texture: texture_2d<f32>;
+@if(DIFFUSE_TRANSMISSION_COLOR_TEXTURE) @group(3) @binding(38) var diffuse_transmission_color_sampler: sampler;
+@if(OUTLINE_WIDTH_TEXTURE) @group(3) @binding(39) var outline_width_texture: texture_2d<f32>;
+@if(OUTLINE_WIDTH_TEXTURE) @group(3) @binding(40) var outline_width_sampler: sampler;
+@if(UV_MASK) @group(3) @binding(41) var uv_mask_texture: texture_2d<f32>;
+@if(UV_MASK) @group(3) @binding(42) var uv_mask_sampler: sampler;
+@if(LAYERS) @group(3) @binding(43) var<uniform> layers: Layers;
 
-@if(SHADOW) @group(3) @binding(0) var<uniform> shadow_views: array<ShadowView, 32>;
-@if(SHADOW) @group(3) @binding(1) var shadow_map: texture_depth_2d;
-@if(SHADOW) @group(3) @binding(2) var shadow_sampler: sampler_comparison;
+@if(SHADOW) @group(2) @binding(0) var<uniform> shadow_views: array<ShadowView, 32>;
+@if(SHADOW) @group(2) @binding(1) var shadow_map: texture_depth_2d;
+@if(SHADOW) @group(2) @binding(2) var shadow_sampler: sampler_comparison;
 
-@if(MORPH) @group(2) @binding(0) var<storage, read> morphs: Morphs;
+@if(MORPH) @group(1) @binding(0) var<storage, read> morphs: Morphs;

@@ -1,20 +1,36 @@
 // The fragment shader of the scene: linear colour out, the target encodes sRGB.
 
+@if(UV_MASK) var<private> uv_mask: f32;
+
 @if(UV0 || UV1)
 fn texture_uv(in: VertexOut, slot: u32) -> vec2<f32> {
     @if(UV0 && !UV1) let uv = in.uv0;
     @if(UV1 && !UV0) let uv = in.uv1;
     @if(UV0 && UV1) let uv = select(in.uv0, in.uv1, material.uv[slot].x.w > 0.5);
-    @if(!UV_TRANSFORM) return uv;
-    @if(UV_TRANSFORM)
-    let t = material.uv[slot];
-    return vec2(dot(t.x.xy, uv) + t.x.z, dot(t.y.xy, uv) + t.y.z);
+    @if(!UV_TRANSFORM) let placed = uv;
+    @if(UV_TRANSFORM) let t = material.uv[slot];
+    @if(UV_TRANSFORM) let placed = vec2(dot(t.x.xy, uv) + t.x.z, dot(t.y.xy, uv) + t.y.z);
+    @if(!UV_MASK) return placed;
+    // Turned about the middle, then moved, each place as much as the mask says.
+    @if(UV_MASK)
+    let angle = material.uv_moved.z * uv_mask;
+    let off = placed - 0.5;
+    let turned = vec2(cos(angle) * off.x - sin(angle) * off.y, sin(angle) * off.x + cos(angle) * off.y);
+    return turned + 0.5 + material.uv_moved.xy * uv_mask;
     @end
+}
+@end
+
+@if(UV_MASK)
+fn read_uv_mask(in: VertexOut) {
+    uv_mask = 0.0;
+    uv_mask = textureSample(uv_mask_texture, uv_mask_sampler, texture_uv(in, 8u)).b;
 }
 @end
 
 @fragment
 fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+    @if(UV_MASK) read_uv_mask(in);
     var base = material.base_color;
     @if(VERTEX_COLOR || TINT) base *= in.color;
     @if(BASE_COLOR_TEXTURE) base *= textureSample(base_color_texture, base_color_sampler, texture_uv(in, 0u));
@@ -69,6 +85,41 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @if(METALLIC_ROUGHNESS)
     var s = surface_of(base.rgb, metallic, roughness, specular, specular_color);
     let nv = clamp(dot(n, v), 0.001, 1.0);
+    var sky_f0 = s.f0;
+    var mirror = reflect(-v, n);
+    @if(ANISOTROPY)
+    var direction = vec2(1.0, 0.0);
+    var anisotropy = layers.anisotropy;
+    @if(ANISOTROPY_TEXTURE)
+    let brushed = textureSample(anisotropy_texture, anisotropy_sampler, layer_uv(in, 9u)).xyz;
+    direction = brushed.xy * 2.0 - 1.0;
+    anisotropy *= brushed.z;
+    @end
+    let turn = layers.anisotropy_direction;
+    direction = vec2(turn.x * direction.x - turn.y * direction.y, turn.y * direction.x + turn.x * direction.y);
+    s.along = unit(direction.x * in.tangent.xyz + direction.y * b);
+    s.across = unit(cross(n, s.along));
+    let alpha_across = s.roughness * s.roughness;
+    s.alphas = vec2(mix(alpha_across, 1.0, anisotropy * anisotropy), alpha_across);
+    // Of the sky what stands across the brushing is seen ("Bent normal" of the extension's implementation notes).
+    let fan = unit(cross(cross(s.across, v), s.across));
+    let straight = 1.0 - anisotropy * (1.0 - s.roughness);
+    let straight2 = straight * straight;
+    mirror = reflect(-v, unit(mix(fan, n, straight2 * straight2)));
+    @end
+    @if(IRIDESCENCE)
+    s.film_share = layers.iridescence;
+    @if(IRIDESCENCE_TEXTURE) s.film_share *= textureSample(iridescence_texture, iridescence_sampler, layer_uv(in, 7u)).r;
+    var thickness = layers.iridescence_thickness.y;
+    @if(IRIDESCENCE_THICKNESS_TEXTURE) thickness = mix(layers.iridescence_thickness.x, thickness, textureSample(iridescence_thickness_texture, iridescence_thickness_sampler, layer_uv(in, 8u)).g);
+    s.film = film_reflectance(layers.iridescence_ior, thickness, nv, s.f0);
+    sky_f0 = mix(s.f0, film_f0(s.film, nv), s.film_share);
+    @end
+    @if(VOLUME)
+    var depth = layers.thickness * in.scale;
+    @if(THICKNESS_TEXTURE) depth *= textureSample(thickness_texture, thickness_sampler, layer_uv(in, 6u)).g;
+    let absorbed = exp(-layers.extinction * depth);
+    @end
     @if(TRANSMISSION)
     // What is neither reflected nor scattered lets light through (KHR_materials_transmission), less what the volume takes
     // (KHR_materials_volume, Beer-Lambert). There is no blurred picture of what is behind: of a rough surface the blurred
@@ -76,13 +127,21 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     var transmission = layers.transmission * (1.0 - metallic);
     @if(TRANSMISSION_TEXTURE) transmission *= textureSample(transmission_texture, transmission_sampler, layer_uv(in, 5u)).r;
     var through = base.rgb * transmission * (vec3(1.0) - ambient_specular(s.f0, s.f90, s.roughness, nv));
-    @if(VOLUME)
-    var depth = layers.thickness * in.scale;
-    @if(THICKNESS_TEXTURE) depth *= textureSample(thickness_texture, thickness_sampler, layer_uv(in, 6u)).g;
-    through *= exp(-layers.extinction * depth);
-    @end
+    @if(VOLUME) through *= absorbed;
     let blurred = roughness * roughness;
     s.diffuse *= 1.0 - transmission;
+    @end
+    @if(DIFFUSE_TRANSMISSION)
+    // Of the diffuse light a share comes from behind instead (KHR_materials_diffuse_transmission), less what is reflected.
+    var from_behind = layers.diffuse_transmission;
+    @if(DIFFUSE_TRANSMISSION_TEXTURE) from_behind *= textureSample(diffuse_transmission_texture, diffuse_transmission_sampler, layer_uv(in, 10u)).a;
+    var behind_color = layers.diffuse_transmission_color;
+    @if(DIFFUSE_TRANSMISSION_COLOR_TEXTURE) behind_color *= textureSample(diffuse_transmission_color_texture, diffuse_transmission_color_sampler, layer_uv(in, 11u)).rgb;
+    @if(VOLUME) behind_color *= absorbed;
+    let grazing = 1.0 - nv;
+    let reflected_here = s.f0 + (vec3(s.f90) - s.f0) * (grazing * grazing * grazing * grazing * grazing);
+    behind_color *= from_behind * (1.0 - metallic) * (1.0 - max(reflected_here.x, max(reflected_here.y, reflected_here.z)));
+    s.diffuse *= 1.0 - from_behind;
     @end
     @if(SHEEN)
     var sheen_color = layers.sheen_color;
@@ -105,7 +164,8 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     coat_weight *= coat_fresnel(coat_nv);
     var coat = ambient(reflect(-v, coat_n)) * occlusion;
     @end
-    var color = (s.diffuse * ambient(n) + ambient(reflect(-v, n)) * ambient_specular(s.f0, s.f90, s.roughness, nv)) * occlusion;
+    var color = (s.diffuse * ambient(n) + ambient(mirror) * ambient_specular(sky_f0, s.f90, s.roughness, nv)) * occlusion;
+    @if(DIFFUSE_TRANSMISSION) color += behind_color * ambient(-n) * occlusion;
     @end
     @if(BLINN_PHONG) var color = base.rgb * ambient(n) * occlusion;
     @if(TOON)
@@ -132,11 +192,14 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
         @if(LOCAL_LIGHTS) var light_color = arriving.color;
         @if(!LOCAL_LIGHTS) let l = -light.direction.xyz;
         @if(!LOCAL_LIGHTS) var light_color = light.color.xyz;
-        @if(SHADOW) let share = shadow_share(light, in.relative, own_n, l);
+        @if(SHADOW && !DIFFUSE_TRANSMISSION) let share = shadow_share(light, in.relative, own_n, l);
+        // Light from behind falls on the other side.
+        @if(SHADOW && DIFFUSE_TRANSMISSION) let share = shadow_share(light, in.relative, select(own_n, -own_n, dot(n, l) < 0.0), l);
         @if(SHADOW && !TOON) light_color *= share;
         // Behind the surface nl is 0, and everything it is multiplied with is finite.
         let nl = clamp(dot(n, l), 0.0, 1.0);
         @if(METALLIC_ROUGHNESS) color += reflect_light(s, n, v, l, nv, nl) * light_color * nl;
+        @if(DIFFUSE_TRANSMISSION) color += behind_color * light_color * clamp(-dot(n, l), 0.0, 1.0);
         @if(TOON && !SHADOW) color += mix(specular_color, base.rgb, toon_lit(dot(n, l), shift)) * light_color;
         @if(TOON && SHADOW) color += mix(specular_color, base.rgb, toon_lit(dot(n, l), shift) * share) * light_color;
         @if(TOON) lighting += light_color;
@@ -159,6 +222,7 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @if(EMISSIVE && !EMISSIVE_TEXTURE) color += material.emissive;
     @if(EMISSIVE_TEXTURE) color += material.emissive * textureSample(emissive_texture, emissive_sampler, texture_uv(in, 4u)).rgb;
     @if(CLEARCOAT) color = mix(color, coat, coat_weight);
+    @if(SHELL) color = material.outline.xyz * mix(vec3(1.0), color, material.outline.w);
     @if(!GLASS) return vec4(color, alpha);
     // Glass is drawn twice: first what is behind is multiplied by what comes through, then what the surface shows is added.
     @if(GLASS_LIGHT) return vec4(color * alpha, alpha);

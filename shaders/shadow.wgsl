@@ -47,6 +47,7 @@ fn shadow_filtered(at: vec3<f32>, scale: vec2<f32>) -> f32 {
 @if(SHADOW_PASS && ALPHA_MASK)
 @fragment
 fn shadow_fs(in: VertexOut) {
+    @if(UV_MASK) read_uv_mask(in);
     var alpha = material.base_color.a;
     @if(VERTEX_COLOR) alpha *= in.color.a;
     @if(BASE_COLOR_TEXTURE) alpha *= textureSample(base_color_texture, base_color_sampler, texture_uv(in, 0u)).a;

@@ -2,7 +2,7 @@
 
 struct VertexIn {
     @location(0) position: vec3<f32>,
-    @if(LIT) @location(1) normal: vec4<f32>,
+    @if(NORMAL) @location(1) normal: vec4<f32>,
     @if(TANGENT) @location(2) tangent: vec4<f32>,
     @if(UV0) @location(3) uv0: vec2<f32>,
     @if(UV1) @location(4) uv1: vec2<f32>,
@@ -71,10 +71,20 @@ fn after(outer: Rows, inner: Rows) -> Rows {
 }
 @end
 
+@if(OUTLINE_WIDTH_TEXTURE)
+fn outline_uv(in: VertexIn) -> vec2<f32> {
+    @if(UV0 && !UV1) let uv = in.uv0;
+    @if(UV1 && !UV0) let uv = in.uv1;
+    @if(UV0 && UV1) let uv = select(in.uv0, in.uv1, material.uv[7].x.w > 0.5);
+    let t = material.uv[7];
+    return vec2(dot(t.x.xy, uv) + t.x.z, dot(t.y.xy, uv) + t.y.z);
+}
+@end
+
 @vertex
 fn vs(in: VertexIn) -> VertexOut {
     var position = in.position;
-    @if(LIT) var normal = in.normal.xyz;
+    @if(NORMAL) var normal = in.normal.xyz;
     @if(TANGENT) var tangent = in.tangent.xyz;
 
     @if(MORPH)
@@ -83,7 +93,7 @@ fn vs(in: VertexIn) -> VertexOut {
         let active_morph = active_morphs[first_morph + i];
         let at = active_morph.target_index * morphs.stride * morphs.vertex_count + in.index;
         position += active_morph.weight * morphs.offsets[at].xyz;
-        @if(LIT) normal += active_morph.weight * morphs.offsets[at + morphs.vertex_count].xyz;
+        @if(NORMAL) normal += active_morph.weight * morphs.offsets[at + morphs.vertex_count].xyz;
         @if(TANGENT) tangent += active_morph.weight * morphs.offsets[at + 2u * morphs.vertex_count].xyz;
     }
     @end
@@ -133,20 +143,35 @@ fn vs(in: VertexIn) -> VertexOut {
     @if(!SKIN) let m = instances[in.instance].relative_from_mesh;
 
     let p = vec4(position, 1.0);
-    let relative = vec3(dot(m.x, p), dot(m.y, p), dot(m.z, p));
+    var relative = vec3(dot(m.x, p), dot(m.y, p), dot(m.z, p));
 
     var out: VertexOut;
-    out.position = frame.clip_from_relative * vec4(relative, 1.0);
-    @if(LIT)
-    out.relative = relative;
+    @if(NORMAL)
     // Normals by the cofactor matrix: the inverse transpose times the determinant, whose sign is taken out again.
     let cofactor_x = cross(m.y.xyz, m.z.xyz);
     let cofactor_y = cross(m.z.xyz, m.x.xyz);
     let cofactor_z = cross(m.x.xyz, m.y.xyz);
     let handedness = select(1.0, -1.0, dot(m.x.xyz, cofactor_x) < 0.0);
     let turned = vec3(dot(cofactor_x, normal), dot(cofactor_y, normal), dot(cofactor_z, normal));
-    out.normal = unit(turned * handedness);
+    let unit_normal = unit(turned * handedness);
     @end
+    @if(SHELL)
+    var width = material.outline_width;
+    @if(OUTLINE_WIDTH_TEXTURE) width *= textureSampleLevel(outline_width_texture, outline_width_sampler, outline_uv(in), 0.0).g;
+    if (material.outline_on_screen < 0.5) { relative += unit_normal * width; }
+    @end
+    out.position = frame.clip_from_relative * vec4(relative, 1.0);
+    @if(SHELL)
+    if (material.outline_on_screen > 0.5) {
+        // Where the normal goes in the picture, in pixels: d(xy/w) is proportional to this.
+        let way = frame.clip_from_relative * vec4(unit_normal, 0.0);
+        let pixels = (way.xy * out.position.w - out.position.xy * way.w) * frame.size;
+        let step = unit(vec3(pixels, 0.0)).xy * (2.0 * width * frame.size.y) / frame.size;
+        out.position = vec4(out.position.xy + step * out.position.w, out.position.zw);
+    }
+    @end
+    @if(LIT) out.relative = relative;
+    @if(LIT) out.normal = unit_normal;
     @if(TANGENT)
     let along = vec3(dot(m.x.xyz, tangent), dot(m.y.xyz, tangent), dot(m.z.xyz, tangent));
     out.tangent = vec4(unit(along), in.tangent.w * handedness);

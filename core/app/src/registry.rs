@@ -21,6 +21,7 @@ pub fn registry() -> Registry {
     registry.add_importer(import_obj::ObjImporter);
     registry.add_importer(import_stl::StlImporter);
     registry.add_effect(effect_tonemap::Tonemap);
+    registry.add_effect(effect_outline::Outline);
     registry.add_effect(effect_vignette::Vignette);
     registry.add_exporter(export_png::PngExporter);
     registry.add_exporter(export_mp4::Mp4Exporter);

@@ -95,6 +95,19 @@ impl Manifest {
         self.with(name, about, OptionKind::Number { default, min: *range.start(), max: *range.end() })
     }
 
+    /// A color, as three numbers `NAME_r`, `NAME_g` and `NAME_b`, linear; scripts set all three by its name.
+    pub fn color(self, name: &str, about: &str, default: [f64; 3]) -> Manifest {
+        let parts = [("r", "red"), ("g", "green"), ("b", "blue")].into_iter().zip(default);
+        parts.fold(self, |manifest, ((part, of), default)| {
+            manifest.number(
+                &format!("{name}_{part}"),
+                &format!("{about}: {of}, linear"),
+                default,
+                0.0..=100.0,
+            )
+        })
+    }
+
     pub fn flag(self, name: &str, about: &str, default: bool) -> Manifest {
         self.with(name, about, OptionKind::Bool { default })
     }

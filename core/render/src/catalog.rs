@@ -2,7 +2,7 @@
 
 use crate::bounds::PrimitiveInfo;
 use crate::content::{material_content, material_hash, short};
-use crate::gpu_types::{BASE_SLOTS, LAYER_SLOTS, TEXTURE_SLOTS};
+use crate::gpu_types::{BASE_SLOTS, LAYER_SLOTS, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS};
 use choreo_stage::{
     AlphaMode, Asset, Image, Material, MaterialLayers, Primitive, Sampler, Shading, Stage, TextureRef, Toon,
 };
@@ -56,6 +56,8 @@ pub struct CatalogMaterial {
     pub specular_color: Option<CatalogTextureRef>,
     /// In the order of `MaterialLayers::textures`.
     pub layers: [Option<CatalogTextureRef>; LAYER_SLOTS],
+    /// Of toon shading: width of the outline, mask of what moves.
+    pub toon: [Option<CatalogTextureRef>; TOON_SLOTS],
 }
 
 impl CatalogMaterial {
@@ -88,6 +90,7 @@ impl CatalogMaterial {
                 toon.map_or(&now.specular_color_texture, |t| &t.shade_texture),
             ),
             layers: self.layers,
+            toon: self.toon,
         }
     }
 
@@ -104,7 +107,8 @@ impl CatalogMaterial {
         ];
         let mut all = [None; TEXTURE_SLOTS];
         all[..BASE_SLOTS].copy_from_slice(&base);
-        all[BASE_SLOTS..].copy_from_slice(&self.layers);
+        all[BASE_SLOTS..TOON_SLOT].copy_from_slice(&self.layers);
+        all[TOON_SLOT..].copy_from_slice(&self.toon);
         all
     }
 }
@@ -257,6 +261,7 @@ impl Builder {
         let layer_textures = layers.map_or([None; LAYER_SLOTS], |l| {
             let coat = l.clearcoat > 0.0;
             let sheen = l.sheen_color != glam::Vec3::ZERO;
+            let (film, behind) = (l.iridescence > 0.0, l.diffuse_transmission > 0.0);
             let uses = [
                 (&l.clearcoat_texture, false, coat),
                 (&l.clearcoat_roughness_texture, false, coat && l.clearcoat_roughness > 0.0),
@@ -265,6 +270,11 @@ impl Builder {
                 (&l.sheen_roughness_texture, false, sheen && l.sheen_roughness > 0.0),
                 (&l.transmission_texture, false, l.transmission > 0.0),
                 (&l.thickness_texture, false, l.absorbs()),
+                (&l.iridescence_texture, false, film),
+                (&l.iridescence_thickness_texture, false, film),
+                (&l.anisotropy_texture, false, l.anisotropy > 0.0),
+                (&l.diffuse_transmission_texture, false, behind),
+                (&l.diffuse_transmission_color_texture, true, behind),
             ];
             uses.map(|(t, srgb, needed)| texture(t, srgb, needed))
         });
@@ -272,6 +282,10 @@ impl Builder {
             // Known once all textures are.
             hash: [0; 16],
             layers: layer_textures,
+            toon: [
+                toon.and_then(|t| texture(&t.outline.as_ref()?.width_texture, false, true)),
+                toon.filter(|t| t.uv_motion.is_some()).and_then(|t| texture(&t.uv_mask, false, true)),
+            ],
             base_color: texture(&m.base_color_texture, true, true),
             metallic_roughness: match toon {
                 Some(t) => texture(&t.matcap_texture, true, t.matcap != Vec3::ZERO),
@@ -344,7 +358,8 @@ fn has_rim(t: &Toon) -> bool {
 
 /// Layers of which nothing is seen cost nothing.
 fn shows(l: &MaterialLayers) -> bool {
-    l.clearcoat > 0.0 || l.sheen_color != glam::Vec3::ZERO || l.transmission > 0.0
+    let over = l.clearcoat > 0.0 || l.sheen_color != glam::Vec3::ZERO || l.iridescence > 0.0;
+    over || l.transmission > 0.0 || l.diffuse_transmission > 0.0 || l.anisotropy > 0.0
 }
 
 /// Marker for callers: a catalogue belongs to one stage.

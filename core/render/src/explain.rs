@@ -293,7 +293,7 @@ impl Parts<'_> {
     }
 
     fn materials_and_textures(&mut self, recording: &Recording) {
-        let mut slots_of: BTreeMap<u32, u16> = BTreeMap::new();
+        let mut slots_of: BTreeMap<u32, u32> = BTreeMap::new();
         for command in &recording.commands {
             if let Command::BindMaterial { material, slots, .. } = command {
                 *slots_of.entry(*material).or_default() |= slots;

@@ -42,23 +42,33 @@ pub struct MaterialUniform {
     pub occlusion_strength: f32,
     pub shininess: f32,
     pub rim_lighting_mix: f32,
-    pub pad0: f32,
-    pub pad1: f32,
+    /// Metres, or a share of the picture's height.
+    pub outline_width: f32,
+    /// 1: of the picture's height.
+    pub outline_on_screen: f32,
     /// Toon: shading shift, toony, GI equalization, scale of the shift texture.
     pub toon: Vec4,
     /// Toon: rim colour and Fresnel power.
     pub rim: Vec4,
     /// Toon: matcap colour and rim lift.
     pub matcap: Vec4,
-    pub uv: [UvTransform; BASE_SLOTS],
+    /// Outline's colour, and how much the surface's light counts.
+    pub outline: Vec4,
+    /// Toon: how far a masked motion has come.
+    pub uv_moved: Vec4,
+    pub uv: [UvTransform; BASE_SLOTS + TOON_SLOTS],
 }
 
 /// Base colour, metallic-roughness, normal, occlusion, emissive, specular, specular colour.
 pub const BASE_SLOTS: usize = 7;
-/// Clearcoat, its roughness, its normal, sheen colour, its roughness, transmission, thickness.
-pub const LAYER_SLOTS: usize = 7;
-/// All that a material can have; Vulkan promises 16.
-pub const TEXTURE_SLOTS: usize = BASE_SLOTS + LAYER_SLOTS;
+/// Clearcoat, its roughness, its normal, sheen colour, its roughness, transmission, thickness, iridescence, its thickness,
+/// anisotropy, diffuse transmission, its colour.
+pub const LAYER_SLOTS: usize = 12;
+/// All that a material can have. Vulkan promises 16: what a device has no room for is left out (`record::fitting`).
+pub const TEXTURE_SLOTS: usize = TOON_SLOT + TOON_SLOTS;
+/// Width of the outline, mask of what moves.
+pub const TOON_SLOTS: usize = 2;
+pub const TOON_SLOT: usize = BASE_SLOTS + LAYER_SLOTS;
 
 /// Only of materials that have layers.
 #[repr(C)]
@@ -72,6 +82,16 @@ pub struct LayersUniform {
     pub clearcoat_roughness: f32,
     pub clearcoat_normal_scale: f32,
     pub transmission: f32,
+    pub diffuse_transmission_color: Vec3,
+    pub diffuse_transmission: f32,
+    /// Cosine and sine of the rotation.
+    pub anisotropy_direction: Vec2,
+    pub anisotropy: f32,
+    pub iridescence: f32,
+    /// Nanometres of the film: where its texture is 0, and where it is 1.
+    pub iridescence_thickness: Vec2,
+    pub iridescence_ior: f32,
+    pub pad: f32,
     pub uv: [UvTransform; LAYER_SLOTS],
 }
 
@@ -84,7 +104,7 @@ impl LayersUniform {
         let l = catalog.material.layers.as_deref()?;
         let refs = catalog.texture_refs();
         let mut uv = [UvTransform { x: Vec4::X, y: Vec4::Y }; LAYER_SLOTS];
-        for (out, slot) in uv.iter_mut().zip(&refs[BASE_SLOTS..]) {
+        for (out, slot) in uv.iter_mut().zip(&refs[BASE_SLOTS..TOON_SLOT]) {
             if let Some(t) = slot {
                 *out = uv_transform(t);
             }
@@ -98,10 +118,31 @@ impl LayersUniform {
             clearcoat_roughness: l.clearcoat_roughness,
             clearcoat_normal_scale: l.clearcoat_normal_scale,
             transmission: l.transmission,
+            diffuse_transmission_color: l.diffuse_transmission_color,
+            diffuse_transmission: l.diffuse_transmission,
+            anisotropy_direction: Vec2::new(
+                libm::cosf(l.anisotropy_rotation),
+                libm::sinf(l.anisotropy_rotation),
+            ),
+            anisotropy: l.anisotropy,
+            iridescence: l.iridescence,
+            iridescence_thickness: film_thickness(catalog),
+            iridescence_ior: l.iridescence_ior,
+            pad: 0.0,
             uv,
         })
     }
 }
+
+/// Nanometres where the texture's G is 0 and where it is 1: the same without one, so that forcing the texture in changes nothing.
+pub fn film_thickness(catalog: &CatalogMaterial) -> Vec2 {
+    let [thin, thick] = catalog.material.layers.as_deref().map_or([0.0; 2], |l| l.iridescence_thickness);
+    let textured = catalog.layers[FILM_THICKNESS_SLOT].is_some();
+    Vec2::new(if textured { thin } else { thick }, thick)
+}
+
+/// Of the film's thickness among the layers' textures.
+pub const FILM_THICKNESS_SLOT: usize = 8;
 
 /// One shadow map as it is looked up.
 #[repr(C)]
@@ -158,10 +199,11 @@ impl MaterialUniform {
         let m = &catalog.material;
         // A feature may be on where the material has no such texture (`PlanOptions::force_all`): identity then.
         let identity = UvTransform { x: Vec4::X, y: Vec4::Y };
-        let mut uv = [identity; BASE_SLOTS];
-        for (out, slot) in uv.iter_mut().zip(catalog.texture_refs()) {
+        let mut uv = [identity; BASE_SLOTS + TOON_SLOTS];
+        let refs = catalog.texture_refs();
+        for (out, slot) in uv.iter_mut().zip(refs[..BASE_SLOTS].iter().chain(&refs[TOON_SLOT..])) {
             if let Some(t) = slot {
-                *out = uv_transform(&t);
+                *out = uv_transform(t);
             }
         }
         let default = Toon::default();
@@ -188,8 +230,11 @@ impl MaterialUniform {
             toon: Vec4::new(toon.shading_shift, toon.shading_toony, toon.gi_equalization, shift_scale),
             rim: toon.rim_color.extend(toon.rim_fresnel_power),
             matcap: matcap.extend(toon.rim_lift),
+            outline_width: toon.outline.as_ref().map_or(0.0, |o| o.width),
+            outline_on_screen: toon.outline.as_ref().map_or(0.0, |o| f32::from(u8::from(o.on_screen))),
+            outline: toon.outline.as_ref().map_or(Vec4::ZERO, |o| o.color.extend(o.lighting_mix)),
+            uv_moved: toon.uv_moved.extend(0.0),
             uv,
-            ..Default::default()
         }
     }
 }

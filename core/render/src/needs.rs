@@ -54,7 +54,9 @@ pub fn features(
         }
         // A texture without its uvs, a normal map without tangents: out, even where everything is forced in.
         let unusable = texture.is_some_and(|t| p.uvs[t.uv_set as usize].is_empty())
-            || (bit.has_tangents() && texture.is_some() && p.tangents.is_empty());
+            || ((bit.has_tangents() || bit == Features::ANISOTROPY_TEXTURE)
+                && texture.is_some()
+                && p.tangents.is_empty());
         if !read || unusable {
             continue;
         }
@@ -66,7 +68,16 @@ pub fn features(
             Features::UV_TRANSFORM,
         );
     }
-    crate::needs_layers::bits(layers, force_all).into_iter().for_each(|(on, bit)| set(on, bit));
+    let mask = material.toon[1].filter(|t| toon && !p.uvs[t.uv_set as usize].is_empty());
+    if let Some(mask) = mask {
+        set(true, Features::UV_MASK);
+        set(mask.uv_set == 0, Features::UV0);
+        set(mask.uv_set == 1, Features::UV1);
+        set(mask.uv_transform != Affine2::IDENTITY, Features::UV_TRANSFORM);
+    }
+    crate::needs_layers::bits(layers, !p.tangents.is_empty(), force_all)
+        .into_iter()
+        .for_each(|(on, bit)| set(on, bit));
     set(needs.skinned || force_all, Features::SKIN);
     set((needs.skinned && primitive.info.influences == 8) || force_all, Features::SKIN_8);
     set(needs.skinned && needs.dual, Features::SKIN_DUAL);
@@ -78,6 +89,27 @@ pub fn features(
     set(lit && (m.emissive != Vec3::ZERO || force_all), Features::EMISSIVE);
     set(matches!(m.alpha_mode, AlphaMode::Mask(_)) || force_all, Features::ALPHA_MASK);
     set(lit && (needs.local_lights || force_all), Features::LOCAL_LIGHTS);
+    f
+}
+
+/// Of the hull around a surface with these features: where the light on the surface does not count, its shape alone.
+pub fn shell_features(
+    features: Features,
+    primitive: &CatalogPrimitive,
+    material: &CatalogMaterial,
+) -> Features {
+    let mix =
+        material.material.toon.as_ref().and_then(|t| t.outline.as_ref()).map_or(0.0, |o| o.lighting_mix);
+    let base = if mix > 0.0 { features } else { features.of_depth() };
+    let mut f = base.with(Features::SHELL);
+    let uvs = &primitive.primitive().uvs;
+    if let Some(width) = material.toon[0].filter(|t| !uvs[t.uv_set as usize].is_empty()) {
+        f = f.with(Features::OUTLINE_WIDTH_TEXTURE);
+        f = f.with(if width.uv_set == 0 { Features::UV0 } else { Features::UV1 });
+        if width.uv_transform != Affine2::IDENTITY {
+            f = f.with(Features::UV_TRANSFORM);
+        }
+    }
     f
 }
 
@@ -179,6 +211,7 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
         say(facts.lit_drawn && !all.has(*bit), what, nothing_drawn_uses(thing));
     }
     say(facts.lit_drawn && !all.has(Features::EMISSIVE), "emission", "no drawn material emits light".into());
+    say(!all.has(Features::SHELL), "outlines", "no drawn material and no effect has one".into());
     say(
         (all.has(Features::UV0) || all.has(Features::UV1)) && !all.has(Features::UV_TRANSFORM),
         "texture transforms",

@@ -15,6 +15,11 @@ pub const TEXTURES: [Features; LAYER_SLOTS] = [
     Features::SHEEN_ROUGHNESS_TEXTURE,
     Features::TRANSMISSION_TEXTURE,
     Features::THICKNESS_TEXTURE,
+    Features::IRIDESCENCE_TEXTURE,
+    Features::IRIDESCENCE_THICKNESS_TEXTURE,
+    Features::ANISOTROPY_TEXTURE,
+    Features::DIFFUSE_TRANSMISSION_TEXTURE,
+    Features::DIFFUSE_TRANSMISSION_COLOR_TEXTURE,
 ];
 
 /// What a frame without them leaves out.
@@ -23,6 +28,9 @@ pub const WORDS: &[(Features, &str, &str)] = &[
     (Features::SHEEN, "sheen", "any"),
     (Features::TRANSMISSION, "transmission", "any: none lets light through"),
     (Features::VOLUME, "absorption", "a volume that takes light"),
+    (Features::IRIDESCENCE, "iridescence", "a thin film"),
+    (Features::ANISOTROPY, "anisotropy", "highlights that are drawn out"),
+    (Features::DIFFUSE_TRANSMISSION, "diffuse transmission", "any: none lets light from behind through"),
 ];
 
 /// (texture, its bit, whether it may be read at all). A coat's normal map is never forced in: it needs tangents.
@@ -36,13 +44,16 @@ pub fn textures(
         (Some(_), 2) => material.layers[2].is_some(),
         (Some(l), 3..=4) => l.sheen_color != Vec3::ZERO,
         (Some(l), 5) => l.transmission > 0.0,
-        (Some(l), _) => l.absorbs(),
+        (Some(l), 6) => l.absorbs(),
+        (Some(l), 7..=8) => l.iridescence > 0.0,
+        (Some(_), 9) => material.layers[9].is_some(),
+        (Some(l), _) => l.diffuse_transmission > 0.0,
     };
     std::array::from_fn(|slot| (material.layers[slot], TEXTURES[slot], on(slot)))
 }
 
-/// A coat and sheen of nothing change no pixel, so they can be forced in where the material has layers at all.
-pub fn bits(layers: Option<&MaterialLayers>, force_all: bool) -> [(bool, Features); 5] {
+/// A coat, sheen, film and light from behind of nothing change no pixel, so they can be forced in where the material has layers at all.
+pub fn bits(layers: Option<&MaterialLayers>, tangents: bool, force_all: bool) -> [(bool, Features); 8] {
     let has = |f: fn(&MaterialLayers) -> bool| layers.is_some_and(f);
     let force = force_all && layers.is_some();
     [
@@ -51,5 +62,8 @@ pub fn bits(layers: Option<&MaterialLayers>, force_all: bool) -> [(bool, Feature
         (has(|l| l.sheen_color != Vec3::ZERO) || force, Features::SHEEN),
         (has(|l| l.transmission > 0.0), Features::TRANSMISSION),
         (has(MaterialLayers::absorbs), Features::VOLUME),
+        (has(|l| l.iridescence > 0.0) || force, Features::IRIDESCENCE),
+        (has(|l| l.anisotropy > 0.0) && tangents, Features::ANISOTROPY),
+        (has(|l| l.diffuse_transmission > 0.0) || force, Features::DIFFUSE_TRANSMISSION),
     ]
 }

@@ -215,6 +215,11 @@ impl Features {
 
     /// Some light's shadow may fall on it.
     pub const SHADOW: Features = Features(1 << 20);
+    /// A hull around the surface in place of it: pushed out along the normals, seen from inside, in the outline's colour.
+    pub const SHELL: Features = Features(1 << 21);
+    pub const OUTLINE_WIDTH_TEXTURE: Features = Features(1 << 22);
+    /// A mask says how much of a motion of the textures each place makes.
+    pub const UV_MASK: Features = Features(1 << 23);
     /// The skin's joints are dual quaternions. Another way rather than more of one: never forced in.
     pub const SKIN_DUAL: Features = Features(1 << 31);
 
@@ -233,6 +238,18 @@ impl Features {
     pub const VOLUME: Features = Features(1 << 42);
     pub const THICKNESS_TEXTURE: Features = Features(1 << 43);
 
+    /// A thin film colours what the surface reflects.
+    pub const IRIDESCENCE: Features = Features(1 << 44);
+    pub const IRIDESCENCE_TEXTURE: Features = Features(1 << 45);
+    pub const IRIDESCENCE_THICKNESS_TEXTURE: Features = Features(1 << 46);
+    /// Highlights are drawn out along the tangent. Never forced in: it needs tangents.
+    pub const ANISOTROPY: Features = Features(1 << 47);
+    pub const ANISOTROPY_TEXTURE: Features = Features(1 << 48);
+    /// Light from behind comes out in front.
+    pub const DIFFUSE_TRANSMISSION: Features = Features(1 << 49);
+    pub const DIFFUSE_TRANSMISSION_TEXTURE: Features = Features(1 << 50);
+    pub const DIFFUSE_TRANSMISSION_COLOR_TEXTURE: Features = Features(1 << 51);
+
     /// What of a draw's features its depth depends on.
     pub const fn of_depth(self) -> Features {
         let shape = Self::SKIN.0 | Self::SKIN_8.0 | Self::SKIN_DUAL.0 | Self::MORPH.0;
@@ -241,12 +258,16 @@ impl Features {
             | Self::VERTEX_COLOR.0
             | Self::UV0.0
             | Self::UV1.0
+            | Self::UV_MASK.0
             | Self::UV_TRANSFORM.0;
         Features(self.0 & if self.has(Self::ALPHA_MASK) { shape | cut_out } else { shape })
     }
-    /// Some normal map is read.
+    /// Some normal map is read, or highlights follow the tangents.
     pub const fn has_tangents(self) -> bool {
-        self.0 & (Self::NORMAL_TEXTURE.0 | Self::CLEARCOAT_NORMAL_TEXTURE.0) != 0
+        self.0 & (Self::NORMAL_TEXTURE.0 | Self::CLEARCOAT_NORMAL_TEXTURE.0 | Self::ANISOTROPY.0) != 0
+    }
+    pub const fn has_normals(self) -> bool {
+        self.is_lit() || self.has(Self::SHELL)
     }
     pub const fn is_lit(self) -> bool {
         self.0 & (Self::METALLIC_ROUGHNESS.0 | Self::BLINN_PHONG.0 | Self::TOON.0) != 0
@@ -256,6 +277,9 @@ impl Features {
     }
     pub const fn with(self, other: Features) -> Features {
         Features(self.0 | other.0)
+    }
+    pub const fn without(self, other: Features) -> Features {
+        Features(self.0 & !other.0)
     }
 }
 
@@ -303,10 +327,14 @@ pub const LEFT_OUT: &[&str] = &[
     "specular textures",
     "specular colour textures",
     "emission",
+    "outlines",
     "clear coats",
     "sheen",
     "transmission",
     "absorption",
+    "iridescence",
+    "anisotropy",
+    "diffuse transmission",
     "texture transforms",
     "alpha test",
     "blending and sorting back to front",

@@ -2,14 +2,15 @@
 
 use crate::bounds::{Aabb, outside};
 use crate::catalog::{Catalog, CatalogMaterial, PrimitiveEntry};
-use crate::needs::{DrawNeeds, Facts, features, left_out};
+use crate::needs::{DrawNeeds, Facts, features, left_out, shell_features};
 use crate::plan::*;
 use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, dual_rows};
 use crate::view::relative;
-use choreo_plugin::{Effect, OptionKind};
+use choreo_plugin::{Effect, Hook, OptionKind};
 use choreo_stage::{
-    ActorState, AlphaMode, Asset, EffectUse, LightKind, LightState, MeshInstance, Shadow, Snapshot, Stage,
+    ActorState, AlphaMode, Asset, EffectUse, LightKind, LightState, MeshInstance, Outline, Shading, Shadow,
+    Snapshot, Stage,
 };
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3, Vec4};
 use std::sync::Arc;
@@ -55,6 +56,8 @@ impl Plan {
             casting: shadows.iter().any(Option::is_some),
             casters: Vec::new(),
             receivers: Vec::new(),
+            shells: shells(stage, snapshot, options),
+            shell_materials: Vec::new(),
             facts: Facts { lights_exist: !lights.is_empty(), dark_lights, ..Facts::default() },
             view,
         };
@@ -103,6 +106,10 @@ pub(crate) struct Planner<'a> {
     /// Some light casts shadows: those outside the view count too.
     casting: bool,
     pub casters: Vec<Caster>,
+    /// Outlines by effects, and the actors that have them (empty: all).
+    shells: Vec<(Outline, Vec<usize>)>,
+    /// (Which of them, the catalogue's material, of the changed ones): place in `materials`.
+    shell_materials: Vec<((usize, u32, Option<u32>), u32)>,
     /// Boxes of what is lit and in view; only where some light casts.
     pub receivers: Vec<Aabb>,
     pub facts: Facts,
@@ -136,7 +143,7 @@ impl Planner<'_> {
             });
             let weights = state.morph_weights.get(i).unwrap_or(&instance.weights);
             let (first, first_caster) = (self.items.len(), self.casters.len());
-            self.mesh(primitives, instance, relative_from_model, skin, weights, (asset, state));
+            self.mesh(primitives, instance, relative_from_model, skin, weights, (asset, state, index));
             self.items[first..].iter_mut().for_each(|item| item.actor = index as u32);
             self.casters[first_caster..].iter_mut().for_each(|caster| caster.actor = index as u32);
         }
@@ -149,19 +156,20 @@ impl Planner<'_> {
         relative_from_model: DAffine3,
         skin: Option<usize>,
         weights: &[f32],
-        (asset, state): (&Asset, &ActorState),
+        (asset, state, index): (&Asset, &ActorState, usize),
     ) {
         let model_from_joint = state.model_from_joint.get(instance.joint as usize);
         let model_from_joint = model_from_joint.copied().unwrap_or(Affine3A::IDENTITY);
         let relative_from_joint = relative_from_model * daffine(model_from_joint);
+        let catalog = self.catalog;
         let active = |&(_, w): &(usize, &f32)| *w != 0.0 && w.is_finite();
         let mut morph_range = None;
         for entry in primitives {
-            let primitive = &self.catalog.primitives[entry.primitive as usize];
+            let primitive = &catalog.primitives[entry.primitive as usize];
             let info = &primitive.info;
             let changed = self.changed_material(entry, state);
             let now = changed.map(|c| self.materials[c as usize].clone());
-            let material = now.as_deref().unwrap_or(&self.catalog.materials[entry.material as usize]);
+            let material = now.as_deref().unwrap_or(&catalog.materials[entry.material as usize]);
             if !info.valid || primitive.primitive().indices.is_empty() {
                 continue;
             }
@@ -291,6 +299,29 @@ impl Planner<'_> {
                     instance: planned,
                     actor: 0,
                 }));
+                if !key.is_see_through()
+                    && key.topology == TopologyKey::Triangles
+                    && !primitive.primitive().normals.is_empty()
+                {
+                    for changed in self.hulls(entry, changed, index) {
+                        let now = changed.map(|c| self.materials[c as usize].clone());
+                        let of = now.as_deref().unwrap_or(&catalog.materials[entry.material as usize]);
+                        let features = shell_features(key.features, primitive, of);
+                        let pipeline = PipelineKey { features, double_sided: false, ..key };
+                        let entry = *entry;
+                        let nearest = depth;
+                        self.items.push(Item {
+                            phase,
+                            pipeline,
+                            entry,
+                            changed,
+                            depth,
+                            nearest,
+                            instance: planned,
+                            actor: 0,
+                        });
+                    }
+                }
             }
         }
     }
@@ -308,6 +339,37 @@ impl Planner<'_> {
         self.materials.push(Arc::new(base.changed(now, entry.animated.is_some())));
         self.changed.push((index, entry.material, place));
         Some(place)
+    }
+
+    /// The materials of the hulls around a primitive of an actor: its own outline's, then those of effects.
+    fn hulls(&mut self, entry: &PrimitiveEntry, changed: Option<u32>, actor: usize) -> Vec<Option<u32>> {
+        let base = match changed {
+            Some(c) => self.materials[c as usize].clone(),
+            None if self.shells.is_empty() => {
+                let own = has_outline(&self.catalog.materials[entry.material as usize]);
+                return Vec::from_iter(own.then_some(None));
+            }
+            None => Arc::new(self.catalog.materials[entry.material as usize].clone()),
+        };
+        let mut out = Vec::from_iter(has_outline(&base).then_some(changed));
+        for (i, (outline, actors)) in self.shells.iter().enumerate() {
+            if !actors.is_empty() && !actors.contains(&actor) {
+                continue;
+            }
+            let key = (i, entry.material, changed);
+            let known = self.shell_materials.iter().find(|(k, _)| *k == key).map(|(_, place)| *place);
+            out.push(Some(known.unwrap_or_else(|| {
+                let mut material = CatalogMaterial::clone(&base);
+                let toon = material.material.toon.get_or_insert_default();
+                Arc::make_mut(toon).outline = Some(outline.clone());
+                material.toon[0] = None;
+                let place = self.materials.len() as u32;
+                self.materials.push(Arc::new(material));
+                self.shell_materials.push((key, place));
+                place
+            })));
+        }
+        out
     }
 
     /// Where the skin's matrices begin among the plan's; they come in when first asked for.
@@ -475,6 +537,28 @@ pub fn effect_parameters(effect: &dyn Effect, used: &EffectUse) -> [f32; 8] {
     parameters
 }
 
+fn has_outline(m: &CatalogMaterial) -> bool {
+    m.material.shading == Shading::Toon && m.material.toon.as_ref().is_some_and(|t| t.outline.is_some())
+}
+
+/// Outlines of the effects that are on.
+fn shells(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<(Outline, Vec<usize>)> {
+    let used = snapshot.effects.iter().filter_map(|e| stage.effects.get(*e));
+    let outline = |used: &EffectUse| {
+        let effect = options.effects.iter().find(|e| e.manifest().name == used.plugin)?;
+        let shell = effect.shell(&effect_parameters(effect.as_ref(), used)).filter(|s| s.width > 0.0)?;
+        let outline = Outline {
+            width: shell.width / options.size[1].max(1) as f32,
+            on_screen: true,
+            width_texture: None,
+            color: shell.color,
+            lighting_mix: shell.lighting_mix,
+        };
+        Some((outline, used.actors.clone()))
+    };
+    used.filter_map(outline).collect()
+}
+
 /// Effects that are on, with parameters in manifest order; defaults where the script gives none.
 fn post_passes(
     stage: &Stage,
@@ -489,6 +573,9 @@ fn post_passes(
             unknown.push(LeftOut { what: format!("effect \"{}\"", used.plugin), why });
             continue;
         };
+        if effect.hook() != Hook::Pixel {
+            continue;
+        }
         let parameters = effect_parameters(effect.as_ref(), used);
         passes.push(PostPass { effect: used.plugin.clone(), parameters });
     }

@@ -2,6 +2,8 @@
 //! The Vulkan renderer executes them one by one; tests count and print them.
 
 use crate::Plan;
+use crate::catalog::CatalogMaterial;
+use crate::gpu_types::{BASE_SLOTS, TOON_SLOTS};
 use crate::plan::{Draw, Features, TopologyKey};
 use crate::shader::SceneVariant;
 use crate::vertex::VertexLayout;
@@ -51,7 +53,7 @@ pub enum Command {
     BindMaterial {
         material: u32,
         changed: Option<u32>,
-        slots: u16,
+        slots: u32,
     },
     /// Index into `Catalog::primitives`, with the attributes that are bound, and its morph offsets.
     BindMesh {
@@ -89,6 +91,8 @@ pub struct RecordOptions {
     /// A full-screen draw costs such a driver more than all the rest of a small scene, a copy of rows hardly anything;
     /// and shading hidden back faces of double-sided materials costs more than drawing them again behind the front faces.
     pub cpu_device: bool,
+    /// Textures that a material's shader may read at once; `None`: as many as there are.
+    pub textures: Option<u32>,
 }
 
 /// Where pixels go. Float targets exist only where post passes read them.
@@ -130,6 +134,7 @@ pub struct Counts {
 
 /// `triangles`: of one copy of a catalogue's primitive.
 pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> usize) -> Recording {
+    let most = options.textures;
     let mut commands = Vec::with_capacity(plan.draws.len() * 2 + 8);
     let shadow_draws = || plan.shadows.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws);
     let any = |f: Features| plan.draws.iter().chain(shadow_draws()).any(|d| d.pipeline.features.has(f));
@@ -143,7 +148,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
 
     if let Some(shadows) = &plan.shadows {
         commands.push(Command::BeginShadows { image: shadows.image, size: shadows.size });
-        let mut state = DrawState::new(plan, commands, true);
+        let mut state = DrawState::new(plan, commands, true, most);
         for (index, view) in shadows.views.iter().enumerate() {
             state.commands.push(Command::ShadowView { index, at: view.at, size: view.size });
             view.draws.iter().for_each(|draw| state.draw(draw, cull_of(draw)));
@@ -165,7 +170,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         commands.push(Command::CopyBackground);
     }
     commands.push(Command::BeginPass { target: scene, samples: plan.samples, clear, depth });
-    let mut state = DrawState::new(plan, commands, false);
+    let mut state = DrawState::new(plan, commands, false, most);
     let first_blended =
         plan.draws.iter().position(|d| d.pipeline.is_see_through()).unwrap_or(plan.draws.len());
     let (solid, blended) = plan.draws.split_at(first_blended);
@@ -203,23 +208,65 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     Recording { size: plan.size, commands }
 }
 
+/// Those of every material, in the order of their slots.
+const BASE_TEXTURES: [Features; BASE_SLOTS] = [
+    Features::BASE_COLOR_TEXTURE,
+    Features::METALLIC_ROUGHNESS_TEXTURE,
+    Features::NORMAL_TEXTURE,
+    Features::OCCLUSION_TEXTURE,
+    Features::EMISSIVE_TEXTURE,
+    Features::SPECULAR_TEXTURE,
+    Features::SPECULAR_COLOR_TEXTURE,
+];
+
+const TOON_TEXTURES: [Features; TOON_SLOTS] = [Features::OUTLINE_WIDTH_TEXTURE, Features::UV_MASK];
+
 /// Texture slots that the features read, a bit each.
-pub fn texture_slots(features: Features) -> u16 {
-    let order = [
-        Features::BASE_COLOR_TEXTURE,
-        Features::METALLIC_ROUGHNESS_TEXTURE,
-        Features::NORMAL_TEXTURE,
-        Features::OCCLUSION_TEXTURE,
-        Features::EMISSIVE_TEXTURE,
-        Features::SPECULAR_TEXTURE,
-        Features::SPECULAR_COLOR_TEXTURE,
-    ];
-    let all = order.iter().chain(&crate::needs_layers::TEXTURES);
-    all.enumerate().map(|(i, f)| u16::from(features.has(*f)) << i).sum()
+pub fn texture_slots(features: Features) -> u32 {
+    let all = BASE_TEXTURES.iter().chain(&crate::needs_layers::TEXTURES).chain(&TOON_TEXTURES);
+    all.enumerate().map(|(i, f)| u32::from(features.has(*f)) << i).sum()
+}
+
+/// The least visible first: factors stand in for what is left out.
+pub const LEAST_VISIBLE: [(Features, &str); 12] = [
+    (Features::IRIDESCENCE_THICKNESS_TEXTURE, "thickness of the film"),
+    (Features::SHEEN_ROUGHNESS_TEXTURE, "roughness of the sheen"),
+    (Features::CLEARCOAT_ROUGHNESS_TEXTURE, "roughness of the coat"),
+    (Features::DIFFUSE_TRANSMISSION_TEXTURE, "diffuse transmission"),
+    (Features::THICKNESS_TEXTURE, "thickness"),
+    (Features::SPECULAR_TEXTURE, "specular"),
+    (Features::CLEARCOAT_NORMAL_TEXTURE, "normals of the coat"),
+    (Features::IRIDESCENCE_TEXTURE, "iridescence"),
+    (Features::ANISOTROPY_TEXTURE, "anisotropy"),
+    (Features::OCCLUSION_TEXTURE, "occlusion"),
+    (Features::SPECULAR_COLOR_TEXTURE, "specular colour"),
+    (Features::SHEEN_COLOR_TEXTURE, "sheen colour"),
+];
+
+/// The features with as few textures as a device can bind, and the names of those left out.
+pub fn fitting(features: Features, most: Option<u32>) -> (Features, Vec<&'static str>) {
+    let (mut features, mut out) = (features, Vec::new());
+    let too_many = |f: Features| most.is_some_and(|most| texture_slots(f).count_ones() > most);
+    for (bit, name) in LEAST_VISIBLE {
+        if too_many(features) && features.has(bit) {
+            features = features.without(bit);
+            out.push(name);
+        }
+    }
+    (features, out)
+}
+
+/// Names of a material's textures that a device that binds so many leaves out.
+pub fn textures_beyond(material: &CatalogMaterial, most: u32) -> Vec<&'static str> {
+    let bits = BASE_TEXTURES.iter().chain(&crate::needs_layers::TEXTURES);
+    let there = bits.zip(material.texture_refs()).filter(|(_, t)| t.is_some());
+    let features = there.fold(Features::default(), |all, (bit, _)| all.with(*bit));
+    fitting(features, Some(most)).1
 }
 
 fn cull_of(draw: &Draw) -> Cull {
     match draw.pipeline.topology {
+        TopologyKey::Triangles if draw.pipeline.features.has(Features::SHELL) => Cull::Front,
         TopologyKey::Triangles if !draw.pipeline.double_sided => Cull::Back,
         _ => Cull::None,
     }
@@ -240,13 +287,24 @@ struct DrawState<'a> {
     shadow_pass: bool,
     cull: Option<Cull>,
     pipeline: Option<SceneVariant>,
-    material: Option<(u32, Option<u32>, u16)>,
+    material: Option<(u32, Option<u32>, u32)>,
     mesh: Option<(u32, VertexLayout, bool)>,
+    /// Textures that a shader may read.
+    most: Option<u32>,
 }
 
 impl DrawState<'_> {
-    fn new(plan: &Plan, commands: Vec<Command>, shadow_pass: bool) -> DrawState<'_> {
-        DrawState { plan, commands, shadow_pass, cull: None, pipeline: None, material: None, mesh: None }
+    fn new(plan: &Plan, commands: Vec<Command>, shadow_pass: bool, most: Option<u32>) -> DrawState<'_> {
+        DrawState {
+            plan,
+            commands,
+            shadow_pass,
+            cull: None,
+            pipeline: None,
+            material: None,
+            mesh: None,
+            most,
+        }
     }
 
     fn set_cull(&mut self, cull: Cull) {
@@ -281,7 +339,8 @@ impl DrawState<'_> {
     }
 
     fn variant(&self, draw: &Draw) -> SceneVariant {
-        let (plan, key) = (self.plan, draw.pipeline);
+        let (plan, mut key) = (self.plan, draw.pipeline);
+        key.features = fitting(key.features, self.most).0;
         let first = draw.first_instance as usize;
         let end = (first + draw.instance_count as usize).min(plan.instances.len());
         let drawn = plan.instances.get(first..end).unwrap_or(&[]);

@@ -39,7 +39,7 @@ impl VertexLayout {
     pub fn of(features: Features) -> VertexLayout {
         let on = [
             true,
-            features.is_lit(),
+            features.has_normals(),
             features.has_tangents(),
             features.has(Features::UV0),
             features.has(Features::UV1),
@@ -49,8 +49,12 @@ impl VertexLayout {
             features.has(Features::SKIN_8),
             features.has(Features::SKIN_8),
         ];
-        VertexLayout(on.iter().enumerate().map(|(i, on)| (*on as u16) << i).sum())
+        let welded = if features.has(Features::SHELL) { Self::WELDED } else { 0 };
+        VertexLayout(on.iter().enumerate().map(|(i, on)| (*on as u16) << i).sum::<u16>() | welded)
     }
+
+    /// Normals are those of [`welded_normals`].
+    pub const WELDED: u16 = 1 << 15;
 
     pub fn has(self, location: u32) -> bool {
         self.0 & (1 << location) != 0
@@ -109,13 +113,15 @@ pub fn pack(p: &Primitive, layout: VertexLayout) -> PackedMesh {
     let (order, indices) = first_use_order(p);
     let stride = layout.attributes().1 as usize;
     let mut bytes = Vec::with_capacity(order.len() * stride);
+    let welded = if layout.0 & VertexLayout::WELDED != 0 { welded_normals(p) } else { Vec::new() };
+    let normals = if welded.is_empty() { &p.normals } else { &welded };
     let snorm4 = |v: Vec4| [v.x, v.y, v.z, v.w].map(snorm16);
     for &v in &order {
         let v = v as usize;
         bytes.extend_from_slice(bytemuck::bytes_of(&p.positions[v]));
         if layout.has(1) {
             // Lines and points may be lit without normals: they face up.
-            let n = p.normals.get(v).copied().unwrap_or(Vec3::Y);
+            let n = normals.get(v).copied().unwrap_or(Vec3::Y);
             bytes.extend_from_slice(bytemuck::cast_slice(&snorm4(n.extend(0.0))));
         }
         if layout.has(2) {
@@ -168,6 +174,32 @@ pub fn pack_morphs(p: &Primitive, layout: VertexLayout) -> Vec<u8> {
                 let offset = list.get(v as usize).copied().unwrap_or_default().extend(0.0);
                 out.extend_from_slice(bytemuck::bytes_of(&offset));
             }
+        }
+    }
+    out
+}
+
+/// One normal for all vertices at a place, the mean of theirs: a hull pushed out along them has no gaps at edges.
+pub fn welded_normals(p: &Primitive) -> Vec<Vec3> {
+    if p.normals.len() != p.positions.len() {
+        return Vec::new();
+    }
+    // -0 and 0 are one place.
+    let key = |i: &u32| (p.positions[*i as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
+    let mut order: Vec<u32> = (0..p.positions.len() as u32).collect();
+    order.sort_by_key(|i| (key(i), *i));
+    let mut out = p.normals.clone();
+    for place in order.chunk_by(|a, b| key(a) == key(b)).filter(|place| place.len() > 1) {
+        let own: Vec<Vec3> = place.iter().map(|i| p.normals[*i as usize]).collect();
+        // Each direction once, however many triangles meet in it.
+        let mut sum = Vec3::ZERO;
+        for (i, n) in own.iter().enumerate() {
+            if !own[..i].iter().any(|m| m.dot(*n) > 0.999) {
+                sum += *n;
+            }
+        }
+        if let Some(mean) = sum.try_normalize() {
+            place.iter().for_each(|i| out[*i as usize] = mean);
         }
     }
     out

@@ -282,6 +282,7 @@ fn an_effect_changes_each_pixel_by_its_function() {
         plugin: "vignette".into(),
         parameters: vec![("strength".into(), 0.8)],
         start: choreo_motion::Time::ZERO,
+        actors: Vec::new(),
         end: None,
     });
     scene.snapshot.effects.push(0);

@@ -118,6 +118,12 @@ fn layer_variants() -> Vec<SceneVariant> {
         (Features::TRANSMISSION.with(Features::VOLUME), Features::THICKNESS_TEXTURE),
         (Features::CLEARCOAT, Features::CLEARCOAT_NORMAL_TEXTURE),
         (Features::CLEARCOAT, Features::CLEARCOAT_NORMAL_TEXTURE.with(Features::NORMAL_TEXTURE)),
+        (Features::IRIDESCENCE, Features::IRIDESCENCE_TEXTURE.with(Features::IRIDESCENCE_THICKNESS_TEXTURE)),
+        (Features::ANISOTROPY, Features::ANISOTROPY_TEXTURE),
+        (
+            Features::DIFFUSE_TRANSMISSION,
+            Features::DIFFUSE_TRANSMISSION_TEXTURE.with(Features::DIFFUSE_TRANSMISSION_COLOR_TEXTURE),
+        ),
     ];
     let mut list = Vec::new();
     for subset in 1..1u32 << parts.len() {
@@ -169,6 +175,7 @@ fn shadow_variants() -> Vec<SceneVariant> {
     let shadings = [Features::METALLIC_ROUGHNESS, Features::BLINN_PHONG, Features::TOON];
     let normal_map = Features::NORMAL_TEXTURE.with(Features::UV0);
     let coat = Features::LAYERS.with(Features::CLEARCOAT).with(Features::SHEEN);
+    let leaf = Features::LAYERS.with(Features::DIFFUSE_TRANSMISSION);
     let mut list = Vec::new();
     for bits in 0..32 {
         for shading in shadings {
@@ -178,15 +185,45 @@ fn shadow_variants() -> Vec<SceneVariant> {
         }
         let layered = Features::METALLIC_ROUGHNESS.with(coat).with(Features::SHADOW);
         list.push(variant(layered, false, bits));
+        list.push(variant(Features::METALLIC_ROUGHNESS.with(leaf).with(Features::SHADOW), false, bits));
     }
     let all = Features::SKIN.with(Features::SKIN_8).with(Features::MORPH);
     for shape in [Features(0), Features::SKIN, Features::MORPH, all] {
         let cut_out = Features::ALPHA_MASK;
         let textured = cut_out.with(Features::BASE_COLOR_TEXTURE).with(Features::UV0);
         let moved = textured.with(Features::UV_TRANSFORM).with(Features::VERTEX_COLOR).with(Features::UV1);
-        for holes in [Features(0), cut_out, textured, moved] {
+        for holes in [Features(0), cut_out, textured, moved, moved.with(Features::UV_MASK)] {
             list.push(variant(shape.with(holes), true, 9));
             list.push(variant(shape.with(holes), true, 0));
+        }
+    }
+    list
+}
+
+/// Hulls of every shape, lit and not, with and without what their width and textures ask for; textures that a mask moves.
+fn outline_variants() -> Vec<SceneVariant> {
+    let all = Features::SKIN.with(Features::SKIN_8).with(Features::MORPH);
+    let mut list = Vec::new();
+    for shape in [Features(0), Features::SKIN, Features::MORPH, all] {
+        for shading in [Features(0), Features::TOON, Features::METALLIC_ROUGHNESS, Features::BLINN_PHONG] {
+            for bits in 0..32u32 {
+                let on = |bit: u32, f: Features| if bits >> bit & 1 == 1 { f } else { Features(0) };
+                let uv = UVS[bits as usize % 3];
+                let features = shape
+                    .with(shading)
+                    .with(on(0, Features::SHELL))
+                    .with(on(1, Features::OUTLINE_WIDTH_TEXTURE.with(uv)))
+                    .with(on(2, Features::UV_MASK.with(uv)))
+                    .with(on(3, Features::BASE_COLOR_TEXTURE.with(Features::UV_TRANSFORM).with(uv)))
+                    .with(on(4, Features::ALPHA_MASK));
+                list.push(SceneVariant {
+                    key: key(features),
+                    tint: bits % 2 == 0,
+                    joints_uniform: false,
+                    one_light: bits % 3 == 0,
+                    shadow_pass: false,
+                });
+            }
         }
     }
     list
@@ -202,7 +239,7 @@ fn every_combination_compiles() {
         let on = switches(v);
         compile(&files, &on, &stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
     }
-    for v in &layer_variants() {
+    for v in layer_variants().iter().chain(&outline_variants()) {
         let on = switches(v);
         compile(&files, &on, &stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
     }
@@ -216,7 +253,7 @@ fn every_combination_compiles() {
         };
         compile(&files, &on, stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
     }
-    let all = Features((1 << 44) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
+    let all = Features((1 << 52) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
     let all =
         SceneVariant { key: key(all), tint: true, joints_uniform: true, one_light: true, shadow_pass: false };
     compile(&files, &switches(&all), &stages, true).unwrap();
@@ -249,7 +286,7 @@ macro_rules! fields {
 
 #[test]
 fn layouts_equal_the_rust_structs() {
-    let all = Features((1 << 44) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
+    let all = Features((1 << 52) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
     let on = switches(&SceneVariant {
         key: key(all),
         tint: true,
@@ -262,10 +299,12 @@ fn layouts_equal_the_rust_structs() {
         background_bottom, size, light_count, pad);
     compare(&m, "Frame", size_of::<FrameUniform>(), frame);
     let material = fields!(MaterialUniform: base_color, emissive, alpha_cutoff, specular_color, specular, metallic,
-        roughness, normal_scale, occlusion_strength, shininess, rim_lighting_mix, pad0, pad1, toon, rim, matcap, uv);
+        roughness, normal_scale, occlusion_strength, shininess, rim_lighting_mix, outline_width, outline_on_screen, toon, rim,
+        matcap, outline, uv_moved, uv);
     compare(&m, "Material", size_of::<MaterialUniform>(), material);
     let layers = fields!(LayersUniform: sheen_color, sheen_roughness, extinction, thickness, clearcoat,
-        clearcoat_roughness, clearcoat_normal_scale, transmission, uv);
+        clearcoat_roughness, clearcoat_normal_scale, transmission, diffuse_transmission_color, diffuse_transmission,
+        anisotropy_direction, anisotropy, iridescence, iridescence_thickness, iridescence_ior, pad, uv);
     compare(&m, "Layers", size_of::<LayersUniform>(), layers);
     let lookup = fields!(ShadowUniform: texel_from_relative, inside, texel);
     compare(&m, "ShadowView", size_of::<ShadowUniform>(), lookup);

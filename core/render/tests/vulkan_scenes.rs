@@ -274,7 +274,10 @@ fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
     scene.at(&asset(vec![quad(0.5, 0.5)], vec![double_sided], vec![]), 0.0, 0.0, 0.0);
     let text = |samples, cpu_device, triangles| {
         let (_, plan) = scene.plan(&PlanOptions::new([64, 64], samples));
-        choreo_render::record::record(&plan, RecordOptions { cpu_device }, |_| triangles).to_string()
+        choreo_render::record::record(&plan, RecordOptions { cpu_device, ..RecordOptions::default() }, |_| {
+            triangles
+        })
+        .to_string()
     };
     let gpu = text(1, false, 2);
     assert!(gpu.contains("clear") && gpu.contains("  background\n") && gpu.contains("cull None"), "{gpu}");
@@ -325,6 +328,7 @@ fn effects_run_in_order_on_linear_light() {
                 plugin: (*name).into(),
                 parameters: if *name == "vignette" { vec![("strength".into(), 0.8)] } else { vec![] },
                 start: choreo_motion::Time::ZERO,
+                actors: Vec::new(),
                 end: None,
             })
             .collect();

@@ -34,6 +34,9 @@ impl Stage {
                 checker.need(value.is_finite(), &place, || format!("\"{name}\" is {value}, must be finite"));
             }
             checker.span(&place, effect.start, effect.end);
+            for actor in &effect.actors {
+                checker.index(&place, "actor", *actor, self.actors.len());
+            }
         }
         checker.problems
     }

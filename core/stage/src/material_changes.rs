@@ -149,6 +149,15 @@ fn by_expression(expression: &Expression, weight: f32, index: u32, rest: &Materi
 
 /// MToon: turned about the middle, then moved; everything but the matcap.
 fn by_itself(motion: UvMotion, time: Time, now: &mut Material) {
+    if let Some(toon) = now.toon.as_mut().filter(|t| t.uv_mask.is_some()) {
+        // Each place moves its own share, a multiple of 1/255: after 255 rounds every one of them is where it began.
+        let round =
+            |speed: f32, whole: f64| libm::fmod(f64::from(speed) * time.as_secs(), 255.0 * whole) as f32;
+        let turned = round(motion.rotation, std::f64::consts::TAU);
+        let moved = Vec3::new(round(motion.scroll.x, 1.0), round(motion.scroll.y, 1.0), turned);
+        Arc::make_mut(toon).uv_moved = moved;
+        return;
+    }
     let secs = time.as_secs();
     let part = |speed: f32, whole: f64| libm::fmod(f64::from(speed) * secs, whole) as f32;
     let angle = part(motion.rotation, std::f64::consts::TAU);

@@ -30,6 +30,25 @@ pub struct MaterialLayers {
     /// Metres after which white light has the attenuation colour; infinite: clear.
     pub attenuation_distance: f32,
     pub attenuation_color: Vec3,
+    /// Share of the surface under a thin film; R of the texture.
+    pub iridescence: f32,
+    pub iridescence_texture: Option<TextureRef>,
+    /// Index of refraction of the film.
+    pub iridescence_ior: f32,
+    /// Nanometres, where the texture's G is 0 and where it is 1; without a texture the second.
+    pub iridescence_thickness: [f32; 2],
+    pub iridescence_thickness_texture: Option<TextureRef>,
+    /// How far highlights are drawn out along a direction, 0 to 1; RG of the texture: that direction, B: times this.
+    pub anisotropy: f32,
+    /// Radians from the tangent towards the bitangent.
+    pub anisotropy_rotation: f32,
+    pub anisotropy_texture: Option<TextureRef>,
+    /// Share of the diffuse light that comes out on the other side; A of the texture.
+    pub diffuse_transmission: f32,
+    pub diffuse_transmission_texture: Option<TextureRef>,
+    /// Linear; its texture is sRGB.
+    pub diffuse_transmission_color: Vec3,
+    pub diffuse_transmission_color_texture: Option<TextureRef>,
 }
 
 impl Default for MaterialLayers {
@@ -51,13 +70,25 @@ impl Default for MaterialLayers {
             thickness_texture: None,
             attenuation_distance: f32::INFINITY,
             attenuation_color: Vec3::ONE,
+            iridescence: 0.0,
+            iridescence_texture: None,
+            iridescence_ior: 1.3,
+            iridescence_thickness: [100.0, 400.0],
+            iridescence_thickness_texture: None,
+            anisotropy: 0.0,
+            anisotropy_rotation: 0.0,
+            anisotropy_texture: None,
+            diffuse_transmission: 0.0,
+            diffuse_transmission_texture: None,
+            diffuse_transmission_color: Vec3::ONE,
+            diffuse_transmission_color_texture: None,
         }
     }
 }
 
 impl MaterialLayers {
     /// In the order of the fields.
-    pub fn textures(&self) -> [&Option<TextureRef>; 7] {
+    pub fn textures(&self) -> [&Option<TextureRef>; 12] {
         [
             &self.clearcoat_texture,
             &self.clearcoat_roughness_texture,
@@ -66,6 +97,11 @@ impl MaterialLayers {
             &self.sheen_roughness_texture,
             &self.transmission_texture,
             &self.thickness_texture,
+            &self.iridescence_texture,
+            &self.iridescence_thickness_texture,
+            &self.anisotropy_texture,
+            &self.diffuse_transmission_texture,
+            &self.diffuse_transmission_color_texture,
         ]
     }
 
@@ -81,6 +117,8 @@ impl MaterialLayers {
 
     /// Whether the volume takes anything.
     pub fn absorbs(&self) -> bool {
-        self.transmission > 0.0 && self.thickness > 0.0 && self.extinction() != Vec3::ZERO
+        (self.transmission > 0.0 || self.diffuse_transmission > 0.0)
+            && self.thickness > 0.0
+            && self.extinction() != Vec3::ZERO
     }
 }

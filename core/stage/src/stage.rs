@@ -340,6 +340,8 @@ pub struct EffectUse {
     pub parameters: Vec<(String, f64)>,
     pub start: Time,
     pub end: Option<Time>,
+    /// On these of `Stage::actors`; empty: on the whole picture.
+    pub actors: Vec<usize>,
 }
 
 /// A callback of the script, a pure function of the time.

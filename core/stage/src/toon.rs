@@ -31,10 +31,13 @@ pub struct Toon {
     pub rim_texture: Option<TextureRef>,
     /// How much light falls on the rim: 0, it glows by itself; 1, it is lit.
     pub rim_lighting_mix: f32,
-    /// Kept for whoever draws outlines; the renderers here draw none.
     pub outline: Option<Outline>,
     /// Textures, the matcap aside, that move by themselves.
     pub uv_motion: Option<UvMotion>,
+    /// B, linear: how much of the motion each place makes.
+    pub uv_mask: Option<TextureRef>,
+    /// How far a masked motion has come at the time of a frame: textures, and radians; zero at rest.
+    pub uv_moved: Vec3,
 }
 
 /// Texture coordinates that move with the time, about the texture's middle (MToon, "UV animation").
@@ -65,13 +68,23 @@ impl Default for Toon {
             rim_lighting_mix: 1.0,
             outline: None,
             uv_motion: None,
+            uv_mask: None,
+            uv_moved: Vec3::ZERO,
         }
     }
 }
 
 impl Toon {
-    pub fn textures(&self) -> [&Option<TextureRef>; 4] {
-        [&self.shade_texture, &self.shading_shift_texture, &self.matcap_texture, &self.rim_texture]
+    pub fn textures(&self) -> [&Option<TextureRef>; 6] {
+        let width = self.outline.as_ref().map_or(&None, |o| &o.width_texture);
+        [
+            &self.shade_texture,
+            &self.shading_shift_texture,
+            &self.matcap_texture,
+            &self.rim_texture,
+            width,
+            &self.uv_mask,
+        ]
     }
 
     /// Whether every number is finite.
@@ -99,6 +112,7 @@ impl Toon {
     }
 }
 
+/// A hull around the surface, of which the inside is seen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outline {
     /// Metres, or a share of the picture's height.

@@ -1,4 +1,5 @@
-//! Clearcoat, sheen, transmission, volume and index of refraction (KHR_materials_clearcoat, _sheen, _transmission, _volume, _ior).
+//! Clearcoat, sheen, transmission, volume, index of refraction, thin films, brushed metal and light from behind
+//! (KHR_materials_clearcoat, _sheen, _transmission, _volume, _ior, _iridescence, _anisotropy, _diffuse_transmission).
 
 use crate::materials::{Reader, TextureUse};
 use crate::problem::{Problem, Result};
@@ -26,6 +27,15 @@ impl Said<'_> {
         let Some(value) = self.value.get(key) else { return Ok(default) };
         match value.as_f64().map(|v| v as f32).filter(|v| v.is_finite()) {
             Some(v) => Ok(v.clamp(0.0, max)),
+            None => Err(Problem::new(self.place(reader, key), format!("is {value}; a number is needed"))),
+        }
+    }
+
+    /// Radians, of any size.
+    fn angle(&self, reader: &Reader<'_, '_, '_>, key: &str) -> Result<f32> {
+        let Some(value) = self.value.get(key) else { return Ok(0.0) };
+        match value.as_f64().map(|v| v as f32).filter(|v| v.is_finite()) {
+            Some(v) => Ok(v % std::f32::consts::TAU),
             None => Err(Problem::new(self.place(reader, key), format!("is {value}; a number is needed"))),
         }
     }
@@ -97,6 +107,32 @@ pub fn read(reader: &mut Reader<'_, '_, '_>, others: &Map<String, Value>, out: &
         let far = volume.number(reader, "attenuationDistance", f32::MAX, f32::MAX)?;
         layers.attenuation_distance = if far > 0.0 && far < f32::MAX { far } else { f32::INFINITY };
         layers.attenuation_color = volume.color(reader, "attenuationColor", Vec3::ONE)?.min(Vec3::ONE);
+    }
+    if let Some(film) = said("KHR_materials_iridescence") {
+        any = true;
+        layers.iridescence = film.number(reader, "iridescenceFactor", 0.0, 1.0)?;
+        layers.iridescence_texture = film.texture(reader, "iridescenceTexture")?;
+        layers.iridescence_ior = film.number(reader, "iridescenceIor", 1.3, 10.0)?.max(1.0);
+        layers.iridescence_thickness = [
+            film.number(reader, "iridescenceThicknessMinimum", 100.0, 1e5)?,
+            film.number(reader, "iridescenceThicknessMaximum", 400.0, 1e5)?,
+        ];
+        layers.iridescence_thickness_texture = film.texture(reader, "iridescenceThicknessTexture")?;
+    }
+    if let Some(brushed) = said("KHR_materials_anisotropy") {
+        any = true;
+        layers.anisotropy = brushed.number(reader, "anisotropyStrength", 0.0, 1.0)?;
+        layers.anisotropy_rotation = brushed.angle(reader, "anisotropyRotation")?;
+        layers.anisotropy_texture = brushed.texture(reader, "anisotropyTexture")?;
+    }
+    if let Some(leaf) = said("KHR_materials_diffuse_transmission") {
+        any = true;
+        layers.diffuse_transmission = leaf.number(reader, "diffuseTransmissionFactor", 0.0, 1.0)?;
+        layers.diffuse_transmission_texture = leaf.texture(reader, "diffuseTransmissionTexture")?;
+        layers.diffuse_transmission_color =
+            leaf.color(reader, "diffuseTransmissionColorFactor", Vec3::ONE)?;
+        layers.diffuse_transmission_color_texture =
+            leaf.texture(reader, "diffuseTransmissionColorTexture")?;
     }
     if !layers.clearcoat_normal_scale.is_finite() || !out.specular_color.is_finite() {
         return Err(Problem::new(reader.place(), "has a factor that is not finite"));

@@ -46,7 +46,7 @@ pub fn read<'a>(
     let see_through = |m: &&Material| m.layers.as_ref().is_some_and(|l| l.transmission > 0.0);
     if let Some(first) = out.iter().position(|m| see_through(&m)) {
         let count = out.iter().filter(see_through).count();
-        let what = "let light through: what is behind is tinted, but neither bent by the ior nor blurred by roughness";
+        let what = "let light through: what is behind is tinted, but neither bent by the ior nor blurred by roughness, nor spread by dispersion";
         file.warn(format!("materials[{first}]"), format!("{count} materials {what}"));
     }
     Ok((out, glossy))

@@ -144,12 +144,10 @@ fn read_primitive(
     };
     skinning::read(file, json, place, &mut out)?;
     finish_normals(file, &mut out, place)?;
-    let normal_map = material.and_then(|m| {
-        let of_coat = materials[m].layers.as_deref().and_then(|l| l.clearcoat_normal_texture.as_ref());
-        materials[m].normal_texture.as_ref().or(of_coat)
-    });
-    if let (Some(texture), Topology::Triangles) = (normal_map, topology) {
-        finish_tangents(&attributes, &mut out, usize::from(texture.uv_set), vertices)?;
+    if let (Some((uv_set, why)), Topology::Triangles) =
+        (material.and_then(|m| needs_tangents(&materials[m])), topology)
+    {
+        finish_tangents(&attributes, &mut out, (uv_set, why), vertices)?;
     }
     Ok(Some(out))
 }
@@ -248,10 +246,21 @@ fn finish_normals(file: &File<'_>, out: &mut Primitive, place: &dyn Fn() -> Stri
     Ok(())
 }
 
+/// The uv set that tangents follow, and what reads them: normal maps, and highlights that are drawn out.
+fn needs_tangents(material: &Material) -> Option<(usize, &'static str)> {
+    let layers = material.layers.as_deref();
+    let map = material.normal_texture.as_ref().or(layers.and_then(|l| l.clearcoat_normal_texture.as_ref()));
+    let brushed = || {
+        let l = layers.filter(|l| l.anisotropy > 0.0)?;
+        Some((l.anisotropy_texture.as_ref().map_or(0, |t| usize::from(t.uv_set)), "anisotropy"))
+    };
+    map.map(|t| (usize::from(t.uv_set), "a normal map")).or_else(brushed)
+}
+
 fn finish_tangents(
     attributes: &Attributes<'_, '_>,
     out: &mut Primitive,
-    uv_set: usize,
+    (uv_set, why): (usize, &str),
     vertices: usize,
 ) -> Result<()> {
     // Flat normals split vertices: tangents of the file no longer fit (and §3.7.2.1 says to ignore them).
@@ -268,7 +277,7 @@ fn finish_tangents(
         return Ok(());
     }
     if out.uvs[uv_set].is_empty() {
-        let what = format!("has a normal map but no TEXCOORD_{uv_set}; the map has no effect");
+        let what = format!("has {why} but no TEXCOORD_{uv_set}, so it has no effect");
         attributes.file.warn((attributes.place)(), what);
         return Ok(());
     }

@@ -348,7 +348,7 @@ fn equal_images_are_one() {
     assert_eq!(deep.rgba, [255, 100, 0, 255]);
     assert_eq!(
         warnings(&asset),
-        ["meshes[0].primitives[0]: has a normal map but no TEXCOORD_0; the map has no effect"]
+        ["meshes[0].primitives[0]: has a normal map but no TEXCOORD_0, so it has no effect"]
     );
 }
 

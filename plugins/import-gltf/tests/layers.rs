@@ -42,6 +42,55 @@ fn factors() {
 }
 
 #[test]
+fn films_brushed_metal_and_leaves() {
+    let m = material(json!({
+        "KHR_materials_iridescence": {"iridescenceFactor": 0.5, "iridescenceIor": 1.75, "iridescenceThicknessMaximum": 550},
+        "KHR_materials_anisotropy": {"anisotropyStrength": 0.75, "anisotropyRotation": 0.5},
+        "KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.25, "diffuseTransmissionColorFactor": [0.5, 1, 0.25]},
+        "KHR_materials_volume": {"thicknessFactor": 1.0, "attenuationDistance": 2.0, "attenuationColor": [0.5, 1, 0.25]}
+    }));
+    let l = m.layers.unwrap();
+    assert_eq!((l.iridescence, l.iridescence_ior, l.iridescence_thickness), (0.5, 1.75, [100.0, 550.0]));
+    assert_eq!((l.anisotropy, l.anisotropy_rotation), (0.75, 0.5));
+    assert_eq!(l.diffuse_transmission_color, Vec3::new(0.5, 1.0, 0.25));
+    assert!(l.diffuse_transmission == 0.25 && l.absorbs(), "a volume counts for light from behind too");
+    let plain =
+        material(json!({"KHR_materials_iridescence": {}, "KHR_materials_anisotropy": {}})).layers.unwrap();
+    assert_eq!(*plain, choreo_stage::MaterialLayers::default());
+}
+
+#[test]
+fn brushed_metal_has_tangents_without_a_normal_map() {
+    let tangents = |extensions: Value, uvs: bool| {
+        let asset = import(|json| {
+            json["materials"][0]["extensions"] = extensions;
+            if uvs {
+                // Any two numbers a vertex do: those of its place.
+                let position = json["meshes"][0]["primitives"][0]["attributes"]["POSITION"].as_u64().unwrap();
+                let mut uv = json["accessors"][position as usize].clone();
+                uv["type"] = json!("VEC2");
+                uv.as_object_mut().unwrap().retain(|key, _| key != "min" && key != "max");
+                let accessors = json["accessors"].as_array_mut().unwrap();
+                accessors.push(uv);
+                let last = accessors.len() - 1;
+                json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = json!(last);
+            }
+        });
+        let asset = asset.unwrap_or_else(|e| panic!("{e}"));
+        let warned = asset.warnings.iter().any(|w| w.text.contains("has anisotropy but no TEXCOORD_0"));
+        (!asset.meshes[0].primitives[0].tangents.is_empty(), warned)
+    };
+    let brushed = || json!({"KHR_materials_anisotropy": {"anisotropyStrength": 0.5}});
+    assert_eq!(tangents(brushed(), true), (true, false));
+    assert_eq!(tangents(brushed(), false), (false, true), "no direction without uvs, which is said");
+    assert_eq!(
+        tangents(json!({"KHR_materials_anisotropy": {}}), true),
+        (false, false),
+        "nothing to be drawn out"
+    );
+}
+
+#[test]
 fn index_of_refraction() {
     for (ior, f0) in [(1.5, 0.04), (1.0, 0.0), (1.33, 0.020_059), (2.42, 0.172_395), (0.0, 1.0)] {
         let m = material(json!({"KHR_materials_ior": {"ior": ior}}));
@@ -83,7 +132,7 @@ fn glass_says_what_it_does_not_do() {
     assert_eq!(warnings.len(), 1);
     assert_eq!(
         warnings[0].text,
-        "1 materials let light through: what is behind is tinted, but neither bent by the ior nor blurred by roughness"
+        "1 materials let light through: what is behind is tinted, but neither bent by the ior nor blurred by roughness, nor spread by dispersion"
     );
 }
 

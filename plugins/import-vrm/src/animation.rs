@@ -22,6 +22,8 @@ pub fn read(document: &Document<'_>, vrma: &At<'_>, asset: &mut Asset) -> Result
         if let Some(joint) = document.joint(node, &|| gaze.place_of("node"))? {
             let name = &asset.skeleton.names()[joint as usize];
             let name: String = name.chars().filter(|c| !c.is_control()).take(80).collect();
+            let what = "says what is looked at by a node that moves; it is a joint of the clip, and no eyes follow it";
+            document.warn(gaze.place(), what);
             asset.origin.about.push(("gaze".into(), format!("what is looked at is the joint \"{name}\"")));
         }
     }

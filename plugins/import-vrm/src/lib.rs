@@ -101,7 +101,7 @@ impl Profile for Vrm {
         let properties = v0.and_then(|v| v.get("materialProperties")?.get(index));
         if let Some(properties) = properties.filter(|p| p["shader"] == "VRM/MToon") {
             let place = format!("extensions.VRM.materialProperties[{index}]");
-            mtoon::read_v0(&At::new(properties, place), textures, material, &self.not_shown)?;
+            mtoon::read_v0(&At::new(properties, place), textures, material)?;
         }
         Ok(())
     }

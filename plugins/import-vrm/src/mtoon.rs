@@ -15,21 +15,15 @@ use std::sync::Arc;
 /// What materials say and no renderer here shows, counted over the file.
 #[derive(Default)]
 pub struct NotShown {
-    pub outlines: Cell<usize>,
-    pub moving_uvs: Cell<usize>,
     pub orders: Cell<usize>,
 }
 
 impl NotShown {
     pub fn warn(&self, document: &Document<'_>) {
-        for (count, what) in [
-            (&self.outlines, "have outlines, which are kept but not drawn"),
-            (&self.moving_uvs, "have textures of which a mask says what moves; they stand still"),
-            (
-                &self.orders,
-                "say how transparent parts are drawn over each other; they are sorted back to front",
-            ),
-        ] {
+        for (count, what) in [(
+            &self.orders,
+            "say how transparent parts are drawn over each other; they are sorted back to front",
+        )] {
             if count.get() > 0 {
                 document.warn("materials", format!("{} {what}", count.get()));
             }
@@ -82,6 +76,8 @@ pub fn read(
         rim_lighting_mix: number("rimLightingMixFactor", d.rim_lighting_mix)?,
         outline: (mode != "none" && outline.width > 0.0).then_some(outline),
         uv_motion: None,
+        uv_mask: texture("uvAnimationMaskTexture")?,
+        uv_moved: Vec3::ZERO,
     };
     let motion = UvMotion {
         scroll: Vec2::new(
@@ -90,21 +86,15 @@ pub fn read(
         ),
         rotation: number("uvAnimationRotationSpeedFactor", 0.0)?,
     };
-    let toon =
-        Toon { uv_motion: moving(motion, at.get("uvAnimationMaskTexture").is_some(), not_shown), ..toon };
+    let toon = Toon { uv_motion: moving(motion), ..toon };
     let order =
         at.flag("transparentWithZWrite")? == Some(true) || number("renderQueueOffsetNumber", 0.0)? != 0.0;
     one_more(&not_shown.orders, order);
-    finish(at, toon, material, not_shown)
+    finish(at, toon, material)
 }
 
 /// VRM 0.x. Colours there are sRGB; shift and toony mean other lines, converted as UniVRM and three-vrm do on migration to 1.0.
-pub fn read_v0(
-    at: &At<'_>,
-    textures: &mut dyn MaterialTextures,
-    material: &mut Material,
-    not_shown: &NotShown,
-) -> Result<()> {
+pub fn read_v0(at: &At<'_>, textures: &mut dyn MaterialTextures, material: &mut Material) -> Result<()> {
     let d = Toon::default();
     let none = Value::Null;
     let part = |key: &str| at.get(key).unwrap_or(At::new(&none, at.place_of(key)));
@@ -158,6 +148,7 @@ pub fn read_v0(
         rim_texture: texture("_RimTexture")?,
         rim_lighting_mix: number("_RimLightingMix", 0.0)?,
         outline: (mode > 0.0 && outline.width > 0.0).then_some(outline),
+        uv_mask: texture("_UvAnimMaskTexture")?,
         ..d
     };
     // v counts from below, and rotation in turns.
@@ -165,20 +156,18 @@ pub fn read_v0(
         scroll: Vec2::new(number("_UvAnimScrollX", 0.0)?, -number("_UvAnimScrollY", 0.0)?),
         rotation: number("_UvAnimRotation", 0.0)? * std::f32::consts::TAU,
     };
-    let masked = pictures.index("_UvAnimMaskTexture")?.is_some();
-    let toon = Toon { uv_motion: moving(motion, masked, not_shown), ..toon };
-    finish(at, toon, material, not_shown)
+    let toon = Toon { uv_motion: moving(motion), ..toon };
+    finish(at, toon, material)
 }
 
-/// `None` where nothing moves, or only parts of a texture, by a mask.
-fn moving(motion: UvMotion, masked: bool, not_shown: &NotShown) -> Option<UvMotion> {
-    let moves = motion.scroll != Vec2::ZERO || motion.rotation != 0.0;
-    one_more(&not_shown.moving_uvs, moves && masked);
-    (moves && !masked).then_some(motion)
+/// `None` where nothing moves.
+fn moving(motion: UvMotion) -> Option<UvMotion> {
+    (motion.scroll != Vec2::ZERO || motion.rotation != 0.0).then_some(motion)
 }
 
-fn finish(at: &At<'_>, toon: Toon, material: &mut Material, not_shown: &NotShown) -> Result<()> {
+fn finish(at: &At<'_>, toon: Toon, material: &mut Material) -> Result<()> {
     let toon = Toon {
+        uv_mask: toon.uv_mask.filter(|_| toon.uv_motion.is_some()),
         shading_shift: toon.shading_shift.clamp(-2.0, 2.0),
         shading_toony: toon.shading_toony.clamp(0.0, 1.0),
         gi_equalization: toon.gi_equalization.clamp(0.0, 1.0),
@@ -188,7 +177,6 @@ fn finish(at: &At<'_>, toon: Toon, material: &mut Material, not_shown: &NotShown
     if !toon.is_finite() {
         return Err(Problem::new(at.place(), "has a factor that is not finite"));
     }
-    one_more(&not_shown.outlines, toon.outline.is_some());
     material.shading = Shading::Toon;
     material.toon = Some(Arc::new(toon));
     Ok(())

@@ -8,7 +8,7 @@ use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json};
 use crate::scene::{self, Opening, Scene};
 use crate::{plot, plugin_files};
-use choreo_plugin::{Effect, Registry};
+use choreo_plugin::{Effect, Hook, Registry};
 use choreo_script::{Diagnostic, Severity};
 use choreo_stage::{EffectUse, Finding, Stage, Subject};
 use glam::{Vec2, Vec4};
@@ -124,6 +124,9 @@ fn unknown_effects(stage: &Stage, registry: &Registry) -> Vec<Problem> {
 
 /// Its function, tried on some colors all over the picture.
 fn changes_nothing(effect: &dyn Effect, used: &EffectUse) -> bool {
+    if effect.hook() != Hook::Pixel {
+        return false;
+    }
     let parameters = choreo_render::effect_parameters(effect, used);
     let colors = [Vec4::new(0.0, 0.0, 0.0, 1.0), Vec4::new(0.8, 0.4, 0.1, 1.0), Vec4::ONE];
     (0..81).all(|i| {

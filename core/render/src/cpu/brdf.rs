@@ -12,6 +12,34 @@ pub struct Surface {
     pub f0: V3,
     pub f90: F4,
     pub roughness: F4,
+    /// Where highlights are drawn out.
+    pub brushed: Option<Brushed>,
+    /// Reflectance under a thin film at this angle, and the film's share of the surface.
+    pub film: Option<(V3, F4)>,
+}
+
+/// Unit, along and across which highlights are drawn out, and alpha in each.
+#[derive(Clone, Copy)]
+pub struct Brushed {
+    pub along: V3,
+    pub across: V3,
+    pub alpha_along: F4,
+    pub alpha_across: F4,
+}
+
+impl Brushed {
+    /// GGX and Smith's visibility with an alpha each way (KHR_materials_anisotropy, "Implementation"), times π.
+    fn lobe(&self, h: V3, v: V3, l: V3, [nh, nv, nl]: [F4; 3]) -> F4 {
+        let (at, ab) = (self.alpha_along, self.alpha_across);
+        let length = |x: F4, y: F4, z: F4| (x * x + y * y + z * z).sqrt();
+        let (x, y) = (ab * self.along.dot(h), at * self.across.dot(h));
+        let a2 = at * ab;
+        let z = a2 * nh;
+        let w = a2 / (x * x + y * y + z * z);
+        let smith = nl * length(at * self.along.dot(v), ab * self.across.dot(v), nv)
+            + nv * length(at * self.along.dot(l), ab * self.across.dot(l), nl);
+        a2 * w * w * 0.5 / smith
+    }
 }
 
 /// glTF 2.0 Appendix B.3 with KHR_materials_specular: c_diff = base · (1 − metallic),
@@ -25,6 +53,8 @@ pub fn surface_of(base: V3, metallic: F4, roughness: F4, specular: F4, specular_
         f0: (tint * specular).mix(base, metallic),
         f90: specular.mix(F4::ONE, metallic),
         roughness: roughness.max(F4::splat(0.045)),
+        brushed: None,
+        film: None,
     }
 }
 
@@ -34,19 +64,28 @@ pub fn reflect_light(s: &Surface, n: V3, v: V3, l: V3, nv: F4, nl: F4) -> V3 {
     let h = (l + v).unit();
     let nh = n.dot(h).clamp(0.0, 1.0);
     let vh = v.dot(h).clamp(0.0, 1.0);
-    let alpha = s.roughness * s.roughness;
-    let a2 = alpha * alpha;
-    let d = nh * nh * (a2 - F4::ONE) + F4::ONE;
-    let distribution = a2 / (d * d);
-    let rest = F4::ONE - a2;
-    let visibility = F4::splat(0.5) / (nl * (nv * nv * rest + a2).sqrt() + nv * (nl * nl * rest + a2).sqrt());
+    let lobe = match &s.brushed {
+        Some(brushed) => brushed.lobe(h, v, l, [nh, nv, nl]),
+        None => {
+            let alpha = s.roughness * s.roughness;
+            let a2 = alpha * alpha;
+            let d = nh * nh * (a2 - F4::ONE) + F4::ONE;
+            let distribution = a2 / (d * d);
+            let rest = F4::ONE - a2;
+            let smith = nl * (nv * nv * rest + a2).sqrt() + nv * (nl * nl * rest + a2).sqrt();
+            F4::splat(0.5) / smith * distribution
+        }
+    };
     let x = F4::ONE - vh;
     let x2 = x * x;
     let pow5 = x2 * x2 * x;
     let f90 = V3 { x: s.f90, y: s.f90, z: s.f90 };
-    let fresnel = s.f0 + (f90 - s.f0) * pow5;
+    let mut fresnel = s.f0 + (f90 - s.f0) * pow5;
+    if let Some((film, share)) = s.film {
+        fresnel = fresnel.mix(film, share);
+    }
     let share = F4::ONE - fresnel.max_component();
-    s.diffuse * share + fresnel * (visibility * distribution)
+    s.diffuse * share + fresnel * lobe
 }
 
 /// The environment's BRDF, second half of the split sum: Karis, "Physically Based Shading on Mobile", 2014.

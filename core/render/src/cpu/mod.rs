@@ -4,6 +4,7 @@
 //! what Vulkan leaves to the device. Tiles are independent of each other: any number of threads gives the same bits.
 
 mod brdf;
+mod film;
 mod lanes;
 mod layers;
 mod raster;
@@ -32,7 +33,7 @@ use std::sync::Arc;
 use target::{Float, Srgb8, Target};
 use texture::Texture;
 use tile::{Batch, Phase, Tile, TileBuffers, TriangleId};
-use vertex::VertexStage;
+use vertex::{Hull, VertexStage};
 
 /// Largest width and height, in pixels.
 pub const MAX_SIZE: u32 = 16384;
@@ -143,6 +144,15 @@ impl CpuRenderer {
                 let primitive = self.catalog.primitives[draw.primitive as usize].primitive();
                 let features = draw.pipeline.features;
                 let instance = &plan.instances[instance];
+                let material = match draw.changed {
+                    Some(changed) => &changed_materials[changed as usize],
+                    None => &self.materials[draw.material as usize],
+                };
+                let hull = features.has(Features::SHELL).then(|| Hull {
+                    material,
+                    size,
+                    normals: crate::vertex::welded_normals(primitive),
+                });
                 let vertices = VertexStage {
                     primitive,
                     features,
@@ -150,6 +160,7 @@ impl CpuRenderer {
                     joint_matrices: &plan.joint_matrices,
                     morphs: &plan.morphs,
                     clip_from_relative,
+                    hull,
                 }
                 .run();
                 let triangles = Assembly {
@@ -169,10 +180,7 @@ impl CpuRenderer {
                         double_sided: draw.pipeline.double_sided,
                         tint: instance.tint,
                         primitive,
-                        material: match draw.changed {
-                            Some(changed) => &changed_materials[changed as usize],
-                            None => &self.materials[draw.material as usize],
-                        },
+                        material,
                     },
                     phase: match draw.pipeline {
                         k if k.is_see_through() => Phase::Blend,

@@ -1,7 +1,7 @@
 //! Primitive assembly: clip-space triangles, lines and points → screen triangles ready to be rasterised.
 
 use super::vertex::Vertex;
-use crate::plan::{PipelineKey, TopologyKey};
+use crate::plan::{Features, PipelineKey, TopologyKey};
 use glam::{DVec3, DVec4, Vec4};
 use rayon::prelude::*;
 
@@ -171,7 +171,9 @@ impl Assembly<'_> {
         }
         // Counter-clockwise with y up is a negative area with y down.
         let front = (area < 0) != self.pipeline.mirrored;
-        if !front && !both_faces {
+        // Of a hull the inside is seen.
+        let faces_us = front != self.pipeline.features.has(Features::SHELL);
+        if !faces_us && !both_faces {
             return;
         }
         let (mut x, mut y) = (p.map(|p| p.0), p.map(|p| p.1));

@@ -1,6 +1,7 @@
 //! Twin of scene.wgsl: the fragment shader, a 2×2 quad at a time, linear colour out.
 
 use super::brdf::*;
+use super::film::{film_f0, film_reflectance};
 use super::lanes::{F4, V3, Weights};
 use super::layers::*;
 use super::shadow::ShadowMaps;
@@ -8,9 +9,9 @@ use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
 use super::vertex::Vertex;
 use crate::catalog::{CatalogMaterial, CatalogTextureRef};
-use crate::gpu_types::{BASE_SLOTS, TEXTURE_SLOTS};
+use crate::gpu_types::{BASE_SLOTS, TEXTURE_SLOTS, TOON_SLOT, film_thickness};
 use crate::plan::{Features, Glass, Plan, PlanLight};
-use choreo_stage::{AlphaMode, Primitive, Toon};
+use choreo_stage::{AlphaMode, MaterialLayers, Primitive, Toon};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -57,6 +58,11 @@ struct Over {
     sheen: V3,
     coat_weight: F4,
     coat: V3,
+    /// Colour of the light from behind that comes out in front.
+    from_behind: V3,
+    /// What the sky's reflection is seen by: F0 and direction, where the layers change them.
+    sky_f0: Option<V3>,
+    mirror: Option<V3>,
 }
 
 impl Default for Over {
@@ -69,6 +75,9 @@ impl Default for Over {
             sheen: none,
             coat_weight: F4::ZERO,
             coat: none,
+            from_behind: none,
+            sky_f0: None,
+            mirror: None,
         }
     }
 }
@@ -76,10 +85,25 @@ impl Default for Over {
 struct Quad<'a> {
     weights: &'a Weights,
     uvs: [[F4; 2]; 2],
+    /// How much of a motion of the textures each pixel makes, where a mask says so.
+    uv_mask: Option<F4>,
 }
 
 impl Fragment<'_> {
     pub fn shade(&self, vertices: &[Vertex], ids: [u32; 3], front: bool, weights: &Weights) -> Shaded {
+        let mut shaded = self.surface(vertices, ids, front, weights);
+        if self.features.has(Features::SHELL) {
+            let toon = self.material.factors.material.toon.as_ref();
+            if let Some(outline) = toon.and_then(|t| t.outline.as_ref()) {
+                for (out, color) in shaded.rgba.iter_mut().zip(outline.color.to_array()) {
+                    *out = F4::ONE.mix(*out, F4::splat(outline.lighting_mix)) * color;
+                }
+            }
+        }
+        shaded
+    }
+
+    fn surface(&self, vertices: &[Vertex], ids: [u32; 3], front: bool, weights: &Weights) -> Shaded {
         let f = self.features;
         let m = &self.material.factors.material;
         let refs = self.material.factors.texture_refs();
@@ -161,6 +185,35 @@ impl Fragment<'_> {
             if let Some(l) = m.layers.as_deref().filter(|_| f.has(Features::LAYERS)) {
                 let sky = |way: V3| if dark { V3::splat(Vec3::ZERO) } else { ambient(up, down, way) };
                 let layer = |slot: usize, bit: Features| texture(BASE_SLOTS + slot, bit);
+                if f.has(Features::ANISOTROPY) {
+                    let texel = layer(9, Features::ANISOTROPY_TEXTURE);
+                    let (brushed, mirror) =
+                        self.brushed(vertices, ids, &quad, l, (texel, s.roughness), (n, v));
+                    s.brushed = Some(brushed);
+                    over.mirror = Some(mirror);
+                }
+                if f.has(Features::IRIDESCENCE) {
+                    let mut share = F4::splat(l.iridescence);
+                    if let Some([r, ..]) = layer(7, Features::IRIDESCENCE_TEXTURE) {
+                        share *= r;
+                    }
+                    let [thin, thick] = film_thickness(&self.material.factors).to_array().map(F4::splat);
+                    let thickness = match layer(8, Features::IRIDESCENCE_THICKNESS_TEXTURE) {
+                        Some([_, g, ..]) => thin.mix(thick, g),
+                        None => thick,
+                    };
+                    let film = film_reflectance(l.iridescence_ior, thickness, nv, s.f0);
+                    over.sky_f0 = Some(s.f0.mix(film_f0(film, nv), share));
+                    s.film = Some((film, share));
+                }
+                let absorbed = f.has(Features::VOLUME).then(|| {
+                    let [a, b, c] = ids.map(|i| vertices[i as usize].scale);
+                    let mut depth = weights.scalar(a, b, c) * l.thickness;
+                    if let Some([_, g, ..]) = layer(6, Features::THICKNESS_TEXTURE) {
+                        depth *= g;
+                    }
+                    let_through(l.extinction(), depth)
+                });
                 if f.has(Features::TRANSMISSION) {
                     let mut transmission = (F4::ONE - metallic) * l.transmission;
                     if let Some([r, ..]) = layer(5, Features::TRANSMISSION_TEXTURE) {
@@ -168,18 +221,32 @@ impl Fragment<'_> {
                     }
                     let reflected = ambient_specular(s.f0, s.f90, s.roughness, nv);
                     let mut through = base * transmission * (V3::splat(Vec3::ONE) - reflected);
-                    if f.has(Features::VOLUME) {
-                        let [a, b, c] = ids.map(|i| vertices[i as usize].scale);
-                        let mut depth = weights.scalar(a, b, c) * l.thickness;
-                        if let Some([_, g, ..]) = layer(6, Features::THICKNESS_TEXTURE) {
-                            depth *= g;
-                        }
-                        through = through * let_through(l.extinction(), depth);
+                    if let Some(absorbed) = absorbed {
+                        through = through * absorbed;
                     }
                     let blurred = roughness * roughness;
                     over.behind = through * sky(-v) * blurred;
                     over.through = through * (F4::ONE - blurred);
                     s.diffuse = s.diffuse * (F4::ONE - transmission);
+                }
+                if f.has(Features::DIFFUSE_TRANSMISSION) {
+                    let mut share = F4::splat(l.diffuse_transmission);
+                    if let Some([.., a]) = layer(10, Features::DIFFUSE_TRANSMISSION_TEXTURE) {
+                        share *= a;
+                    }
+                    let mut color = V3::splat(l.diffuse_transmission_color);
+                    if let Some([r, g, b, _]) = layer(11, Features::DIFFUSE_TRANSMISSION_COLOR_TEXTURE) {
+                        color = color * V3 { x: r, y: g, z: b };
+                    }
+                    if let Some(absorbed) = absorbed {
+                        color = color * absorbed;
+                    }
+                    let grazing = F4::ONE - nv;
+                    let f90 = V3 { x: s.f90, y: s.f90, z: s.f90 };
+                    let reflected = s.f0 + (f90 - s.f0) * (grazing * grazing * grazing * grazing * grazing);
+                    let rest = (F4::ONE - metallic) * (F4::ONE - reflected.max_component());
+                    over.from_behind = color * (share * rest);
+                    s.diffuse = s.diffuse * (F4::ONE - share);
                 }
                 if f.has(Features::SHEEN) {
                     let mut sheen_color = V3::splat(l.sheen_color);
@@ -223,11 +290,16 @@ impl Fragment<'_> {
             }
             color = V3::splat(Vec3::ZERO);
             if !dark {
-                let mirrored = n * (n.dot(v) * 2.0) - v;
-                let reflected = ambient(up, down, mirrored) * ambient_specular(s.f0, s.f90, s.roughness, nv);
-                color = (s.diffuse * ambient(up, down, n) + reflected) * occlusion;
+                let mirrored = over.mirror.unwrap_or_else(|| n * (n.dot(v) * 2.0) - v);
+                let f0 = over.sky_f0.unwrap_or(s.f0);
+                let reflected = ambient(up, down, mirrored) * ambient_specular(f0, s.f90, s.roughness, nv);
+                let behind = over.from_behind * ambient(up, down, -n);
+                color = (s.diffuse * ambient(up, down, n) + reflected + behind) * occlusion;
             }
             self.lights(relative, [own_n, n], &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
+            if f.has(Features::DIFFUSE_TRANSMISSION) {
+                self.lights(relative, [-own_n, -n], &mut color, |_, _| over.from_behind);
+            }
         } else {
             color = base * ambient(up, down, n) * occlusion;
             self.lights(relative, [own_n, n], &mut color, |l, _| {
@@ -325,6 +397,39 @@ impl Fragment<'_> {
         }
     }
 
+    /// KHR_materials_anisotropy: directions and alphas, and where the sky is seen mirrored ("Bent normal" of its notes).
+    fn brushed(
+        &self,
+        vertices: &[Vertex],
+        ids: [u32; 3],
+        quad: &Quad,
+        layers: &MaterialLayers,
+        (texel, roughness): (Option<[F4; 4]>, F4),
+        (n, v): (V3, V3),
+    ) -> (Brushed, V3) {
+        let interpolated = quad.weights.vec3(ids.map(|i| vertices[i as usize].normal));
+        let t = ids.map(|i| vertices[i as usize].tangent);
+        let tangent = quad.weights.vec3(t.map(|t| t.truncate()));
+        let bitangent = interpolated.cross(tangent) * quad.weights.scalar(t[0].w, t[1].w, t[2].w);
+        let (mut x, mut y, mut strength) = (F4::ONE, F4::ZERO, F4::splat(layers.anisotropy));
+        if let Some([r, g, b, _]) = texel {
+            (x, y) = (r * 2.0 - F4::ONE, g * 2.0 - F4::ONE);
+            strength *= b;
+        }
+        let (c, s) = (libm::cosf(layers.anisotropy_rotation), libm::sinf(layers.anisotropy_rotation));
+        let (x, y) = (x * c - y * s, x * s + y * c);
+        let along = (tangent * x + bitangent * y).unit();
+        let across = n.cross(along).unit();
+        let alpha_across = roughness * roughness;
+        let alpha_along = alpha_across.mix(F4::ONE, strength * strength);
+        let fan = across.cross(v).cross(across).unit();
+        let straight = F4::ONE - strength * (F4::ONE - roughness);
+        let straight2 = straight * straight;
+        let bent = fan.mix(n, straight2 * straight2).unit();
+        let mirror = bent * (bent.dot(v) * 2.0) - v;
+        (Brushed { along, across, alpha_along, alpha_across }, mirror)
+    }
+
     /// Interpolated normal, or the normal map's as MikkTSpace has it: x·T + y·(N × T · sign) + z·N of the interpolated
     /// vectors, made neither orthogonal nor unit before; the result is normalised. Turned on back faces.
     fn normal(
@@ -361,7 +466,13 @@ impl Fragment<'_> {
                 uvs[set] = weights.vec2(ids.map(|i| list[i as usize]));
             }
         }
-        Quad { weights, uvs }
+        let mut quad = Quad { weights, uvs, uv_mask: None };
+        if self.features.has(Features::UV_MASK) {
+            let (mask, texture) = (&self.material.factors.toon[1], &self.material.textures[TOON_SLOT + 1]);
+            let texel = self.sample(&quad, mask.as_ref(), texture.as_deref());
+            quad.uv_mask = texel.map(|[_, _, b, _]| b);
+        }
+        quad
     }
 
     /// `None` where the material has no such texture: white.
@@ -377,6 +488,16 @@ impl Fragment<'_> {
             let Affine2 { matrix2: m, translation: Vec2 { x, y } } = r.uv_transform;
             let [u, v] = uv;
             uv = [u * m.x_axis.x + v * m.y_axis.x + x, u * m.x_axis.y + v * m.y_axis.y + y];
+        }
+        if let (Some(mask), Some(toon)) = (quad.uv_mask, &self.material.factors.material.toon) {
+            // Turned about the middle, then moved, each place as much as the mask says.
+            let angle = mask * toon.uv_moved.z;
+            let (sin, cos) = (angle.map(libm::sinf), angle.map(libm::cosf));
+            let [x, y] = uv.map(|v| v - F4::splat(0.5));
+            uv = [
+                cos * x - sin * y + F4::splat(0.5) + mask * toon.uv_moved.x,
+                sin * x + cos * y + F4::splat(0.5) + mask * toon.uv_moved.y,
+            ];
         }
         Some(texture.sample(&r.sampler, uv))
     }

@@ -1,8 +1,11 @@
 //! Twin of vertex.wgsl: mesh space → morphs → skin or instance matrix → camera-relative space → clip space.
 
+use super::lanes::F4;
+use super::shade::ShadeMaterial;
+use crate::gpu_types::TOON_SLOT;
 use crate::plan::{ActiveMorph, Features, Instance, Rows};
 use choreo_stage::Primitive;
-use glam::{Mat4, Vec3, Vec4};
+use glam::{Mat4, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
 
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +28,17 @@ pub struct VertexStage<'a> {
     pub joint_matrices: &'a [Rows],
     pub morphs: &'a [ActiveMorph],
     pub clip_from_relative: &'a Mat4,
+    /// Of a hull.
+    pub hull: Option<Hull<'a>>,
+}
+
+/// What pushes a hull out.
+pub struct Hull<'a> {
+    pub material: &'a ShadeMaterial,
+    /// Pixels of the picture.
+    pub size: [u32; 2],
+    /// In place of the primitive's normals ([`crate::vertex::welded_normals`]).
+    pub normals: Vec<Vec3>,
 }
 
 impl VertexStage<'_> {
@@ -35,10 +49,11 @@ impl VertexStage<'_> {
 
     fn vertex(&self, i: usize) -> Vertex {
         let p = self.primitive;
-        let lit = self.features.is_lit();
+        let lit = self.features.has_normals();
         let tangents = self.features.has_tangents() && !p.tangents.is_empty();
         let mut position = p.positions[i];
-        let mut normal = if lit { p.normals[i] } else { Vec3::ZERO };
+        let normals = self.hull.as_ref().map_or(&p.normals, |hull| &hull.normals);
+        let mut normal = if lit { normals[i] } else { Vec3::ZERO };
         let mut tangent = if tangents { p.tangents[i] } else { Vec4::ZERO };
         if self.features.has(Features::MORPH) {
             let first = self.instance.first_morph as usize;
@@ -82,7 +97,37 @@ impl VertexStage<'_> {
                 out.tangent = along.extend(p.tangents[i].w * handedness);
             }
         }
+        if let Some(hull) = &self.hull {
+            self.push_out(hull, i, &mut out);
+        }
         out
+    }
+
+    /// Along the normal: metres in the world, or a share of the picture's height in the picture.
+    fn push_out(&self, hull: &Hull, i: usize, out: &mut Vertex) {
+        let factors = &hull.material.factors;
+        let Some(outline) = factors.material.toon.as_ref().and_then(|t| t.outline.as_ref()) else { return };
+        let mut width = outline.width;
+        if let (true, Some(r), Some(texture)) = (
+            self.features.has(Features::OUTLINE_WIDTH_TEXTURE),
+            &factors.toon[0],
+            &hull.material.textures[TOON_SLOT],
+        ) {
+            let uv = self.primitive.uvs[usize::from(r.uv_set)].get(i).copied().unwrap_or_default();
+            let at = r.uv_transform.transform_point2(uv);
+            width *= texture.sample(&r.sampler, [F4::splat(at.x), F4::splat(at.y)])[1].0[0];
+        }
+        if !outline.on_screen {
+            out.relative += out.normal * width;
+            out.clip = *self.clip_from_relative * out.relative.extend(1.0);
+            return;
+        }
+        let size = Vec2::new(hull.size[0] as f32, hull.size[1] as f32);
+        // Where the normal goes in the picture, in pixels: d(xy/w) is proportional to this.
+        let way = *self.clip_from_relative * out.normal.extend(0.0);
+        let pixels = (way.xy() * out.clip.w - out.clip.xy() * way.w) * size;
+        let step = unit(pixels.extend(0.0)).xy() * (2.0 * width * size.y) / size * out.clip.w;
+        out.clip += Vec4::new(step.x, step.y, 0.0, 0.0);
     }
 
     /// The vertex's matrix: the instance's, or its joints' weighted by influence.

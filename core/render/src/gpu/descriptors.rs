@@ -3,16 +3,26 @@
 use super::context::Context;
 use super::error::Named;
 use crate::RenderError;
-use crate::gpu_types::{LayersUniform, TEXTURE_SLOTS};
+use crate::gpu_types::{LayersUniform, TEXTURE_SLOTS, TOON_SLOT};
 use ash::vk;
+use std::collections::BTreeMap;
 
-/// Set 0: per frame. Set 1: per material. Set 2: morph offsets of a primitive. Set 3: shadow maps. Set 0 of a post pass.
+/// Set 0: per frame. Set 1: morph offsets of a primitive. Set 2: shadow maps. Set 3: per material, last because its layout
+/// differs with the textures that a shader reads and must disturb no other. Set 0 of a post pass.
 pub struct Layouts {
     pub frame: vk::DescriptorSetLayout,
-    pub material: vk::DescriptorSetLayout,
+    materials: BTreeMap<u32, MaterialLayout>,
     pub morphs: vk::DescriptorSetLayout,
     pub shadow: vk::DescriptorSetLayout,
     pub post: vk::DescriptorSetLayout,
+}
+
+/// Of the materials of which a shader reads the same textures.
+#[derive(Clone, Copy)]
+pub struct MaterialLayout {
+    pub set: vk::DescriptorSetLayout,
+    /// With the sets before it.
+    pub pipeline: vk::PipelineLayout,
 }
 
 fn create(
@@ -43,17 +53,11 @@ impl Layouts {
         let (vertex, fragment) = (vk::ShaderStageFlags::VERTEX, vk::ShaderStageFlags::FRAGMENT);
         let mut layouts = Layouts {
             frame: vk::DescriptorSetLayout::null(),
-            material: vk::DescriptorSetLayout::null(),
+            materials: BTreeMap::new(),
             morphs: vk::DescriptorSetLayout::null(),
             shadow: vk::DescriptorSetLayout::null(),
             post: vk::DescriptorSetLayout::null(),
         };
-        let mut material = vec![(0, T::UNIFORM_BUFFER, fragment)];
-        for slot in 0..TEXTURE_SLOTS as u32 {
-            material.push((1 + 2 * slot, T::SAMPLED_IMAGE, fragment));
-            material.push((2 + 2 * slot, T::SAMPLER, fragment));
-        }
-        material.push((LayersUniform::BINDING, T::UNIFORM_BUFFER, fragment));
         let frame = super::slot::FRAME_BINDINGS.map(|(binding, kind)| {
             let stages = [vertex | fragment, vertex, vertex, vertex, fragment, vertex];
             (binding, kind, stages[binding as usize])
@@ -61,7 +65,6 @@ impl Layouts {
         let post = [(0, T::UNIFORM_BUFFER, fragment), (1, T::SAMPLED_IMAGE, fragment)];
         let made = (|| {
             layouts.frame = create(gpu, "frame set layout", &frame)?;
-            layouts.material = create(gpu, "material set layout", &material)?;
             layouts.morphs = create(gpu, "morph set layout", &[(0, T::STORAGE_BUFFER, vertex)])?;
             let shadow = [
                 (0, T::UNIFORM_BUFFER, fragment),
@@ -81,8 +84,55 @@ impl Layouts {
         }
     }
 
+    /// Makes the layout of materials with these textures (a bit a slot), where it is not there.
+    pub fn prepare_material(&mut self, gpu: &Context, slots: u32) -> Result<(), RenderError> {
+        if self.materials.contains_key(&slots) {
+            return Ok(());
+        }
+        use vk::DescriptorType as T;
+        let fragment = vk::ShaderStageFlags::FRAGMENT;
+        // Outlines are as wide as the vertex shader makes them.
+        let vertex = vk::ShaderStageFlags::VERTEX;
+        let mut bindings = vec![(0, T::UNIFORM_BUFFER, vertex | fragment)];
+        for slot in (0..TEXTURE_SLOTS as u32).filter(|slot| slots & (1 << slot) != 0) {
+            let stage = if slot == TOON_SLOT as u32 { vertex } else { fragment };
+            bindings.push((1 + 2 * slot, T::SAMPLED_IMAGE, stage));
+            bindings.push((2 + 2 * slot, T::SAMPLER, stage));
+        }
+        bindings.push((LayersUniform::BINDING, T::UNIFORM_BUFFER, fragment));
+        let set = create(gpu, "material set layout", &bindings)?;
+        let sets = [self.frame, self.morphs, self.shadow, set];
+        let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+        // SAFETY: the set layouts belong to this device; destroyed by `destroy`.
+        match unsafe { gpu.device.create_pipeline_layout(&info, None) }.named("scene pipeline layout") {
+            Ok(pipeline) => {
+                gpu.name(pipeline, "scene pipeline layout");
+                self.materials.insert(slots, MaterialLayout { set, pipeline });
+                Ok(())
+            }
+            Err(e) => {
+                // SAFETY: just made, used by nothing.
+                unsafe { gpu.device.destroy_descriptor_set_layout(set, None) };
+                Err(e)
+            }
+        }
+    }
+
+    /// Prepared before.
+    pub fn material(&self, slots: u32) -> Result<MaterialLayout, RenderError> {
+        let known = self.materials.get(&slots).copied();
+        known.ok_or_else(|| RenderError::Usage("a material's layout was not prepared".into()))
+    }
+
     pub fn destroy(&mut self, gpu: &Context) {
-        for layout in [self.frame, self.material, self.morphs, self.shadow, self.post] {
+        for MaterialLayout { set, pipeline } in std::mem::take(&mut self.materials).into_values() {
+            // SAFETY: made from this device; no pipeline or set is created from it any more.
+            unsafe {
+                gpu.device.destroy_pipeline_layout(pipeline, None);
+                gpu.device.destroy_descriptor_set_layout(set, None);
+            }
+        }
+        for layout in [self.frame, self.morphs, self.shadow, self.post] {
             // SAFETY: made from this device (or null); no pipeline or set is created from it any more.
             unsafe { gpu.device.destroy_descriptor_set_layout(layout, None) };
         }

@@ -1,7 +1,7 @@
 //! A recording, command by command, into a Vulkan command buffer.
 
 use super::context::Context;
-use super::descriptors::write_image;
+use super::descriptors::{Layouts, write_image};
 use super::memory::{Image, range};
 use super::pipelines::{Id, Pipelines};
 use super::resources::Resources;
@@ -14,6 +14,7 @@ use glam::Vec4;
 
 pub struct Execution<'a> {
     pub gpu: &'a Context,
+    pub layouts: &'a Layouts,
     pub catalog: &'a Catalog,
     pub resources: &'a Resources,
     pub pipelines: &'a Pipelines,
@@ -46,7 +47,7 @@ impl Execution<'_> {
                     self.begin_scene(*target, *clear);
                     self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
                     if let (Some(_), Some(set)) = (&self.targets.shadow, &self.slot.shadow_set) {
-                        self.bind_set(self.pipelines.layout, 3, set.raw);
+                        self.bind_set(self.pipelines.layout, 2, set.raw);
                     }
                 }
                 Command::BindPipeline(_) => self.bind_pipeline(pipeline_of(i)?),
@@ -56,7 +57,8 @@ impl Execution<'_> {
                         Some(changed) => self.slot.changed_set(*changed, *slots),
                         None => kept().and_then(|m| self.resources.material_set(m.hash, *slots)),
                     };
-                    self.bind_set(self.pipelines.layout, 1, set.ok_or_else(|| missing("a material"))?);
+                    let layout = self.layouts.material(*slots)?.pipeline;
+                    self.bind_set(layout, 3, set.ok_or_else(|| missing("a material"))?);
                 }
                 Command::BindMesh { primitive, layout, morphs } => {
                     let hash = self.catalog.primitives[*primitive as usize].hash;
@@ -71,7 +73,7 @@ impl Execution<'_> {
                     if *morphs {
                         let set = self.resources.morph_set(hash, *layout);
                         let set = set.ok_or_else(|| missing("a set of morph targets"))?;
-                        self.bind_set(self.pipelines.layout, 2, set);
+                        self.bind_set(self.pipelines.layout, 1, set);
                     }
                 }
                 Command::Draw { first_instance, instance_count } => {

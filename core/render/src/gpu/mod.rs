@@ -20,7 +20,8 @@ mod steady;
 mod targets;
 mod upload;
 
-use crate::record::{Command, MAX_LIGHTS, RecordOptions, Recording, record};
+use crate::catalog::CatalogMaterial;
+use crate::record::{Command, MAX_LIGHTS, RecordOptions, Recording, record, texture_slots, textures_beyond};
 use crate::shader::ShaderSources;
 use crate::{Catalog, DeviceInfo, DeviceKind, Plan, RenderError, Renderer, Work};
 use ash::vk;
@@ -59,6 +60,8 @@ pub struct GpuOptions {
     pub device_extensions: Vec<CString>,
     /// As little memory as can be: one frame in flight, small blocks, uploads in small parts.
     pub frugal: bool,
+    /// As if the device could bind no more textures of a material at once.
+    pub textures: Option<u32>,
     /// Tests only.
     pub faults: Faults,
 }
@@ -96,6 +99,9 @@ pub struct VulkanRenderer {
     /// No frame of this catalogue was collected yet: its uploads and pipelines still leave freed memory behind.
     fresh: bool,
     frugal: bool,
+    /// What was left out, for the user.
+    notes: Vec<String>,
+    most_textures: Option<u32>,
 }
 
 impl VulkanRenderer {
@@ -133,6 +139,8 @@ impl VulkanRenderer {
             catalog: Arc::default(),
             last: None,
             fresh: true,
+            notes: Vec::new(),
+            most_textures: options.textures,
             frugal: options.frugal,
         };
         // From here on `drop` cleans up.
@@ -173,6 +181,28 @@ impl VulkanRenderer {
     /// Bytes of device memory in use, by what the allocator handed out.
     pub fn allocated_bytes(&self) -> u64 {
         self.gpu.allocator().generate_report().total_allocated_bytes
+    }
+
+    /// Textures that a material's shader may read here, beside the shadow map.
+    fn textures(&self) -> u32 {
+        let limits = self.gpu.limits();
+        let images = limits.max_per_stage_descriptor_sampled_images;
+        let room = images.min(limits.max_per_stage_descriptor_samplers).saturating_sub(1);
+        self.most_textures.map_or(room, |most| room.min(most))
+    }
+
+    /// A line for each material of the catalogue that has more textures than this device can bind.
+    fn textures_left_out(&self) -> Vec<String> {
+        let most = self.textures();
+        let line = |m: &CatalogMaterial| {
+            let out = textures_beyond(m, most);
+            let text = "this device binds at most";
+            (!out.is_empty()).then(|| {
+                let name = &m.material.name;
+                format!("material \"{name}\": {text} {most} textures; left out: {}", out.join(", "))
+            })
+        };
+        self.catalog.materials.iter().filter_map(line).collect()
     }
 
     fn wait_idle(&self) -> Result<(), RenderError> {
@@ -265,6 +295,7 @@ impl VulkanRenderer {
         };
         let execution = Execution {
             gpu,
+            layouts: &self.layouts,
             catalog: &self.catalog,
             resources: &self.resources,
             pipelines: &self.pipelines,
@@ -328,14 +359,22 @@ impl VulkanRenderer {
             RenderError::Usage(format!("{} frames are in flight; collect one first", self.slots.len()))
         })?;
         self.check(plan)?;
-        let options = RecordOptions { cpu_device: self.gpu.info.kind == DeviceKind::VulkanCpu };
+        let options = RecordOptions {
+            cpu_device: self.gpu.info.kind == DeviceKind::VulkanCpu,
+            textures: Some(self.textures()),
+        };
         let recording = record(plan, options, |primitive| {
             let entry = self.catalog.primitives.get(primitive as usize);
             entry.map_or(0, |p| p.primitive().indices.len() / 3)
         });
         let ids = pipelines::ids(&recording);
         self.prepare_targets(plan, &recording)?;
-        self.pipelines.prepare(&self.gpu, &ids)?;
+        for command in &recording.commands {
+            if let Command::BindPipeline(variant) = command {
+                self.layouts.prepare_material(&self.gpu, texture_slots(variant.key.features))?;
+            }
+        }
+        self.pipelines.prepare(&self.gpu, &self.layouts, &ids)?;
         let mut uploads = Uploads::default();
         let prepared = self
             .resources
@@ -388,6 +427,7 @@ impl Renderer for VulkanRenderer {
         let before = self.resources.counts();
         self.resources.retain(&self.gpu, &catalog);
         self.catalog = catalog;
+        self.notes.extend(self.textures_left_out());
         // Where nothing goes and nothing comes there is nothing to give back.
         if before == [0; 3] || self.resources.counts() != before {
             self.fresh = true;
@@ -404,8 +444,12 @@ impl Renderer for VulkanRenderer {
 
     fn reload_shaders(&mut self) -> Result<(), RenderError> {
         self.wait_idle()?;
-        self.pipelines.reload(&self.gpu)?;
+        self.pipelines.reload(&self.gpu, &self.layouts)?;
         self.gpu.check_messages()
+    }
+
+    fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
     }
 
     fn work(&self) -> Work {

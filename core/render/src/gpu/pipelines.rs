@@ -8,7 +8,7 @@ use super::faults::FaultPlace;
 use super::targets::{DEPTH, format};
 use crate::RenderError;
 use crate::plan::{Features, Glass, TopologyKey};
-use crate::record::{Command, Recording, Target};
+use crate::record::{Command, Recording, Target, texture_slots};
 use crate::shader::{BACKGROUND, Entry, SCENE, SceneVariant, ShaderSources, compile, switches};
 use crate::vertex::{Format, VertexLayout};
 use ash::vk;
@@ -28,6 +28,7 @@ pub enum Id {
 
 pub struct Pipelines {
     cache: PipelineCache,
+    /// Of the sets that all scene pipelines share.
     pub layout: vk::PipelineLayout,
     pub post_layout: vk::PipelineLayout,
     sources: ShaderSources,
@@ -85,7 +86,7 @@ impl Pipelines {
             Ok(layout)
         };
         let made = (|| {
-            let sets = [layouts.frame, layouts.material, layouts.morphs, layouts.shadow];
+            let sets = [layouts.frame, layouts.morphs, layouts.shadow];
             pipelines.layout = create("scene pipeline layout", &sets)?;
             pipelines.post_layout = create("post pipeline layout", &[layouts.post])?;
             Ok(())
@@ -108,18 +109,28 @@ impl Pipelines {
     }
 
     /// Makes those that are missing, on all cores.
-    pub fn prepare(&mut self, gpu: &Context, ids: &[Option<Id>]) -> Result<(), RenderError> {
+    pub fn prepare(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        ids: &[Option<Id>],
+    ) -> Result<(), RenderError> {
         let missing: BTreeSet<&Id> = ids.iter().flatten().filter(|id| !self.made.contains_key(id)).collect();
         let missing: Vec<&Id> = missing.into_iter().collect();
-        let made = self.create_all(gpu, &missing)?;
+        let made = self.create_all(gpu, layouts, &missing)?;
         self.created += made.len() as u64;
         self.made.extend(missing.into_iter().cloned().zip(made));
         Ok(())
     }
 
     /// All or none: where one fails the others are destroyed again.
-    fn create_all(&self, gpu: &Context, ids: &[&Id]) -> Result<Vec<vk::Pipeline>, RenderError> {
-        let results: Vec<_> = ids.par_iter().map(|id| self.create(gpu, id)).collect();
+    fn create_all(
+        &self,
+        gpu: &Context,
+        layouts: &Layouts,
+        ids: &[&Id],
+    ) -> Result<Vec<vk::Pipeline>, RenderError> {
+        let results: Vec<_> = ids.par_iter().map(|id| self.create(gpu, layouts, id)).collect();
         let mut error = None;
         let mut made = Vec::with_capacity(results.len());
         for result in results {
@@ -165,11 +176,11 @@ impl Pipelines {
 
     /// Compiles every pipeline in use again from the shader folder; on an error the last good ones stay.
     /// No frame may be in flight.
-    pub fn reload(&mut self, gpu: &Context) -> Result<(), RenderError> {
+    pub fn reload(&mut self, gpu: &Context, layouts: &Layouts) -> Result<(), RenderError> {
         let before = self.sources.clone();
         self.sources = ShaderSources::read(before.folder.clone())?;
         let ids: Vec<Id> = self.made.keys().cloned().collect();
-        let made = match self.create_all(gpu, &ids.iter().collect::<Vec<_>>()) {
+        let made = match self.create_all(gpu, layouts, &ids.iter().collect::<Vec<_>>()) {
             Ok(made) => made,
             Err(error) => {
                 // A pipeline that a later frame asks for comes from what worked, too.
@@ -187,7 +198,7 @@ impl Pipelines {
         Ok(())
     }
 
-    fn create(&self, gpu: &Context, id: &Id) -> Result<vk::Pipeline, RenderError> {
+    fn create(&self, gpu: &Context, layouts: &Layouts, id: &Id) -> Result<vk::Pipeline, RenderError> {
         let stages = |vs, fs| [(vs, ShaderStage::Vertex), (fs, ShaderStage::Fragment)];
         match id {
             Id::Scene { variant, samples, float } => {
@@ -207,7 +218,7 @@ impl Pipelines {
                     &code,
                     &State {
                         name: format!("scene pipeline {}", switches(variant).join(" ")),
-                        layout: self.layout,
+                        layout: layouts.material(texture_slots(key.features))?.pipeline,
                         vertices: Some(VertexLayout::of(key.features)),
                         topology: match key.topology {
                             TopologyKey::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,

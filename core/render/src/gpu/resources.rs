@@ -53,7 +53,7 @@ pub struct Resources {
     textures: HashMap<TextureKey, Image>,
     samplers: HashMap<Sampler, vk::Sampler>,
     /// By content and which texture slots the shader reads.
-    materials: HashMap<(Hash, u16), Material>,
+    materials: HashMap<(Hash, u32), Material>,
     white: Option<Image>,
     pools: Pools,
     /// What has been made so far.
@@ -69,7 +69,7 @@ impl Resources {
         self.morphs.get(&(hash, layout)).map(|m| m.set.raw)
     }
 
-    pub fn material_set(&self, material: Hash, slots: u16) -> Option<vk::DescriptorSet> {
+    pub fn material_set(&self, material: Hash, slots: u32) -> Option<vk::DescriptorSet> {
         self.materials.get(&(material, slots)).map(|m| m.set.raw)
     }
 
@@ -184,7 +184,7 @@ impl Resources {
         &mut self,
         gpu: &Context,
         catalog: &Catalog,
-        materials: &[(u32, u16)],
+        materials: &[(u32, u32)],
         uploads: &mut Uploads,
     ) -> Result<(), RenderError> {
         let mut wanted: Vec<u32> = Vec::new();
@@ -239,7 +239,7 @@ impl Resources {
         layouts: &Layouts,
         catalog: &Catalog,
         index: u32,
-        slots: u16,
+        slots: u32,
         uploads: &mut Uploads,
     ) -> Result<(), RenderError> {
         let material = &catalog.materials[index as usize];
@@ -255,7 +255,7 @@ impl Resources {
             bytes.extend_from_slice(bytemuck::bytes_of(layers));
         }
         let mut uniform = Buffer::new(gpu, &name, bytes.len() as u64, usage, MemoryLocation::GpuOnly)?;
-        let set = match self.pools.allocate(gpu, layouts.material, &name) {
+        let set = match layouts.material(slots).and_then(|l| self.pools.allocate(gpu, l.set, &name)) {
             Ok(set) => set,
             Err(e) => {
                 uniform.destroy(gpu);
@@ -282,7 +282,7 @@ impl Resources {
         gpu: &Context,
         catalog: &Catalog,
         index: u32,
-        slots: u16,
+        slots: u32,
         set: vk::DescriptorSet,
     ) -> Result<(), RenderError> {
         let material = &catalog.materials[index as usize];
@@ -290,9 +290,6 @@ impl Resources {
             let binding = 1 + 2 * slot as u32;
             let null = (vk::ImageView::null(), vk::Sampler::null());
             if slots & (1 << slot) == 0 {
-                // Not read; but lavapipe (22.3) follows the null pointer of a sampler that was never written.
-                let sampler = self.sampler(gpu, Sampler::default())?;
-                write_image(gpu, set, binding + 1, vk::DescriptorType::SAMPLER, null.0, sampler);
                 continue;
             }
             let (view, sampler) = match texture {

@@ -27,7 +27,7 @@ pub struct Slot {
     pub shadow_set: Option<Set>,
     /// Of the frame's changed materials: where their uniforms lie, which of them with which textures, and their sets.
     changed_at: Vec<[u64; 2]>,
-    changed: Vec<(u32, u16)>,
+    changed: Vec<(u32, u32)>,
     changed_sets: Vec<Set>,
     pub post_sets: Vec<Set>,
     pub readback: Option<Buffer>,
@@ -283,7 +283,7 @@ impl Slot {
             if self.changed.contains(&(*changed, *slots)) {
                 continue;
             }
-            let made = pools.allocate(gpu, layouts.material, "changed material set")?;
+            let made = pools.allocate(gpu, layouts.material(*slots)?.set, "changed material set")?;
             self.changed_sets.push(made);
             let set = made.raw;
             let uniform = vk::DescriptorType::UNIFORM_BUFFER;
@@ -296,7 +296,7 @@ impl Slot {
         Ok(())
     }
 
-    pub fn changed_set(&self, changed: u32, slots: u16) -> Option<vk::DescriptorSet> {
+    pub fn changed_set(&self, changed: u32, slots: u32) -> Option<vk::DescriptorSet> {
         let place = self.changed.iter().position(|c| *c == (changed, slots))?;
         self.changed_sets.get(place).map(|set| set.raw)
     }

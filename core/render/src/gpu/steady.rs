@@ -172,6 +172,8 @@ impl Renderer for SteadyRenderer {
     }
 
     fn take_notes(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.notes)
+        let mut notes = self.inner.as_mut().map(Renderer::take_notes).unwrap_or_default();
+        notes.append(&mut self.notes);
+        notes
     }
 }

@@ -108,7 +108,7 @@ pub struct SceneVariant {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 34] = [
+    let names: [(&'static str, Features); 45] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("SKIN_DUAL", Features::SKIN_DUAL),
@@ -143,12 +143,24 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("TRANSMISSION_TEXTURE", Features::TRANSMISSION_TEXTURE),
         ("VOLUME", Features::VOLUME),
         ("THICKNESS_TEXTURE", Features::THICKNESS_TEXTURE),
+        ("SHELL", Features::SHELL),
+        ("OUTLINE_WIDTH_TEXTURE", Features::OUTLINE_WIDTH_TEXTURE),
+        ("UV_MASK", Features::UV_MASK),
+        ("IRIDESCENCE", Features::IRIDESCENCE),
+        ("IRIDESCENCE_TEXTURE", Features::IRIDESCENCE_TEXTURE),
+        ("IRIDESCENCE_THICKNESS_TEXTURE", Features::IRIDESCENCE_THICKNESS_TEXTURE),
+        ("ANISOTROPY", Features::ANISOTROPY),
+        ("ANISOTROPY_TEXTURE", Features::ANISOTROPY_TEXTURE),
+        ("DIFFUSE_TRANSMISSION", Features::DIFFUSE_TRANSMISSION),
+        ("DIFFUSE_TRANSMISSION_TEXTURE", Features::DIFFUSE_TRANSMISSION_TEXTURE),
+        ("DIFFUSE_TRANSMISSION_COLOR_TEXTURE", Features::DIFFUSE_TRANSMISSION_COLOR_TEXTURE),
     ];
     let key = &variant.key;
     let mut on: Vec<&'static str> =
         names.iter().filter(|(_, f)| key.features.has(*f)).map(|(n, _)| *n).collect();
     let extra = [
         ("LIT", key.features.is_lit()),
+        ("NORMAL", key.features.has_normals()),
         ("TANGENT", key.features.has_tangents()),
         ("GLASS", key.glass != Glass::No),
         ("GLASS_FILTER", key.glass == Glass::Filter),

@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 45] = [
+pub const SWITCHES: [&str; 57] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -48,6 +48,18 @@ pub const SWITCHES: [&str; 45] = [
     "TRANSMISSION_TEXTURE",
     "VOLUME",
     "THICKNESS_TEXTURE",
+    "SHELL",
+    "OUTLINE_WIDTH_TEXTURE",
+    "UV_MASK",
+    "NORMAL",
+    "IRIDESCENCE",
+    "IRIDESCENCE_TEXTURE",
+    "IRIDESCENCE_THICKNESS_TEXTURE",
+    "ANISOTROPY",
+    "ANISOTROPY_TEXTURE",
+    "DIFFUSE_TRANSMISSION",
+    "DIFFUSE_TRANSMISSION_TEXTURE",
+    "DIFFUSE_TRANSMISSION_COLOR_TEXTURE",
     "TANGENT",
     "GLASS",
     "GLASS_FILTER",

@@ -1,4 +1,4 @@
-//! Coats, sheen and glass of every kind, turned to the camera in many ways.
+//! Coats, sheen, glass, films, brushed metal and leaves of every kind, turned to the camera in many ways.
 
 use super::*;
 
@@ -42,7 +42,7 @@ pub fn layered_scene() -> Scene {
     let map = image(16, 16, |x, y| [(x * 16) as u8, (y * 16) as u8, 255, (255 - x * 8) as u8]);
     let bumps = image(8, 8, |x, y| [(96 + x * 8) as u8, (96 + y * 8) as u8, 240, 255]);
     let texture = |on: bool, i: u32| on.then(|| texture(i));
-    for i in 0..12 {
+    for i in 0..16 {
         let (row, textured) = (i / 4, i % 2 == 1);
         let coat = MaterialLayers {
             clearcoat: 1.0,
@@ -69,10 +69,41 @@ pub fn layered_scene() -> Scene {
             clearcoat: if i == 11 { 0.5 } else { 0.0 },
             ..MaterialLayers::default()
         };
+        let film = MaterialLayers {
+            iridescence: 1.0,
+            iridescence_thickness: [150.0, 600.0],
+            iridescence_texture: texture(textured, 0),
+            iridescence_thickness_texture: texture(textured, 0),
+            ..MaterialLayers::default()
+        };
+        let thin = [
+            film.clone(),
+            MaterialLayers { anisotropy: 0.5, ..film },
+            MaterialLayers {
+                anisotropy: 0.9,
+                anisotropy_rotation: 0.7,
+                anisotropy_texture: texture(true, 1),
+                ..MaterialLayers::default()
+            },
+            MaterialLayers {
+                diffuse_transmission: 0.8,
+                diffuse_transmission_color: Vec3::new(0.3, 0.9, 0.2),
+                diffuse_transmission_texture: texture(true, 0),
+                diffuse_transmission_color_texture: texture(true, 0),
+                thickness: 0.2,
+                attenuation_distance: 0.5,
+                attenuation_color: Vec3::new(0.9, 0.5, 0.5),
+                ..MaterialLayers::default()
+            },
+        ];
         let base = Material { roughness: 0.5, ..matte(Vec4::new(0.6, 0.3, 0.3, 1.0)) };
         let material = match row {
             0 => layered(coat, Material { normal_texture: texture(i == 2, 1), metallic: 0.5, ..base }),
             1 => layered(sheen, base),
+            3 => layered(
+                thin[i as usize - 12].clone(),
+                Material { roughness: 0.3, double_sided: true, ..base },
+            ),
             _ => {
                 layered(glass, Material { roughness: 0.1 * (i % 4) as f32, double_sided: i % 3 == 0, ..base })
             }

@@ -23,7 +23,14 @@ pub const DEFS: &[Def] = &[
     Def::new(Kind::Effect, "set", "parameter, value", THIS, "Sets a parameter of the effect.", set),
     Def::new(Kind::Effect, "from", "time", THIS, "When it begins.", from),
     Def::new(Kind::Effect, "until", "time", THIS, "When it is over.", until),
-    Def::new(Kind::Effect, "on", "actor", THIS, "Refused: post effects cover the whole picture.", on),
+    Def::new(
+        Kind::Effect,
+        "on",
+        "actor",
+        THIS,
+        "Only on an actor, or on each of an array of them; for effects on surfaces, such as outline. Those over the whole picture refuse it.",
+        on,
+    ),
 ];
 
 fn effect(c: &mut Call) -> Reply {
@@ -35,8 +42,11 @@ fn effect(c: &mut Call) -> Reply {
     if let Some(file) = plugin.file() {
         c.shared.loader.note_used(&file.path, file.text.as_bytes());
     }
-    let mut used = EffectUse { plugin: name, parameters: Vec::new(), start: Time::ZERO, end: None };
-    let names: Vec<&str> = plugin.manifest().options.iter().map(|o| o.name.as_str()).collect();
+    let mut used =
+        EffectUse { plugin: name, parameters: Vec::new(), start: Time::ZERO, end: None, actors: Vec::new() };
+    let mut names: Vec<&str> = plugin.manifest().options.iter().map(|o| o.name.as_str()).collect();
+    let colors: Vec<&str> = names.iter().filter_map(|n| n.strip_suffix(PARTS[0])).collect();
+    names.extend(colors);
     let o = c.options(1, &names)?;
     for (key, value) in &o.map {
         set_parameter(c, &mut used, key, value)?;
@@ -48,9 +58,21 @@ fn effect(c: &mut Call) -> Reply {
     Ok(Dynamic::from(EffectRef(build.effects.len() - 1)))
 }
 
+/// What the three numbers of a color end with ([`choreo_plugin::Manifest::color`]).
+const PARTS: [&str; 3] = ["_r", "_g", "_b"];
+
 fn set_parameter(c: &Call, used: &mut EffectUse, name: &str, value: &Dynamic) -> Result<(), ApiError> {
     let Some(plugin) = c.shared.loader.registry().effect(&used.plugin) else { return Ok(()) };
     let options = &plugin.manifest().options;
+    let parts = PARTS.map(|part| format!("{name}{part}"));
+    if parts.iter().all(|part| options.iter().any(|o| o.name == *part)) {
+        let color = crate::call::color(value, &format!("{}: {name}", used.plugin))?;
+        used.parameters.retain(|(n, _)| !parts.contains(n));
+        let linear = color.to_array().map(f64::from);
+        used.parameters.extend(parts.into_iter().zip(linear));
+        used.parameters.sort_by(|a, b| a.0.cmp(&b.0));
+        return Ok(());
+    }
     let Some(spec) = options.iter().find(|o| o.name == name) else {
         let place = format!(" of effect \"{}\"", used.plugin);
         return Err(unknown("parameter", name, &place, options.iter().map(|o| o.name.as_str())));
@@ -116,6 +138,33 @@ fn until(c: &mut Call) -> Reply {
     c.itself()
 }
 
-fn on(_: &mut Call) -> Reply {
-    Err(ApiError::new("on: post effects cover the whole picture, not single actors").hint("leave .on(…) out"))
+fn on(c: &mut Call) -> Reply {
+    let this: EffectRef = c.this()?;
+    let name = c.build().effect(this.0)?.plugin.clone();
+    let of_actors = c.shared.loader.registry().effect(&name).is_some_and(|plugin| plugin.hook().of_actors());
+    if !of_actors {
+        let text = "on: post effects cover the whole picture, not single actors";
+        return Err(ApiError::new(text).hint("leave .on(…) out"));
+    }
+    let who = c.value(0);
+    let actors: Vec<Dynamic> = match who.read_lock::<rhai::Array>() {
+        Some(array) => array.iter().map(Dynamic::flatten_clone).collect(),
+        None => vec![who.flatten_clone()],
+    };
+    let ids: Option<Vec<usize>> =
+        actors.iter().map(|a| a.read_lock::<ActorRef>().map(|actor| actor.id)).collect();
+    let Some(ids) = ids.filter(|ids| !ids.is_empty()) else {
+        return Err(c.wrong(0, "an Actor or an array of them"));
+    };
+    let mut build = c.build();
+    if let Some(gone) = ids.iter().find(|id| **id >= build.actors.len()) {
+        return Err(ApiError::new(format!("actor {gone} is not on this stage")));
+    }
+    let used = build.effect(this.0)?;
+    used.actors.extend(ids);
+    // In whatever order they are named.
+    used.actors.sort_unstable();
+    used.actors.dedup();
+    drop(build);
+    c.itself()
 }

@@ -2,12 +2,12 @@
 
 use super::picture::{ImageRef, srgb_byte};
 use crate::call::{ApiError, Options, rgb};
-use choreo_stage::{AlphaMode, Image, Material, Sampler, Shading, TextureRef};
+use choreo_stage::{AlphaMode, Image, Material, MaterialLayers, Sampler, Shading, TextureRef};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 /// What [`material`] reads.
-pub const OPTIONS: [&str; 14] = [
+pub const OPTIONS: [&str; 25] = [
     "color",
     "image",
     "normal_map",
@@ -21,6 +21,17 @@ pub const OPTIONS: [&str; 14] = [
     "double_sided",
     "shininess",
     "specular",
+    "clearcoat",
+    "clearcoat_roughness",
+    "sheen",
+    "sheen_roughness",
+    "transmission",
+    "iridescence",
+    "film",
+    "anisotropy",
+    "brushed",
+    "translucent",
+    "translucent_color",
     "name",
 ];
 
@@ -41,6 +52,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
         ..Material::default()
     };
     shading(o, &mut material)?;
+    layers(o, &mut material)?;
     let tiles = o.number_in("tiles", 1.0, 4096.0)?;
     let second = o.color("checker")?;
     let mut images = Vec::new();
@@ -112,6 +124,49 @@ fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     if o.flag("unlit")? == Some(true) {
         material.shading = Shading::Unlit;
     }
+    Ok(())
+}
+
+/// What lies over, in or behind the surface, by the terms of glTF's extensions.
+fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
+    const LAYERS: std::ops::Range<usize> = 13..24;
+    let Some(first) = OPTIONS[LAYERS].iter().find(|name| o.get(name).is_some()) else { return Ok(()) };
+    if material.shading != Shading::MetallicRoughness {
+        let text =
+            format!("{}: {first} is of surfaces with roughness, not of unlit or shininess", o.function);
+        return Err(ApiError::new(text).focus(*first));
+    }
+    for (part, whole) in [
+        ("clearcoat_roughness", "clearcoat"),
+        ("sheen_roughness", "sheen"),
+        ("film", "iridescence"),
+        ("brushed", "anisotropy"),
+        ("translucent_color", "translucent"),
+    ] {
+        if o.get(part).is_some() && o.get(whole).is_none() {
+            let text = format!("{}: {part} says more of {whole}, which is not given", o.function);
+            return Err(ApiError::new(text).focus(part));
+        }
+    }
+    let share = |name: &str, default: f32| -> Result<f32, ApiError> {
+        Ok(o.number_in(name, 0.0, 1.0)?.map_or(default, |v| v as f32))
+    };
+    let film = o.number_in("film", 0.0, 100_000.0)?.unwrap_or(400.0) as f32;
+    let all = MaterialLayers {
+        clearcoat: share("clearcoat", 0.0)?,
+        clearcoat_roughness: share("clearcoat_roughness", 0.0)?,
+        sheen_color: o.color("sheen")?.map_or(Vec3::ZERO, rgb),
+        sheen_roughness: share("sheen_roughness", 0.3)?,
+        transmission: share("transmission", 0.0)?,
+        iridescence: share("iridescence", 0.0)?,
+        iridescence_thickness: [film, film],
+        anisotropy: share("anisotropy", 0.0)?,
+        anisotropy_rotation: o.number_in("brushed", -3600.0, 3600.0)?.unwrap_or(0.0).to_radians() as f32,
+        diffuse_transmission: share("translucent", 0.0)?,
+        diffuse_transmission_color: o.color("translucent_color")?.map_or(rgb(material.base_color), rgb),
+        ..MaterialLayers::default()
+    };
+    material.layers = Some(Box::new(all));
     Ok(())
 }
 

@@ -104,7 +104,8 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         // Without faces there is nothing for light to fall on.
         material.shading = Shading::Unlit;
     }
-    if let Some(picture) = ["image", "normal_map", "checker"].into_iter().find(|p| o.get(p).is_some())
+    if let Some(picture) =
+        ["image", "normal_map", "checker", "anisotropy"].into_iter().find(|p| o.get(p).is_some())
         && primitive.uvs[0].is_empty()
     {
         return Err(ApiError::new(format!("{function}: {picture} needs uvs, where it lies on the mesh"))
@@ -123,7 +124,8 @@ fn asset(
     images: Vec<Arc<Image>>,
 ) -> Result<Arc<Asset>, ApiError> {
     primitive.material = Some(0);
-    if material.normal_texture.is_some() {
+    let brushed = material.layers.as_ref().is_some_and(|l| l.anisotropy > 0.0);
+    if material.normal_texture.is_some() || brushed {
         let p = &primitive;
         let made = tangents::corner_tangents(&p.indices, &p.positions, &p.normals, &p.uvs[0]);
         normals::apply_tangents(&mut primitive, &made);

@@ -153,6 +153,13 @@ impl Material {
                 thickness,
                 attenuation_distance,
                 attenuation_color,
+                iridescence,
+                iridescence_ior,
+                iridescence_thickness: [thin, thick],
+                anisotropy,
+                anisotropy_rotation,
+                diffuse_transmission,
+                diffuse_transmission_color,
                 ..
             } = &**layers;
             for factor in [
@@ -163,11 +170,19 @@ impl Material {
                 transmission,
                 thickness,
                 attenuation_distance,
+                iridescence,
+                iridescence_ior,
+                thin,
+                thick,
+                anisotropy,
+                anisotropy_rotation,
+                diffuse_transmission,
             ] {
                 w.f32(*factor);
             }
             w.vec3(*sheen_color);
             w.vec3(*attenuation_color);
+            w.vec3(*diffuse_transmission_color);
             layers.textures().iter().for_each(|t| self::texture(w, t, image_hash));
         });
     }
@@ -214,11 +229,13 @@ fn toon_parameters(w: &mut Writer, toon: &Toon, image_hash: &dyn Fn(u32) -> Opti
         rim_lighting_mix,
         outline,
         uv_motion,
+        uv_mask: _,
+        uv_moved,
     } = toon;
     w.option(uv_motion, |w, UvMotion { scroll, rotation }| {
         w.f32s(&[scroll.x, scroll.y, *rotation]);
     });
-    for color in [shade_color, matcap, rim_color] {
+    for color in [shade_color, matcap, rim_color, uv_moved] {
         w.vec3(*color);
     }
     for number in [
@@ -235,10 +252,9 @@ fn toon_parameters(w: &mut Writer, toon: &Toon, image_hash: &dyn Fn(u32) -> Opti
     for used in toon.textures() {
         texture(w, used, image_hash);
     }
-    w.option(outline, |w, Outline { width, on_screen, width_texture, color, lighting_mix }| {
+    w.option(outline, |w, Outline { width, on_screen, width_texture: _, color, lighting_mix }| {
         w.f32(*width);
         w.flag(*on_screen);
-        texture(w, width_texture, image_hash);
         w.vec3(*color);
         w.f32(*lighting_mix);
     });

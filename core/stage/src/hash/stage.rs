@@ -125,6 +125,7 @@ impl Stage {
                 });
                 w.time(effect.start);
                 w.option(&effect.end, |w, end| w.time(*end));
+                w.list(&effect.actors, |w, actor| w.count(*actor));
             });
             w.list(hooks, |w, hook| w.text(&hook.identity()));
         })

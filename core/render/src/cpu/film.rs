@@ -1,0 +1,77 @@
+//! Twin of the thin films in layers.wgsl (KHR_materials_iridescence).
+
+use super::lanes::{F4, V3};
+use glam::Vec3;
+use std::f32::consts::{PI, TAU};
+
+/// Reflectance of a film on a surface that reflects `f0` at normal incidence: Airy's sum, two terms beside the mean, seen by
+/// the eye's receptors (Belcour & Barla, "A Practical Extension to Microfacet Theory for the Modeling of Varying
+/// Iridescence", 2017). Linear sRGB.
+pub fn film_reflectance(ior: f32, nanometres: F4, nv: F4, f0: V3) -> V3 {
+    let at = |i: usize| {
+        let f0 = Vec3::new(f0.x.0[i], f0.y.0[i], f0.z.0[i]);
+        reflectance(ior, nanometres.0[i], nv.0[i], f0)
+    };
+    let all: [Vec3; 4] = std::array::from_fn(at);
+    V3 { x: F4(all.map(|c| c.x)), y: F4(all.map(|c| c.y)), z: F4(all.map(|c| c.z)) }
+}
+
+fn reflectance(ior: f32, nanometres: f32, nv: f32, f0: Vec3) -> Vec3 {
+    let squared = |v: f32| v * v;
+    // A film of nothing is air.
+    let t = (nanometres / 0.03).clamp(0.0, 1.0);
+    let there = t * t * (3.0 - 2.0 * t);
+    let eta = 1.0 - there + ior * there;
+    let inside2 = 1.0 - squared(1.0 / eta) * (1.0 - nv * nv);
+    if inside2 < 0.0 {
+        return Vec3::ONE;
+    }
+    let inside = inside2.sqrt();
+    let schlick = |f0: f32, cosine: f32| {
+        let x = 1.0 - cosine;
+        f0 + (1.0 - f0) * (squared(x * x) * x)
+    };
+    let r12 = schlick(squared((eta - 1.0) / (eta + 1.0)), nv);
+    let t121 = 1.0 - r12;
+    let root = f0.clamp(Vec3::ZERO, Vec3::splat(0.9999)).to_array().map(f32::sqrt);
+    let base = root.map(|r| (1.0 + r) / (1.0 - r));
+    let r23 = Vec3::from(base.map(|b| schlick(squared((b - eta) / (b + eta)), inside)));
+    // A wave turns around where it meets what is denser.
+    let phi = Vec3::from(base.map(|b| if b < eta { PI + PI } else { PI }));
+    let path = 2e-9 * eta * nanometres * inside;
+    let r123 = (r23 * r12).min(Vec3::splat(0.9999));
+    let step = Vec3::from(r123.to_array().map(f32::sqrt));
+    let rs = r23 * (t121 * t121) / (Vec3::ONE - r123);
+    let mut sum = rs + r12;
+    let mut c = rs - t121;
+    c *= step;
+    sum += c * 2.0 * film_color(path, phi);
+    c *= step;
+    sum += c * 2.0 * film_color(2.0 * path, phi * 2.0);
+    sum.max(Vec3::ZERO)
+}
+
+/// §4 of the paper: the receptors' answer to a cosine of the frequency, as sums of Gaussians. Metres, radians a channel.
+fn film_color(path: f32, shift: Vec3) -> Vec3 {
+    let phase = TAU * path;
+    let p2 = phase * phase;
+    let lobe = |height: f32, at: f32, width: f32, shift: f32| {
+        height * libm::cosf(at * phase + shift) * libm::expf(-p2 * width)
+    };
+    let x = lobe(0.84659, 1.6810e6, 4.3278e9, shift.x) + lobe(0.153_868_3, 2.2399e6, 4.5282e9, shift.x);
+    let y = lobe(1.000_221_9, 1.7953e6, 9.3046e9, shift.y);
+    let z = lobe(1.001_122_5, 2.2084e6, 6.6121e9, shift.z);
+    Vec3::new(
+        3.240_454_2 * x - 1.537_138_5 * y - 0.498_531_4 * z,
+        -0.969_266 * x + 1.876_010_8 * y + 0.041_556 * z,
+        0.055_643_4 * x - 0.204_025_9 * y + 1.057_225_2 * z,
+    )
+}
+
+/// The F0 of which Schlick's Fresnel makes this at such an angle.
+pub fn film_f0(reflectance: V3, nv: F4) -> V3 {
+    let x = F4::ONE - nv;
+    let x5 = (x * x * x * x * x).min(F4::splat(0.9999));
+    let back = |c: F4| ((c - x5) / (F4::ONE - x5)).max(F4::ZERO);
+    V3 { x: back(reflectance.x), y: back(reflectance.y), z: back(reflectance.z) }
+}
