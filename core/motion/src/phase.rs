@@ -6,6 +6,9 @@
 //! clips' own rates by their weights, φ' = (1 − w) a(φ) + w b(φ): it begins as the first clip alone would go on and ends as
 //! the second alone. Between two steps a and b are constants, so φ has a closed form with the integral of the ease; the
 //! times of the steps are found once, by bisection.
+//!
+//! Two legs always come down in turns. Four do so in other orders in a walk, a trot and a gallop; then strides are matched as a whole, in that
+//! phase in which as many feet as possible are on the floor at the same time.
 
 use crate::contacts::Contacts;
 use crate::{Ease, Time};
@@ -17,25 +20,34 @@ pub struct Steps {
     events: Vec<(i64, u32)>,
     /// Ticks.
     length: i64,
+    /// By foot: (when it comes down, how long it stands), ticks since the part's start.
+    stands: Vec<Vec<(i64, i64)>>,
 }
+
+/// At so many phases strides are laid on each other, and compared at as many.
+const PHASES: i64 = 96;
 
 impl Steps {
     /// Of the contacts of a part; `None` where there are fewer than two steps.
     pub fn of(contacts: &Contacts, trim: (Time, Time)) -> Option<Steps> {
         let length = (trim.1 - trim.0).0;
         let mut events = Vec::new();
+        let mut all = Vec::new();
         for (foot, stands) in (0u32..).zip(&contacts.stands) {
+            all.push(Vec::new());
             for stand in stands {
                 let (from, to) = ((stand.from - trim.0).0, (stand.to - trim.0).0);
                 // Who stands all the time takes no steps.
                 if to - from >= length {
                     continue;
                 }
+                all.last_mut()?.push((from.rem_euclid(length.max(1)), to - from));
                 events.push((from.rem_euclid(length.max(1)), 2 * foot));
                 events.push((((from + to) / 2).rem_euclid(length.max(1)), 2 * foot + 1));
             }
         }
-        Steps::new(events, length)
+        let steps = Steps::new(events, length)?;
+        Some(Steps { stands: all, ..steps })
     }
 
     /// Of times when feet come down, as a script gives them: one foot after the other.
@@ -51,7 +63,7 @@ impl Steps {
     fn new(mut events: Vec<(i64, u32)>, length: i64) -> Option<Steps> {
         events.sort_unstable();
         events.dedup_by_key(|(at, _)| *at);
-        (events.len() >= 2 && length > 0).then_some(Steps { events, length })
+        (events.len() >= 2 && length > 0).then_some(Steps { events, length, stands: Vec::new() })
     }
 
     /// The same with the feet's coming down alone.
@@ -62,6 +74,48 @@ impl Steps {
 
     fn count(&self) -> i64 {
         self.events.len() as i64
+    }
+
+    /// How many strides it has: as often as most feet come down.
+    fn strides(&self) -> i64 {
+        let mut times: Vec<usize> = self.stands.iter().map(Vec::len).filter(|n| *n > 0).collect();
+        times.sort_unstable();
+        times.get(times.len() / 2).map_or(1, |n| *n as i64)
+    }
+
+    /// Its strides alone, evenly, the first from a place in the part.
+    fn evenly(&self, from: i64) -> Steps {
+        let n = self.strides();
+        let mut events: Vec<(i64, u32)> =
+            (0..n).map(|i| ((from + self.length / n * i).rem_euclid(self.length), 0)).collect();
+        events.sort_unstable();
+        Steps { events, length: self.length, stands: Vec::new() }
+    }
+
+    /// Whether a foot is down at a share of a stride.
+    fn is_down(&self, foot: usize, at: i64) -> bool {
+        self.stands[foot].iter().any(|(from, long)| (at - from).rem_euclid(self.length) <= *long)
+    }
+
+    /// Both with one event a stride, so that the feet of both are down together as much as they can.
+    fn by_strides(&self, other: &Steps) -> Option<[Steps; 2]> {
+        let feet = self.stands.len();
+        if feet < 3 || other.stands.len() != feet {
+            return None;
+        }
+        let stride = |of: &Steps| of.length / of.strides();
+        let at = |of: &Steps, i: i64| stride(of) * i.rem_euclid(PHASES) / PHASES;
+        let alike = |shift: &i64| {
+            let same = |i: i64| {
+                (0..feet)
+                    .filter(|f| self.is_down(*f, at(self, i)) == other.is_down(*f, at(other, i + shift)))
+                    .count()
+            };
+            (0..PHASES).map(same).sum::<usize>()
+        };
+        // Of equals the first.
+        let best = (0..PHASES).rev().max_by_key(alike)?;
+        Some([self.evenly(0), other.evenly(at(other, best))])
     }
 
     /// When step number `i` comes, whole rounds counted: ticks that have been played.
@@ -134,7 +188,10 @@ impl PhaseFade {
         let full = with(steps[0].clone(), steps[1].clone());
         let (from, to, shift) = match full {
             Some(full) => full,
-            None => with(steps[0].downs()?, steps[1].downs()?)?,
+            None => match with(steps[0].downs()?, steps[1].downs()?) {
+                Some(downs) => downs,
+                None => steps[0].by_strides(steps[1]).and_then(|[from, to]| with(from, to))?,
+            },
         };
         if speeds.iter().any(|s| *s <= 0.0 || !s.is_finite()) || fade <= Time::ZERO {
             return None;
@@ -255,6 +312,32 @@ mod tests {
             let [_, c] = matched.played(matched.end() - h);
             assert!(((b - c) as f64 / h.0 as f64 - 1.0).abs() < 2e-3);
         }
+    }
+
+    #[test]
+    fn a_walk_and_a_gallop_on_four_feet_are_matched_by_strides() {
+        let gait = |length: f64, stands: [(f64, f64); 4]| {
+            let stand = |(from, to): (f64, f64)| {
+                vec![crate::contacts::Stand { from: Time::from_secs(from), to: Time::from_secs(to) }]
+            };
+            let contacts = Contacts { stands: stands.map(stand).to_vec(), floor_velocity: glam::DVec3::ZERO };
+            Steps::of(&contacts, (Time::ZERO, Time::from_secs(length))).unwrap()
+        };
+        // Left hind, right hind, left fore, right fore.
+        let walk = gait(1.0, [(0.0, 0.6), (0.5, 1.1), (0.25, 0.85), (0.75, 1.35)]);
+        let gallop = gait(0.4, [(0.1, 0.18), (0.14, 0.22), (0.3, 0.38), (0.26, 0.34)]);
+        let fade = Time::from_secs(0.6);
+        let matched = PhaseFade::new([&walk, &gallop], [1.0; 2], 0, Time::ZERO, fade, Ease::Linear).unwrap();
+        // At an even pace: nowhere faster than the gallop nor slower than the walk, in strides.
+        let rate = |t: f64| {
+            let h = Time::from_secs(1e-3);
+            (matched.phase(Time::from_secs(t) + h) - matched.phase(Time::from_secs(t))) / 1e-3
+        };
+        for t in [0.05, 0.2, 0.4, 0.55] {
+            assert!((0.99..2.51).contains(&rate(t)), "{t}: {}", rate(t));
+        }
+        let other = gait(1.0, [(0.0, 0.6), (0.5, 1.1), (0.25, 0.85), (0.75, 1.35)]);
+        assert_eq!(walk.by_strides(&other).unwrap().map(|s| s.events), [[(0, 0)], [(0, 0)]]);
     }
 
     #[test]

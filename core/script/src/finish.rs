@@ -40,9 +40,10 @@ pub fn finish(
         places.cameras = build.cameras.iter().map(|c| c.at.clone()).collect();
         places.lights = std::mem::take(&mut build.light_places);
         places.effects = std::mem::take(&mut build.effect_places);
-        let (layers, cue_places) = layers(&build, &mut notes);
+        let Layers { layers, places: cue_places, in_step } = layers(&build, &mut notes);
         places.cues = cue_places;
         places.markers = build.markers.clone();
+        plant_in_step(&mut build, in_step);
         cycles(&build, &mut notes);
         if let Some((place, error)) = crate::totals::too_much(&build, &shared.limits) {
             notes.push((Severity::Error, place, error));
@@ -133,11 +134,17 @@ fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Vec<(Severity, 
 /// Ranks from here on are of layers with a priority.
 const PRIORITIES: u32 = 1 << 30;
 
+/// What the cues come to.
+struct Layers {
+    /// Of each actor.
+    layers: Vec<Vec<Layer>>,
+    /// Of each cue, where it was written.
+    places: Vec<Vec<Vec<Place>>>,
+    in_step: Vec<InStep>,
+}
+
 /// The layers of every actor: the base first, then each chain with a mask, in the order of the script.
-fn layers(
-    build: &Build,
-    notes: &mut Vec<(Severity, Place, ApiError)>,
-) -> (Vec<Vec<Layer>>, Vec<Vec<Vec<Place>>>) {
+fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Layers {
     let times = cue::all_times(build);
     let mut layers: Vec<Vec<Layer>> = build.actors.iter().map(|_| vec![Layer::default()]).collect();
     // Layer of each chain, within its actor.
@@ -167,6 +174,7 @@ fn layers(
     }
     let mut made: Vec<Option<Cue>> = Vec::with_capacity(build.cues.len());
     let mut found = Found::default();
+    let mut matched = Vec::new();
     for (id, draft) in build.cues.iter().enumerate() {
         made.push(None);
         let chain = &build.chains[draft.chain];
@@ -212,6 +220,12 @@ fn layers(
                 Some((before, from)) => match in_step(build, [before, id], [from, &cue], &mut found) {
                     Ok(fade) => {
                         let fade = Arc::new(fade);
+                        let carried = [from, &cue].iter().any(|c| c.root.as_ref().is_some_and(|r| r.carries));
+                        matched.push(InStep {
+                            actor: chain.actor,
+                            span: (fade.start(), fade.end()),
+                            carried,
+                        });
                         cue.in_step[0] = Some(fade.clone());
                         if let Some(from) = &mut made[before] {
                             from.in_step[1] = Some(fade);
@@ -239,7 +253,8 @@ fn layers(
         let chain = &build.chains[draft.chain];
         laid[chain.actor][slots[draft.chain]].1.extend(cue.map(|cue| (cue, draft.at.clone())));
     }
-    laid.into_iter().map(of_actor).unzip()
+    let (layers, places) = laid.into_iter().map(of_actor).unzip();
+    Layers { layers, places, in_step: matched }
 }
 
 /// A layer without its cues, and those with their places.
@@ -263,6 +278,40 @@ fn of_actor(laid: Vec<Laid>) -> (Vec<Layer>, Vec<Vec<Place>>) {
         all.clear();
     }
     all.into_iter().unzip()
+}
+
+/// A fade in which two clips keep step.
+struct InStep {
+    actor: usize,
+    span: (Time, Time),
+    /// By root motion.
+    carried: bool,
+}
+
+/// Who fades from one gait to another in step, and gets on, keeps standing feet where they are meanwhile: the two clips' strides are of
+/// different lengths, so that the mean of both slides.
+fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
+    for InStep { actor, span, carried } in matched {
+        let Some(ActorDraft { actor, .. }) = build.actors.get_mut(actor) else { continue };
+        let keyed = actor.channels.iter().any(|c| c.property == Property::Translation);
+        let planted = actor.goals.iter_mut().find_map(|goal| match &mut goal.kind {
+            GoalKind::Plant(plant) => Some(&mut plant.only),
+            _ => None,
+        });
+        match planted {
+            // Planted as the script says, or by an earlier fade.
+            Some(only) => only.extend((!only.is_empty()).then_some(span)),
+            None if carried || keyed || actor.walk.is_some() => {
+                let legs = crate::api::body::legs(&actor.asset);
+                if !legs.is_empty() {
+                    let hips = crate::api::body::hips(&actor.asset, &legs);
+                    let plant = Plant { legs, hips, ground: None, only: vec![span] };
+                    actor.goals.push(Goal::new(GoalKind::Plant(plant)));
+                }
+            }
+            None => {}
+        }
+    }
 }
 
 fn actor((draft, layers): (ActorDraft, Vec<Layer>)) -> Actor {

@@ -43,7 +43,7 @@ pub use derived::Derived;
 pub use evaluate::Evaluator;
 pub use expression::{ColorBind, Expression, ExpressionGroup, MaterialColor, MorphBind, Override, UvBind};
 pub use eyes::{Eyes, EyesMovedBy, RangeMap};
-pub use goals::{ActorSprings, AimGoal, Goal, GoalKind, Leg, Plant, Reach};
+pub use goals::{ActorSprings, AimGoal, Goal, GoalKind, Leg, Plant, Reach, find_legs};
 pub use hash::ContentHash;
 pub use lights::default_sun;
 pub use look_at::LOOK_AT_LIMIT_RAD;

@@ -7,7 +7,6 @@
 mod aim;
 mod ccd;
 mod chain;
-pub mod contact;
 mod fabrik;
 mod least_squares;
 mod limit;

@@ -7,7 +7,7 @@ use crate::hook;
 use crate::suggest::list;
 use crate::value::*;
 use choreo_motion::spring::{ColliderShape, RigBone, SpringBone, SpringCollider};
-use choreo_motion::{HumanBone, Time};
+use choreo_motion::{HumanBone, Skeleton, Time};
 use choreo_stage::*;
 use glam::DVec3;
 use rhai::Dynamic;
@@ -39,7 +39,7 @@ pub const DEFS: &[Def] = &[
         "plant_feet",
         "options?",
         GOAL,
-        "Feet that touch the ground stay where they are; options: feet (names of two joints, else the body's), ground (an actor whose surfaces they stand on), weight.",
+        "Feet that touch the ground stay where they are, two or four; options: feet (names of joints, else the body's), ground (an actor whose surfaces they stand on), weight.",
         plant_feet,
     ),
     Def::new(Kind::Goal, "from", "time", THIS, "When it begins.", from),
@@ -203,20 +203,18 @@ fn plant_feet(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let o = c.options(0, &["feet", "ground", "weight"])?;
     let skeleton = &this.asset.skeleton;
-    let feet: Vec<u32> = match o.get("feet") {
+    let legs: Vec<Leg> = match o.get("feet") {
         Some(names) => {
             let label = o.label("feet");
             let Some(names) = names.clone().try_cast::<rhai::Array>() else {
                 return Err(crate::call::wrong(&names, &label, "an array of joints' names"));
             };
-            names.iter().map(|n| find_joint(&this.asset, &text(n, &label)?)).collect::<Result<_, _>>()?
+            let foot = |name: &Dynamic| find_joint(&this.asset, &text(name, &label)?);
+            names.iter().map(|n| leg_above(skeleton, foot(n)?)).collect::<Result<_, _>>()?
         }
-        None => [HumanBone::LeftFoot, HumanBone::RightFoot]
-            .iter()
-            .filter_map(|b| human(&this.asset, *b))
-            .collect(),
+        None => legs(&this.asset),
     };
-    if feet.is_empty() {
+    if legs.is_empty() {
         let names = skeleton.names().iter().map(String::as_str);
         return Err(ApiError::new(format!(
             "plant_feet: \"{}\" has no joints \"LeftFoot\" and \"RightFoot\"",
@@ -224,27 +222,43 @@ fn plant_feet(c: &mut Call) -> Reply {
         ))
         .hint(format!("name them, #{{ feet: [ … ] }}: {}", list(names, 24))));
     }
-    let parents = skeleton.parents();
-    let mut legs = Vec::new();
-    for foot in feet {
-        let knee = parents[foot as usize];
-        let Some((knee, hip)) = knee.and_then(|k| Some((k, parents[k as usize]?))) else {
-            let name = skeleton.names()[foot as usize].clone();
-            let error = format!("plant_feet: \"{name}\" has no leg of two joints above it");
-            return Err(ApiError::new(error).focus(name));
-        };
-        let children = (0..parents.len() as u32).filter(|j| parents[*j as usize] == Some(foot));
-        let toe =
-            children.into_iter().find(|j| skeleton.names()[*j as usize].to_ascii_lowercase().contains("toe"));
-        legs.push(Leg { hip, knee, foot, toe });
-    }
-    let hips = human(&this.asset, HumanBone::Hips).or_else(|| parents[legs[0].hip as usize]);
+    let hips = hips(&this.asset, &legs);
     let ground = match o.target("ground")? {
         None => None,
         Some(Target::Actor(actor)) if actor != this.id => Some(actor),
         Some(_) => return Err(ApiError::new("plant_feet: ground must be another actor")),
     };
-    add(c, this.id, goal(GoalKind::Plant(Plant { legs, hips, ground }), &o)?)
+    add(c, this.id, goal(GoalKind::Plant(Plant { legs, hips, ground, only: Vec::new() }), &o)?)
+}
+
+/// The legs that a body is known by, or those of the feet that its file names.
+pub fn legs(asset: &Asset) -> Vec<Leg> {
+    let found = find_legs(&asset.skeleton);
+    if !found.is_empty() {
+        return found;
+    }
+    let feet = [HumanBone::LeftFoot, HumanBone::RightFoot];
+    let feet = feet.iter().filter_map(|b| human(asset, *b));
+    feet.filter_map(|foot| leg_above(&asset.skeleton, foot).ok()).collect()
+}
+
+/// What all legs hang on, where they are two: hips above four legs would take the back along.
+pub fn hips(asset: &Asset, legs: &[Leg]) -> Option<u32> {
+    let above = legs.first().and_then(|leg| asset.skeleton.parents()[leg.hip as usize]);
+    human(asset, HumanBone::Hips).or(above).filter(|_| legs.len() <= 2)
+}
+
+fn leg_above(skeleton: &Skeleton, foot: u32) -> Result<Leg, ApiError> {
+    let parents = skeleton.parents();
+    let above = parents[foot as usize].and_then(|knee| Some((knee, parents[knee as usize]?)));
+    let Some((knee, hip)) = above else {
+        let name = skeleton.names()[foot as usize].clone();
+        let error = format!("plant_feet: \"{name}\" has no leg of two joints above it");
+        return Err(ApiError::new(error).focus(name));
+    };
+    let mut children = (0..parents.len() as u32).filter(|j| parents[*j as usize] == Some(foot));
+    let toe = children.find(|j| skeleton.names()[*j as usize].to_ascii_lowercase().contains("toe"));
+    Ok(Leg { hip, knee, foot, toe })
 }
 
 /// By the file's own word, else by name.

@@ -9,10 +9,14 @@
 mod body;
 pub(crate) mod check;
 pub(crate) mod ground;
+mod legs;
 pub(crate) mod order;
 pub(crate) mod plant;
+mod said;
 pub(crate) mod solve;
 pub(crate) mod springs;
+
+pub use legs::find_legs;
 
 use crate::{Asset, Ease, Target};
 use choreo_motion::Time;
@@ -86,6 +90,8 @@ pub struct Plant {
     pub hips: Option<u32>,
     /// An actor on whose surfaces the feet stand, as it stands at time 0; else the height at which this actor stands.
     pub ground: Option<usize>,
+    /// Only feet that stand at any time of one of these, from their coming down to their going up; empty: all.
+    pub only: Vec<(Time, Time)>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,17 +1,19 @@
 //! Feet that stay where they stand.
 //!
 //! Where a foot touches the ground follows from how it moves without this goal, over the whole length of the stage: looked at
-//! once, at 60 Hz, and kept ([`Plants`]), so that any frame can be had first. During a contact the ball of the foot stands still
+//! once, at 60 Hz, and kept ([`Plants`]), so that any frame can be had first. In a fade in which clips keep step, they themselves say when
+//! ([`Said`]): the mean of two strides slides, so that its motion tells less than theirs. During a contact the ball of the foot stands still
 //! at one point; between two contacts the foot is moved by what lies between both corrections, so that nothing jumps.
 
 use super::body::Body;
 use super::ground::Ground;
+use super::said::Said;
 use super::solve::{bend_leg, world_place};
 use super::{Leg, Plant};
 use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
 use crate::{Snapshot, Stage, StageError};
 use choreo_motion::Time;
-use choreo_motion::ik::contact::{Contact, ContactRule, contacts};
+use choreo_motion::contacts::{Rule, stays};
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -19,18 +21,24 @@ use std::sync::{Arc, Mutex, PoisonError};
 const STEP: Time = Time(Time::TICKS_PER_SECOND / 60);
 /// Feet are looked at for an hour at most; beyond it and outside the stage's length they are not planted.
 const MOST_SAMPLES: i64 = 60 * 3600;
-/// Seconds; across a longer gap between two contacts a foot is as its clips have it.
-const LONGEST_GAP: f64 = 1.0;
+/// Across a longer gap between two contacts a foot is as its clips have it.
+const LONGEST_GAP: Time = Time(Time::TICKS_PER_SECOND);
 const FADE: f64 = 0.25;
-/// Metres of leg that [`ContactRule`]'s numbers are for.
+/// Metres of a leg that has none.
 const PERSON: f64 = 0.85;
 /// Ground up to so much above where a foot stands in its clip is what it stands on: a high step, not the floor above.
 const HIGHEST_STEP: f64 = 1.2;
+/// Looks to either side among which a foot is at its lowest: feet of two clips differ by centimetres, and each is to stand.
+const AROUND: usize = 36;
+/// Who is higher than this above the lowest place at all, in legs, jumps.
+const JUMP: f64 = 0.12;
 
 /// The contacts of the legs of one goal.
 #[derive(Debug, Default)]
 pub(crate) struct PlantTrack {
     legs: Vec<Vec<Stand>>,
+    /// What has been looked at.
+    span: (Time, Time),
 }
 
 /// A contact: where the foot stands, and how far that is from where its clips have it at both ends.
@@ -38,8 +46,8 @@ pub(crate) struct PlantTrack {
 struct Stand {
     from: Time,
     to: Time,
-    /// World.
-    at: DVec3,
+    /// World; `None` = as its clips have it.
+    at: Option<DVec3>,
     first: DVec3,
     last: DVec3,
 }
@@ -69,26 +77,83 @@ impl Plants {
 
 fn find(stage: &Stage, actor: usize, plant: &Plant) -> Result<PlantTrack, StageError> {
     let ground = plant.ground.map(|g| Ground::of(stage, g)).transpose()?;
-    let samples = (stage.settings.length.0.max(0) / STEP.0 + 1).min(MOST_SAMPLES);
+    let leg = leg_length(stage, actor, plant);
     let mut scratch = Scratch::only(vec![actor]);
-    let mut snapshot = Snapshot::default();
-    let mut places = vec![Vec::new(); plant.legs.len()];
-    let mut floors = Vec::new();
-    for sample in 0..samples {
-        evaluate_actors(stage, &mut scratch, Time(sample * STEP.0), Evaluation::Clips, &mut snapshot)?;
-        let state = &snapshot.actors[actor];
-        floors.push(state.world_from_model.translation.y);
-        for (leg, places) in plant.legs.iter().zip(&mut places) {
-            let joint = leg.toe.unwrap_or(leg.foot) as usize;
-            let place = state.model_from_joint.get(joint).map(|m| world_place(&state.world_from_model, m));
-            places.push(place.filter(|p| p.is_finite()).unwrap_or(DVec3::ZERO));
+    let mut legs = vec![Vec::new(); plant.legs.len()];
+    let windows = windows(stage, plant);
+    let said = (!plant.only.is_empty()).then(|| Said::new(&stage.actors[actor], &plant.legs));
+    for (from, to) in &windows {
+        let looks = look(stage, actor, plant, &mut scratch, *from, *to)?;
+        for (index, (places, legs)) in looks.feet.iter().zip(&mut legs).enumerate() {
+            let unrest: Vec<f64> = match &said {
+                Some(said) => (0..places.len()).map(|i| said.unrest(index, looks.time(i))).collect(),
+                None => unrest(&looks, places, leg),
+            };
+            let found = stays(&unrest, STEP.as_secs(), false);
+            legs.extend(found.iter().map(|stay| stand(&looks, *stay, places, plant, ground.as_ref())));
         }
     }
-    let size = leg_length(stage, actor, plant) / PERSON;
-    let rule = ContactRule::default();
-    let rule = ContactRule { height: rule.height * size, speed: rule.speed * size, ..rule };
-    let legs = places.iter().map(|places| stands(places, &floors, &rule, ground.as_ref())).collect();
-    Ok(PlantTrack { legs })
+    let span = windows.first().zip(windows.last()).map_or_else(Default::default, |(a, b)| (a.0, b.1));
+    Ok(PlantTrack { legs, span })
+}
+
+/// The times in which feet are looked at, one after the other: all of the stage, or around those that count.
+fn windows(stage: &Stage, plant: &Plant) -> Vec<(Time, Time)> {
+    let length = stage.settings.length.max(Time::ZERO).min(Time(MOST_SAMPLES * STEP.0));
+    if plant.only.is_empty() {
+        return vec![(Time::ZERO, length)];
+    }
+    let around = |(from, to): &(Time, Time)| (*from - LONGEST_GAP, *to + LONGEST_GAP);
+    let mut all: Vec<(Time, Time)> = plant.only.iter().map(around).collect();
+    all.iter_mut().for_each(|(from, to)| (*from, *to) = ((*from).max(Time::ZERO), (*to).min(length)));
+    all.retain(|(from, to)| from < to);
+    all.sort_unstable();
+    all.dedup_by(|next, before| {
+        let joined = next.0 <= before.1;
+        if joined {
+            before.1 = before.1.max(next.1);
+        }
+        joined
+    });
+    all
+}
+
+/// How an actor's feet move without the goal.
+struct Looks {
+    from: Time,
+    /// World, by foot.
+    feet: Vec<Vec<DVec3>>,
+    /// Height of the floor.
+    floors: Vec<f64>,
+    /// World, of the first leg's hip: where the body is.
+    body: Vec<DVec3>,
+}
+
+fn look(
+    stage: &Stage,
+    actor: usize,
+    plant: &Plant,
+    scratch: &mut Scratch,
+    from: Time,
+    to: Time,
+) -> Result<Looks, StageError> {
+    let mut snapshot = Snapshot::default();
+    let mut looks = Looks { from, feet: vec![Vec::new(); plant.legs.len()], floors: vec![], body: vec![] };
+    for sample in 0..=(to - from).0 / STEP.0 {
+        evaluate_actors(stage, scratch, from + Time(sample * STEP.0), Evaluation::Clips, &mut snapshot)?;
+        let state = &snapshot.actors[actor];
+        let place = |joint: u32| {
+            let place = state.model_from_joint.get(joint as usize);
+            let place = place.map(|m| world_place(&state.world_from_model, m));
+            place.filter(|p| p.is_finite()).unwrap_or(DVec3::ZERO)
+        };
+        looks.floors.push(state.world_from_model.translation.y);
+        looks.body.push(plant.legs.first().map_or(DVec3::ZERO, |leg| place(leg.hip)));
+        for (leg, places) in plant.legs.iter().zip(&mut looks.feet) {
+            places.push(place(leg.toe.unwrap_or(leg.foot)));
+        }
+    }
+    Ok(looks)
 }
 
 /// In metres of the world at time 0.
@@ -103,66 +168,91 @@ fn leg_length(stage: &Stage, actor: usize, plant: &Plant) -> f64 {
     if length.is_finite() && length > 1e-9 { length } else { PERSON }
 }
 
-fn stands(places: &[DVec3], floors: &[f64], rule: &ContactRule, ground: Option<&Ground>) -> Vec<Stand> {
-    let above: Vec<f64> = places.iter().zip(floors).map(|(p, floor)| p.y - floor).collect();
-    // What a foot's lowest is: the mean of clips differs by centimetres, and one deep sample must not lift all others.
-    let mut sorted = above.clone();
-    sorted.sort_by(f64::total_cmp);
-    let lowest = sorted.get(sorted.len() / 20).copied().unwrap_or(0.0);
-    let heights: Vec<f64> = above.iter().map(|h| h - lowest).collect();
-    let found = contacts(places, &heights, STEP.as_secs(), rule);
-    found.iter().map(|contact| stand(contact, places, floors, lowest, ground)).collect()
+impl Looks {
+    fn time(&self, look: usize) -> Time {
+        self.from + Time(look as i64 * STEP.0)
+    }
 }
 
-fn stand(contact: &Contact, places: &[DVec3], floors: &[f64], lowest: f64, ground: Option<&Ground>) -> Stand {
-    let stay = &places[contact.first..=contact.last];
+/// How far a foot is from standing at each look.
+fn unrest(looks: &Looks, places: &[DVec3], leg: f64) -> Vec<f64> {
+    let above: Vec<f64> = places.iter().zip(&looks.floors).map(|(p, floor)| p.y - floor).collect();
+    let lowest = above.iter().copied().fold(f64::INFINITY, f64::min);
+    let at = |i: usize| {
+        let near = &above[i.saturating_sub(AROUND)..(i + AROUND + 1).min(above.len())];
+        let low = near.iter().copied().fold(f64::INFINITY, f64::min);
+        if low > lowest + JUMP * leg {
+            return f64::INFINITY;
+        }
+        let gait = velocity(&looks.body, i).with_y(0.0).length();
+        Rule::new(leg, gait).unrest(above[i] - low, velocity(places, i))
+    };
+    (0..places.len()).map(at).collect()
+}
+
+/// Over the neighbours, so that a touch-down is fast before it and slow after it alike.
+fn velocity(places: &[DVec3], i: usize) -> DVec3 {
+    let (before, after) = (i.saturating_sub(1), (i + 1).min(places.len() - 1));
+    (places[after] - places[before]) / (STEP.as_secs() * (after - before).max(1) as f64)
+}
+
+fn stand(
+    looks: &Looks,
+    (first, last): (usize, usize),
+    places: &[DVec3],
+    plant: &Plant,
+    ground: Option<&Ground>,
+) -> Stand {
+    let (from, to) = (looks.time(first), looks.time(last));
+    if !plant.only.is_empty() && !plant.only.iter().any(|(begin, end)| from <= *end && to >= *begin) {
+        return Stand { from, to, at: None, first: DVec3::ZERO, last: DVec3::ZERO };
+    }
+    let stay = &places[first..=last];
     let mut at = stay.iter().copied().sum::<DVec3>() / stay.len() as f64;
-    let floor = floors[(contact.first + contact.last) / 2];
     if let Some(ground) = ground {
         // As high above the ground as the clips have it above their floor.
-        let height = ground.height(at, at.y + HIGHEST_STEP).unwrap_or(floor);
-        at.y = height + (at.y - floor - lowest) + lowest;
+        let floor = looks.floors[(first + last) / 2];
+        at.y += ground.height(at, at.y + HIGHEST_STEP).unwrap_or(floor) - floor;
     }
-    Stand {
-        from: Time(contact.first as i64 * STEP.0),
-        to: Time(contact.last as i64 * STEP.0),
-        at,
-        first: at - stay[0],
-        last: at - stay[stay.len() - 1],
-    }
+    Stand { from, to, at: Some(at), first: at - stay[0], last: at - stay[stay.len() - 1] }
 }
 
-/// How far a foot that its clips have at `place` is to be moved.
-fn correction(stands: &[Stand], time: Time, place: DVec3) -> DVec3 {
-    let next = stands.partition_point(|s| s.to < time);
-    let upright = |d: DVec3| DVec3::new(0.0, d.y, 0.0);
-    let smooth = |w: f64| {
-        let w = w.clamp(0.0, 1.0);
-        w * w * (3.0 - 2.0 * w)
-    };
-    // A foot in the air: level as it was or will be, and nothing sideways.
-    let leaving = |s: &Stand| {
-        let gone = smooth((time - s.to).as_secs() / FADE);
-        upright(s.last) + (s.last - upright(s.last)) * (1.0 - gone)
-    };
-    let coming = |s: &Stand| {
-        let left = smooth((s.from - time).as_secs() / FADE);
-        upright(s.first) + (s.first - upright(s.first)) * (1.0 - left)
-    };
-    match (next.checked_sub(1).map(|i| &stands[i]), stands.get(next)) {
-        (_, Some(now)) if now.from <= time => now.at - place,
-        (Some(before), Some(after)) => {
-            let gap = (after.from - before.to).as_secs();
-            let way = smooth((time - before.to).as_secs() / gap);
-            if gap <= LONGEST_GAP {
-                before.last.lerp(after.first, way)
-            } else {
-                leaving(before).lerp(coming(after), way)
+impl PlantTrack {
+    /// How far a foot that its clips have at `place` is to be moved.
+    fn correction(&self, leg: usize, time: Time, place: DVec3) -> DVec3 {
+        let Some(stands) = self.legs.get(leg) else { return DVec3::ZERO };
+        let next = stands.partition_point(|s| s.to < time);
+        let upright = |d: DVec3| DVec3::new(0.0, d.y, 0.0);
+        let smooth = |w: f64| {
+            let w = w.clamp(0.0, 1.0);
+            w * w * (3.0 - 2.0 * w)
+        };
+        // A foot in the air for long: level as it was or will be, and nothing sideways.
+        let leaving = |s: &Stand| {
+            let gone = smooth((time - s.to).as_secs() / FADE);
+            upright(s.last) + (s.last - upright(s.last)) * (1.0 - gone)
+        };
+        let coming = |s: &Stand| {
+            let left = smooth((s.from - time).as_secs() / FADE);
+            upright(s.first) + (s.first - upright(s.first)) * (1.0 - left)
+        };
+        match (next.checked_sub(1).map(|i| &stands[i]), stands.get(next)) {
+            (_, Some(now)) if now.from <= time => now.at.map_or(DVec3::ZERO, |at| at - place),
+            (Some(before), Some(after)) => {
+                let way = smooth((time - before.to).as_secs() / (after.from - before.to).as_secs());
+                if after.from - before.to <= LONGEST_GAP {
+                    before.last.lerp(after.first, way)
+                } else {
+                    leaving(before).lerp(coming(after), way)
+                }
             }
+            // Who comes down soon after the beginning is on the way there already, and who has just left at the end is on it still.
+            (None, Some(after)) if after.from - self.span.0 <= LONGEST_GAP => after.first,
+            (Some(before), None) if self.span.1 - before.to <= LONGEST_GAP => before.last,
+            (Some(before), None) => leaving(before),
+            (None, Some(after)) => coming(after),
+            (None, None) => DVec3::ZERO,
         }
-        (Some(before), None) => leaving(before),
-        (None, Some(after)) => coming(after),
-        (None, None) => DVec3::ZERO,
     }
 }
 
@@ -183,8 +273,8 @@ pub(super) fn apply(
     let corrections: Vec<DVec3> = plant
         .legs
         .iter()
-        .zip(&track.legs)
-        .map(|(leg, stands)| correction(stands, time, places(body, leg)) * share)
+        .enumerate()
+        .map(|(i, leg)| track.correction(i, time, places(body, leg)) * share)
         .collect();
     let feet: Vec<DVec3> = plant.legs.iter().map(|leg| body.place(leg.foot)).collect();
     if let (Some(hips), true) = (plant.hips, plant.ground.is_some()) {
@@ -194,9 +284,30 @@ pub(super) fn apply(
             body.shift(hips, model_from_world.matrix3 * (DVec3::Y * drop));
         }
     }
-    for ((leg, foot), correction) in plant.legs.iter().zip(feet).zip(corrections) {
-        let target = foot + model_from_world.matrix3 * correction;
+    let targets: Vec<DVec3> =
+        feet.iter().zip(&corrections).map(|(foot, c)| *foot + model_from_world.matrix3 * *c).collect();
+    if let Some(hips) = plant.hips {
+        // By the shortest way, first for one leg, then for the other; and again, where they pull apart.
+        for _ in 0..2 {
+            for ((leg, target), correction) in plant.legs.iter().zip(&targets).zip(&corrections) {
+                if correction.length() > 0.0 {
+                    body.shift(hips, lack(leg, *target, body));
+                }
+            }
+        }
+    }
+    for (leg, target) in plant.legs.iter().zip(targets) {
         // Knees bend forward, where characters face.
         bend_leg(leg, target, DVec3::Z, body);
     }
+}
+
+/// How the hips are to be moved for a leg to reach, in model space; zero where it does.
+fn lack(leg: &Leg, target: DVec3, body: &Body) -> DVec3 {
+    let [hip, knee, foot] = [leg.hip, leg.knee, leg.foot].map(|j| body.place(j));
+    let reach = ((knee - hip).length() + (foot - knee).length()) * 0.9999;
+    let way = target - hip;
+    let short = way.length() - reach;
+    // No farther than half a leg in any case.
+    if short > 0.0 && short.is_finite() { way.normalize() * short.min(0.5 * reach) } else { DVec3::ZERO }
 }

@@ -30,7 +30,7 @@ impl Writer {
                 self.target(target);
                 self.f64(*limit);
             }
-            GoalKind::Plant(Plant { legs, hips, ground }) => {
+            GoalKind::Plant(Plant { legs, hips, ground, only }) => {
                 self.tag(2);
                 self.list(legs, |w, Leg { hip, knee, foot, toe }| {
                     [hip, knee, foot].into_iter().for_each(|j| w.u32(*j));
@@ -38,6 +38,7 @@ impl Writer {
                 });
                 self.option(hips, |w, hips| w.u32(*hips));
                 self.option(ground, |w, ground| w.count(*ground));
+                self.list(only, |w, (from, to)| [from, to].into_iter().for_each(|t| w.time(*t)));
             }
         }
     }

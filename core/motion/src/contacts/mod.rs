@@ -1,0 +1,193 @@
+//! Foot contacts: when which foot of a clip stands on the floor, and how fast the floor goes by.
+//!
+//! A foot stands where it is near the lowest place that it gets to, hardly rises or sinks, and moves with the floor ([`Rule`];
+//! thresholds on height and speed with hysteresis: L. Kovar, J. Schreiner, M. Gleicher, "Footskate Cleanup for Motion Capture
+//! Editing", SCA 2002, §4). All are shares of the length of a leg, so that they hold for mice and giants, and of the speed of the
+//! gait: who runs at 4 m/s lands hard, rolls fast and stands for a twentieth of a second.
+//!
+//! The floor's velocity is not known beforehand: of a clip with root motion it is zero, of one on the spot it is that of a
+//! treadmill. The lowest looks of each foot are at the floor, nearly always, so the median of their velocities is the floor's; then the median of
+//! those who stand by it. Authored clips move their feet by half more or less than that, and are still taken for standing.
+
+mod feet;
+mod stays;
+
+use crate::{Clip, LocalToModel, Pose, Sample, Skeleton, Time};
+use glam::{Affine3A, DVec3, Vec3};
+
+pub use feet::{find_feet, leg_length};
+pub use stays::stays;
+
+/// Above the lowest place, in legs. A walk's toe swings through at 2 %, but fast.
+const HEIGHT: f64 = 0.06;
+/// Up or down, in legs a second, and as a share of the gait's speed.
+const CLIMB: f64 = 0.8;
+const CLIMB_SHARE: f64 = 0.35;
+/// Against the floor, likewise.
+const SLIP: f64 = 0.5;
+const SLIP_SHARE: f64 = 0.35;
+/// Looks a second, at most so many a clip.
+const RATE: f64 = 120.0;
+const MOST: usize = 4096;
+/// A foot is on the floor for at least this share of a clip in which it stands at all.
+const LOWEST_SHARE: usize = 10;
+
+/// What counts as standing; above 0. A joint is at rest where [`Rule::unrest`] is at most 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rule {
+    /// Above its lowest place, metres.
+    pub height: f64,
+    /// Up or down, metres a second.
+    pub climb: f64,
+    /// Along the floor, metres a second.
+    pub slip: f64,
+}
+
+impl Rule {
+    /// `leg`: its length, metres; `gait`: how fast the body goes over the floor, metres a second.
+    pub fn new(leg: f64, gait: f64) -> Rule {
+        let (climb, slip) = (CLIMB * leg + CLIMB_SHARE * gait, SLIP * leg + SLIP_SHARE * gait);
+        Rule { height: HEIGHT * leg, climb, slip }
+    }
+
+    /// How far a joint is from standing still, 1 at the limit. `velocity`: against the floor.
+    pub fn unrest(&self, height: f64, velocity: DVec3) -> f64 {
+        let level = velocity.with_y(0.0).length();
+        (height / self.height).max(velocity.y.abs() / self.climb).max(level / self.slip)
+    }
+}
+
+/// One foot: the joints of which the lower one counts, heel (ankle) and toe.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Foot {
+    pub joints: Vec<u32>,
+}
+
+/// A foot on the floor. `to` may lie after the end of a clip that is looped: then the stand goes on into its beginning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stand {
+    pub from: Time,
+    pub to: Time,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contacts {
+    /// By foot, in the order of time.
+    pub stands: Vec<Vec<Stand>>,
+    /// Of the floor in model space, metres a second of the clip; horizontal.
+    pub floor_velocity: DVec3,
+}
+
+fn model(skeleton: &Skeleton, pose: &Pose) -> Vec<Vec3> {
+    let mut matrices = vec![Affine3A::IDENTITY; skeleton.len()];
+    LocalToModel { skeleton, pose, model_from_joint: &mut matrices }.run();
+    matrices.into_iter().map(|m| m.translation.into()).collect()
+}
+
+/// A joint of a foot over the clip.
+struct Track {
+    foot: usize,
+    /// Above its lowest, metres.
+    heights: Vec<f64>,
+    velocities: Vec<DVec3>,
+}
+
+impl Contacts {
+    /// Of the part of a clip that `trim` says, taken as a loop where it ends as it begins. `None` without feet, or where
+    /// nothing is as long as it must be.
+    pub fn find(skeleton: &Skeleton, clip: &Clip, trim: (Time, Time), feet: &[Foot]) -> Option<Contacts> {
+        let leg = leg_length(skeleton, feet)?;
+        let span = (trim.1 - trim.0).as_secs();
+        let count = ((span * RATE) as usize).clamp(8, MOST);
+        if span <= 0.0 || clip.joint_count() != skeleton.len() {
+            return None;
+        }
+        let time = |i: usize| trim.0 + Time(((trim.1 - trim.0).0 as i128 * i as i128 / count as i128) as i64);
+        let step = span / count as f64;
+        let joints: Vec<(usize, u32)> =
+            feet.iter().enumerate().flat_map(|(f, foot)| foot.joints.iter().map(move |j| (f, *j))).collect();
+        let mut pose = Pose::rest(skeleton);
+        let mut places: Vec<Vec<DVec3>> = vec![Vec::with_capacity(count + 1); joints.len()];
+        for i in 0..=count {
+            Sample { clip, time: time(i), pose: &mut pose }.run();
+            let model = model(skeleton, &pose);
+            for ((_, joint), places) in joints.iter().zip(&mut places) {
+                places.push(model[*joint as usize].as_dvec3());
+            }
+        }
+        let ways: Vec<DVec3> = places.iter().map(|p| p[count] - p[0]).collect();
+        let drift = ways.iter().sum::<DVec3>() / ways.len().max(1) as f64;
+        let looped = ways.iter().all(|way| (*way - drift).length() < 0.1 * leg);
+        let tracks: Vec<Track> = joints
+            .iter()
+            .zip(&places)
+            .map(|((foot, _), places)| Track::new(*foot, places, step, looped.then_some(drift)))
+            .collect();
+        let mut floor = median(&lowest_looks(&tracks, leg))?;
+        let mut unrest = vec![vec![f64::INFINITY; count + 1]; feet.len()];
+        // Once by what is low, once by those who stand.
+        for _ in 0..2 {
+            let rule = Rule::new(leg, (floor - drift.with_y(0.0) / span).length());
+            let mut stood = Vec::new();
+            unrest.iter_mut().for_each(|row| row.fill(f64::INFINITY));
+            for track in &tracks {
+                let row = &mut unrest[track.foot];
+                for ((unrest, height), velocity) in row.iter_mut().zip(&track.heights).zip(&track.velocities)
+                {
+                    let own = rule.unrest(*height, *velocity - floor);
+                    if own <= 1.0 {
+                        stood.push(*velocity);
+                    }
+                    *unrest = unrest.min(own);
+                }
+            }
+            floor = median(&stood).unwrap_or(floor);
+        }
+        let at = |i: usize| if i <= count { time(i) } else { trim.1 + (time(i - count) - trim.0) };
+        let stand = |(from, to): (usize, usize)| Stand { from: at(from), to: at(to) };
+        let of = |row: &Vec<f64>| stays(row, step, looped).into_iter().map(stand).collect();
+        Some(Contacts { stands: unrest.iter().map(of).collect(), floor_velocity: floor })
+    }
+}
+
+impl Track {
+    /// `drift`: how far a loop gets in a round.
+    fn new(foot: usize, places: &[DVec3], step: f64, drift: Option<DVec3>) -> Track {
+        let lowest = places.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+        let count = places.len() - 1;
+        // Central differences, around the seam of a loop, else one-sided at the ends.
+        let velocity = |i: usize| match (drift, i) {
+            (Some(drift), i) if i == 0 || i == count => {
+                (places[1] + drift - places[count - 1]) / (2.0 * step)
+            }
+            (_, i) => {
+                let (a, b) = (i.saturating_sub(1), (i + 1).min(count));
+                (places[b] - places[a]) / ((b - a) as f64 * step)
+            }
+        };
+        let heights = places.iter().map(|p| p.y - lowest).collect();
+        Track { foot, heights, velocities: (0..=count).map(velocity).collect() }
+    }
+}
+
+/// Velocities where joints are really low, and of each the lowest tenth of its looks; in a run a foot stands for no longer.
+fn lowest_looks(tracks: &[Track], leg: f64) -> Vec<DVec3> {
+    let mut found = Vec::new();
+    for track in tracks {
+        let mut sorted = track.heights.clone();
+        sorted.sort_by(f64::total_cmp);
+        let limit = sorted[sorted.len() / LOWEST_SHARE].max(0.5 * HEIGHT * leg);
+        let looks = track.heights.iter().zip(&track.velocities);
+        found.extend(looks.filter(|(height, _)| **height <= limit).map(|(_, velocity)| *velocity));
+    }
+    found
+}
+
+fn median(samples: &[DVec3]) -> Option<DVec3> {
+    let middle = |component: fn(&DVec3) -> f64| {
+        let mut values: Vec<f64> = samples.iter().map(component).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied()
+    };
+    Some(DVec3::new(middle(|v| v.x)?, 0.0, middle(|v| v.z)?))
+}

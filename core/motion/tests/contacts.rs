@@ -1,0 +1,170 @@
+//! Contacts of generated gaits, whose stands are known.
+
+use choreo_motion::contacts::{find_feet, leg_length};
+use choreo_motion::{Clip, Contacts, Curve, Interpolation, Path, Skeleton, Time, Transform};
+use glam::{DVec3, Vec3};
+use std::sync::Arc;
+
+/// A gait of one stride: how long the clip is, when each foot comes down and how long it stays, as shares of it.
+struct Gait {
+    secs: f64,
+    /// Metres a second.
+    speed: f64,
+    /// By how much feet in the air are lifted, in legs.
+    lift: f64,
+    downs: Vec<(f64, f64)>,
+    /// Whether it is played on the spot.
+    on_the_spot: bool,
+    /// Metres; of the leg.
+    leg: f64,
+}
+
+impl Gait {
+    /// Where a foot is beside where it rests, in the body's space (on the spot) or the floor's.
+    fn place(&self, foot: usize, t: f64) -> DVec3 {
+        let (down, share) = self.downs[foot];
+        let phase = (t / self.secs - down).rem_euclid(1.0);
+        let stride = self.speed * self.secs;
+        let z = if phase < share {
+            stride * (0.5 * share - phase)
+        } else {
+            // In the air: from behind to before, as fast as the floor at both ends, so that nothing jerks.
+            let s = (phase - share) / (1.0 - share);
+            let (from, to, slope) = (-0.5 * share * stride, 0.5 * share * stride, -stride * (1.0 - share));
+            let (s2, s3) = (s * s, s * s * s);
+            (2.0 * s3 - 3.0 * s2 + 1.0) * from
+                + (s3 - 2.0 * s2 + s) * slope
+                + (3.0 * s2 - 2.0 * s3) * to
+                + (s3 - s2) * slope
+        };
+        let s = ((phase - share) / (1.0 - share)).max(0.0);
+        let y = self.lift * self.leg * libm::sin(std::f64::consts::PI * s);
+        let carried = if self.on_the_spot { 0.0 } else { self.speed * t };
+        DVec3::new(0.0, y, z + carried)
+    }
+
+    /// Hips, and feet on legs of two bones; feet are moved by translations of their own.
+    fn skeleton(&self) -> Skeleton {
+        let mut names = vec!["Hips".to_string()];
+        let mut parents = vec![None];
+        let mut rest = vec![Transform { translation: Vec3::Y * self.leg as f32, ..Transform::IDENTITY }];
+        for foot in 0..self.downs.len() {
+            names.push(format!("{} Foot {foot}", if foot % 2 == 0 { "left" } else { "right" }));
+            parents.push(Some(0));
+            let down = Vec3::NEG_Y * self.leg as f32;
+            rest.push(Transform { translation: down, ..Transform::IDENTITY });
+        }
+        Skeleton::new(names, parents, rest).unwrap()
+    }
+
+    fn clip(&self, skeleton: &Skeleton) -> Clip {
+        let keys = 240;
+        let times: Arc<[Time]> =
+            (0..=keys).map(|i| Time::from_secs(self.secs * f64::from(i) / f64::from(keys))).collect();
+        let curves = (0..self.downs.len()).map(|foot| {
+            let rest = skeleton.rest()[foot + 1].translation.as_dvec3();
+            let values =
+                times.iter().flat_map(|t| (rest + self.place(foot, t.as_secs())).as_vec3().to_array());
+            Curve {
+                joint: foot as u32 + 1,
+                path: Path::Translation,
+                interpolation: Interpolation::Linear,
+                times: times.clone(),
+                values: values.collect(),
+            }
+        });
+        Clip::new("gait".into(), skeleton.len(), curves.collect()).unwrap()
+    }
+
+    fn found(&self) -> Contacts {
+        let (skeleton, feet) = (self.skeleton(), find_feet(&self.skeleton()));
+        assert_eq!(feet.len(), self.downs.len());
+        assert!((leg_length(&skeleton, &feet).unwrap() - self.leg).abs() < 1e-5);
+        Contacts::find(&skeleton, &self.clip(&skeleton), (Time::ZERO, Time::from_secs(self.secs)), &feet)
+            .unwrap()
+    }
+}
+
+fn gaits() -> Vec<(&'static str, Gait)> {
+    let walk = || Gait {
+        secs: 1.0,
+        speed: 1.2,
+        lift: 0.15,
+        downs: vec![(0.1, 0.62), (0.6, 0.62)],
+        on_the_spot: true,
+        leg: 0.85,
+    };
+    let run = || Gait { secs: 0.7, speed: 4.0, lift: 0.5, downs: vec![(0.2, 0.25), (0.7, 0.25)], ..walk() };
+    let four = vec![(0.0, 0.6), (0.5, 0.6), (0.25, 0.6), (0.75, 0.6)];
+    vec![
+        ("walk", walk()),
+        ("walk over the floor", Gait { on_the_spot: false, ..walk() }),
+        ("run", run()),
+        ("run over the floor", Gait { on_the_spot: false, ..run() }),
+        ("a mouse's", Gait { leg: 0.02, speed: 0.06, secs: 0.4, ..walk() }),
+        ("a giant's", Gait { leg: 12.0, speed: 14.0, secs: 1.6, ..walk() }),
+        ("backwards", Gait { speed: -0.8, ..walk() }),
+        ("on four feet", Gait { downs: four, ..walk() }),
+    ]
+}
+
+#[test]
+fn stands_are_found_where_they_are() {
+    for (name, gait) in gaits() {
+        let found = gait.found();
+        let floor = if gait.on_the_spot { -gait.speed } else { 0.0 };
+        let off = (found.floor_velocity.z - floor).abs();
+        println!("{name}: floor at {:.3} m/s, must be {floor:.3}", found.floor_velocity.z);
+        assert!(off < 0.03 * gait.speed.abs(), "{name}: floor at {}", found.floor_velocity.z);
+        for (foot, (down, share)) in gait.downs.iter().enumerate() {
+            let stands = &found.stands[foot];
+            assert_eq!(stands.len(), 1, "{name}, foot {foot}: {stands:?}");
+            let near = |a: f64, b: f64| {
+                let off = (a - b).rem_euclid(1.0);
+                off.min(1.0 - off)
+            };
+            let (from, to) = (stands[0].from.as_secs() / gait.secs, stands[0].to.as_secs() / gait.secs);
+            // A foot leaves the ground slowly: it is low for some of its time in the air. (4 % of a stride.)
+            assert!(near(from, *down) < 0.04 && near(to, down + share) < 0.04, "{name} {foot}: {from} {to}");
+        }
+    }
+}
+
+#[test]
+fn the_comparison_above_can_fail() {
+    let (_, mut gait) = gaits().remove(0);
+    gait.lift = 0.03;
+    gait.downs = vec![(0.1, 0.3), (0.6, 0.3)];
+    // A shuffle: feet in the air are as low as those that stand, but faster.
+    let of = gait.found();
+    assert!(of.stands.iter().flatten().all(|s| (s.to - s.from).as_secs() < 0.45), "{of:?}");
+    // Who hovers up and down has no stands of a walk.
+    gait.downs = vec![(0.1, 1e-3), (0.6, 1e-3)];
+    gait.lift = 0.5;
+    let of = gait.found();
+    assert!(of.stands.iter().flatten().all(|s| (s.to - s.from).as_secs() < 0.2), "{of:?}");
+}
+
+#[test]
+fn who_stands_at_ease_stands_all_the_time() {
+    let (_, gait) = gaits().remove(0);
+    let skeleton = gait.skeleton();
+    let clip = Clip::new(
+        "still".into(),
+        skeleton.len(),
+        vec![Curve {
+            joint: 0,
+            path: Path::Translation,
+            interpolation: Interpolation::Linear,
+            times: [Time::ZERO, Time::from_secs(2.0)].into(),
+            values: [0.0, 0.85, 0.0, 0.0, 0.855, 0.004].into(),
+        }],
+    )
+    .unwrap();
+    let trim = (Time::ZERO, Time::from_secs(2.0));
+    let found = Contacts::find(&skeleton, &clip, trim, &find_feet(&skeleton)).unwrap();
+    for stands in &found.stands {
+        assert_eq!(stands.iter().map(|s| (s.from, s.to)).collect::<Vec<_>>(), [trim]);
+    }
+    assert!(found.floor_velocity.length() < 0.01);
+}

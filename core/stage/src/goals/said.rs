@@ -1,0 +1,59 @@
+//! What an actor's clips say of when its feet stand.
+
+use super::Leg;
+use crate::{Actor, Cue};
+use choreo_motion::Time;
+use choreo_motion::contacts::{Contacts, Foot, Stand};
+
+/// By cue of the base layer, the stands of each leg's foot in its clip.
+pub(super) struct Said<'a> {
+    actor: &'a Actor,
+    cues: Vec<Vec<Vec<Stand>>>,
+}
+
+impl<'a> Said<'a> {
+    pub fn new(actor: &'a Actor, legs: &[Leg]) -> Said<'a> {
+        let skeleton = &actor.asset.skeleton;
+        // The ball alone: a heel that has come down turns about itself.
+        let ball = |leg: &Leg| Foot { joints: vec![leg.toe.unwrap_or(leg.foot)] };
+        let feet: Vec<Foot> = legs.iter().map(ball).collect();
+        let mut cues: Vec<Vec<Vec<Stand>>> = Vec::new();
+        let layer = actor.layers.first().map_or(&[][..], |layer| &layer.cues);
+        for (i, cue) in layer.iter().enumerate() {
+            // Most clips come more than once.
+            let same = |other: &&(usize, &Cue)| {
+                std::sync::Arc::ptr_eq(&other.1.clip, &cue.clip) && other.1.trim == cue.trim
+            };
+            let before = layer[..i].iter().enumerate().collect::<Vec<_>>();
+            cues.push(match before.iter().find(same) {
+                Some((known, _)) => cues[*known].clone(),
+                None => {
+                    Contacts::find(skeleton, &cue.clip, cue.trim, &feet).map_or_else(Vec::new, |c| c.stands)
+                }
+            });
+        }
+        Said { actor, cues }
+    }
+
+    /// 0 where the foot stands in most of what plays, by its weights, else 2 (see [`choreo_motion::contacts::stays`]): contacts are mixed as poses
+    /// are (L. Kovar, M. Gleicher, "Flexible Automatic Motion Blending with Registration Curves", SCA 2003, §3.3).
+    pub fn unrest(&self, leg: usize, time: Time) -> f64 {
+        // Each is blended over those before it.
+        let mut share = 0.0;
+        for heard in self.actor.heard(time).iter().filter(|h| h.layer == 0) {
+            let weight = f64::from(heard.weight);
+            let down = self.is_down(heard.cue, leg, heard.clip_time);
+            share += (f64::from(u8::from(down)) - share) * weight;
+        }
+        if share >= 0.5 { 0.0 } else { 2.0 }
+    }
+
+    fn is_down(&self, cue: usize, leg: usize, at: Time) -> bool {
+        let Some(trim) = self.actor.layers.first().and_then(|l| l.cues.get(cue)).map(|c| c.trim) else {
+            return false;
+        };
+        let stands = self.cues.get(cue).and_then(|c| c.get(leg)).map_or(&[][..], |s| s);
+        let round = trim.1 - trim.0;
+        stands.iter().any(|s| (s.from <= at && at <= s.to) || (s.from <= at + round && at + round <= s.to))
+    }
+}
