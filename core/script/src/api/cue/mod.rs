@@ -34,7 +34,7 @@ pub const DEFS: &[Def] = &[
         "then",
         "clip, options?",
         Gives::A(Kind::Cue),
-        "What follows, at .until, or as the clip ends; options: fade, fade_out, speed, ease, trim, repeat (\"once\", \"loop\", \"ping_pong\"), reverse, weight, from, until; in_step: true (while it fades in, feet come down as those of the clip before: walk into run), inertial: seconds (begins at once, and what the pose before was away from it dies down; no fade).",
+        "What follows, at .until, or as the clip ends; options: fade, fade_out, speed, ease, trim, repeat (\"once\", \"loop\", \"ping_pong\"), reverse, weight, from, until; in_step: true (while it fades in, feet come down as those of the clip before and stay where they stand, on two legs or four: walk into run), inertial: seconds (begins at once, and what the pose before was away from it dies down; no fade).",
         then,
     ),
     Def::new(
