@@ -33,6 +33,10 @@ pub const LEAST_TURN_RAD: f64 = std::f64::consts::PI / 12.0;
 
 /// A root that gets no farther than this share of a leg in a clip stays on the spot.
 const ON_THE_SPOT: f64 = 0.1;
+/// One that comes back to where it was may swing by as much, in a gallop, and
+const SWINGS: f64 = 0.6;
+/// legs a second are the least that such a gait makes.
+const GAIT: f64 = 1.0;
 
 #[derive(Clone, Debug)]
 struct Link {
@@ -131,11 +135,12 @@ impl RootMotion {
             .fold(0.0, f64::max);
         let feet = contacts::find_feet(skeleton);
         let leg = contacts::leg_length(skeleton, &feet)?;
-        if reach > ON_THE_SPOT * leg {
+        let back = (self.place(self.trim.1).with_y(0.0) - first).length() <= 0.5 * ON_THE_SPOT * leg;
+        if reach > if back { SWINGS } else { ON_THE_SPOT } * leg {
             return None;
         }
         let Contacts { floor_velocity, .. } = Contacts::find(skeleton, &self.clip, self.trim, &feet)?;
-        Some(-floor_velocity)
+        (reach <= ON_THE_SPOT * leg || floor_velocity.length() > GAIT * leg).then_some(-floor_velocity)
     }
 
     /// The root's place in model space, metres.

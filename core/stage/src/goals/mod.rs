@@ -136,7 +136,9 @@ impl Goal {
         if time < self.start || self.end.is_some_and(|end| time >= end) {
             return 0.0;
         }
-        let fade_in = eased(Ease::Smooth, fraction(time - self.start, self.fade));
+        // Feet that stand as the stage begins stand already.
+        let begun = self.start <= Time::ZERO && matches!(self.kind, GoalKind::Plant(_));
+        let fade_in = if begun { 1.0 } else { eased(Ease::Smooth, fraction(time - self.start, self.fade)) };
         let fade_out = self.end.map_or(1.0, |end| eased(Ease::Smooth, fraction(end - time, self.fade)));
         f64::from((self.weight * fade_in * fade_out).clamp(0.0, 1.0))
     }

@@ -14,7 +14,8 @@ use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
 use crate::{Snapshot, Stage, StageError};
 use choreo_motion::Time;
 use choreo_motion::contacts::{Rule, stays};
-use glam::{DAffine3, DVec3};
+use choreo_motion::ik::arc;
+use glam::{DAffine3, DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -28,6 +29,8 @@ const FADE: f64 = 0.25;
 const PERSON: f64 = 0.85;
 /// Ground up to so much above where a foot stands in its clip is what it stands on: a high step, not the floor above.
 const HIGHEST_STEP: f64 = 1.2;
+/// The ball of a foot that is held is at most so high, in legs: one that is held while the toes leave the ground would push them into it.
+const FLAT: f64 = 0.04;
 /// Looks to either side among which a foot is at its lowest: feet of two clips differ by centimetres, and each is to stand.
 const AROUND: usize = 36;
 /// Who is higher than this above the lowest place at all, in legs, jumps.
@@ -185,7 +188,7 @@ fn unrest(looks: &Looks, places: &[DVec3], leg: f64) -> Vec<f64> {
             return f64::INFINITY;
         }
         let gait = velocity(&looks.body, i).with_y(0.0).length();
-        Rule::new(leg, gait).unrest(above[i] - low, velocity(places, i))
+        Rule { height: FLAT * leg, ..Rule::new(leg, gait) }.unrest(above[i] - low, velocity(places, i))
     };
     (0..places.len()).map(at).collect()
 }
@@ -286,28 +289,32 @@ pub(super) fn apply(
     }
     let targets: Vec<DVec3> =
         feet.iter().zip(&corrections).map(|(foot, c)| *foot + model_from_world.matrix3 * *c).collect();
-    if let Some(hips) = plant.hips {
-        // By the shortest way, first for one leg, then for the other; and again, where they pull apart.
-        for _ in 0..2 {
-            for ((leg, target), correction) in plant.legs.iter().zip(&targets).zip(&corrections) {
-                if correction.length() > 0.0 {
-                    body.shift(hips, lack(leg, *target, body));
-                }
-            }
-        }
-    }
     for (leg, target) in plant.legs.iter().zip(targets) {
+        let (ankle, roll) = on_the_ball(leg, target, body);
         // Knees bend forward, where characters face.
-        bend_leg(leg, target, DVec3::Z, body);
+        bend_leg(leg, ankle, DVec3::Z, body);
+        body.turn(leg.foot, roll);
     }
 }
 
-/// How the hips are to be moved for a leg to reach, in model space; zero where it does.
-fn lack(leg: &Leg, target: DVec3, body: &Body) -> DVec3 {
+/// Where the ankle goes, in model space, and how the foot turns: to `target` and not at all where the leg reaches that far, else the heel
+/// rises while the ball stays, as of one who is about to leave the ground. (Lowering the hips instead jerks the head; tried.)
+fn on_the_ball(leg: &Leg, target: DVec3, body: &Body) -> (DVec3, DQuat) {
     let [hip, knee, foot] = [leg.hip, leg.knee, leg.foot].map(|j| body.place(j));
     let reach = ((knee - hip).length() + (foot - knee).length()) * 0.9999;
-    let way = target - hip;
-    let short = way.length() - reach;
-    // No farther than half a leg in any case.
-    if short > 0.0 && short.is_finite() { way.normalize() * short.min(0.5 * reach) } else { DVec3::ZERO }
+    let Some(toe) = leg.toe.filter(|_| (target - hip).length() > reach) else {
+        return (target, DQuat::IDENTITY);
+    };
+    let sole = body.place(toe) - foot;
+    let ball = target + sole;
+    let way = ball - hip;
+    let (far, long) = (way.length(), sole.length());
+    // Both spheres meet in a circle: of it the point nearest to where the ankle was to be.
+    let along = (reach * reach - long * long + far * far) / (2.0 * far);
+    let square = reach * reach - along * along;
+    let Some(line) = way.try_normalize().filter(|_| square >= 0.0) else { return (target, DQuat::IDENTITY) };
+    let across = (target - hip) - line * (target - hip).dot(line);
+    let Some(across) = across.try_normalize() else { return (target, DQuat::IDENTITY) };
+    let ankle = hip + line * along + across * square.sqrt();
+    (ankle, arc(sole, ball - ankle))
 }

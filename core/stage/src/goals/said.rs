@@ -21,12 +21,9 @@ impl<'a> Said<'a> {
         let layer = actor.layers.first().map_or(&[][..], |layer| &layer.cues);
         for (i, cue) in layer.iter().enumerate() {
             // Most clips come more than once.
-            let same = |other: &&(usize, &Cue)| {
-                std::sync::Arc::ptr_eq(&other.1.clip, &cue.clip) && other.1.trim == cue.trim
-            };
-            let before = layer[..i].iter().enumerate().collect::<Vec<_>>();
-            cues.push(match before.iter().find(same) {
-                Some((known, _)) => cues[*known].clone(),
+            let same = |other: &Cue| std::sync::Arc::ptr_eq(&other.clip, &cue.clip) && other.trim == cue.trim;
+            cues.push(match layer[..i].iter().position(same) {
+                Some(known) => cues[known].clone(),
                 None => {
                     Contacts::find(skeleton, &cue.clip, cue.trim, &feet).map_or_else(Vec::new, |c| c.stands)
                 }
