@@ -145,18 +145,14 @@ fn planted_feet_stay_within_a_centimetre_while_walk_becomes_run() {
                 plain.step * 240.0
             );
             assert!(own.stands > 0, "{file}: no foot is planted from {start} s on");
-            // A fox's fore paws have no ball to roll over, and its gallop glides by itself: told, not held to.
-            if file.contains("Fox") {
-                assert!(own.moved < plain.moved, "{file}: planting must help: {} m", own.moved);
-                continue;
-            }
             assert!(
                 own.moved < 0.01,
                 "{file}, {from} to {to} at {start} s: a planted foot moves {} m",
                 own.moved
             );
-            // Nothing pops.
-            assert!(own.step < 1.5 * plain.step + 0.004, "{file}, {from} to {to}: {} m in a step", own.step);
+            // Nothing pops. A galloping paw is up for a twelfth of a second.
+            let most = if file.contains("Fox") { 2.0 * plain.step } else { 1.5 * plain.step + 0.004 };
+            assert!(own.step < most, "{file}, {from} to {to} at {start} s: {} m in a step", own.step);
             worst_without = worst_without.max(plain.moved);
         }
     }

@@ -214,6 +214,12 @@ impl Clip {
     }
 
     /// The same clip with other curves, which are known to be sound.
+    /// The same clip with other curves of as many joints, as long as it was; unsorted ones are sorted. `curves` must be such as
+    /// [`Clip::new`] takes.
+    pub fn rekeyed(&self, curves: Vec<Curve>) -> Clip {
+        self.with_curves(self.joint_count(), curves).lasting(self.duration)
+    }
+
     pub(crate) fn with_curves(&self, joint_count: usize, curves: Vec<Curve>) -> Clip {
         let clip = Clip::from_checked(self.name.clone(), self.duration, joint_count, curves);
         Clip { expressions: self.expressions.clone(), ..clip }

@@ -118,6 +118,42 @@ impl Inertia {
     }
 }
 
+/// What a switch leaves of plain numbers, like morph weights, to die down.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WeightInertia {
+    weights: Vec<Dying>,
+    pub duration: Time,
+}
+
+impl WeightInertia {
+    /// As for [`Inertia::new`]; what one of them does not have is left out.
+    pub fn new(from: [&[f32]; 2], to: [&[f32]; 2], step: Time, duration: Time) -> WeightInertia {
+        let per_second = 1.0 / step.as_secs().max(1e-9);
+        let at = |of: &[f32], i: usize| f64::from(of[i]);
+        let count = from.iter().chain(&to).map(|of| of.len()).min().unwrap_or(0);
+        let one = |i: usize| {
+            let ([before, source], [target, after]) = (from.map(|of| at(of, i)), to.map(|of| at(of, i)));
+            let velocity = ((source - before) - (after - target)) * per_second;
+            Dying::new(DVec3::X * (source - target), DVec3::X * velocity)
+        };
+        WeightInertia { weights: (0..count).map(one).collect(), duration }
+    }
+
+    /// Adds what is left `since` the switch to the weights of the new motion.
+    pub fn apply(&self, since: Time, weights: &mut [f32]) {
+        if since >= self.duration || since < Time::ZERO {
+            return;
+        }
+        let (duration, t) = (self.duration.as_secs(), since.as_secs());
+        for (dying, weight) in self.weights.iter().zip(weights) {
+            let left = dying.at(duration, t).x;
+            if left != 0.0 {
+                *weight = (f64::from(*weight) + left) as f32;
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -169,6 +205,19 @@ mod tests {
         let speed = (at(1e-3).translation.x - at(0.0).translation.x) / 1e-3;
         assert!((speed - 2.0).abs() < 0.05, "{speed}");
         assert_eq!(at(0.3), pose(2.7, -12.0).get(0));
+        // Weights take the way of a translation along one axis.
+        let weights = WeightInertia::new(
+            [&[1.0 - 2.0 * h, 5.0], &[1.0]],
+            [&[3.0], &[3.0 - h]],
+            step,
+            Time::from_secs(0.3),
+        );
+        for t in [0.0, 0.07, 0.2, 0.299, 0.3, 0.5] {
+            let mut new = [3.0 - t, 7.0];
+            weights.apply(Time::from_secs(t.into()), &mut new);
+            let place = if t < 0.3 { at(t).translation.x } else { 3.0 - t };
+            assert!((new[0] - place).abs() < 1e-5 && new[1] == 7.0, "{t}: {new:?} {place}");
+        }
         assert!((at(0.299).translation.x - 2.701).abs() < 1e-4);
     }
 }

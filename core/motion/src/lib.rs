@@ -98,7 +98,7 @@ pub use ease::{Ease, Shape};
 pub use edit::{EditError, Offset};
 pub use human::Human;
 pub use humanoid::{HumanBone, Humanoid};
-pub use inertial::Inertia;
+pub use inertial::{Inertia, WeightInertia};
 pub use joint_map::JointMap;
 pub use local_to_model::LocalToModel;
 pub use mirror::{Mirror, MirrorError, MirrorMap};

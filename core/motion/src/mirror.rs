@@ -22,7 +22,7 @@ pub enum MirrorError {
 }
 
 /// How the joints of a skeleton change sides.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct MirrorMap {
     /// Of each joint: what it becomes; `None` where it has no partner and stays at rest.
     joints: Vec<Option<Joint>>,
@@ -34,7 +34,7 @@ pub struct MirrorMap {
 }
 
 /// What a joint takes from its partner.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Joint {
     /// The joint itself for those of the middle.
     partner: u32,
@@ -170,7 +170,7 @@ impl MirrorMap {
 
 impl Clip {
     /// The clip with left and right exchanged, key by key. Curves of joints without a partner are left out. Morph weights
-    /// go with their joints, but which target is left and which is right is not known here.
+    /// go with their joints; which target is left and which is right is the asset's to say.
     pub fn mirrored(&self, map: &MirrorMap) -> Clip {
         let curves = self.curves().iter().filter_map(|curve| {
             let joint = map.partner(curve.joint)?;

@@ -7,7 +7,7 @@ use crate::limits::{Limits, raise_hint};
 use crate::load::Load;
 use crate::loader::Loader;
 use crate::testing::TestState;
-use choreo_motion::{Clip, RootParts, Time};
+use choreo_motion::{Clip, Curve, RootParts, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
@@ -241,6 +241,8 @@ pub struct ActorDraft {
     pub looks: Vec<Place>,
     /// Of its clips on the base layer.
     pub root: Option<RootDraft>,
+    /// Keys of its joints, over what its clips do.
+    pub joint_keys: Vec<(Curve, Place)>,
     /// Turned to this point at the end, when the position is known.
     pub face_point: Option<DVec3>,
 }
@@ -252,11 +254,13 @@ pub struct Chain {
     pub mask: Option<Vec<f32>>,
     pub mode: LayerMode,
     pub priority: Option<u32>,
+    /// Of the layer as a whole.
+    pub weight_keys: Option<Arc<Channel>>,
 }
 
 impl Chain {
     pub fn new(actor: usize) -> Chain {
-        Chain { actor, mask: None, mode: LayerMode::Override, priority: None }
+        Chain { actor, mask: None, mode: LayerMode::Override, priority: None, weight_keys: None }
     }
 
     /// Not part of the base layer.

@@ -8,7 +8,7 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::hook::{HookDraft, ScriptHook};
 use crate::lint::Places;
 use crate::motion::{Found, in_step, root};
-use choreo_motion::Time;
+use choreo_motion::{Clip, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3};
 use rhai::Engine;
@@ -162,7 +162,8 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Layers
         let next = last.map_or(0, |last| if joins { last.rank } else { last.rank + 1 });
         let rank = chain.priority.map_or(next.min(PRIORITIES - 1), |priority| PRIORITIES + priority);
         let mask = chain.mask.clone().map(Arc::new);
-        of_actor.push(Layer { mask, mode: chain.mode, rank, cues: Vec::new() });
+        let weight_keys = chain.weight_keys.clone();
+        of_actor.push(Layer { mask, mode: chain.mode, rank, weight_keys, cues: Vec::new() });
         slots.push(of_actor.len() - 1);
     }
     // Where a cue of the chain takes over, the one before it is over.
@@ -253,12 +254,25 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Layers
         let chain = &build.chains[draft.chain];
         laid[chain.actor][slots[draft.chain]].1.extend(cue.map(|cue| (cue, draft.at.clone())));
     }
+    for (laid, draft) in laid.iter_mut().zip(&build.actors) {
+        laid.extend(keyed_joints(draft));
+    }
     let (layers, places) = laid.into_iter().map(of_actor).unzip();
     Layers { layers, places, in_step: matched }
 }
 
 /// A layer without its cues, and those with their places.
 type Laid = (Layer, Vec<(Cue, Place)>);
+
+/// Keys of joints are a clip of their own, added to all that lies below.
+fn keyed_joints(draft: &ActorDraft) -> Option<Laid> {
+    let (_, at) = draft.joint_keys.first()?;
+    let curves = draft.joint_keys.iter().map(|(curve, _)| curve.clone()).collect();
+    let clip = Clip::new("keys".into(), draft.actor.asset.skeleton.len(), curves).ok()?;
+    let mode = LayerMode::Additive(Reference::Rest);
+    let cue = Cue { repeat: Repeat::Once, ..Cue::new(Arc::new(clip)) };
+    Some((Layer { mode, rank: u32::MAX, ..Layer::default() }, vec![(cue, at.clone())]))
+}
 
 /// An actor's layers and their cues in order, and the places of the cues.
 fn of_actor(laid: Vec<Laid>) -> (Vec<Layer>, Vec<Vec<Place>>) {
@@ -305,7 +319,7 @@ fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
                 let legs = crate::api::body::legs(&actor.asset);
                 if !legs.is_empty() {
                     let hips = crate::api::body::hips(&actor.asset, &legs);
-                    let plant = Plant { legs, hips, ground: None, only: vec![span] };
+                    let plant = Plant { legs, hips, ground: Vec::new(), only: vec![span] };
                     actor.goals.push(Goal::new(GoalKind::Plant(plant)));
                 }
             }

@@ -124,6 +124,9 @@ impl Checker<'_> {
             self.need(ranked, &place_of_layer, || {
                 "has a lower rank than the layer before it; sort by rank".to_string()
             });
+            if let Some(keys) = &layer.weight_keys {
+                self.channel(&place_of_layer, keys, l > 0 && keys.property == Property::Weight);
+            }
             for (c, cue) in layer.cues.iter().enumerate() {
                 let place = format!("{place}, layer {l}, cue {c} (\"{}\")", cue.clip.name);
                 self.cue(&place, cue, joints);

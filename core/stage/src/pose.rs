@@ -1,10 +1,11 @@
 //! One actor's pose at a time: layers of clips, then hook edits, then model space.
 
-use crate::inertia::Inertias;
+use crate::inertia::{Inertias, Switch};
 use crate::layers::{self, GroupScratch};
+use crate::mirroring::MirrorScratch;
 use crate::timeline::{self, Voice};
 use crate::travel::{CueRoot, Travel};
-use crate::{Actor, ActorEdit, Asset, Layer, MeshInstance, Property, channels, expression};
+use crate::{Actor, ActorEdit, Asset, GoalKind, Layer, MeshInstance, Property, channels, expression};
 use choreo_motion::{BlendOnto, Clip, Crossfade, HumanBone, LocalToModel, Pose, Sample, Time};
 use glam::{Affine3A, DAffine3, DQuat, DVec3};
 
@@ -18,6 +19,7 @@ pub(crate) struct PoseScratch {
     weights: Vec<f32>,
     expressions: Vec<f32>,
     group: GroupScratch,
+    mirror: MirrorScratch,
 }
 
 impl PoseScratch {
@@ -44,6 +46,7 @@ pub(crate) fn pose_actor<'e>(
     model_from_joint.resize(joints, Affine3A::IDENTITY);
     start_weights(asset, morph_weights);
     let turned = edits.clone().any(|edit| matches!(edit, ActorEdit::TurnJoint { .. }));
+    let mirrored = actor.goals.iter().any(|g| matches!(g.kind, GoalKind::Mirror(_)) && g.share(time) > 0.0);
     let mut in_model_space = false;
     scratch.expressions.clear();
     scratch.expressions.resize(asset.expressions.len(), 0.0);
@@ -76,6 +79,7 @@ pub(crate) fn pose_actor<'e>(
             time: voice.clip_time,
             weight: voice.weight,
             first: base && place == 0,
+            dying: dying(layer, voice, time, inertias.filter(|_| base)),
         };
         // Root motion and what dies down change the clips' poses before they are blended.
         let plain = !base || travel.is_none() && inertias.is_none_or(|inertias| !inertias.any());
@@ -102,6 +106,7 @@ pub(crate) fn pose_actor<'e>(
             && actor.layers.len() == 1
             && layer.mask.is_none()
             && !turned
+            && !mirrored
         {
             // What most frames with more than one clip are: a crossfade and nothing else, fused.
             let [from, to] = [blended((0, from)), blended((1, to))];
@@ -115,6 +120,12 @@ pub(crate) fn pose_actor<'e>(
         for voice in scratch.voices.iter().enumerate().map(blended) {
             voice.blend_weights(asset, layer, base, &mut scratch.weights, morph_weights);
             voice.blend_expressions(asset, layer, base, &mut scratch.expressions);
+        }
+    }
+    for goal in actor.goals.iter().filter(|_| mirrored) {
+        if let (GoalKind::Mirror(mirroring), share @ f64::MIN_POSITIVE..) = (&goal.kind, goal.share(time)) {
+            let PoseScratch { pose, mirror, expressions, .. } = &mut *scratch;
+            mirroring.apply(share as f32, mirror, pose, morph_weights, expressions);
         }
     }
     set_weights(actor, time, edits.clone(), morph_weights);
@@ -154,9 +165,20 @@ pub(crate) fn sample_voice(
     {
         move_root(actor, root, back.rotation(), back.translation, pose);
     }
-    if let Some(inertia) = inertias.and_then(|inertias| inertias.of(voice.cue)) {
-        inertia.apply(time - cue.start, pose);
+    if let Some((switch, since)) = dying(layer, voice, time, inertias) {
+        switch.joints.apply(since, pose);
     }
+}
+
+/// What of an inertialized cue's beginning still dies down, and how long ago that was.
+pub(crate) fn dying<'a>(
+    layer: &Layer,
+    voice: &Voice,
+    time: Time,
+    inertias: Option<&'a Inertias>,
+) -> Option<(&'a Switch, Time)> {
+    let switch = inertias.and_then(|inertias| inertias.of(voice.cue))?;
+    Some((switch, time - layer.cues[voice.cue].start))
 }
 
 /// Moves the root joint, and all that hangs on it, in model space.
@@ -211,12 +233,14 @@ fn crossfade(
     .run();
 }
 
-struct BlendedVoice<'a> {
-    clip: &'a Clip,
-    time: Time,
-    weight: f32,
+pub(crate) struct BlendedVoice<'a> {
+    pub clip: &'a Clip,
+    pub time: Time,
+    pub weight: f32,
     /// Nothing lies under it but the rest pose.
-    first: bool,
+    pub first: bool,
+    /// See [`dying`].
+    pub dying: Option<(&'a Switch, Time)>,
 }
 
 impl BlendedVoice<'_> {
@@ -232,7 +256,7 @@ impl BlendedVoice<'_> {
         BlendOnto { pose, to: over, weight: self.weight, mask }.run();
     }
 
-    fn blend_weights(
+    pub fn blend_weights(
         &self,
         asset: &Asset,
         layer: &Layer,
@@ -240,7 +264,7 @@ impl BlendedVoice<'_> {
         over: &mut Vec<f32>,
         weights: &mut [Vec<f32>],
     ) {
-        for (instance, weights) in asset.instances.iter().zip(weights) {
+        for (index, (instance, weights)) in asset.instances.iter().zip(weights).enumerate() {
             if weights.is_empty() {
                 continue;
             }
@@ -251,6 +275,11 @@ impl BlendedVoice<'_> {
                 over.extend_from_slice(weights);
             }
             self.clip.sample_weights(instance.joint, self.time, over);
+            if let Some((switch, since)) = self.dying
+                && let Some(morphs) = switch.morphs.get(index)
+            {
+                morphs.apply(since, over);
+            }
             let mask = layer.mask.as_ref();
             let masked = mask.map_or(1.0, |m| m.get(instance.joint as usize).copied().unwrap_or(0.0));
             let share = self.weight * masked;
@@ -261,14 +290,20 @@ impl BlendedVoice<'_> {
     }
 
     /// An expression that a clip does not drive is 0 on the base layer, and as below on upper ones. A mask counts at the head.
-    fn blend_expressions(&self, asset: &Asset, layer: &Layer, base: bool, weights: &mut [f32]) {
+    pub fn blend_expressions(&self, asset: &Asset, layer: &Layer, base: bool, weights: &mut [f32]) {
         if weights.is_empty() || (self.clip.expressions().is_empty() && !base) {
             return;
         }
         let share = self.weight * masked_at_head(asset, layer);
-        for (expression, weight) in asset.expressions.iter().zip(weights) {
+        for (index, (expression, weight)) in asset.expressions.iter().zip(weights).enumerate() {
             let driven = self.clip.sample_expression(&expression.name, self.time);
-            let over = driven.unwrap_or(if base { 0.0 } else { *weight });
+            let mut over = [driven.unwrap_or(if base { 0.0 } else { *weight })];
+            if let Some((switch, since)) = self.dying
+                && let Some(face) = switch.expressions.get(index)
+            {
+                face.apply(since, &mut over);
+            }
+            let [over] = over;
             *weight = if share == 1.0 { over } else { *weight + (over - *weight) * share };
         }
     }
@@ -288,7 +323,7 @@ pub(crate) fn rest_weights(instance: &MeshInstance, count: usize) -> impl Iterat
     instance.weights.iter().copied().chain(std::iter::repeat(0.0)).take(count)
 }
 
-fn start_weights(asset: &Asset, morph_weights: &mut Vec<Vec<f32>>) {
+pub(crate) fn start_weights(asset: &Asset, morph_weights: &mut Vec<Vec<f32>>) {
     morph_weights.resize_with(asset.instances.len(), Vec::new);
     for (instance, weights) in asset.instances.iter().zip(morph_weights) {
         let count = asset.meshes.get(instance.mesh as usize).map_or(0, |mesh| mesh.morph_targets);

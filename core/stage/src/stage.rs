@@ -134,6 +134,8 @@ pub struct Layer {
     /// order changes nothing but rounding. First those that override are mixed, by weight, over what is below
     /// ([`choreo_motion::Mix`]), then the additive ones are summed and laid on top ([`choreo_motion::Deltas`]).
     pub rank: u32,
+    /// `Property::Weight` over stage time: of the layer as a whole, times its cues'; upper layers only.
+    pub weight_keys: Option<Arc<Channel>>,
     /// Sorted by start. A cue fades in over what came before it.
     pub cues: Vec<Cue>,
 }

@@ -106,6 +106,23 @@ pub(crate) fn upper_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
             voices.push(Voice { cue: index, clip_time, weight });
         }
     }
+    let whole = layer.weight_keys.as_ref().and_then(|keys| keys.at(time));
+    if let Some(whole) = whole.map(|v| (v[0] as f32).clamp(0.0, 1.0)).filter(|whole| *whole < 1.0) {
+        scale_shares(voices, whole);
+    }
+}
+
+/// Each voice's share of the layer times a factor below 1, told as weights over what came before again.
+fn scale_shares(voices: &mut Vec<Voice>, by: f32) {
+    shares(voices);
+    let mut left = 1.0;
+    for voice in voices.iter_mut().rev() {
+        let share = voice.weight * by;
+        // `left` is at least what all shares before it come to, and more than nothing while `by` is below 1.
+        voice.weight = share / left;
+        left -= share;
+    }
+    voices.retain(|voice| voice.weight > 0.0);
 }
 
 /// Turns weights over what came before into shares of the layer as a whole: w · Π (1 − w of those after).
@@ -188,5 +205,34 @@ mod tests {
         assert_eq!(heard(upper_voices, &layer, -1.0), [0usize; 0]);
         assert_eq!(heard(upper_voices, &layer, 3.5), [2, 3]);
         assert_eq!(heard(upper_voices, &layer, 4.0), [3]);
+    }
+
+    #[test]
+    fn the_weight_of_a_layer_scales_what_each_of_its_clips_adds_to_the_whole() {
+        let mut layer = layer(&[(0.0, 0.0), (1.0, 1.0), (1.5, 1.0)]);
+        let told = |layer: &Layer| {
+            let mut voices = Vec::new();
+            upper_voices(layer, Time::from_secs(1.75), &mut voices);
+            shares(&mut voices);
+            voices.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
+        };
+        let whole = told(&layer);
+        assert_eq!(whole.len(), 3);
+        for by in [1.0, 0.999, 0.4, 1e-6] {
+            layer.weight_keys = Some(Arc::new(crate::Channel {
+                property: crate::Property::Weight,
+                interpolation: choreo_motion::Interpolation::Linear,
+                times: vec![Time::ZERO],
+                values: vec![by],
+            }));
+            for ((cue, share), (again, scaled)) in whole.iter().zip(told(&layer)) {
+                assert!(
+                    *cue == again && (f64::from(*share) * by - f64::from(scaled)).abs() < 1e-6 * by + 1e-9
+                );
+            }
+        }
+        layer.weight_keys =
+            layer.weight_keys.map(|keys| Arc::new(crate::Channel { values: vec![0.0], ..(*keys).clone() }));
+        assert!(told(&layer).is_empty());
     }
 }

@@ -215,7 +215,12 @@ fn sliding() -> Stage {
 
 fn planted(ground: Option<usize>) -> Goal {
     let legs = vec![Leg { hip: THIGH, knee: SHIN, foot: FOOT, toe: None }];
-    Goal::new(GoalKind::Plant(Plant { legs, hips: Some(0), ground, only: Vec::new() }))
+    Goal::new(GoalKind::Plant(Plant {
+        legs,
+        hips: Some(0),
+        ground: ground.into_iter().collect(),
+        only: Vec::new(),
+    }))
 }
 
 /// How far the foot goes between two times.

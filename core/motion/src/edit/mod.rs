@@ -3,6 +3,7 @@
 //! What is promised of each holds at every tick, to the rounding of f32: `clip.cut(a, b)` at t is the clip at a + t, `reversed` at t is
 //! the clip at its end − t, and so on (`tests/edit.rs`).
 
+mod beyond;
 mod join;
 mod offset;
 mod smooth;

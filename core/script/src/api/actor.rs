@@ -141,6 +141,7 @@ fn cast(c: &mut Call) -> Reply {
         placed: false,
         looks: Vec::new(),
         root: None,
+        joint_keys: Vec::new(),
         face_point: None,
     });
     Ok(Dynamic::from(ActorRef { id, asset }))

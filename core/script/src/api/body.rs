@@ -1,12 +1,11 @@
 //! What bodies do beside their clips: reach, aim, plant their feet, keep their limits; and what swings on them.
 
 use super::actor::{before_start, find_joint, radians};
+use super::swing::{collider, spring, springs, wind};
 use crate::build::room;
 use crate::call::{ApiError, Call, Def, Gives, Options, Reply, text};
-use crate::hook;
 use crate::suggest::list;
 use crate::value::*;
-use choreo_motion::spring::{ColliderShape, RigBone, SpringBone, SpringCollider};
 use choreo_motion::{HumanBone, Skeleton, Time};
 use choreo_stage::*;
 use glam::DVec3;
@@ -15,7 +14,6 @@ use std::sync::Arc;
 
 const THIS: Gives = Gives::Itself;
 const GOAL: Gives = Gives::A(Kind::Goal);
-const GRAVITY: f64 = 9.81;
 
 pub const DEFS: &[Def] = &[
     Def::new(
@@ -39,8 +37,16 @@ pub const DEFS: &[Def] = &[
         "plant_feet",
         "options?",
         GOAL,
-        "Feet that touch the ground stay where they are, two or four; options: feet (names of joints, else the body's), ground (an actor whose surfaces they stand on), weight.",
+        "Feet that touch the ground stay where they are, two or four; options: feet (names of joints, else the body's), ground (an actor whose surfaces they stand on, or an array of them), weight.",
         plant_feet,
+    ),
+    Def::new(
+        Kind::Actor,
+        "mirror",
+        "options?",
+        GOAL,
+        "Left and right change places in what its clips do, joints, morph targets and expressions, as long as the goal lasts; the way that root motion carries it stays. Options: weight.",
+        mirror,
     ),
     Def::new(Kind::Goal, "from", "time", THIS, "When it begins.", from),
     Def::new(Kind::Goal, "until", "time", THIS, "When it is over.", until),
@@ -223,12 +229,25 @@ fn plant_feet(c: &mut Call) -> Reply {
         .hint(format!("name them, #{{ feet: [ … ] }}: {}", list(names, 24))));
     }
     let hips = hips(&this.asset, &legs);
-    let ground = match o.target("ground")? {
-        None => None,
-        Some(Target::Actor(actor)) if actor != this.id => Some(actor),
-        Some(_) => return Err(ApiError::new("plant_feet: ground must be another actor")),
+    let one = |given: &Dynamic| match given.read_lock::<ActorRef>() {
+        Some(actor) if actor.id != this.id => Ok(actor.id),
+        _ => Err(ApiError::new("plant_feet: ground must be another actor, or an array of them")),
+    };
+    let ground = match o.get("ground") {
+        None => Vec::new(),
+        Some(given) => match given.read_lock::<rhai::Array>() {
+            Some(many) => many.iter().map(one).collect::<Result<_, _>>()?,
+            None => vec![one(&given)?],
+        },
     };
     add(c, this.id, goal(GoalKind::Plant(Plant { legs, hips, ground, only: Vec::new() }), &o)?)
+}
+
+fn mirror(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let o = c.options(0, &["weight"])?;
+    let mirroring = super::clip::mirroring(c, &this.asset)?;
+    add(c, this.id, goal(GoalKind::Mirror(Arc::new(mirroring)), &o)?)
 }
 
 /// The legs that a body is known by, or those of the feet that its file names.
@@ -242,10 +261,12 @@ pub fn legs(asset: &Asset) -> Vec<Leg> {
     feet.filter_map(|foot| leg_above(&asset.skeleton, foot).ok()).collect()
 }
 
-/// What all legs hang on, where they are two: hips above four legs would take the back along.
+/// The lowest joint that all legs hang on.
 pub fn hips(asset: &Asset, legs: &[Leg]) -> Option<u32> {
-    let above = legs.first().and_then(|leg| asset.skeleton.parents()[leg.hip as usize]);
-    human(asset, HumanBone::Hips).or(above).filter(|_| legs.len() <= 2)
+    let parents = asset.skeleton.parents();
+    let above = |leg: &Leg| std::iter::successors(parents[leg.hip as usize], |j| parents[*j as usize]);
+    let (first, others) = legs.split_first()?;
+    above(first).find(|joint| others.iter().all(|leg| above(leg).any(|j| j == *joint)))
 }
 
 fn leg_above(skeleton: &Skeleton, foot: u32) -> Result<Leg, ApiError> {
@@ -345,160 +366,4 @@ fn limit(c: &mut Call) -> Reply {
     actor.limits.push((this.joint, limit));
     drop(build);
     c.itself()
-}
-
-/// Changes what swings on an actor; there is nothing at first where the file has no springs.
-fn swinging(c: &Call, change: impl FnOnce(&mut ActorSprings)) -> Reply {
-    let this: ActorRef = c.this()?;
-    let mut build = c.build();
-    let draft = build.actor(this.id)?;
-    change(Arc::make_mut(draft.actor.springs.get_or_insert_default()));
-    drop(build);
-    c.itself()
-}
-
-fn spring(c: &mut Call) -> Reply {
-    let this: ActorRef = c.this()?;
-    let joints = matching(&this.asset, &c.value(0), &c.label(0))?;
-    let o = c.options(1, &["frequency", "damping", "gravity", "radius", "center"])?;
-    let frequency = o.number_in("frequency", 0.0, 1000.0)?.unwrap_or(2.0);
-    let damping = o.number_in("damping", 0.0, 1000.0)?.unwrap_or(0.3);
-    let gravity = o.number_in("gravity", -1000.0, 1000.0)?.unwrap_or(0.0);
-    let hit_radius = o.number_in("radius", 0.0, 1000.0)?.unwrap_or(0.0);
-    let center = o.text("center")?.map(|name| find_joint(&this.asset, &name)).transpose()?;
-    swinging(c, |springs| {
-        let colliders: Vec<u32> = (0..springs.rig.colliders().len() as u32).collect();
-        for joint in joints {
-            springs.rig.add(RigBone {
-                joint,
-                tail: tail(&this.asset, joint),
-                spring: SpringBone::new(frequency, damping),
-                gravity: DVec3::NEG_Y * (GRAVITY * gravity),
-                pull: DVec3::ZERO,
-                hit_radius,
-                center,
-                colliders: colliders.clone(),
-            });
-        }
-    })
-}
-
-/// To the first joint below, else as far again as from the one above.
-fn tail(asset: &Asset, joint: u32) -> glam::Vec3 {
-    let (parents, rest) = (asset.skeleton.parents(), asset.skeleton.rest());
-    let child = (0..parents.len()).find(|j| parents[*j] == Some(joint));
-    let own = rest[joint as usize];
-    child.map_or_else(|| own.rotation.inverse() * own.translation, |child| rest[child].translation)
-}
-
-fn springs(c: &mut Call) -> Reply {
-    let this: ActorRef = c.this()?;
-    if let Ok(on) = c.value(0).as_bool() {
-        let mut build = c.build();
-        let draft = build.actor(this.id)?;
-        draft.actor.springs =
-            if on { draft.actor.springs.take().or(ActorSprings::of(&this.asset)) } else { None };
-        drop(build);
-        return c.itself();
-    }
-    if !c.value(0).is_map() {
-        return Err(c.wrong(0, "true, false or an object map like #{ ground: 0.0 }"));
-    }
-    let o = c.options(0, &["ground", "pre_roll"])?;
-    let (ground, pre_roll) = (o.number_in("ground", -1e9, 1e9)?, o.duration("pre_roll")?);
-    if let Some(t) = pre_roll.filter(|t| *t > Time::from_secs(600.0)) {
-        return Err(ApiError::new(format!(
-            "springs: pre_roll must be from 0 to 600 s, got {} s",
-            t.as_secs()
-        )));
-    }
-    swinging(c, |springs| {
-        springs.rig.ground = ground.or(springs.rig.ground);
-        springs.pre_roll = pre_roll.unwrap_or(springs.pre_roll);
-    })
-}
-
-fn collider(c: &mut Call) -> Reply {
-    let this: ActorRef = c.this()?;
-    let joint = find_joint(&this.asset, &c.text(0)?)?;
-    let o = c.options(1, &["radius", "at", "to"])?;
-    let Some(radius) = o.number_in("radius", 0.0, 1e6)? else {
-        return Err(ApiError::new("collider: needs a radius").hint("#{ radius: 0.1 }"));
-    };
-    let offset = o.point("at")?.unwrap_or_default().as_vec3();
-    let shape = match o.point("to")? {
-        Some(tail) => {
-            ColliderShape::Capsule { offset, tail: tail.as_vec3(), radius: radius as f32, inside: false }
-        }
-        None => ColliderShape::Sphere { offset, radius: radius as f32, inside: false },
-    };
-    swinging(c, |springs| {
-        let index = springs.rig.add_collider(SpringCollider { joint, shape });
-        springs.rig.bones_mut().for_each(|bone| bone.colliders.push(index));
-    })
-}
-
-fn wind(c: &mut Call) -> Reply {
-    let velocity = c.point(0)?.clamp_length_max(1e4);
-    if c.in_frame {
-        let this: ActorRef = c.this()?;
-        hook::edit(|e| e.actors.push(ActorEdit::Wind { actor: this.id, wind: velocity }));
-        return c.itself();
-    }
-    swinging(c, |springs| springs.wind = velocity)
-}
-
-/// Joints by name, "Name.." with all below, or a pattern with `*`; a text or an array of texts.
-fn matching(asset: &Asset, given: &Dynamic, label: &str) -> Result<Vec<u32>, ApiError> {
-    let patterns = match given.read_lock::<rhai::Array>() {
-        Some(array) => array.iter().map(|v| text(v, label)).collect::<Result<Vec<_>, _>>()?,
-        None => vec![text(given, label)?],
-    };
-    let skeleton = &asset.skeleton;
-    let mut hit = vec![false; skeleton.len()];
-    for pattern in patterns {
-        let (name, below) = pattern.strip_suffix("..").map_or((pattern.as_str(), false), |name| (name, true));
-        let mut now = vec![false; skeleton.len()];
-        if name.contains('*') {
-            let parts: Vec<String> = name.split('*').map(str::to_ascii_lowercase).collect();
-            for (joint, name) in skeleton.names().iter().enumerate() {
-                now[joint] = like(&name.to_ascii_lowercase(), &parts);
-            }
-            if !now.contains(&true) {
-                let error = format!("no joint of skeleton \"{}\" matches \"{pattern}\"", asset.name);
-                let names = list(skeleton.names().iter().map(String::as_str), 24);
-                return Err(ApiError::new(error).focus(pattern.clone()).hint(format!("joints: {names}")));
-            }
-        } else {
-            now[find_joint(asset, name).map_err(|e| e.focus(pattern.clone()))? as usize] = true;
-        }
-        for joint in 0..skeleton.len() {
-            now[joint] |= below && skeleton.parents()[joint].is_some_and(|p| now[p as usize]);
-            hit[joint] |= now[joint];
-        }
-    }
-    Ok((0..skeleton.len() as u32).filter(|j| hit[*j as usize]).collect())
-}
-
-/// Whether a text is these parts with anything between.
-fn like(text: &str, parts: &[String]) -> bool {
-    let (Some(first), Some(last)) = (parts.first(), parts.last()) else { return false };
-    let Some(mut rest) = text.strip_prefix(first.as_str()) else { return false };
-    for part in &parts[1..parts.len() - 1] {
-        let Some(at) = rest.find(part.as_str()) else { return false };
-        rest = &rest[at + part.len()..];
-    }
-    rest.len() >= last.len() && rest.ends_with(last.as_str())
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn patterns() {
-        let like = |text: &str, pattern: &str| {
-            super::like(text, &pattern.split('*').map(str::to_string).collect::<Vec<_>>())
-        };
-        assert!(like("hair_front_1", "*hair*") && like("hair", "hair*") && like("tail3", "t*3"));
-        assert!(!like("head", "*hair*") && !like("aba", "ab*ba") && like("abba", "ab*ba"));
-    }
 }

@@ -9,8 +9,8 @@ use crate::value::*;
 use choreo_motion::retarget::{
     Options as Fit, Report, Retarget, Translations, bind_or_retarget, same_joints,
 };
-use choreo_motion::{Clip, MirrorMap, bind_clip};
-use choreo_stage::Asset;
+use choreo_motion::{Clip, bind_clip};
+use choreo_stage::{Asset, Mirroring};
 use rhai::{Dynamic, Map};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -62,15 +62,20 @@ fn count(c: &Call, clip: &Clip) -> Result<(), ApiError> {
     Ok(())
 }
 
+/// Who is on the other side, of an asset that has two.
+pub fn mirroring(c: &Call, asset: &Asset) -> Result<Mirroring, ApiError> {
+    Mirroring::of(asset).map_err(|e| {
+        let names = asset.skeleton.names().iter().map(String::as_str);
+        ApiError::new(format!("{}: \"{}\": {e}", c.def.name, asset.name))
+            .hint(format!("joints: {}", list(names, 24)))
+    })
+}
+
 fn mirror(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
     let skeleton = &this.asset.skeleton;
-    let map = MirrorMap::new(skeleton).map_err(|e| {
-        let names = skeleton.names().iter().map(String::as_str);
-        ApiError::new(format!("mirror: \"{}\": {e}", this.asset.name))
-            .hint(format!("joints: {}", list(names, 24)))
-    })?;
-    let lost = map.unpaired().iter().filter(|joint| this.clip.animates(**joint));
+    let map = mirroring(c, &this.asset)?;
+    let lost = map.joints.unpaired().iter().filter(|joint| this.clip.animates(**joint));
     let lost: Vec<&str> = lost.map(|joint| skeleton.names()[*joint as usize].as_str()).collect();
     if !lost.is_empty() {
         let text = format!(
@@ -82,7 +87,7 @@ fn mirror(c: &mut Call) -> Reply {
         );
         c.shared.note(Severity::Warning, &c.place, &ApiError::new(text));
     }
-    let mut clip = this.clip.mirrored(&map);
+    let mut clip = map.clip(&this.asset, &this.clip);
     clip.name = format!("{} mirrored", this.clip.name);
     made(c, clip, this.asset)
 }

@@ -6,8 +6,8 @@ use super::keys;
 use crate::call::{ApiError, Call, Def, Gives, Reply, point};
 use crate::value::*;
 use choreo_motion::reduce::Keep;
-use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Offset, Path, Time};
-use choreo_stage::{Asset, Channel, Property};
+use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Offset, Path, Pose, Sample, Time};
+use choreo_stage::{Asset, Channel, Property, Reference};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
@@ -73,6 +73,22 @@ pub const DEFS: &[Def] = &[
         CLIP,
         "In fewer bytes, sampled as fast: no joint is farther off than so many metres (0.0001 is good), measured in the model; what would not become smaller stays as it is. Best done last: edits, and other bodies, take the keys out again.",
         compress,
+    ),
+    Def::new(
+        Kind::Clip,
+        "additive",
+        "reference?",
+        CLIP,
+        "What the clip does beyond a pose, over the rest pose: its \"first\" frame (left out), the \"rest\" pose, or the clip at a time in seconds. A clip like any other, to be edited, mirrored, retargeted; as a layer, .additive(\"rest\").",
+        additive,
+    ),
+    Def::new(
+        Kind::Clip,
+        "subtractive",
+        "reference?",
+        CLIP,
+        "As additive, the other way: it takes that away.",
+        subtractive,
     ),
     Def::new(Kind::Clip, "bytes", "", Gives::Value("int"), "How many bytes its keys take.", byte_count),
     Def::new(Kind::Clip, "keys", "", Gives::Value("int"), "How many keys its curves have.", key_count),
@@ -150,6 +166,28 @@ fn compress(c: &mut Call) -> Reply {
     edit(c, |clip, asset| clip.compressed(&asset.skeleton, tolerance).map(|(clip, _)| clip))
 }
 
+fn additive(c: &mut Call) -> Reply {
+    beyond(c, false)
+}
+
+fn subtractive(c: &mut Call) -> Reply {
+    beyond(c, true)
+}
+
+fn beyond(c: &Call, taken_away: bool) -> Reply {
+    let this: ClipRef = c.this()?;
+    let mut pose = Pose::rest(&this.asset.skeleton);
+    let time = match super::cue::reference(c, &this.clip)? {
+        Reference::Rest => None,
+        Reference::FirstFrame => Some(Time::ZERO),
+        Reference::At(time) => Some(time),
+    };
+    if let Some(time) = time {
+        Sample { clip: &this.clip, time, pose: &mut pose }.run();
+    }
+    edit(c, |clip, asset| clip.beyond(&pose, &asset.skeleton, taken_away))
+}
+
 fn byte_count(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
     Ok(Dynamic::from_int(this.clip.stored_bytes() as i64))
@@ -163,7 +201,7 @@ fn key_count(c: &mut Call) -> Reply {
 fn key(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
     let joint = find_joint(&this.asset, &c.text(1)?)?;
-    let channels = keys::read(c, keys::Owner::Joint)?;
+    let channels = keys::read(c, keys::Owner::JointOfClip)?;
     edit(c, |clip, asset| {
         let mut curves = clip.curves().to_vec();
         for channel in channels {
@@ -176,7 +214,7 @@ fn key(c: &mut Call) -> Reply {
 }
 
 /// Keys from rest, as a curve in the joint's own terms.
-fn curve(asset: &Asset, joint: u32, channel: &Channel) -> Curve {
+pub fn curve(asset: &Asset, joint: u32, channel: &Channel) -> Curve {
     let skeleton = &asset.skeleton;
     let rest = &skeleton.rest()[joint as usize];
     let cubic = channel.interpolation == Interpolation::CubicSpline;

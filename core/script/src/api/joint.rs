@@ -1,6 +1,7 @@
 //! Joints of actors: found by name, turned for a frame.
 
 use super::actor::{euler, radians};
+use super::{clip_edit, keys};
 use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
 use crate::hook;
 use crate::value::*;
@@ -39,6 +40,14 @@ pub const DEFS: &[Def] = &[
         joint_rotate,
     )
     .in_frames(),
+    Def::new(
+        Kind::Joint,
+        "key",
+        "property, keys, how?",
+        THIS,
+        "Keys [[time, value], …] over what its clips do, in seconds on stage: \"rotation\" (degrees [x, y, z] about its own axes), \"position\" (metres along the model's axes) or \"scale\" (a factor, or one an axis); how, and eases of single keys, as for Actor.key.",
+        key,
+    ),
     Def::new(Kind::Joint, "name", "", Gives::Value("text"), "Name of the joint.", joint_name).in_frames(),
 ];
 
@@ -85,6 +94,20 @@ fn joint_turn(c: &mut Call) -> Reply {
 fn joint_rotate(c: &mut Call) -> Reply {
     let degrees = DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?);
     joint_edit(c, euler(degrees))
+}
+
+fn key(c: &mut Call) -> Reply {
+    let this: JointRef = c.this()?;
+    let channels = keys::read(c, keys::Owner::Joint)?;
+    let mut build = c.build();
+    let drafts = &mut build.actor(this.actor)?.joint_keys;
+    for channel in channels {
+        let curve = clip_edit::curve(&this.asset, this.joint, &channel);
+        drafts.retain(|(c, _)| (c.joint, c.path) != (curve.joint, curve.path));
+        drafts.push((curve, c.place.clone()));
+    }
+    drop(build);
+    c.itself()
 }
 
 fn joint_name(c: &mut Call) -> Reply {

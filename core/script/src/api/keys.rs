@@ -15,6 +15,7 @@ pub enum Owner<'a> {
     Camera,
     Light,
     /// A joint in a clip, named after the property.
+    JointOfClip,
     Joint,
 }
 
@@ -29,10 +30,10 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
         Owner::Actor(_) => &["position", "rotation", "scale", "visible", "tint", "morph", "expression"],
         Owner::Camera => &["position", "rotation", "fov"],
         Owner::Light => &["position", "intensity", "color"],
-        Owner::Joint => &["position", "rotation", "scale"],
+        Owner::JointOfClip | Owner::Joint => &["position", "rotation", "scale"],
     };
     let name = one_of(&c.value(0), "key: property", allowed)?;
-    let mut next = if matches!(owner, Owner::Joint) { 2 } else { 1 };
+    let mut next = if matches!(owner, Owner::JointOfClip) { 2 } else { 1 };
     let mut targets = Vec::new();
     if let ("morph" | "expression", Owner::Actor(asset)) = (name, owner) {
         let wanted = c.value(1);

@@ -19,6 +19,7 @@ pub mod look;
 pub mod made;
 pub mod maths;
 pub mod stage;
+mod swing;
 pub mod test;
 pub mod together;
 pub mod travel;

@@ -29,6 +29,7 @@ pub(crate) fn problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
             GoalKind::Reach(_) => "reach",
             GoalKind::Aim(_) => "aim",
             GoalKind::Plant(_) => "plant_feet",
+            GoalKind::Mirror(_) => "mirror",
         };
         if let Some(what) = goal.targets().find_map(|t| target(&t)) {
             bad(name, what);
@@ -50,7 +51,20 @@ pub(crate) fn problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
         let chain = match &goal.kind {
             GoalKind::Reach(reach) => &reach.joints,
             GoalKind::Aim(aim) => &aim.joints,
-            GoalKind::Plant(_) => continue,
+            GoalKind::Plant(plant) => {
+                let count = stage.actors.len();
+                if let Some(ground) = plant.ground.iter().find(|g| **g >= count) {
+                    bad(name, format!("ground actor {ground} does not exist, there are {count}"));
+                }
+                continue;
+            }
+            GoalKind::Mirror(mirroring) => {
+                let count = mirroring.joints.joint_count();
+                if count != joints {
+                    bad(name, format!("the map is of {count} joints, the skeleton has {joints}"));
+                }
+                continue;
+            }
         };
         let parents = actor.asset.skeleton.parents();
         let below = |of: u32, joint: u32| {
@@ -77,7 +91,7 @@ pub(crate) fn problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
                 aim.shares.iter().all(|s| (0.0..=1e6).contains(s))
                     && (0.0..=std::f64::consts::PI).contains(&aim.limit)
             }
-            GoalKind::Plant(_) => true,
+            GoalKind::Plant(_) | GoalKind::Mirror(_) => true,
         };
         if !fine {
             bad(name, "a number is out of range".into());
@@ -113,5 +127,6 @@ fn joints_of(kind: &GoalKind) -> Vec<u32> {
             let of_legs = legs.iter().flat_map(|l| [Some(l.hip), Some(l.knee), Some(l.foot), l.toe]);
             of_legs.chain([*hips]).flatten().collect()
         }
+        GoalKind::Mirror(_) => Vec::new(),
     }
 }

@@ -18,7 +18,7 @@ pub(crate) mod springs;
 
 pub use legs::find_legs;
 
-use crate::{Asset, Ease, Target};
+use crate::{Asset, Ease, Mirroring, Target};
 use choreo_motion::Time;
 use choreo_motion::ik::Solver;
 use choreo_motion::spring::SpringRig;
@@ -49,6 +49,8 @@ pub enum GoalKind {
     Reach(Reach),
     Aim(AimGoal),
     Plant(Plant),
+    /// Left and right change places in what its clips do, before all other goals. The way it is carried stays.
+    Mirror(Arc<Mirroring>),
 }
 
 /// The last joint of a chain comes to a target.
@@ -88,8 +90,9 @@ pub struct Plant {
     pub legs: Vec<Leg>,
     /// Joint that is lowered or raised with the ground: the hips.
     pub hips: Option<u32>,
-    /// An actor on whose surfaces the feet stand, as it stands at time 0; else the height at which this actor stands.
-    pub ground: Option<usize>,
+    /// Actors on whose surfaces the feet stand, the highest below each foot, as they stand at time 0; else the height at which this
+    /// actor stands.
+    pub ground: Vec<usize>,
     /// Only feet that stand at any time of one of these, from their coming down to their going up; empty: all.
     pub only: Vec<(Time, Time)>,
 }
@@ -136,8 +139,8 @@ impl Goal {
         if time < self.start || self.end.is_some_and(|end| time >= end) {
             return 0.0;
         }
-        // Feet that stand as the stage begins stand already.
-        let begun = self.start <= Time::ZERO && matches!(self.kind, GoalKind::Plant(_));
+        // Feet that stand as the stage begins stand already, and who is mirrored then has always been.
+        let begun = self.start <= Time::ZERO && matches!(self.kind, GoalKind::Plant(_) | GoalKind::Mirror(_));
         let fade_in = if begun { 1.0 } else { eased(Ease::Smooth, fraction(time - self.start, self.fade)) };
         let fade_out = self.end.map_or(1.0, |end| eased(Ease::Smooth, fraction(end - time, self.fade)));
         f64::from((self.weight * fade_in * fade_out).clamp(0.0, 1.0))
@@ -152,6 +155,7 @@ impl Goal {
                 let of_leg = |l: &Leg| l.hip.max(l.knee).max(l.foot).max(l.toe.unwrap_or(0));
                 plant.legs.iter().map(of_leg).chain(plant.hips).max()
             }
+            GoalKind::Mirror(_) => None,
         };
         last.unwrap_or(0)
     }
@@ -161,7 +165,7 @@ impl Goal {
         let (target, pole) = match &self.kind {
             GoalKind::Reach(reach) => (Some(reach.target), reach.pole),
             GoalKind::Aim(aim) => (Some(aim.target), None),
-            GoalKind::Plant(_) => (None, None),
+            GoalKind::Plant(_) | GoalKind::Mirror(_) => (None, None),
         };
         target.into_iter().chain(pole)
     }

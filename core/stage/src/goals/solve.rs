@@ -81,7 +81,7 @@ fn find_targets(
 
 fn places(stage: &Stage, actors: &[ActorState], goal: &Goal) -> Option<(DVec3, Option<DVec3>)> {
     match &goal.kind {
-        GoalKind::Plant(_) => None,
+        GoalKind::Plant(_) | GoalKind::Mirror(_) => None,
         GoalKind::Aim(aim) => Some((target_position(stage, actors, &aim.target)?, None)),
         GoalKind::Reach(reach) => {
             let at = match (reach.offset, reach.target) {
@@ -127,6 +127,8 @@ fn solve_actor(
         GoalKind::Plant(_) => 0,
         GoalKind::Aim(_) => 1,
         GoalKind::Reach(_) => 2,
+        // Done with the clips.
+        GoalKind::Mirror(_) => 3,
     };
     for stage_of_goals in 0..3 {
         for (number, goal) in actor.goals.iter().enumerate() {
@@ -182,7 +184,7 @@ fn solve_actor(
                     let limits = &actor.limits;
                     solve_reach(reach, share, target, pole, limits, rest, &mut scratch.chain, &mut body);
                 }
-                GoalKind::Plant(_) => {}
+                GoalKind::Plant(_) | GoalKind::Mirror(_) => {}
             }
         }
         if stage_of_goals == 1 {

@@ -37,9 +37,11 @@ impl Writer {
                     w.option(toe, |w, toe| w.u32(*toe));
                 });
                 self.option(hips, |w, hips| w.u32(*hips));
-                self.option(ground, |w, ground| w.count(*ground));
+                self.list(ground, |w, ground| w.count(*ground));
                 self.list(only, |w, (from, to)| [from, to].into_iter().for_each(|t| w.time(*t)));
             }
+            // What it exchanges follows from the asset.
+            GoalKind::Mirror(_) => self.tag(3),
         }
     }
 

@@ -221,10 +221,11 @@ impl Writer {
         mut mask: impl FnMut(&mut Writer, &Arc<Vec<f32>>),
         mut clip: impl FnMut(&Arc<Clip>) -> ContentHash,
     ) {
-        let Layer { mask: joints, mode, rank, cues } = layer;
+        let Layer { mask: joints, mode, rank, weight_keys, cues } = layer;
         self.option(joints, |w, joints| mask(w, joints));
         self.layer_mode(mode);
         self.u32(*rank);
+        self.option(weight_keys, |w, keys| w.channel(keys));
         self.list(cues, |w, cue| {
             w.bytes(&clip(&cue.clip));
             w.cue(cue);

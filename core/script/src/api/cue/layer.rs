@@ -1,11 +1,14 @@
 //! Layers: over which joints, how far, and what they do to what is below.
 
+use crate::api::keys;
 use crate::build::Chain;
 use crate::call::{ApiError, Call, Reply, describe};
 use crate::suggest::list;
 use crate::value::CueRef;
-use choreo_stage::{Asset, LayerMode, Reference};
+use choreo_motion::{Clip, Interpolation, Time};
+use choreo_stage::{Asset, Channel, LayerMode, Property, Reference};
 use rhai::{Dynamic, Map};
+use std::sync::Arc;
 
 /// The most joints that a soft edge falls off over: more than any skeleton is deep where it matters.
 const SOFTEST: f64 = 100.0;
@@ -40,7 +43,7 @@ pub fn on(c: &mut Call) -> Reply {
 }
 
 pub fn additive(c: &mut Call) -> Reply {
-    let mode = LayerMode::Additive(reference(c)?);
+    let mode = LayerMode::Additive(reference_of_cue(c)?);
     change(c, |chain| {
         chain.mode = mode;
         Ok(())
@@ -48,14 +51,21 @@ pub fn additive(c: &mut Call) -> Reply {
 }
 
 pub fn subtractive(c: &mut Call) -> Reply {
-    let mode = LayerMode::Subtractive(reference(c)?);
+    let mode = LayerMode::Subtractive(reference_of_cue(c)?);
     change(c, |chain| {
         chain.mode = mode;
         Ok(())
     })
 }
 
-fn reference(c: &Call) -> Result<Reference, ApiError> {
+fn reference_of_cue(c: &Call) -> Result<Reference, ApiError> {
+    let this: CueRef = c.this()?;
+    let clip = c.build().cue(this.0)?.clip.clone();
+    reference(c, &clip)
+}
+
+/// The pose that a clip is a difference to, as the first argument says.
+pub fn reference(c: &Call, clip: &Clip) -> Result<Reference, ApiError> {
     if c.len() == 0 {
         return Ok(Reference::FirstFrame);
     }
@@ -66,16 +76,32 @@ fn reference(c: &Call) -> Result<Reference, ApiError> {
             _ => Reference::FirstFrame,
         });
     }
-    let this: CueRef = c.this()?;
     let time = crate::call::duration(&value, &c.label(0))?;
-    let mut build = c.build();
-    let clip = &build.cue(this.0)?.clip;
     if time > clip.duration {
         let (at, end) = (time.as_secs(), clip.duration.as_secs());
         let text = format!("{} at {at} s is after the end of clip \"{}\", {end} s", c.label(0), clip.name);
         return Err(ApiError::new(text));
     }
     Ok(Reference::At(time))
+}
+
+pub fn layer_weight(c: &mut Call) -> Reply {
+    let how = if c.len() > 1 { keys::how(c, 1)? } else { "linear" };
+    let within = |v: &Dynamic, label: &str| crate::call::number_in(v, label, 0.0, 1.0);
+    let value = c.value(0);
+    let weights = match value.is_array() {
+        true => keys::scalars(c, &value, "layer_weight", how, Property::Weight, &within)?,
+        false => Channel {
+            property: Property::Weight,
+            interpolation: Interpolation::Step,
+            times: vec![Time::ZERO],
+            values: vec![c.number_in(0, 0.0, 1.0)?],
+        },
+    };
+    change(c, |chain| {
+        chain.weight_keys = Some(Arc::new(weights));
+        Ok(())
+    })
 }
 
 pub fn priority(c: &mut Call) -> Reply {

@@ -10,7 +10,8 @@ use crate::call::{ApiError, Call, Def, Gives, Reply};
 use crate::value::*;
 use choreo_stage::{Property, Repeat, Warp};
 pub use clips::bound_clip;
-use layer::{additive, on, priority, subtractive};
+pub use layer::reference;
+use layer::{additive, layer_weight, on, priority, subtractive};
 pub use options::{ease_of, read_options};
 use options::{set_speed, set_trim, set_weight};
 use rhai::Dynamic;
@@ -130,6 +131,14 @@ pub const DEFS: &[Def] = &[
         additive,
     ),
     Def::new(Kind::Cue, "subtractive", "reference?", THIS, "As additive, but takes it away.", subtractive),
+    Def::new(
+        Kind::Cue,
+        "layer_weight",
+        "weight | keys, how?",
+        THIS,
+        "How much its layer counts as a whole, times the weight of each clip on it: a number, or keys over time as for weight.",
+        layer_weight,
+    ),
     Def::new(
         Kind::Cue,
         "priority",

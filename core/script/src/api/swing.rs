@@ -1,0 +1,171 @@
+//! What swings on bodies: springs, what keeps them out, and wind.
+
+use super::actor::find_joint;
+use crate::call::{ApiError, Call, Reply, text};
+use crate::hook;
+use crate::suggest::list;
+use crate::value::*;
+use choreo_motion::Time;
+use choreo_motion::spring::{ColliderShape, RigBone, SpringBone, SpringCollider};
+use choreo_stage::*;
+use glam::DVec3;
+use rhai::Dynamic;
+use std::sync::Arc;
+
+const GRAVITY: f64 = 9.81;
+
+/// Changes what swings on an actor; there is nothing at first where the file has no springs.
+fn swinging(c: &Call, change: impl FnOnce(&mut ActorSprings)) -> Reply {
+    let this: ActorRef = c.this()?;
+    let mut build = c.build();
+    let draft = build.actor(this.id)?;
+    change(Arc::make_mut(draft.actor.springs.get_or_insert_default()));
+    drop(build);
+    c.itself()
+}
+
+pub fn spring(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let joints = matching(&this.asset, &c.value(0), &c.label(0))?;
+    let o = c.options(1, &["frequency", "damping", "gravity", "radius", "center"])?;
+    let frequency = o.number_in("frequency", 0.0, 1000.0)?.unwrap_or(2.0);
+    let damping = o.number_in("damping", 0.0, 1000.0)?.unwrap_or(0.3);
+    let gravity = o.number_in("gravity", -1000.0, 1000.0)?.unwrap_or(0.0);
+    let hit_radius = o.number_in("radius", 0.0, 1000.0)?.unwrap_or(0.0);
+    let center = o.text("center")?.map(|name| find_joint(&this.asset, &name)).transpose()?;
+    swinging(c, |springs| {
+        let colliders: Vec<u32> = (0..springs.rig.colliders().len() as u32).collect();
+        for joint in joints {
+            springs.rig.add(RigBone {
+                joint,
+                tail: tail(&this.asset, joint),
+                spring: SpringBone::new(frequency, damping),
+                gravity: DVec3::NEG_Y * (GRAVITY * gravity),
+                pull: DVec3::ZERO,
+                hit_radius,
+                center,
+                colliders: colliders.clone(),
+            });
+        }
+    })
+}
+
+/// To the first joint below, else as far again as from the one above.
+fn tail(asset: &Asset, joint: u32) -> glam::Vec3 {
+    let (parents, rest) = (asset.skeleton.parents(), asset.skeleton.rest());
+    let child = (0..parents.len()).find(|j| parents[*j] == Some(joint));
+    let own = rest[joint as usize];
+    child.map_or_else(|| own.rotation.inverse() * own.translation, |child| rest[child].translation)
+}
+
+pub fn springs(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    if let Ok(on) = c.value(0).as_bool() {
+        let mut build = c.build();
+        let draft = build.actor(this.id)?;
+        draft.actor.springs =
+            if on { draft.actor.springs.take().or(ActorSprings::of(&this.asset)) } else { None };
+        drop(build);
+        return c.itself();
+    }
+    if !c.value(0).is_map() {
+        return Err(c.wrong(0, "true, false or an object map like #{ ground: 0.0 }"));
+    }
+    let o = c.options(0, &["ground", "pre_roll"])?;
+    let (ground, pre_roll) = (o.number_in("ground", -1e9, 1e9)?, o.duration("pre_roll")?);
+    if let Some(t) = pre_roll.filter(|t| *t > Time::from_secs(600.0)) {
+        return Err(ApiError::new(format!(
+            "springs: pre_roll must be from 0 to 600 s, got {} s",
+            t.as_secs()
+        )));
+    }
+    swinging(c, |springs| {
+        springs.rig.ground = ground.or(springs.rig.ground);
+        springs.pre_roll = pre_roll.unwrap_or(springs.pre_roll);
+    })
+}
+
+pub fn collider(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let joint = find_joint(&this.asset, &c.text(0)?)?;
+    let o = c.options(1, &["radius", "at", "to"])?;
+    let Some(radius) = o.number_in("radius", 0.0, 1e6)? else {
+        return Err(ApiError::new("collider: needs a radius").hint("#{ radius: 0.1 }"));
+    };
+    let offset = o.point("at")?.unwrap_or_default().as_vec3();
+    let shape = match o.point("to")? {
+        Some(tail) => {
+            ColliderShape::Capsule { offset, tail: tail.as_vec3(), radius: radius as f32, inside: false }
+        }
+        None => ColliderShape::Sphere { offset, radius: radius as f32, inside: false },
+    };
+    swinging(c, |springs| {
+        let index = springs.rig.add_collider(SpringCollider { joint, shape });
+        springs.rig.bones_mut().for_each(|bone| bone.colliders.push(index));
+    })
+}
+
+pub fn wind(c: &mut Call) -> Reply {
+    let velocity = c.point(0)?.clamp_length_max(1e4);
+    if c.in_frame {
+        let this: ActorRef = c.this()?;
+        hook::edit(|e| e.actors.push(ActorEdit::Wind { actor: this.id, wind: velocity }));
+        return c.itself();
+    }
+    swinging(c, |springs| springs.wind = velocity)
+}
+
+/// Joints by name, "Name.." with all below, or a pattern with `*`; a text or an array of texts.
+fn matching(asset: &Asset, given: &Dynamic, label: &str) -> Result<Vec<u32>, ApiError> {
+    let patterns = match given.read_lock::<rhai::Array>() {
+        Some(array) => array.iter().map(|v| text(v, label)).collect::<Result<Vec<_>, _>>()?,
+        None => vec![text(given, label)?],
+    };
+    let skeleton = &asset.skeleton;
+    let mut hit = vec![false; skeleton.len()];
+    for pattern in patterns {
+        let (name, below) = pattern.strip_suffix("..").map_or((pattern.as_str(), false), |name| (name, true));
+        let mut now = vec![false; skeleton.len()];
+        if name.contains('*') {
+            let parts: Vec<String> = name.split('*').map(str::to_ascii_lowercase).collect();
+            for (joint, name) in skeleton.names().iter().enumerate() {
+                now[joint] = like(&name.to_ascii_lowercase(), &parts);
+            }
+            if !now.contains(&true) {
+                let error = format!("no joint of skeleton \"{}\" matches \"{pattern}\"", asset.name);
+                let names = list(skeleton.names().iter().map(String::as_str), 24);
+                return Err(ApiError::new(error).focus(pattern.clone()).hint(format!("joints: {names}")));
+            }
+        } else {
+            now[find_joint(asset, name).map_err(|e| e.focus(pattern.clone()))? as usize] = true;
+        }
+        for joint in 0..skeleton.len() {
+            now[joint] |= below && skeleton.parents()[joint].is_some_and(|p| now[p as usize]);
+            hit[joint] |= now[joint];
+        }
+    }
+    Ok((0..skeleton.len() as u32).filter(|j| hit[*j as usize]).collect())
+}
+
+/// Whether a text is these parts with anything between.
+fn like(text: &str, parts: &[String]) -> bool {
+    let (Some(first), Some(last)) = (parts.first(), parts.last()) else { return false };
+    let Some(mut rest) = text.strip_prefix(first.as_str()) else { return false };
+    for part in &parts[1..parts.len() - 1] {
+        let Some(at) = rest.find(part.as_str()) else { return false };
+        rest = &rest[at + part.len()..];
+    }
+    rest.len() >= last.len() && rest.ends_with(last.as_str())
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn patterns() {
+        let like = |text: &str, pattern: &str| {
+            super::like(text, &pattern.split('*').map(str::to_string).collect::<Vec<_>>())
+        };
+        assert!(like("hair_front_1", "*hair*") && like("hair", "hair*") && like("tail3", "t*3"));
+        assert!(!like("head", "*hair*") && !like("aba", "ab*ba") && like("abba", "ab*ba"));
+    }
+}
