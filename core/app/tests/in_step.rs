@@ -85,7 +85,7 @@ fn watch(stage: &Stage, legs: &[Leg], from: f64, to: f64, planted: &dyn Fn(usize
 }
 
 #[test]
-fn planted_feet_stay_within_a_centimetre_while_walk_becomes_run() {
+fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
     let Some(folder) = common::assets() else { return };
     println!(
         "| file | from | to | at, s | planted feet | move, mm | without planting, mm | fastest foot, m/s | without, m/s |"
@@ -146,7 +146,7 @@ fn planted_feet_stay_within_a_centimetre_while_walk_becomes_run() {
             );
             assert!(own.stands > 0, "{file}: no foot is planted from {start} s on");
             assert!(
-                own.moved < 0.01,
+                own.moved < 1e-4,
                 "{file}, {from} to {to} at {start} s: a planted foot moves {} m",
                 own.moved
             );
