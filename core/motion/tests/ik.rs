@@ -192,3 +192,95 @@ fn chains_in_every_bad_place() {
         assert!(end(&mut straight(1000, 0.01), DVec3::new(3.0, 2.0, 1.0)) < 0.5, "{solver:?}: 1,000 bones");
     }
 }
+
+/// The nearest that the end of a chain of hinges gets to a target, by trying everything: a grid, then ever finer about its best places.
+fn nearest_of_all(chain: &Chain, axes: &[DVec3], ranges: &[(f64, f64)], target: DVec3) -> f64 {
+    const STEPS: usize = 24;
+    let off = |angles: &[f64]| {
+        let (mut at, mut turned) = (chain.origin, chain.parent);
+        for ((bone, axis), angle) in chain.bones.iter().zip(axes).zip(angles) {
+            turned = turned * bone.rest * DQuat::from_axis_angle(*axis, *angle);
+            at += turned * bone.offset;
+        }
+        (at - target).length()
+    };
+    let count = ranges.len();
+    let mut places: Vec<(f64, Vec<f64>)> = (0..(STEPS + 1).pow(count as u32))
+        .map(|i| {
+            let angles: Vec<f64> = (0..count)
+                .map(|k| {
+                    let step = i / (STEPS + 1).pow(k as u32) % (STEPS + 1);
+                    ranges[k].0 + (ranges[k].1 - ranges[k].0) * step as f64 / STEPS as f64
+                })
+                .collect();
+            (off(&angles), angles)
+        })
+        .collect();
+    places.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut best = f64::INFINITY;
+    for (mut far, mut angles) in places.into_iter().take(20) {
+        let mut step = 0.2;
+        while step > 1e-7 {
+            let mut better = false;
+            for k in 0..count {
+                for way in [step, -step] {
+                    let mut tried = angles.clone();
+                    tried[k] = (tried[k] + way).clamp(ranges[k].0, ranges[k].1);
+                    let now = off(&tried);
+                    if now < far {
+                        (far, angles, better) = (now, tried, true);
+                    }
+                }
+            }
+            if !better {
+                step *= 0.5;
+            }
+        }
+        best = best.min(far);
+    }
+    best
+}
+
+#[test]
+fn limited_chains_come_to_the_nearest_place_that_limits_allow() {
+    let mut worst_without = 0.0f64;
+    for solver in SOLVERS {
+        let mut n = Numbers(21);
+        let mut short: Vec<f64> = Vec::new();
+        for _ in 0..60 {
+            let mut chain = chain(&mut n, 3, Limit::Free);
+            let axes: Vec<DVec3> = (0..3).map(|_| n.vec3().normalize()).collect();
+            let ranges: Vec<(f64, f64)> =
+                (0..3).map(|_| (-n.next().abs() * 1.5, n.next().abs() * 1.5)).collect();
+            for ((bone, axis), angle) in chain.bones.iter_mut().zip(&axes).zip(&ranges) {
+                bone.limit = Limit::Hinge { axis: *axis, angle: *angle };
+            }
+            let reach = chain.reach();
+            let target = chain.origin + n.vec3().normalize() * reach * (0.2 + 1.3 * n.next().abs());
+            let nearest = nearest_of_all(&chain, &axes, &ranges, target);
+            worst_without = worst_without.max(((chain.end() - target).length() - nearest) / reach);
+            let solved = chain.solve(target, solver, 24, 1e-5);
+            short.push(((solved.distance - nearest) / reach).max(0.0));
+            // Nor is any place about it nearer that its joints may go to.
+            for _ in 0..200 {
+                let mut other = chain.clone();
+                for (bone, axis) in other.bones.iter_mut().zip(&axes) {
+                    let turned = (bone.rotation * DQuat::from_axis_angle(*axis, 1e-3 * n.next())).normalize();
+                    bone.rotation = bone.limit.clamp(bone.rest, turned);
+                }
+                let gained = solved.distance - (other.end() - target).length();
+                assert!(gained < 1e-5 + 1e-6 * reach, "{solver:?}: {gained} m nearer");
+            }
+        }
+        short.sort_by(f64::total_cmp);
+        let at = |share: f64| short[((short.len() - 1) as f64 * share) as usize];
+        let all = short.iter().filter(|s| **s < 1e-5).count() as f64 / short.len() as f64;
+        println!(
+            "{solver:?}: at the nearest place of all in {:.0} of 100, else farther by up to {:.3} of the reach",
+            100.0 * all,
+            at(1.0)
+        );
+        assert!(all >= 0.85 && at(1.0) < 0.25, "{solver:?}: {all} {short:?}");
+    }
+    assert!(worst_without > 0.3, "left as it is it would be as near: {worst_without}");
+}

@@ -1,6 +1,6 @@
 //! A chain of any number of bones with limits, its forward kinematics, and what can solve it.
 
-use super::{Limit, ccd, fabrik, least_squares};
+use super::{Limit, ccd, fabrik, least_squares, settle};
 use glam::{DQuat, DVec3};
 
 /// A bone and the joint that turns it.
@@ -71,8 +71,10 @@ impl Chain {
         self.bones.iter().map(|b| b.offset.length()).sum()
     }
 
-    /// Turns the bones so that the end comes within `tolerance` of the target or as near as it gets in so many iterations. Limits
-    /// hold afterwards, those broken before included. A target that is not finite leaves the chain as it is.
+    /// Turns the bones so that the end comes within `tolerance` of the target or as near as it gets in so many iterations, and then joint by joint
+    /// as limits allow. Limits hold afterwards, those broken before included. It is then no farther from the target than anywhere near that limits allow; on the other side of
+    /// them there may be better, which a body would have to swing around for: of three hinges anywhere 85 of 100 are at the nearest place of
+    /// all, the others within a quarter of their reach of it (`tests/ik.rs`). A target that is not finite leaves the chain as it is.
     pub fn solve(&mut self, target: DVec3, solver: Solver, iterations: usize, tolerance: f64) -> Solved {
         for bone in &mut self.bones {
             bone.rotation = bone.limit.clamp(bone.rest, bone.rotation);
@@ -109,7 +111,26 @@ impl Chain {
             self.bones = best.1;
             solved.distance = best.0;
         }
+        if solved.distance > tolerance && self.bones.iter().any(|b| b.limit != Limit::Free) {
+            solved.distance = self.settle(target, tolerance, &mut scratch);
+        }
         solved
+    }
+
+    /// Joints at their limits hold the others up: joint by joint from there, as long as it gets anywhere.
+    fn settle(&mut self, target: DVec3, tolerance: f64, scratch: &mut Scratch) -> f64 {
+        const SWEEPS: usize = 64;
+        let mut distance = (self.end() - target).length();
+        for _ in 0..SWEEPS {
+            settle::sweep(self, target, scratch);
+            let now = (self.end() - target).length();
+            let gained = distance - now;
+            distance = now;
+            if distance <= tolerance || gained <= 1e-7 * self.reach() {
+                break;
+            }
+        }
+        distance
     }
 
     /// Nearest to a target out of reach is the straight chain, which iterations come to ever more slowly. False where the target is in reach, or

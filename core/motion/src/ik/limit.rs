@@ -65,7 +65,7 @@ impl Limit {
 }
 
 /// A rotation as a tilt of the axis after a turn about it, −π..=π.
-fn split(q: DQuat, axis: DVec3) -> (DQuat, f64) {
+pub(super) fn split(q: DQuat, axis: DVec3) -> (DQuat, f64) {
     let along = q.xyz().dot(axis);
     let size = (along * along + q.w * q.w).sqrt();
     if size < 1e-12 {

@@ -10,6 +10,7 @@ mod chain;
 mod fabrik;
 mod least_squares;
 mod limit;
+mod settle;
 mod two_bone;
 
 pub use aim::{Aim, AimJoint};

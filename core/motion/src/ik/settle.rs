@@ -1,0 +1,79 @@
+//! The last way to the nearest place that limits allow.
+
+use super::chain::Scratch;
+use super::limit::split;
+use super::{Chain, ChainBone, Limit, arc};
+use glam::{DQuat, DVec3};
+use std::f64::consts::{PI, TAU};
+
+/// Each joint once, from the end inwards, turned to where the end is nearest to the target within the joint's limit: a hinge and a twist
+/// in closed form, a cone as far as it goes that way. Nothing gets worse; where no joint alone can better the chain it stands still, which
+/// for hinges is a local optimum (coordinate descent on a smooth function in a box: D. Bertsekas, "Nonlinear Programming", 1999, §2.7).
+pub(super) fn sweep(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
+    let Scratch { positions, rotations, .. } = scratch;
+    chain.positions(positions);
+    rotations.clear();
+    let mut rotation = chain.parent;
+    for bone in &chain.bones {
+        rotations.push(rotation);
+        rotation *= bone.rotation;
+    }
+    let mut end = *positions.last().unwrap_or(&chain.origin);
+    for index in (0..chain.bones.len()).rev() {
+        let (pivot, parent) = (positions[index], rotations[index]);
+        let bone = &mut chain.bones[index];
+        let (arm, way) = (end - pivot, target - pivot);
+        let mut best = (arm - way).length();
+        let before = *bone;
+        let mut try_out = |bone: &mut ChainBone, turned: DQuat| {
+            let now = parent * turned * (parent * before.rotation).inverse() * arm;
+            let far = (now - way).length();
+            if turned.is_finite() && far < best {
+                best = far;
+                bone.rotation = turned;
+                end = pivot + now;
+            }
+        };
+        match before.limit {
+            Limit::Free => {
+                let turn = parent.inverse() * arc(arm, way) * parent;
+                try_out(bone, (turn * before.rotation).normalize());
+            }
+            Limit::Hinge { axis, angle } => {
+                let (_, now) = split(before.rest.inverse() * before.rotation, axis);
+                let turned = now + angle_about(parent * before.rest * axis, arm, way);
+                let kept = nearest(turned, angle);
+                try_out(bone, (before.rest * DQuat::from_axis_angle(axis, kept)).normalize());
+            }
+            Limit::SwingTwist { axis, twist, .. } => {
+                let turn = parent.inverse() * arc(arm, way) * parent;
+                // All the way, and shorter ones where that is over the edge of the cone.
+                for share in [1.0, 0.5, 0.125, 0.01] {
+                    let wanted = (super::share_of(turn, share) * before.rotation).normalize();
+                    try_out(bone, before.limit.clamp(before.rest, wanted));
+                }
+                let (tilt, now) = split(before.rest.inverse() * before.rotation, axis);
+                let turned = now + angle_about(parent * before.rotation * axis, arm, way);
+                let about = DQuat::from_axis_angle(axis, nearest(turned, twist));
+                try_out(bone, (before.rest * tilt * about).normalize());
+            }
+        }
+    }
+}
+
+/// By how much one direction is turned about an axis to be as near to another as it gets.
+fn angle_about(axis: DVec3, from: DVec3, to: DVec3) -> f64 {
+    let across = |v: DVec3| v - axis * v.dot(axis);
+    let (from, to) = (across(from), across(to));
+    libm::atan2(from.cross(to).dot(axis), from.dot(to))
+}
+
+/// The angle of an interval that is nearest to another, round the circle.
+fn nearest(angle: f64, (low, high): (f64, f64)) -> f64 {
+    let wrapped = |a: f64| a - TAU * libm::floor((a + PI) / TAU);
+    let angle = wrapped(angle);
+    if (low..=high).contains(&angle) {
+        return angle;
+    }
+    if wrapped(angle - low).abs() < wrapped(angle - high).abs() { low } else { high }
+}
