@@ -5,6 +5,8 @@ struct Frame {
     clip_from_relative: mat4x4<f32>,
     // Perspective: w = 1, xyz = 0, the eye. Orthographic: w = 0, xyz = direction to the viewer.
     eye: vec4<f32>,
+    // Where in the world the camera stands, as exactly as f32 can say.
+    camera: vec4<f32>,
     ambient_up: vec4<f32>,
     ambient_down: vec4<f32>,
     background_top: vec4<f32>,

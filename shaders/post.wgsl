@@ -4,11 +4,14 @@ struct Post {
     parameters: array<vec4<f32>, 2>,
     // Pixels.
     size: vec2<f32>,
-    pad: vec2<f32>,
+    // How often the effect has run.
+    number: u32,
+    pad: u32,
 }
 
 @group(0) @binding(0) var<uniform> post: Post;
 @group(0) @binding(1) var post_input: texture_2d<f32>;
+@if(PICTURE) @group(0) @binding(2) var post_original: texture_2d<f32>;
 
 struct PostOut {
     @builtin(position) position: vec4<f32>,
@@ -21,11 +24,23 @@ fn post_vs(@builtin(vertex_index) index: u32) -> PostOut {
     return PostOut(vec4(x, y, 0.0, 1.0));
 }
 
+@if(PICTURE)
+// Beyond the border the nearest pixel counts.
+fn picture(at: vec2<i32>) -> vec4<f32> {
+    return textureLoad(post_input, clamp(at, vec2(0), vec2<i32>(post.size) - 1), 0);
+}
+
+fn original(at: vec2<i32>) -> vec4<f32> {
+    return textureLoad(post_original, clamp(at, vec2(0), vec2<i32>(post.size) - 1), 0);
+}
+@end
+
 @fragment
 fn post_fs(in: PostOut) -> @location(0) vec4<f32> {
-    let color = textureLoad(post_input, vec2<i32>(in.position.xy), 0);
     let a = post.parameters[0];
     let b = post.parameters[1];
     let p = array<f32, 8>(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
-    return effect(color, in.position.xy / post.size, p);
+    @if(PICTURE) return effect(vec2<i32>(in.position.xy), post.number, p);
+    @if(!PICTURE) let color = textureLoad(post_input, vec2<i32>(in.position.xy), 0);
+    @if(!PICTURE) return effect(color, in.position.xy / post.size, p);
 }

@@ -222,10 +222,12 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @if(EMISSIVE && !EMISSIVE_TEXTURE) color += material.emissive;
     @if(EMISSIVE_TEXTURE) color += material.emissive * textureSample(emissive_texture, emissive_sampler, texture_uv(in, 4u)).rgb;
     @if(CLEARCOAT) color = mix(color, coat, coat_weight);
-    @if(SHELL) color = material.outline.xyz * mix(vec3(1.0), color, material.outline.w);
-    @if(!GLASS) return vec4(color, alpha);
+    @if(SHELL || EDGES) color = material.outline.xyz * mix(vec3(1.0), color, material.outline.w);
+    @if(!GLASS && !SURFACE) return vec4(color, alpha);
+    @if(!GLASS && SURFACE) return surface_effects(vec4(color, alpha), seen_of(in, front));
     // Glass is drawn twice: first what is behind is multiplied by what comes through, then what the surface shows is added.
-    @if(GLASS_LIGHT) return vec4(color * alpha, alpha);
+    @if(GLASS_LIGHT && !SURFACE) return vec4(color * alpha, alpha);
+    @if(GLASS_LIGHT && SURFACE) return vec4(surface_effects(vec4(color, alpha), seen_of(in, front)).rgb * alpha, alpha);
     @if(GLASS_FILTER)
     through *= 1.0 - blurred;
     @if(SHEEN) through *= below_sheen;

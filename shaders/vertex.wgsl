@@ -17,14 +17,15 @@ struct VertexIn {
 
 struct VertexOut {
     @builtin(position) position: vec4<f32>,
-    @if(LIT) @location(0) relative: vec3<f32>,
-    @if(LIT) @location(1) normal: vec3<f32>,
+    @if(PLACE) @location(0) relative: vec3<f32>,
+    @if(NORMAL_OUT) @location(1) normal: vec3<f32>,
     @if(TANGENT) @location(2) tangent: vec4<f32>,
     @if(UV0) @location(3) uv0: vec2<f32>,
     @if(UV1) @location(4) uv1: vec2<f32>,
     @if(VERTEX_COLOR || TINT) @location(5) color: vec4<f32>,
     // How much longer the mesh's metres are here.
     @if(VOLUME) @location(6) scale: f32,
+    @if(SEEN_JOINTS) @location(7) joints: vec3<f32>,
 }
 
 @if(SKIN)
@@ -68,6 +69,14 @@ fn row_after(outer: vec4<f32>, inner: Rows) -> vec4<f32> {
 
 fn after(outer: Rows, inner: Rows) -> Rows {
     return Rows(row_after(outer.x, inner), row_after(outer.y, inner), row_after(outer.z, inner));
+}
+@end
+
+@if(SEEN_JOINTS)
+// Neighbouring numbers get colours far apart: hues a golden ratio of the circle from each other.
+fn joint_color(joint: u32) -> vec3<f32> {
+    let hue = fract(f32(joint) * 0.61803399) * 6.0;
+    return clamp(vec3(abs(hue - 3.0) - 1.0, 2.0 - abs(hue - 2.0), 2.0 - abs(hue - 4.0)), vec3(0.05), vec3(1.0));
 }
 @end
 
@@ -170,8 +179,18 @@ fn vs(in: VertexIn) -> VertexOut {
         out.position = vec4(out.position.xy + step * out.position.w, out.position.zw);
     }
     @end
-    @if(LIT) out.relative = relative;
-    @if(LIT) out.normal = unit_normal;
+    // An edge lies in its surface: two ten-thousandths nearer it is seen.
+    @if(EDGES) out.position.z = out.position.z + 2e-4 * abs(out.position.z);
+    @if(PLACE) out.relative = relative;
+    @if(NORMAL_OUT) out.normal = unit_normal;
+    @if(SEEN_JOINTS)
+    out.joints = joint_color(in.joints.x) * in.weights.x + joint_color(in.joints.y) * in.weights.y
+        + joint_color(in.joints.z) * in.weights.z + joint_color(in.joints.w) * in.weights.w;
+    @end
+    @if(SEEN_JOINTS && SKIN_8)
+    out.joints += joint_color(in.joints_high.x) * in.weights_high.x + joint_color(in.joints_high.y) * in.weights_high.y
+        + joint_color(in.joints_high.z) * in.weights_high.z + joint_color(in.joints_high.w) * in.weights_high.w;
+    @end
     @if(TANGENT)
     let along = vec3(dot(m.x.xyz, tangent), dot(m.y.xyz, tangent), dot(m.z.xyz, tangent));
     out.tangent = vec4(unit(along), in.tangent.w * handedness);

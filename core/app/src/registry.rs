@@ -22,6 +22,13 @@ pub fn registry() -> Registry {
     registry.add_importer(import_stl::StlImporter);
     registry.add_effect(effect_tonemap::Tonemap);
     registry.add_effect(effect_outline::Outline);
+    registry.add_effect(effect_fog::Fog);
+    registry.add_effect(effect_toon::Toon);
+    registry.add_effect(effect_views::Views);
+    registry.add_effect(effect_xray::Xray);
+    registry.add_effect(effect_wireframe::Wireframe);
+    registry.add_effect(effect_fxaa::Fxaa);
+    registry.add_effect(effect_bloom::Bloom);
     registry.add_effect(effect_vignette::Vignette);
     registry.add_exporter(export_png::PngExporter);
     registry.add_exporter(export_mp4::Mp4Exporter);

@@ -192,6 +192,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         morphs,
         draws,
         materials,
+        surface,
         post,
         left_out: _,
     } = plan;
@@ -218,7 +219,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
             draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
         }
     }
-    for pass in post {
+    for pass in surface.iter().chain(post) {
         add(format!("{pass:?}").as_bytes());
         let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
         add(effect.map_or("", |e| e.wgsl()).as_bytes());

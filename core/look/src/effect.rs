@@ -3,7 +3,7 @@
 use crate::head;
 use crate::prepare::has_pointer_arguments;
 use crate::program::{MOST_STEPS, Program};
-use choreo_plugin::{Effect, Manifest, OptionKind, PluginFile};
+use choreo_plugin::{Effect, Hook, Manifest, OptionKind, PluginFile, Seen, SurfaceNeeds};
 use glam::{Vec2, Vec4};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Module, SourceLocation, TypeInner};
@@ -26,11 +26,17 @@ pub struct LookError {
     pub message: String,
 }
 
+/// Magenta: it is seen, and no frame hangs.
+const TOO_LONG: Vec4 = Vec4::new(1.0, 0.0, 1.0, 1.0);
+
 pub struct WgslEffect {
     manifest: Manifest,
     /// The author's text, and below it a constant for each parameter.
     wgsl: String,
     program: Program,
+    hook: Hook,
+    /// What of a surface its text reads.
+    needs: SurfaceNeeds,
     origin: Option<PluginFile>,
 }
 
@@ -51,12 +57,16 @@ impl WgslEffect {
             return Err(at(1, 1, format!("the text is {} bytes long, at most {MOST_BYTES}", text.len())));
         }
         let manifest = head::manifest(text).map_err(|(line, message)| at(line, 1, message))?;
+        let (hook, see_through) = head::hook(text).map_err(|(line, message)| at(line, 1, message))?;
         let mut wgsl = format!("{text}\n");
         for (i, option) in manifest.options.iter().enumerate() {
             wgsl.push_str(&format!("const {}: u32 = {i}u;\n", option.name));
         }
-        let module = naga::front::wgsl::parse_str(&wgsl)
-            .map_err(|e| place(e.location(&wgsl), e.message().to_string()))?;
+        // The shader that calls it declares what it sees; below the author's text, so that lines stay.
+        let seen = if hook == Hook::Surface { SEEN } else { "" };
+        let whole = format!("{wgsl}{seen}");
+        let module = naga::front::wgsl::parse_str(&whole)
+            .map_err(|e| place(e.location(&whole), e.message().to_string()))?;
         let info =
             Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).map_err(|e| {
                 let mut message = e.as_inner().to_string();
@@ -65,16 +75,16 @@ impl WgslEffect {
                     message.push_str(&format!("; {c}"));
                     cause = c.source();
                 }
-                place(e.location(&wgsl), message)
+                place(e.location(&whole), message)
             })?;
         let entry = module.functions.iter().find(|(_, f)| f.name.as_deref() == Some("effect"));
         let Some((entry, function)) = entry else {
-            return Err(at(1, 1, format!("there is no function effect; write {SIGNATURE}")));
+            return Err(at(1, 1, format!("there is no function effect; write {}", signature(hook))));
         };
-        let span = |span: naga::Span| span.is_defined().then(|| span.location(&wgsl));
-        if !has_signature(&module, function) {
+        let span = |span: naga::Span| span.is_defined().then(|| span.location(&whole));
+        if !has_signature(&module, function, hook) {
             let found = span(module.functions.get_span(entry));
-            return Err(place(found, format!("effect must be {SIGNATURE}")));
+            return Err(place(found, format!("effect must be {}", signature(hook))));
         }
         if let Some((handle, f)) = module.functions.iter().find(|(_, f)| has_pointer_arguments(&module, f)) {
             let name = f.name.clone().unwrap_or_default();
@@ -86,7 +96,14 @@ impl WgslEffect {
         }
         let program = Program::new(module, &info, entry)
             .map_err(|e| place(span(e.span), format!("not supported: {}", e.what)))?;
-        let effect = WgslEffect { manifest, wgsl, program, origin: None };
+        let reads = |field: &str| text.contains(&format!(".{field}"));
+        let needs = SurfaceNeeds {
+            normals: reads("normal") || reads("facing"),
+            uvs: reads("uv"),
+            joints: reads("joints"),
+            see_through,
+        };
+        let effect = WgslEffect { manifest, wgsl, program, hook, needs, origin: None };
         if !effect.ends() {
             return Err(at(
                 1,
@@ -129,18 +146,37 @@ impl WgslEffect {
                 *slot = set(&option.kind);
             }
             let colors = [[0.0, 0.0, 0.0, 1.0], [1.0, 0.5, 0.25, 1.0], [8.0, 8.0, 8.0, 1.0]];
-            let uvs = [[0.0, 0.0], [0.5, 0.5], [0.99, 0.01]];
-            colors.iter().all(|c| uvs.iter().all(|uv| self.program.run(*c, *uv, &p).is_some()))
+            // Of a surface: far and near, of every facing.
+            let places = [
+                [0.0; 16],
+                [0.5; 16],
+                [0.99, 0.01, 7.0, 100.0, 0.0, 1.0, 0.0, -1.0, 0.2, 0.2, 0.2, 1.0, 0.0, 0.0, 3.5, -2.0],
+            ];
+            let size = if self.hook == Hook::Surface { 16 } else { 2 };
+            colors.iter().all(|c| places.iter().all(|at| self.program.run(*c, &at[..size], &p).is_some()))
         })
     }
 }
 
-const SIGNATURE: &str = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>";
+/// What a function of a surface sees; as in shaders/surface.wgsl, and [`Seen`] in this order.
+const SEEN: &str = "struct Seen { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
+    joints: vec3<f32>, uv: vec2<f32> }\n";
 
-fn has_signature(module: &Module, function: &naga::Function) -> bool {
+fn signature(hook: Hook) -> &'static str {
+    match hook {
+        Hook::Surface => "fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>",
+        _ => "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>",
+    }
+}
+
+fn has_signature(module: &Module, function: &naga::Function, hook: Hook) -> bool {
     let vector = |inner: &TypeInner, n: naga::VectorSize| matches!(inner, TypeInner::Vector { size, scalar } if *size == n && *scalar == naga::Scalar::F32);
     let arguments: Vec<&TypeInner> = function.arguments.iter().map(|a| &module.types[a.ty].inner).collect();
-    let [color, uv, p] = arguments.as_slice() else { return false };
+    let [color, at, p] = arguments.as_slice() else { return false };
+    let at_fits = match hook {
+        Hook::Surface => module.types[function.arguments[1].ty].name.as_deref() == Some("Seen"),
+        _ => vector(at, naga::VectorSize::Bi),
+    };
     let eight = match p {
         TypeInner::Array { base, size: naga::ArraySize::Constant(n), .. } => {
             n.get() == 8 && module.types[*base].inner == TypeInner::Scalar(naga::Scalar::F32)
@@ -149,7 +185,7 @@ fn has_signature(module: &Module, function: &naga::Function) -> bool {
     };
     let out = function.result.as_ref().map(|r| &module.types[r.ty].inner);
     vector(color, naga::VectorSize::Quad)
-        && vector(uv, naga::VectorSize::Bi)
+        && at_fits
         && eight
         && out.is_some_and(|o| vector(o, naga::VectorSize::Quad))
 }
@@ -163,13 +199,45 @@ impl Effect for WgslEffect {
         self.origin.as_ref()
     }
 
+    fn hook(&self) -> Hook {
+        self.hook
+    }
+
+    fn surface_needs(&self, _: &[f32; 8]) -> SurfaceNeeds {
+        self.needs
+    }
+
     fn wgsl(&self) -> &str {
         &self.wgsl
     }
 
+    fn cpu_surface(&self, color: Vec4, seen: &Seen, parameters: &[f32; 8]) -> Vec4 {
+        let (w, n, b, j) = (seen.world, seen.normal, seen.background, seen.joints);
+        let at = [
+            w.x,
+            w.y,
+            w.z,
+            seen.distance,
+            n.x,
+            n.y,
+            n.z,
+            seen.facing,
+            b.x,
+            b.y,
+            b.z,
+            j.x,
+            j.y,
+            j.z,
+            seen.uv.x,
+            seen.uv.y,
+        ];
+        let out = self.program.run(color.to_array(), &at, parameters);
+        out.map_or(TOO_LONG, Vec4::from_array)
+    }
+
     /// A pixel that takes more than its steps is magenta: it is seen, and no frame hangs.
     fn cpu(&self, color: Vec4, uv: Vec2, parameters: &[f32; 8]) -> Vec4 {
-        let out = self.program.run(color.to_array(), uv.to_array(), parameters);
-        out.map_or(Vec4::new(1.0, 0.0, 1.0, 1.0), Vec4::from_array)
+        let out = self.program.run(color.to_array(), &uv.to_array(), parameters);
+        out.map_or(TOO_LONG, Vec4::from_array)
     }
 }

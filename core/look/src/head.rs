@@ -4,12 +4,14 @@
 //! // effect: grain
 //! // about: film grain, the same in every frame
 //! // version: 1
+//! // hook: surface
+//! // see_through: true
 //! // param amount = 0.1 in 0..1: how strong it is
 //! // param coloured = false: another grain for each colour
 //! // param curve = soft of soft|hard: how it fades in the lights
 //! ```
 
-use choreo_plugin::Manifest;
+use choreo_plugin::{Hook, Manifest};
 
 /// Line from 1, and what is wrong with it.
 pub type HeadError = (usize, String);
@@ -17,11 +19,44 @@ pub type HeadError = (usize, String);
 /// As many as the shader's array of parameters holds.
 const MOST: usize = 8;
 
+/// Where it takes hold, and whether a surface makes alpha; of one pixel where the head says nothing.
+pub fn hook(text: &str) -> Result<(Hook, bool), HeadError> {
+    let (mut hook, mut see_through) = (Hook::Pixel, None);
+    for (i, line) in comment(text) {
+        let line = line.trim().trim_start_matches('/').trim();
+        if let Some(word) = line.strip_prefix("hook:") {
+            hook = match word.trim() {
+                "pixel" => Hook::Pixel,
+                "surface" => Hook::Surface,
+                other => {
+                    return Err((
+                        i + 1,
+                        format!("hook is pixel or surface, not \"{other}\" (others need a crate)"),
+                    ));
+                }
+            };
+        } else if let Some(word) = line.strip_prefix("see_through:") {
+            let flag = word.trim().parse::<bool>();
+            let flag = flag.map_err(|_| (i + 1, "see_through is true or false".to_string()))?;
+            see_through = Some((i + 1, flag));
+        }
+    }
+    match see_through {
+        Some((line, _)) if hook != Hook::Surface => {
+            Err((line, "see_through is of effects with hook: surface".into()))
+        }
+        _ => Ok((hook, see_through.is_some_and(|(_, flag)| flag))),
+    }
+}
+
+/// Its lines, from 0.
+fn comment(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    text.lines().enumerate().take_while(|(_, l)| l.trim().is_empty() || l.trim_start().starts_with("//"))
+}
+
 pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
     let mut manifest = Manifest { version: "1".into(), ..Manifest::default() };
-    let comment =
-        text.lines().enumerate().take_while(|(_, l)| l.trim().is_empty() || l.trim_start().starts_with("//"));
-    for (i, line) in comment {
+    for (i, line) in comment(text) {
         let line = line.trim().trim_start_matches('/').trim();
         let at = |message: String| (i + 1, message);
         if let Some(name) = line.strip_prefix("effect:") {
@@ -107,6 +142,17 @@ mod tests {
             .flag("coloured", "each its own", false)
             .text("curve", "how", "soft", &["soft", "hard"]);
         assert_eq!(m, expected);
+    }
+
+    #[test]
+    fn hooks_have_names() {
+        assert_eq!(hook("// effect: a"), Ok((Hook::Pixel, false)));
+        assert_eq!(hook("// effect: a\n// hook: surface\n// see_through: true"), Ok((Hook::Surface, true)));
+        let error = |text: &str| hook(text).unwrap_err();
+        let unknown = "hook is pixel or surface, not \"vertex\" (others need a crate)";
+        assert_eq!(error("// effect: a\n// hook: vertex"), (2, unknown.into()));
+        assert_eq!(error("// see_through: true").1, "see_through is of effects with hook: surface");
+        assert_eq!(error("// hook: surface\n// see_through: much").0, 2);
     }
 
     #[test]

@@ -74,8 +74,9 @@ impl Program {
     }
 
     /// `None`: more than [`MOST_STEPS`].
-    pub fn run(&self, color: [f32; 4], uv: [f32; 2], p: &[f32; 8]) -> Option<[f32; 4]> {
-        let arguments = vec![Value::floats(&color), Value::floats(&uv), Value::floats(p)];
+    /// `at`: the components of the second argument, one after the other.
+    pub fn run(&self, color: [f32; 4], at: &[f32], p: &[f32; 8]) -> Option<[f32; 4]> {
+        let arguments = vec![Value::floats(&color), Value::floats(at), Value::floats(p)];
         let mut steps = 0;
         let out = self.call(self.entry, arguments, &mut steps).ok()?;
         Some(std::array::from_fn(|i| out.f(i)))

@@ -1,9 +1,10 @@
 //! Effects in WGSL: what a pixel becomes, against closed forms and a twin written in Rust, and what is refused.
 
 use choreo_look::WgslEffect;
-use choreo_plugin::Effect;
+use choreo_plugin::{Effect, Hook, Seen, SurfaceNeeds};
+use effect_fog::Fog;
 use effect_vignette::Vignette;
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
 fn effect(text: &str) -> WgslEffect {
     WgslEffect::from_text("my.wgsl", text).unwrap_or_else(|e| panic!("{e}\n{text}"))
@@ -33,6 +34,63 @@ fn the_vignette_is_its_twin_bit_for_bit() {
         let p = [uv.y, 0.99 * uv.x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         assert_eq!(mine.cpu(color, uv, &p), Vignette.cpu(color, uv, &p), "{uv}");
     }
+}
+
+/// An effect on surfaces sees what its twin in Rust sees.
+#[test]
+fn the_fog_is_its_twin_within_two_ulp() {
+    let mine = effect(&format!("// effect: f\n// hook: surface\n{}", Fog.wgsl()));
+    assert_eq!(mine.hook(), Hook::Surface);
+    assert_eq!(mine.surface_needs(&[0.0; 8]), SurfaceNeeds::default());
+    for i in 0..512u32 {
+        let t = i as f32 / 64.0;
+        let seen = Seen {
+            world: Vec3::new(t, t - 3.0, 1.0),
+            distance: 3.0 * t,
+            background: Vec3::new(0.1, 0.2, 0.3),
+            ..Seen::default()
+        };
+        let p = [0.1, 2.0, 0.5, 0.3, (i % 2) as f32, 0.9, 0.8, 0.7];
+        let (got, expected) = (mine.cpu_surface(Vec4::ONE, &seen, &p), Fog.cpu_surface(Vec4::ONE, &seen, &p));
+        assert!(got.abs_diff_eq(expected, 1e-6), "{t}: {got} {expected}");
+    }
+}
+
+#[test]
+fn every_part_of_a_surface_is_where_its_name_says() {
+    let part = |part: &str| {
+        let text = format!(
+            "// effect: s\n// hook: surface\n// param k = 2 in 0..4: times\n\
+             fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32> {{ return p[k] * vec4<f32>({part}); }}"
+        );
+        let made = effect(&text);
+        let seen = Seen {
+            world: Vec3::new(1.0, 2.0, 3.0),
+            distance: 4.0,
+            normal: Vec3::new(5.0, 6.0, 7.0),
+            facing: 8.0,
+            background: Vec3::new(9.0, 10.0, 11.0),
+            joints: Vec3::new(12.0, 13.0, 14.0),
+            uv: Vec2::new(15.0, 16.0),
+        };
+        (
+            made.cpu_surface(Vec4::ZERO, &seen, &[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).to_array(),
+            made.surface_needs(&[0.0; 8]),
+        )
+    };
+    assert_eq!(part("seen.world, seen.distance").0, [2.0, 4.0, 6.0, 8.0]);
+    let (got, needs) = part("seen.normal, seen.facing");
+    assert_eq!((got, needs.normals, needs.uvs), ([10.0, 12.0, 14.0, 16.0], true, false));
+    assert_eq!(part("seen.background, 1.0").0, [18.0, 20.0, 22.0, 2.0]);
+    assert_eq!(part("seen.joints, 1.0").0, [24.0, 26.0, 28.0, 2.0]);
+    let (got, needs) = part("seen.uv, 0.0, 1.0");
+    assert_eq!((got, needs.uvs), ([30.0, 32.0, 0.0, 2.0], true));
+    let wrong = "// effect: s\n// hook: surface\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }";
+    assert!(
+        error(wrong).contains("effect must be fn effect(color: vec4<f32>, seen: Seen,"),
+        "{}",
+        error(wrong)
+    );
 }
 
 #[test]

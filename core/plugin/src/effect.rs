@@ -9,14 +9,18 @@ pub enum Hook {
     /// A function of one pixel of the finished picture: [`Effect::wgsl`] and [`Effect::cpu`].
     #[default]
     Pixel,
-    /// A hull around surfaces, drawn as geometry of its own: [`Effect::shell`].
+    /// A function of one pixel of the finished picture and those around it: [`Effect::wgsl`] and [`Effect::cpu_picture`].
+    Picture,
+    /// A function of one place on a surface, after light has fallen on it: [`Effect::wgsl`] and [`Effect::cpu_surface`].
+    Surface,
+    /// Geometry of its own around or on surfaces: [`Effect::shell`], [`Effect::edges`].
     Shell,
 }
 
 impl Hook {
     /// Whether single actors can have it.
     pub fn of_actors(self) -> bool {
-        matches!(self, Hook::Shell)
+        matches!(self, Hook::Shell | Hook::Surface)
     }
 }
 
@@ -31,6 +35,51 @@ pub struct Shell {
     pub lighting_mix: f32,
 }
 
+/// One place on a surface as a [`Hook::Surface`] sees it. Laid out as the struct `Seen` of the shaders.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seen {
+    /// Where in the world, metres; exact to f32 only, so fine near the origin.
+    pub world: Vec3,
+    /// Metres from the camera; of orthographic ones, along their view.
+    pub distance: f32,
+    /// Unit, towards the viewer's side; zero without [`SurfaceNeeds::normals`] and of meshes without.
+    pub normal: Vec3,
+    /// Cosine between the normal and the way to the viewer.
+    pub facing: f32,
+    /// Of the stage, at this pixel, linear.
+    pub background: Vec3,
+    /// Colours of the joints that move the place, by their weights; with [`SurfaceNeeds::joints`].
+    pub joints: Vec3,
+    /// With [`SurfaceNeeds::uvs`]; zero of meshes without.
+    pub uv: Vec2,
+}
+
+/// What a [`Hook::Surface`] reads of a surface; the rest is not made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SurfaceNeeds {
+    pub normals: bool,
+    pub uvs: bool,
+    pub joints: bool,
+    /// It makes alpha: the surface is mixed with what is behind it.
+    pub see_through: bool,
+}
+
+/// A picture that a [`Hook::Picture`] reads: linear RGBA, rows from the top.
+#[derive(Clone, Copy, Debug)]
+pub struct Pixels<'a> {
+    pub size: [u32; 2],
+    pub rgba: &'a [Vec4],
+}
+
+impl Pixels<'_> {
+    /// Beyond the border the nearest pixel counts.
+    pub fn at(&self, x: i32, y: i32) -> Vec4 {
+        let [w, h] = self.size.map(|s| s as i32);
+        let (x, y) = (x.clamp(0, w - 1), y.clamp(0, h - 1));
+        self.rgba[y as usize * w as usize + x as usize]
+    }
+}
+
 pub trait Effect: Send + Sync {
     fn manifest(&self) -> &Manifest;
 
@@ -43,15 +92,49 @@ pub trait Effect: Send + Sync {
         Hook::Pixel
     }
 
-    /// Of a [`Hook::Pixel`]: WGSL source that defines `fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>`.
-    /// `color` is linear, `uv` is 0..1 from the top left, `p` holds the parameters in manifest order.
+    /// WGSL source of a function `effect`; `p` holds the parameters in manifest order, colours are linear.
+    /// - [`Hook::Pixel`]: `fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>`, `uv` 0..1 from the top left.
+    /// - [`Hook::Surface`]: `fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>`.
+    /// - [`Hook::Picture`]: `fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>`, which may call
+    ///   `picture(at)`, what the pass before gave, and `original(at)`, what the first pass got.
     fn wgsl(&self) -> &str {
         ""
     }
 
-    /// The same function, the specification of the WGSL.
+    /// Of a [`Hook::Pixel`]: the same function, the specification of the WGSL.
     fn cpu(&self, color: Vec4, _uv: Vec2, _parameters: &[f32; 8]) -> Vec4 {
         color
+    }
+
+    /// Of a [`Hook::Surface`]: the same function, the specification of the WGSL.
+    fn cpu_surface(&self, color: Vec4, _seen: &Seen, _parameters: &[f32; 8]) -> Vec4 {
+        color
+    }
+
+    fn surface_needs(&self, _parameters: &[f32; 8]) -> SurfaceNeeds {
+        SurfaceNeeds::default()
+    }
+
+    /// Of a [`Hook::Picture`]: how often its function runs over the picture, each time over what it gave before.
+    fn passes(&self) -> u32 {
+        1
+    }
+
+    /// Of a [`Hook::Picture`]: the same function, the specification of the WGSL.
+    fn cpu_picture(
+        &self,
+        picture: &Pixels,
+        _original: &Pixels,
+        at: [i32; 2],
+        _pass_number: u32,
+        _parameters: &[f32; 8],
+    ) -> Vec4 {
+        picture.at(at[0], at[1])
+    }
+
+    /// Of a [`Hook::Shell`]: the colour of lines along the edges of triangles, linear.
+    fn edges(&self, _parameters: &[f32; 8]) -> Option<Vec3> {
+        None
     }
 
     /// Of a [`Hook::Shell`]. `None` draws nothing.

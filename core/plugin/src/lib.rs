@@ -10,7 +10,7 @@ pub mod suggest;
 pub mod yuv;
 
 pub use build::{AssetBuilder, BuildError, MeshData};
-pub use effect::{Effect, Hook, Shell};
+pub use effect::{Effect, Hook, Pixels, Seen, Shell, SurfaceNeeds};
 pub use exporter::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
 pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source,

@@ -51,13 +51,13 @@ fn hash_with(m: &CatalogMaterial, texture_id: &dyn Fn(u32) -> Vec<u8>) -> [u8; 1
             t.rim_color.extend(t.gi_equalization),
         ];
         array(&mut h, &colors);
-        if let Some(o) = &t.outline {
-            array(
-                &mut h,
-                &[o.color.x, o.color.y, o.color.z, o.lighting_mix, o.width, f32::from(u8::from(o.on_screen))],
-            );
-        }
+        array(&mut h, &[t.uv_moved.extend(0.0)]);
         array(&mut h, &[t.shading_shift_scale, t.rim_fresnel_power, t.rim_lift, t.rim_lighting_mix]);
+    }
+    // Effects give outlines to surfaces of any shading.
+    if let Some(o) = f.toon.as_deref().and_then(|t| t.outline.as_ref()) {
+        array(&mut h, &[o.color.extend(o.lighting_mix)]);
+        array(&mut h, &[o.width, f32::from(u8::from(o.on_screen))]);
     }
     for t in m.texture_refs() {
         texture_ref(&mut h, t, texture_id);

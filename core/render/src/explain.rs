@@ -66,6 +66,7 @@ pub fn explain(catalog: &Catalog, plan: &Plan, recording: &Recording) -> Vec<Par
     let mut parts = Parts { catalog, plan, all: Vec::new() };
     parts.passes(recording);
     parts.pipelines(recording);
+    parts.surface_effects();
     parts.frame_data(recording);
     parts.meshes(recording);
     parts.materials_and_textures(recording);
@@ -198,6 +199,20 @@ impl Parts<'_> {
         for (feature, draws) in of_feature {
             let askers = self.askers(draws.iter());
             self.add(Kind::Feature, feature.to_string(), None, askers);
+        }
+    }
+
+    /// Functions that the pipelines of their surfaces call.
+    fn surface_effects(&mut self) {
+        for (bit, used) in self.plan.surface.iter().enumerate() {
+            let mut askers =
+                self.askers(self.plan.draws.iter().filter(|d| d.pipeline.surface >> bit & 1 == 1));
+            askers.effects.insert(used.effect.clone());
+            self.add(Kind::Feature, format!("effect {} on surfaces", used.effect), None, askers);
+            let mut askers = Askers::default();
+            askers.effects.insert(used.effect.clone());
+            let bytes = Some(size_of::<[f32; 8]>() as u64);
+            self.add(Kind::FrameData, format!("parameters of {}", used.effect), bytes, askers);
         }
     }
 

@@ -10,6 +10,7 @@ use glam::{Mat4, Vec2, Vec3, Vec4};
 pub struct FrameUniform {
     pub clip_from_relative: Mat4,
     pub eye: Vec4,
+    pub camera: Vec4,
     pub ambient_up: Vec4,
     pub ambient_down: Vec4,
     pub background_top: Vec4,
@@ -191,7 +192,9 @@ pub struct PostUniform {
     pub parameters: [Vec4; 2],
     /// Pixels.
     pub size: Vec2,
-    pub pad: Vec2,
+    /// Of an effect that runs more than once: how often it has run.
+    pub number: u32,
+    pub pad: u32,
 }
 
 impl MaterialUniform {

@@ -130,6 +130,7 @@ pub struct Facts {
     pub drawn_copies: usize,
     pub samples: u32,
     pub post_passes: usize,
+    pub surface_effects: usize,
     pub dark_lights: usize,
     /// Some light that shines casts shadows.
     pub casting: bool,
@@ -211,6 +212,8 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
         say(facts.lit_drawn && !all.has(*bit), what, nothing_drawn_uses(thing));
     }
     say(facts.lit_drawn && !all.has(Features::EMISSIVE), "emission", "no drawn material emits light".into());
+    say(!all.has(Features::EDGES), "edges", "no effect shows them".into());
+    say(facts.surface_effects == 0, "effects on surfaces", "none is on".into());
     say(!all.has(Features::SHELL), "outlines", "no drawn material and no effect has one".into());
     say(
         (all.has(Features::UV0) || all.has(Features::UV1)) && !all.has(Features::UV_TRANSFORM),

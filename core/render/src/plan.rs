@@ -34,6 +34,8 @@ pub struct Plan {
     pub materials: Vec<Arc<CatalogMaterial>>,
     /// Maps that are drawn before all else; `None` where no light casts a shadow on what is seen.
     pub shadows: Option<Shadows>,
+    /// Effects on surfaces; a bit each in [`PipelineKey::surface`].
+    pub surface: Vec<PostPass>,
     /// Full-screen passes in order.
     pub post: Vec<PostPass>,
     pub left_out: Vec<LeftOut>,
@@ -138,6 +140,8 @@ pub struct PipelineKey {
     /// Mixed with what is behind by its alpha.
     pub blend: bool,
     pub glass: Glass,
+    /// Which of `Plan::surface` change what is seen.
+    pub surface: u8,
 }
 
 impl PipelineKey {
@@ -220,6 +224,11 @@ impl Features {
     pub const OUTLINE_WIDTH_TEXTURE: Features = Features(1 << 22);
     /// A mask says how much of a motion of the textures each place makes.
     pub const UV_MASK: Features = Features(1 << 23);
+    /// Normals and joint colours are for effects on the surface, whatever its light.
+    pub const SEEN_NORMALS: Features = Features(1 << 24);
+    pub const SEEN_JOINTS: Features = Features(1 << 25);
+    /// The edges of triangles as lines, a little nearer than the surface, in the outline's colour.
+    pub const EDGES: Features = Features(1 << 26);
     /// The skin's joints are dual quaternions. Another way rather than more of one: never forced in.
     pub const SKIN_DUAL: Features = Features(1 << 31);
 
@@ -267,7 +276,7 @@ impl Features {
         self.0 & (Self::NORMAL_TEXTURE.0 | Self::CLEARCOAT_NORMAL_TEXTURE.0 | Self::ANISOTROPY.0) != 0
     }
     pub const fn has_normals(self) -> bool {
-        self.is_lit() || self.has(Self::SHELL)
+        self.is_lit() || self.has(Self::SHELL) || self.has(Self::SEEN_NORMALS)
     }
     pub const fn is_lit(self) -> bool {
         self.0 & (Self::METALLIC_ROUGHNESS.0 | Self::BLINN_PHONG.0 | Self::TOON.0) != 0
@@ -302,6 +311,8 @@ pub struct PostPass {
     pub effect: String,
     /// In manifest order.
     pub parameters: [f32; 8],
+    /// Of an effect that runs more than once: how often it has run.
+    pub number: u32,
 }
 
 /// Every `LeftOut::what`, but for effects without a plugin, which are told by their names.
@@ -328,6 +339,8 @@ pub const LEFT_OUT: &[&str] = &[
     "specular colour textures",
     "emission",
     "outlines",
+    "edges",
+    "effects on surfaces",
     "clear coats",
     "sheen",
     "transmission",

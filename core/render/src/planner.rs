@@ -4,14 +4,12 @@ use crate::bounds::{Aabb, outside};
 use crate::catalog::{Catalog, CatalogMaterial, PrimitiveEntry};
 use crate::needs::{DrawNeeds, Facts, features, left_out, shell_features};
 use crate::plan::*;
+use crate::planner_effects::{Line, post_passes, shells, surface_effects};
+use crate::planner_lights::plan_lights;
 use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, dual_rows};
-use crate::view::relative;
-use choreo_plugin::{Effect, Hook, OptionKind};
-use choreo_stage::{
-    ActorState, AlphaMode, Asset, EffectUse, LightKind, LightState, MeshInstance, Outline, Shading, Shadow,
-    Snapshot, Stage,
-};
+use choreo_plugin::{Effect, SurfaceNeeds};
+use choreo_stage::{ActorState, AlphaMode, Asset, MeshInstance, Shadow, Snapshot, Stage};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -57,6 +55,7 @@ impl Plan {
             casters: Vec::new(),
             receivers: Vec::new(),
             shells: shells(stage, snapshot, options),
+            surface: surface_effects(stage, snapshot, options),
             shell_materials: Vec::new(),
             facts: Facts { lights_exist: !lights.is_empty(), dark_lights, ..Facts::default() },
             view,
@@ -107,9 +106,11 @@ pub(crate) struct Planner<'a> {
     casting: bool,
     pub casters: Vec<Caster>,
     /// Outlines by effects, and the actors that have them (empty: all).
-    shells: Vec<(Outline, Vec<usize>)>,
+    pub shells: Vec<(Line, Vec<usize>)>,
+    /// Effects on surfaces, what they need, and the actors that have them (empty: all).
+    pub surface: Vec<(PostPass, SurfaceNeeds, Vec<usize>)>,
     /// (Which of them, the catalogue's material, of the changed ones): place in `materials`.
-    shell_materials: Vec<((usize, u32, Option<u32>), u32)>,
+    pub shell_materials: Vec<((usize, u32, Option<u32>), u32)>,
     /// Boxes of what is lit and in view; only where some light casts.
     pub receivers: Vec<Aabb>,
     pub facts: Facts,
@@ -195,7 +196,14 @@ impl Planner<'_> {
                 morphed: morph_count > 0,
                 local_lights: self.local_lights,
             };
-            let features = features(primitive, material, needs, self.options.force_all);
+            let mut features = features(primitive, material, needs, self.options.force_all);
+            let (surface, seen) = self.surface_of(index);
+            let has = |on: bool, there: bool, bit| if on && there { bit } else { Features::default() };
+            let shape = primitive.primitive();
+            features = features
+                .with(has(seen.normals, !shape.normals.is_empty(), Features::SEEN_NORMALS))
+                .with(has(seen.uvs, !shape.uvs[0].is_empty(), Features::UV0))
+                .with(has(seen.joints, needs.skinned && !needs.dual, Features::SEEN_JOINTS));
             for copy in instance.joint_from_copies() {
                 let relative_from_mesh = match instance.copies.is_empty() {
                     true => relative_from_joint,
@@ -232,8 +240,11 @@ impl Planner<'_> {
                     topology: primitive.primitive().topology.into(),
                     double_sided: material.material.double_sided,
                     mirrored: determinant < 0.0,
-                    blend: alpha_blends(material.material.alpha_mode) || state.tint.w < 1.0,
+                    blend: alpha_blends(material.material.alpha_mode)
+                        || state.tint.w < 1.0
+                        || seen.see_through,
                     glass: Glass::No,
+                    surface,
                 };
                 let glass = key.features.has(Features::TRANSMISSION);
                 let casts = self.casting && key.topology == TopologyKey::Triangles && !key.blend && !glass;
@@ -263,7 +274,7 @@ impl Planner<'_> {
                     planned.morph_count = count.min(morph_count as u32);
                 }
                 if casts {
-                    let key = PipelineKey { features: features.of_depth(), ..key };
+                    let key = PipelineKey { features: features.of_depth(), surface: 0, ..key };
                     self.casters.push(Caster {
                         entry: *entry,
                         changed,
@@ -303,11 +314,15 @@ impl Planner<'_> {
                     && key.topology == TopologyKey::Triangles
                     && !primitive.primitive().normals.is_empty()
                 {
-                    for changed in self.hulls(entry, changed, index) {
+                    for (edges, changed) in self.hulls(entry, changed, index) {
                         let now = changed.map(|c| self.materials[c as usize].clone());
                         let of = now.as_deref().unwrap_or(&catalog.materials[entry.material as usize]);
-                        let features = shell_features(key.features, primitive, of);
-                        let pipeline = PipelineKey { features, double_sided: false, ..key };
+                        let features = match edges {
+                            true => key.features.of_depth().with(Features::EDGES),
+                            false => shell_features(key.features, primitive, of),
+                        };
+                        let topology = if edges { TopologyKey::Lines } else { key.topology };
+                        let pipeline = PipelineKey { features, topology, double_sided: edges, ..key };
                         let entry = *entry;
                         let nearest = depth;
                         self.items.push(Item {
@@ -339,37 +354,6 @@ impl Planner<'_> {
         self.materials.push(Arc::new(base.changed(now, entry.animated.is_some())));
         self.changed.push((index, entry.material, place));
         Some(place)
-    }
-
-    /// The materials of the hulls around a primitive of an actor: its own outline's, then those of effects.
-    fn hulls(&mut self, entry: &PrimitiveEntry, changed: Option<u32>, actor: usize) -> Vec<Option<u32>> {
-        let base = match changed {
-            Some(c) => self.materials[c as usize].clone(),
-            None if self.shells.is_empty() => {
-                let own = has_outline(&self.catalog.materials[entry.material as usize]);
-                return Vec::from_iter(own.then_some(None));
-            }
-            None => Arc::new(self.catalog.materials[entry.material as usize].clone()),
-        };
-        let mut out = Vec::from_iter(has_outline(&base).then_some(changed));
-        for (i, (outline, actors)) in self.shells.iter().enumerate() {
-            if !actors.is_empty() && !actors.contains(&actor) {
-                continue;
-            }
-            let key = (i, entry.material, changed);
-            let known = self.shell_materials.iter().find(|(k, _)| *k == key).map(|(_, place)| *place);
-            out.push(Some(known.unwrap_or_else(|| {
-                let mut material = CatalogMaterial::clone(&base);
-                let toon = material.material.toon.get_or_insert_default();
-                Arc::make_mut(toon).outline = Some(outline.clone());
-                material.toon[0] = None;
-                let place = self.materials.len() as u32;
-                self.materials.push(Arc::new(material));
-                self.shell_materials.push((key, place));
-                place
-            })));
-        }
-        out
     }
 
     /// Where the skin's matrices begin among the plan's; they come in when first asked for.
@@ -447,6 +431,7 @@ impl Planner<'_> {
         self.facts.drawn_copies = instances.len();
         self.facts.samples = self.options.samples;
         self.facts.post_passes = post.len();
+        self.facts.surface_effects = self.surface.len();
         self.facts.shadow_views = maps.len();
         let shadows = self.draw_shadows(maps, &mut instances, &mut instance_actors);
         let mut left_out = left_out(all, &self.facts);
@@ -466,6 +451,7 @@ impl Planner<'_> {
             draws,
             materials: self.materials,
             shadows,
+            surface: self.surface.into_iter().map(|(used, ..)| used).collect(),
             post,
             left_out,
         }
@@ -478,106 +464,4 @@ pub(crate) fn daffine(a: Affine3A) -> DAffine3 {
         matrix3: DMat3::from_cols(dvec(a.matrix3.x_axis), dvec(a.matrix3.y_axis), dvec(a.matrix3.z_axis)),
         translation: dvec(a.translation),
     }
-}
-
-/// Lights that shine, how each casts shadows, and the number of those that do not shine.
-fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<Option<Shadow>>, usize) {
-    let mut out = Vec::with_capacity(lights.len());
-    let mut shadows = Vec::with_capacity(lights.len());
-    for state in lights {
-        let light = &state.light;
-        let color = light.color * light.intensity;
-        let (kind, inner, outer) = match light.kind {
-            LightKind::Directional => (0.0, 0.0, 0.0),
-            LightKind::Point => (1.0, 0.0, 0.0),
-            LightKind::Spot { inner, outer } => (2.0, inner, outer),
-        };
-        let position = if kind == 0.0 { Vec3::ZERO } else { relative(state.position, view) };
-        let finite = color.is_finite() && position.is_finite() && state.direction.is_finite();
-        if !finite || color == Vec3::ZERO {
-            continue;
-        }
-        let inverse_range_squared =
-            light.range.filter(|r| *r > 0.0 && kind != 0.0).map_or(0.0, |r| 1.0 / (r * r));
-        // KHR_lights_punctual, "Inner and Outer Cone Angles".
-        let cone = if kind == 2.0 {
-            let (cos_inner, cos_outer) = (libm::cosf(inner), libm::cosf(outer));
-            let scale = 1.0 / (cos_inner - cos_outer).max(0.001);
-            Vec4::new(scale, -cos_outer * scale, 0.0, 0.0)
-        } else {
-            Vec4::ZERO
-        };
-        shadows.push(state.shadow);
-        out.push(PlanLight {
-            position: position.extend(inverse_range_squared),
-            direction: state.direction.extend(kind),
-            color: color.extend(0.0),
-            cone,
-        });
-    }
-    let dark = lights.len() - out.len();
-    (out, shadows, dark)
-}
-
-/// What a script gives an effect, in manifest order; defaults where it gives nothing.
-pub fn effect_parameters(effect: &dyn Effect, used: &EffectUse) -> [f32; 8] {
-    let mut parameters = [0.0; 8];
-    for (slot, option) in parameters.iter_mut().zip(&effect.manifest().options) {
-        let given = used.parameters.iter().rev().find(|(name, _)| *name == option.name);
-        *slot = match (given, &option.kind) {
-            (Some((_, value)), _) => *value as f32,
-            (None, OptionKind::Number { default, .. }) => *default as f32,
-            (None, OptionKind::Bool { default }) => f32::from(u8::from(*default)),
-            // Texts are handed over as their place in the list.
-            (None, OptionKind::Text { default, one_of }) => {
-                one_of.iter().position(|o| o == default).unwrap_or(0) as f32
-            }
-        };
-    }
-    parameters
-}
-
-fn has_outline(m: &CatalogMaterial) -> bool {
-    m.material.shading == Shading::Toon && m.material.toon.as_ref().is_some_and(|t| t.outline.is_some())
-}
-
-/// Outlines of the effects that are on.
-fn shells(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<(Outline, Vec<usize>)> {
-    let used = snapshot.effects.iter().filter_map(|e| stage.effects.get(*e));
-    let outline = |used: &EffectUse| {
-        let effect = options.effects.iter().find(|e| e.manifest().name == used.plugin)?;
-        let shell = effect.shell(&effect_parameters(effect.as_ref(), used)).filter(|s| s.width > 0.0)?;
-        let outline = Outline {
-            width: shell.width / options.size[1].max(1) as f32,
-            on_screen: true,
-            width_texture: None,
-            color: shell.color,
-            lighting_mix: shell.lighting_mix,
-        };
-        Some((outline, used.actors.clone()))
-    };
-    used.filter_map(outline).collect()
-}
-
-/// Effects that are on, with parameters in manifest order; defaults where the script gives none.
-fn post_passes(
-    stage: &Stage,
-    snapshot: &Snapshot,
-    effects: &[Arc<dyn Effect>],
-) -> (Vec<PostPass>, Vec<LeftOut>) {
-    let mut passes = Vec::new();
-    let mut unknown = Vec::new();
-    for used in snapshot.effects.iter().filter_map(|e| stage.effects.get(*e)) {
-        let Some(effect) = effects.iter().find(|e| e.manifest().name == used.plugin) else {
-            let why = "no plugin of this name is known".into();
-            unknown.push(LeftOut { what: format!("effect \"{}\"", used.plugin), why });
-            continue;
-        };
-        if effect.hook() != Hook::Pixel {
-            continue;
-        }
-        let parameters = effect_parameters(effect.as_ref(), used);
-        passes.push(PostPass { effect: used.plugin.clone(), parameters });
-    }
-    (passes, unknown)
 }

@@ -73,6 +73,8 @@ pub enum Command {
         index: usize,
         effect: String,
         from: Target,
+        /// What the effect's first pass got.
+        original: Target,
         to: Target,
     },
     ReadBack,
@@ -100,13 +102,15 @@ pub struct RecordOptions {
 pub enum Target {
     /// sRGB-encoded 8 bits: what is read back.
     Picture,
-    /// Linear 16-bit floats, one of two.
+    /// Linear 16-bit floats, one of three.
     Float(u8),
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     pub size: [u32; 2],
+    /// Names of the effects on surfaces, in the order of the bits of `PipelineKey::surface`.
+    pub surface: Vec<String>,
     pub commands: Vec<Command>,
 }
 
@@ -195,17 +199,23 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     commands.push(Command::EndPass);
 
     let mut from = scene;
+    let mut original = scene;
     for (index, pass) in plan.post.iter().enumerate() {
-        let to = match (index + 1 == plan.post.len(), from) {
-            (true, _) => Target::Picture,
-            (false, Target::Float(0)) => Target::Float(1),
-            (false, _) => Target::Float(0),
+        if pass.number == 0 {
+            original = from;
+        }
+        // Into what is neither read now nor by a later pass of the same effect.
+        let free = (0..3).map(Target::Float).find(|t| *t != from && *t != original);
+        let to = match index + 1 == plan.post.len() {
+            true => Target::Picture,
+            false => free.unwrap_or(Target::Float(2)),
         };
-        commands.push(Command::PostPass { index, effect: pass.effect.clone(), from, to });
+        commands.push(Command::PostPass { index, effect: pass.effect.clone(), from, original, to });
         from = to;
     }
     commands.push(Command::ReadBack);
-    Recording { size: plan.size, commands }
+    let surface = plan.surface.iter().map(|s| s.effect.clone()).collect();
+    Recording { size: plan.size, surface, commands }
 }
 
 /// Those of every material, in the order of their slots.

@@ -50,9 +50,12 @@ impl VertexLayout {
             features.has(Features::SKIN_8),
         ];
         let welded = if features.has(Features::SHELL) { Self::WELDED } else { 0 };
+        let welded = if features.has(Features::EDGES) { welded | Self::EDGES } else { welded };
         VertexLayout(on.iter().enumerate().map(|(i, on)| (*on as u16) << i).sum::<u16>() | welded)
     }
 
+    /// Indices are those of [`edges`], two a line.
+    pub const EDGES: u16 = 1 << 14;
     /// Normals are those of [`welded_normals`].
     pub const WELDED: u16 = 1 << 15;
 
@@ -152,6 +155,7 @@ pub fn pack(p: &Primitive, layout: VertexLayout) -> PackedMesh {
             }
         }
     }
+    let indices = if layout.0 & VertexLayout::EDGES != 0 { edges(&indices) } else { indices };
     let wide_indices = order.len() > 0xffff;
     let index_count = indices.len() as u32;
     let indices = if wide_indices {
@@ -177,6 +181,20 @@ pub fn pack_morphs(p: &Primitive, layout: VertexLayout) -> Vec<u8> {
         }
     }
     out
+}
+
+/// Each edge of triangles once, as two indices, in the order of their first triangle.
+pub fn edges(triangles: &[u32]) -> Vec<u32> {
+    let mut all: Vec<([u32; 2], u32)> = Vec::with_capacity(triangles.len());
+    for t in triangles.chunks_exact(3) {
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            all.push(([a.min(b), a.max(b)], all.len() as u32));
+        }
+    }
+    all.sort_unstable();
+    all.dedup_by_key(|(edge, _)| *edge);
+    all.sort_unstable_by_key(|(_, first)| *first);
+    all.into_iter().flat_map(|(edge, _)| edge).collect()
 }
 
 /// One normal for all vertices at a place, the mean of theirs: a hull pushed out along them has no gaps at edges.

@@ -22,6 +22,7 @@ fn key(features: Features) -> PipelineKey {
         mirrored: false,
         blend: false,
         glass: Glass::No,
+        surface: 0,
     }
 }
 
@@ -257,6 +258,48 @@ fn every_combination_compiles() {
     let all =
         SceneVariant { key: key(all), tint: true, joints_uniform: true, one_light: true, shadow_pass: false };
     compile(&files, &switches(&all), &stages, true).unwrap();
+    // Effects on surfaces of every kind, two of which use the same names.
+    let text = |k: &str| {
+        format!(
+            "const k = {k};\nfn part(x: f32) -> f32 {{ return x * k; }}\n\
+             fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32> {{\n\
+             return color * part(seen.distance) + vec4<f32>(seen.normal + seen.joints + seen.background, seen.uv.x * p[0]); }}"
+        )
+    };
+    let two = [(0u8, "a".to_string(), text("0.5")), (3, "b".to_string(), text("2.0"))];
+    let files: Vec<_> = sources().files(&SCENE).unwrap().into_iter().chain(surface_files(&two)).collect();
+    for shading in [Features(0), Features::METALLIC_ROUGHNESS, Features::TOON, Features::BLINN_PHONG] {
+        for bits in 0..32u32 {
+            let on = |bit: u32, f: Features| if bits >> bit & 1 == 1 { f } else { Features(0) };
+            let features = shading
+                .with(on(0, Features::SEEN_NORMALS))
+                .with(on(1, Features::SKIN.with(Features::SEEN_JOINTS)))
+                .with(on(2, Features::UV0))
+                .with(on(3, Features::EDGES));
+            let key = PipelineKey {
+                surface: 9,
+                blend: bits & 16 != 0,
+                double_sided: bits & 1 == 0,
+                ..key(features)
+            };
+            let v = SceneVariant {
+                key,
+                tint: false,
+                joints_uniform: false,
+                one_light: false,
+                shadow_pass: false,
+            };
+            compile(&files, &switches(&v), &stages, false)
+                .unwrap_or_else(|e| panic!("{:?}: {e}", switches(&v)));
+        }
+    }
+    let glass = Features::METALLIC_ROUGHNESS.with(Features::LAYERS).with(Features::TRANSMISSION);
+    for glass_pass in [Glass::Filter, Glass::Light] {
+        let key = PipelineKey { surface: 9, glass: glass_pass, ..key(glass) };
+        let v =
+            SceneVariant { key, tint: false, joints_uniform: false, one_light: false, shadow_pass: false };
+        compile(&files, &switches(&v), &stages, false).unwrap();
+    }
     let files = sources().files(&BACKGROUND).unwrap();
     parse(&files, &[]).unwrap();
 }
@@ -295,7 +338,7 @@ fn layouts_equal_the_rust_structs() {
         shadow_pass: false,
     });
     let (m, _) = parse(&sources().files(&SCENE).unwrap(), &on).unwrap();
-    let frame = fields!(FrameUniform: clip_from_relative, eye, ambient_up, ambient_down, background_top,
+    let frame = fields!(FrameUniform: clip_from_relative, eye, camera, ambient_up, ambient_down, background_top,
         background_bottom, size, light_count, pad);
     compare(&m, "Frame", size_of::<FrameUniform>(), frame);
     let material = fields!(MaterialUniform: base_color, emissive, alpha_cutoff, specular_color, specular, metallic,
@@ -323,7 +366,7 @@ fn layouts_equal_the_rust_structs() {
     let effect =
         "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * p[0]; }";
     let (m, _) = parse(&sources().post("test", effect).unwrap(), &[]).unwrap();
-    compare(&m, "Post", size_of::<PostUniform>(), fields!(PostUniform: parameters, size, pad));
+    compare(&m, "Post", size_of::<PostUniform>(), fields!(PostUniform: parameters, size, number, pad));
 }
 
 #[test]
@@ -337,7 +380,7 @@ fn a_moved_field_is_found() {
     let mut files = sources().files(&BACKGROUND).unwrap();
     files[0].text = moved;
     let (m, _) = parse(&files, &[]).unwrap();
-    let frame = fields!(FrameUniform: clip_from_relative, eye, ambient_up, ambient_down, background_top,
+    let frame = fields!(FrameUniform: clip_from_relative, eye, camera, ambient_up, ambient_down, background_top,
         background_bottom, size, light_count, pad);
     compare(&m, "Frame", size_of::<FrameUniform>(), frame);
 }

@@ -367,7 +367,7 @@ fn odd_sizes_and_misuse() {
     plan.lights = vec![Default::default(); 257];
     assert_eq!(refused(&plan), "number of lights is 257, the limit of this device is 256");
     plan.lights.clear();
-    plan.post.push(choreo_render::plan::PostPass { effect: "blur".into(), parameters: [0.0; 8] });
+    plan.post.push(choreo_render::plan::PostPass { effect: "blur".into(), parameters: [0.0; 8], number: 0 });
     let e = refused(&plan);
     assert_eq!(
         e,

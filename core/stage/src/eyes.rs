@@ -1,6 +1,6 @@
 //! How eyes follow a target: VRM 1.0, "lookAt.md", and `firstPerson` of VRM 0.x.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A character's own word on how far its eyes turn. The direction to the target is measured as yaw and pitch from the head's
 /// forward direction at `offset_from_head`.
@@ -24,6 +24,27 @@ pub enum EyesMovedBy {
     Expressions,
 }
 
+impl Eyes {
+    /// How far an eye turns for a target in a direction seen from the head (+Z forward, +Y up, so that +X is its left): yaw to
+    /// its left and pitch up, radians. For eyes that are [`EyesMovedBy::Bones`].
+    pub fn turn_of(&self, left: bool, way: DVec3) -> (f64, f64) {
+        let yaw = libm::atan2(way.x, way.z);
+        let pitch = libm::atan2(way.y, libm::hypot(way.x, way.z));
+        let outwards = (yaw > 0.0) == left;
+        let sideways = if outwards { &self.outer } else { &self.inner };
+        let upright = if pitch > 0.0 { &self.up } else { &self.down };
+        (sideways.map(yaw.abs()).copysign(yaw), upright.map(pitch.abs()).copysign(pitch))
+    }
+}
+
+impl RangeMap {
+    /// Of an angle that is not negative.
+    pub fn map(&self, angle: f64) -> f64 {
+        let most = f64::from(self.input_max);
+        if most > 0.0 { (angle / most).clamp(0.0, 1.0) * f64::from(self.output_scale) } else { 0.0 }
+    }
+}
+
 /// output = clamp(angle, 0, `input_max`) / `input_max` · `output_scale`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeMap {
@@ -31,4 +52,46 @@ pub struct RangeMap {
     pub input_max: f32,
     /// Radians or a weight.
     pub output_scale: f32,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eyes_turn_as_far_as_their_maps_say() {
+        let map = |input_max: f32, output: f32| RangeMap {
+            input_max: input_max.to_radians(),
+            output_scale: output.to_radians(),
+        };
+        let eyes = Eyes {
+            offset_from_head: Vec3::ZERO,
+            moved_by: EyesMovedBy::Bones,
+            inner: map(90.0, 8.0),
+            outer: map(90.0, 12.0),
+            down: map(45.0, 10.0),
+            up: map(90.0, 20.0),
+        };
+        let at = |left: bool, yaw: f64, pitch: f64| {
+            let (y, p) = (yaw.to_radians(), pitch.to_radians());
+            let way = DVec3::new(libm::sin(y) * libm::cos(p), libm::sin(p), libm::cos(y) * libm::cos(p));
+            let (yaw, pitch) = eyes.turn_of(left, way);
+            [yaw.to_degrees(), pitch.to_degrees()]
+        };
+        let near = |got: [f64; 2], expected: [f64; 2]| {
+            assert!(
+                (got[0] - expected[0]).abs() < 1e-6 && (got[1] - expected[1]).abs() < 1e-6,
+                "{got:?} {expected:?}"
+            );
+        };
+        // To its left: outwards for the left eye, inwards for the right one.
+        near(at(true, 45.0, 0.0), [6.0, 0.0]);
+        near(at(false, 45.0, 0.0), [4.0, 0.0]);
+        near(at(true, -45.0, 0.0), [-4.0, 0.0]);
+        near(at(false, -45.0, 0.0), [-6.0, 0.0]);
+        near(at(true, 0.0, 45.0), [0.0, 10.0]);
+        near(at(true, 0.0, -60.0), [0.0, -10.0]);
+        near(at(true, 170.0, 0.0), [12.0, 0.0]);
+        assert_eq!(RangeMap { input_max: 0.0, output_scale: 1.0 }.map(1.0), 0.0);
+    }
 }

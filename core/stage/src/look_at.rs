@@ -2,8 +2,8 @@
 
 use crate::evaluate::target_position;
 use crate::timeline::{eased, fraction};
-use crate::{ActorState, Ease, LookAt, Stage};
-use choreo_motion::Time;
+use crate::{ActorState, Asset, Ease, EyesMovedBy, LookAt, Stage};
+use choreo_motion::{HumanBone, Time};
 use glam::{Affine3A, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 
 /// A joint turns at most this far from its clip's pose, 80°: a head's reach. Beyond it the turn fades out again until the
@@ -61,7 +61,14 @@ pub(crate) fn turn(stage: &Stage, aim: &Aim, state: &mut ActorState, turned: &mu
     let target = state.world_from_model.inverse().transform_point3(aim.world_target);
     let forward = forward_in_joint(&rest[joint]);
     let now = Vec3::from(model_from_joint.matrix3 * forward).as_dvec3();
-    let Some(turn) = turn_towards(now, target - pivot.as_dvec3(), aim.share) else { return };
+    let eye = eye_turn(&stage.actors[aim.actor].asset, joint, state, target, aim.share);
+    let turn = match eye {
+        Some(turn) => turn,
+        None => match turn_towards(now, target - pivot.as_dvec3(), aim.share) {
+            Some(turn) => turn,
+            None => return,
+        },
+    };
     let turn = Mat3A::from(Mat3::from_quat(turn.as_quat()));
     let pivot = Vec3A::from(pivot);
     // Children come after their parents.
@@ -77,6 +84,29 @@ pub(crate) fn turn(stage: &Stage, aim: &Aim, state: &mut ActorState, turned: &mu
             *m = Affine3A { matrix3: turn * m.matrix3, translation: pivot + turn * (m.translation - pivot) };
         }
     }
+}
+
+/// An eye of a character whose file says how far its eyes turn: by the direction from the head, through its own maps (VRM 1.0,
+/// "lookAt.md"). `None` for any other joint.
+fn eye_turn(asset: &Asset, joint: usize, state: &ActorState, target: DVec3, share: f64) -> Option<DQuat> {
+    let eyes = asset.eyes.as_ref().filter(|eyes| eyes.moved_by == EyesMovedBy::Bones)?;
+    let humanoid = asset.skeleton.humanoid()?;
+    let is = |bone| humanoid.joint(bone) == Some(joint as u32);
+    let left = is(HumanBone::LeftEye);
+    if !left && !is(HumanBone::RightEye) {
+        return None;
+    }
+    let head = humanoid.joint(HumanBone::Head)? as usize;
+    let now = state.model_from_joint.get(head)?;
+    let origin = now.transform_point3(eyes.offset_from_head).as_dvec3();
+    // From the head as it is to the head at rest, which looks along the model's +Z.
+    let rotation = |m: &Affine3A| m.to_scale_rotation_translation().1.as_dquat();
+    let turned = (rotation(now) * rotation(asset.rest_model_from_joint().get(head)?).inverse()).normalize();
+    let way = (turned.inverse() * (target - origin)).try_normalize()?;
+    let (yaw, pitch) = eyes.turn_of(left, way);
+    let own = DQuat::from_rotation_y(yaw * share) * DQuat::from_rotation_x(-pitch * share);
+    let turn = turned * own * turned.inverse();
+    turn.is_finite().then_some(turn)
 }
 
 /// The direction in a joint's space that is the model's +Z at rest; +Z where the rest pose is flat.

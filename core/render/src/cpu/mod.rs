@@ -4,10 +4,13 @@
 //! what Vulkan leaves to the device. Tiles are independent of each other: any number of threads gives the same bits.
 
 mod brdf;
+mod brushed;
 mod film;
 mod lanes;
 mod layers;
+mod picture;
 mod raster;
+mod seen;
 mod setup;
 mod shade;
 mod shadow;
@@ -20,7 +23,7 @@ mod vertex;
 use crate::catalog::{Catalog, CatalogMaterial};
 use crate::plan::{Draw, Features, Plan};
 use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
-use choreo_plugin::{Effect, Frame};
+use choreo_plugin::{Effect, Frame, Hook};
 use choreo_stage::Background;
 use glam::{Mat4, Vec4};
 use raster::{TILE_HEIGHT, TILE_WIDTH};
@@ -30,7 +33,7 @@ use shade::{Fragment, ShadeMaterial};
 use shadow::ShadowMaps;
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
-use target::{Float, Srgb8, Target};
+use target::{Float, PixelOf, Srgb8, Target};
 use texture::Texture;
 use tile::{Batch, Phase, Tile, TileBuffers, TriangleId};
 use vertex::{Hull, VertexStage};
@@ -90,7 +93,7 @@ impl CpuRenderer {
                 "the plan was made from another catalogue than the loaded one".into(),
             ));
         }
-        for pass in &plan.post {
+        for pass in plan.post.iter().chain(&plan.surface) {
             self.effect(&pass.effect)?;
         }
         Ok(())
@@ -101,6 +104,12 @@ impl CpuRenderer {
             .iter()
             .find(|e| e.manifest().name == name)
             .ok_or_else(|| RenderError::Usage(format!("the renderer was made without the effect \"{name}\"")))
+    }
+
+    /// Of the effects on surfaces those of a draw, in order.
+    fn surface(&self, plan: &Plan, bits: u8) -> Vec<(Arc<dyn Effect>, [f32; 8])> {
+        let on = (0..8).zip(&plan.surface).filter(|(bit, _)| bits >> bit & 1 == 1);
+        on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters))).collect()
     }
 
     /// The plan's own materials, with the textures of those that they stand for.
@@ -163,9 +172,10 @@ impl CpuRenderer {
                     hull,
                 }
                 .run();
+                let edges = features.has(Features::EDGES).then(|| crate::vertex::edges(&primitive.indices));
                 let triangles = Assembly {
                     vertices: &vertices,
-                    indices: &primitive.indices,
+                    indices: edges.as_ref().unwrap_or(&primitive.indices),
                     pipeline: draw.pipeline,
                     size,
                 }
@@ -173,6 +183,7 @@ impl CpuRenderer {
                 Batch {
                     fragment: Fragment {
                         plan,
+                        surface: self.surface(plan, draw.pipeline.surface),
                         shadows,
                         features,
                         blend: draw.pipeline.blend,
@@ -197,8 +208,25 @@ impl CpuRenderer {
     fn draw<T: Target, const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {
         let mut post = Vec::with_capacity(plan.post.len());
         for pass in &plan.post {
-            post.push((self.effect(&pass.effect)?.clone(), pass.parameters));
+            let effect = self.effect(&pass.effect)?.clone();
+            post.push(picture::Pass { effect, parameters: pass.parameters, number: pass.number });
         }
+        if post.iter().any(|p| p.effect.hook() == Hook::Picture) {
+            let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
+            self.tiles::<T, Vec4, S>(plan, &[], &mut pixels)?;
+            picture::run(&post, plan.size, pixels, &mut frame.rgba);
+            return Ok(());
+        }
+        let (pixels, _) = frame.rgba.as_chunks_mut::<4>();
+        self.tiles::<T, [u8; 4], S>(plan, &post, pixels)
+    }
+
+    fn tiles<T: Target, P: PixelOf, const S: usize>(
+        &self,
+        plan: &Plan,
+        post: &[picture::Pass],
+        out: &mut [P],
+    ) -> Result<(), RenderError> {
         let changed = self.changed_materials(plan);
         let maps = plan.shadows.as_ref().map(|shadows| {
             ShadowMaps::draw(&shadows.views, shadows.image, |view| {
@@ -219,8 +247,7 @@ impl CpuRenderer {
 
         let width = plan.size[0] as usize;
         let columns = width.div_ceil(TILE_WIDTH as usize);
-        let stride = width * 4;
-        frame.rgba.par_chunks_mut(stride * TILE_HEIGHT as usize).enumerate().for_each_init(
+        out.par_chunks_mut(width * TILE_HEIGHT as usize).enumerate().for_each_init(
             || (TileBuffers::<T>::new(S), vec![Vec::<TriangleId>::new(); columns]),
             |(buffers, lists), (band, pixels)| {
                 for list in lists.iter_mut() {
@@ -246,12 +273,12 @@ impl CpuRenderer {
                         batches: &batches,
                         list,
                         at: [x as i32, y as i32],
-                        size: [(width - x).min(TILE_WIDTH as usize), pixels.len() / stride],
+                        size: [(width - x).min(TILE_WIDTH as usize), pixels.len() / width],
                         picture: plan.size,
                         background,
-                        post: &post,
+                        post,
                     };
-                    tile.draw::<T, S>(buffers, &mut pixels[x * 4..], stride);
+                    tile.draw::<T, P, S>(buffers, &mut pixels[x..], width);
                 }
             },
         );

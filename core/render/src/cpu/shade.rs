@@ -11,7 +11,8 @@ use super::vertex::Vertex;
 use crate::catalog::{CatalogMaterial, CatalogTextureRef};
 use crate::gpu_types::{BASE_SLOTS, TEXTURE_SLOTS, TOON_SLOT, film_thickness};
 use crate::plan::{Features, Glass, Plan, PlanLight};
-use choreo_stage::{AlphaMode, MaterialLayers, Primitive, Toon};
+use choreo_plugin::Effect;
+use choreo_stage::{AlphaMode, Primitive, Toon};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -27,6 +28,8 @@ pub struct Fragment<'a> {
     pub plan: &'a Plan,
     /// Where some light casts.
     pub shadows: Option<&'a ShadowMaps>,
+    /// Effects on the surface, in order.
+    pub surface: Vec<(Arc<dyn Effect>, [f32; 8])>,
     pub features: Features,
     pub blend: bool,
     pub glass: Glass,
@@ -82,8 +85,8 @@ impl Default for Over {
     }
 }
 
-struct Quad<'a> {
-    weights: &'a Weights,
+pub struct Quad<'a> {
+    pub weights: &'a Weights,
     uvs: [[F4; 2]; 2],
     /// How much of a motion of the textures each pixel makes, where a mask says so.
     uv_mask: Option<F4>,
@@ -92,7 +95,7 @@ struct Quad<'a> {
 impl Fragment<'_> {
     pub fn shade(&self, vertices: &[Vertex], ids: [u32; 3], front: bool, weights: &Weights) -> Shaded {
         let mut shaded = self.surface(vertices, ids, front, weights);
-        if self.features.has(Features::SHELL) {
+        if self.features.has(Features::SHELL) || self.features.has(Features::EDGES) {
             let toon = self.material.factors.material.toon.as_ref();
             if let Some(outline) = toon.and_then(|t| t.outline.as_ref()) {
                 for (out, color) in shaded.rgba.iter_mut().zip(outline.color.to_array()) {
@@ -395,39 +398,6 @@ impl Fragment<'_> {
             let seen = |c: F4| F4(std::array::from_fn(|i| if nl.0[i] > 0.0 { c.0[i] } else { 0.0 }));
             *color = *color + V3 { x: seen(lit.x), y: seen(lit.y), z: seen(lit.z) };
         }
-    }
-
-    /// KHR_materials_anisotropy: directions and alphas, and where the sky is seen mirrored ("Bent normal" of its notes).
-    fn brushed(
-        &self,
-        vertices: &[Vertex],
-        ids: [u32; 3],
-        quad: &Quad,
-        layers: &MaterialLayers,
-        (texel, roughness): (Option<[F4; 4]>, F4),
-        (n, v): (V3, V3),
-    ) -> (Brushed, V3) {
-        let interpolated = quad.weights.vec3(ids.map(|i| vertices[i as usize].normal));
-        let t = ids.map(|i| vertices[i as usize].tangent);
-        let tangent = quad.weights.vec3(t.map(|t| t.truncate()));
-        let bitangent = interpolated.cross(tangent) * quad.weights.scalar(t[0].w, t[1].w, t[2].w);
-        let (mut x, mut y, mut strength) = (F4::ONE, F4::ZERO, F4::splat(layers.anisotropy));
-        if let Some([r, g, b, _]) = texel {
-            (x, y) = (r * 2.0 - F4::ONE, g * 2.0 - F4::ONE);
-            strength *= b;
-        }
-        let (c, s) = (libm::cosf(layers.anisotropy_rotation), libm::sinf(layers.anisotropy_rotation));
-        let (x, y) = (x * c - y * s, x * s + y * c);
-        let along = (tangent * x + bitangent * y).unit();
-        let across = n.cross(along).unit();
-        let alpha_across = roughness * roughness;
-        let alpha_along = alpha_across.mix(F4::ONE, strength * strength);
-        let fan = across.cross(v).cross(across).unit();
-        let straight = F4::ONE - strength * (F4::ONE - roughness);
-        let straight2 = straight * straight;
-        let bent = fan.mix(n, straight2 * straight2).unit();
-        let mirror = bent * (bent.dot(v) * 2.0) - v;
-        (Brushed { along, across, alpha_along, alpha_across }, mirror)
     }
 
     /// Interpolated normal, or the normal map's as MikkTSpace has it: x·T + y·(N × T · sign) + z·N of the interpolated

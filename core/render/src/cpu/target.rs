@@ -47,6 +47,25 @@ pub trait Target: Copy + PartialEq + Send + Sync {
     fn fragment(source: Vec4) -> Vec4;
 }
 
+/// What a pixel of the finished picture is kept as.
+pub trait PixelOf: Copy + Send + Sync {
+    fn of<T: Target>(sample: T) -> Self;
+}
+
+/// As it is written to files.
+impl PixelOf for [u8; 4] {
+    fn of<T: Target>(sample: T) -> [u8; 4] {
+        sample.bytes()
+    }
+}
+
+/// Linear, for what is still to be done with it.
+impl PixelOf for Vec4 {
+    fn of<T: Target>(sample: T) -> Vec4 {
+        sample.decode()
+    }
+}
+
 /// As VK_FORMAT_R8G8B8A8_SRGB: colour encoded, alpha linear.
 #[derive(Clone, Copy, PartialEq)]
 pub struct Srgb8(pub [u8; 4]);

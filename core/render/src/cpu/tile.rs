@@ -2,15 +2,14 @@
 //! ones in order, then samples resolved. The same picture as drawing one after the other, without shading what is hidden.
 
 use super::lanes::{F4, Weights};
+use super::picture::Pass;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
-use super::target::Target;
+use super::target::{PixelOf, Target};
 use super::vertex::Vertex;
 use crate::plan::Glass;
-use choreo_plugin::Effect;
 use glam::{Vec2, Vec4};
-use std::sync::Arc;
 
 /// One drawn copy: its triangles on screen and what shades them.
 pub struct Batch<'a> {
@@ -65,19 +64,22 @@ pub struct Tile<'a, 'b> {
     pub picture: [u32; 2],
     /// Linear RGBA of each row.
     pub background: [Vec4; TILE_HEIGHT as usize],
-    pub post: &'a [(Arc<dyn Effect>, [f32; 8])],
+    /// Functions of one pixel alone.
+    pub post: &'a [Pass],
 }
 
 impl Tile<'_, '_> {
-    /// `rows` starts at the tile's first pixel; rows are `stride` bytes apart.
-    pub fn draw<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, rows: &mut [u8], stride: usize) {
+    /// `rows` starts at the tile's first pixel; rows are `stride` pixels apart.
+    pub fn draw<T: Target, P: PixelOf, const S: usize>(
+        &self,
+        b: &mut TileBuffers<T>,
+        rows: &mut [P],
+        stride: usize,
+    ) {
         if self.list.is_empty() && self.post.is_empty() {
             // Most of a usual picture: every sample of a row is the background.
             for (y, background) in self.background[..self.size[1]].iter().enumerate() {
-                let bytes = T::encode(*background).bytes();
-                for out in rows[y * stride..y * stride + self.size[0] * 4].chunks_exact_mut(4) {
-                    out.copy_from_slice(&bytes);
-                }
+                rows[y * stride..y * stride + self.size[0]].fill(P::of(T::encode(*background)));
             }
             return;
         }
@@ -100,7 +102,7 @@ impl Tile<'_, '_> {
                 self.forward::<T, S>(b, id);
             }
         }
-        self.finish::<T, S>(b, rows, stride);
+        self.finish::<T, P, S>(b, rows, stride);
     }
 
     fn triangle(&self, id: &TriangleId) -> &Triangle {
@@ -212,25 +214,31 @@ impl Tile<'_, '_> {
         let e = t.edges.map(|[a, b, c]| x * a + y * b + F4::splat(c));
         let scale = F4::ONE / (e[0] + e[1] + e[2]);
         let weights = Weights(e.map(|e| e * scale));
-        batch.fragment.shade(&batch.vertices, t.vertices, t.front, &weights)
+        let at = [self.at[0] + 2 * qx as i32, self.at[1] + 2 * qy as i32];
+        batch.fragment.seen(&batch.vertices, t.vertices, t.front, &weights, at)
     }
 
-    fn finish<T: Target, const S: usize>(&self, b: &TileBuffers<T>, rows: &mut [u8], stride: usize) {
+    fn finish<T: Target, P: PixelOf, const S: usize>(
+        &self,
+        b: &TileBuffers<T>,
+        rows: &mut [P],
+        stride: usize,
+    ) {
         let size = Vec2::new(self.picture[0] as f32, self.picture[1] as f32);
         for y in 0..self.size[1] {
             let first = y * TILE_WIDTH as usize * S;
             let samples = &b.color[first..first + self.size[0] * S];
-            let row = &mut rows[y * stride..y * stride + self.size[0] * 4];
-            for (x, (out, samples)) in row.chunks_exact_mut(4).zip(samples.chunks_exact(S)).enumerate() {
+            let row = &mut rows[y * stride..y * stride + self.size[0]];
+            for (x, (out, samples)) in row.iter_mut().zip(samples.chunks_exact(S)).enumerate() {
                 let mut resolved = T::resolved(samples);
                 if !self.post.is_empty() {
                     let pixel = Vec2::new((self.at[0] + x as i32) as f32, (self.at[1] + y as i32) as f32);
                     let uv = (pixel + 0.5) / size;
-                    for (effect, parameters) in self.post {
-                        resolved = T::encode(effect.cpu(resolved.decode(), uv, parameters));
+                    for pass in self.post {
+                        resolved = T::encode(pass.effect.cpu(resolved.decode(), uv, &pass.parameters));
                     }
                 }
-                out.copy_from_slice(&resolved.bytes());
+                *out = P::of(resolved);
             }
         }
     }

@@ -59,10 +59,14 @@ impl Layouts {
             post: vk::DescriptorSetLayout::null(),
         };
         let frame = super::slot::FRAME_BINDINGS.map(|(binding, kind)| {
-            let stages = [vertex | fragment, vertex, vertex, vertex, fragment, vertex];
+            let stages = [vertex | fragment, vertex, vertex, vertex, fragment, vertex, fragment];
             (binding, kind, stages[binding as usize])
         });
-        let post = [(0, T::UNIFORM_BUFFER, fragment), (1, T::SAMPLED_IMAGE, fragment)];
+        let post = [
+            (0, T::UNIFORM_BUFFER, fragment),
+            (1, T::SAMPLED_IMAGE, fragment),
+            (2, T::SAMPLED_IMAGE, fragment),
+        ];
         let made = (|| {
             layouts.frame = create(gpu, "frame set layout", &frame)?;
             layouts.morphs = create(gpu, "morph set layout", &[(0, T::STORAGE_BUFFER, vertex)])?;
@@ -176,7 +180,7 @@ impl Pools {
         let size = |ty, each: u32| vk::DescriptorPoolSize { ty, descriptor_count: each * SETS_PER_POOL };
         // Enough of each kind for a pool full of the set that has most of it.
         let sizes = [
-            size(vk::DescriptorType::UNIFORM_BUFFER, 3),
+            size(vk::DescriptorType::UNIFORM_BUFFER, 4),
             size(vk::DescriptorType::STORAGE_BUFFER, 3),
             size(vk::DescriptorType::SAMPLED_IMAGE, TEXTURE_SLOTS as u32),
             size(vk::DescriptorType::SAMPLER, TEXTURE_SLOTS as u32),

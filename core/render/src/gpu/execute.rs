@@ -91,8 +91,8 @@ impl Execution<'_> {
                     // SAFETY: `BeginPass` began it.
                     unsafe { device.cmd_end_rendering(commands) };
                 }
-                Command::PostPass { index, from, to, .. } => {
-                    self.post(pipeline_of(i)?, *index, self.targets.image(*from), *to);
+                Command::PostPass { index, from, original, to, .. } => {
+                    self.post(pipeline_of(i)?, *index, *from, *original, *to);
                 }
                 Command::ReadBack => self.read_back(),
             }
@@ -266,10 +266,14 @@ impl Execution<'_> {
         self.set_area([0; 2], [width, height]);
     }
 
-    fn post(&self, pipeline: vk::Pipeline, index: usize, from: &Image, to: Target) {
+    fn post(&self, pipeline: vk::Pipeline, index: usize, from: Target, original: Target, to: Target) {
+        let (first, from) = (original == from, self.targets.image(from));
+        // An effect's later pass finds what its first one got as that left it: to be read.
+        let original = if first { from } else { self.targets.image(original) };
         let set = self.slot.post_sets[index].raw;
         let sampled = vk::DescriptorType::SAMPLED_IMAGE;
         write_image(self.gpu, set, 1, sampled, from.view, vk::Sampler::null());
+        write_image(self.gpu, set, 2, sampled, original.view, vk::Sampler::null());
         let target = self.targets.image(to);
         self.barriers(&[
             color_barrier(from)

@@ -14,14 +14,15 @@ pub mod faults;
 mod memory;
 mod pipelines;
 mod resources;
+mod room;
 mod shadow;
 mod slot;
+mod state;
 mod steady;
 mod targets;
 mod upload;
 
-use crate::catalog::CatalogMaterial;
-use crate::record::{Command, MAX_LIGHTS, RecordOptions, Recording, record, texture_slots, textures_beyond};
+use crate::record::{Command, MAX_LIGHTS, RecordOptions, Recording, record, texture_slots};
 use crate::shader::ShaderSources;
 use crate::{Catalog, DeviceInfo, DeviceKind, Plan, RenderError, Renderer, Work};
 use ash::vk;
@@ -181,28 +182,6 @@ impl VulkanRenderer {
     /// Bytes of device memory in use, by what the allocator handed out.
     pub fn allocated_bytes(&self) -> u64 {
         self.gpu.allocator().generate_report().total_allocated_bytes
-    }
-
-    /// Textures that a material's shader may read here, beside the shadow map.
-    fn textures(&self) -> u32 {
-        let limits = self.gpu.limits();
-        let images = limits.max_per_stage_descriptor_sampled_images;
-        let room = images.min(limits.max_per_stage_descriptor_samplers).saturating_sub(1);
-        self.most_textures.map_or(room, |most| room.min(most))
-    }
-
-    /// A line for each material of the catalogue that has more textures than this device can bind.
-    fn textures_left_out(&self) -> Vec<String> {
-        let most = self.textures();
-        let line = |m: &CatalogMaterial| {
-            let out = textures_beyond(m, most);
-            let text = "this device binds at most";
-            (!out.is_empty()).then(|| {
-                let name = &m.material.name;
-                format!("material \"{name}\": {text} {most} textures; left out: {}", out.join(", "))
-            })
-        };
-        self.catalog.materials.iter().filter_map(line).collect()
     }
 
     fn wait_idle(&self) -> Result<(), RenderError> {

@@ -5,14 +5,17 @@ use super::context::Context;
 use super::descriptors::Layouts;
 use super::error::Named;
 use super::faults::FaultPlace;
-use super::targets::{DEPTH, format};
+use super::state::{Mix, State, format_of, vertex_format};
+use super::targets::DEPTH;
 use crate::RenderError;
 use crate::plan::{Features, Glass, TopologyKey};
 use crate::record::{Command, Recording, Target, texture_slots};
-use crate::shader::{BACKGROUND, Entry, SCENE, SceneVariant, ShaderSources, compile, switches};
-use crate::vertex::{Format, VertexLayout};
+use crate::shader::{
+    BACKGROUND, Entry, SCENE, SceneVariant, ShaderSources, compile, surface_files, switches,
+};
+use crate::vertex::VertexLayout;
 use ash::vk;
-use choreo_plugin::Effect;
+use choreo_plugin::{Effect, Hook};
 use naga::ShaderStage;
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
@@ -21,9 +24,22 @@ use std::sync::Arc;
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Id {
-    Scene { variant: SceneVariant, samples: u32, float: bool },
-    Background { samples: u32, float: bool, depth: bool },
-    Post { effect: String, float: bool },
+    /// `surface`: the effects on it, each with its bit.
+    Scene {
+        variant: SceneVariant,
+        samples: u32,
+        float: bool,
+        surface: Vec<(u8, String)>,
+    },
+    Background {
+        samples: u32,
+        float: bool,
+        depth: bool,
+    },
+    Post {
+        effect: String,
+        float: bool,
+    },
 }
 
 pub struct Pipelines {
@@ -51,7 +67,12 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             (samples, float) = (1, false);
             None
         }
-        Command::BindPipeline(variant) => Some(Id::Scene { variant: *variant, samples, float }),
+        Command::BindPipeline(variant) => {
+            let names = (0u8..).zip(&recording.surface);
+            let on = names.filter(|(bit, _)| variant.key.surface >> bit & 1 == 1);
+            let surface = on.map(|(bit, name)| (bit, name.clone())).collect();
+            Some(Id::Scene { variant: *variant, samples, float, surface })
+        }
         Command::DrawBackground => Some(Id::Background { samples, float, depth }),
         Command::PostPass { effect, to, .. } => {
             Some(Id::Post { effect: effect.clone(), float: is_float(to) })
@@ -164,8 +185,12 @@ impl Pipelines {
             all.iter().find(|e| e.manifest().name == name).map(|e| e.wgsl().to_string())
         };
         self.made.retain(|id, pipeline| {
-            let Id::Post { effect, .. } = id else { return true };
-            let same = text(&old, effect) == text(effects, effect);
+            let names: Vec<&String> = match id {
+                Id::Post { effect, .. } => vec![effect],
+                Id::Scene { surface, .. } => surface.iter().map(|(_, name)| name).collect(),
+                Id::Background { .. } => return true,
+            };
+            let same = names.iter().all(|name| text(&old, name) == text(effects, name));
             if !same {
                 // SAFETY: no frame in flight uses it.
                 unsafe { gpu.device.destroy_pipeline(*pipeline, None) };
@@ -201,9 +226,16 @@ impl Pipelines {
     fn create(&self, gpu: &Context, layouts: &Layouts, id: &Id) -> Result<vk::Pipeline, RenderError> {
         let stages = |vs, fs| [(vs, ShaderStage::Vertex), (fs, ShaderStage::Fragment)];
         match id {
-            Id::Scene { variant, samples, float } => {
+            Id::Scene { variant, samples, float, surface } => {
                 let points = variant.key.topology == TopologyKey::Points;
-                let files = self.sources.files(&SCENE)?;
+                let mut files = self.sources.files(&SCENE)?;
+                if !surface.is_empty() {
+                    let texts: Result<Vec<_>, RenderError> = surface
+                        .iter()
+                        .map(|(bit, name)| Ok((*bit, name.clone(), self.effect(name)?.wgsl().to_string())))
+                        .collect();
+                    files.extend(surface_files(&texts?));
+                }
                 let key = &variant.key;
                 // Of a shadow map only holes need a fragment shader.
                 let cut_out = key.features.has(Features::ALPHA_MASK);
@@ -256,15 +288,10 @@ impl Pipelines {
                 )
             }
             Id::Post { effect, float } => {
-                let plugin = self.effects.iter().find(|e| e.manifest().name == *effect).ok_or_else(|| {
-                    let known: Vec<_> = self.effects.iter().map(|e| e.manifest().name.as_str()).collect();
-                    RenderError::Usage(format!(
-                        "the plan uses the effect \"{effect}\", which the renderer was not given; known: {}",
-                        if known.is_empty() { "none".into() } else { known.join(", ") }
-                    ))
-                })?;
+                let plugin = self.effect(effect)?;
                 let files = self.sources.post(effect, plugin.wgsl())?;
-                let code = compile(&files, &[], &stages("post_vs", "post_fs"), false)?;
+                let on: &[&str] = if plugin.hook() == Hook::Picture { &["PICTURE"] } else { &[] };
+                let code = compile(&files, on, &stages("post_vs", "post_fs"), false)?;
                 self.build(
                     gpu,
                     &code,
@@ -276,6 +303,16 @@ impl Pipelines {
                 )
             }
         }
+    }
+
+    fn effect(&self, name: &str) -> Result<&Arc<dyn Effect>, RenderError> {
+        self.effects.iter().find(|e| e.manifest().name == name).ok_or_else(|| {
+            let known: Vec<_> = self.effects.iter().map(|e| e.manifest().name.as_str()).collect();
+            RenderError::Usage(format!(
+                "the plan uses the effect \"{name}\", which the renderer was not given; known: {}",
+                if known.is_empty() { "none".into() } else { known.join(", ") }
+            ))
+        })
     }
 
     fn build(&self, gpu: &Context, code: &[Entry], state: &State) -> Result<vk::Pipeline, RenderError> {
@@ -406,74 +443,5 @@ impl Pipelines {
             gpu.device.destroy_pipeline_layout(self.post_layout, None);
         }
         self.cache.destroy(gpu);
-    }
-}
-
-struct State {
-    name: String,
-    layout: vk::PipelineLayout,
-    vertices: Option<VertexLayout>,
-    topology: vk::PrimitiveTopology,
-    clockwise: bool,
-    samples: u32,
-    /// `None`: depth alone.
-    color: Option<vk::Format>,
-    /// Comparison and whether it writes; `None` without a depth image.
-    depth: Option<(vk::CompareOp, bool)>,
-    mix: Mix,
-}
-
-/// How a fragment meets what is in the picture.
-#[derive(Clone, Copy)]
-enum Mix {
-    Replace,
-    /// Source over, straight alpha.
-    Over,
-    /// The picture times the fragment's colour.
-    Multiply,
-    /// The picture plus the fragment's colour.
-    Add,
-}
-
-impl Mix {
-    /// Of source and destination colour, of source and destination alpha.
-    fn factors(self) -> Option<[vk::BlendFactor; 4]> {
-        use vk::BlendFactor as F;
-        match self {
-            Mix::Replace => None,
-            Mix::Over => Some([F::SRC_ALPHA, F::ONE_MINUS_SRC_ALPHA, F::ONE, F::ONE_MINUS_SRC_ALPHA]),
-            Mix::Multiply => Some([F::ZERO, F::SRC_COLOR, F::ZERO, F::ONE]),
-            Mix::Add => Some([F::ONE, F::ONE, F::ONE, F::ONE_MINUS_SRC_ALPHA]),
-        }
-    }
-}
-
-impl State {
-    fn full_screen(layout: vk::PipelineLayout) -> State {
-        State {
-            name: String::new(),
-            layout,
-            vertices: None,
-            topology: vk::PrimitiveTopology::TRIANGLE_LIST,
-            clockwise: false,
-            samples: 1,
-            color: Some(format(Target::Picture)),
-            depth: None,
-            mix: Mix::Replace,
-        }
-    }
-}
-
-fn format_of(float: bool) -> vk::Format {
-    format(if float { Target::Float(0) } else { Target::Picture })
-}
-
-fn vertex_format(format: Format) -> vk::Format {
-    match format {
-        Format::F32x2 => vk::Format::R32G32_SFLOAT,
-        Format::F32x3 => vk::Format::R32G32B32_SFLOAT,
-        Format::Snorm16x4 => vk::Format::R16G16B16A16_SNORM,
-        Format::Unorm16x4 => vk::Format::R16G16B16A16_UNORM,
-        Format::Uint16x4 => vk::Format::R16G16B16A16_UINT,
     }
 }

@@ -38,15 +38,19 @@ pub struct Slot {
     pub done_at: u64,
 }
 
-/// Set 0: frame, instances, joints, morphs, lights, joints as a uniform buffer.
-pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 6] = [
+/// Set 0: frame, instances, joints, morphs, lights, joints as a uniform buffer, parameters of effects on surfaces.
+pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 7] = [
     (0, vk::DescriptorType::UNIFORM_BUFFER),
     (1, vk::DescriptorType::STORAGE_BUFFER),
     (2, vk::DescriptorType::STORAGE_BUFFER),
     (3, vk::DescriptorType::STORAGE_BUFFER),
     (4, vk::DescriptorType::UNIFORM_BUFFER),
     (5, vk::DescriptorType::UNIFORM_BUFFER),
+    (6, vk::DescriptorType::UNIFORM_BUFFER),
 ];
+
+/// Parameters of as many effects on surfaces as there can be.
+const SURFACE_BYTES: u64 = (crate::planner_effects::MOST_SURFACE_EFFECTS * size_of::<[f32; 8]>()) as u64;
 
 /// Byte ranges of one frame's data in its buffer.
 struct Ranges {
@@ -157,6 +161,9 @@ impl Slot {
             }
         }
 
+        let surface_range = if plan.surface.is_empty() { 0 } else { SURFACE_BYTES };
+        let surface_at = ranges.take(surface_range);
+
         let old_views = self.view_sets.len();
         while self.view_sets.len() < views.len() {
             self.view_sets.push(pools.allocate(gpu, layouts.frame, "shadow view set")?);
@@ -193,6 +200,9 @@ impl Slot {
                 put(at, bytemuck::bytes_of(&lookup));
             }
         }
+        for (i, used) in plan.surface.iter().enumerate() {
+            put(surface_at + (i * size_of::<[f32; 8]>()) as u64, bytemuck::bytes_of(&used.parameters));
+        }
         put(instances_at, instance_bytes);
         put(joints_at, joint_bytes);
         put(morphs_at, morph_bytes);
@@ -207,7 +217,7 @@ impl Slot {
         for (at, pass) in post_at.iter().zip(&plan.post) {
             let p = &pass.parameters;
             let parameters = [Vec4::new(p[0], p[1], p[2], p[3]), Vec4::new(p[4], p[5], p[6], p[7])];
-            put(*at, bytemuck::bytes_of(&PostUniform { parameters, size, pad: Vec2::ZERO }));
+            put(*at, bytemuck::bytes_of(&PostUniform { parameters, size, number: pass.number, pad: 0 }));
         }
 
         use vk::DescriptorType as T;
@@ -225,6 +235,9 @@ impl Slot {
             }
             if reads.morphs {
                 write_buffer(gpu, set, 3, T::STORAGE_BUFFER, raw, morphs_at, morphs_range);
+            }
+            if surface_range > 0 {
+                write_buffer(gpu, set, 6, T::UNIFORM_BUFFER, raw, surface_at, surface_range);
             }
             if reads.lights {
                 write_buffer(gpu, set, 4, T::UNIFORM_BUFFER, raw, lights_at, lights_range);
@@ -333,6 +346,7 @@ fn frame_uniform(plan: &Plan, light_count: u32) -> FrameUniform {
     FrameUniform {
         clip_from_relative: plan.view.clip_from_relative,
         eye: plan.view.eye,
+        camera: plan.view.position.as_vec3().extend(0.0),
         ambient_up: plan.ambient_up.extend(0.0),
         ambient_down: plan.ambient_down.extend(0.0),
         background_top: top.extend(1.0),

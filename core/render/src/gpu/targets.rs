@@ -28,7 +28,7 @@ pub struct Needs {
     pub samples: u32,
     pub scene: Target,
     pub depth: bool,
-    /// 0, 1 or 2.
+    /// 0 to 3.
     pub floats: usize,
     /// Texels of the image of shadow maps.
     pub shadow: Option<[u32; 2]>,

@@ -3,9 +3,11 @@
 
 mod compile;
 mod preprocess;
+mod surface;
 
 pub use compile::{Entry, compile, parse};
 pub use preprocess::{PreprocessError, preprocess};
+pub use surface::surface_files;
 
 use crate::RenderError;
 use crate::plan::{Features, Glass, PipelineKey};
@@ -20,7 +22,7 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 9] = [
+const EMBEDDED: [(&str, &str); 10] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
     ("toon.wgsl", include_str!("../../../../shaders/toon.wgsl")),
@@ -28,13 +30,22 @@ const EMBEDDED: [(&str, &str); 9] = [
     ("shadow.wgsl", include_str!("../../../../shaders/shadow.wgsl")),
     ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
     ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
+    ("surface.wgsl", include_str!("../../../../shaders/surface.wgsl")),
     ("background.wgsl", include_str!("../../../../shaders/background.wgsl")),
     ("post.wgsl", include_str!("../../../../shaders/post.wgsl")),
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 7] =
-    ["frame.wgsl", "brdf.wgsl", "toon.wgsl", "vertex.wgsl", "layers.wgsl", "shadow.wgsl", "scene.wgsl"];
+pub const SCENE: [&str; 8] = [
+    "frame.wgsl",
+    "brdf.wgsl",
+    "toon.wgsl",
+    "vertex.wgsl",
+    "layers.wgsl",
+    "shadow.wgsl",
+    "surface.wgsl",
+    "scene.wgsl",
+];
 pub const BACKGROUND: [&str; 2] = ["frame.wgsl", "background.wgsl"];
 
 /// One file's text, before preprocessing.
@@ -108,7 +119,7 @@ pub struct SceneVariant {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 45] = [
+    let names: [(&'static str, Features); 48] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("SKIN_DUAL", Features::SKIN_DUAL),
@@ -144,6 +155,9 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("VOLUME", Features::VOLUME),
         ("THICKNESS_TEXTURE", Features::THICKNESS_TEXTURE),
         ("SHELL", Features::SHELL),
+        ("EDGES", Features::EDGES),
+        ("SEEN_NORMALS", Features::SEEN_NORMALS),
+        ("SEEN_JOINTS", Features::SEEN_JOINTS),
         ("OUTLINE_WIDTH_TEXTURE", Features::OUTLINE_WIDTH_TEXTURE),
         ("UV_MASK", Features::UV_MASK),
         ("IRIDESCENCE", Features::IRIDESCENCE),
@@ -162,6 +176,9 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("LIT", key.features.is_lit()),
         ("NORMAL", key.features.has_normals()),
         ("TANGENT", key.features.has_tangents()),
+        ("SURFACE", key.surface != 0),
+        ("PLACE", key.features.is_lit() || key.surface != 0),
+        ("NORMAL_OUT", key.features.is_lit() || key.features.has(Features::SEEN_NORMALS)),
         ("GLASS", key.glass != Glass::No),
         ("GLASS_FILTER", key.glass == Glass::Filter),
         ("GLASS_LIGHT", key.glass == Glass::Light),

@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 57] = [
+pub const SWITCHES: [&str; 64] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -49,6 +49,13 @@ pub const SWITCHES: [&str; 57] = [
     "VOLUME",
     "THICKNESS_TEXTURE",
     "SHELL",
+    "EDGES",
+    "SEEN_NORMALS",
+    "SEEN_JOINTS",
+    "SURFACE",
+    "PLACE",
+    "NORMAL_OUT",
+    "PICTURE",
     "OUTLINE_WIDTH_TEXTURE",
     "UV_MASK",
     "NORMAL",

@@ -1,0 +1,49 @@
+//! Full-screen passes over a whole picture: effects that see the pixels around theirs, and those of one pixel between them.
+
+use super::target::{Float, Srgb8, Target};
+use choreo_plugin::{Effect, Hook, Pixels};
+use glam::{Vec2, Vec4};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+pub struct Pass {
+    pub effect: Arc<dyn Effect>,
+    pub parameters: [f32; 8],
+    /// How often the effect has run.
+    pub number: u32,
+}
+
+/// `pixels`: linear, as the scene left them. The last pass's are written as bytes.
+pub fn run(passes: &[Pass], size: [u32; 2], pixels: Vec<Vec4>, bytes: &mut [u8]) {
+    let width = size[0] as usize;
+    let mut now = pixels;
+    let mut original = Vec::new();
+    for pass in passes {
+        if pass.number == 0 && pass.effect.passes() > 1 {
+            original.clone_from(&now);
+        }
+        let picture = Pixels { size, rgba: &now };
+        let first = Pixels { size, rgba: if pass.number == 0 { &now } else { &original } };
+        let mut next = vec![Vec4::ZERO; now.len()];
+        next.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            for (x, out) in row.iter_mut().enumerate() {
+                let color = match pass.effect.hook() {
+                    Hook::Picture => {
+                        let at = [x as i32, y as i32];
+                        pass.effect.cpu_picture(&picture, &first, at, pass.number, &pass.parameters)
+                    }
+                    _ => {
+                        let at = Vec2::new(x as f32, y as f32) + 0.5;
+                        let uv = at / Vec2::new(size[0] as f32, size[1] as f32);
+                        pass.effect.cpu(picture.at(x as i32, y as i32), uv, &pass.parameters)
+                    }
+                };
+                *out = Float::encode(color).decode();
+            }
+        });
+        now = next;
+    }
+    for (out, color) in bytes.chunks_exact_mut(4).zip(now) {
+        out.copy_from_slice(&Srgb8::encode(color).bytes());
+    }
+}

@@ -1,0 +1,70 @@
+//! Twin of surface.wgsl: what effects on surfaces see, and their functions one after the other.
+
+use super::lanes::{V3, Weights};
+use super::row_color;
+use super::shade::{Fragment, Shaded};
+use super::vertex::Vertex;
+use crate::plan::{Features, Glass};
+use choreo_plugin::Seen;
+use glam::{Vec2, Vec3};
+
+impl Fragment<'_> {
+    /// `at`: the quad's first pixel.
+    pub fn seen(
+        &self,
+        vertices: &[Vertex],
+        ids: [u32; 3],
+        front: bool,
+        weights: &Weights,
+        at: [i32; 2],
+    ) -> Shaded {
+        let mut shaded = self.shade(vertices, ids, front, weights);
+        if self.surface.is_empty() || self.glass == Glass::Filter {
+            return shaded;
+        }
+        let relative = weights.vec3(ids.map(|i| vertices[i as usize].relative));
+        let has = |bit| self.features.has(bit);
+        let normals = self.features.is_lit() || has(Features::SEEN_NORMALS);
+        let joints = weights.vec3(ids.map(|i| vertices[i as usize].joints));
+        let mut normal = V3::splat(Vec3::ZERO);
+        if normals {
+            normal = weights.vec3(ids.map(|i| vertices[i as usize].normal)).unit();
+            normal = if front { normal } else { -normal };
+        }
+        let uvs = &self.primitive.uvs[0];
+        let uv = (has(Features::UV0) && !uvs.is_empty()).then(|| weights.vec2(ids.map(|i| uvs[i as usize])));
+        let view = &self.plan.view;
+        for i in 0..4 {
+            let lane = |v: &V3| Vec3::new(v.x.0[i], v.y.0[i], v.z.0[i]);
+            let (relative, normal) = (lane(&relative), lane(&normal));
+            let eye = view.eye.truncate();
+            let to_eye = eye - relative * view.eye.w;
+            let y = (at[1] + i as i32 / 2).max(0) as usize;
+            let seen = Seen {
+                world: relative + view.position.as_vec3(),
+                distance: if view.eye.w > 0.5 { relative.length() } else { -relative.dot(eye) },
+                normal,
+                facing: normal.dot(to_eye * (1.0 / to_eye.dot(to_eye).max(1e-20).sqrt())),
+                background: row_color(self.plan, y).truncate(),
+                joints: if has(Features::SEEN_JOINTS) { lane(&joints) } else { Vec3::ZERO },
+                uv: uv.map_or(Vec2::ZERO, |[u, v]| Vec2::new(u.0[i], v.0[i])),
+            };
+            let mut color = shaded.pixel(i);
+            if self.glass == Glass::Light && color.w > 0.0 {
+                // The light of glass comes multiplied by its alpha.
+                color = (color.truncate() / color.w).extend(color.w);
+            }
+            for (effect, parameters) in &self.surface {
+                color = effect.cpu_surface(color, &seen, parameters);
+            }
+            if self.glass == Glass::Light {
+                let alpha = shaded.rgba[3].0[i];
+                color = (color.truncate() * alpha).extend(alpha);
+            }
+            for (out, c) in shaded.rgba.iter_mut().zip(color.to_array()) {
+                out.0[i] = c;
+            }
+        }
+        shaded
+    }
+}

@@ -1,0 +1,183 @@
+//! Effects in a plan: passes over the picture, functions on surfaces, geometry of their own.
+
+use crate::catalog::{CatalogMaterial, PrimitiveEntry};
+use crate::plan::{LeftOut, PostPass};
+use crate::planner::{PlanOptions, Planner};
+use choreo_plugin::{Effect, Hook, OptionKind, SurfaceNeeds};
+use choreo_stage::{EffectUse, Outline, Shading, Snapshot, Stage};
+use glam::Vec3;
+use std::sync::Arc;
+
+impl Planner<'_> {
+    /// Which effects an actor's surfaces have, and what they need together.
+    pub fn surface_of(&self, actor: usize) -> (u8, SurfaceNeeds) {
+        let mut bits = 0;
+        let mut all = SurfaceNeeds::default();
+        for (i, (_, needs, actors)) in self.surface.iter().enumerate() {
+            if actors.is_empty() || actors.contains(&actor) {
+                bits |= 1 << i;
+                all.normals |= needs.normals;
+                all.uvs |= needs.uvs;
+                all.joints |= needs.joints;
+                all.see_through |= needs.see_through;
+            }
+        }
+        (bits, all)
+    }
+
+    /// The materials of the hulls around a primitive of an actor, or of its edges (true): its own outline's, then those of effects.
+    pub fn hulls(
+        &mut self,
+        entry: &PrimitiveEntry,
+        changed: Option<u32>,
+        actor: usize,
+    ) -> Vec<(bool, Option<u32>)> {
+        let base = match changed {
+            Some(c) => self.materials[c as usize].clone(),
+            None if self.shells.is_empty() => {
+                let own = has_outline(&self.catalog.materials[entry.material as usize]);
+                return Vec::from_iter(own.then_some((false, None)));
+            }
+            None => Arc::new(self.catalog.materials[entry.material as usize].clone()),
+        };
+        let mut out = Vec::from_iter(has_outline(&base).then_some((false, changed)));
+        for (i, (line, actors)) in self.shells.iter().enumerate() {
+            if !actors.is_empty() && !actors.contains(&actor) {
+                continue;
+            }
+            let key = (i, entry.material, changed);
+            let known = self.shell_materials.iter().find(|(k, _)| *k == key).map(|(_, place)| *place);
+            let edges = matches!(line, Line::Edges(_));
+            let place = Some(known.unwrap_or_else(|| {
+                let mut material = CatalogMaterial::clone(&base);
+                let toon = material.material.toon.get_or_insert_default();
+                Arc::make_mut(toon).outline = Some(line.outline());
+                material.toon[0] = None;
+                let place = self.materials.len() as u32;
+                self.materials.push(Arc::new(material));
+                self.shell_materials.push((key, place));
+                place
+            }));
+            out.push((edges, place));
+        }
+        out
+    }
+}
+
+/// What a script gives an effect, in manifest order; defaults where it gives nothing.
+pub fn effect_parameters(effect: &dyn Effect, used: &EffectUse) -> [f32; 8] {
+    let mut parameters = [0.0; 8];
+    for (slot, option) in parameters.iter_mut().zip(&effect.manifest().options) {
+        let given = used.parameters.iter().rev().find(|(name, _)| *name == option.name);
+        *slot = match (given, &option.kind) {
+            (Some((_, value)), _) => *value as f32,
+            (None, OptionKind::Number { default, .. }) => *default as f32,
+            (None, OptionKind::Bool { default }) => f32::from(u8::from(*default)),
+            // Texts are handed over as their place in the list.
+            (None, OptionKind::Text { default, one_of }) => {
+                one_of.iter().position(|o| o == default).unwrap_or(0) as f32
+            }
+        };
+    }
+    parameters
+}
+
+fn has_outline(m: &CatalogMaterial) -> bool {
+    m.material.shading == Shading::Toon && m.material.toon.as_ref().is_some_and(|t| t.outline.is_some())
+}
+
+/// What an effect draws around or on surfaces.
+#[derive(Clone, Debug)]
+pub enum Line {
+    Hull(Outline),
+    /// Linear colour.
+    Edges(Vec3),
+}
+
+impl Line {
+    /// Edges keep their colour where a hull's stands.
+    fn outline(&self) -> Outline {
+        match self {
+            Line::Hull(outline) => outline.clone(),
+            Line::Edges(color) => Outline {
+                width: 0.0,
+                on_screen: false,
+                width_texture: None,
+                color: *color,
+                lighting_mix: 0.0,
+            },
+        }
+    }
+}
+
+/// Those of the effects that are on, with the actors that have them.
+pub fn shells(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<(Line, Vec<usize>)> {
+    let mut out = Vec::new();
+    for used in snapshot.effects.iter().filter_map(|e| stage.effects.get(*e)) {
+        let effect = options.effects.iter().find(|e| e.manifest().name == used.plugin);
+        let Some(effect) = effect.filter(|e| e.hook() == Hook::Shell) else { continue };
+        let parameters = effect_parameters(effect.as_ref(), used);
+        if let Some(shell) = effect.shell(&parameters).filter(|s| s.width > 0.0) {
+            let outline = Outline {
+                width: shell.width / options.size[1].max(1) as f32,
+                on_screen: true,
+                width_texture: None,
+                color: shell.color,
+                lighting_mix: shell.lighting_mix,
+            };
+            out.push((Line::Hull(outline), used.actors.clone()));
+        }
+        out.extend(effect.edges(&parameters).map(|color| (Line::Edges(color), used.actors.clone())));
+    }
+    out
+}
+
+/// As many as there are bits for; further ones are said in `left_out`.
+pub const MOST_SURFACE_EFFECTS: usize = 8;
+
+pub fn surface_effects(
+    stage: &Stage,
+    snapshot: &Snapshot,
+    options: &PlanOptions,
+) -> Vec<(PostPass, SurfaceNeeds, Vec<usize>)> {
+    let used = snapshot.effects.iter().filter_map(|e| stage.effects.get(*e));
+    let on_surface = |used: &EffectUse| {
+        let effect = options.effects.iter().find(|e| e.manifest().name == used.plugin)?;
+        (effect.hook() == Hook::Surface).then(|| {
+            let parameters = effect_parameters(effect.as_ref(), used);
+            let needs = effect.surface_needs(&parameters);
+            (PostPass { effect: used.plugin.clone(), parameters, number: 0 }, needs, used.actors.clone())
+        })
+    };
+    used.filter_map(on_surface).take(MOST_SURFACE_EFFECTS).collect()
+}
+
+/// Effects that are on, with parameters in manifest order; defaults where the script gives none.
+pub fn post_passes(
+    stage: &Stage,
+    snapshot: &Snapshot,
+    effects: &[Arc<dyn Effect>],
+) -> (Vec<PostPass>, Vec<LeftOut>) {
+    let mut passes = Vec::new();
+    let mut unknown = Vec::new();
+    let mut surfaces = 0;
+    for used in snapshot.effects.iter().filter_map(|e| stage.effects.get(*e)) {
+        let Some(effect) = effects.iter().find(|e| e.manifest().name == used.plugin) else {
+            let why = "no plugin of this name is known".into();
+            unknown.push(LeftOut { what: format!("effect \"{}\"", used.plugin), why });
+            continue;
+        };
+        surfaces += usize::from(effect.hook() == Hook::Surface);
+        if effect.hook() == Hook::Surface && surfaces > MOST_SURFACE_EFFECTS {
+            let why = format!("at most {MOST_SURFACE_EFFECTS} effects on surfaces are on at once");
+            unknown.push(LeftOut { what: format!("effect \"{}\"", used.plugin), why });
+        }
+        if !matches!(effect.hook(), Hook::Pixel | Hook::Picture) {
+            continue;
+        }
+        let parameters = effect_parameters(effect.as_ref(), used);
+        let times = if effect.hook() == Hook::Picture { effect.passes() } else { 1 };
+        passes.extend((0..times).map(|number| PostPass { effect: used.plugin.clone(), parameters, number }));
+    }
+    (passes, unknown)
+}

@@ -1,0 +1,45 @@
+//! The lights of a frame as shaders read them.
+
+use crate::plan::{PlanLight, View};
+use crate::view::relative;
+use choreo_stage::{LightKind, LightState, Shadow};
+use glam::{Vec3, Vec4};
+
+/// Lights that shine, how each casts shadows, and the number of those that do not shine.
+pub fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<Option<Shadow>>, usize) {
+    let mut out = Vec::with_capacity(lights.len());
+    let mut shadows = Vec::with_capacity(lights.len());
+    for state in lights {
+        let light = &state.light;
+        let color = light.color * light.intensity;
+        let (kind, inner, outer) = match light.kind {
+            LightKind::Directional => (0.0, 0.0, 0.0),
+            LightKind::Point => (1.0, 0.0, 0.0),
+            LightKind::Spot { inner, outer } => (2.0, inner, outer),
+        };
+        let position = if kind == 0.0 { Vec3::ZERO } else { relative(state.position, view) };
+        let finite = color.is_finite() && position.is_finite() && state.direction.is_finite();
+        if !finite || color == Vec3::ZERO {
+            continue;
+        }
+        let inverse_range_squared =
+            light.range.filter(|r| *r > 0.0 && kind != 0.0).map_or(0.0, |r| 1.0 / (r * r));
+        // KHR_lights_punctual, "Inner and Outer Cone Angles".
+        let cone = if kind == 2.0 {
+            let (cos_inner, cos_outer) = (libm::cosf(inner), libm::cosf(outer));
+            let scale = 1.0 / (cos_inner - cos_outer).max(0.001);
+            Vec4::new(scale, -cos_outer * scale, 0.0, 0.0)
+        } else {
+            Vec4::ZERO
+        };
+        shadows.push(state.shadow);
+        out.push(PlanLight {
+            position: position.extend(inverse_range_squared),
+            direction: state.direction.extend(kind),
+            color: color.extend(0.0),
+            cone,
+        });
+    }
+    let dark = lights.len() - out.len();
+    (out, shadows, dark)
+}

@@ -1,0 +1,199 @@
+//! Effects on surfaces, over pictures and as geometry: both renderers draw the same, each is seen, and who has none pays for none.
+
+mod common;
+
+use choreo_plugin::{Effect, Frame, Hook};
+use choreo_render::compare::compare;
+use choreo_render::plan::{Features, TopologyKey};
+use choreo_render::*;
+use choreo_stage::*;
+use common::layered::{bulge, layered_scene};
+use common::*;
+use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
+use std::sync::Arc;
+
+fn all() -> Vec<Arc<dyn Effect>> {
+    vec![
+        Arc::new(effect_fog::Fog),
+        Arc::new(effect_toon::Toon),
+        Arc::new(effect_views::Views),
+        Arc::new(effect_xray::Xray),
+        Arc::new(effect_wireframe::Wireframe),
+        Arc::new(effect_fxaa::Fxaa),
+        Arc::new(effect_bloom::Bloom),
+        Arc::new(effect_vignette::Vignette),
+    ]
+}
+
+fn with(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
+    scene.snapshot.effects.push(scene.stage.effects.len());
+    scene.stage.effects.push(EffectUse {
+        plugin: plugin.into(),
+        parameters: parameters.iter().map(|(n, v)| (n.to_string(), *v)).collect(),
+        start: choreo_motion::Time::ZERO,
+        end: None,
+        actors: actors.to_vec(),
+    });
+}
+
+/// Lit, unlit, textured, skinned, masked, blended, glass.
+fn scene() -> Scene {
+    let mut scene = busy_scene(DVec3::ZERO);
+    scene.snapshot.background =
+        Background::Gradient { top: Vec3::new(0.1, 0.3, 0.6), bottom: Vec3::new(0.6, 0.5, 0.4) };
+    let glass = MaterialLayers { transmission: 0.7, ..MaterialLayers::default() };
+    let glass = common::layered::layered(glass, matte(Vec4::new(0.6, 0.9, 0.8, 1.0)));
+    scene.at(&asset(vec![bulge(0.6)], vec![glass], vec![]), 0.3, -0.2, 2.2);
+    let bright = Material { emissive: Vec3::new(3.0, 2.0, 0.5), ..matte(Vec4::ONE) };
+    scene.at(&asset(vec![bulge(0.4)], vec![bright], vec![]), -1.6, 1.2, 1.0);
+    scene
+}
+
+/// (What it is, the effects in order, which actors).
+type Case = (&'static str, Vec<(&'static str, Vec<(&'static str, f64)>, Vec<usize>)>);
+
+fn cases() -> Vec<Case> {
+    vec![
+        ("fog", vec![("fog", vec![("density", 0.2), ("falloff", 0.5)], vec![])]),
+        ("coloured fog", vec![("fog", vec![("density", 0.3), ("start", 3.0), ("sky", 0.0)], vec![])]),
+        ("toon", vec![("toon", vec![("steps", 4.0)], vec![])]),
+        ("normals", vec![("views", vec![("show", 0.0)], vec![])]),
+        ("uvs of some", vec![("views", vec![("show", 1.0)], vec![0, 2, 4])]),
+        ("joints", vec![("views", vec![("show", 2.0)], vec![3, 7])]),
+        ("x-ray", vec![("xray", vec![], vec![1, 3, 12])]),
+        ("wireframe", vec![("wireframe", vec![("color_g", 1.0)], vec![])]),
+        ("bloom", vec![("bloom", vec![("strength", 0.6)], vec![])]),
+        ("fxaa", vec![("fxaa", vec![], vec![])]),
+        (
+            "several of every kind",
+            vec![
+                ("toon", vec![], vec![0, 1, 2, 3]),
+                ("fog", vec![("density", 0.1)], vec![]),
+                ("bloom", vec![], vec![]),
+                ("vignette", vec![], vec![]),
+                ("fxaa", vec![], vec![]),
+                ("wireframe", vec![], vec![3]),
+            ],
+        ),
+    ]
+}
+
+fn draw_case(case: &Case, drawn: &mut dyn FnMut(&Scene, &PlanOptions) -> Frame, samples: u32) -> Frame {
+    let mut scene = scene();
+    for (plugin, parameters, actors) in &case.1 {
+        with(&mut scene, plugin, parameters, actors);
+    }
+    let effects = all();
+    drawn(&scene, &PlanOptions { effects: &effects, ..PlanOptions::new([200, 150], samples) })
+}
+
+#[test]
+fn vulkan_and_its_twin_draw_the_same_effects() {
+    let made = VulkanRenderer::new(GpuOptions { validation: true, effects: all(), ..GpuOptions::default() });
+    let mut renderer = match made {
+        Ok(renderer) => renderer,
+        Err(RenderError::NoVulkan { why }) => {
+            return println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
+        }
+        Err(e) => panic!("{e}"),
+    };
+    let mut vulkan = |scene: &Scene, options: &PlanOptions| {
+        let (catalog, plan) = scene.plan(options);
+        renderer.load(catalog).unwrap();
+        renderer.submit(plan).unwrap();
+        renderer.collect(None).unwrap()
+    };
+    let mut cpu = |scene: &Scene, options: &PlanOptions| draw(scene, options);
+    let plain = draw_case(&("none", Vec::new()), &mut cpu, 1);
+    let mut pictures: Vec<Frame> = Vec::new();
+    for (i, case) in cases().iter().enumerate() {
+        let samples = if i % 3 == 2 { 4 } else { 1 };
+        let (a, b) = (draw_case(case, &mut vulkan, samples), draw_case(case, &mut cpu, samples));
+        let c = compare(&a, &b, 3).unwrap();
+        println!("{}: {c}", case.0);
+        assert!(c.mean < 0.35 && c.share_beyond < 0.02, "{}: {c}", case.0);
+        // Planted faults: each effect is seen, and none draws what another does.
+        let seen = compare(&plain, &b, 3).unwrap();
+        assert!(seen.share_beyond > 0.004, "{} changes the picture: {seen}", case.0);
+        for other in &pictures {
+            assert!(compare(other, &b, 3).unwrap().share_beyond > 0.004, "{}", case.0);
+        }
+        pictures.push(b);
+    }
+}
+
+#[test]
+fn who_has_no_effect_pays_for_none() {
+    let keys = |effects_on: &[(&str, &[usize])]| {
+        let mut scene = Scene::perspective(0.7, 6.0);
+        let a = asset(vec![bulge(0.5)], vec![unlit(Vec4::ONE)], vec![]);
+        scene.at(&a, -1.0, 0.0, 0.0);
+        scene.add(&a, DAffine3::from_rotation_translation(DQuat::from_rotation_y(0.3), DVec3::X));
+        effects_on.iter().for_each(|(name, actors)| with(&mut scene, name, &[], actors));
+        let effects = all();
+        let (_, plan) = scene.plan(&PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) });
+        let out = |what: &str| plan.left_out.iter().any(|l| l.what == what);
+        let draws: Vec<(Features, u8, u32, TopologyKey)> = plan
+            .draws
+            .iter()
+            .map(|d| {
+                let key = d.pipeline;
+                (key.features, key.surface, d.instance_count, key.topology)
+            })
+            .collect();
+        (draws, out("effects on surfaces"), out("edges"), plan.post.len())
+    };
+    let (none, triangles) = (Features::default(), TopologyKey::Triangles);
+    assert_eq!(keys(&[]), (vec![(none, 0, 2, triangles)], true, true, 0));
+    // Fog asks for nothing of the mesh; a view of normals for normals; each only of its actors.
+    assert_eq!(keys(&[("fog", &[])]), (vec![(none, 1, 2, triangles)], false, true, 0));
+    let views = keys(&[("views", &[1])]).0;
+    assert_eq!(views, [(none, 0, 1, triangles), (Features::SEEN_NORMALS, 1, 1, triangles)]);
+    let lines = keys(&[("wireframe", &[0])]);
+    assert!(lines.0.contains(&(Features::EDGES, 0, 1, TopologyKey::Lines)) && !lines.2, "{lines:?}");
+    assert_eq!(keys(&[("bloom", &[]), ("fxaa", &[])]).3, 3, "bloom runs twice");
+}
+
+#[test]
+fn fog_by_its_formula_and_only_on_surfaces() {
+    // Ten metres before a camera at z = 10, half a metre up: exp(−0.1 · 10) of white is left, the rest is the sky.
+    let mut scene = Scene::ortho(2.0);
+    scene.snapshot.background = Background::Color(Vec4::new(0.2, 0.4, 0.6, 1.0));
+    scene.at(&asset(vec![quad(0.5, 0.5)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
+    with(&mut scene, "fog", &[("density", 0.1)], &[]);
+    let effects = all();
+    let frame = draw(&scene, &PlanOptions { effects: &effects, ..PlanOptions::new([21, 21], 1) });
+    let left = (-1.0f64).exp();
+    let expected = [0.2, 0.4, 0.6].map(|sky: f64| sky + (1.0 - sky) * left);
+    assert_color(pixel(&frame, 10, 10), expected, "a wall in fog");
+    assert_color(pixel(&frame, 1, 1), [0.2, 0.4, 0.6], "the background has none");
+}
+
+#[test]
+fn edges_are_drawn_once_and_hidden_by_what_is_before_them() {
+    assert_eq!(vertex::edges(&[0, 1, 2, 2, 1, 3]), [0, 1, 1, 2, 0, 2, 1, 3, 2, 3]);
+    // A wall stands before a quad with lines: none is seen; beside it they are.
+    let mut scene = Scene::ortho(2.0);
+    scene.at(&asset(vec![quad(0.9, 0.9)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
+    with(&mut scene, "wireframe", &[("color_r", 1.0), ("color_g", 0.0), ("color_b", 0.0)], &[0]);
+    let effects = all();
+    let options = PlanOptions { effects: &effects, ..PlanOptions::new([41, 41], 1) };
+    let red = |frame: &Frame| frame.rgba.chunks_exact(4).filter(|p| p[0] == 255 && p[1] < 8).count();
+    // Four sides and a diagonal of 37 pixels each.
+    let seen = red(&draw(&scene, &options));
+    assert!((170..=190).contains(&seen), "{seen}");
+    scene.at(&asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::new(0.0, 0.0, 1.0, 1.0))], vec![]), 0.0, 0.0, 0.5);
+    assert_eq!(red(&draw(&scene, &options)), 0);
+}
+
+#[test]
+fn an_effect_that_asks_for_joints_gets_them_and_others_none() {
+    assert_eq!(effect_fog::Fog.hook(), Hook::Surface);
+    let mut scene = layered_scene();
+    with(&mut scene, "views", &[("show", 2.0)], &[]);
+    let effects = all();
+    let (_, plan) = scene.plan(&PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) });
+    // Nothing there is skinned.
+    assert!(plan.draws.iter().all(|d| !d.pipeline.features.has(Features::SEEN_JOINTS)));
+    assert!(plan.draws.iter().all(|d| d.pipeline.surface == 1));
+}

@@ -1,0 +1,38 @@
+// Effects on surfaces: what they see of a place. Their functions, and `surface_effects`, which calls them, are appended.
+// Twin: `Seen` of core/plugin/src/effect.rs, filled in core/render/src/cpu/seen.rs.
+
+@if(SURFACE)
+struct Seen {
+    world: vec3<f32>,
+    distance: f32,
+    normal: vec3<f32>,
+    facing: f32,
+    background: vec3<f32>,
+    joints: vec3<f32>,
+    uv: vec2<f32>,
+}
+
+// Of up to eight effects.
+@group(0) @binding(6) var<uniform> surface_parameters: array<vec4<f32>, 16>;
+
+fn surface_parameters_of(index: u32) -> array<f32, 8> {
+    let a = surface_parameters[2u * index];
+    let b = surface_parameters[2u * index + 1u];
+    return array<f32, 8>(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
+}
+
+fn seen_of(in: VertexOut, front: bool) -> Seen {
+    var seen: Seen;
+    seen.world = in.relative + frame.camera.xyz;
+    seen.distance = select(-dot(in.relative, frame.eye.xyz), length(in.relative), frame.eye.w > 0.5);
+    @if(NORMAL_OUT)
+    seen.normal = unit(in.normal);
+    seen.normal = select(-seen.normal, seen.normal, front);
+    seen.facing = dot(seen.normal, unit(frame.eye.xyz - in.relative * frame.eye.w));
+    @end
+    seen.background = mix(frame.background_top.xyz, frame.background_bottom.xyz, in.position.y / frame.size.y);
+    @if(SEEN_JOINTS) seen.joints = in.joints;
+    @if(UV0) seen.uv = in.uv0;
+    return seen;
+}
+@end
