@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_motion::{PropertyTarget, Time};
 use choreo_stage::Asset;
 use glam::DVec3;
 use std::path::Path;
@@ -113,4 +114,41 @@ fn planted_faults_are_seen() {
     asset.meshes[0] = mesh.into();
     let wrong = error(&asset, case, &folder, 0.0);
     assert!(wrong > 10.0 * TOLERANCE, "{wrong}");
+}
+
+/// What Maya says of its light at frames of 1/24 s (ufbx, test/test_animation.h): intensity, red, green, blue.
+const LIGHT: [(f64, [f64; 4]); 8] = [
+    (0.0, [3.072, 0.148, 0.095, 0.440]),
+    (12.0, [1.638, 0.102, 0.136, 0.335]),
+    (24.0, [1.948, 0.020, 0.208, 0.149]),
+    (32.0, [3.676, 0.010, 0.220, 0.113]),
+    (40.0, [4.801, 0.118, 0.195, 0.115]),
+    (48.0, [3.690, 0.288, 0.155, 0.117]),
+    (56.0, [1.565, 0.421, 0.124, 0.119]),
+    (60.0, [1.145, 0.442, 0.119, 0.119]),
+];
+
+/// Off by so much at worst, so many frames late.
+fn light_error(asset: &Asset, late: f64) -> f64 {
+    // The light's unit is that of its intensity at rest, frame 0.
+    let unit = f64::from(asset.lights[0].light.intensity) / LIGHT[0].1[0];
+    let off = |(frame, wanted): &(f64, [f64; 4])| {
+        // The stack begins with frame 1.
+        let time = Time::from_secs((frame - 1.0 + late) / 24.0);
+        let (mut intensity, mut color) = ([0.0], [0.0; 3]);
+        assert!(asset.clips[0].sample_property(PropertyTarget::LightIntensity(0), time, &mut intensity));
+        assert!(asset.clips[0].sample_property(PropertyTarget::LightColor(0), time, &mut color));
+        let got = [f64::from(intensity[0]) / unit, color[0].into(), color[1].into(), color[2].into()];
+        got.iter().zip(wanted).map(|(g, w)| (g - w).abs()).fold(0.0, f64::max)
+    };
+    LIGHT.iter().filter(|f| f.0 + late >= 1.0).map(off).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_light_changes_as_in_maya() {
+    let Some(folder) = common::assets(1) else { return };
+    let asset = common::import_path(&folder.join("fbx/ufbx/maya_anim_light_7500_binary.fbx"));
+    println!("{} at worst", light_error(&asset, 0.0));
+    assert!(light_error(&asset, 0.0) < 2e-3, "{}", light_error(&asset, 0.0));
+    assert!(light_error(&asset, 0.1) > 5e-3, "a tenth of a frame late is seen");
 }
