@@ -174,6 +174,7 @@ pub struct CheckArgs {
 
 #[derive(Args, Debug)]
 pub struct InfoArgs {
+    /// A model, or a picture or video that choreo made
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     #[command(flatten)]
@@ -187,6 +188,7 @@ pub struct InfoArgs {
     /// Model files: a further folder in which their textures may lie; repeatable
     #[arg(long = "search", value_name = "DIR")]
     pub search: Vec<PathBuf>,
+    /// For machines: JSON on standard output
     #[arg(long)]
     pub json: bool,
 }
@@ -311,6 +313,7 @@ pub struct PluginsArgs {
     /// Only what each importer says of this file; the first reads it
     #[arg(long = "for", value_name = "FILE")]
     pub file: Option<PathBuf>,
+    /// For machines: JSON on standard output
     #[arg(long)]
     pub json: bool,
 }

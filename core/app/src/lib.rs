@@ -9,6 +9,7 @@ mod device;
 mod draw;
 mod explain;
 mod failure;
+mod help;
 mod importing;
 mod info;
 mod interrupt;
@@ -41,14 +42,16 @@ pub use registry::registry;
 
 use args::{Cli, Command};
 use choreo_plugin::Registry;
-use clap::Parser;
+use clap::FromArgMatches;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// One call of the program: `args` as in `std::env::args_os()`, the program's name first. Plugin files beside scripts are added to
 /// `plugins`. Writes to the process's standard streams, and takes Ctrl-C for the length of the process.
 pub fn run(args: impl IntoIterator<Item = OsString>, plugins: &Registry) -> ExitCode {
-    let cli = match Cli::try_parse_from(args) {
+    let args: Vec<OsString> = args.into_iter().collect();
+    let parsed = help::command(&args, plugins).try_get_matches_from(&args);
+    let cli = match parsed.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version are answers, not errors; clap knows which stream and code.

@@ -69,12 +69,15 @@ fn list(registry: &Registry, as_json: bool) -> Result<(), Failure> {
             let extensions: Vec<String> = m.extensions.iter().map(|e| format!(".{e}")).collect();
             let from = file.map(|f| format!(" ({})", f.path.display())).unwrap_or_default();
             let _ = writeln!(text, "  {:<12} {:<14} {}{from}", m.name, extensions.join(" "), m.about);
-            for o in &m.options {
-                let _ = writeln!(text, "      {:<14} {} ({})", o.name, o.about, range(o));
-            }
+            text += &option_rows(m);
         }
     }
     print(&text)
+}
+
+/// A line an option.
+pub fn option_rows(m: &Manifest) -> String {
+    m.options.iter().map(|o| format!("      {:<14} {} ({})\n", o.name, o.about, range(o))).collect()
 }
 
 /// What every importer says of one file, the one that reads it first.

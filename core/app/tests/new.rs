@@ -12,12 +12,12 @@ fn single_files_work_as_they_are() {
     let run = choreo(dir.path(), &["new", "importer", "my_format", "--single"]);
     assert_eq!(run.code, 0, "{}", run.err);
     assert_eq!(names(dir.path()), ["my_format.importer.rhai", "sample.my_format", "tri.gltf"]);
-    let run = choreo(dir.path(), &["info", "sample.my_format", "--plugins", ".", "--import", "scale=2"]);
+    let run = choreo(dir.path(), &["info", "sample.my_format", "--import", "scale=2"]);
     assert!(run.code == 0 && run.out.contains("4.000 × 3.000 × 0.000 m"), "{}{}", run.out, run.err);
     let run = choreo(dir.path(), &["new", "effect", "old_photo", "--single"]);
     assert_eq!(run.code, 0, "{}", run.err);
     std::fs::write(dir.path().join("s.rhai"), "effect(\"old_photo\", #{ amount: 0.5 });\n").unwrap();
-    let run = choreo(dir.path(), &["check", "s.rhai", "--plugins", "."]);
+    let run = choreo(dir.path(), &["check", "s.rhai"]);
     assert_eq!(run.code, 0, "{}", run.err);
 }
 

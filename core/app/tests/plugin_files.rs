@@ -61,6 +61,12 @@ fn plugins_beside_a_script_are_listed_and_checked() {
     assert!(out.contains("      scale          metres a unit (0.1 to 10, default 1)"), "{out}");
     assert!(out.contains("swap.wgsl)"), "{out}");
     good(dir.path(), &["check", "s.rhai"]);
+    // Of the files beside what is named, too; from the manifest alone.
+    let out = good(dir.path(), &["info", "a.dots", "--help"]);
+    assert!(out.contains("  dots\n      scale          metres a unit (0.1 to 10, default 1)"), "{out}");
+    assert!(out.contains("      tolerance      degrees that a rotation may be off"), "{out}");
+    let out = good(dir.path(), &["render", "--help"]);
+    assert!(out.contains("Options of exporters") && out.contains("Limits, set with --limit"), "{out}");
     let out = good(dir.path(), &["plugins", "--for", "a.dots"]);
     assert!(out.starts_with("a.dots: read by dots\n  dots         by content, 90 of 100\n"), "{out}");
     let out = good(dir.path(), &["info", "a.dots", "--import", "scale=3"]);
@@ -126,6 +132,26 @@ fn only_named_folders_are_read() {
     assert_eq!(finished(with_variable).code, 0);
     let run = choreo(dir.path(), &["check", "s.rhai", "--plugins", "nowhere"]);
     assert_eq!((run.code, run.err.lines().next()), (2, Some("--plugins nowhere: no such folder")));
+}
+
+/// Without a folder of their own, and named twice they are read once. WGSL of other kinds may lie beside them.
+#[test]
+fn single_files_beside_the_script() {
+    let dir = prepared();
+    for name in ["dots.importer.rhai", "swap.wgsl"] {
+        std::fs::rename(dir.path().join("plugins").join(name), dir.path().join(name)).unwrap();
+    }
+    std::fs::write(dir.path().join("part.wgsl"), "fn helper(x: f32) -> f32 { return x * 2.0; }\n").unwrap();
+    good(dir.path(), &["check", "s.rhai"]);
+    good(dir.path(), &["check", "s.rhai", "--plugins", "."]);
+    let out = good(dir.path(), &["plugins"]);
+    assert_eq!(out.matches("dots.importer.rhai)").count(), 1, "{out}");
+    assert!(out.contains("swap.wgsl)") && !out.contains("part"), "{out}");
+    good(dir.path(), &["info", "a.dots"]);
+    // Meant as a plugin, it must be one.
+    std::fs::write(dir.path().join("part.wgsl"), "// effect: part\nfn helper() {}\n").unwrap();
+    let run = choreo(dir.path(), &["check", "s.rhai"]);
+    assert!(run.code == 1 && run.err.contains("part.wgsl"), "{}", run.err);
 }
 
 #[test]

@@ -9,13 +9,14 @@ use std::time::{Duration, Instant};
 /// Elements of a script's own array or map, those inside included. Numbers in bulk are no script values and do not count.
 pub const MOST_IN_ARRAY: usize = 1_000_000;
 
+/// Calls within one another, and bytes of a text.
+pub const MOST_CALLS: usize = 48;
+pub const MOST_TEXT: usize = 64 << 20;
+
 /// Steps of the interpreter for one file: some seconds.
 const STEPS: u64 = 50_000_000;
 /// Beyond this a run is ended even within its steps.
 const SECONDS: u64 = 20;
-
-pub const TOO_MANY_STEPS: &str = "steps";
-pub const TOO_SLOW: &str = "seconds";
 
 pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
     let mut engine = Engine::new_raw();
@@ -37,9 +38,9 @@ pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
     engine.register_fn("sleep", |_: f64| {});
     engine.set_optimization_level(OptimizationLevel::Simple);
     engine.set_fail_on_invalid_map_property(true);
-    engine.set_max_call_levels(48);
+    engine.set_max_call_levels(MOST_CALLS);
     engine.set_max_expr_depths(64, 48);
-    engine.set_max_string_size(64 << 20);
+    engine.set_max_string_size(MOST_TEXT);
     engine.set_max_array_size(MOST_IN_ARRAY);
     engine.set_max_map_size(MOST_IN_ARRAY);
     engine.set_max_variables(256);
@@ -50,9 +51,13 @@ pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
     let most = steps.unwrap_or(STEPS);
     let end = Instant::now() + Duration::from_secs(SECONDS);
     engine.on_progress(move |steps| match steps {
-        _ if steps > most => Some(TOO_MANY_STEPS.into()),
+        _ if steps > most => {
+            Some(format!("more than {most} steps, which is the limit: is there an endless loop?").into())
+        }
         // A single step may copy a large array, so the clock is read often.
-        _ if steps & 0xff == 0 && Instant::now() > end => Some(TOO_SLOW.into()),
+        _ if steps & 0xff == 0 && Instant::now() > end => {
+            Some(format!("longer than {SECONDS} seconds, which is the limit").into())
+        }
         _ => None,
     });
     maths(&mut engine);

@@ -2,7 +2,7 @@
 
 use crate::budget::{Budget, refuse};
 use crate::bytes::Bytes;
-use crate::engine::{TOO_MANY_STEPS, TOO_SLOW, engine};
+use crate::engine::{MOST_CALLS, MOST_IN_ARRAY, MOST_TEXT, engine};
 use crate::manifest;
 use crate::scene::{self, Request, Scene};
 use choreo_plugin::suggest::did_you_mean;
@@ -282,11 +282,18 @@ fn script_error(file: &str, error: Box<EvalAltResult>, names: &[String], line: u
                 false => format!("unknown function {name}{}", near(name)),
             }
         }
-        EvalAltResult::ErrorTerminated(why, _) => match why.clone().into_string().as_deref() {
-            Ok(TOO_MANY_STEPS) => "too many steps: is there an endless loop?".to_string(),
-            Ok(TOO_SLOW) => "it takes longer than 20 seconds".to_string(),
-            _ => error.to_string(),
-        },
+        EvalAltResult::ErrorTerminated(why, _) => why.to_string(),
+        EvalAltResult::ErrorStackOverflow(_) => {
+            format!(
+                "more than {MOST_CALLS} calls within one another, which is the limit: does one call itself without end?"
+            )
+        }
+        EvalAltResult::ErrorDataTooLarge(what, _) if what.to_lowercase().contains("string") => {
+            format!("a text of more than {MOST_TEXT} bytes, which is the limit")
+        }
+        EvalAltResult::ErrorDataTooLarge(..) => format!(
+            "an array or map of more than {MOST_IN_ARRAY} elements, which is the limit; numbers(…) and f32s(…) hold more"
+        ),
         _ => error.to_string(),
     };
     ScriptError {

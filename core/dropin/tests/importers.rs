@@ -227,12 +227,22 @@ fn errors_have_the_importer_s_line_and_the_file_s_byte() {
             "mesh: positions must be numbers, or an array of numbers, got string",
         ),
         ("read(\"../x\")", "cannot read \"../x\": no such file"),
-        ("loop { }", "too many steps: is there an endless loop?"),
+        ("loop { }", "more than 50000000 steps, which is the limit: is there an endless loop?"),
+        (
+            "let a = [1]; loop { a += a; }",
+            "an array or map of more than 1000000 elements, which is the limit; numbers(…) and f32s(…) hold more",
+        ),
+        ("let a = \"ab\"; loop { a += a; }", "a text of more than 67108864 bytes, which is the limit"),
         ("throw \"not today\"", "not today"),
     ];
     for (code, message) in cases {
         assert_eq!(fails(code).split_once(": ").unwrap().1.split_once(": ").unwrap().1, message, "{code}");
     }
+    let deep = "fn manifest() { #{ name: \"my\" } }\nfn down(n) { down(n + 1) }\nfn load(file) { down(0) }";
+    let deep = import(deep, b"").err().unwrap_or_else(|| panic!("no error")).to_string();
+    let calls =
+        "more than 48 calls within one another, which is the limit: does one call itself without end?";
+    assert!(deep.ends_with(calls), "{deep}");
     assert!(fails("let a = 1;\n   file.bytes.u8(9)").starts_with("a.dat: my.importer.rhai:4:15: u8: "));
 }
 
@@ -257,7 +267,7 @@ fn memory_is_counted_and_bounded() {
         "{text}"
     );
     let text = fails("let a = []; a.pad(2000000, 0)");
-    assert!(text.contains("too large"), "{text}");
+    assert!(text.contains("more than 1000000 elements, which is the limit"), "{text}");
     assert!(fails("fn_deep(1)").contains("unknown function"));
 }
 
@@ -289,7 +299,7 @@ fn broken_importers_say_where() {
         ),
         (
             "fn manifest() { let a = 0; loop { a += 1; } } fn load(f) {}",
-            "1:1: too many steps: is there an endless loop?",
+            "1:1: more than 100000 steps, which is the limit: is there an endless loop?",
         ),
         ("fn manifest() { 3 } fn load(f) {}", "1:1: manifest() must return an object map #{ name: …, … }"),
         (

@@ -1,5 +1,6 @@
-//! Plugins that are files: `NAME.importer.rhai` and `NAME.wgsl` in a folder `plugins` beside the script, in the folders
-//! given with `--plugins`, and in those that the environment variable CHOREO_PLUGINS names. No other place is read.
+//! Plugins that are files: `NAME.importer.rhai` and `NAME.wgsl` beside the script and in a folder `plugins` there, in the
+//! folders given with `--plugins`, and in those that the environment variable CHOREO_PLUGINS names. No other place is read.
+//! Beside a script there can be WGSL of any kind: only what begins as an effect is taken for one.
 
 use choreo_dropin::RhaiImporter;
 use choreo_look::WgslEffect;
@@ -39,7 +40,7 @@ pub struct PluginProblem {
 /// What was found.
 pub struct Found {
     /// The plugins given and those of the files. Later folders win over earlier ones: those of CHOREO_PLUGINS, then those named
-    /// in order, then the folders beside the inputs.
+    /// in order, then the inputs' own folders and those beside the inputs.
     pub registry: Registry,
     pub problems: Vec<PluginProblem>,
     /// The text of every plugin file.
@@ -76,14 +77,16 @@ pub fn read(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<L
             return Err(FolderError::Missing { flag, folder: folder.clone() });
         }
     }
+    let mut folders: Vec<(PathBuf, bool)> = folders.into_iter().map(|(folder, _)| (folder, false)).collect();
     for input in inputs {
         let folder = if input.is_dir() { input } else { input.parent().unwrap_or(Path::new("")) };
-        let beside = folder.join(BESIDE);
-        if !folders.iter().any(|(f, _)| *f == beside) {
-            folders.push((beside, BESIDE));
+        let own = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        for (folder, is_own) in [(own.to_path_buf(), true), (folder.join(BESIDE), false)] {
+            if !folders.iter().any(|(known, _)| is_same(known, &folder)) {
+                folders.push((folder, is_own));
+            }
         }
     }
-    let folders: Vec<PathBuf> = folders.into_iter().map(|(folder, _)| folder).collect();
     let mut listing = Listing {
         plugins: plugins.clone(),
         shown: Vec::new(),
@@ -91,10 +94,15 @@ pub fn read(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<L
         problems: Vec::new(),
         folders: Vec::new(),
     };
-    for folder in folders.iter().filter(|f| f.is_dir()) {
-        let files = files(folder);
-        for path in files.map_err(|error| FolderError::Unreadable { folder: folder.clone(), error })? {
+    for (folder, is_own) in folders.iter().filter(|(f, _)| f.is_dir()) {
+        let files = match files(folder) {
+            // A script can stand in a folder that may not be listed.
+            Err(_) if *is_own => continue,
+            files => files.map_err(|error| FolderError::Unreadable { folder: folder.clone(), error })?,
+        };
+        for path in files {
             match read_one(&path) {
+                Ok(file) if *is_own && !is_meant(&file) => {}
                 Ok(file) => {
                     listing.shown.push(path.display().to_string());
                     listing.files.push(file);
@@ -106,7 +114,7 @@ pub fn read(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<L
             }
         }
     }
-    listing.folders = folders;
+    listing.folders = folders.into_iter().map(|(folder, _)| folder).collect();
     Ok(listing)
 }
 
@@ -121,6 +129,18 @@ impl Listing {
         }
         found
     }
+}
+
+fn is_same(a: &Path, b: &Path) -> bool {
+    a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+/// An importer by its name, an effect by its head: `// effect: NAME`.
+fn is_meant(file: &PluginFile) -> bool {
+    let is_comment = |l: &&str| l.trim().is_empty() || l.trim_start().starts_with("//");
+    let names_effect = |l: &str| l.trim().trim_start_matches('/').trim_start().starts_with("effect:");
+    let wgsl = file.path.to_string_lossy().ends_with(choreo_look::ENDING);
+    !wgsl || file.text.lines().take_while(is_comment).any(names_effect)
 }
 
 /// Plugin files of a folder, by name, so that the order is the same on every machine.

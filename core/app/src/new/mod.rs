@@ -67,12 +67,9 @@ fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     let mut files = vec![(into.join(&file), named(text))];
     files.extend(sample.map(|text| (into.join(format!("sample.{name}")), named(text))));
     write(&files)?;
-    let folder = if into.as_os_str().is_empty() { ".".into() } else { into.display().to_string() };
     let try_it = match args.kind {
-        Kind::Importer => {
-            format!("choreo info {} --plugins {folder}", into.join(format!("sample.{name}")).display())
-        }
-        Kind::Effect => format!("choreo plugins --plugins {folder}"),
+        Kind::Importer => format!("choreo info {}", into.join(format!("sample.{name}")).display()),
+        Kind::Effect => format!("effect(\"{name}\") in a script beside it"),
     };
     print(&format!("{}: written\n    try: {try_it}\n", files[0].0.display()))
 }

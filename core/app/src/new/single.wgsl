@@ -5,7 +5,7 @@
 // param warmth = 0.5 in -1..1: -1 = blue, 1 = brown
 //
 // A function of one pixel: its linear color, uv from 0 to 1 from the top left, and the parameters by name.
-// Put it into a folder plugins beside the script, or name its folder with --plugins; then: effect("NAME", #{ amount: 0.5 })
+// Put it beside the script, into a folder plugins there, or name its folder with --plugins; then: effect("NAME", #{ amount: 0.5 })
 fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
     let grey = dot(color.rgb, vec3(0.2126, 0.7152, 0.0722));
     let shade = grey * vec3(1.0 + 0.2 * p[warmth], 1.0, 1.0 - 0.2 * p[warmth]);
