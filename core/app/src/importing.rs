@@ -117,7 +117,7 @@ mod tests {
         show(&drawn, &ImportProgress { files: 2, done: 1, bytes: 4 << 20, bytes_done: 2 << 20, names });
         drawn.force_draw();
         let text = line.0.lock().unwrap().clone();
-        let wanted = "████████████████·";
+        let wanted = "████████████████▌···············";
         assert!(text.contains(wanted), "{text}");
         assert!(text.contains("importing 1 of 2 files: knight.glb (2.00 MiB of 4.00 MiB)"), "{text}");
         drawn.finish_and_clear();

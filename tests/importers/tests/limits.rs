@@ -4,19 +4,21 @@
 use choreo_import_testing::{Companions, import, source, warnings};
 use choreo_plugin::{Importer, Needs};
 
-/// The first 33 bytes of a PNG of this size.
+/// A PNG of this size, as far as its first rows: an empty IDAT.
 fn png_header(width: u32, height: u32) -> Vec<u8> {
-    let mut chunk = b"IHDR".to_vec();
-    chunk.extend(width.to_be_bytes());
-    chunk.extend(height.to_be_bytes());
-    chunk.extend([8, 6, 0, 0, 0]);
-    // CRC-32 of the chunk (PNG specification, annex D), bit by bit.
-    let crc = !chunk.iter().fold(!0u32, |crc, byte| {
-        (0..8).fold(crc ^ u32::from(*byte), |c, _| if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 })
-    });
-    let mut out = b"\x89PNG\r\n\x1a\n\0\0\0\x0d".to_vec();
-    out.extend(chunk);
-    out.extend(crc.to_be_bytes());
+    let mut out = b"\x89PNG\r\n\x1a\n".to_vec();
+    let size = [width.to_be_bytes(), height.to_be_bytes()].concat();
+    for (kind, data) in [(b"IHDR", [&size[..], &[8, 6, 0, 0, 0]].concat()), (b"IDAT", Vec::new())] {
+        let body = [&kind[..], &data].concat();
+        // CRC-32 of the chunk (PNG specification, annex D), bit by bit.
+        let crc = !body.iter().fold(!0u32, |crc, byte| {
+            let step = |c: u32| if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 };
+            (0..8).fold(crc ^ u32::from(*byte), |c, _| step(c))
+        });
+        out.extend((data.len() as u32).to_be_bytes());
+        out.extend(body);
+        out.extend(crc.to_be_bytes());
+    }
     out
 }
 
