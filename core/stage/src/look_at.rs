@@ -15,9 +15,9 @@ pub const LOOK_AT_LIMIT_RAD: f64 = 80.0 * std::f64::consts::PI / 180.0;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Aim {
     pub actor: usize,
-    joint: u32,
-    world_target: DVec3,
-    share: f64,
+    pub joint: u32,
+    pub world_target: DVec3,
+    pub share: f64,
 }
 
 /// Adds those of one actor.

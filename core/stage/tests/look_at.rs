@@ -55,3 +55,62 @@ fn targets_behind_and_inside_stay_finite_and_continuous() {
     let snapshot = inside.at(secs(0.0)).unwrap();
     assert_eq!(snapshot.actors[0].model_from_joint, figure().rest_model_from_joint());
 }
+
+#[test]
+fn eyes_make_up_for_what_the_head_leaves() {
+    use choreo_motion::{HumanBone, Humanoid};
+    let q = glam::Quat::from_xyzw(0.5, 0.5, 0.5, 0.5);
+    // Joints turned at rest, the eyes 6 cm apart.
+    let bone = |x: f32, y: f32, z: f32| choreo_motion::Transform { rotation: q.inverse(), ..at(x, y, z) };
+    let head = choreo_motion::Transform { rotation: q, ..at(0.0, 1.5, 0.0) };
+    let eye = |x: f32| {
+        let place = q.inverse() * glam::Vec3::new(x, 0.1, 0.05);
+        bone(place.x, place.y, place.z)
+    };
+    let human = [HumanBone::Hips, HumanBone::Head, HumanBone::LeftEye, HumanBone::RightEye];
+    let skeleton = skeleton(&[
+        ("Hips", None, at(0.0, 0.0, 0.0)),
+        ("Head", Some(0), head),
+        ("LeftEye", Some(1), eye(0.03)),
+        ("RightEye", Some(1), eye(-0.03)),
+    ]);
+    let humanoid = Humanoid::new(human.into_iter().zip(0..)).unwrap();
+    let map = |most: f32, out: f32| RangeMap { input_max: most.to_radians(), output_scale: out.to_radians() };
+    let eyes = Eyes {
+        offset_from_head: q.inverse() * glam::Vec3::new(0.0, 0.1, 0.05),
+        moved_by: EyesMovedBy::Bones,
+        inner: map(90.0, 45.0),
+        outer: map(90.0, 30.0),
+        down: map(90.0, 90.0),
+        up: map(90.0, 90.0),
+    };
+    let skeleton = (*skeleton).clone().with_humanoid(humanoid).unwrap();
+    let asset = Arc::new(Asset { skeleton: Arc::new(skeleton), eyes: Some(eyes), ..Asset::default() });
+    // 60 degrees to the left of where the eyes are, at their height; the head goes no part of the way, half of it, all of it.
+    let angle = 60f64.to_radians();
+    let target = v(0.0, 1.6, 0.05) + v(angle.sin(), 0.0, angle.cos()) * 1e4;
+    for (weight, left) in [(0.0f32, 0.0f64), (0.5, 30.0), (1.0, 0.0)] {
+        let mut stage = Stage::default();
+        stage.cast("a", asset.clone());
+        stage.actors[0].transform = Placement::at(2.0, 0.0, 1.0).turned(0.7);
+        let target = stage.actors[0].transform.translation + glam::DQuat::from_rotation_y(0.7) * target;
+        stage.actors[0].look_at.push(LookAt { weight, ..LookAt::new(1, Target::Point(target)) });
+        let snapshot = stage.at(secs(0.0)).unwrap();
+        let yaw = |joint: usize| {
+            let now = joint_axes(&snapshot.actors[0].model_from_joint[joint]);
+            let turn = now * joint_axes(&asset.rest_model_from_joint()[joint]).inverse();
+            let z = turn * DVec3::Z;
+            z.x.atan2(z.z).to_degrees()
+        };
+        // What is left, mapped, by the weight of the look; the right eye turns towards the nose.
+        let head = 60.0 * f64::from(weight);
+        let expected = [head, head + left / 3.0 * f64::from(weight), head + left / 2.0 * f64::from(weight)];
+        for (joint, expected) in [1, 2, 3].into_iter().zip(expected) {
+            assert!(
+                (yaw(joint) - expected).abs() < 0.02,
+                "{weight}, joint {joint}: {} not {expected}",
+                yaw(joint)
+            );
+        }
+    }
+}

@@ -17,7 +17,7 @@ pub const DEFS: &[Def] = &[
         "look_at",
         "target, options?",
         Gives::A(Kind::Look),
-        "Turns the head towards an actor, joint or point; options: joint, weight.",
+        "Turns the head towards an actor, joint or point, and the eyes of a VRM file as far as it says, by bones or morph targets; options: joint, weight.",
         look_at,
     ),
     Def::new(Kind::Look, "from", "time", THIS, "When the look begins.", look_from),

@@ -186,10 +186,19 @@ fn solve_actor(
                 }
                 GoalKind::Plant(_) | GoalKind::Mirror(_) => {}
             }
+            if let GoalKind::Aim(aim) = &goal.kind {
+                let (joint, state) = (last(&aim.joints) as u32, &mut actors[index]);
+                let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
+                super::gaze::follow(&actor.asset, joint, target, share, aimed, state, &mut scratch.below);
+            }
         }
         if stage_of_goals == 1 {
             for aim in scratch.aims.iter().filter(|aim| aim.actor == index) {
-                look_at::turn(stage, aim, &mut actors[index], &mut scratch.below);
+                let state = &mut actors[index];
+                look_at::turn(stage, aim, state, &mut scratch.below);
+                let target = state.world_from_model.inverse().transform_point3(aim.world_target);
+                let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
+                super::gaze::follow(&actor.asset, aim.joint, target, aim.share, aimed, state, &mut scratch.below);
             }
         }
     }
