@@ -168,8 +168,13 @@ fn every_body_moves_as_every_other() {
                 println!("| … at 1e-5 rad | | | | | {left:.4} | | | | |");
                 assert!(left < 0.1 * limbs, "{} on {}: {left}° of {limbs}°", from.asset.name, to.asset.name);
             }
-            // What comes back lacks what the other body has no joints for, and what moves within a body: toes, the Knight's shoulders.
-            assert!(returned < 0.07, "{} on {} and back: {returned} m", from.asset.name, to.asset.name);
+            // Feet are as high over the floor as the source's, where both rest standing (run.fbx rests in mid-stride, and says so).
+            if report.rests_standing && report.target_stands {
+                assert!(feet < 0.002, "{} on {}: {feet} m", from.asset.name, to.asset.name);
+            }
+            // What comes back lacks what the other body has no joints for, and what moves within a body: 84 mm at worst, mocopi's spine of seven
+            // joints by way of the Knight's of two.
+            assert!(returned < 0.09, "{} on {} and back: {returned} m", from.asset.name, to.asset.name);
             pairs += 1;
         }
     }
