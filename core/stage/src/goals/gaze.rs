@@ -33,7 +33,9 @@ pub(super) fn follow(
             let mut body =
                 Body { skeleton: &asset.skeleton, model_from_joint: &mut state.model_from_joint, below };
             for (bone, left) in [(HumanBone::LeftEye, true), (HumanBone::RightEye, false)] {
-                let Some(eye) = human(bone).filter(|eye| (*eye as usize) < rest.len() && !aimed(*eye)) else { continue };
+                let Some(eye) = human(bone).filter(|eye| (*eye as usize) < rest.len() && !aimed(*eye)) else {
+                    continue;
+                };
                 let (yaw, pitch) = eyes.turn_of(left, way);
                 let turn = DQuat::from_rotation_y(yaw) * DQuat::from_rotation_x(-pitch);
                 body.turn(eye, share_of(turned * turn * turned.inverse(), share));

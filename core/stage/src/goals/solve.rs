@@ -198,7 +198,15 @@ fn solve_actor(
                 look_at::turn(stage, aim, state, &mut scratch.below);
                 let target = state.world_from_model.inverse().transform_point3(aim.world_target);
                 let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
-                super::gaze::follow(&actor.asset, aim.joint, target, aim.share, aimed, state, &mut scratch.below);
+                super::gaze::follow(
+                    &actor.asset,
+                    aim.joint,
+                    target,
+                    aim.share,
+                    aimed,
+                    state,
+                    &mut scratch.below,
+                );
             }
         }
     }
