@@ -166,8 +166,11 @@ fn skinnings(quick: bool) {
         let [four, eight] = [4, 8].map(|n| skinning(way, n, Level::best(), quick));
         println!("{name:<44}{four:>15}{eight:>15}");
     }
-    let portable = skinning(Way::Linear, 4, Level::Portable, quick);
-    println!("{:<44}{portable:>15}", "linear, portable level");
+    for (name, level) in [("AVX2", Level::Avx2), ("portable", Level::Portable)] {
+        let [linear, dual] = [Way::Linear, Way::Dual].map(|way| skinning(way, 4, level, quick));
+        println!("{:<44}{linear:>15}", format!("linear, {name} level"));
+        println!("{:<44}{dual:>15}", format!("dual quaternions, {name} level"));
+    }
 }
 
 #[derive(Clone, Copy, PartialEq)]

@@ -1,7 +1,6 @@
 //! Skinning and morphing on the CPU.
 
-use crate::LANES;
-use crate::simd::{F8, Kernel, Level, dispatch};
+use crate::simd::{Indexed, Lanes, Level, Rows, VertexKernel, Vertices, dispatch_vertices};
 use glam::{Affine3A, Mat4, Vec3};
 
 /// Skin matrices: `out[i] = model_from_joint[joints[i]] * inverse_bind[i]`, model from the mesh at bind time.
@@ -132,15 +131,15 @@ impl Skin<'_> {
 
     /// The same bits at any level; for tests and benchmarks.
     pub fn run_on(&mut self, level: Level) {
-        dispatch(level, SkinVertices(self));
+        dispatch_vertices(level, SkinVertices(self));
     }
 }
 
 struct SkinVertices<'a, 'b>(&'b mut Skin<'a>);
 
-impl Kernel for SkinVertices<'_, '_> {
+impl VertexKernel for SkinVertices<'_, '_> {
     #[inline(always)]
-    fn run<F: F8>(self) {
+    fn run<F: Vertices>(self) {
         // Known counts are unrolled.
         match self.0.influences {
             4 => self.vertices::<F, 4>(),
@@ -153,128 +152,106 @@ impl Kernel for SkinVertices<'_, '_> {
 impl SkinVertices<'_, '_> {
     /// N influences, or any number where N is 0.
     #[inline(always)]
-    fn vertices<F: F8, const N: usize>(self) {
+    fn vertices<F: Vertices, const N: usize>(self) {
         let job = self.0;
         let influences = job.influences;
         let positions: &[[f32; 3]] = bytemuck::cast_slice(job.positions);
         let normals: &[[f32; 3]] = bytemuck::cast_slice(job.normals);
         let out_positions: &mut [[f32; 3]] = bytemuck::cast_slice_mut(job.out_positions);
         let out_normals: &mut [[f32; 3]] = bytemuck::cast_slice_mut(job.out_normals);
-        for first in (0..positions.len()).step_by(LANES) {
-            let count = LANES.min(positions.len() - first);
-            let range = first * influences..(first + count) * influences;
+        for first in (0..positions.len()).step_by(F::COUNT) {
+            let end = (first + F::COUNT).min(positions.len());
+            let range = first * influences..end * influences;
             let (joints, weights) = (&job.joint_indices[range.clone()], &job.joint_weights[range]);
-            let matrices = match N {
-                0 => blended::<F>(job.matrices, influences, joints, weights),
-                _ => blended_by::<F, N>(job.matrices, joints, weights),
-            };
-            let points = eight::<F>(&positions[first..]);
-            put_eight(transformed(&matrices, points), &mut out_positions[first..]);
+            let matrices = blended::<F, N>(job.matrices, influences, joints, weights);
+            let points = F::points(&positions[first..]);
+            F::put_points(transformed(&matrices, points), &mut out_positions[first..]);
             if !normals.is_empty() {
-                let normals = eight::<F>(&normals[first..]);
-                put_eight(transformed_normals(&matrices, normals), &mut out_normals[first..]);
+                let normals = F::points(&normals[first..]);
+                F::put_points(transformed_normals(&matrices, normals), &mut out_normals[first..]);
             }
         }
     }
 }
 
-/// Component rows of four matrix columns of eight vertices.
-pub(crate) type Rows<F> = [[F; 3]; 4];
-
-/// Weighted sums of matrices, for up to eight vertices of any number of influences.
+/// Weighted sums of matrices, for as many vertices as there are lanes, or fewer; N influences, or any number where N is 0.
 #[inline(always)]
-pub(crate) fn blended<F: F8>(
+pub(crate) fn blended<F: Vertices, const N: usize>(
     matrices: &[Affine3A],
     influences: usize,
     joints: &[u16],
     weights: &[f32],
 ) -> Rows<F> {
-    let zero = F::splat(0.0);
-    let (mut c01, mut c23) = ([zero; LANES], [zero; LANES]);
-    if influences > 0 {
-        let vertices = joints.chunks_exact(influences).zip(weights.chunks_exact(influences));
-        for (vertex, (joints, weights)) in vertices.enumerate().take(LANES) {
-            [c01[vertex], c23[vertex]] = weighted(matrices, joints, weights);
+    if N == 0 || joints.len() < F::COUNT * N {
+        let mut fours = [F::four([F::no_matrix(); 4]); 4];
+        // Not chunks of 0: no influences are no vertices here, and all matrices zeros.
+        let mut vertices =
+            joints.chunks_exact(influences.max(1)).zip(weights.chunks_exact(influences.max(1)));
+        for four in fours.iter_mut().take(F::COUNT / 4) {
+            let mut sums = [F::no_matrix(); 4];
+            for (sum, (joints, weights)) in sums.iter_mut().zip(vertices.by_ref()) {
+                *sum = weighted::<F>(matrices, joints, weights);
+            }
+            *four = F::four(sums);
         }
+        return F::columns(fours);
     }
-    let ([c0, c1], [c2, c3]) = (component_rows(c01), component_rows(c23));
-    [c0, c1, c2, c3]
+    let (joints, weights) = (&joints[..F::COUNT * N], &weights[..F::COUNT * N]);
+    let (matrices, weights) = (Indexed::new(matrices, joints), weights.as_chunks::<N>().0);
+    // No loop: its results would go through memory.
+    let [a, b] = [four::<F, N>(&matrices, 0, weights), four::<F, N>(&matrices, 1, weights)];
+    F::columns(match F::COUNT {
+        8 => [a, b, a, b],
+        _ => [a, b, four::<F, N>(&matrices, 2, weights), four::<F, N>(&matrices, 3, weights)],
+    })
 }
 
+/// The weighted matrices of four vertices, which stay in registers.
 #[inline(always)]
-fn component_rows<F: F8>([a, b, c, d, e, f, g, h]: [F; LANES]) -> [[F; 3]; 2] {
-    F::joined_rows(F::half_rows([a, b, c, d]), F::half_rows([e, f, g, h]))
-}
-
-/// The same for a known number of influences. Four vertices at a time, so that their matrices stay in registers.
-#[inline(always)]
-pub(crate) fn blended_by<F: F8, const N: usize>(
-    matrices: &[Affine3A],
-    joints: &[u16],
-    weights: &[f32],
-) -> Rows<F> {
-    let (joints, _) = joints.as_chunks::<N>();
-    let (weights, _) = weights.as_chunks::<N>();
-    let (Some(joints), Some(weights)) = (joints.first_chunk::<LANES>(), weights.first_chunk::<LANES>())
-    else {
-        return blended(matrices, N, joints.as_flattened(), weights.as_flattened());
-    };
-    let zero = F::splat(0.0);
-    let mut halves = [[[zero; 3]; 2]; 2];
-    for (half, out) in halves.iter_mut().enumerate() {
-        let (mut c01, mut c23) = ([zero; 4], [zero; 4]);
-        for i in 0..4 {
-            let vertex = half * 4 + i;
-            [c01[i], c23[i]] = weighted(matrices, &joints[vertex], &weights[vertex]);
-        }
-        *out = [F::half_rows(c01), F::half_rows(c23)];
+fn four<F: Vertices, const N: usize>(
+    matrices: &Indexed<Affine3A>,
+    at: usize,
+    weights: &[[f32; N]],
+) -> F::Four {
+    let mut sums = [F::no_matrix(); 4];
+    for i in 0..4 {
+        let vertex = 4 * at + i;
+        sums[i] = weighted_by::<F, N>(matrices, vertex * N / 4, &weights[vertex]);
     }
-    let [[low01, low23], [high01, high23]] = halves;
-    let ([c0, c1], [c2, c3]) = (F::joined_rows(low01, high01), F::joined_rows(low23, high23));
-    [c0, c1, c2, c3]
+    F::four(sums)
 }
 
-/// The weighted sum of one vertex's matrices, as column pairs.
+/// The weighted sum of one vertex's matrices.
 #[inline(always)]
-fn weighted<F: F8>(matrices: &[Affine3A], joints: &[u16], weights: &[f32]) -> [F; 2] {
-    let mut sum = [F::splat(0.0); 2];
+fn weighted<F: Vertices>(matrices: &[Affine3A], joints: &[u16], weights: &[f32]) -> F::Matrix {
+    let mut sum = F::no_matrix();
     for (i, (joint, weight)) in joints.iter().zip(weights).enumerate() {
-        let [x, y] = F::of_matrix(&matrices[usize::from(*joint)]);
-        let weight = F::splat(*weight);
-        let (x, y) = (x.mul(weight), y.mul(weight));
-        sum = if i == 0 { [x, y] } else { [sum[0].add(x), sum[1].add(y)] };
+        let matrix = F::weighted(&matrices[usize::from(*joint)], *weight);
+        sum = if i == 0 { matrix } else { F::sum(sum, matrix) };
     }
     sum
 }
 
-/// The first eight points, fewer at the end of the list.
+/// The same for a known number of influences, from the given four indices on.
 #[inline(always)]
-pub(crate) fn eight<F: F8>(points: &[[f32; 3]]) -> [F; 3] {
-    match points.first_chunk::<LANES>() {
-        Some(points) => F::load_points(points),
-        None => {
-            let mut padded = [[0.0; 3]; LANES];
-            padded[..points.len()].copy_from_slice(points);
-            F::load_points(&padded)
+fn weighted_by<F: Vertices, const N: usize>(
+    matrices: &Indexed<Affine3A>,
+    first: usize,
+    weights: &[f32; N],
+) -> F::Matrix {
+    let mut sum = F::no_matrix();
+    for (i, weights) in weights.as_chunks::<4>().0.iter().enumerate() {
+        let matrices = matrices.four(first + i);
+        for j in 0..4 {
+            let matrix = F::weighted(matrices[j], weights[j]);
+            sum = if i + j == 0 { matrix } else { F::sum(sum, matrix) };
         }
     }
+    sum
 }
 
 #[inline(always)]
-pub(crate) fn put_eight<F: F8>(rows: [F; 3], points: &mut [[f32; 3]]) {
-    match points.first_chunk_mut::<LANES>() {
-        Some(points) => F::store_points(rows, points),
-        None => {
-            let mut padded = [[0.0; 3]; LANES];
-            F::store_points(rows, &mut padded);
-            let count = points.len();
-            points.copy_from_slice(&padded[..count]);
-        }
-    }
-}
-
-#[inline(always)]
-pub(crate) fn transformed<F: F8>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3]) -> [F; 3] {
+pub(crate) fn transformed<F: Lanes>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3]) -> [F; 3] {
     let mut out = [x; 3];
     for i in 0..3 {
         out[i] = c0[i].mul(x).add(c1[i].mul(y)).add(c2[i].mul(z)).add(c3[i]);
@@ -284,7 +261,7 @@ pub(crate) fn transformed<F: F8>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3]) 
 
 /// Through the cofactors, at unit length; unchanged where they collapse.
 #[inline(always)]
-pub(crate) fn transformed_normals<F: F8>([c0, c1, c2, _]: &Rows<F>, normals: [F; 3]) -> [F; 3] {
+pub(crate) fn transformed_normals<F: Lanes>([c0, c1, c2, _]: &Rows<F>, normals: [F; 3]) -> [F; 3] {
     let [x, y, z] = normals;
     let (a, b, c) = (cross(c1, c2), cross(c2, c0), cross(c0, c1));
     // The inverse transpose is cofactors / determinant: a mirroring matrix turns the cofactors round.
@@ -303,7 +280,7 @@ pub(crate) fn transformed_normals<F: F8>([c0, c1, c2, _]: &Rows<F>, normals: [F;
 }
 
 #[inline(always)]
-pub(crate) fn cross<F: F8>(a: &[F; 3], b: &[F; 3]) -> [F; 3] {
+pub(crate) fn cross<F: Lanes>(a: &[F; 3], b: &[F; 3]) -> [F; 3] {
     [
         a[1].mul(b[2]).sub(a[2].mul(b[1])),
         a[2].mul(b[0]).sub(a[0].mul(b[2])),
@@ -312,7 +289,7 @@ pub(crate) fn cross<F: F8>(a: &[F; 3], b: &[F; 3]) -> [F; 3] {
 }
 
 #[inline(always)]
-pub(crate) fn dot3<F: F8>(a: &[F; 3], b: &[F; 3]) -> F {
+pub(crate) fn dot3<F: Lanes>(a: &[F; 3], b: &[F; 3]) -> F {
     a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }
 

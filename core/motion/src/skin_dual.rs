@@ -1,10 +1,8 @@
-//! Dual-quaternion skinning on the CPU, eight vertices at a time; the formulas are those of [`crate::dual_quaternion`].
+//! Dual-quaternion skinning on the CPU; the formulas are those of [`crate::dual_quaternion`].
 
-use crate::simd::{F8, Kernel, Level, dispatch};
-use crate::skin::{
-    SkinnedVertices, blended, blended_by, cross, dot3, eight, put_eight, transformed, transformed_normals,
-};
-use crate::{Carrier, LANES};
+use crate::Carrier;
+use crate::simd::{F8, Indexed, Lanes, Level, VertexKernel, Vertices, dispatch_vertices};
+use crate::skin::{SkinnedVertices, blended, cross, dot3, transformed, transformed_normals};
 use glam::{Affine3A, DQuat, Mat3A, Vec3, Vec3A};
 
 /// A rigid motion in f32: the real and the dual part, x y z w each.
@@ -75,7 +73,7 @@ impl SkinDual<'_> {
 
     /// The same bits at any level; for tests and benchmarks.
     pub fn run_on(&mut self, level: Level) {
-        dispatch(level, Vertices(self));
+        dispatch_vertices(level, DualVertices(self));
     }
 }
 
@@ -84,58 +82,56 @@ pub fn stretch_of(carrier: &Carrier) -> Affine3A {
     Affine3A { matrix3: Mat3A::from(carrier.stretch.as_mat3()), translation: Vec3A::ZERO }
 }
 
-struct Vertices<'a, 'b>(&'b mut SkinDual<'a>);
+struct DualVertices<'a, 'b>(&'b mut SkinDual<'a>);
 
-impl Kernel for Vertices<'_, '_> {
+impl VertexKernel for DualVertices<'_, '_> {
     #[inline(always)]
-    fn run<F: F8>(self) {
+    fn run<F: Vertices>(self) {
         match self.0.influences {
-            4 => self.vertices::<F, 4>(4),
-            8 => self.vertices::<F, 8>(8),
-            influences => self.vertices::<F, 0>(influences),
+            4 => self.vertices::<F, 4>(),
+            8 => self.vertices::<F, 8>(),
+            _ => self.vertices::<F, 0>(),
         }
     }
 }
 
-impl Vertices<'_, '_> {
+impl DualVertices<'_, '_> {
     /// N influences, or any number where N is 0.
     #[inline(always)]
-    fn vertices<F: F8, const N: usize>(self, influences: usize) {
+    fn vertices<F: Vertices, const N: usize>(self) {
         let job = self.0;
+        let influences = job.influences;
         let positions: &[[f32; 3]] = bytemuck::cast_slice(job.positions);
         let normals: &[[f32; 3]] = bytemuck::cast_slice(job.normals);
         let out_positions: &mut [[f32; 3]] = bytemuck::cast_slice_mut(job.out_positions);
         let out_normals: &mut [[f32; 3]] = bytemuck::cast_slice_mut(job.out_normals);
-        for first in (0..positions.len()).step_by(LANES) {
-            let count = LANES.min(positions.len() - first);
-            let range = first * influences..(first + count) * influences;
+        for first in (0..positions.len()).step_by(F::COUNT) {
+            let end = (first + F::COUNT).min(positions.len());
+            let range = first * influences..end * influences;
             let (joints, weights) = (&job.joint_indices[range.clone()], &job.joint_weights[range]);
-            let motion = Motion::<F>::blended(job.motions, influences, joints, weights);
-            let mut points = eight::<F>(&positions[first..]);
+            let motion = Motion::<F>::blended::<N>(job.motions, influences, joints, weights);
+            let points = F::points(&positions[first..]);
             if job.stretches.is_empty() {
-                put_eight(motion.moved(points), &mut out_positions[first..]);
+                F::put_points(motion.moved(points), &mut out_positions[first..]);
                 if !normals.is_empty() {
-                    let turned = motion.turned(eight::<F>(&normals[first..]));
-                    put_eight(unit(turned), &mut out_normals[first..]);
+                    let turned = motion.turned(F::points(&normals[first..]));
+                    F::put_points(unit(turned), &mut out_normals[first..]);
                 }
                 continue;
             }
-            let mut stretch = match N {
-                0 => blended::<F>(job.stretches, influences, joints, weights),
-                _ => blended_by::<F, N>(job.stretches, joints, weights),
-            };
+            let mut stretch = blended::<F, N>(job.stretches, influences, joints, weights);
             stretch[3] = [F::splat(0.0); 3];
-            points = transformed(&stretch, points);
-            put_eight(motion.moved(points), &mut out_positions[first..]);
+            let points = transformed(&stretch, points);
+            F::put_points(motion.moved(points), &mut out_positions[first..]);
             if !normals.is_empty() {
-                let stretched = transformed_normals(&stretch, eight::<F>(&normals[first..]));
-                put_eight(unit(motion.turned(stretched)), &mut out_normals[first..]);
+                let stretched = transformed_normals(&stretch, F::points(&normals[first..]));
+                F::put_points(unit(motion.turned(stretched)), &mut out_normals[first..]);
             }
         }
     }
 }
 
-/// The blended rigid motions of eight vertices, component rows.
+/// The blended rigid motions of the vertices, component rows.
 struct Motion<F> {
     vector: [F; 3],
     w: F,
@@ -145,20 +141,17 @@ struct Motion<F> {
     translation: [F; 3],
 }
 
-impl<F: F8> Motion<F> {
+impl<F: Vertices> Motion<F> {
     #[inline(always)]
-    fn blended(motions: &[DualQuaternion], influences: usize, joints: &[u16], weights: &[f32]) -> Self {
+    fn blended<const N: usize>(
+        motions: &[DualQuaternion],
+        influences: usize,
+        joints: &[u16],
+        weights: &[f32],
+    ) -> Self {
         let zero = F::splat(0.0);
-        let mut sums = [zero; LANES];
-        if influences > 0 {
-            let vertices = joints.chunks_exact(influences).zip(weights.chunks_exact(influences));
-            for (sum, (joints, weights)) in sums.iter_mut().zip(vertices) {
-                *sum = weighted(motions, joints, weights);
-            }
-        }
-        let [a, b, c, d, e, f, g, h] = sums;
-        let (low, high) = (F::half_rows4([a, b, c, d]), F::half_rows4([e, f, g, h]));
-        let [[x, y, z, w], [dx, dy, dz, dw]] = F::joined_rows4(low, high);
+        let fours = summed::<F, N>(motions, influences, joints, weights);
+        let [[x, y, z, w], [dx, dy, dz, dw]] = F::halves(fours);
         let square = x.mul(x).add(y.mul(y)).add(z.mul(z).add(w.mul(w)));
         let some = F::splat(0.0).less(square);
         let scale = F::select(some, F::splat(2.0).div(square), zero);
@@ -195,27 +188,91 @@ impl<F: F8> Motion<F> {
     }
 }
 
-/// The weighted sum of one vertex's dual quaternions, all on the side of the heaviest.
+/// The weighted sums of the vertices' dual quaternions, four at a time; N influences, or any number where N is 0.
+#[inline(always)]
+fn summed<F: Vertices, const N: usize>(
+    motions: &[DualQuaternion],
+    influences: usize,
+    joints: &[u16],
+    weights: &[f32],
+) -> [[F::Eight; 4]; 4] {
+    if N == 0 || joints.len() < F::COUNT * N {
+        let mut fours = [[F::Eight::splat(0.0); 4]; 4];
+        let mut vertices =
+            joints.chunks_exact(influences.max(1)).zip(weights.chunks_exact(influences.max(1)));
+        for four in fours.iter_mut().take(F::COUNT / 4) {
+            let mut sums = [F::Eight::splat(0.0); 4];
+            for (sum, (joints, weights)) in sums.iter_mut().zip(vertices.by_ref()) {
+                *sum = weighted(motions, joints, weights);
+            }
+            *four = F::Eight::half_rows4(sums);
+        }
+        return fours;
+    }
+    let (joints, weights) = (&joints[..F::COUNT * N], &weights[..F::COUNT * N]);
+    let (motions, weights) = (Indexed::new(motions, joints), weights.as_chunks::<N>().0);
+    let [a, b] = [four::<F::Eight, N>(&motions, 0, weights), four::<F::Eight, N>(&motions, 1, weights)];
+    match F::COUNT {
+        8 => [a, b, a, b],
+        _ => [a, b, four(&motions, 2, weights), four(&motions, 3, weights)],
+    }
+}
+
+#[inline(always)]
+fn four<F: F8, const N: usize>(motions: &Indexed<DualQuaternion>, at: usize, weights: &[[f32; N]]) -> [F; 4] {
+    let mut sums = [F::splat(0.0); 4];
+    for i in 0..4 {
+        let vertex = 4 * at + i;
+        sums[i] = weighted_by(motions, vertex * N / 4, &weights[vertex]);
+    }
+    F::half_rows4(sums)
+}
+
+/// Where the heaviest is, the first of equals.
+#[inline(always)]
+fn heaviest(weights: &[f32]) -> usize {
+    let (mut at, mut most) = (0, weights[0]);
+    for (i, weight) in weights.iter().enumerate() {
+        (at, most) = if *weight > most { (i, *weight) } else { (at, most) };
+    }
+    at
+}
+
+/// The weighted sum of one vertex's dual quaternions, all on the side of the heaviest; there is at least one.
 #[inline(always)]
 fn weighted<F: F8>(motions: &[DualQuaternion], joints: &[u16], weights: &[f32]) -> F {
-    let mut heaviest = 0;
-    for i in 1..weights.len() {
-        if weights[i] > weights[heaviest] {
-            heaviest = i;
-        }
-    }
-    let pivot = F::both(&motions[usize::from(joints[heaviest])].0[0]);
+    let pivot = &motions[usize::from(joints[heaviest(weights)])].0[0];
     let mut sum = F::splat(0.0);
     for (joint, weight) in joints.iter().zip(weights) {
         let motion = &motions[usize::from(*joint)].0;
-        let side = F::both(&motion[0]).dot_halves(pivot);
-        sum = sum.add(F::load_halves(motion).mul(F::splat(*weight).flipped_by(side)));
+        let [weight, ..] = F::sided([&motion[0]; 4], pivot, &[*weight; 4]);
+        sum = sum.add(F::load_halves(motion).mul(F::splat(weight)));
+    }
+    sum
+}
+
+/// The same for a known number of influences, a multiple of four, from the given four indices on.
+#[inline(always)]
+fn weighted_by<F: F8, const N: usize>(
+    motions: &Indexed<DualQuaternion>,
+    first: usize,
+    weights: &[f32; N],
+) -> F {
+    let pivot = &motions.one(4 * first + heaviest(weights)).0[0];
+    let mut sum = F::splat(0.0);
+    for (i, weights) in weights.as_chunks().0.iter().enumerate() {
+        let motions = motions.four(first + i);
+        let reals = [&motions[0].0[0], &motions[1].0[0], &motions[2].0[0], &motions[3].0[0]];
+        let weights = F::sided(reals, pivot, weights);
+        for j in 0..4 {
+            sum = sum.add(F::load_halves(&motions[j].0).mul(F::splat(weights[j])));
+        }
     }
     sum
 }
 
 #[inline(always)]
-fn unit<F: F8>(n: [F; 3]) -> [F; 3] {
+fn unit<F: Lanes>(n: [F; 3]) -> [F; 3] {
     let square = dot3(&n, &n);
     let k = F::splat(1.0).div(square.sqrt());
     let some = F::splat(0.0).less(square);

@@ -133,8 +133,10 @@ proptest! {
         let case = SkinCase::random(&mut Random(seed), vertices, influences, false);
         let (positions, normals) = case.run(Level::best());
         prop_assert!(case.error(&positions, &normals) < 3e-5, "{}", case.error(&positions, &normals));
-        let portable = case.run(Level::Portable);
-        prop_assert_eq!((positions, normals), portable);
+        let best = (positions, normals);
+        for level in [Level::Portable, Level::Avx2, Level::Avx512] {
+            prop_assert_eq!(&case.run(level), &best, "{:?}", level);
+        }
     }
 }
 

@@ -94,16 +94,18 @@ fn dual_quaternions_follow_f64_with_the_same_bits_at_any_level() {
     let mut random = Random(31);
     for influences in [1, 2, 3, 4, 8] {
         for (stretched, mirrored) in [(false, false), (true, false), (false, true), (true, true)] {
-            for vertices in [1, 7, 8, 40] {
+            for vertices in [1, 7, 8, 16, 41] {
                 let case = Case::random(&mut random, vertices, influences, stretched, mirrored);
                 let (positions, normals) = case.run(Level::best());
                 let error = case.error(&positions, &normals);
                 assert!(error < 2e-5, "{influences} influences, {stretched} {mirrored}: {error}");
-                let portable = case.run(Level::Portable);
                 let bits =
                     |v: &[Vec3]| v.iter().flat_map(|p| p.to_array().map(f32::to_bits)).collect::<Vec<_>>();
-                assert_eq!(bits(&portable.0), bits(&positions));
-                assert_eq!(bits(&portable.1), bits(&normals));
+                for level in [Level::Portable, Level::Avx2, Level::Avx512] {
+                    let other = case.run(level);
+                    assert_eq!(bits(&other.0), bits(&positions), "{level:?}");
+                    assert_eq!(bits(&other.1), bits(&normals), "{level:?}");
+                }
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Eight floats in a register of AVX.
 
-use super::{F8, Width};
+use super::{F8, Lanes, Width};
 use crate::{LANES, Lane};
 use glam::Affine3A;
 use std::arch::x86_64::*;
@@ -8,18 +8,10 @@ use std::arch::x86_64::*;
 /// Only ever made inside `run_avx2`, which is entered after asking the processor: that is what makes each
 /// `unsafe` below sound, all of which only call AVX intrinsics on values, or load and store whole references.
 #[derive(Clone, Copy)]
-pub(crate) struct Avx(__m256);
+pub(crate) struct Avx(pub(super) __m256);
 
-impl F8 for Avx {
-    #[inline(always)]
-    fn load(lane: &Lane) -> Self {
-        // A `Lane` is 32 bytes, 32-byte aligned.
-        Avx(unsafe { _mm256_load_ps(lane.0.as_ptr()) })
-    }
-    #[inline(always)]
-    fn store(self, lane: &mut Lane) {
-        unsafe { _mm256_store_ps(lane.0.as_mut_ptr(), self.0) }
-    }
+impl Lanes for Avx {
+    const COUNT: usize = LANES;
     #[inline(always)]
     fn splat(v: f32) -> Self {
         Avx(unsafe { _mm256_set1_ps(v) })
@@ -49,16 +41,28 @@ impl F8 for Avx {
         Avx(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(by.0, _mm256_set1_ps(-0.0))) })
     }
     #[inline(always)]
-    fn equals(self, b: Self) -> Self {
-        Avx(unsafe { _mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, b.0) })
-    }
-    #[inline(always)]
     fn less(self, b: Self) -> Self {
         Avx(unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, b.0) })
     }
     #[inline(always)]
     fn select(mask: Self, yes: Self, no: Self) -> Self {
         Avx(unsafe { _mm256_blendv_ps(no.0, yes.0, mask.0) })
+    }
+}
+
+impl F8 for Avx {
+    #[inline(always)]
+    fn load(lane: &Lane) -> Self {
+        // A `Lane` is 32 bytes, 32-byte aligned.
+        Avx(unsafe { _mm256_load_ps(lane.0.as_ptr()) })
+    }
+    #[inline(always)]
+    fn store(self, lane: &mut Lane) {
+        unsafe { _mm256_store_ps(lane.0.as_mut_ptr(), self.0) }
+    }
+    #[inline(always)]
+    fn equals(self, b: Self) -> Self {
+        Avx(unsafe { _mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, b.0) })
     }
     #[inline(always)]
     fn both(half: &[f32; 4]) -> Self {
@@ -144,12 +148,22 @@ impl F8 for Avx {
         [a, b]
     }
     #[inline(always)]
-    fn dot_halves(self, b: Self) -> Self {
+    fn sided(q: [&[f32; 4]; 4], pivot: &[f32; 4], weights: &[f32; 4]) -> [f32; 4] {
+        let mut out = [0.0; 4];
         unsafe {
-            let p = _mm256_mul_ps(self.0, b.0);
-            let pairs = _mm256_add_ps(p, _mm256_permute_ps::<0b10_11_00_01>(p));
-            Avx(_mm256_add_ps(pairs, _mm256_permute_ps::<0b01_00_11_10>(pairs)))
+            let pivot = _mm_loadu_ps(pivot.as_ptr());
+            let a = _mm_mul_ps(_mm_loadu_ps(q[0].as_ptr()), pivot);
+            let b = _mm_mul_ps(_mm_loadu_ps(q[1].as_ptr()), pivot);
+            let c = _mm_mul_ps(_mm_loadu_ps(q[2].as_ptr()), pivot);
+            let d = _mm_mul_ps(_mm_loadu_ps(q[3].as_ptr()), pivot);
+            // a02 b02 a13 b13, and of c and d.
+            let ab = _mm_add_ps(_mm_unpacklo_ps(a, b), _mm_unpackhi_ps(a, b));
+            let cd = _mm_add_ps(_mm_unpacklo_ps(c, d), _mm_unpackhi_ps(c, d));
+            let dots = _mm_add_ps(_mm_movelh_ps(ab, cd), _mm_movehl_ps(cd, ab));
+            let signs = _mm_and_ps(dots, _mm_set1_ps(-0.0));
+            _mm_storeu_ps(out.as_mut_ptr(), _mm_xor_ps(_mm_loadu_ps(weights.as_ptr()), signs));
         }
+        out
     }
     #[inline(always)]
     fn of_matrix(matrix: &Affine3A) -> [Self; 2] {

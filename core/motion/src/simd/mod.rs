@@ -7,7 +7,14 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod indexed;
 mod portable;
+mod vertices;
+
+pub(crate) use indexed::Indexed;
+pub(crate) use vertices::{Lanes, Rows, VertexKernel, Vertices, dispatch_vertices};
 
 use crate::{LANES, Lane};
 use glam::Affine3A;
@@ -19,6 +26,8 @@ pub enum Level {
     Portable,
     /// Falls back to `Portable` where the processor lacks it.
     Avx2,
+    /// Sixteen vertices at a time in skinning, `Avx2` in all else; falls back to that where the processor lacks it.
+    Avx512,
 }
 
 impl Level {
@@ -26,10 +35,15 @@ impl Level {
     pub fn best() -> Level {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
-            return Level::Avx2;
+            return if has_avx512() { Level::Avx512 } else { Level::Avx2 };
         }
         Level::Portable
     }
+}
+
+#[cfg(target_arch = "x86_64")]
+fn has_avx512() -> bool {
+    std::arch::is_x86_feature_detected!("avx512f") && std::arch::is_x86_feature_detected!("avx512dq")
 }
 
 /// Work that is compiled for each level. `run` must be `#[inline(always)]`, with all that it calls, to be so.
@@ -40,7 +54,7 @@ pub(crate) trait Kernel {
 #[inline]
 pub(crate) fn dispatch<K: Kernel>(level: Level, kernel: K) {
     #[cfg(target_arch = "x86_64")]
-    if level == Level::Avx2 && std::arch::is_x86_feature_detected!("avx2") {
+    if level != Level::Portable && std::arch::is_x86_feature_detected!("avx2") {
         // SAFETY: the processor has AVX2, as just asked.
         return unsafe { run_avx2(kernel) };
     }
@@ -54,26 +68,14 @@ fn run_avx2<K: Kernel>(kernel: K) {
     kernel.run::<avx::Avx>();
 }
 
-// AVX-512VL (the same lanes, twice the registers) was tried: no faster, sampling 10 % slower.
+// Here AVX-512VL (the same lanes, twice the registers) was tried: no faster, sampling 10 % slower.
 
 /// Eight floats; for matrices, two halves of four.
-pub(crate) trait F8: Copy {
+pub(crate) trait F8: Lanes {
     fn load(lane: &Lane) -> Self;
     fn store(self, lane: &mut Lane);
-    fn splat(v: f32) -> Self;
-    fn add(self, b: Self) -> Self;
-    fn sub(self, b: Self) -> Self;
-    fn mul(self, b: Self) -> Self;
-    fn div(self, b: Self) -> Self;
-    fn sqrt(self) -> Self;
-    /// `-self` in the lanes where `by` has its sign bit set.
-    fn flipped_by(self, by: Self) -> Self;
     /// All bits set where equal.
     fn equals(self, b: Self) -> Self;
-    /// All bits set where less; not where NaN.
-    fn less(self, b: Self) -> Self;
-    /// `yes` in the lanes where the mask has its sign bit set.
-    fn select(mask: Self, yes: Self, no: Self) -> Self;
 
     /// The same four floats in both halves.
     fn both(half: &[f32; 4]) -> Self;
@@ -95,8 +97,8 @@ pub(crate) trait F8: Copy {
     fn half_rows4(pairs: [Self; 4]) -> [Self; 4];
     /// As `joined_rows`.
     fn joined_rows4(first: [Self; 4], next: [Self; 4]) -> [[Self; 4]; 2];
-    /// The dot product of each half, in all of its components: (0 + 1) + (2 + 3).
-    fn dot_halves(self, b: Self) -> Self;
+    /// Each weight, with the other sign where the dot product of its four and the pivot, (0 + 2) + (1 + 3), is negative.
+    fn sided(fours: [&[f32; 4]; 4], pivot: &[f32; 4], weights: &[f32; 4]) -> [f32; 4];
     /// A matrix: its first two columns, its third and the translation. The fourth components may hold anything.
     fn of_matrix(matrix: &Affine3A) -> [Self; 2];
     /// Component rows of eight points.

@@ -1,6 +1,6 @@
 //! Eight floats in an array, on any processor.
 
-use super::{F8, Width};
+use super::{F8, Lanes, Width};
 use crate::{LANES, Lane};
 use glam::{Affine3A, Vec3A};
 
@@ -19,15 +19,8 @@ fn mask_of(set: bool) -> f32 {
     f32::from_bits(if set { u32::MAX } else { 0 })
 }
 
-impl F8 for Array {
-    #[inline(always)]
-    fn load(lane: &Lane) -> Self {
-        Array(lane.0)
-    }
-    #[inline(always)]
-    fn store(self, lane: &mut Lane) {
-        lane.0 = self.0;
-    }
+impl Lanes for Array {
+    const COUNT: usize = LANES;
     #[inline(always)]
     fn splat(v: f32) -> Self {
         Array([v; LANES])
@@ -57,16 +50,27 @@ impl F8 for Array {
         self.map2(by, |a, b| f32::from_bits(a.to_bits() ^ (b.to_bits() & (1 << 31))))
     }
     #[inline(always)]
-    fn equals(self, b: Self) -> Self {
-        self.map2(b, |a, b| mask_of(a == b))
-    }
-    #[inline(always)]
     fn less(self, b: Self) -> Self {
         self.map2(b, |a, b| mask_of(a < b))
     }
     #[inline(always)]
     fn select(mask: Self, yes: Self, no: Self) -> Self {
         Array(std::array::from_fn(|i| if mask.0[i].is_sign_negative() { yes.0[i] } else { no.0[i] }))
+    }
+}
+
+impl F8 for Array {
+    #[inline(always)]
+    fn load(lane: &Lane) -> Self {
+        Array(lane.0)
+    }
+    #[inline(always)]
+    fn store(self, lane: &mut Lane) {
+        lane.0 = self.0;
+    }
+    #[inline(always)]
+    fn equals(self, b: Self) -> Self {
+        self.map2(b, |a, b| mask_of(a == b))
     }
     #[inline(always)]
     fn both(half: &[f32; 4]) -> Self {
@@ -128,10 +132,12 @@ impl F8 for Array {
         [0, 4].map(|from| [half(0, from), half(1, from), half(2, from), half(3, from)])
     }
     #[inline(always)]
-    fn dot_halves(self, b: Self) -> Self {
-        let p = self.mul(b).0;
-        let (low, high) = ((p[0] + p[1]) + (p[2] + p[3]), (p[4] + p[5]) + (p[6] + p[7]));
-        Array([low, low, low, low, high, high, high, high])
+    fn sided(fours: [&[f32; 4]; 4], p: &[f32; 4], weights: &[f32; 4]) -> [f32; 4] {
+        std::array::from_fn(|i| {
+            let q = fours[i];
+            let dot = (q[0] * p[0] + q[2] * p[2]) + (q[1] * p[1] + q[3] * p[3]);
+            f32::from_bits(weights[i].to_bits() ^ (dot.to_bits() & (1 << 31)))
+        })
     }
     #[inline(always)]
     fn of_matrix(matrix: &Affine3A) -> [Self; 2] {

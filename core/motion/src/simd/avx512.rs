@@ -1,0 +1,218 @@
+//! Sixteen floats in a register of AVX-512: for vertices alone, where a matrix fills one.
+
+use super::avx::Avx;
+use super::vertices::{Lanes, Rows, Vertices, padded};
+use glam::Affine3A;
+use std::arch::x86_64::*;
+
+/// Only ever made inside `run_avx512`, which is entered after asking the processor: that is what makes each
+/// `unsafe` below sound, all of which only call intrinsics on values, or load and store whole references.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx512(__m512);
+
+const COUNT: usize = 16;
+
+impl Lanes for Avx512 {
+    const COUNT: usize = COUNT;
+    #[inline(always)]
+    fn splat(v: f32) -> Self {
+        Avx512(unsafe { _mm512_set1_ps(v) })
+    }
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        Avx512(unsafe { _mm512_add_ps(self.0, b.0) })
+    }
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        Avx512(unsafe { _mm512_sub_ps(self.0, b.0) })
+    }
+    #[inline(always)]
+    fn mul(self, b: Self) -> Self {
+        Avx512(unsafe { _mm512_mul_ps(self.0, b.0) })
+    }
+    #[inline(always)]
+    fn div(self, b: Self) -> Self {
+        Avx512(unsafe { _mm512_div_ps(self.0, b.0) })
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Avx512(unsafe { _mm512_sqrt_ps(self.0) })
+    }
+    #[inline(always)]
+    fn flipped_by(self, by: Self) -> Self {
+        Avx512(unsafe { _mm512_xor_ps(self.0, _mm512_and_ps(by.0, _mm512_set1_ps(-0.0))) })
+    }
+    #[inline(always)]
+    fn less(self, b: Self) -> Self {
+        Avx512(unsafe {
+            _mm512_castsi512_ps(_mm512_movm_epi32(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, b.0)))
+        })
+    }
+    #[inline(always)]
+    fn select(mask: Self, yes: Self, no: Self) -> Self {
+        Avx512(unsafe {
+            _mm512_mask_blend_ps(_mm512_movepi32_mask(_mm512_castps_si512(mask.0)), no.0, yes.0)
+        })
+    }
+}
+
+impl Vertices for Avx512 {
+    type Eight = Avx;
+    type Matrix = Avx512;
+    type Four = [Avx512; 3];
+
+    #[inline(always)]
+    fn no_matrix() -> Self {
+        Avx512::splat(0.0)
+    }
+    #[inline(always)]
+    fn weighted(matrix: &Affine3A, weight: f32) -> Self {
+        // On x86-64 a `Vec3A` is an SSE register: four floats, none of them padding, and an `Affine3A` four of them.
+        let from: *const f32 = std::ptr::from_ref(matrix).cast();
+        Avx512(unsafe { _mm512_loadu_ps(from) }).mul(Avx512::splat(weight))
+    }
+    #[inline(always)]
+    fn sum(a: Self, b: Self) -> Self {
+        a.add(b)
+    }
+    #[inline(always)]
+    fn four([a, b, c, d]: [Self; 4]) -> [Self; 3] {
+        // In each quarter a column: x y z w of four vertices to components.
+        unsafe {
+            let (ab, cd) = (_mm512_unpacklo_ps(a.0, b.0), _mm512_unpacklo_ps(c.0, d.0));
+            let (ab_z, cd_z) = (_mm512_unpackhi_ps(a.0, b.0), _mm512_unpackhi_ps(c.0, d.0));
+            [
+                Avx512(_mm512_shuffle_ps::<0b01_00_01_00>(ab, cd)),
+                Avx512(_mm512_shuffle_ps::<0b11_10_11_10>(ab, cd)),
+                Avx512(_mm512_shuffle_ps::<0b01_00_01_00>(ab_z, cd_z)),
+            ]
+        }
+    }
+    #[inline(always)]
+    fn columns(fours: [[Self; 3]; 4]) -> Rows<Self> {
+        let mut columns = [fours[0]; 4];
+        for component in 0..3 {
+            let [a, b, c, d] = fours;
+            let all = [a[component].0, b[component].0, c[component].0, d[component].0];
+            let quarters = unsafe { quarters(all) };
+            for column in 0..4 {
+                columns[column][component] = Avx512(quarters[column]);
+            }
+        }
+        columns
+    }
+    #[inline(always)]
+    fn halves(fours: [[Avx; 4]; 4]) -> [[Self; 4]; 2] {
+        let mut out = [[Avx512::splat(0.0); 4]; 2];
+        let [a, b, c, d] = fours;
+        for component in 0..4 {
+            let (a, b, c, d) = (a[component].0, b[component].0, c[component].0, d[component].0);
+            unsafe {
+                let ab = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(a), b);
+                let cd = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(c), d);
+                out[0][component] = Avx512(_mm512_shuffle_f32x4::<0b10_00_10_00>(ab, cd));
+                out[1][component] = Avx512(_mm512_shuffle_f32x4::<0b11_01_11_01>(ab, cd));
+            }
+        }
+        out
+    }
+    #[inline(always)]
+    fn points(points: &[[f32; 3]]) -> [Self; 3] {
+        match points.first_chunk() {
+            Some(points) => load_points(points),
+            None => load_points(&padded(points)),
+        }
+    }
+    #[inline(always)]
+    fn put_points(rows: [Self; 3], points: &mut [[f32; 3]]) {
+        match points.first_chunk_mut() {
+            Some(points) => store_points(rows, points),
+            None => {
+                let mut all = [[0.0; 3]; COUNT];
+                store_points(rows, &mut all);
+                points.copy_from_slice(&all[..points.len()]);
+            }
+        }
+    }
+}
+
+/// The quarters of four registers, the firsts together, and so on.
+#[inline(always)]
+unsafe fn quarters([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
+    unsafe {
+        let (ab, cd) =
+            (_mm512_shuffle_f32x4::<0b01_00_01_00>(a, b), _mm512_shuffle_f32x4::<0b01_00_01_00>(c, d));
+        let (ab_23, cd_23) =
+            (_mm512_shuffle_f32x4::<0b11_10_11_10>(a, b), _mm512_shuffle_f32x4::<0b11_10_11_10>(c, d));
+        [
+            _mm512_shuffle_f32x4::<0b10_00_10_00>(ab, cd),
+            _mm512_shuffle_f32x4::<0b11_01_11_01>(ab, cd),
+            _mm512_shuffle_f32x4::<0b10_00_10_00>(ab_23, cd_23),
+            _mm512_shuffle_f32x4::<0b11_01_11_01>(ab_23, cd_23),
+        ]
+    }
+}
+
+/// Which floats two permutations take: the first from two registers, the second from the result and a third.
+type Picks = [[[i32; COUNT]; 2]; 3];
+
+/// By component: from the 48 floats of the points.
+static TAKEN: Picks = {
+    let mut picks = [[[0; COUNT]; 2]; 3];
+    let mut i = 0;
+    while i < 48 {
+        let (vertex, component) = (i / 3, i % 3);
+        if i < 32 {
+            picks[component][0][vertex] = i as i32;
+            picks[component][1][vertex] = vertex as i32;
+        } else {
+            picks[component][1][vertex] = (i - 16) as i32;
+        }
+        i += 1;
+    }
+    picks
+};
+
+/// By register of the points' 48 floats: from the components.
+static PUT: Picks = {
+    let mut picks = [[[0; COUNT]; 2]; 3];
+    let mut i = 0;
+    while i < 48 {
+        let (vertex, component) = (i / 3, i % 3);
+        let (register, lane) = (i / COUNT, i % COUNT);
+        if component < 2 {
+            picks[register][0][lane] = (16 * component + vertex) as i32;
+            picks[register][1][lane] = lane as i32;
+        } else {
+            picks[register][1][lane] = (16 + vertex) as i32;
+        }
+        i += 1;
+    }
+    picks
+};
+
+#[inline(always)]
+unsafe fn picked(picks: &[[i32; COUNT]; 2], [a, b, c]: [__m512; 3]) -> __m512 {
+    unsafe {
+        let first = _mm512_loadu_si512(picks[0].as_ptr().cast());
+        let second = _mm512_loadu_si512(picks[1].as_ptr().cast());
+        _mm512_permutex2var_ps(_mm512_permutex2var_ps(a, first, b), second, c)
+    }
+}
+
+#[inline(always)]
+fn load_points(points: &[[f32; 3]; COUNT]) -> [Avx512; 3] {
+    let from: *const f32 = points.as_ptr().cast();
+    unsafe {
+        let all = [_mm512_loadu_ps(from), _mm512_loadu_ps(from.add(16)), _mm512_loadu_ps(from.add(32))];
+        [Avx512(picked(&TAKEN[0], all)), Avx512(picked(&TAKEN[1], all)), Avx512(picked(&TAKEN[2], all))]
+    }
+}
+
+#[inline(always)]
+fn store_points([x, y, z]: [Avx512; 3], points: &mut [[f32; 3]; COUNT]) {
+    let to: *mut f32 = points.as_mut_ptr().cast();
+    for register in 0..3 {
+        unsafe { _mm512_storeu_ps(to.add(16 * register), picked(&PUT[register], [x.0, y.0, z.0])) };
+    }
+}

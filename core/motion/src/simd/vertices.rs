@@ -1,0 +1,142 @@
+//! What skinning needs of a register: as many vertices at a time as it has lanes.
+
+use super::{F8, Level, portable::Array};
+use crate::LANES;
+use glam::Affine3A;
+
+/// Floats side by side.
+pub(crate) trait Lanes: Copy {
+    const COUNT: usize;
+    fn splat(v: f32) -> Self;
+    fn add(self, b: Self) -> Self;
+    fn sub(self, b: Self) -> Self;
+    fn mul(self, b: Self) -> Self;
+    fn div(self, b: Self) -> Self;
+    fn sqrt(self) -> Self;
+    /// `-self` in the lanes where `by` has its sign bit set.
+    fn flipped_by(self, by: Self) -> Self;
+    /// All bits set where less; not where NaN.
+    fn less(self, b: Self) -> Self;
+    /// `yes` in the lanes where the mask has its sign bit set.
+    fn select(mask: Self, yes: Self, no: Self) -> Self;
+}
+
+/// Component rows of four matrix columns, a vertex a lane.
+pub(crate) type Rows<F> = [[F; 3]; 4];
+
+/// Lanes that are vertices: at most four times four.
+pub(crate) trait Vertices: Lanes {
+    /// Eight floats.
+    type Eight: F8;
+    /// The four columns of one matrix.
+    type Matrix: Copy;
+    /// Those of four vertices, component by component.
+    type Four: Copy;
+
+    fn no_matrix() -> Self::Matrix;
+    /// The matrix, weighted.
+    fn weighted(matrix: &Affine3A, weight: f32) -> Self::Matrix;
+    fn sum(a: Self::Matrix, b: Self::Matrix) -> Self::Matrix;
+    fn four(matrices: [Self::Matrix; 4]) -> Self::Four;
+    /// Of as many fours as there are; the rest is not read.
+    fn columns(fours: [Self::Four; 4]) -> Rows<Self>;
+    /// Component rows of the first and the last four of eight floats, of as many fours as there are, each from [`F8::half_rows4`].
+    fn halves(fours: [[Self::Eight; 4]; 4]) -> [[Self; 4]; 2];
+    /// Component rows of the first points, zeros after the last.
+    fn points(points: &[[f32; 3]]) -> [Self; 3];
+    /// Writes as many as there is room for.
+    fn put_points(rows: [Self; 3], points: &mut [[f32; 3]]);
+}
+
+impl<F: F8> Vertices for F {
+    type Eight = F;
+    type Matrix = [F; 2];
+    type Four = [[F; 3]; 2];
+
+    #[inline(always)]
+    fn no_matrix() -> [F; 2] {
+        [F::splat(0.0); 2]
+    }
+    #[inline(always)]
+    fn weighted(matrix: &Affine3A, weight: f32) -> [F; 2] {
+        let ([x, y], weight) = (F::of_matrix(matrix), F::splat(weight));
+        [x.mul(weight), y.mul(weight)]
+    }
+    #[inline(always)]
+    fn sum(a: [F; 2], b: [F; 2]) -> [F; 2] {
+        [a[0].add(b[0]), a[1].add(b[1])]
+    }
+    #[inline(always)]
+    fn four([a, b, c, d]: [[F; 2]; 4]) -> [[F; 3]; 2] {
+        [F::half_rows([a[0], b[0], c[0], d[0]]), F::half_rows([a[1], b[1], c[1], d[1]])]
+    }
+    #[inline(always)]
+    fn columns([[a01, a23], [b01, b23], _, _]: [[[F; 3]; 2]; 4]) -> Rows<F> {
+        let ([c0, c1], [c2, c3]) = (F::joined_rows(a01, b01), F::joined_rows(a23, b23));
+        [c0, c1, c2, c3]
+    }
+    #[inline(always)]
+    fn halves([a, b, _, _]: [[F; 4]; 4]) -> [[F; 4]; 2] {
+        F::joined_rows4(a, b)
+    }
+    #[inline(always)]
+    fn points(points: &[[f32; 3]]) -> [F; 3] {
+        match points.first_chunk() {
+            Some(points) => F::load_points(points),
+            None => F::load_points(&padded(points)),
+        }
+    }
+    #[inline(always)]
+    fn put_points(rows: [F; 3], points: &mut [[f32; 3]]) {
+        match points.first_chunk_mut() {
+            Some(points) => F::store_points(rows, points),
+            None => {
+                let mut all = [[0.0; 3]; LANES];
+                F::store_points(rows, &mut all);
+                points.copy_from_slice(&all[..points.len()]);
+            }
+        }
+    }
+}
+
+/// Fewer than N points, and zeros.
+#[inline(always)]
+pub(super) fn padded<const N: usize>(points: &[[f32; 3]]) -> [[f32; 3]; N] {
+    let mut all = [[0.0; 3]; N];
+    all[..points.len()].copy_from_slice(points);
+    all
+}
+
+/// A [`super::Kernel`] over vertices.
+pub(crate) trait VertexKernel {
+    fn run<F: Vertices>(self);
+}
+
+#[inline]
+pub(crate) fn dispatch_vertices<K: VertexKernel>(level: Level, kernel: K) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if level == Level::Avx512 && super::has_avx512() && std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has what the function is compiled for, as just asked.
+            return unsafe { run_avx512(kernel) };
+        }
+        if level != Level::Portable && std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has AVX2, as just asked.
+            return unsafe { run_avx2(kernel) };
+        }
+    }
+    let _ = level;
+    kernel.run::<Array>();
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn run_avx2<K: VertexKernel>(kernel: K) {
+    kernel.run::<super::avx::Avx>();
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,avx512f,avx512dq")]
+fn run_avx512<K: VertexKernel>(kernel: K) {
+    kernel.run::<super::avx512::Avx512>();
+}
