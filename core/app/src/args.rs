@@ -185,6 +185,9 @@ pub struct InfoArgs {
     /// Which joints of this character follow which of the file's, when it plays the file's clips
     #[arg(long, value_name = "CHARACTER")]
     pub on: Option<PathBuf>,
+    /// What compressing the clips to so many metres would save, and what it would cost in accuracy
+    #[arg(long, value_name = "METRES")]
+    pub compress: Option<f64>,
     /// Model files: a further folder in which their textures may lie; repeatable
     #[arg(long = "search", value_name = "DIR")]
     pub search: Vec<PathBuf>,

@@ -1,6 +1,7 @@
 //! `choreo info`: what is in a model file, or how a picture or video was made.
 
 use crate::args::InfoArgs;
+use crate::compressed::Savings;
 use crate::failure::{Failure, print, print_json};
 use crate::scene::{self, Opening};
 use crate::{character, model, plugin_files};
@@ -39,8 +40,12 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
         }
         None => None,
     };
+    let savings = args.compress.map(|metres| Savings::of(&asset, metres)).transpose()?;
     if args.json {
         let mut json = facts_json(&asset, &facts, args.joints);
+        if let Some(savings) = savings {
+            json["compressed"] = savings.json();
+        }
         if let Some(lines) = followed {
             json["on"] = lines.into();
         }
@@ -50,6 +55,9 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     for line in followed.unwrap_or_default() {
         text.push_str(&line);
         text.push('\n');
+    }
+    if let Some(savings) = savings {
+        text.push_str(&savings.text());
     }
     print(&printable(&text))
 }

@@ -5,6 +5,7 @@ mod args;
 mod budget;
 mod character;
 mod check;
+mod compressed;
 mod device;
 mod draw;
 mod explain;

@@ -4,7 +4,7 @@
 //! sampled at any time, without a cache, in any order.
 
 use crate::Time;
-use crate::compress::packed::Packed;
+use crate::compress::{Compressed, packed::Packed};
 use crate::property::{self, PropertyCurve, PropertyTarget};
 use crate::timeline::find_interval;
 use crate::tracks::Tracks;
@@ -115,6 +115,7 @@ pub struct Clip {
     /// All curves, or those that are not packed.
     curves: Arc<[Curve]>,
     packed: Option<Arc<Packed>>,
+    compression: Option<Compressed>,
     /// All curves of a packed clip, where somebody asks for them.
     decoded: Arc<OnceLock<Box<[Curve]>>>,
     /// Packed at the first sampling, shared by clones.
@@ -174,6 +175,7 @@ impl Clip {
             joint_count,
             curves: curves.into(),
             packed: None,
+            compression: None,
             decoded: Arc::default(),
             tracks: Arc::default(),
             animated: animated.into(),
@@ -297,6 +299,15 @@ impl Clip {
     /// Whether it is compressed; see [`Clip::compressed`].
     pub fn is_compressed(&self) -> bool {
         self.packed.is_some()
+    }
+
+    /// What its compression did; `None` where it was not compressed, or would not have become smaller.
+    pub fn compression(&self) -> Option<Compressed> {
+        self.compression
+    }
+
+    pub(crate) fn with_compression(self, compression: Compressed) -> Clip {
+        Clip { compression: Some(compression), ..self }
     }
 
     /// With curves that are packed beside those that it has.

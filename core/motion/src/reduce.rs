@@ -241,9 +241,14 @@ pub(crate) fn bytes(clip: &Clip) -> usize {
     clip.stored_curves().iter().map(of).sum()
 }
 
-/// Farthest that a joint, or a point that turns with it, is apart in two clips: at all keys of the first and halfway between, evenly
+/// The farthest of [`distances`].
+fn distance(skeleton: &Skeleton, a: &Clip, b: &Clip, most: usize) -> f64 {
+    distances(skeleton, a, b, most).into_iter().fold(0.0, f64::max)
+}
+
+/// Farthest that each joint, or a point that turns with it, is apart in two clips: at all keys of the first and halfway between, evenly
 /// chosen where that is more often than `most`.
-pub(crate) fn distance(skeleton: &Skeleton, a: &Clip, b: &Clip, most: usize) -> f64 {
+pub(crate) fn distances(skeleton: &Skeleton, a: &Clip, b: &Clip, most: usize) -> Vec<f64> {
     let mut times: Vec<Time> = a.curves().iter().flat_map(|c| c.times.iter().copied()).collect();
     times.sort_unstable();
     times.dedup();
@@ -270,14 +275,14 @@ pub(crate) fn distance(skeleton: &Skeleton, a: &Clip, b: &Clip, most: usize) -> 
         matrices
     };
     let rest = Rest::of(skeleton);
-    let mut worst: f64 = 0.0;
+    let mut worst = vec![0.0f64; skeleton.len()];
     for time in times.into_iter().step_by(every) {
         let (one, other) = (model(a, time), model(b, time));
         for (joint, (one, other)) in one.iter().zip(&other).enumerate() {
             let arm = SHELL / rest.scales[joint].max(1e-9);
             for point in [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z] {
                 let at = |m: &DAffine3| m.transform_point3(point * arm);
-                worst = worst.max((at(one) - at(other)).length());
+                worst[joint] = worst[joint].max((at(one) - at(other)).length());
             }
         }
     }

@@ -23,6 +23,8 @@ pub struct ImportChoice {
     pub options: ImportOptions,
     /// Less than the loader's own needs: a file for its clips alone decodes no mesh and no image.
     pub needs: Option<Needs>,
+    /// Clips are compressed within so many metres, as [`choreo_motion::Clip::compressed`] does it.
+    pub compress: Option<f64>,
     /// Options as typed on the command line.
     pub texts: Vec<(String, String)>,
 }
@@ -216,19 +218,19 @@ impl Loader {
         };
         let options = choice.complete(importer.manifest()).map_err(from_option)?;
         let needs = choice.needs.map_or(self.needs, |n| self.needs.both(n));
-        self.import(&source, importer, found, &options, needs, import)
+        let made = Making { importer, options: &options, compress: choice.compress, needs };
+        self.import(&source, found, made, import)
     }
 
     /// From the cache where it has it; two threads that want the same asset make it once.
     fn import(
         &self,
         source: &Source,
-        importer: &Arc<dyn Importer>,
         found: Option<&Found>,
-        options: &ImportOptions,
-        needs: Needs,
+        making: Making<'_>,
         watch: &Import,
     ) -> Result<Arc<Asset>, LoadError> {
+        let Making { importer, options, compress, needs } = making;
         let start = found.and_then(|f| f.path.parent());
         let mut importer_name = importer.manifest().name.to_string();
         if let Some(file) = importer.file() {
@@ -241,7 +243,7 @@ impl Loader {
             // The asset bears the name that it was loaded by.
             name: source.name.clone(),
             importer: importer_name.clone(),
-            options: format!("{options:?}"),
+            options: format!("{options:?} {compress:?}"),
             needs: format!("{needs:?}"),
         };
         let content = *blake3::hash(&source.bytes).as_bytes();
@@ -273,6 +275,9 @@ impl Loader {
         self.cache.count_import();
         let mut asset = importer.import(source, &files, needs, options).map_err(from_import)?;
         asset.name = source.name.clone();
+        if let Some(tolerance) = compress {
+            compress_clips(&mut asset, tolerance, watch)?;
+        }
         if !needs.geometry && self.needs.geometry {
             // Told where the asset is cast, and only there.
             asset.warnings.push(choreo_stage::Warning {
@@ -305,6 +310,28 @@ impl Loader {
             Some(_) => format!("built-in assets: {}", list(names(), 20)),
         }))
     }
+}
+
+/// What is made of a file.
+#[derive(Clone, Copy)]
+struct Making<'a> {
+    importer: &'a Arc<dyn Importer>,
+    options: &'a ImportOptions,
+    compress: Option<f64>,
+    needs: Needs,
+}
+
+fn compress_clips(asset: &mut Asset, tolerance: f64, watch: &Import) -> Result<(), LoadError> {
+    for clip in &mut asset.clips {
+        if watch.is_cancelled() {
+            break;
+        }
+        let (small, _) = clip
+            .compressed(&asset.skeleton, tolerance)
+            .map_err(|e| LoadError::new(format!("compress: {e}")))?;
+        *clip = Arc::new(small);
+    }
+    Ok(())
 }
 
 fn from_option(e: OptionError) -> LoadError {

@@ -4,8 +4,8 @@ mod inside;
 
 use crate::args::ExplainArgs;
 use crate::failure::{Failure, print, print_json};
-use crate::plot;
 use crate::scene::{self, Opening};
+use crate::{compressed, plot};
 use crate::{plugin_files, ranges};
 use choreo_plugin::Registry;
 use choreo_render::plan::LeftOut;
@@ -88,6 +88,7 @@ fn facts(stage: &Stage, catalog: &Catalog, plan: &Plan, at: f64) -> Value {
             "assets": catalog.assets.len(),
             "frames": stage.settings.fps.frames_in(stage.settings.length),
         },
+        "clips": compressed::on_stage(stage),
         "shared": {
             "primitives": catalog.primitives.len(),
             "vertices": primitives().map(|p| p.positions.len()).sum::<usize>(),
@@ -137,6 +138,20 @@ fn text(f: &Value) -> String {
         "for them   {} joint matrices, {} active morph targets, {} lights",
         frame["joint_matrices"], frame["active_morphs"], frame["lights"]
     );
+    let clips = &f["clips"];
+    if clips["compressed"] != 0 {
+        let kilobytes = |key: &str| clips[key].as_f64().unwrap_or(0.0) / 1e3;
+        let _ = writeln!(
+            t,
+            "clips      {} of {} compressed: {:.1} kB, before {:.1}, of dense floats {:.1}; no joint is farther off than {:.4} mm",
+            clips["compressed"],
+            clips["clips"],
+            kilobytes("bytes"),
+            kilobytes("bytes_before"),
+            kilobytes("dense_bytes"),
+            clips["worst_mm"].as_f64().unwrap_or(0.0)
+        );
+    }
     for effect in frame["effects"].as_array().into_iter().flatten() {
         let _ = writeln!(t, "effect     {}", effect.as_str().unwrap_or_default());
     }

@@ -3,7 +3,7 @@
 use super::fit::{Fits, STRIDES, basis, knot_count};
 use super::grid::Grid;
 use crate::sample::write;
-use crate::simd::{F8, Kernel, Level, WIDTHS, dispatch};
+use crate::simd::{Bits, F8, Kernel, Level, dispatch};
 use crate::slerp::{Series, terms_for};
 use crate::tracks::{Channel, Column};
 use crate::{Clip, Curve, Interpolation, LANES, Lane, Path, Pose, PoseBlock, Time};
@@ -41,8 +41,9 @@ struct PackedColumn {
     column: Column,
     /// Of rotations: neighbours are so near that the straight way between them, made unit, is as good as slerp.
     straight: bool,
-    /// Bits of each component.
-    widths: [u8; 4],
+    /// Of each component: how its numbers lie, and in how many bytes.
+    bits: [Bits; 4],
+    bytes: [u8; 4],
     /// Value of 0, and of one step.
     low: [Lane; 4],
     step: [Lane; 4],
@@ -110,7 +111,8 @@ impl Packed {
 
     pub fn stored_bytes(&self) -> usize {
         let of = |s: &Stride| {
-            let ranges = s.columns.iter().map(|c| 8 * LANES * c.column.channel.width() + 8).sum::<usize>();
+            let ranges =
+                s.columns.iter().map(|c| (8 + 3) * LANES * c.column.channel.width() + 8).sum::<usize>();
             s.bytes.len() + ranges
         };
         self.strides.iter().map(of).sum()
@@ -173,7 +175,8 @@ struct Draft {
     /// Of [`STRIDES`].
     stride: usize,
     straight: bool,
-    widths: [u8; 4],
+    /// Bits of each component and lane.
+    widths: [[u8; LANES]; 4],
     low: [[f64; LANES]; 4],
     range: [[f64; LANES]; 4],
 }
@@ -187,7 +190,7 @@ impl Draft {
             lanes: *lanes,
             stride,
             straight: true,
-            widths: [0; 4],
+            widths: [[0; LANES]; 4],
             low: [[0.0; LANES]; 4],
             range: [[0.0; LANES]; 4],
         };
@@ -207,17 +210,22 @@ impl Draft {
                     .iter()
                     .map(|k| k[c])
                     .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+                if high - low <= step {
+                    // Its middle is as near as rounding would be.
+                    draft.low[c][lane] = low + (high - low) * 0.5;
+                    continue;
+                }
                 draft.low[c][lane] = low;
                 draft.range[c][lane] = high - low;
-                let bits = (0..=MOST_BITS).find(|b| ((1u64 << b) - 1) as f64 * step >= high - low)?;
-                draft.widths[c] = draft.widths[c].max(bits as u8);
+                let bits = (1..=MOST_BITS).find(|b| ((1u64 << b) - 1) as f64 * step >= high - low)?;
+                draft.widths[c][lane] = bits as u8;
             }
         }
         Some(draft)
     }
 
     fn row_bytes(&self) -> usize {
-        self.widths.iter().map(|w| usize::from(*w)).sum()
+        self.widths.iter().map(Bits::bytes).sum()
     }
 
     fn finished(&self, joint_count: usize, fits: &Fits) -> PackedColumn {
@@ -233,7 +241,7 @@ impl Draft {
         for c in 0..4 {
             for lane in 0..LANES {
                 low[c].0[lane] = self.low[c][lane] as f32;
-                step[c].0[lane] = (self.range[c][lane] / self.highest(c)) as f32;
+                step[c].0[lane] = (self.range[c][lane] / self.highest(c, lane)) as f32;
             }
         }
         // Lanes without a joint decode to something of length 1.
@@ -244,29 +252,35 @@ impl Draft {
         }
         let column =
             Column { block: self.block, channel: self.channel, mask: (!full).then_some(mask), terms };
-        PackedColumn { column, straight: self.straight, widths: self.widths, low, step }
+        let bits = self.widths.each_ref().map(Bits::new);
+        // Eight times 16 bits at most.
+        let bytes = self.widths.each_ref().map(|w| Bits::bytes(w) as u8);
+        PackedColumn { column, straight: self.straight, bits, bytes, low, step }
     }
 
-    /// The largest number of a component.
-    fn highest(&self, component: usize) -> f64 {
-        ((1u64 << self.widths[component].max(1)) - 1) as f64
+    /// The largest number of a component and lane.
+    fn highest(&self, component: usize, lane: usize) -> f64 {
+        ((1u64 << self.widths[component][lane].max(1)) - 1) as f64
     }
 
     /// Component by component, eight numbers each, lowest bits first.
     fn write(&self, knot: usize, fits: &Fits, out: &mut Vec<u8>) {
         for c in 0..self.channel.width() {
-            let width = usize::from(self.widths[c]);
+            let mut starts = [0; LANES];
+            for lane in 1..LANES {
+                starts[lane] = starts[lane - 1] + u32::from(self.widths[c][lane - 1]);
+            }
             let mut bits = 0u128;
             for (lane, (index, _)) in self.lanes.iter().enumerate().filter_map(|(i, l)| Some((i, (*l)?))) {
                 let Some(fit) = fits.of(index) else { continue };
                 let value = fit.splines[self.stride].0[knot][c];
                 let range = self.range[c][lane];
-                if range > 0.0 && width > 0 {
-                    let number = libm::round((value - self.low[c][lane]) / range * self.highest(c));
-                    bits |= (number.clamp(0.0, self.highest(c)) as u128) << (lane * width);
+                if range > 0.0 {
+                    let number = libm::round((value - self.low[c][lane]) / range * self.highest(c, lane));
+                    bits |= (number.clamp(0.0, self.highest(c, lane)) as u128) << starts[lane];
                 }
             }
-            out.extend_from_slice(&bits.to_le_bytes()[..width]);
+            out.extend_from_slice(&bits.to_le_bytes()[..Bits::bytes(&self.widths[c])]);
         }
     }
 }
@@ -356,16 +370,17 @@ fn columns<F: F8, const N: usize>(
         between[i] = F::splat(a + (b - a) * fraction);
     }
     let mut at = 0;
-    for PackedColumn { column, straight, widths, low, step } in &stride.columns {
+    for PackedColumn { column, straight, bits, bytes, low, step } in &stride.columns {
         let mut knots = [[F::splat(0.0); N]; 4];
         for c in 0..column.channel.width() {
+            let unpacking = F::unpacking(&bits[c]);
             for (i, knot) in knots[c].iter_mut().enumerate() {
                 let Some(bytes) = from.get(at + i * stride.row_bytes..).and_then(|b| b.first_chunk()) else {
                     return;
                 };
-                *knot = F::unpack(bytes, &WIDTHS[usize::from(widths[c]) % WIDTHS.len()]);
+                *knot = F::unpack(bytes, unpacking);
             }
-            at += usize::from(widths[c]);
+            at += usize::from(bytes[c]);
         }
         let Some(block) = blocks.get_mut(column.block as usize) else { continue };
         let mut values = [F::splat(0.0); 4];

@@ -1,6 +1,6 @@
 //! Eight floats in a register of AVX.
 
-use super::{F8, Lanes, Width};
+use super::{Bits, F8, Lanes};
 use crate::{LANES, Lane};
 use glam::Affine3A;
 use std::arch::x86_64::*;
@@ -204,15 +204,36 @@ impl F8 for Avx {
             _mm256_storeu2_m128(to.add(20), to.add(8), m25);
         }
     }
+    type Unpacking = [__m256i; 3];
     #[inline(always)]
-    fn unpack(bytes: &[u8; 16], width: &Width) -> Self {
-        // A `Width` is aligned to 32 bytes, and so is each of its three parts.
+    fn unpacking(bits: &Bits) -> [__m256i; 3] {
+        unsafe {
+            let wide = [&bits.from, &bits.left, &bits.right];
+            let from = _mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[0].as_ptr().cast()));
+            let left = _mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[1].as_ptr().cast()));
+            let right = _mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[2].as_ptr().cast()));
+            // The same byte four times, and the three after it.
+            let first = _mm256_set_epi32(
+                0x0C0C_0C0C,
+                0x0808_0808,
+                0x0404_0404,
+                0,
+                0x0C0C_0C0C,
+                0x0808_0808,
+                0x0404_0404,
+                0,
+            );
+            let four = _mm256_add_epi8(_mm256_shuffle_epi8(from, first), _mm256_set1_epi32(0x0302_0100));
+            [four, left, right]
+        }
+    }
+    #[inline(always)]
+    fn unpack(bytes: &[u8; 16], [four, left, right]: [__m256i; 3]) -> Self {
         unsafe {
             let bytes = _mm256_broadcastsi128_si256(_mm_loadu_si128(bytes.as_ptr().cast()));
-            let words = _mm256_shuffle_epi8(bytes, _mm256_load_si256(width.bytes.as_ptr().cast()));
-            let shifted = _mm256_srlv_epi32(words, _mm256_load_si256(width.shift.as_ptr().cast()));
-            let numbers = _mm256_and_si256(shifted, _mm256_load_si256(width.mask.as_ptr().cast()));
-            Avx(_mm256_cvtepi32_ps(numbers))
+            // Of an index, the four lowest bits count.
+            let words = _mm256_shuffle_epi8(bytes, four);
+            Avx(_mm256_cvtepi32_ps(_mm256_srlv_epi32(_mm256_sllv_epi32(words, left), right)))
         }
     }
 }

@@ -104,44 +104,43 @@ pub(crate) trait F8: Lanes {
     /// Component rows of eight points.
     fn load_points(points: &[[f32; 3]; LANES]) -> [Self; 3];
     fn store_points(rows: [Self; 3], points: &mut [[f32; 3]; LANES]);
+    /// [`Bits`] made ready for many bytes.
+    type Unpacking: Copy;
+    fn unpacking(bits: &Bits) -> Self::Unpacking;
     /// Eight whole numbers that lie bit by bit behind each other, lowest bits first.
-    fn unpack(bytes: &[u8; 16], width: &Width) -> Self;
+    fn unpack(bytes: &[u8; 16], unpacking: Self::Unpacking) -> Self;
 }
 
-/// How numbers of so many bits are taken out of 16 bytes.
-#[derive(Clone, Copy)]
-#[repr(C, align(32))]
-pub(crate) struct Width {
-    /// Four bytes a lane: where they lie; 128 is a zero.
-    bytes: [u8; 4 * LANES],
-    /// Bits of a lane's bytes that belong to the lane before.
-    shift: [u32; LANES],
-    mask: [u32; LANES],
+/// How eight numbers of some bits each, 16 at most, are taken out of 16 bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
+pub(crate) struct Bits {
+    /// The byte that a lane's first bit is in; the next three may count on from 15 to 0.
+    from: [u8; LANES],
+    /// Of these 32 bits: how far the lane's are from the highest, and how many are not the lane's.
+    left: [u8; LANES],
+    right: [u8; LANES],
 }
 
-/// By bits, 0 to 16.
-pub(crate) static WIDTHS: [Width; 17] = {
-    let mut all = [Width { bytes: [128; 4 * LANES], shift: [0; LANES], mask: [0; LANES] }; 17];
-    let mut bits = 0;
-    while bits <= 16 {
-        let mut lane = 0;
-        while lane < LANES {
-            let mut byte = 0;
-            while byte < 4 {
-                let at = lane * bits / 8 + byte;
-                if at < 16 {
-                    all[bits].bytes[4 * lane + byte] = at as u8;
-                }
-                byte += 1;
-            }
-            all[bits].shift[lane] = (lane * bits % 8) as u32;
-            all[bits].mask[lane] = (1 << bits) - 1;
-            lane += 1;
+impl Bits {
+    /// By the bits of each lane.
+    pub fn new(widths: &[u8; LANES]) -> Bits {
+        let mut bits = Bits::default();
+        let mut at = 0;
+        for (lane, width) in widths.iter().enumerate() {
+            bits.from[lane] = at / 8;
+            bits.left[lane] = 32 - at % 8 - width;
+            bits.right[lane] = 32 - width;
+            at += width;
         }
-        bits += 1;
+        bits
     }
-    all
-};
+
+    /// Bytes that the eight take.
+    pub fn bytes(widths: &[u8; LANES]) -> usize {
+        widths.iter().map(|w| usize::from(*w)).sum::<usize>().div_ceil(8)
+    }
+}
 
 /// Three rows. Kernels call functions like this one rather than `map` with a closure: a closure that is not inlined is
 /// compiled without AVX, and then each intrinsic in it becomes a call (three times the time, once measured).

@@ -1,6 +1,6 @@
 //! Eight floats in an array, on any processor.
 
-use super::{F8, Lanes, Width};
+use super::{Bits, F8, Lanes};
 use crate::{LANES, Lane};
 use glam::{Affine3A, Vec3A};
 
@@ -155,12 +155,17 @@ impl F8 for Array {
             *point = [rows[0].0[i], rows[1].0[i], rows[2].0[i]];
         }
     }
+    type Unpacking = Bits;
+    fn unpacking(bits: &Bits) -> Bits {
+        *bits
+    }
     #[inline(always)]
-    fn unpack(bytes: &[u8; 16], width: &Width) -> Self {
-        let byte = |at: u8| bytes.get(usize::from(at)).copied().unwrap_or(0);
+    fn unpack(bytes: &[u8; 16], bits: Bits) -> Self {
         Array(std::array::from_fn(|lane| {
-            let word = u32::from_le_bytes(std::array::from_fn(|i| byte(width.bytes[4 * lane + i])));
-            ((word >> width.shift[lane]) & width.mask[lane]) as f32
+            let word =
+                u32::from_le_bytes(std::array::from_fn(|i| bytes[(usize::from(bits.from[lane]) + i) % 16]));
+            let lifted = word.checked_shl(bits.left[lane].into()).unwrap_or(0);
+            lifted.checked_shr(bits.right[lane].into()).unwrap_or(0) as f32
         }))
     }
 }

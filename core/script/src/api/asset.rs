@@ -16,7 +16,7 @@ pub const DEFS: &[Def] = &[
         "load",
         "file, options?",
         Gives::A(Kind::Asset),
-        "Loads a model or clips from the script's folder or a search path, or a built-in like \"choreo:mannequin\"; options are the importer's, and importer: NAME. Files are imported side by side, and waited for where their contents are used; of a file whose clips alone are used no mesh and no picture is made (only: \"clips\" says so where the script does not show it).",
+        "Loads a model or clips from the script's folder or a search path, or a built-in like \"choreo:mannequin\"; options are the importer's, importer: NAME, and compress: metres, which makes of each clip what Clip.compress does. Files are imported side by side, and waited for where their contents are used; of a file whose clips alone are used no mesh and no picture is made (only: \"clips\" says so where the script does not show it).",
         load,
     ),
     Def::new(
@@ -74,6 +74,10 @@ fn load(c: &mut Call) -> Reply {
                 choice.needs = Some(Needs::CLIPS);
                 continue;
             }
+            if key == "compress" {
+                choice.compress = Some(tolerance(value)?);
+                continue;
+            }
             choice.options.0.insert(key.to_string(), option_value(key, value)?);
         }
     }
@@ -94,6 +98,15 @@ fn load(c: &mut Call) -> Reply {
     let import = begun.map_err(|e| from_load(e).focus(name))?;
     let from = c.build().begun(import, &c.place, clips_only);
     Ok(Dynamic::from(AssetRef { from, dead: false }))
+}
+
+fn tolerance(value: &Dynamic) -> Result<f64, ApiError> {
+    let metres = value.as_float().or_else(|_| value.as_int().map(|n| n as f64));
+    metres.ok().filter(|m| (1e-6..=0.1).contains(m)).ok_or_else(|| {
+        let got = describe(value);
+        ApiError::new(format!("load: compress must be metres, from 0.000001 to 0.1, got {got}"))
+            .focus("compress")
+    })
 }
 
 fn option_value(key: &str, value: &Dynamic) -> Result<OptionValue, ApiError> {

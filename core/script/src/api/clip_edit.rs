@@ -71,7 +71,7 @@ pub const DEFS: &[Def] = &[
         "compress",
         "tolerance",
         CLIP,
-        "In fewer bytes, sampled as fast: no joint is farther off than so many metres (0.0001 is good), measured in the model; what would not become smaller stays as it is. Best done last: edits, and other bodies, take the keys out again.",
+        "In fewer bytes, sampled as fast: no joint is farther off than so many metres (0.0001 is good), measured in the model; what would not become smaller stays as it is. .lost() tells the error. Best done last: edits, and other bodies, take the keys out again.",
         compress,
     ),
     Def::new(
@@ -91,6 +91,14 @@ pub const DEFS: &[Def] = &[
         subtractive,
     ),
     Def::new(Kind::Clip, "bytes", "", Gives::Value("int"), "How many bytes its keys take.", byte_count),
+    Def::new(
+        Kind::Clip,
+        "lost",
+        "",
+        Gives::Value("float"),
+        "How many metres its compression moved any joint at most, measured in the model; 0 where it is not compressed.",
+        lost,
+    ),
     Def::new(Kind::Clip, "keys", "", Gives::Value("int"), "How many keys its curves have.", key_count),
 ];
 
@@ -191,6 +199,11 @@ fn beyond(c: &Call, taken_away: bool) -> Reply {
 fn byte_count(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
     Ok(Dynamic::from_int(this.clip.stored_bytes() as i64))
+}
+
+fn lost(c: &mut Call) -> Reply {
+    let this: ClipRef = c.this()?;
+    Ok(Dynamic::from_float(this.clip.compression().map_or(0.0, |report| report.worst_m)))
 }
 
 fn key_count(c: &mut Call) -> Reply {

@@ -1,0 +1,116 @@
+//! A frame allocates nothing once one has been made: counted by the allocator itself.
+
+mod support;
+use choreo_motion::Time;
+use choreo_motion::spring::{RigBone, SpringBone, SpringRig};
+use choreo_stage::*;
+use glam::{DVec3, Vec3};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::Arc;
+use support::*;
+
+struct Counting;
+
+thread_local! {
+    /// Of this thread: tests run beside each other.
+    static COUNT: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: every call is handed on to the system's allocator as it came; counting in a constant-initialised thread-local without a
+// destructor allocates nothing.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.with(|c| c.set(c.get() + 1));
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Two people who walk in and out of clips, one with layers, one who looks and reaches.
+fn clips() -> Stage {
+    let f = figure();
+    let mut stage = Stage::default();
+    stage.settings.length = secs(4.0);
+    let [anna, boris] = ["anna", "boris"].map(|name| stage.cast(name, f.clone()));
+    stage.actors[boris].transform = Placement::at(2.0, 0.0, 0.0);
+    stage.actors[boris].face = Some(anna);
+    for (i, start) in [0.0, 1.0, 2.5].into_iter().enumerate() {
+        let cue = Cue { start: secs(start), fade_in: secs(0.9), speed: 1.1, ..Cue::new(f.clips[i].clone()) };
+        stage.play(anna, cue.clone());
+        stage.play(boris, Cue { start: cue.start + secs(0.3), ease: Ease::Smooth, ..cue });
+    }
+    let mut over = Layer { mask: Some(Arc::new(vec![0.0, 0.2, 1.0, 1.0, 0.5])), ..Layer::default() };
+    over.add(Cue { start: secs(1.0), fade_in: secs(0.2), ..Cue::new(f.clips[RAISE].clone()) });
+    let mut nod = Layer { rank: 1, ..Layer::default() };
+    nod.add(Cue { start: secs(0.5), ..Cue::new(f.clips[NOD].clone()) });
+    stage.actors[boris].layers.extend([over, nod]);
+    stage.shoot(Camera::new("wide", Rig::Frame { azimuth: 0.1, elevation: 0.2 }));
+    stage
+}
+
+fn goals() -> Stage {
+    let mut stage = clips();
+    stage.actors[1].look_at.push(LookAt::new(HEAD, Target::Joint { actor: 0, joint: HAND }));
+    let reach = Reach {
+        joints: vec![CHEST, ARM, HAND],
+        target: Target::Joint { actor: 1, joint: HEAD },
+        offset: None,
+        pole: None,
+        hint: DVec3::NEG_Z,
+        soft: 0.0,
+        keep_rotation: false,
+    };
+    stage.actors[0].goals.push(Goal { fade: secs(0.5), ..Goal::new(GoalKind::Reach(reach)) });
+    stage
+}
+
+fn springs() -> Stage {
+    let mut stage = goals();
+    let mut rig = SpringRig::default();
+    for joint in [HEAD, ARM] {
+        rig.add(RigBone {
+            joint,
+            tail: Vec3::Y * 0.2,
+            spring: SpringBone::new(2.5, 0.15),
+            gravity: DVec3::NEG_Y * 9.81,
+            pull: DVec3::ZERO,
+            hit_radius: 0.01,
+            center: None,
+            colliders: vec![],
+        });
+    }
+    stage.actors[1].springs = Some(Arc::new(ActorSprings { rig, ..ActorSprings::default() }));
+    stage
+}
+
+/// Allocations of each frame of the first four seconds, after the frame at 0, one after the other.
+fn counts(stage: Stage) -> (Vec<usize>, Vec<usize>) {
+    assert_eq!(stage.check().len(), 0, "{:?}", stage.check());
+    let rate = choreo_motion::FrameRate { num: 30, den: 1 };
+    let mut evaluator = Evaluator::new(Arc::new(stage));
+    let mut snapshot = Snapshot::default();
+    evaluator.at_into(Time::ZERO, &mut snapshot).unwrap();
+    let mut play = || -> Vec<usize> {
+        (1..120)
+            .map(|frame| {
+                let before = COUNT.get();
+                evaluator.at_into(rate.time_of(frame), &mut snapshot).unwrap();
+                COUNT.get() - before
+            })
+            .collect()
+    };
+    (play(), play())
+}
+
+#[test]
+fn rt_print() {
+    for (name, stage) in [("clips", clips()), ("goals", goals()), ("springs", springs())] {
+        println!("{name} {:?}", counts(stage));
+    }
+}
