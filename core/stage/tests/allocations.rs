@@ -89,28 +89,48 @@ fn springs() -> Stage {
     stage
 }
 
-/// Allocations of each frame of the first four seconds, after the frame at 0, one after the other.
-fn counts(stage: Stage) -> (Vec<usize>, Vec<usize>) {
+/// Allocations of each frame of four seconds but the first, played twice.
+fn counts(stage: Stage) -> [Vec<usize>; 2] {
     assert_eq!(stage.check().len(), 0, "{:?}", stage.check());
     let rate = choreo_motion::FrameRate { num: 30, den: 1 };
     let mut evaluator = Evaluator::new(Arc::new(stage));
     let mut snapshot = Snapshot::default();
     evaluator.at_into(Time::ZERO, &mut snapshot).unwrap();
-    let mut play = || -> Vec<usize> {
-        (1..120)
-            .map(|frame| {
-                let before = COUNT.get();
-                evaluator.at_into(rate.time_of(frame), &mut snapshot).unwrap();
-                COUNT.get() - before
-            })
-            .collect()
-    };
-    (play(), play())
+    [(); 2].map(|()| {
+        let frame = |frame| {
+            let before = COUNT.get();
+            evaluator.at_into(rate.time_of(frame), &mut snapshot).unwrap();
+            COUNT.get() - before
+        };
+        (1..120).map(frame).collect()
+    })
+}
+
+fn some(counts: &[usize]) -> usize {
+    counts.iter().filter(|c| **c > 0).count()
 }
 
 #[test]
-fn rt_print() {
-    for (name, stage) in [("clips", clips()), ("goals", goals()), ("springs", springs())] {
-        println!("{name} {:?}", counts(stage));
+fn the_counter_sees_an_allocation() {
+    let before = COUNT.get();
+    drop(std::hint::black_box(vec![0u8; 100]));
+    assert_eq!(COUNT.get() - before, 1);
+}
+
+/// A frame in which a layer or a goal is first at work makes their buffers; no other frame allocates.
+#[test]
+fn clips_layers_and_goals_allocate_where_they_begin_and_nowhere_else() {
+    for (name, stage, begin) in [("clips", clips(), 2), ("goals", goals(), 3)] {
+        let [first, second] = counts(stage);
+        assert!(some(&first) <= begin && first.iter().sum::<usize>() <= 6, "{name}: {first:?}");
+        assert_eq!(some(&second), 0, "{name}: {second:?}");
     }
+}
+
+/// One state in 16 steps is kept on the way, for seeks, in bounded memory; what is kept already is not kept again.
+#[test]
+fn springs_allocate_what_they_keep_for_seeks() {
+    let [first, second] = counts(springs());
+    assert!(some(&first) <= 3 + 120 * 2 / 16 && some(&first) > 10, "{first:?}");
+    assert_eq!(some(&second), 0, "{second:?}");
 }

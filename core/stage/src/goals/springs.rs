@@ -159,7 +159,9 @@ fn advance(
         && at.is_none_or(|at| at < kept_at)
     {
         at = Some(kept_at);
-        simulation.states.clone_from(&states);
+        // Into the memory that is there: a clone of each would be allocated.
+        simulation.states.resize_with(states.len(), SpringState::default);
+        simulation.states.iter_mut().zip(states.iter()).for_each(|(own, kept)| own.copy_from(kept));
     }
     // Half done it is nothing, should a callback fail on the way.
     simulation.at = None;
