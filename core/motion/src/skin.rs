@@ -214,9 +214,9 @@ fn four<F: Vertices, const N: usize>(
     weights: &[[f32; N]],
 ) -> F::Four {
     let mut sums = [F::no_matrix(); 4];
-    for i in 0..4 {
+    for (i, sum) in sums.iter_mut().enumerate() {
         let vertex = 4 * at + i;
-        sums[i] = weighted_by::<F, N>(matrices, vertex * N / 4, &weights[vertex]);
+        *sum = weighted_by::<F, N>(matrices, vertex * N / 4, &weights[vertex]);
     }
     F::four(sums)
 }

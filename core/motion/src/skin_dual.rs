@@ -221,9 +221,9 @@ fn summed<F: Vertices, const N: usize>(
 #[inline(always)]
 fn four<F: F8, const N: usize>(motions: &Indexed<DualQuaternion>, at: usize, weights: &[[f32; N]]) -> [F; 4] {
     let mut sums = [F::splat(0.0); 4];
-    for i in 0..4 {
+    for (i, sum) in sums.iter_mut().enumerate() {
         let vertex = 4 * at + i;
-        sums[i] = weighted_by(motions, vertex * N / 4, &weights[vertex]);
+        *sum = weighted_by(motions, vertex * N / 4, &weights[vertex]);
     }
     F::half_rows4(sums)
 }

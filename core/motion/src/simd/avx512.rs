@@ -212,7 +212,7 @@ fn load_points(points: &[[f32; 3]; COUNT]) -> [Avx512; 3] {
 #[inline(always)]
 fn store_points([x, y, z]: [Avx512; 3], points: &mut [[f32; 3]; COUNT]) {
     let to: *mut f32 = points.as_mut_ptr().cast();
-    for register in 0..3 {
-        unsafe { _mm512_storeu_ps(to.add(16 * register), picked(&PUT[register], [x.0, y.0, z.0])) };
+    for (register, picks) in PUT.iter().enumerate() {
+        unsafe { _mm512_storeu_ps(to.add(16 * register), picked(picks, [x.0, y.0, z.0])) };
     }
 }
