@@ -68,6 +68,9 @@ impl Plan {
     }
 }
 
+/// Which of the effects' lines, the catalogue's material, of the changed ones.
+type ShellKey = (usize, u32, Option<u32>);
+
 /// One copy of one primitive before sorting.
 struct Item {
     phase: Phase,
@@ -109,8 +112,8 @@ pub(crate) struct Planner<'a> {
     pub shells: Vec<(Line, Vec<usize>)>,
     /// Effects on surfaces, what they need, and the actors that have them (empty: all).
     pub surface: Vec<(PostPass, SurfaceNeeds, Vec<usize>)>,
-    /// (Which of them, the catalogue's material, of the changed ones): place in `materials`.
-    pub shell_materials: Vec<((usize, u32, Option<u32>), u32)>,
+    /// Place in `materials` of each that was made.
+    pub shell_materials: Vec<(ShellKey, u32)>,
     /// Boxes of what is lit and in view; only where some light casts.
     pub receivers: Vec<Aabb>,
     pub facts: Facts,

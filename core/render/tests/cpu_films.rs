@@ -91,8 +91,8 @@ fn film_on(base_f0: f32, ior: f32, nanometres: f32, gain: f64) -> [f64; 3] {
 #[test]
 fn a_film_has_the_colours_of_its_spectrum() {
     let mut worst = 0.0f64;
-    for (ior, f0) in [(1.33, 0.2), (1.6, 0.04), (1.8, 0.3), (1.3, 0.5)] {
-        let root = f64::from(f0).sqrt();
+    for (ior, f0) in [(1.33f64, 0.2f64), (1.6, 0.04), (1.8, 0.3), (1.3, 0.5)] {
+        let root = f0.sqrt();
         let base = (1.0 + root) / (1.0 - root);
         for nanometres in [120.0, 200.0, 300.0, 400.0, 550.0, 800.0] {
             let gain = 1.2;
