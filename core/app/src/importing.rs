@@ -43,15 +43,17 @@ impl Bar {
 }
 
 fn show(bar: &ProgressBar, now: &ImportProgress) {
-    bar.set_length(now.bytes.max(1));
-    bar.set_position(now.bytes_done);
     let names = choreo_plugin::suggest::list(now.names.iter().map(String::as_str), 2);
     bar.set_message(format!("{} of {} files: {names}", now.done, now.files));
+    bar.set_length(now.bytes.max(1));
+    bar.set_position(now.bytes_done);
 }
 
+/// One line at any width: what does not fit of the names is cut.
 fn bar(target: ProgressDrawTarget) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(1), target);
-    if let Ok(style) = ProgressStyle::with_template("{bar:32} importing {msg} ({bytes} of {total_bytes})") {
+    if let Ok(style) = ProgressStyle::with_template("{bar:24} importing {bytes} of {total_bytes}, {wide_msg}")
+    {
         bar.set_style(style.progress_chars("█▌·"));
     }
     bar
@@ -117,9 +119,9 @@ mod tests {
         show(&drawn, &ImportProgress { files: 2, done: 1, bytes: 4 << 20, bytes_done: 2 << 20, names });
         drawn.force_draw();
         let text = line.0.lock().unwrap().clone();
-        let wanted = "████████████████▌···············";
+        let wanted = "████████████▌··········· ";
         assert!(text.contains(wanted), "{text}");
-        assert!(text.contains("importing 1 of 2 files: knight.glb (2.00 MiB of 4.00 MiB)"), "{text}");
+        assert!(text.contains("importing 2.00 MiB of 4.00 MiB, 1 of 2 files: knight.glb"), "{text}");
         drawn.finish_and_clear();
         assert_eq!(line.0.lock().unwrap().trim(), "", "its line is clean again");
     }

@@ -44,10 +44,7 @@ struct Twins {
 impl Twins {
     /// `None` where there is no Vulkan, after a line that says so.
     fn new(cases: usize) -> Option<Twins> {
-        let mut registry = Registry::default();
-        registry.add_importer(import_gltf::GltfImporter);
-        registry.add_importer(import_mannequin::Mannequin);
-        registry.add_effect(effect_vignette::Vignette);
+        let registry = choreo::registry();
         let effects = registry.effects().to_vec();
         let cpu = CpuRenderer::new(&effects);
         match VulkanRenderer::new(GpuOptions { validation: true, effects, ..GpuOptions::default() }) {

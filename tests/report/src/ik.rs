@@ -15,13 +15,51 @@ const SOLVERS: [(Solver, &str); 3] =
     [(Solver::Ccd, "CCD"), (Solver::Fabrik, "FABRIK"), (Solver::LeastSquares, "damped least squares")];
 const CONE: Limit = Limit::SwingTwist { axis: DVec3::Y, swing: 0.6, twist: (-0.3, 0.3) };
 
+/// A knee: it turns about one axis.
+const HINGE: Limit = Limit::Hinge { axis: DVec3::X, angle: (-0.6, 0.6) };
+
 pub fn section() -> Result<Section, String> {
-    let ways: Vec<(Solver, usize, String)> = SOLVERS
+    let mut free = by_iterations("ik", "How does a chain of joints find its target?", Limit::Free);
+    free.reference = format!(
+        "forward kinematics: from the end to a target in reach; chains of {BONES} bones, about 1.2 m long"
+    );
+    free.choose(&chosen(), "converges quadratically near the target, and shares the bend among all joints");
+    let mut limited = by_iterations(
+        "ik_limits",
+        "How does a chain of joints that turn within cones of 34° find its target?",
+        CONE,
+    );
+    limited.reference =
+        "forward kinematics: from the end to where it is in another pose within the limits".to_string();
+    limited.choose(&chosen(), "the way without limits, and joint by joint from where the limits stop it");
+    Ok(Section {
+        title: "Chains that reach",
+        text: "Arms and legs of two bones have a closed form. Longer chains are solved step by step, until the end is within a hundredth of a \
+               millimetre: each iteration of damped least squares costs a little more than one of the others, but a tail needs hundreds of those. \
+               Where joints have limits or the target is out of reach, none gets all the way; the tables say how near each comes, and that no joint \
+               is ever beyond its limit."
+            .into(),
+        choices: vec![free, limited],
+        tables: vec![limits(), hard()],
+        off_front: Vec::new(),
+    })
+}
+
+fn ways() -> Vec<(Solver, usize, String)> {
+    SOLVERS
         .iter()
         .flat_map(|(solver, name)| ITERATIONS.map(|n| (*solver, n, format!("{name}, {n} iterations"))))
-        .collect();
-    let problems: Vec<(Chain, DVec3)> =
-        (0..CASES as u64).map(|seed| reachable(seed, BONES, Limit::Free)).collect();
+        .collect()
+}
+
+fn chosen() -> String {
+    let chosen = |(solver, n, _): &(Solver, usize, String)| (*solver, *n) == (CHAIN_SOLVER, CHAIN_ITERATIONS);
+    ways().into_iter().find(chosen).map(|(.., name)| name).unwrap_or_default()
+}
+
+fn by_iterations(name: &'static str, question: &'static str, limit: Limit) -> Choice {
+    let ways = ways();
+    let problems: Vec<(Chain, DVec3)> = (0..CASES as u64).map(|seed| reachable(seed, BONES, limit)).collect();
     let problems = &problems;
     let mut cases: Vec<Case> = ways
         .iter()
@@ -35,12 +73,9 @@ pub fn section() -> Result<Section, String> {
         })
         .collect();
     let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
-    let mut choice = Choice::new("ik", "How does a chain of joints find its target?");
+    let mut choice = Choice::new(name, question);
     choice.error_unit = "mm";
     choice.by_mean = true;
-    choice.reference = format!(
-        "forward kinematics: from the end to a target in reach; chains of {BONES} bones, about 1.2 m long"
-    );
     choice.per = format!("solution of {BONES} bones");
     for ((solver, iterations, name), nanos) in ways.iter().zip(nanos) {
         let mut spread = Spread::default();
@@ -49,19 +84,38 @@ pub fn section() -> Result<Section, String> {
         }
         choice.rows.push(Row::new(name.clone()).error(spread.worst, spread.mean()).nanos(nanos));
     }
-    let chosen = ways.iter().find(|(solver, n, _)| (*solver, *n) == (CHAIN_SOLVER, CHAIN_ITERATIONS));
-    let chosen = chosen.map(|(.., name)| name.clone()).unwrap_or_default();
-    choice.choose(&chosen, "converges quadratically near the target, and shares the bend among all joints");
-    Ok(Section {
-        title: "Chains that reach",
-        text: "Arms and legs of two bones have a closed form. Longer chains are solved step by step, until the end is within a hundredth of a \
-               millimetre: each iteration of damped least squares costs a little more than one of the others, but a tail needs hundreds of those. \
-               Where joints have limits or the target is out of reach, none gets all the way; the table says how near each comes."
-            .into(),
-        choices: vec![choice],
-        tables: vec![hard()],
-        off_front: Vec::new(),
-    })
+    choice
+}
+
+/// Iterations against the distance from the goal and the angle beyond the joints' limits.
+fn limits() -> Table {
+    let columns: [(&str, &'static str); 7] = [
+        ("limited joints, after iterations", "way"),
+        (">cones of 34°: worst, mm", "in reach within the limits"),
+        (">mean, mm", "in reach within the limits"),
+        (">beyond a limit, degrees", "any joint of any case"),
+        (">hinges of ±34°: worst, mm", "in reach within the limits"),
+        (">mean, mm", "in reach within the limits"),
+        (">beyond a limit, degrees", "any joint of any case"),
+    ];
+    let mut table =
+        Table::new("Iterations against the distance from the goal and from joint limits", &columns);
+    for (solver, iterations, name) in ways() {
+        let mut cells = vec![Cell::text(name)];
+        for limit in [CONE, HINGE] {
+            let (mut off, mut worst_beyond) = (Spread::default(), 0.0f64);
+            for seed in 0..CASES as u64 {
+                let (chain, target) = reachable(seed, BONES, limit);
+                let (distance, beyond) = distance(&chain, target, solver, iterations);
+                off.add(distance);
+                worst_beyond = worst_beyond.max(beyond);
+            }
+            let numbers = [off.worst, off.mean(), worst_beyond];
+            cells.extend(numbers.into_iter().map(|n| Cell::number(quantity(n), n)));
+        }
+        table.rows.push(cells);
+    }
+    table
 }
 
 /// Millimetres to the target, and degrees beyond a limit.

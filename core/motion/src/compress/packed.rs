@@ -370,47 +370,80 @@ fn columns<F: F8, const N: usize>(
         between[i] = F::splat(a + (b - a) * fraction);
     }
     let mut at = 0;
-    for PackedColumn { column, straight, bits, bytes, low, step } in &stride.columns {
-        let mut knots = [[F::splat(0.0); N]; 4];
-        for c in 0..column.channel.width() {
-            let unpacking = F::unpacking(&bits[c]);
-            for (i, knot) in knots[c].iter_mut().enumerate() {
-                let Some(bytes) = from.get(at + i * stride.row_bytes..).and_then(|b| b.first_chunk()) else {
-                    return;
-                };
-                *knot = F::unpack(bytes, unpacking);
-            }
-            at += usize::from(bytes[c]);
-        }
-        let Some(block) = blocks.get_mut(column.block as usize) else { continue };
-        let mut values = [F::splat(0.0); 4];
-        let rotation = column.channel == Channel::Rotation;
-        if rotation && !straight {
-            let (mut a, mut b) = (values, values);
-            let mut square = F::splat(0.0);
-            for c in 0..4 {
-                let (low, step) = (F::load(&low[c]), F::load(&step[c]));
-                a[c] = low.add(step.mul(weighed(&knots[c], &of_a)));
-                b[c] = low.add(step.mul(weighed(&knots[c], &of_b)));
-                let chord = a[c].sub(b[c]);
-                square = square.add(chord.mul(chord));
-            }
-            let (wa, wb) = series.weights(square.mul(F::splat(0.5)), column.terms);
-            for c in 0..4 {
-                values[c] = a[c].mul(wa).add(b[c].mul(wb));
-            }
-            values = near_unit(values);
+    for column in &stride.columns {
+        let rotation = column.column.channel == Channel::Rotation;
+        let values = if rotation && !column.straight {
+            slerped::<F, N>(column, from, at, stride.row_bytes, [&of_a, &of_b], series)
+        } else if rotation {
+            between_knots::<F, N, 4>(column, from, at, stride.row_bytes, &between)
         } else {
-            // The fourth component of translations and scales is not stored.
-            for c in 0..4 {
-                values[c] = F::load(&low[c]).add(F::load(&step[c]).mul(weighed(&knots[c], &between)));
-            }
-            if rotation {
-                values = near_unit(values);
-            }
+            between_knots::<F, N, 3>(column, from, at, stride.row_bytes, &between)
+        };
+        let Some(mut values) = values else { return };
+        if rotation {
+            values = near_unit(values);
         }
-        write(column, block, values);
+        at += column.bytes.iter().map(|b| usize::from(*b)).sum::<usize>();
+        let Some(block) = blocks.get_mut(column.column.block as usize) else { continue };
+        write(&column.column, block, values);
     }
+}
+
+/// The first `W` components on the straight way between frames; those that are not stored are as `low` says.
+#[inline(always)]
+fn between_knots<F: F8, const N: usize, const W: usize>(
+    column: &PackedColumn,
+    from: &[u8],
+    mut at: usize,
+    row_bytes: usize,
+    weights: &[F; N],
+) -> Option<[F; 4]> {
+    let mut values = [F::load(&column.low[3]); 4];
+    for c in 0..W {
+        let knots = knots::<F, N>(from, at, row_bytes, &column.bits[c])?;
+        values[c] = F::load(&column.low[c]).add(F::load(&column.step[c]).mul(weighed(&knots, weights)));
+        at += usize::from(column.bytes[c]);
+    }
+    Some(values)
+}
+
+/// Rotations at both frames, and the way between them on the sphere.
+#[inline(always)]
+fn slerped<F: F8, const N: usize>(
+    column: &PackedColumn,
+    from: &[u8],
+    mut at: usize,
+    row_bytes: usize,
+    [of_a, of_b]: [&[F; N]; 2],
+    series: &Series,
+) -> Option<[F; 4]> {
+    let zero = F::splat(0.0);
+    let (mut a, mut b, mut square) = ([zero; 4], [zero; 4], zero);
+    for c in 0..4 {
+        let knots = knots::<F, N>(from, at, row_bytes, &column.bits[c])?;
+        let (low, step) = (F::load(&column.low[c]), F::load(&column.step[c]));
+        a[c] = low.add(step.mul(weighed(&knots, of_a)));
+        b[c] = low.add(step.mul(weighed(&knots, of_b)));
+        let chord = a[c].sub(b[c]);
+        square = square.add(chord.mul(chord));
+        at += usize::from(column.bytes[c]);
+    }
+    let (wa, wb) = series.weights(square.mul(F::splat(0.5)), column.column.terms);
+    for c in 0..4 {
+        a[c] = a[c].mul(wa).add(b[c].mul(wb));
+    }
+    Some(a)
+}
+
+/// A component of neighbouring knots; in registers, since it is used up at once.
+#[inline(always)]
+fn knots<F: F8, const N: usize>(from: &[u8], at: usize, row_bytes: usize, bits: &Bits) -> Option<[F; N]> {
+    let unpacking = F::unpacking(bits);
+    let mut knots = [F::splat(0.0); N];
+    for (i, knot) in knots.iter_mut().enumerate() {
+        *knot = F::unpack(from.get(at + i * row_bytes..)?.first_chunk()?, unpacking);
+    }
+    Some(knots)
 }
 
 #[inline(always)]

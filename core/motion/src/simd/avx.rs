@@ -210,8 +210,12 @@ impl F8 for Avx {
         unsafe {
             let wide = [&bits.from, &bits.left, &bits.right];
             let from = _mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[0].as_ptr().cast()));
-            let left = _mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[1].as_ptr().cast()));
-            let right = _mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[2].as_ptr().cast()));
+            // That they are below 32 must be seen: for others the compiler adds a selection to each shift.
+            let below_32 = _mm256_set1_epi32(31);
+            let left =
+                _mm256_and_si256(_mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[1].as_ptr().cast())), below_32);
+            let right =
+                _mm256_and_si256(_mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[2].as_ptr().cast())), below_32);
             // The same byte four times, and the three after it.
             let first = _mm256_set_epi32(
                 0x0C0C_0C0C,

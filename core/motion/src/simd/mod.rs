@@ -111,13 +111,14 @@ pub(crate) trait F8: Lanes {
     fn unpack(bytes: &[u8; 16], unpacking: Self::Unpacking) -> Self;
 }
 
-/// How eight numbers of some bits each, 16 at most, are taken out of 16 bytes.
+/// How eight numbers of some bits each, 16 at most, are taken out of 16 bytes; what a lane without bits gives is 0 or 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub(crate) struct Bits {
     /// The byte that a lane's first bit is in; the next three may count on from 15 to 0.
     from: [u8; LANES],
-    /// Of these 32 bits: how far the lane's are from the highest, and how many are not the lane's.
+    /// Of these 32 bits: how far the lane's are from the highest, and how many are not the lane's; 31 at most, since
+    /// shifts by 32 and more take three more instructions each.
     left: [u8; LANES],
     right: [u8; LANES],
 }
@@ -129,8 +130,8 @@ impl Bits {
         let mut at = 0;
         for (lane, width) in widths.iter().enumerate() {
             bits.from[lane] = at / 8;
-            bits.left[lane] = 32 - at % 8 - width;
-            bits.right[lane] = 32 - width;
+            bits.left[lane] = (32 - at % 8 - width).min(31);
+            bits.right[lane] = (32 - width).min(31);
             at += width;
         }
         bits

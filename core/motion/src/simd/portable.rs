@@ -164,8 +164,7 @@ impl F8 for Array {
         Array(std::array::from_fn(|lane| {
             let word =
                 u32::from_le_bytes(std::array::from_fn(|i| bytes[(usize::from(bits.from[lane]) + i) % 16]));
-            let lifted = word.checked_shl(bits.left[lane].into()).unwrap_or(0);
-            lifted.checked_shr(bits.right[lane].into()).unwrap_or(0) as f32
+            (word.wrapping_shl(bits.left[lane].into()).wrapping_shr(bits.right[lane].into())) as f32
         }))
     }
 }
