@@ -157,11 +157,9 @@ impl CpuRenderer {
                     Some(changed) => &changed_materials[changed as usize],
                     None => &self.materials[draw.material as usize],
                 };
-                let hull = features.has(Features::SHELL).then(|| Hull {
-                    material,
-                    size,
-                    normals: crate::vertex::welded_normals(primitive),
-                });
+                let hull = features
+                    .has(Features::SHELL)
+                    .then(|| Hull { material, normals: crate::vertex::welded_normals(primitive) });
                 let vertices = VertexStage {
                     primitive,
                     features,
@@ -169,6 +167,7 @@ impl CpuRenderer {
                     joint_matrices: &plan.joint_matrices,
                     morphs: &plan.morphs,
                     clip_from_relative,
+                    size,
                     hull,
                 }
                 .run();

@@ -30,6 +30,8 @@ pub struct VertexStage<'a> {
     pub joint_matrices: &'a [Rows],
     pub morphs: &'a [ActiveMorph],
     pub clip_from_relative: &'a Mat4,
+    /// Pixels of the picture.
+    pub size: [u32; 2],
     /// Of a hull.
     pub hull: Option<Hull<'a>>,
 }
@@ -37,8 +39,6 @@ pub struct VertexStage<'a> {
 /// What pushes a hull out.
 pub struct Hull<'a> {
     pub material: &'a ShadeMaterial,
-    /// Pixels of the picture.
-    pub size: [u32; 2],
     /// In place of the primitive's normals ([`crate::vertex::welded_normals`]).
     pub normals: Vec<Vec3>,
 }
@@ -83,8 +83,7 @@ impl VertexStage<'_> {
             joints: self.joint_colors(i),
         };
         if self.features.has(Features::EDGES) {
-            // An edge lies in its surface: two ten-thousandths nearer it is seen.
-            out.clip.z += 2e-4 * out.clip.z.abs();
+            out.clip.z += self.nearer(out.clip.z);
         }
         if self.features.has(Features::VOLUME) {
             // The root mean square of the three axes.
@@ -142,12 +141,20 @@ impl VertexStage<'_> {
             out.clip = *self.clip_from_relative * out.relative.extend(1.0);
             return;
         }
-        let size = Vec2::new(hull.size[0] as f32, hull.size[1] as f32);
+        let size = Vec2::new(self.size[0] as f32, self.size[1] as f32);
         // Where the normal goes in the picture, in pixels: d(xy/w) is proportional to this.
         let way = *self.clip_from_relative * out.normal.extend(0.0);
         let pixels = (way.xy() * out.clip.w - out.clip.xy() * way.w) * size;
         let step = unit(pixels.extend(0.0)).xy() * (2.0 * width * size.y) / size * out.clip.w;
         out.clip += Vec4::new(step.x, step.y, 0.0, 0.0);
+    }
+
+    /// An edge lies in its surface, and its line is a pixel wide: nearer by two pixels' sizes it is seen on what slopes by
+    /// up to two. In clip space that is a share of `z` where what is far is small, a distance where it is not.
+    fn nearer(&self, z: f32) -> f32 {
+        let rows = self.clip_from_relative.transpose();
+        let pixel = 2.0 / (self.size[1] as f32 * rows.y_axis.xyz().length());
+        2.0 * pixel * (z.abs() * rows.w_axis.xyz().length() + rows.z_axis.xyz().length())
     }
 
     /// The vertex's matrix: the instance's, or its joints' weighted by influence.
