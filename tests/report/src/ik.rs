@@ -36,8 +36,8 @@ pub fn section() -> Result<Section, String> {
         title: "Chains that reach",
         text: "Arms and legs of two bones have a closed form. Longer chains are solved step by step, until the end is within a hundredth of a \
                millimetre: each iteration of damped least squares costs a little more than one of the others, but a tail needs hundreds of those. \
-               Where joints have limits or the target is out of reach, none gets all the way; the tables say how near each comes, and that no joint \
-               is ever beyond its limit."
+               Out of reach a chain is as near as it can be, and within cones it finds its way; where every joint turns about one axis only, none gets \
+               all the way from where it stands. The tables say how near each comes, and that no joint is ever beyond its limit."
             .into(),
         choices: vec![free, limited],
         tables: vec![limits(), hard()],
