@@ -399,9 +399,9 @@ fn between_knots<F: F8, const N: usize, const W: usize>(
     weights: &[F; N],
 ) -> Option<[F; 4]> {
     let mut values = [F::load(&column.low[3]); 4];
-    for c in 0..W {
+    for (c, value) in values.iter_mut().enumerate().take(W) {
         let knots = knots::<F, N>(from, at, row_bytes, &column.bits[c])?;
-        values[c] = F::load(&column.low[c]).add(F::load(&column.step[c]).mul(weighed(&knots, weights)));
+        *value = F::load(&column.low[c]).add(F::load(&column.step[c]).mul(weighed(&knots, weights)));
         at += usize::from(column.bytes[c]);
     }
     Some(values)
