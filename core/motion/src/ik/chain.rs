@@ -57,6 +57,18 @@ impl Chain {
         }
     }
 
+    /// The end, after [`Self::positions`] and what each bone's rotation is relative to.
+    pub(super) fn frames(&self, positions: &mut Vec<DVec3>, parents: &mut Vec<DQuat>) -> DVec3 {
+        self.positions(positions);
+        parents.clear();
+        let mut rotation = self.parent;
+        for bone in &self.bones {
+            parents.push(rotation);
+            rotation *= bone.rotation;
+        }
+        positions.last().copied().unwrap_or(self.origin)
+    }
+
     pub fn end(&self) -> DVec3 {
         let (mut at, mut rotation) = (self.origin, self.parent);
         for bone in &self.bones {

@@ -11,14 +11,7 @@ use std::f64::consts::{PI, TAU};
 /// for hinges is a local optimum (coordinate descent on a smooth function in a box: D. Bertsekas, "Nonlinear Programming", 1999, §2.7).
 pub(super) fn sweep(chain: &mut Chain, target: DVec3, scratch: &mut Scratch) {
     let Scratch { positions, rotations, .. } = scratch;
-    chain.positions(positions);
-    rotations.clear();
-    let mut rotation = chain.parent;
-    for bone in &chain.bones {
-        rotations.push(rotation);
-        rotation *= bone.rotation;
-    }
-    let mut end = *positions.last().unwrap_or(&chain.origin);
+    let mut end = chain.frames(positions, rotations);
     for index in (0..chain.bones.len()).rev() {
         let (pivot, parent) = (positions[index], rotations[index]);
         let bone = &mut chain.bones[index];

@@ -11,6 +11,7 @@ use std::arch::x86_64::*;
 pub(crate) struct Avx512(__m512);
 
 const COUNT: usize = 16;
+const _: () = assert!(size_of::<Affine3A>() == size_of::<__m512>(), "a matrix fills a register");
 
 impl Lanes for Avx512 {
     const COUNT: usize = COUNT;

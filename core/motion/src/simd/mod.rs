@@ -1,7 +1,7 @@
-//! Eight floats at a time: one set of kernels, two ways to run them, the same bits.
+//! Eight floats at a time, or for vertices sixteen: one set of kernels, three ways to run them, the same bits.
 //!
-//! A kernel is written once over [`F8`]. [`Level::Portable`] computes on arrays, [`Level::Avx2`] on AVX registers;
-//! both do the same IEEE operations in the same order, without fused multiply-add, so that every machine gives the
+//! A kernel is written once over [`F8`], one of skins over [`Vertices`]. [`Level::Portable`] computes on arrays, [`Level::Avx2`]
+//! and [`Level::Avx512`] on registers; all do the same IEEE operations in the same order, without fused multiply-add, so that every machine gives the
 //! same bits. (The arrays alone, compiled for AVX2, were tried: the compiler vectorised the arithmetic, but not the
 //! shuffles of the matrix kernel, which then took twice the time.)
 

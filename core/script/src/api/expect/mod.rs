@@ -1,13 +1,15 @@
 //! `expect(…)`: what is looked at, and when.
 
-use super::actor::{attachment, morph_targets};
+mod places;
+
+use super::actor::morph_targets;
 use super::values::{COUNTS, PLAN_COUNTS, value};
 use crate::call::{ApiError, Call, Def, Gives, Options, Reply};
 use crate::suggest::did_you_mean;
 use crate::testing::*;
 use crate::value::*;
 use choreo_motion::Time;
-use choreo_stage::Attachment;
+use places::*;
 use rhai::Dynamic;
 
 const THIS: Gives = Gives::A(Kind::Expect);
@@ -220,109 +222,6 @@ fn word(subject: Subject) -> &'static str {
         Subject::Camera(_) => "a Camera",
         Subject::Light(_) => "a Light",
     }
-}
-
-const THING: &str = "an Actor, Joint, Camera or Light";
-
-fn position(c: &mut Call) -> Reply {
-    let subject = c.subject(THING)?;
-    measured(c, Measure::Vector(VectorQuantity::Position(subject, None)))
-}
-
-fn rotation(c: &mut Call) -> Reply {
-    let measure = match c.expect()?.measure {
-        Measure::Vector(VectorQuantity::Position(subject, relative)) => {
-            Measure::Rotation(RotationQuantity::Of(subject, relative))
-        }
-        other => return Err(c.not_for(THING, &other)),
-    };
-    measured(c, measure)
-}
-
-fn direction(c: &mut Call) -> Reply {
-    let subject = c.subject(THING)?;
-    measured(c, Measure::Vector(VectorQuantity::Direction(subject)))
-}
-
-fn scale(c: &mut Call) -> Reply {
-    let subject = match c.subject("an Actor or Joint")? {
-        subject @ (Subject::Actor(_) | Subject::Joint { .. }) => subject,
-        other => {
-            return Err(ApiError::new(format!("scale: {} has none", word(other))));
-        }
-    };
-    measured(c, Measure::Vector(VectorQuantity::Scale(subject)))
-}
-
-fn size(c: &mut Call) -> Reply {
-    let actor = c.actor_subject()?;
-    measured(c, Measure::Vector(VectorQuantity::Size(actor)))
-}
-
-fn relative_to(c: &mut Call) -> Reply {
-    let to: Attachment = attachment(c, 0)?;
-    let measure = match c.expect()?.measure {
-        Measure::Vector(VectorQuantity::Position(subject, _)) => {
-            Measure::Vector(VectorQuantity::Position(subject, Some(to)))
-        }
-        Measure::Rotation(RotationQuantity::Of(subject, _)) => {
-            Measure::Rotation(RotationQuantity::Of(subject, Some(to)))
-        }
-        other => return Err(c.not_for("a position or a rotation", &other)),
-    };
-    measured(c, measure)
-}
-
-fn in_picture(c: &mut Call) -> Reply {
-    let camera = c.camera_or_on(0)?;
-    let subject = c.subject(THING)?;
-    measured(c, Measure::Vector(VectorQuantity::InPicture(subject, camera)))
-}
-
-fn component(c: &mut Call, axis: usize) -> Reply {
-    let vector = c.vector()?;
-    measured(c, Measure::Number(Quantity::Component(vector, axis)))
-}
-
-fn length(c: &mut Call) -> Reply {
-    let vector = c.vector()?;
-    measured(c, Measure::Number(Quantity::Length(vector)))
-}
-
-fn distance(c: &mut Call) -> Reply {
-    let (subject, target) = (c.subject(THING)?, c.target(0)?);
-    measured(c, Measure::Number(Quantity::Distance(subject, target)))
-}
-
-fn angle_to(c: &mut Call) -> Reply {
-    let (subject, target) = (c.subject(THING)?, c.target(0)?);
-    measured(c, Measure::Number(Quantity::AngleTo(subject, target)))
-}
-
-fn speed(c: &mut Call) -> Reply {
-    let vector = c.vector()?;
-    measured(c, Measure::Number(Quantity::Speed(vector)))
-}
-
-fn acceleration(c: &mut Call) -> Reply {
-    let vector = c.vector()?;
-    measured(c, Measure::Number(Quantity::Acceleration(vector)))
-}
-
-fn jerk(c: &mut Call) -> Reply {
-    let vector = c.vector()?;
-    measured(c, Measure::Number(Quantity::Jerk(vector)))
-}
-
-fn turn_speed(c: &mut Call) -> Reply {
-    let rotation = match c.expect()?.measure {
-        Measure::Rotation(rotation) => rotation,
-        Measure::Vector(VectorQuantity::Position(subject, relative)) => {
-            RotationQuantity::Of(subject, relative)
-        }
-        other => return Err(c.not_for(THING, &other)),
-    };
-    measured(c, Measure::Number(Quantity::TurnSpeed(rotation)))
 }
 
 /// The name of a clip that an actor plays at some time; a Clip may be given too.
