@@ -142,6 +142,8 @@ pub struct AssetEntry {
 pub struct PrimitiveEntry {
     pub primitive: u32,
     pub material: u32,
+    /// The asset's material; `None`: the default one.
+    pub of_asset: Option<u32>,
     /// The asset's material whose base colour its clips animate: white in the catalogue, it comes with each copy's tint.
     pub animated: Option<u32>,
     /// The asset's material where more than that may change with the time; see `ActorState::materials`.
@@ -229,7 +231,8 @@ impl Builder {
                     let animated = primitive.material.filter(|m| is_animated(*m));
                     let changes = primitive.material.filter(|m| changes(*m));
                     let primitive = self.primitive(mesh, index as u32);
-                    ids.push(PrimitiveEntry { primitive, material, animated, changes });
+                    let of_asset = mesh.primitives[index].material;
+                    ids.push(PrimitiveEntry { primitive, material, of_asset, animated, changes });
                 }
                 meshes[instance.mesh as usize] = Some(ids);
             }

@@ -9,7 +9,7 @@ use crate::planner_lights::plan_lights;
 use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, dual_rows};
 use choreo_plugin::{Effect, SurfaceNeeds};
-use choreo_stage::{ActorState, AlphaMode, Asset, MeshInstance, Shadow, Snapshot, Stage};
+use choreo_stage::{ActorState, AlphaMode, Asset, EffectTarget, MeshInstance, Shadow, Snapshot, Stage};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -108,10 +108,10 @@ pub(crate) struct Planner<'a> {
     /// Some light casts shadows: those outside the view count too.
     casting: bool,
     pub casters: Vec<Caster>,
-    /// Outlines by effects, and the actors that have them (empty: all).
-    pub shells: Vec<(Line, Vec<usize>)>,
-    /// Effects on surfaces, what they need, and the actors that have them (empty: all).
-    pub surface: Vec<(PostPass, SurfaceNeeds, Vec<usize>)>,
+    /// Outlines by effects, and what has them (empty: all).
+    pub shells: Vec<(Line, Vec<EffectTarget>)>,
+    /// Effects on surfaces, what they need, and what has them (empty: all).
+    pub surface: Vec<(PostPass, SurfaceNeeds, Vec<EffectTarget>)>,
     /// Place in `materials` of each that was made.
     pub shell_materials: Vec<(ShellKey, u32)>,
     /// Boxes of what is lit and in view; only where some light casts.
@@ -200,7 +200,7 @@ impl Planner<'_> {
                 local_lights: self.local_lights,
             };
             let mut features = features(primitive, material, needs, self.options.force_all);
-            let (surface, seen) = self.surface_of(index);
+            let (surface, seen) = self.surface_of(index, entry.of_asset);
             let has = |on: bool, there: bool, bit| if on && there { bit } else { Features::default() };
             let shape = primitive.primitive();
             features = features

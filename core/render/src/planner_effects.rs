@@ -4,17 +4,17 @@ use crate::catalog::{CatalogMaterial, PrimitiveEntry};
 use crate::plan::{LeftOut, PostPass};
 use crate::planner::{PlanOptions, Planner};
 use choreo_plugin::{Effect, Hook, OptionKind, SurfaceNeeds};
-use choreo_stage::{EffectUse, Outline, Shading, Snapshot, Stage};
+use choreo_stage::{EffectState, EffectTarget, EffectUse, Outline, Shading, Snapshot, Stage};
 use glam::Vec3;
 use std::sync::Arc;
 
 impl Planner<'_> {
-    /// Which effects an actor's surfaces have, and what they need together.
-    pub fn surface_of(&self, actor: usize) -> (u8, SurfaceNeeds) {
+    /// Which effects an actor's surfaces of a material of its asset have, and what they need together.
+    pub fn surface_of(&self, actor: usize, material: Option<u32>) -> (u8, SurfaceNeeds) {
         let mut bits = 0;
         let mut all = SurfaceNeeds::default();
-        for (i, (_, needs, actors)) in self.surface.iter().enumerate() {
-            if actors.is_empty() || actors.contains(&actor) {
+        for (i, (_, needs, on)) in self.surface.iter().enumerate() {
+            if EffectTarget::among(on, actor, material) {
                 bits |= 1 << i;
                 all.normals |= needs.normals;
                 all.uvs |= needs.uvs;
@@ -41,8 +41,8 @@ impl Planner<'_> {
             None => Arc::new(self.catalog.materials[entry.material as usize].clone()),
         };
         let mut out = Vec::from_iter(has_outline(&base).then_some((false, changed)));
-        for (i, (line, actors)) in self.shells.iter().enumerate() {
-            if !actors.is_empty() && !actors.contains(&actor) {
+        for (i, (line, on)) in self.shells.iter().enumerate() {
+            if !EffectTarget::among(on, actor, entry.of_asset) {
                 continue;
             }
             let key = (i, entry.material, changed);
@@ -64,13 +64,15 @@ impl Planner<'_> {
     }
 }
 
-/// What a script gives an effect, in manifest order; defaults where it gives nothing.
-pub fn effect_parameters(effect: &dyn Effect, used: &EffectUse) -> [f32; 8] {
+/// What a script gives an effect, in manifest order and cut off at its ranges; defaults where it gives nothing.
+pub fn effect_parameters(effect: &dyn Effect, given: &[(String, f64)]) -> [f32; 8] {
     let mut parameters = [0.0; 8];
     for (slot, option) in parameters.iter_mut().zip(&effect.manifest().options) {
-        let given = used.parameters.iter().rev().find(|(name, _)| *name == option.name);
-        *slot = match (given, &option.kind) {
-            (Some((_, value)), _) => *value as f32,
+        let value = given.iter().rev().find(|(name, _)| *name == option.name).map(|(_, value)| *value);
+        *slot = match (value, &option.kind) {
+            // A spline between keys may leave the range.
+            (Some(value), OptionKind::Number { min, max, .. }) => value.clamp(*min, *max) as f32,
+            (Some(value), _) => value as f32,
             (None, OptionKind::Number { default, .. }) => *default as f32,
             (None, OptionKind::Bool { default }) => f32::from(u8::from(*default)),
             // Texts are handed over as their place in the list.
@@ -110,13 +112,21 @@ impl Line {
     }
 }
 
-/// Those of the effects that are on, with the actors that have them.
-pub fn shells(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<(Line, Vec<usize>)> {
+/// Those that are on.
+fn uses<'a>(
+    stage: &'a Stage,
+    snapshot: &'a Snapshot,
+) -> impl Iterator<Item = (&'a EffectUse, &'a EffectState)> {
+    snapshot.effects.iter().filter_map(|state| Some((stage.effects.get(state.effect)?, state)))
+}
+
+/// Those of the effects that are on, with what has them.
+pub fn shells(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<(Line, Vec<EffectTarget>)> {
     let mut out = Vec::new();
-    for used in snapshot.effects.iter().filter_map(|e| stage.effects.get(*e)) {
+    for (used, state) in uses(stage, snapshot) {
         let effect = options.effects.iter().find(|e| e.manifest().name == used.plugin);
         let Some(effect) = effect.filter(|e| e.hook() == Hook::Shell) else { continue };
-        let parameters = effect_parameters(effect.as_ref(), used);
+        let parameters = effect_parameters(effect.as_ref(), &state.parameters);
         if let Some(shell) = effect.shell(&parameters).filter(|s| s.width > 0.0) {
             let outline = Outline {
                 width: shell.width / options.size[1].max(1) as f32,
@@ -125,9 +135,9 @@ pub fn shells(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<
                 color: shell.color,
                 lighting_mix: shell.lighting_mix,
             };
-            out.push((Line::Hull(outline), used.actors.clone()));
+            out.push((Line::Hull(outline), used.on.clone()));
         }
-        out.extend(effect.edges(&parameters).map(|color| (Line::Edges(color), used.actors.clone())));
+        out.extend(effect.edges(&parameters).map(|color| (Line::Edges(color), used.on.clone())));
     }
     out
 }
@@ -139,17 +149,16 @@ pub fn surface_effects(
     stage: &Stage,
     snapshot: &Snapshot,
     options: &PlanOptions,
-) -> Vec<(PostPass, SurfaceNeeds, Vec<usize>)> {
-    let used = snapshot.effects.iter().filter_map(|e| stage.effects.get(*e));
-    let on_surface = |used: &EffectUse| {
+) -> Vec<(PostPass, SurfaceNeeds, Vec<EffectTarget>)> {
+    let on_surface = |(used, state): (&EffectUse, &EffectState)| {
         let effect = options.effects.iter().find(|e| e.manifest().name == used.plugin)?;
         (effect.hook() == Hook::Surface).then(|| {
-            let parameters = effect_parameters(effect.as_ref(), used);
+            let parameters = effect_parameters(effect.as_ref(), &state.parameters);
             let needs = effect.surface_needs(&parameters);
-            (PostPass { effect: used.plugin.clone(), parameters, number: 0 }, needs, used.actors.clone())
+            (PostPass { effect: used.plugin.clone(), parameters, number: 0 }, needs, used.on.clone())
         })
     };
-    used.filter_map(on_surface).take(MOST_SURFACE_EFFECTS).collect()
+    uses(stage, snapshot).filter_map(on_surface).take(MOST_SURFACE_EFFECTS).collect()
 }
 
 /// Effects that are on, with parameters in manifest order; defaults where the script gives none.
@@ -161,7 +170,7 @@ pub fn post_passes(
     let mut passes = Vec::new();
     let mut unknown = Vec::new();
     let mut surfaces = 0;
-    for used in snapshot.effects.iter().filter_map(|e| stage.effects.get(*e)) {
+    for (used, state) in uses(stage, snapshot) {
         let Some(effect) = effects.iter().find(|e| e.manifest().name == used.plugin) else {
             let why = "no plugin of this name is known".into();
             unknown.push(LeftOut { what: format!("effect \"{}\"", used.plugin), why });
@@ -175,7 +184,7 @@ pub fn post_passes(
         if !matches!(effect.hook(), Hook::Pixel | Hook::Picture) {
             continue;
         }
-        let parameters = effect_parameters(effect.as_ref(), used);
+        let parameters = effect_parameters(effect.as_ref(), &state.parameters);
         let times = if effect.hook() == Hook::Picture { effect.passes() } else { 1 };
         passes.extend((0..times).map(|number| PostPass { effect: used.plugin.clone(), parameters, number }));
     }

@@ -278,14 +278,7 @@ fn an_effect_changes_each_pixel_by_its_function() {
     scene.snapshot.background = Background::Color(Vec4::new(0.5, 0.5, 0.5, 1.0));
     let options = PlanOptions { effects: &effects, ..PlanOptions::new([64, 48], 4) };
     let plain = draw(&scene, &options);
-    scene.stage.effects.push(EffectUse {
-        plugin: "vignette".into(),
-        parameters: vec![("strength".into(), 0.8)],
-        start: choreo_motion::Time::ZERO,
-        actors: Vec::new(),
-        end: None,
-    });
-    scene.snapshot.effects.push(0);
+    common::use_effect(&mut scene, "vignette", &[("strength", 0.8)], &[]);
     let dark = draw(&scene, &options);
     let corner = pixel(&dark, 0, 0);
     let uv = Vec2::new(0.5 / 64.0, 0.5 / 48.0);

@@ -26,14 +26,7 @@ fn all() -> Vec<Arc<dyn Effect>> {
 }
 
 fn with(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
-    scene.snapshot.effects.push(scene.stage.effects.len());
-    scene.stage.effects.push(EffectUse {
-        plugin: plugin.into(),
-        parameters: parameters.iter().map(|(n, v)| (n.to_string(), *v)).collect(),
-        start: choreo_motion::Time::ZERO,
-        end: None,
-        actors: actors.to_vec(),
-    });
+    common::use_effect(scene, plugin, parameters, actors);
 }
 
 /// Lit, unlit, textured, skinned, masked, blended, glass.

@@ -60,14 +60,7 @@ fn effects() -> Vec<Arc<dyn Effect>> {
 }
 
 fn outlined(scene: &mut Scene, width: f64, actors: Vec<usize>) {
-    scene.snapshot.effects.push(scene.stage.effects.len());
-    scene.stage.effects.push(EffectUse {
-        plugin: "outline".into(),
-        parameters: vec![("color_g".into(), 1.0), ("width".into(), width)],
-        start: choreo_motion::Time::ZERO,
-        end: None,
-        actors,
-    });
+    common::use_effect(scene, "outline", &[("color_g", 1.0), ("width", width)], &actors);
 }
 
 const GREEN: [u8; 4] = [0, 255, 0, 255];
@@ -227,7 +220,7 @@ fn vulkan_and_its_twin_draw_the_same_outlines() {
     let c = compare(&vulkan, &draw_with(&scene, &forced), 0).unwrap();
     assert!(c.share_beyond < 0.001, "forced in: {c}");
     // The planted fault: an outline a pixel wider is seen.
-    scene.stage.effects[0].parameters[1].1 = 4.0;
+    scene.snapshot.effects[0].parameters[1].1 = 4.0;
     let c = compare(&draw_with(&scene, &options), &cpu, 2).unwrap();
     assert!(c.share_beyond > 0.002, "the comparison can fail: {c}");
 }

@@ -322,17 +322,12 @@ fn effects_run_in_order_on_linear_light() {
     let mut scene = busy_scene(DVec3::ZERO);
     scene.snapshot.background = Background::Gradient { top: Vec3::X, bottom: Vec3::new(0.5, 0.2, 0.1) };
     for chain in [&["vignette"][..], &["swap", "vignette"], &["vignette", "swap", "swap", "vignette"]] {
-        scene.stage.effects = chain
-            .iter()
-            .map(|name| EffectUse {
-                plugin: (*name).into(),
-                parameters: if *name == "vignette" { vec![("strength".into(), 0.8)] } else { vec![] },
-                start: choreo_motion::Time::ZERO,
-                actors: Vec::new(),
-                end: None,
-            })
-            .collect();
-        scene.snapshot.effects = (0..chain.len()).collect();
+        scene.stage.effects.clear();
+        scene.snapshot.effects.clear();
+        for name in chain {
+            let parameters = if *name == "vignette" { &[("strength", 0.8)][..] } else { &[] };
+            common::use_effect(&mut scene, name, parameters, &[]);
+        }
         for samples in [1, 4] {
             let options = PlanOptions { effects: &effects, ..PlanOptions::new([160, 120], samples) };
             let vulkan = draw_with(r, &scene, &options);

@@ -61,8 +61,12 @@ pub struct CameraRef(pub usize);
 #[derive(Clone, Copy, Debug)]
 pub struct LightRef(pub usize);
 
-#[derive(Clone, Copy, Debug)]
-pub struct EffectRef(pub usize);
+#[derive(Clone, Debug)]
+pub struct EffectRef {
+    pub id: usize,
+    /// Callbacks run when the list of effects has left the script.
+    pub plugin: Arc<str>,
+}
 
 /// A stage in a test: the section's own or one of `stage_of`.
 #[derive(Clone, Copy, Debug)]

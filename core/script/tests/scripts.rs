@@ -249,3 +249,43 @@ fn cameras_of_files_and_shapes() {
     assert_eq!((shiny.shading, shiny.shininess), (choreo_stage::Shading::BlinnPhong, 40.0));
     assert_eq!(shiny.specular_color, glam::Vec3::ONE);
 }
+
+#[test]
+fn parameters_of_effects_are_keyed_and_set_by_callbacks() {
+    let script = good(
+        r#"
+        stage(#{ length: 4.0 });
+        let line = effect("line", #{ width: 1.0 });
+        line.key("width", [[1.0, 1.0], [3.0, 5.0]]);
+        line.key("color", [[0.0, [0.0, 0.0, 0.0]], [2.0, [1.0, 1.0, 1.0]]]);
+        on_frame(|t| if t > 3.5 { line.set("width", 7.0); });
+    "#,
+    );
+    let at = |t: f64, name: &str| {
+        let shot = script.stage.at(secs(t)).unwrap();
+        let found = shot.effects[0].parameters.iter().find(|(n, _)| n == name);
+        found.unwrap_or_else(|| panic!("{name} at {t}")).1
+    };
+    for (t, width) in [(0.0, 1.0), (1.0, 1.0), (1.5, 2.0), (3.0, 5.0), (3.5, 5.0), (3.75, 7.0)] {
+        assert_eq!(at(t, "width"), width, "{t} s");
+    }
+    // Colours are mixed in linear light.
+    assert_eq!((at(1.0, "color_r"), at(1.0, "color_b")), (0.5, 0.5));
+    assert!(script.stage.check().is_empty());
+}
+
+#[test]
+fn an_effect_can_belong_to_a_camera() {
+    let script = good(
+        r#"
+        stage(#{ length: 4.0 });
+        cast("a", load("hero.toy"));
+        camera("wide").at(0.0, 1.0, 5.0);
+        let close = camera("close").at(0.0, 1.0, 2.0).cut(1.0);
+        camera("last").at(0.0, 1.0, 3.0).cut(2.0);
+        effect("glow").on(close);
+    "#,
+    );
+    let on = |t: f64| script.stage.at(secs(t)).unwrap().effects.len();
+    assert_eq!([on(0.5), on(1.0), on(1.9), on(2.0)], [0, 1, 1, 0]);
+}

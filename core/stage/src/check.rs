@@ -34,8 +34,18 @@ impl Stage {
                 checker.need(value.is_finite(), &place, || format!("\"{name}\" is {value}, must be finite"));
             }
             checker.span(&place, effect.start, effect.end);
-            for actor in &effect.actors {
-                checker.index(&place, "actor", *actor, self.actors.len());
+            for (name, keys) in &effect.keys {
+                let place = format!("{place}, \"{name}\"");
+                checker.channel(&place, keys, keys.property == Property::Parameter);
+            }
+            for on in &effect.on {
+                checker.index(&place, "actor", on.actor, self.actors.len());
+                if let (Some(actor), Some(material)) = (self.actors.get(on.actor), on.material) {
+                    checker.index(&place, "material", material as usize, actor.asset.materials.len());
+                }
+            }
+            for camera in &effect.cameras {
+                checker.index(&place, "camera", *camera, self.cameras.len());
             }
         }
         checker.problems
@@ -177,7 +187,8 @@ impl Checker<'_> {
                 | Property::Color
                 | Property::Weight
                 | Property::Speed
-                | Property::ClipTime => false,
+                | Property::ClipTime
+                | Property::Parameter => false,
             };
             self.channel(&place, channel, fits);
         }

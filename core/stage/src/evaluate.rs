@@ -189,9 +189,7 @@ fn evaluate(
     out.background = stage.settings.background;
     let ambient = (stage.settings.ambient_up, stage.settings.ambient_down);
     (out.ambient_up, out.ambient_down) = scratch.edits.ambient.unwrap_or(ambient);
-    out.effects.clear();
-    let on = |e: &EffectUse| e.start <= time && e.end.is_none_or(|end| time < end);
-    out.effects.extend(stage.effects.iter().enumerate().filter(|(_, e)| on(e)).map(|(i, _)| i));
+    effects::evaluate(stage, &scratch.edits, time, camera, &mut out.effects);
     lights::evaluate(stage, &scratch.edits, time, &out.actors, &mut out.lights);
     out.camera = camera::evaluate(stage, framings, &scratch.edits, time, camera, &out.actors)?;
     Ok(())
@@ -277,6 +275,7 @@ fn run_hooks(
     edits.actors.clear();
     edits.cameras.clear();
     edits.lights.clear();
+    edits.effects.clear();
     edits.ambient = None;
     for hook in &stage.hooks {
         hook.run(time, edits)?;

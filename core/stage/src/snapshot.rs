@@ -1,6 +1,6 @@
 //! The stage at one time: what the renderer, `choreo pose` and tests look at.
 
-use crate::{Background, ChangedMaterial, Light, Projection, Shadow};
+use crate::{Background, ChangedMaterial, EffectState, Light, Projection, Shadow};
 use choreo_motion::{Skinning, Time};
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
 
@@ -16,8 +16,8 @@ pub struct Snapshot {
     /// Hemisphere light from above and below, linear.
     pub ambient_up: Vec3,
     pub ambient_down: Vec3,
-    /// Effects on at this time: index into `Stage::effects`, in order.
-    pub effects: Vec<usize>,
+    /// Effects on at this time, in the order of `Stage::effects`.
+    pub effects: Vec<EffectState>,
 }
 
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! The stage as a script leaves it: who is there, what plays when, from where it is seen.
 
-use crate::{ActorSprings, Asset, CueRoot, Goal, Light, Projection, Walk, Warp};
+use crate::{ActorSprings, Asset, CueRoot, EffectEdit, EffectUse, Goal, Light, Projection, Walk, Warp};
 pub use choreo_motion::ik::Limit;
 use choreo_motion::{Clip, FrameRate, Interpolation, PhaseFade, Time};
 pub use choreo_motion::{Ease, Repeat, Skinning};
@@ -197,7 +197,7 @@ pub struct Cue {
     pub root: Option<Arc<CueRoot>>,
 }
 
-/// Keyed property of an actor, camera or light.
+/// Keyed property of an actor, camera, light, cue or effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
     pub property: Property,
@@ -235,6 +235,8 @@ pub enum Property {
     Speed,
     /// Of a cue: seconds of its clip.
     ClipTime,
+    /// Of an effect: one of its numbers.
+    Parameter,
 }
 
 impl Property {
@@ -335,17 +337,6 @@ impl Default for Shadow {
     }
 }
 
-/// An effect plugin in use, with its parameters as given in the script.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EffectUse {
-    pub plugin: String,
-    pub parameters: Vec<(String, f64)>,
-    pub start: Time,
-    pub end: Option<Time>,
-    /// On these of `Stage::actors`; empty: on the whole picture.
-    pub actors: Vec<usize>,
-}
-
 /// A callback of the script, a pure function of the time.
 pub trait FrameHook: Send + Sync + std::fmt::Debug {
     fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError>;
@@ -356,12 +347,13 @@ pub trait FrameHook: Send + Sync + std::fmt::Debug {
     }
 }
 
-/// What a hook may change for one frame: by actor, camera and light index.
+/// What a hook may change for one frame: by actor, camera, light and effect index.
 #[derive(Clone, Debug, Default)]
 pub struct FrameEdits {
     pub actors: Vec<ActorEdit>,
     pub cameras: Vec<(usize, DVec3)>,
     pub lights: Vec<LightEdit>,
+    pub effects: Vec<EffectEdit>,
     pub ambient: Option<(Vec3, Vec3)>,
 }
 

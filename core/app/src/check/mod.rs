@@ -78,6 +78,8 @@ fn look(scene: &Scene, registry: &Registry) -> (Vec<Problem>, Vec<Finding>) {
     }
     for (index, used) in stage.effects.iter().enumerate() {
         if let Some(effect) = registry.effect(&used.plugin)
+            && used.keys.is_empty()
+            && stage.hooks.is_empty()
             && changes_nothing(effect.as_ref(), used)
         {
             let text = format!("effect \"{}\" changes no pixel with these parameters", used.plugin);
@@ -127,7 +129,7 @@ fn changes_nothing(effect: &dyn Effect, used: &EffectUse) -> bool {
     if effect.hook() != Hook::Pixel {
         return false;
     }
-    let parameters = choreo_render::effect_parameters(effect, used);
+    let parameters = choreo_render::effect_parameters(effect, &used.parameters);
     let colors = [Vec4::new(0.0, 0.0, 0.0, 1.0), Vec4::new(0.8, 0.4, 0.1, 1.0), Vec4::ONE];
     (0..81).all(|i| {
         let uv = Vec2::new((i % 9) as f32, (i / 9) as f32) / 8.0;

@@ -268,3 +268,12 @@ pub fn busy_scene(offset: DVec3) -> Scene {
     }
     scene
 }
+
+/// On at any time; `actors`: on these only, where there are any.
+pub fn use_effect(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
+    let parameters: Vec<(String, f64)> = parameters.iter().map(|(n, v)| (n.to_string(), *v)).collect();
+    let effect = scene.stage.effects.len();
+    scene.snapshot.effects.push(EffectState { effect, parameters: parameters.clone() });
+    let on = actors.iter().map(|actor| EffectTarget { actor: *actor, material: None }).collect();
+    scene.stage.effects.push(EffectUse { plugin: plugin.into(), parameters, on, ..EffectUse::default() });
+}

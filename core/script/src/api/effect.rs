@@ -1,13 +1,15 @@
-//! Effects: what happens to the whole picture after the scene is drawn.
+//! Effects: what happens to the whole picture after the scene is drawn, to surfaces, or around them.
 
+use super::keys;
 use crate::build::room;
-use crate::call::{ApiError, Call, Def, Gives, Reply, describe, unknown};
+use crate::call::{ApiError, Call, Def, Gives, Options, Reply, describe, unknown};
+use crate::hook;
 use crate::suggest::list;
 use crate::value::*;
-use choreo_motion::Time;
-use choreo_plugin::{OptionKind, OptionSpec};
-use choreo_stage::EffectUse;
+use choreo_plugin::{Effect, OptionKind, OptionSpec};
+use choreo_stage::{Channel, EffectEdit, EffectTarget, EffectUse, Property};
 use rhai::Dynamic;
+use std::sync::Arc;
 
 const THIS: Gives = Gives::Itself;
 
@@ -17,18 +19,27 @@ pub const DEFS: &[Def] = &[
         "effect",
         "name, options?",
         Gives::A(Kind::Effect),
-        "An effect plugin over the whole picture; options are its parameters.",
+        "An effect plugin, over the whole picture or on everything; options are its parameters.",
         effect,
     ),
-    Def::new(Kind::Effect, "set", "parameter, value", THIS, "Sets a parameter of the effect.", set),
+    Def::new(Kind::Effect, "set", "parameter, value", THIS, "Sets a parameter of the effect.", set)
+        .in_frames(),
+    Def::new(
+        Kind::Effect,
+        "key",
+        "parameter, keys, how?",
+        THIS,
+        "Keys [[time, value], …] of a parameter, a number or a color, as for actors; flags and texts step.",
+        key,
+    ),
     Def::new(Kind::Effect, "from", "time", THIS, "When it begins.", from),
     Def::new(Kind::Effect, "until", "time", THIS, "When it is over.", until),
     Def::new(
         Kind::Effect,
         "on",
-        "actor",
+        "what, options?",
         THIS,
-        "Only on an actor, or on each of an array of them; for effects on surfaces, such as outline. Those over the whole picture refuse it.",
+        "Only on an actor, for effects on surfaces, such as outline; #{ material: name or names }: only on these materials of it. Or only while a camera is on, for all effects. Or on each of an array; further calls add to it.",
         on,
     ),
 ];
@@ -42,50 +53,69 @@ fn effect(c: &mut Call) -> Reply {
     if let Some(file) = plugin.file() {
         c.shared.loader.note_used(&file.path, file.text.as_bytes());
     }
-    let mut used =
-        EffectUse { plugin: name, parameters: Vec::new(), start: Time::ZERO, end: None, actors: Vec::new() };
+    let mut used = EffectUse { plugin: name.clone(), ..EffectUse::default() };
     let mut names: Vec<&str> = plugin.manifest().options.iter().map(|o| o.name.as_str()).collect();
     let colors: Vec<&str> = names.iter().filter_map(|n| n.strip_suffix(PARTS[0])).collect();
     names.extend(colors);
     let o = c.options(1, &names)?;
     for (key, value) in &o.map {
-        set_parameter(c, &mut used, key, value)?;
+        for (name, number) in numbers(plugin.as_ref(), key, value)? {
+            put(&mut used.parameters, name, number);
+        }
     }
     let mut build = c.build();
     room(build.effects.len(), "effects", &c.shared.limits)?;
     build.effects.push(used);
     build.effect_places.push(c.place.clone());
-    Ok(Dynamic::from(EffectRef(build.effects.len() - 1)))
+    Ok(Dynamic::from(EffectRef { id: build.effects.len() - 1, plugin: name.into() }))
 }
 
 /// What the three numbers of a color end with ([`choreo_plugin::Manifest::color`]).
 const PARTS: [&str; 3] = ["_r", "_g", "_b"];
 
-fn set_parameter(c: &Call, used: &mut EffectUse, name: &str, value: &Dynamic) -> Result<(), ApiError> {
-    let Some(plugin) = c.shared.loader.registry().effect(&used.plugin) else { return Ok(()) };
+/// A parameter as scripts name it: a color, or one option of the manifest.
+enum Parameter<'a> {
+    Color([String; 3]),
+    One(&'a OptionSpec),
+}
+
+fn parameter<'a>(plugin: &'a dyn Effect, name: &str) -> Result<Parameter<'a>, ApiError> {
     let options = &plugin.manifest().options;
     let parts = PARTS.map(|part| format!("{name}{part}"));
     if parts.iter().all(|part| options.iter().any(|o| o.name == *part)) {
-        let color = crate::call::color(value, &format!("{}: {name}", used.plugin))?;
-        used.parameters.retain(|(n, _)| !parts.contains(n));
-        let linear = color.to_array().map(f64::from);
-        used.parameters.extend(parts.into_iter().zip(linear));
-        used.parameters.sort_by(|a, b| a.0.cmp(&b.0));
-        return Ok(());
+        return Ok(Parameter::Color(parts));
     }
-    let Some(spec) = options.iter().find(|o| o.name == name) else {
-        let place = format!(" of effect \"{}\"", used.plugin);
-        return Err(unknown("parameter", name, &place, options.iter().map(|o| o.name.as_str())));
-    };
-    let number = as_number(spec, value).ok_or_else(|| {
-        ApiError::new(format!("{}: {name} must be {}, got {}", used.plugin, allowed(spec), describe(value)))
-            .hint(&spec.about)
-    })?;
-    used.parameters.retain(|(n, _)| n != name);
-    used.parameters.push((name.to_string(), number));
-    // The order of calls does not matter to the picture, so it must not matter to the stage either.
-    used.parameters.sort_by(|a, b| a.0.cmp(&b.0));
-    Ok(())
+    options.iter().find(|o| o.name == name).map(Parameter::One).ok_or_else(|| {
+        let place = format!(" of effect \"{}\"", plugin.manifest().name);
+        unknown("parameter", name, &place, options.iter().map(|o| o.name.as_str()))
+    })
+}
+
+/// What a value sets: one number of the manifest, or the three of a color.
+fn numbers(plugin: &dyn Effect, name: &str, value: &Dynamic) -> Result<Vec<(String, f64)>, ApiError> {
+    let effect = &plugin.manifest().name;
+    match parameter(plugin, name)? {
+        Parameter::Color(parts) => {
+            let color = crate::call::color(value, &format!("{effect}: {name}"))?;
+            Ok(parts.into_iter().zip(color.to_array().map(f64::from)).collect())
+        }
+        Parameter::One(spec) => {
+            let number =
+                as_number(spec, value).ok_or_else(|| wrong(spec, &format!("{effect}: {name}"), value));
+            number.map(|n| vec![(name.to_string(), n)])
+        }
+    }
+}
+
+fn wrong(spec: &OptionSpec, label: &str, value: &Dynamic) -> ApiError {
+    ApiError::new(format!("{label} must be {}, got {}", allowed(spec), describe(value))).hint(&spec.about)
+}
+
+/// Sorted: the order of calls does not matter to the picture, so it must not matter to the stage either.
+fn put<T>(parameters: &mut Vec<(String, T)>, name: String, value: T) {
+    parameters.retain(|(n, _)| *n != name);
+    parameters.push((name, value));
+    parameters.sort_by(|a, b| a.0.cmp(&b.0));
 }
 
 /// Texts are handed over as their place in the list of allowed ones.
@@ -111,60 +141,144 @@ fn allowed(spec: &OptionSpec) -> String {
     }
 }
 
+fn plugin(c: &Call, this: &EffectRef) -> Result<Arc<dyn Effect>, ApiError> {
+    let found = c.shared.loader.registry().effect(&this.plugin).cloned();
+    found.ok_or_else(|| ApiError::new(format!("effect \"{}\" is gone", this.plugin)))
+}
+
 fn set(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
-    let name = c.text(0)?;
-    let mut used = c.build().effect(this.0)?.clone();
-    set_parameter(c, &mut used, &name, &c.value(1))?;
-    *c.build().effect(this.0)? = used;
+    let new = numbers(plugin(c, &this)?.as_ref(), &c.text(0)?, &c.value(1))?;
+    if c.in_frame {
+        hook::edit(|edits| {
+            let edit = |(parameter, value)| EffectEdit { effect: this.id, parameter, value };
+            edits.effects.extend(new.into_iter().map(edit));
+        });
+        return c.itself();
+    }
+    let mut build = c.build();
+    let used = build.effect(this.id)?;
+    new.into_iter().for_each(|(name, number)| put(&mut used.parameters, name, number));
+    drop(build);
+    c.itself()
+}
+
+fn key(c: &mut Call) -> Reply {
+    let this: EffectRef = c.this()?;
+    let (plugin, name) = (plugin(c, &this)?, c.text(0)?);
+    let named: Vec<(String, Channel)> = match parameter(plugin.as_ref(), &name)? {
+        Parameter::Color(parts) => {
+            let read = |v: &Dynamic, label: &str| {
+                Ok(crate::call::color(v, label)?.to_array()[..3].iter().map(|n| f64::from(*n)).collect())
+            };
+            let channels = keys::parts(c, Property::Parameter, false, &read)?;
+            parts.into_iter().zip(channels).collect()
+        }
+        Parameter::One(spec) => {
+            let step = !matches!(spec.kind, OptionKind::Number { .. });
+            let read = |v: &Dynamic, label: &str| {
+                as_number(spec, v).map(|n| vec![n]).ok_or_else(|| wrong(spec, label, v))
+            };
+            let channels = keys::parts(c, Property::Parameter, step, &read)?;
+            channels.into_iter().map(|keys| (name.clone(), keys)).collect()
+        }
+    };
+    let mut build = c.build();
+    let used = build.effect(this.id)?;
+    named.into_iter().for_each(|(name, keys)| put(&mut used.keys, name, keys));
+    drop(build);
     c.itself()
 }
 
 fn from(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
     let t = c.time(0)?;
-    c.build().effect(this.0)?.start = t;
+    c.build().effect(this.id)?.start = t;
     c.itself()
 }
 
 fn until(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
     let t = c.time(0)?;
-    let start = c.build().effect(this.0)?.start;
+    let start = c.build().effect(this.id)?.start;
     if t < start {
         return Err(super::actor::before_start("until", t, start));
     }
-    c.build().effect(this.0)?.end = Some(t);
+    c.build().effect(this.id)?.end = Some(t);
     c.itself()
 }
 
 fn on(c: &mut Call) -> Reply {
     let this: EffectRef = c.this()?;
-    let name = c.build().effect(this.0)?.plugin.clone();
-    let of_actors = c.shared.loader.registry().effect(&name).is_some_and(|plugin| plugin.hook().of_actors());
-    if !of_actors {
-        let text = "on: post effects cover the whole picture, not single actors";
-        return Err(ApiError::new(text).hint("leave .on(…) out"));
-    }
-    let who = c.value(0);
-    let actors: Vec<Dynamic> = match who.read_lock::<rhai::Array>() {
+    let what = c.value(0);
+    let all: Vec<Dynamic> = match what.read_lock::<rhai::Array>() {
         Some(array) => array.iter().map(Dynamic::flatten_clone).collect(),
-        None => vec![who.flatten_clone()],
+        None => vec![what.flatten_clone()],
     };
-    let ids: Option<Vec<usize>> =
-        actors.iter().map(|a| a.read_lock::<ActorRef>().map(|actor| actor.id)).collect();
-    let Some(ids) = ids.filter(|ids| !ids.is_empty()) else {
-        return Err(c.wrong(0, "an Actor or an array of them"));
-    };
-    let mut build = c.build();
-    if let Some(gone) = ids.iter().find(|id| **id >= build.actors.len()) {
-        return Err(ApiError::new(format!("actor {gone} is not on this stage")));
+    let o = c.options(1, &["material"])?;
+    let (mut targets, mut cameras) = (Vec::new(), Vec::new());
+    for one in &all {
+        if let Some(camera) = one.read_lock::<CameraRef>() {
+            cameras.push(camera.0);
+        } else if let Some(actor) = one.read_lock::<ActorRef>() {
+            targets.extend(targets_of(&actor, &o)?);
+        } else {
+            return Err(c.wrong(0, "an Actor or an array of them, or a Camera"));
+        }
     }
-    let used = build.effect(this.0)?;
-    used.actors.extend(ids);
+    if all.is_empty() {
+        return Err(c.wrong(0, "an Actor or an array of them, or a Camera"));
+    }
+    if !targets.is_empty() && !plugin(c, &this)?.hook().of_actors() {
+        let text = "on: post effects cover the whole picture, not single actors";
+        return Err(ApiError::new(text).hint("leave .on(…) out, or give it a camera"));
+    }
+    if targets.is_empty() && o.get("material").is_some() {
+        return Err(ApiError::new("on: a camera has no material"));
+    }
+    let mut build = c.build();
+    let (actors, seen_by) = (build.actors.len(), build.cameras.len());
+    if let Some(gone) = targets.iter().find(|t| t.actor >= actors) {
+        return Err(ApiError::new(format!("actor {} is not on this stage", gone.actor)));
+    }
+    if let Some(gone) = cameras.iter().find(|camera| **camera >= seen_by) {
+        return Err(ApiError::new(format!("camera {gone} is not on this stage")));
+    }
+    let used = build.effect(this.id)?;
+    used.on.extend(targets);
+    used.cameras.extend(cameras);
     // In whatever order they are named.
-    used.actors.sort_unstable();
-    used.actors.dedup();
+    used.on.sort_unstable();
+    used.on.dedup();
+    used.cameras.sort_unstable();
+    used.cameras.dedup();
     drop(build);
     c.itself()
+}
+
+/// An actor, or those of its materials that the options name.
+fn targets_of(actor: &ActorRef, o: &Options) -> Result<Vec<EffectTarget>, ApiError> {
+    let Some(given) = o.get("material") else {
+        return Ok(vec![EffectTarget { actor: actor.id, material: None }]);
+    };
+    let names: Vec<Dynamic> = match given.read_lock::<rhai::Array>() {
+        Some(array) => array.iter().map(Dynamic::flatten_clone).collect(),
+        None => vec![given.flatten_clone()],
+    };
+    if names.is_empty() {
+        return Err(ApiError::new("on: material must be a name or an array of at least one"));
+    }
+    let mut out = Vec::new();
+    for name in names {
+        let name = crate::call::text(&name, "on: material")?;
+        let materials = &actor.asset.materials;
+        let before = out.len();
+        let named = (0..).zip(materials).filter(|(_, m)| m.name == name);
+        out.extend(named.map(|(i, _)| EffectTarget { actor: actor.id, material: Some(i) }));
+        if out.len() == before {
+            let place = format!(" of \"{}\"", actor.asset.name);
+            return Err(unknown("material", &name, &place, materials.iter().map(|m| m.name.as_str())));
+        }
+    }
+    Ok(out)
 }

@@ -103,6 +103,21 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
     })
 }
 
+/// Keys of the second argument, by what the third says, of something that is no property of its own: a channel for each
+/// number of its value. `step`: what does not mix holds until the next key, whatever `how` says.
+pub fn parts(c: &Call, property: Property, step: bool, read: &Reader) -> Result<Vec<Channel>, ApiError> {
+    let how = if c.len() > 2 { how(c, 2)? } else { "linear" };
+    let how = if step { "step" } else { how };
+    let keys = read_keys(c, &c.value(1), "key")?;
+    let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
+    let values = keys.iter().enumerate().map(|(i, (_, v))| read(v, &format!("key: value of key {i}")));
+    let values = values.collect::<Result<Vec<_>, _>>()?;
+    let (times, values) = eased(c, &times, values, &eases(&c.value(1), how)?)?;
+    let part = |n: usize| values.iter().map(|v| vec![v[n]]).collect::<Vec<_>>();
+    let count = values.first().map_or(0, Vec::len);
+    Ok((0..count).map(|n| channel(property, how, &times, &part(n))).collect())
+}
+
 /// Later keys of a property replace earlier ones.
 pub fn replace(channels: &mut Vec<Channel>, new: Vec<Channel>) {
     for channel in new {

@@ -135,10 +135,30 @@ impl Effect for Glow {
     }
 }
 
+static LINE: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new("line", "1", "for tests").number("width", "pixels", 2.0, 0.0..=10.0).color(
+        "color",
+        "of the line",
+        [0.0; 3],
+    )
+});
+
+pub struct Line;
+
+impl Effect for Line {
+    fn manifest(&self) -> &Manifest {
+        &LINE
+    }
+    fn hook(&self) -> choreo_plugin::Hook {
+        choreo_plugin::Hook::Shell
+    }
+}
+
 pub fn registry() -> Registry {
     let mut registry = Registry::default();
     registry.add_importer(Toy);
     registry.add_effect(Glow);
+    registry.add_effect(Line);
     registry
 }
 

@@ -125,7 +125,15 @@ impl Stage {
                 });
                 w.time(effect.start);
                 w.option(&effect.end, |w, end| w.time(*end));
-                w.list(&effect.actors, |w, actor| w.count(*actor));
+                w.list(&effect.keys, |w, (name, keys)| {
+                    w.text(name);
+                    w.channel(keys);
+                });
+                w.list(&effect.on, |w, on| {
+                    w.count(on.actor);
+                    w.option(&on.material, |w, material| w.u32(*material));
+                });
+                w.list(&effect.cameras, |w, camera| w.count(*camera));
             });
             w.list(hooks, |w, hook| w.text(&hook.identity()));
         })
@@ -183,7 +191,13 @@ impl Snapshot {
             w.background(background);
             w.vec3(*ambient_up);
             w.vec3(*ambient_down);
-            w.list(effects, |w, effect| w.count(*effect));
+            w.list(effects, |w, state| {
+                w.count(state.effect);
+                w.list(&state.parameters, |w, (name, value)| {
+                    w.text(name);
+                    w.f64(*value);
+                });
+            });
         })
     }
 }
@@ -340,6 +354,7 @@ impl Writer {
             Property::Weight => self.tag(10),
             Property::Speed => self.tag(11),
             Property::ClipTime => self.tag(12),
+            Property::Parameter => self.tag(13),
         }
         self.interpolation(channel.interpolation);
         self.list(&channel.times, |w, t| w.time(*t));

@@ -143,7 +143,10 @@ fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
     let lists = lists
         .chain(stage.cameras.iter().enumerate().map(|(i, c)| (Subject::Camera(i), &c.name, &c.channels)))
         .chain(stage.lights.iter().enumerate().map(|(i, l)| (Subject::Light(i), &l.name, &l.channels)));
-    for (subject, name, channels) in lists {
+    let of_effects = stage.effects.iter().enumerate().flat_map(|(i, e)| {
+        e.keys.iter().map(move |(_, keys)| (Subject::Effect(i), &e.plugin, std::slice::from_ref(keys)))
+    });
+    for (subject, name, channels) in lists.map(|(s, n, c)| (s, n, c.as_slice())).chain(of_effects) {
         if let Some(text) = late(channels) {
             findings.push(warn("keys_after_end", subject, format!("\"{name}\": {text}"), ""));
         }
@@ -165,6 +168,7 @@ fn property_name(property: Property) -> &'static str {
         Property::Weight => "the weight",
         Property::Speed => "the speed",
         Property::ClipTime => "the clip time",
+        Property::Parameter => "a parameter",
     }
 }
 

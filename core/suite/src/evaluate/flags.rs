@@ -18,7 +18,7 @@ pub fn judge(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
             Flag::On(camera) => looks.at(time)?.camera.camera == Some(*camera),
             Flag::Effect(name) => {
                 let on = looks.at(time)?.effects.clone();
-                on.iter().any(|e| looks.stage.effects.get(*e).is_some_and(|e| e.plugin == *name))
+                on.iter().any(|e| looks.stage.effects.get(e.effect).is_some_and(|e| e.plugin == *name))
             }
             Flag::OnFloor(contact) => {
                 let (before, now) = (foot_at(looks, contact, time - step)?, foot_at(looks, contact, time)?);

@@ -121,7 +121,7 @@ fn lines(
         }
         TextsQuantity::Effects => {
             let on = looks.at(time)?.effects.clone();
-            on.iter().filter_map(|i| looks.stage.effects.get(*i)).map(|e| e.plugin.clone()).collect()
+            on.iter().filter_map(|e| looks.stage.effects.get(e.effect)).map(|e| e.plugin.clone()).collect()
         }
     })
 }

@@ -97,7 +97,12 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
                     row("until", viewer.shown_time(end));
                 }
                 if let Some(plugin) = scene.registry.effect(&used.plugin) {
-                    let values = choreo_render::effect_parameters(plugin.as_ref(), used);
+                    let now = viewer
+                        .shown
+                        .as_ref()
+                        .and_then(|s| s.snapshot.effects.iter().find(|e| e.effect == *index));
+                    let given = now.map_or(&used.parameters, |state| &state.parameters);
+                    let values = choreo_render::effect_parameters(plugin.as_ref(), given);
                     for (option, value) in plugin.manifest().options.iter().zip(values) {
                         row(&option.name, value.to_string());
                     }
