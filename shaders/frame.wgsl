@@ -103,6 +103,9 @@ struct Layers {
     iridescence_thickness: vec2<f32>,
     iridescence_ior: f32,
     pad: f32,
+    // Indices of refraction of red, green and blue.
+    iors: vec3<f32>,
+    pad_iors: f32,
     // clearcoat, its roughness, its normal, sheen colour, its roughness, transmission, thickness, iridescence, its thickness,
     // anisotropy, diffuse transmission, its colour
     uv: array<UvTransform, 12>,
@@ -183,5 +186,7 @@ struct ShadowView {
 @if(SHADOW) @group(2) @binding(0) var<uniform> shadow_views: array<ShadowView, 32>;
 @if(SHADOW) @group(2) @binding(1) var shadow_map: texture_depth_2d;
 @if(SHADOW) @group(2) @binding(2) var shadow_sampler: sampler_comparison;
+@if(REFRACTION) @group(2) @binding(3) var behind_texture: texture_2d<f32>;
+@if(REFRACTION) @group(2) @binding(4) var behind_sampler: sampler;
 
 @if(MORPH) @group(1) @binding(0) var<storage, read> morphs: Morphs;

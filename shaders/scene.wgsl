@@ -115,21 +115,26 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     s.film = film_reflectance(layers.iridescence_ior, thickness, nv, s.f0);
     sky_f0 = mix(s.f0, film_f0(s.film, nv), s.film_share);
     @end
-    @if(VOLUME)
+    @if(VOLUME || REFRACTION)
     var depth = layers.thickness * in.scale;
     @if(THICKNESS_TEXTURE) depth *= textureSample(thickness_texture, thickness_sampler, layer_uv(in, 6u)).g;
-    let absorbed = exp(-layers.extinction * depth);
     @end
+    @if(VOLUME) let absorbed = exp(-layers.extinction * depth);
     @if(TRANSMISSION)
     // What is neither reflected nor scattered lets light through (KHR_materials_transmission), less what the volume takes
-    // (KHR_materials_volume, Beer-Lambert). There is no blurred picture of what is behind: of a rough surface the blurred
-    // share is the hemisphere light seen through it.
+    // (KHR_materials_volume, Beer-Lambert). Thin glass sees no blurred picture of what is behind: of a rough surface the
+    // blurred share is the hemisphere light seen through it.
     var transmission = layers.transmission * (1.0 - metallic);
     @if(TRANSMISSION_TEXTURE) transmission *= textureSample(transmission_texture, transmission_sampler, layer_uv(in, 5u)).r;
     var through = base.rgb * transmission * (vec3(1.0) - ambient_specular(s.f0, s.f90, s.roughness, nv));
     @if(VOLUME) through *= absorbed;
     let blurred = roughness * roughness;
     s.diffuse *= 1.0 - transmission;
+    @end
+    @if(REFRACTION)
+    var behind = behind_glass(in.relative, n, v, layers.iors.y, depth, roughness);
+    @if(DISPERSION) behind.x = behind_glass(in.relative, n, v, layers.iors.x, depth, roughness).x;
+    @if(DISPERSION) behind.z = behind_glass(in.relative, n, v, layers.iors.z, depth, roughness).z;
     @end
     @if(DIFFUSE_TRANSMISSION)
     // Of the diffuse light a share comes from behind instead (KHR_materials_diffuse_transmission), less what is reflected.
@@ -217,7 +222,8 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     color += rim * mix(vec3(1.0), lighting, material.rim_lighting_mix);
     @end
 
-    @if(TRANSMISSION) color += through * blurred * ambient(-v);
+    @if(TRANSMISSION && !REFRACTION) color += through * blurred * ambient(-v);
+    @if(REFRACTION) color += through * behind;
     @if(SHEEN) color = color * below_sheen + sheen_color * sheen;
     @if(EMISSIVE && !EMISSIVE_TEXTURE) color += material.emissive;
     @if(EMISSIVE_TEXTURE) color += material.emissive * textureSample(emissive_texture, emissive_sampler, texture_uv(in, 4u)).rgb;
@@ -225,7 +231,7 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @if(SHELL || EDGES) color = material.outline.xyz * mix(vec3(1.0), color, material.outline.w);
     @if(!GLASS && !SURFACE) return vec4(color, alpha);
     @if(!GLASS && SURFACE) return surface_effects(vec4(color, alpha), seen_of(in, front));
-    // Glass is drawn twice: first what is behind is multiplied by what comes through, then what the surface shows is added.
+    // Thin glass is drawn twice: first what is behind is multiplied by what comes through, then what the surface shows is added.
     @if(GLASS_LIGHT && !SURFACE) return vec4(color * alpha, alpha);
     @if(GLASS_LIGHT && SURFACE) return vec4(surface_effects(vec4(color, alpha), seen_of(in, front)).rgb * alpha, alpha);
     @if(GLASS_FILTER)

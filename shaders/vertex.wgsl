@@ -24,7 +24,7 @@ struct VertexOut {
     @if(UV1) @location(4) uv1: vec2<f32>,
     @if(VERTEX_COLOR || TINT) @location(5) color: vec4<f32>,
     // How much longer the mesh's metres are here.
-    @if(VOLUME) @location(6) scale: f32,
+    @if(VOLUME || REFRACTION) @location(6) scale: f32,
     @if(SEEN_JOINTS) @location(7) joints: vec3<f32>,
 }
 
@@ -201,7 +201,7 @@ fn vs(in: VertexIn) -> VertexOut {
     out.tangent = vec4(unit(along), in.tangent.w * handedness);
     @end
     // The root mean square of the three axes.
-    @if(VOLUME) out.scale = sqrt((dot(m.x.xyz, m.x.xyz) + dot(m.y.xyz, m.y.xyz) + dot(m.z.xyz, m.z.xyz)) / 3.0);
+    @if(VOLUME || REFRACTION) out.scale = sqrt((dot(m.x.xyz, m.x.xyz) + dot(m.y.xyz, m.y.xyz) + dot(m.z.xyz, m.z.xyz)) / 3.0);
     @if(UV0) out.uv0 = in.uv0;
     @if(UV1) out.uv1 = in.uv1;
     @if(VERTEX_COLOR && TINT) out.color = in.color * instances[in.instance].tint;

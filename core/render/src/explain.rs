@@ -4,8 +4,8 @@
 use crate::catalog::Catalog;
 use crate::gpu_types::{FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform};
 use crate::mip::level_count;
-use crate::plan::{ActiveMorph, Draw, Instance, Plan, PlanLight, Rows, Shadows};
-use crate::record::{Command, Recording, Target};
+use crate::plan::{ActiveMorph, Behind, Draw, Glass, Instance, Plan, PlanLight, Rows, Shadows};
+use crate::record::{Command, Part as PassPart, Recording, Target};
 use crate::shader::{SceneVariant, switches};
 use crate::vertex::{VertexLayout, pack, pack_morphs};
 use std::collections::{BTreeMap, BTreeSet};
@@ -106,6 +106,11 @@ impl Parts<'_> {
         self.plan.draws.iter().chain(self.shadow_draws())
     }
 
+    /// Glass that bends light.
+    fn refracting(&self) -> impl Iterator<Item = &Draw> {
+        self.plan.draws.iter().filter(|d| d.pipeline.glass == Glass::Refract)
+    }
+
     /// Without materials.
     fn actors<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> Askers {
         Askers { materials: BTreeSet::new(), ..self.askers(draws) }
@@ -115,10 +120,15 @@ impl Parts<'_> {
         let stage = |other| Askers { other: Some(other), ..Askers::default() };
         for command in &recording.commands {
             match command {
-                Command::BeginPass { target, samples, depth, .. } => {
+                Command::BeginPass { target, samples, depth, part, .. } => {
                     let depth = if *depth { ", depth" } else { "" };
                     let plural = if *samples == 1 { "" } else { "s" };
-                    let what = format!("scene → {}, {samples} sample{plural} a pixel{depth}", name(*target));
+                    let part = match part {
+                        PassPart::Whole | PassPart::UntilCopy => "",
+                        PassPart::AfterCopy => ", the rest after the copy behind glass",
+                    };
+                    let what =
+                        format!("scene → {}, {samples} sample{plural} a pixel{depth}{part}", name(*target));
                     let askers = match self.plan.draws.is_empty() {
                         true => stage("the stage's background: nothing else is in view"),
                         false => self.actors(self.plan.draws.iter()),
@@ -136,6 +146,12 @@ impl Parts<'_> {
                     let mut askers = Askers::default();
                     askers.effects.insert(effect.clone());
                     let what = format!("effect {effect}: {} → {}", name(*from), name(*to));
+                    self.add(Kind::Pass, what, None, askers);
+                }
+                Command::CopyBehind { from, levels } => {
+                    let plural = if *levels == 1 { "" } else { "s" };
+                    let what = format!("copy of the {} behind glass, {levels} level{plural}", name(*from));
+                    let askers = self.askers(self.refracting());
                     self.add(Kind::Pass, what, None, askers);
                 }
                 Command::CopyBackground => {
@@ -371,6 +387,14 @@ impl Parts<'_> {
             self.add(Kind::Target, format!("shadow maps {w}×{h}, 32-bit float"), Some(bytes), askers);
         }
         let size = format!("{}×{}", recording.size[0], recording.size[1]);
+        if let Some(Behind { levels }) = self.plan.behind {
+            let [w, h] = recording.size;
+            let texels = |l: u32| u64::from((w >> l).max(1)) * u64::from((h >> l).max(1));
+            let bytes = (0..levels).map(|l| 8 * texels(l)).sum();
+            let askers = self.askers(self.refracting());
+            let what = format!("picture behind glass {size}, {levels} levels, 16-bit floats");
+            self.add(Kind::Target, what, Some(bytes), askers);
+        }
         self.add(
             Kind::Target,
             format!("picture {size}, 8 bits sRGB"),

@@ -93,6 +93,9 @@ pub struct LayersUniform {
     pub iridescence_thickness: Vec2,
     pub iridescence_ior: f32,
     pub pad: f32,
+    /// Indices of refraction of red, green and blue.
+    pub iors: Vec3,
+    pub pad_iors: f32,
     pub uv: [UvTransform; LAYER_SLOTS],
 }
 
@@ -130,6 +133,8 @@ impl LayersUniform {
             iridescence_thickness: film_thickness(catalog),
             iridescence_ior: l.iridescence_ior,
             pad: 0.0,
+            iors: l.iors(),
+            pad_iors: 0.0,
             uv,
         })
     }

@@ -16,6 +16,7 @@ mod needs_layers;
 pub mod plan;
 mod planner;
 mod planner_effects;
+mod planner_glass;
 mod planner_lights;
 mod planner_shadows;
 mod planner_skins;

@@ -28,6 +28,8 @@ pub const WORDS: &[(Features, &str, &str)] = &[
     (Features::SHEEN, "sheen", "any"),
     (Features::TRANSMISSION, "transmission", "any: none lets light through"),
     (Features::VOLUME, "absorption", "a volume that takes light"),
+    (Features::REFRACTION, "refraction", "a volume that bends light"),
+    (Features::DISPERSION, "dispersion", "a volume that bends colours apart"),
     (Features::IRIDESCENCE, "iridescence", "a thin film"),
     (Features::ANISOTROPY, "anisotropy", "highlights that are drawn out"),
     (Features::DIFFUSE_TRANSMISSION, "diffuse transmission", "any: none lets light from behind through"),
@@ -44,7 +46,7 @@ pub fn textures(
         (Some(_), 2) => material.layers[2].is_some(),
         (Some(l), 3..=4) => l.sheen_color != Vec3::ZERO,
         (Some(l), 5) => l.transmission > 0.0,
-        (Some(l), 6) => l.absorbs(),
+        (Some(l), 6) => l.absorbs() || l.refracts(),
         (Some(l), 7..=8) => l.iridescence > 0.0,
         (Some(_), 9) => material.layers[9].is_some(),
         (Some(l), _) => l.diffuse_transmission > 0.0,
@@ -53,7 +55,7 @@ pub fn textures(
 }
 
 /// A coat, sheen, film and light from behind of nothing change no pixel, so they can be forced in where the material has layers at all.
-pub fn bits(layers: Option<&MaterialLayers>, tangents: bool, force_all: bool) -> [(bool, Features); 8] {
+pub fn bits(layers: Option<&MaterialLayers>, tangents: bool, force_all: bool) -> [(bool, Features); 10] {
     let has = |f: fn(&MaterialLayers) -> bool| layers.is_some_and(f);
     let force = force_all && layers.is_some();
     [
@@ -62,6 +64,8 @@ pub fn bits(layers: Option<&MaterialLayers>, tangents: bool, force_all: bool) ->
         (has(|l| l.sheen_color != Vec3::ZERO) || force, Features::SHEEN),
         (has(|l| l.transmission > 0.0), Features::TRANSMISSION),
         (has(MaterialLayers::absorbs), Features::VOLUME),
+        (has(MaterialLayers::refracts), Features::REFRACTION),
+        (has(|l| l.refracts() && l.dispersion > 0.0), Features::DISPERSION),
         (has(|l| l.iridescence > 0.0) || force, Features::IRIDESCENCE),
         (has(|l| l.anisotropy > 0.0) && tangents, Features::ANISOTROPY),
         (has(|l| l.diffuse_transmission > 0.0) || force, Features::DIFFUSE_TRANSMISSION),

@@ -34,6 +34,8 @@ pub struct Plan {
     pub materials: Vec<Arc<CatalogMaterial>>,
     /// Maps that are drawn before all else; `None` where no light casts a shadow on what is seen.
     pub shadows: Option<Shadows>,
+    /// A copy of the picture, made before the first glass that bends light is drawn, to be seen through it; `None` without such glass.
+    pub behind: Option<Behind>,
     /// Effects on surfaces; a bit each in [`PipelineKey::surface`].
     pub surface: Vec<PostPass>,
     /// Full-screen passes in order.
@@ -92,6 +94,13 @@ pub struct Shadows {
     pub views: Vec<ShadowView>,
 }
 
+/// The picture as glass that bends light sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Behind {
+    /// The copy itself, and below it as many halves as the roughest glass in view blurs with.
+    pub levels: u32,
+}
+
 /// One map: what it shows and who is drawn into it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadowView {
@@ -145,13 +154,18 @@ pub struct PipelineKey {
 }
 
 impl PipelineKey {
-    /// Drawn back to front after everything opaque, without writing depth.
+    /// Drawn back to front after everything opaque.
     pub fn is_see_through(&self) -> bool {
         self.blend || self.glass != Glass::No
     }
+
+    /// What is mixed with what is behind it leaves the depth as it is.
+    pub fn writes_depth(&self) -> bool {
+        !self.blend && matches!(self.glass, Glass::No | Glass::Refract)
+    }
 }
 
-/// Surfaces that let light through are drawn twice, in this order.
+/// Thin surfaces that let light through are drawn twice, `Filter` before `Light`; those that bend it once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Glass {
     #[default]
@@ -160,6 +174,8 @@ pub enum Glass {
     Filter,
     /// What the surface itself shows is added.
     Light,
+    /// Shows itself and, through itself, [`Plan::behind`].
+    Refract,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -259,6 +275,11 @@ impl Features {
     pub const DIFFUSE_TRANSMISSION_TEXTURE: Features = Features(1 << 50);
     pub const DIFFUSE_TRANSMISSION_COLOR_TEXTURE: Features = Features(1 << 51);
 
+    /// What is behind is seen where the bent ray leaves the volume.
+    pub const REFRACTION: Features = Features(1 << 52);
+    /// Each colour is bent by an index of its own.
+    pub const DISPERSION: Features = Features(1 << 53);
+
     /// What of a draw's features its depth depends on.
     pub const fn of_depth(self) -> Features {
         let shape = Self::SKIN.0 | Self::SKIN_8.0 | Self::SKIN_DUAL.0 | Self::MORPH.0;
@@ -345,6 +366,8 @@ pub const LEFT_OUT: &[&str] = &[
     "sheen",
     "transmission",
     "absorption",
+    "refraction",
+    "dispersion",
     "iridescence",
     "anisotropy",
     "diffuse transmission",

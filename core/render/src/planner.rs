@@ -72,12 +72,12 @@ impl Plan {
 type ShellKey = (usize, u32, Option<u32>);
 
 /// One copy of one primitive before sorting.
-struct Item {
+pub(crate) struct Item {
     phase: Phase,
-    pipeline: PipelineKey,
-    entry: PrimitiveEntry,
+    pub pipeline: PipelineKey,
+    pub entry: PrimitiveEntry,
     /// Of the plan's changed materials.
-    changed: Option<u32>,
+    pub changed: Option<u32>,
     /// Metres in front of the camera.
     depth: f32,
     /// The smallest depth among the copies that share its draw.
@@ -100,7 +100,7 @@ pub(crate) struct Planner<'a> {
     local_lights: bool,
     pub joint_matrices: Vec<Rows>,
     morphs: Vec<ActiveMorph>,
-    items: Vec<Item>,
+    pub items: Vec<Item>,
     skins: Vec<PosedSkin>,
     pub materials: Vec<Arc<CatalogMaterial>>,
     /// Of the actor at hand: (its material, the catalogue's, place in `materials`).
@@ -302,7 +302,11 @@ impl Planner<'_> {
                     _ => Phase::Opaque,
                 };
                 let depth = self.view.depth(bounds.center());
-                let passes = if glass { &[Glass::Filter, Glass::Light][..] } else { &[Glass::No] };
+                let passes = match glass {
+                    true if key.features.has(Features::REFRACTION) => &[Glass::Refract][..],
+                    true => &[Glass::Filter, Glass::Light],
+                    false => &[Glass::No],
+                };
                 self.items.extend(passes.iter().map(|glass| Item {
                     phase,
                     pipeline: PipelineKey { glass: *glass, ..key },
@@ -436,6 +440,7 @@ impl Planner<'_> {
         self.facts.post_passes = post.len();
         self.facts.surface_effects = self.surface.len();
         self.facts.shadow_views = maps.len();
+        let behind = self.behind();
         let shadows = self.draw_shadows(maps, &mut instances, &mut instance_actors);
         let mut left_out = left_out(all, &self.facts);
         left_out.extend(unknown);
@@ -454,6 +459,7 @@ impl Planner<'_> {
             draws,
             materials: self.materials,
             shadows,
+            behind,
             surface: self.surface.into_iter().map(|(used, ..)| used).collect(),
             post,
             left_out,

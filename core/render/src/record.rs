@@ -4,7 +4,7 @@
 use crate::Plan;
 use crate::catalog::CatalogMaterial;
 use crate::gpu_types::{BASE_SLOTS, TOON_SLOTS};
-use crate::plan::{Draw, Features, TopologyKey};
+use crate::plan::{Draw, Features, Glass, TopologyKey};
 use crate::shader::SceneVariant;
 use crate::vertex::VertexLayout;
 use choreo_stage::Background;
@@ -44,6 +44,12 @@ pub enum Command {
         samples: u32,
         clear: Option<Vec4>,
         depth: bool,
+        part: Part,
+    },
+    /// The picture so far, once more, with so many levels, for glass that bends light.
+    CopyBehind {
+        from: Target,
+        levels: u32,
     },
     BindPipeline(SceneVariant),
     /// Which faces of the next draws are left out.
@@ -78,6 +84,16 @@ pub enum Command {
         to: Target,
     },
     ReadBack,
+}
+
+/// A picture with glass that bends light is drawn in two passes, with a copy of it between them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    Whole,
+    /// Colour, samples and depth are kept.
+    UntilCopy,
+    /// They are as the first part left them.
+    AfterCopy,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -173,7 +189,9 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     if copied {
         commands.push(Command::CopyBackground);
     }
-    commands.push(Command::BeginPass { target: scene, samples: plan.samples, clear, depth });
+    let begin = |clear, part| Command::BeginPass { target: scene, samples: plan.samples, clear, depth, part };
+    let first_part = if plan.behind.is_some() { Part::UntilCopy } else { Part::Whole };
+    commands.push(begin(clear, first_part));
     let mut state = DrawState::new(plan, commands, false, most);
     let first_blended =
         plan.draws.iter().position(|d| d.pipeline.is_see_through()).unwrap_or(plan.draws.len());
@@ -192,7 +210,17 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         state.commands.push(Command::DrawBackground);
         state.pipeline = None;
     }
-    for draw in blended {
+    // What is farther than the first glass that bends light is seen through all such glass.
+    let first_refracting = blended.iter().position(|d| d.pipeline.glass == Glass::Refract);
+    for (index, draw) in blended.iter().enumerate() {
+        if let (Some(behind), true) = (plan.behind, Some(index) == first_refracting) {
+            state.commands.extend([
+                Command::EndPass,
+                Command::CopyBehind { from: scene, levels: behind.levels },
+                begin(None, Part::AfterCopy),
+            ]);
+            state = DrawState::new(plan, state.commands, false, most);
+        }
         state.draw(draw, cull_of(draw));
     }
     let mut commands = state.commands;
@@ -417,7 +445,7 @@ impl fmt::Display for Recording {
                 }
                 Command::CopyBackground => writeln!(f, "copy background")?,
                 Command::SetCull(cull) => writeln!(f, "  cull {cull:?}")?,
-                Command::BeginPass { target, samples, clear, depth } => {
+                Command::BeginPass { target, samples, clear, depth, .. } => {
                     let clear = clear.map_or("load".into(), |c| format!("clear {c}"));
                     let depth = if *depth { ", depth" } else { "" };
                     writeln!(f, "begin {target:?}, {samples} samples, {clear}{depth}")?
@@ -432,6 +460,7 @@ impl fmt::Display for Recording {
                 Command::Draw { first_instance, instance_count } => {
                     writeln!(f, "  draw {instance_count} from {first_instance}")?
                 }
+                Command::CopyBehind { levels, .. } => writeln!(f, "copy behind glass, {levels} levels")?,
                 Command::DrawBackground => writeln!(f, "  background")?,
                 Command::EndPass => writeln!(f, "end")?,
                 Command::PostPass { effect, from, to, .. } => writeln!(f, "post {effect} {from:?} → {to:?}")?,

@@ -156,6 +156,7 @@ fn glass_multiplies_what_is_behind_and_adds_what_it_reflects() {
         let layers = MaterialLayers {
             transmission: transmission as f32,
             thickness: thickness as f32,
+            ior: 1.0,
             attenuation_distance: 1.0,
             attenuation_color: Vec3::new(0.25, 0.5, 0.81),
             ..MaterialLayers::default()
@@ -200,9 +201,12 @@ fn glass_is_planned_twice_and_last() {
     let glass: Vec<Glass> = plan.draws.iter().map(|d| d.pipeline.glass).collect();
     let first = glass.iter().position(|g| *g != Glass::No).unwrap();
     assert!(glass[..first].iter().all(|g| *g == Glass::No));
-    assert_eq!(glass[first..], [Glass::Filter, Glass::Light].repeat(4), "each pair in its order");
+    let thin: Vec<Glass> = glass[first..].iter().copied().filter(|g| *g != Glass::Refract).collect();
+    assert_eq!(thin, [Glass::Filter, Glass::Light].repeat(2), "each pair in its order");
+    assert_eq!(glass[first..].len(), 4 + 2, "what bends light is drawn once");
     let features = plan.draws.iter().fold(Features::default(), |all, d| all.with(d.pipeline.features));
-    for f in [Features::CLEARCOAT, Features::SHEEN, Features::TRANSMISSION, Features::VOLUME] {
+    let bent = Features::REFRACTION.with(Features::DISPERSION);
+    for f in [Features::CLEARCOAT, Features::SHEEN, Features::TRANSMISSION, Features::VOLUME, bent] {
         assert!(features.has(f));
     }
 }
@@ -258,6 +262,8 @@ fn hostile_numbers_stay_finite() {
             sheen_color: Vec3::ONE,
             transmission: 1.0,
             thickness: extreme,
+            ior: if extreme == 0.0 { 1.5 } else { extreme },
+            dispersion: extreme,
             attenuation_distance: extreme,
             attenuation_color: Vec3::ZERO,
             ..MaterialLayers::default()

@@ -155,6 +155,20 @@ fn layer_variants() -> Vec<SceneVariant> {
                 one_light: subset % 2 == 1,
                 shadow_pass: false,
             }));
+            if features.has(Features::TRANSMISSION) {
+                // Bent, with one index or three.
+                let bent = if textured {
+                    Features::REFRACTION.with(Features::DISPERSION)
+                } else {
+                    Features::REFRACTION
+                };
+                let last = list[list.len() - 1];
+                let features = features.with(bent);
+                list.push(SceneVariant {
+                    key: PipelineKey { features, glass: Glass::Refract, ..last.key },
+                    ..last
+                });
+            }
         }
     }
     list
@@ -254,7 +268,7 @@ fn every_combination_compiles() {
         };
         compile(&files, &on, stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
     }
-    let all = Features((1 << 52) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
+    let all = Features((1 << 54) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
     let all =
         SceneVariant { key: key(all), tint: true, joints_uniform: true, one_light: true, shadow_pass: false };
     compile(&files, &switches(&all), &stages, true).unwrap();
@@ -329,7 +343,7 @@ macro_rules! fields {
 
 #[test]
 fn layouts_equal_the_rust_structs() {
-    let all = Features((1 << 52) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
+    let all = Features((1 << 54) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
     let on = switches(&SceneVariant {
         key: key(all),
         tint: true,
@@ -347,7 +361,7 @@ fn layouts_equal_the_rust_structs() {
     compare(&m, "Material", size_of::<MaterialUniform>(), material);
     let layers = fields!(LayersUniform: sheen_color, sheen_roughness, extinction, thickness, clearcoat,
         clearcoat_roughness, clearcoat_normal_scale, transmission, diffuse_transmission_color, diffuse_transmission,
-        anisotropy_direction, anisotropy, iridescence, iridescence_thickness, iridescence_ior, pad, uv);
+        anisotropy_direction, anisotropy, iridescence, iridescence_thickness, iridescence_ior, pad, iors, pad_iors, uv);
     compare(&m, "Layers", size_of::<LayersUniform>(), layers);
     let lookup = fields!(ShadowUniform: texel_from_relative, inside, texel);
     compare(&m, "ShadowView", size_of::<ShadowUniform>(), lookup);

@@ -1,4 +1,5 @@
-//! What lies over, in or behind a metallic-roughness surface (KHR_materials_clearcoat, _sheen, _transmission, _volume).
+//! What lies over, in or behind a metallic-roughness surface (KHR_materials_clearcoat, _sheen, _transmission, _volume,
+//! _ior, _dispersion).
 
 use crate::TextureRef;
 use glam::Vec3;
@@ -27,6 +28,10 @@ pub struct MaterialLayers {
     /// Metres of the mesh's own space that light goes through below the surface; 0: a thin wall. G of the texture.
     pub thickness: f32,
     pub thickness_texture: Option<TextureRef>,
+    /// Index of refraction of the volume: what lies behind is seen displaced where there is one, and 1 bends nothing.
+    pub ior: f32,
+    /// How far the colours of what is seen through it part: 20 ÷ Abbe number; 0: not at all.
+    pub dispersion: f32,
     /// Metres after which white light has the attenuation colour; infinite: clear.
     pub attenuation_distance: f32,
     pub attenuation_color: Vec3,
@@ -68,6 +73,8 @@ impl Default for MaterialLayers {
             transmission_texture: None,
             thickness: 0.0,
             thickness_texture: None,
+            ior: 1.5,
+            dispersion: 0.0,
             attenuation_distance: f32::INFINITY,
             attenuation_color: Vec3::ONE,
             iridescence: 0.0,
@@ -113,6 +120,17 @@ impl MaterialLayers {
         let lost = |c: f32| -libm::logf(c.clamp(1e-6, 1.0)) / self.attenuation_distance;
         let Vec3 { x, y, z } = self.attenuation_color;
         Vec3::new(lost(x), lost(y), lost(z)).min(Vec3::splat(1e6))
+    }
+
+    /// Whether what lies behind is seen where the refracted ray leaves the volume, rather than straight through.
+    pub fn refracts(&self) -> bool {
+        self.transmission > 0.0 && self.thickness > 0.0 && self.ior > 0.0 && self.ior != 1.0
+    }
+
+    /// Indices of refraction of red, green and blue (KHR_materials_dispersion, "Implementation"): blue is bent most.
+    pub fn iors(&self) -> Vec3 {
+        let half = (self.ior - 1.0) * 0.025 * self.dispersion;
+        Vec3::new(self.ior - half, self.ior, self.ior + half).max(Vec3::splat(1e-3))
     }
 
     /// Whether the volume takes anything.

@@ -69,13 +69,14 @@ pub fn read(reader: &mut Reader<'_, '_, '_>, others: &Map<String, Value>, out: &
         return Ok(());
     }
     let said = |name: &'static str| others.get(name).map(|value| Said { name, value });
+    let mut layers = MaterialLayers::default();
     if let Some(ior) = said("KHR_materials_ior") {
         let ior = ior.number(reader, "ior", 1.5, 1e3)?;
+        layers.ior = ior;
         // F0 = ((n − 1) / (n + 1))²; 0 stands for "all is reflected" (KHR_materials_ior, "Extending Materials").
         let f0 = if ior == 0.0 { 1.0 } else { ((ior - 1.0) / (ior + 1.0)) * ((ior - 1.0) / (ior + 1.0)) };
         out.specular_color *= f0 / F0_OF_GLASS;
     }
-    let mut layers = MaterialLayers::default();
     let mut any = false;
     if let Some(coat) = said("KHR_materials_clearcoat") {
         any = true;
@@ -107,6 +108,9 @@ pub fn read(reader: &mut Reader<'_, '_, '_>, others: &Map<String, Value>, out: &
         let far = volume.number(reader, "attenuationDistance", f32::MAX, f32::MAX)?;
         layers.attenuation_distance = if far > 0.0 && far < f32::MAX { far } else { f32::INFINITY };
         layers.attenuation_color = volume.color(reader, "attenuationColor", Vec3::ONE)?.min(Vec3::ONE);
+    }
+    if let Some(dispersion) = said("KHR_materials_dispersion") {
+        layers.dispersion = dispersion.number(reader, "dispersion", 0.0, 1e3)?;
     }
     if let Some(film) = said("KHR_materials_iridescence") {
         any = true;

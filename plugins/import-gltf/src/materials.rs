@@ -43,10 +43,12 @@ pub fn read<'a>(
         }
         out.push(material);
     }
-    let see_through = |m: &&Material| m.layers.as_ref().is_some_and(|l| l.transmission > 0.0);
+    // Through a volume that bends light what is behind is seen blurred.
+    let thin = |m: &Material| m.layers.as_ref().is_some_and(|l| l.transmission > 0.0 && !l.refracts());
+    let see_through = |m: &&Material| thin(m) && m.roughness > 0.0;
     if let Some(first) = out.iter().position(|m| see_through(&m)) {
         let count = out.iter().filter(see_through).count();
-        let what = "let light through: what is behind is tinted, but neither bent by the ior nor blurred by roughness, nor spread by dispersion";
+        let what = "let light through a thin, rough wall: what is behind is tinted, but not blurred by the roughness";
         file.warn(format!("materials[{first}]"), format!("{count} materials {what}"));
     }
     Ok((out, glossy))

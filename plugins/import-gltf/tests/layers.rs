@@ -38,6 +38,23 @@ fn factors() {
     assert!(l.extinction().abs_diff_eq(Vec3::from(lost), 1e-6), "{}", l.extinction());
     assert!(material(json!({})).layers.is_none(), "a plain material has none");
     let volume = material(json!({"KHR_materials_volume": {"thicknessFactor": 1.0}})).layers.unwrap();
+    assert!(l.refracts() && (l.ior, l.dispersion) == (1.5, 0.0) && !volume.refracts());
+    let diamond = material(json!({
+        "KHR_materials_transmission": {"transmissionFactor": 1.0},
+        "KHR_materials_volume": {"thicknessFactor": 0.01},
+        "KHR_materials_ior": {"ior": 2.42},
+        "KHR_materials_dispersion": {"dispersion": 0.36}
+    }));
+    let l = diamond.layers.unwrap();
+    assert!(l.refracts() && (l.ior, l.dispersion) == (2.42, 0.36));
+    // 0.025 · 1.42 · 0.36 to each side.
+    assert!(l.iors().abs_diff_eq(Vec3::new(2.40722, 2.42, 2.43278), 1e-5), "{}", l.iors());
+    let flat = material(json!({
+        "KHR_materials_transmission": {"transmissionFactor": 1.0},
+        "KHR_materials_volume": {"thicknessFactor": 0.01},
+        "KHR_materials_ior": {"ior": 1.0}
+    }));
+    assert!(!flat.layers.unwrap().refracts(), "an index of 1 bends nothing");
     assert_eq!((volume.attenuation_distance, volume.absorbs()), (f32::INFINITY, false));
 }
 
@@ -128,11 +145,15 @@ fn glass_says_what_it_does_not_do() {
         json["materials"][0]["extensions"] =
             json!({"KHR_materials_transmission": {"transmissionFactor": 1.0}})
     });
+    let volume = import(
+        |json| json["materials"][0]["extensions"] = json!({"KHR_materials_transmission": {"transmissionFactor": 1.0}, "KHR_materials_volume": {"thicknessFactor": 0.1}}),
+    );
+    assert!(volume.unwrap().warnings.is_empty(), "a volume bends and blurs");
     let warnings = asset.unwrap().warnings;
     assert_eq!(warnings.len(), 1);
     assert_eq!(
         warnings[0].text,
-        "1 materials let light through: what is behind is tinted, but neither bent by the ior nor blurred by roughness, nor spread by dispersion"
+        "1 materials let light through a thin, rough wall: what is behind is tinted, but not blurred by the roughness"
     );
 }
 

@@ -10,6 +10,7 @@ mod lanes;
 mod layers;
 mod picture;
 mod raster;
+mod refraction;
 mod seen;
 mod setup;
 mod shade;
@@ -21,13 +22,14 @@ mod toon;
 mod vertex;
 
 use crate::catalog::{Catalog, CatalogMaterial};
-use crate::plan::{Draw, Features, Plan};
+use crate::plan::{Draw, Features, Glass, Plan};
 use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
 use choreo_plugin::{Effect, Frame, Hook};
 use choreo_stage::Background;
 use glam::{Mat4, Vec4};
 use raster::{TILE_HEIGHT, TILE_WIDTH};
 use rayon::prelude::*;
+use refraction::Behind;
 use setup::Assembly;
 use shade::{Fragment, ShadeMaterial};
 use shadow::ShadowMaps;
@@ -184,6 +186,7 @@ impl CpuRenderer {
                         plan,
                         surface: self.surface(plan, draw.pipeline.surface),
                         shadows,
+                        behind: None,
                         features,
                         blend: draw.pipeline.blend,
                         glass: draw.pipeline.glass,
@@ -193,8 +196,8 @@ impl CpuRenderer {
                         material,
                     },
                     phase: match draw.pipeline {
-                        k if k.is_see_through() => Phase::Blend,
-                        k if k.features.has(Features::ALPHA_MASK) => Phase::Mask,
+                        k if !k.writes_depth() => Phase::Blend,
+                        k if k.is_see_through() || k.features.has(Features::ALPHA_MASK) => Phase::Mask,
                         _ => Phase::Opaque,
                     },
                     vertices,
@@ -233,56 +236,73 @@ impl CpuRenderer {
             })
         });
         let seen = &plan.view.clip_from_relative;
-        let batches = self.batches(plan, &plan.draws, seen, plan.size, maps.as_ref(), &changed);
-        let spans: Vec<Vec<[u16; 4]>> = batches
-            .par_iter()
-            .map(|b| b.triangles.iter().map(|t| tiles_of(t, plan.size)).collect())
-            .collect();
-        // Bands of tiles that each batch touches, so that a band skips most of a crowd.
-        let bands: Vec<[u16; 2]> = spans
-            .iter()
-            .map(|s| s.iter().fold([u16::MAX, 0], |[low, high], s| [low.min(s[1]), high.max(s[3])]))
-            .collect();
+        let mut batches = self.batches(plan, &plan.draws, seen, plan.size, maps.as_ref(), &changed);
+        let refracting = |b: &Batch| b.fragment.glass == Glass::Refract;
+        if let (Some(behind), Some(first)) = (plan.behind, batches.iter().position(refracting)) {
+            // Drawn as far as it is seen through such glass; then all of it, from the beginning.
+            let mut pixels = vec![Vec4::ZERO; out.len()];
+            bands::<T, Vec4, S>(plan, &batches[..first], &[], &mut pixels);
+            let behind = Arc::new(Behind::new(pixels, plan.size, behind.levels));
+            let glass = batches[first..].iter_mut().filter(|b| refracting(b));
+            glass.for_each(|b| b.fragment.behind = Some(behind.clone()));
+        }
+        bands::<T, P, S>(plan, &batches, post, out);
+        Ok(())
+    }
+}
 
-        let width = plan.size[0] as usize;
-        let columns = width.div_ceil(TILE_WIDTH as usize);
-        out.par_chunks_mut(width * TILE_HEIGHT as usize).enumerate().for_each_init(
-            || (TileBuffers::<T>::new(S), vec![Vec::<TriangleId>::new(); columns]),
-            |(buffers, lists), (band, pixels)| {
-                for list in lists.iter_mut() {
-                    list.clear();
+/// All batches into the tiles of the picture, band by band.
+fn bands<T: Target, P: PixelOf, const S: usize>(
+    plan: &Plan,
+    batches: &[Batch],
+    post: &[picture::Pass],
+    out: &mut [P],
+) {
+    let spans: Vec<Vec<[u16; 4]>> =
+        batches.par_iter().map(|b| b.triangles.iter().map(|t| tiles_of(t, plan.size)).collect()).collect();
+    // Bands of tiles that each batch touches, so that a band skips most of a crowd.
+    let bands: Vec<[u16; 2]> = spans
+        .iter()
+        .map(|s| s.iter().fold([u16::MAX, 0], |[low, high], s| [low.min(s[1]), high.max(s[3])]))
+        .collect();
+
+    let width = plan.size[0] as usize;
+    let columns = width.div_ceil(TILE_WIDTH as usize);
+    out.par_chunks_mut(width * TILE_HEIGHT as usize).enumerate().for_each_init(
+        || (TileBuffers::<T>::new(S), vec![Vec::<TriangleId>::new(); columns]),
+        |(buffers, lists), (band, pixels)| {
+            for list in lists.iter_mut() {
+                list.clear();
+            }
+            for (b, spans) in spans.iter().enumerate() {
+                if !(bands[b][0]..bands[b][1]).contains(&(band as u16)) {
+                    continue;
                 }
-                for (b, spans) in spans.iter().enumerate() {
-                    if !(bands[b][0]..bands[b][1]).contains(&(band as u16)) {
-                        continue;
-                    }
-                    for (i, [x0, y0, x1, y1]) in spans.iter().enumerate() {
-                        if (*y0..*y1).contains(&(band as u16)) {
-                            for list in &mut lists[*x0 as usize..*x1 as usize] {
-                                list.push([b as u32, i as u32]);
-                            }
+                for (i, [x0, y0, x1, y1]) in spans.iter().enumerate() {
+                    if (*y0..*y1).contains(&(band as u16)) {
+                        for list in &mut lists[*x0 as usize..*x1 as usize] {
+                            list.push([b as u32, i as u32]);
                         }
                     }
                 }
-                let y = band * TILE_HEIGHT as usize;
-                let background = std::array::from_fn(|row| row_color(plan, y + row));
-                for (column, list) in lists.iter().enumerate() {
-                    let x = column * TILE_WIDTH as usize;
-                    let tile = Tile {
-                        batches: &batches,
-                        list,
-                        at: [x as i32, y as i32],
-                        size: [(width - x).min(TILE_WIDTH as usize), pixels.len() / width],
-                        picture: plan.size,
-                        background,
-                        post,
-                    };
-                    tile.draw::<T, P, S>(buffers, &mut pixels[x..], width);
-                }
-            },
-        );
-        Ok(())
-    }
+            }
+            let y = band * TILE_HEIGHT as usize;
+            let background = std::array::from_fn(|row| row_color(plan, y + row));
+            for (column, list) in lists.iter().enumerate() {
+                let x = column * TILE_WIDTH as usize;
+                let tile = Tile {
+                    batches,
+                    list,
+                    at: [x as i32, y as i32],
+                    size: [(width - x).min(TILE_WIDTH as usize), pixels.len() / width],
+                    picture: plan.size,
+                    background,
+                    post,
+                };
+                tile.draw::<T, P, S>(buffers, &mut pixels[x..], width);
+            }
+        },
+    );
 }
 
 /// Tiles that a triangle's pixels lie in: [x0, y0, x1, y1), in tiles.

@@ -4,6 +4,7 @@ use super::brdf::*;
 use super::film::{film_f0, film_reflectance};
 use super::lanes::{F4, V3, Weights};
 use super::layers::*;
+use super::refraction::Behind;
 use super::shadow::ShadowMaps;
 use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
@@ -28,6 +29,8 @@ pub struct Fragment<'a> {
     pub plan: &'a Plan,
     /// Where some light casts.
     pub shadows: Option<&'a ShadowMaps>,
+    /// The picture behind glass that bends light.
+    pub behind: Option<Arc<Behind>>,
     /// Effects on the surface, in order.
     pub surface: Vec<(Arc<dyn Effect>, [f32; 8])>,
     pub features: Features,
@@ -209,14 +212,16 @@ impl Fragment<'_> {
                     over.sky_f0 = Some(s.f0.mix(film_f0(film, nv), share));
                     s.film = Some((film, share));
                 }
-                let absorbed = f.has(Features::VOLUME).then(|| {
+                let depth = (f.has(Features::VOLUME) || f.has(Features::REFRACTION)).then(|| {
                     let [a, b, c] = ids.map(|i| vertices[i as usize].scale);
                     let mut depth = weights.scalar(a, b, c) * l.thickness;
                     if let Some([_, g, ..]) = layer(6, Features::THICKNESS_TEXTURE) {
                         depth *= g;
                     }
-                    let_through(l.extinction(), depth)
+                    depth
                 });
+                let absorbed =
+                    depth.filter(|_| f.has(Features::VOLUME)).map(|d| let_through(l.extinction(), d));
                 if f.has(Features::TRANSMISSION) {
                     let mut transmission = (F4::ONE - metallic) * l.transmission;
                     if let Some([r, ..]) = layer(5, Features::TRANSMISSION_TEXTURE) {
@@ -227,9 +232,13 @@ impl Fragment<'_> {
                     if let Some(absorbed) = absorbed {
                         through = through * absorbed;
                     }
-                    let blurred = roughness * roughness;
-                    over.behind = through * sky(-v) * blurred;
-                    over.through = through * (F4::ONE - blurred);
+                    if let Some(depth) = depth.filter(|_| f.has(Features::REFRACTION)) {
+                        over.behind = through * self.refracted(relative, [n, v], l, depth, roughness);
+                    } else {
+                        let blurred = roughness * roughness;
+                        over.behind = through * sky(-v) * blurred;
+                        over.through = through * (F4::ONE - blurred);
+                    }
                     s.diffuse = s.diffuse * (F4::ONE - transmission);
                 }
                 if f.has(Features::DIFFUSE_TRANSMISSION) {
@@ -320,7 +329,7 @@ impl Fragment<'_> {
             color = color.mix(over.coat, over.coat_weight);
         }
         let color = match self.glass {
-            Glass::No => color,
+            Glass::No | Glass::Refract => color,
             Glass::Light => color * alpha,
             Glass::Filter => {
                 let through = over.through * (over.below_sheen * (F4::ONE - over.coat_weight));

@@ -189,7 +189,7 @@ impl Tile<'_, '_> {
                         let at = first[pixel] + s;
                         if blend {
                             b.color[at] = match glass {
-                                Glass::No => b.color[at].blended(color),
+                                Glass::No | Glass::Refract => b.color[at].blended(color),
                                 Glass::Filter => b.color[at].filtered(color),
                                 Glass::Light => b.color[at].lit(color),
                             };

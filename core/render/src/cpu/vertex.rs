@@ -85,7 +85,7 @@ impl VertexStage<'_> {
         if self.features.has(Features::EDGES) {
             out.clip.z += self.nearer(out.clip.z);
         }
-        if self.features.has(Features::VOLUME) {
+        if self.features.has(Features::VOLUME) || self.features.has(Features::REFRACTION) {
             // The root mean square of the three axes.
             let [x, y, z] = rows.0.map(|r| r.truncate());
             out.scale = ((x.dot(x) + y.dot(y) + z.dot(z)) / 3.0).sqrt();

@@ -7,7 +7,7 @@ use super::pipelines::{Id, Pipelines};
 use super::resources::Resources;
 use super::slot::Slot;
 use super::targets::Targets;
-use crate::record::{Command, Cull, Recording, Target};
+use crate::record::{Command, Cull, Part, Recording, Target};
 use crate::{Catalog, RenderError};
 use ash::vk;
 use glam::Vec4;
@@ -43,10 +43,11 @@ impl Execution<'_> {
                     let set = self.slot.view_sets.get(*index).ok_or_else(|| missing("a shadow view"))?;
                     self.bind_set(self.pipelines.layout, 0, set.raw);
                 }
-                Command::BeginPass { target, clear, .. } => {
-                    self.begin_scene(*target, *clear);
+                Command::CopyBehind { from, .. } => self.copy_behind(*from)?,
+                Command::BeginPass { target, clear, part, .. } => {
+                    self.begin_scene(*target, *clear, *part);
                     self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
-                    if let (Some(_), Some(set)) = (&self.targets.shadow, &self.slot.shadow_set) {
+                    if let Some(set) = &self.slot.seen_sets[self.targets.seen().set()] {
                         self.bind_set(self.pipelines.layout, 2, set.raw);
                     }
                 }
@@ -126,7 +127,7 @@ impl Execution<'_> {
         }
     }
 
-    fn barriers(&self, barriers: &[vk::ImageMemoryBarrier2<'_>]) {
+    pub(super) fn barriers(&self, barriers: &[vk::ImageMemoryBarrier2<'_>]) {
         let info = vk::DependencyInfo::default().image_memory_barriers(barriers);
         // SAFETY: the command buffer is being recorded, outside a pass; the images are alive.
         unsafe { self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info) };
@@ -199,10 +200,14 @@ impl Execution<'_> {
         }
     }
 
-    fn begin_scene(&self, target: Target, clear: Option<Vec4>) {
+    fn begin_scene(&self, target: Target, clear: Option<Vec4>, part: Part) {
         let resolved = self.targets.image(target);
         let multisampled = self.targets.multisampled.as_ref();
+        let kept = part != Part::Whole;
+        let resumed = part == Part::AfterCopy;
         let mut barriers = vec![match clear {
+            // The copy left the picture to be drawn into; with several samples it is only resolved into.
+            _ if resumed => again(to_color(resolved), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
             Some(_) => to_color(resolved),
             None => color_barrier(resolved)
                 .src_stage_mask(vk::PipelineStageFlags2::COPY)
@@ -214,9 +219,14 @@ impl Execution<'_> {
                 .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
                 .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
         }];
-        barriers.extend(multisampled.map(to_color));
-        barriers.extend(self.targets.depth.as_ref().map(to_depth));
-        barriers.extend(self.targets.shadow.as_ref().map(|s| from_depth(&s.image)));
+        let (of_samples, of_depth) = (multisampled.map(to_color), self.targets.depth.as_ref().map(to_depth));
+        if resumed {
+            barriers.extend(of_samples.map(|b| again(b, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)));
+            barriers.extend(of_depth.map(|b| again(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)));
+        } else {
+            barriers.extend(of_samples.into_iter().chain(of_depth));
+            barriers.extend(self.targets.shadow.as_ref().map(|s| from_depth(&s.image)));
+        }
         self.barriers(&barriers);
 
         let load = if clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD };
@@ -230,7 +240,11 @@ impl Execution<'_> {
             .clear_value(clear);
         if multisampled.is_some() {
             color = color
-                .store_op(vk::AttachmentStoreOp::DONT_CARE)
+                .store_op(if part == Part::UntilCopy {
+                    vk::AttachmentStoreOp::STORE
+                } else {
+                    vk::AttachmentStoreOp::DONT_CARE
+                })
                 .resolve_mode(vk::ResolveModeFlags::AVERAGE)
                 .resolve_image_view(resolved.view)
                 .resolve_image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
@@ -241,8 +255,8 @@ impl Execution<'_> {
             vk::RenderingAttachmentInfo::default()
                 .image_view(image.view)
                 .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
-                .load_op(vk::AttachmentLoadOp::CLEAR)
-                .store_op(vk::AttachmentStoreOp::DONT_CARE)
+                .load_op(if resumed { vk::AttachmentLoadOp::LOAD } else { vk::AttachmentLoadOp::CLEAR })
+                .store_op(if kept { vk::AttachmentStoreOp::STORE } else { vk::AttachmentStoreOp::DONT_CARE })
                 .clear_value(vk::ClearValue { depth_stencil: far })
         });
         self.begin(&color, depth.as_ref());
@@ -332,8 +346,16 @@ impl Execution<'_> {
     }
 }
 
-fn color_barrier(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+pub(super) fn color_barrier(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     vk::ImageMemoryBarrier2::default().image(image.raw).subresource_range(range(vk::ImageAspectFlags::COLOR))
+}
+
+/// Contents kept, which are in this layout.
+fn again(
+    barrier: vk::ImageMemoryBarrier2<'static>,
+    layout: vk::ImageLayout,
+) -> vk::ImageMemoryBarrier2<'static> {
+    barrier.old_layout(layout)
 }
 
 /// Contents dropped; after whatever the frame before did with it.

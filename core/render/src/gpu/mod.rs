@@ -5,6 +5,7 @@
 //! resources are made when a frame first draws them and kept by content; `load` waits for the device. What fails here is not
 //! tried again here: `steady` does, with a new device that is asked for less.
 
+mod behind;
 mod cache;
 mod context;
 mod descriptors;
@@ -360,8 +361,8 @@ impl VulkanRenderer {
             .prepare(&self.gpu, &self.layouts, &self.catalog, &recording, &mut uploads)
             .and_then(|()| {
                 let slot = &mut self.slots[index];
-                let shadow = self.targets.as_ref().and_then(|t| t.shadow.as_ref());
-                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, shadow)
+                let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
+                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, seen)
             })
             .and_then(|()| {
                 let (slot, pools) = (&mut self.slots[index], &mut self.pools);

@@ -261,10 +261,10 @@ impl Pipelines {
                         samples: *samples,
                         color: (!variant.shadow_pass).then(|| format_of(*float)),
                         // Reversed Z: nearer is greater.
-                        depth: Some((vk::CompareOp::GREATER, !key.is_see_through())),
+                        depth: Some((vk::CompareOp::GREATER, key.writes_depth())),
                         mix: match (key.glass, key.blend) {
-                            (Glass::No, false) => Mix::Replace,
-                            (Glass::No, true) => Mix::Over,
+                            (Glass::No | Glass::Refract, false) => Mix::Replace,
+                            (Glass::No | Glass::Refract, true) => Mix::Over,
                             (Glass::Filter, _) => Mix::Multiply,
                             (Glass::Light, _) => Mix::Add,
                         },

@@ -5,7 +5,7 @@ use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
 use super::memory::Buffer;
 use super::resources::Resources;
-use super::shadow::ShadowTarget;
+use super::targets::Seen;
 use crate::Catalog;
 use crate::gpu_types::{FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform};
 use crate::plan::Rows;
@@ -24,7 +24,8 @@ pub struct Slot {
     pub frame_set: Set,
     /// As the frame's, seen from the light of each shadow map.
     pub view_sets: Vec<Set>,
-    pub shadow_set: Option<Set>,
+    /// By [`Seen::set`]: what is not there is not in the set, whatever was there in another frame.
+    pub seen_sets: [Option<Set>; 4],
     /// Of the frame's changed materials: where their uniforms lie, which of them with which textures, and their sets.
     changed_at: Vec<[u64; 2]>,
     changed: Vec<(u32, u32)>,
@@ -94,7 +95,7 @@ impl Slot {
             ring: None,
             frame_set,
             view_sets: Vec::new(),
-            shadow_set: None,
+            seen_sets: [None; 4],
             changed_at: Vec::new(),
             changed: Vec::new(),
             changed_sets: Vec::new(),
@@ -114,12 +115,13 @@ impl Slot {
         pools: &mut Pools,
         plan: &Plan,
         recording: &Recording,
-        shadow: Option<&ShadowTarget>,
+        seen: Seen<'_>,
     ) -> Result<(), RenderError> {
         let Some(Command::UploadFrameData { instances, joints, morphs, lights }) = recording.commands.first()
         else {
             return Err(RenderError::Usage("a recording starts with its frame data".into()));
         };
+        let shadow = seen.shadow;
         let reads = recording.reads();
         let limits = gpu.limits();
         let align = limits
@@ -133,7 +135,7 @@ impl Slot {
         let of_material = [size_of::<MaterialUniform>(), size_of::<LayersUniform>()].map(|s| s as u64);
         self.changed_at = plan.materials.iter().map(|_| of_material.map(|size| ranges.take(size))).collect();
         let lookups_range = if shadow.is_some() { MAX_VIEWS * size_of::<ShadowUniform>() } else { 0 } as u64;
-        let lookups_at = ranges.take(lookups_range);
+        let lookups_at = ranges.take(lookups_range.max(16));
         let post_at: Vec<u64> =
             plan.post.iter().map(|_| ranges.take(size_of::<PostUniform>() as u64)).collect();
         let instance_bytes: &[u8] = bytemuck::cast_slice(&plan.instances[..*instances]);
@@ -221,8 +223,8 @@ impl Slot {
         }
 
         use vk::DescriptorType as T;
-        let seen = self.view_sets.iter().zip(&view_at);
-        for (set, at) in std::iter::once((&self.frame_set, &frame_at)).chain(seen) {
+        let of_views = self.view_sets.iter().zip(&view_at);
+        for (set, at) in std::iter::once((&self.frame_set, &frame_at)).chain(of_views) {
             let set = set.raw;
             write_buffer(gpu, set, 0, T::UNIFORM_BUFFER, raw, *at, size_of::<FrameUniform>() as u64);
             if *instances > 0 {
@@ -243,15 +245,21 @@ impl Slot {
                 write_buffer(gpu, set, 4, T::UNIFORM_BUFFER, raw, lights_at, lights_range);
             }
         }
-        if let Some(target) = shadow {
-            let set = match self.shadow_set {
+        if seen.set() != 0 {
+            let set = match self.seen_sets[seen.set()] {
                 Some(set) => set,
-                None => pools.allocate(gpu, layouts.shadow, "shadow set")?,
+                None => pools.allocate(gpu, layouts.shadow, "shadows and glass")?,
             };
-            self.shadow_set = Some(set);
-            write_buffer(gpu, set.raw, 0, T::UNIFORM_BUFFER, raw, lookups_at, lookups_range);
-            write_image(gpu, set.raw, 1, T::SAMPLED_IMAGE, target.image.view, vk::Sampler::null());
-            write_image(gpu, set.raw, 2, T::SAMPLER, vk::ImageView::null(), target.sampler);
+            self.seen_sets[seen.set()] = Some(set);
+            // Every binding, as above: what is not there has the place of what is, and is not read.
+            let shadows = shadow.map(|t| (t.image.view, t.sampler));
+            let glass = seen.behind.map(|t| (t.image.view, t.sampler));
+            write_buffer(gpu, set.raw, 0, T::UNIFORM_BUFFER, raw, lookups_at, lookups_range.max(16));
+            for (binding, there) in [(1, shadows.or(glass)), (3, glass.or(shadows))] {
+                let Some((view, sampler)) = there else { continue };
+                write_image(gpu, set.raw, binding, T::SAMPLED_IMAGE, view, vk::Sampler::null());
+                write_image(gpu, set.raw, binding + 1, T::SAMPLER, vk::ImageView::null(), sampler);
+            }
         }
         while self.post_sets.len() < post_at.len() {
             self.post_sets.push(pools.allocate(gpu, layouts.post, "post set")?);

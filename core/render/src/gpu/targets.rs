@@ -1,5 +1,6 @@
 //! Colour, depth and float images of one size; made again when size, samples or the need for them change.
 
+use super::behind::BehindTarget;
 use super::context::Context;
 use super::memory::{Buffer, Image, ImageDesc};
 use super::shadow::ShadowTarget;
@@ -32,6 +33,8 @@ pub struct Needs {
     pub floats: usize,
     /// Texels of the image of shadow maps.
     pub shadow: Option<[u32; 2]>,
+    /// Levels of the picture behind glass.
+    pub behind: Option<u32>,
 }
 
 impl Needs {
@@ -43,6 +46,7 @@ impl Needs {
             depth: false,
             floats: 0,
             shadow: None,
+            behind: None,
         };
         for command in &recording.commands {
             let float = |t: &Target| match t {
@@ -51,6 +55,7 @@ impl Needs {
             };
             match command {
                 Command::BeginShadows { image, .. } => needs.shadow = Some(*image),
+                Command::CopyBehind { levels, .. } => needs.behind = Some(*levels),
                 Command::BeginPass { target, samples, depth, .. } => {
                     (needs.scene, needs.samples, needs.depth) = (*target, *samples, *depth);
                     needs.floats = needs.floats.max(float(target));
@@ -73,8 +78,23 @@ pub struct Targets {
     /// With more than one sample: what is drawn into, resolved into the scene's target.
     pub multisampled: Option<Image>,
     pub shadow: Option<ShadowTarget>,
+    pub behind: Option<BehindTarget>,
     /// The gradient's rows as encoded bytes, and what they were made from.
     background: Option<(Buffer, [Vec3; 2])>,
+}
+
+/// Images of this frame that shaders of the scene read.
+#[derive(Clone, Copy, Default)]
+pub struct Seen<'a> {
+    pub shadow: Option<&'a ShadowTarget>,
+    pub behind: Option<&'a BehindTarget>,
+}
+
+impl Seen<'_> {
+    /// Which of the sets that differ in what is there.
+    pub fn set(self) -> usize {
+        usize::from(self.shadow.is_some()) + 2 * usize::from(self.behind.is_some())
+    }
 }
 
 impl Targets {
@@ -94,12 +114,14 @@ impl Targets {
             depth: None,
             multisampled: None,
             shadow: None,
+            behind: None,
             background: None,
         };
         let made = (|| {
+            let usage = U::COLOR_ATTACHMENT | U::SAMPLED | U::TRANSFER_SRC;
             for i in 0..needs.floats {
                 let name = format!("float target {i}");
-                targets.floats.push(image(&name, FLOAT, U::COLOR_ATTACHMENT | U::SAMPLED, 1)?);
+                targets.floats.push(image(&name, FLOAT, usage, 1)?);
             }
             if needs.depth {
                 let usage = U::DEPTH_STENCIL_ATTACHMENT;
@@ -111,6 +133,8 @@ impl Targets {
                 targets.multisampled = Some(made);
             }
             targets.shadow = needs.shadow.map(|size| ShadowTarget::new(gpu, size)).transpose()?;
+            let behind = needs.behind.map(|levels| BehindTarget::new(gpu, needs.size, levels));
+            targets.behind = behind.transpose()?;
             Ok(())
         })();
         match made {
@@ -120,6 +144,11 @@ impl Targets {
                 Err(e)
             }
         }
+    }
+
+    /// What shaders read beside materials.
+    pub fn seen(&self) -> Seen<'_> {
+        Seen { shadow: self.shadow.as_ref(), behind: self.behind.as_ref() }
     }
 
     pub fn image(&self, target: Target) -> &Image {
@@ -173,6 +202,9 @@ impl Targets {
         }
         if let Some(mut shadow) = self.shadow.take() {
             shadow.destroy(gpu);
+        }
+        if let Some(mut behind) = self.behind.take() {
+            behind.destroy(gpu);
         }
     }
 }

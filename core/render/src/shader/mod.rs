@@ -22,11 +22,12 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 10] = [
+const EMBEDDED: [(&str, &str); 11] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
     ("toon.wgsl", include_str!("../../../../shaders/toon.wgsl")),
     ("layers.wgsl", include_str!("../../../../shaders/layers.wgsl")),
+    ("refraction.wgsl", include_str!("../../../../shaders/refraction.wgsl")),
     ("shadow.wgsl", include_str!("../../../../shaders/shadow.wgsl")),
     ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
     ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
@@ -36,12 +37,13 @@ const EMBEDDED: [(&str, &str); 10] = [
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 8] = [
+pub const SCENE: [&str; 9] = [
     "frame.wgsl",
     "brdf.wgsl",
     "toon.wgsl",
     "vertex.wgsl",
     "layers.wgsl",
+    "refraction.wgsl",
     "shadow.wgsl",
     "surface.wgsl",
     "scene.wgsl",
@@ -119,7 +121,7 @@ pub struct SceneVariant {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 48] = [
+    let names: [(&'static str, Features); 50] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("SKIN_DUAL", Features::SKIN_DUAL),
@@ -154,6 +156,8 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("TRANSMISSION_TEXTURE", Features::TRANSMISSION_TEXTURE),
         ("VOLUME", Features::VOLUME),
         ("THICKNESS_TEXTURE", Features::THICKNESS_TEXTURE),
+        ("REFRACTION", Features::REFRACTION),
+        ("DISPERSION", Features::DISPERSION),
         ("SHELL", Features::SHELL),
         ("EDGES", Features::EDGES),
         ("SEEN_NORMALS", Features::SEEN_NORMALS),
@@ -179,7 +183,7 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("SURFACE", key.surface != 0),
         ("PLACE", key.features.is_lit() || key.surface != 0),
         ("NORMAL_OUT", key.features.is_lit() || key.features.has(Features::SEEN_NORMALS)),
-        ("GLASS", key.glass != Glass::No),
+        ("GLASS", matches!(key.glass, Glass::Filter | Glass::Light)),
         ("GLASS_FILTER", key.glass == Glass::Filter),
         ("GLASS_LIGHT", key.glass == Glass::Light),
         ("BLEND", key.blend),

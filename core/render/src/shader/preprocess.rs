@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 64] = [
+pub const SWITCHES: [&str; 66] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -48,6 +48,8 @@ pub const SWITCHES: [&str; 64] = [
     "TRANSMISSION_TEXTURE",
     "VOLUME",
     "THICKNESS_TEXTURE",
+    "REFRACTION",
+    "DISPERSION",
     "SHELL",
     "EDGES",
     "SEEN_NORMALS",

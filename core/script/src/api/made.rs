@@ -13,7 +13,7 @@ pub const DEFS: &[Def] = &[
         "shape",
         "kind, options?",
         Gives::A(Kind::Asset),
-        "A \"plane\", \"quad\" (upright, for pictures), \"box\", \"sphere\", \"cylinder\", \"cone\", \"capsule\" or \"torus\" on the ground: size, and a look: color, image and normal_map (from image(…)), checker (a second color), tiles (how often either is repeated), alpha (\"opaque\", \"mask\", \"blend\"), roughness, metallic, emissive, unlit, double_sided, or shininess and specular (a color) for Blinn–Phong; over it clearcoat and clearcoat_roughness, sheen (a color) and sheen_roughness, iridescence with film (400 nanometres), anisotropy with brushed (degrees from the u direction), and let through transmission (glass) or translucent (leaves: light from behind) with translucent_color; name, of its joint.",
+        "A \"plane\", \"quad\" (upright, for pictures), \"box\", \"sphere\", \"cylinder\", \"cone\", \"capsule\" or \"torus\" on the ground: size, and a look: color, image and normal_map (from image(…)), checker (a second color), tiles (how often either is repeated), alpha (\"opaque\", \"mask\", \"blend\"), roughness, metallic, emissive, unlit, double_sided, or shininess and specular (a color) for Blinn–Phong; over it clearcoat and clearcoat_roughness, sheen (a color) and sheen_roughness, iridescence with film (400 nanometres), anisotropy with brushed (degrees from the u direction), and let through transmission (glass; with thickness in metres it bends light by ior, 1.5, colours apart by dispersion, and has the color attenuation after attenuation_distance, 1 m) or translucent (leaves: light from behind) with translucent_color; name, of its joint.",
         shape,
     ),
     Def::new(

@@ -7,7 +7,7 @@ use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 /// What [`material`] reads.
-pub const OPTIONS: [&str; 25] = [
+pub const OPTIONS: [&str; 30] = [
     "color",
     "image",
     "normal_map",
@@ -26,6 +26,11 @@ pub const OPTIONS: [&str; 25] = [
     "sheen",
     "sheen_roughness",
     "transmission",
+    "thickness",
+    "ior",
+    "dispersion",
+    "attenuation",
+    "attenuation_distance",
     "iridescence",
     "film",
     "anisotropy",
@@ -129,7 +134,7 @@ fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
 
 /// What lies over, in or behind the surface, by the terms of glTF's extensions.
 fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
-    const LAYERS: std::ops::Range<usize> = 13..24;
+    const LAYERS: std::ops::Range<usize> = 13..29;
     let Some(first) = OPTIONS[LAYERS].iter().find(|name| o.get(name).is_some()) else { return Ok(()) };
     if material.shading != Shading::MetallicRoughness {
         let text =
@@ -139,6 +144,10 @@ fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     for (part, whole) in [
         ("clearcoat_roughness", "clearcoat"),
         ("sheen_roughness", "sheen"),
+        ("thickness", "transmission"),
+        ("dispersion", "thickness"),
+        ("attenuation", "thickness"),
+        ("attenuation_distance", "attenuation"),
         ("film", "iridescence"),
         ("brushed", "anisotropy"),
         ("translucent_color", "translucent"),
@@ -151,6 +160,9 @@ fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     let share = |name: &str, default: f32| -> Result<f32, ApiError> {
         Ok(o.number_in(name, 0.0, 1.0)?.map_or(default, |v| v as f32))
     };
+    let ior = o.number_in("ior", 1.0, 10.0)?.unwrap_or(1.5);
+    // What a surface reflects straight on is ((n − 1) / (n + 1))², and 0.04 at 1.5.
+    material.specular_color *= (((ior - 1.0) / (ior + 1.0)).powi(2) / 0.04) as f32;
     let film = o.number_in("film", 0.0, 100_000.0)?.unwrap_or(400.0) as f32;
     let all = MaterialLayers {
         clearcoat: share("clearcoat", 0.0)?,
@@ -158,6 +170,14 @@ fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
         sheen_color: o.color("sheen")?.map_or(Vec3::ZERO, rgb),
         sheen_roughness: share("sheen_roughness", 0.3)?,
         transmission: share("transmission", 0.0)?,
+        thickness: o.number_in("thickness", 0.0, 1e6)?.unwrap_or(0.0) as f32,
+        ior: ior as f32,
+        dispersion: o.number_in("dispersion", 0.0, 100.0)?.unwrap_or(0.0) as f32,
+        attenuation_color: o.color("attenuation")?.map_or(Vec3::ONE, rgb),
+        attenuation_distance: match o.get("attenuation") {
+            Some(_) => o.number_in("attenuation_distance", 1e-6, 1e6)?.unwrap_or(1.0) as f32,
+            None => f32::INFINITY,
+        },
         iridescence: share("iridescence", 0.0)?,
         iridescence_thickness: [film, film],
         anisotropy: share("anisotropy", 0.0)?,

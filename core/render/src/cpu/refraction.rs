@@ -1,0 +1,111 @@
+//! Twin of refraction.wgsl: what lies behind glass that bends light, as the bent ray meets it.
+
+use super::lanes::{F4, V3};
+use super::shade::Fragment;
+use crate::plan::Features;
+use crate::planner_glass::blur;
+use choreo_stage::MaterialLayers;
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+
+/// The picture before the first such glass, and its halves.
+pub struct Behind {
+    levels: Vec<Level>,
+}
+
+struct Level {
+    size: [usize; 2],
+    texels: Vec<Vec4>,
+}
+
+impl Behind {
+    pub fn new(pixels: Vec<Vec4>, size: [u32; 2], levels: u32) -> Behind {
+        let mut all = vec![Level { size: size.map(|s| s as usize), texels: pixels }];
+        while all.len() < levels as usize {
+            let half = all[all.len() - 1].half();
+            all.push(half);
+        }
+        Behind { levels: all }
+    }
+
+    /// `at`: 0 to 1 from the top left; linear in and between the levels, the border beyond it.
+    fn sample(&self, at: Vec2, lod: f32) -> Vec3 {
+        let last = self.levels.len() - 1;
+        let lod = if lod > 0.0 { lod.min(last as f32) } else { 0.0 };
+        let level = lod as usize;
+        let near = self.levels[level].at(at);
+        let share = lod - level as f32;
+        if share > 0.0 { near.lerp(self.levels[level + 1].at(at), share) } else { near }
+    }
+}
+
+impl Level {
+    /// As a blit with a linear filter makes it: each texel is the level above at its own centre.
+    fn half(&self) -> Level {
+        let size = self.size.map(|side| (side / 2).max(1));
+        let mut texels = vec![Vec4::ZERO; size[0] * size[1]];
+        texels.par_chunks_mut(size[0]).enumerate().for_each(|(y, row)| {
+            for (x, texel) in row.iter_mut().enumerate() {
+                let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                *texel = self.at(centre / Vec2::new(size[0] as f32, size[1] as f32)).extend(1.0);
+            }
+        });
+        Level { size, texels }
+    }
+
+    fn at(&self, at: Vec2) -> Vec3 {
+        let [(x0, x1, fx), (y0, y1, fy)] = [pair(at.x, self.size[0]), pair(at.y, self.size[1])];
+        let texel = |x: usize, y: usize| self.texels[y * self.size[0] + x].truncate();
+        let top = texel(x0, y0).lerp(texel(x1, y0), fx);
+        top.lerp(texel(x0, y1).lerp(texel(x1, y1), fx), fy)
+    }
+}
+
+/// The texels on both sides of a place, and how far it is to the second; the first where the place is no number.
+fn pair(at: f32, size: usize) -> (usize, usize, f32) {
+    let last = (size - 1) as f32;
+    let x = at * size as f32 - 0.5;
+    let x = if x > 0.0 { x.min(last) } else { 0.0 };
+    let first = x as usize;
+    (first, (first + 1).min(size - 1), x - first as f32)
+}
+
+/// The ray inside, by Snell's law; unit length. Nothing where no light enters.
+fn bent(n: V3, v: V3, ior: f32) -> V3 {
+    let eta = F4::splat(1.0 / ior);
+    let nv = n.dot(v);
+    let k = F4::ONE - eta * eta * (F4::ONE - nv * nv);
+    let ray = n * (eta * nv - k.max(F4::ZERO).sqrt()) - v * eta;
+    ray * F4(k.0.map(|k| if k < 0.0 { 0.0 } else { 1.0 }))
+}
+
+impl Fragment<'_> {
+    /// Where the ray leaves the volume, `depth` metres on, blurred as much as the surface is rough.
+    pub(super) fn refracted(
+        &self,
+        relative: V3,
+        [n, v]: [V3; 2],
+        layers: &MaterialLayers,
+        depth: F4,
+        roughness: F4,
+    ) -> V3 {
+        let Some(behind) = &self.behind else { return V3::splat(Vec3::ZERO) };
+        let iors = layers.iors();
+        let seen = |ior: f32| {
+            let exit = relative + bent(n, v, ior) * depth;
+            let height = libm::log2f(self.plan.size[1] as f32);
+            std::array::from_fn::<Vec3, 4, _>(|i| {
+                let exit = Vec4::new(exit.x.0[i], exit.y.0[i], exit.z.0[i], 1.0);
+                let clip = self.plan.view.clip_from_relative * exit;
+                let at = clip.truncate().truncate() / clip.w.max(1e-6) * 0.5 + 0.5;
+                behind.sample(at, height * blur(roughness.0[i], ior))
+            })
+        };
+        let green = seen(iors.y);
+        let (red, blue) = match self.features.has(Features::DISPERSION) {
+            true => (seen(iors.x), seen(iors.z)),
+            false => (green, green),
+        };
+        V3 { x: F4(red.map(|c| c.x)), y: F4(green.map(|c| c.y)), z: F4(blue.map(|c| c.z)) }
+    }
+}

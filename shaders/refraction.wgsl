@@ -1,0 +1,21 @@
+// Glass that bends light: what lies behind, as the bent ray meets it. Twin: core/render/src/cpu/refraction.rs.
+
+@if(REFRACTION)
+// The ray inside, by Snell's law; unit length. Nothing where no light enters.
+fn bent(n: vec3<f32>, v: vec3<f32>, ior: f32) -> vec3<f32> {
+    let eta = 1.0 / ior;
+    let nv = dot(n, v);
+    let k = 1.0 - eta * eta * (1.0 - nv * nv);
+    if (k < 0.0) { return vec3(0.0); }
+    return n * (eta * nv - sqrt(k)) - v * eta;
+}
+
+// The picture behind where the ray leaves the volume, `depth` metres on (glTF-Sample-Viewer, `getVolumeTransmissionRay`),
+// blurred as much as the surface is rough.
+fn behind_glass(relative: vec3<f32>, n: vec3<f32>, v: vec3<f32>, ior: f32, depth: f32, roughness: f32) -> vec3<f32> {
+    let clip = frame.clip_from_relative * vec4(relative + bent(n, v, ior) * depth, 1.0);
+    let at = clip.xy / max(clip.w, 1e-6) * 0.5 + 0.5;
+    let lod = log2(frame.size.y) * roughness * clamp(2.0 * ior - 2.0, 0.0, 1.0);
+    return textureSampleLevel(behind_texture, behind_sampler, at, lod).rgb;
+}
+@end
