@@ -186,6 +186,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         ambient_down,
         lights,
         shadows,
+        behind,
         instances,
         instance_actors: _,
         joint_matrices,
@@ -219,6 +220,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
             draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
         }
     }
+    add(format!("{behind:?}").as_bytes());
     for pass in surface.iter().chain(post) {
         add(format!("{pass:?}").as_bytes());
         let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
