@@ -1,8 +1,11 @@
 //! Dual-quaternion skinning on the CPU; the formulas are those of [`crate::dual_quaternion`].
 
 use crate::Carrier;
-use crate::simd::{F8, Indexed, Lanes, Level, VertexKernel, Vertices, dispatch_vertices};
-use crate::skin::{SkinnedVertices, blended, cross, dot3, transformed, transformed_normals};
+use crate::simd::{
+    Block, Deformed, Deformer, F8, Indexed, Lanes, Level, VertexKernel, VertexStreams, Vertices,
+    dispatch_vertices,
+};
+use crate::skin::{Palette, SkinnedVertices, blended, cross, dot3, transformed, transformed_normals};
 use glam::{Affine3A, DQuat, Mat3A, Vec3, Vec3A};
 
 /// A rigid motion in f32: the real and the dual part, x y z w each.
@@ -87,46 +90,61 @@ struct DualVertices<'a, 'b>(&'b mut SkinDual<'a>);
 impl VertexKernel for DualVertices<'_, '_> {
     #[inline(always)]
     fn run<F: Vertices>(self) {
-        match self.0.influences {
-            4 => self.vertices::<F, 4>(),
-            8 => self.vertices::<F, 8>(),
-            _ => self.vertices::<F, 0>(),
+        let job = self.0;
+        let streams = VertexStreams {
+            influences: job.influences,
+            joint_indices: job.joint_indices,
+            joint_weights: job.joint_weights,
+            positions: bytemuck::cast_slice(job.positions),
+            normals: bytemuck::cast_slice(job.normals),
+            out_positions: bytemuck::cast_slice_mut(job.out_positions),
+            out_normals: bytemuck::cast_slice_mut(job.out_normals),
+        };
+        if job.stretches.is_empty() {
+            streams.run::<F, _>(&Rigid(job.motions));
+        } else {
+            let mut palette = Palette::new();
+            let stretches = palette.of(job.stretches, job.positions.len());
+            streams.run::<F, _>(&Stretched { motions: job.motions, stretches });
         }
     }
 }
 
-impl DualVertices<'_, '_> {
-    /// N influences, or any number where N is 0.
+struct Rigid<'a>(&'a [DualQuaternion]);
+
+impl Deformer for Rigid<'_> {
     #[inline(always)]
-    fn vertices<F: Vertices, const N: usize>(self) {
-        let job = self.0;
-        let influences = job.influences;
-        let positions: &[[f32; 3]] = bytemuck::cast_slice(job.positions);
-        let normals: &[[f32; 3]] = bytemuck::cast_slice(job.normals);
-        let out_positions: &mut [[f32; 3]] = bytemuck::cast_slice_mut(job.out_positions);
-        let out_normals: &mut [[f32; 3]] = bytemuck::cast_slice_mut(job.out_normals);
-        for first in (0..positions.len()).step_by(F::COUNT) {
-            let end = (first + F::COUNT).min(positions.len());
-            let range = first * influences..end * influences;
-            let (joints, weights) = (&job.joint_indices[range.clone()], &job.joint_weights[range]);
-            let motion = Motion::<F>::blended::<N>(job.motions, influences, joints, weights);
-            let points = F::points(&positions[first..]);
-            if job.stretches.is_empty() {
-                F::put_points(motion.moved(points), &mut out_positions[first..]);
-                if !normals.is_empty() {
-                    let turned = motion.turned(F::points(&normals[first..]));
-                    F::put_points(unit(turned), &mut out_normals[first..]);
-                }
-                continue;
-            }
-            let mut stretch = blended::<F, N>(job.stretches, influences, joints, weights);
-            stretch[3] = [F::splat(0.0); 3];
-            let points = transformed(&stretch, points);
-            F::put_points(motion.moved(points), &mut out_positions[first..]);
-            if !normals.is_empty() {
-                let stretched = transformed_normals(&stretch, F::points(&normals[first..]));
-                F::put_points(unit(motion.turned(stretched)), &mut out_normals[first..]);
-            }
+    fn deformed<F: Vertices, const N: usize>(&self, block: Block) -> Deformed<F> {
+        let motion = Motion::<F>::blended::<N>(self.0, &block);
+        let points = motion.moved(F::points(block.points));
+        match block.normals {
+            Some(normals) => (points, Some(unit(motion.turned(F::points(normals))))),
+            None => (points, None),
+        }
+    }
+}
+
+/// Stretches first, as matrices, then rigid motions.
+struct Stretched<'a> {
+    motions: &'a [DualQuaternion],
+    stretches: &'a [Affine3A],
+}
+
+impl Deformer for Stretched<'_> {
+    #[inline(always)]
+    fn deformed<F: Vertices, const N: usize>(&self, block: Block) -> Deformed<F> {
+        let mut stretch = blended::<F, N>(self.stretches, &block);
+        stretch[3] = [F::splat(0.0); 3];
+        let points = transformed(&stretch, F::points(block.points));
+        let normals = match block.normals {
+            Some(normals) => Some(transformed_normals(&stretch, F::points(normals))),
+            None => None,
+        };
+        let motion = Motion::<F>::blended::<N>(self.motions, &block);
+        let points = motion.moved(points);
+        match normals {
+            Some(normals) => (points, Some(unit(motion.turned(normals)))),
+            None => (points, None),
         }
     }
 }
@@ -143,14 +161,9 @@ struct Motion<F> {
 
 impl<F: Vertices> Motion<F> {
     #[inline(always)]
-    fn blended<const N: usize>(
-        motions: &[DualQuaternion],
-        influences: usize,
-        joints: &[u16],
-        weights: &[f32],
-    ) -> Self {
+    fn blended<const N: usize>(motions: &[DualQuaternion], block: &Block) -> Self {
         let zero = F::splat(0.0);
-        let fours = summed::<F, N>(motions, influences, joints, weights);
+        let fours = summed::<F, N>(motions, block);
         let [[x, y, z, w], [dx, dy, dz, dw]] = F::halves(fours);
         let square = x.mul(x).add(y.mul(y)).add(z.mul(z).add(w.mul(w)));
         let some = F::splat(0.0).less(square);
@@ -192,14 +205,12 @@ impl<F: Vertices> Motion<F> {
 #[inline(always)]
 fn summed<F: Vertices, const N: usize>(
     motions: &[DualQuaternion],
-    influences: usize,
-    joints: &[u16],
-    weights: &[f32],
+    &Block { influences, joints, weights, .. }: &Block,
 ) -> [[F::Eight; 4]; 4] {
-    if N == 0 || joints.len() < F::COUNT * N {
+    if N == 0 {
         let mut fours = [[F::Eight::splat(0.0); 4]; 4];
         let mut vertices =
-            joints.chunks_exact(influences.max(1)).zip(weights.chunks_exact(influences.max(1)));
+            joints.as_slice().chunks_exact(influences.max(1)).zip(weights.chunks_exact(influences.max(1)));
         for four in fours.iter_mut().take(F::COUNT / 4) {
             let mut sums = [F::Eight::splat(0.0); 4];
             for (sum, (joints, weights)) in sums.iter_mut().zip(vertices.by_ref()) {
@@ -209,7 +220,7 @@ fn summed<F: Vertices, const N: usize>(
         }
         return fours;
     }
-    let (joints, weights) = (&joints[..F::COUNT * N], &weights[..F::COUNT * N]);
+    let (joints, weights) = (joints.part(0..F::COUNT * N), &weights[..F::COUNT * N]);
     let (motions, weights) = (Indexed::new(motions, joints), weights.as_chunks::<N>().0);
     let [a, b] = [four::<F::Eight, N>(&motions, 0, weights), four::<F::Eight, N>(&motions, 1, weights)];
     match F::COUNT {

@@ -45,6 +45,10 @@ impl Lanes for Avx {
         Avx(unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, b.0) })
     }
     #[inline(always)]
+    fn and(self, b: Self) -> Self {
+        Avx(unsafe { _mm256_and_ps(self.0, b.0) })
+    }
+    #[inline(always)]
     fn select(mask: Self, yes: Self, no: Self) -> Self {
         Avx(unsafe { _mm256_blendv_ps(no.0, yes.0, mask.0) })
     }

@@ -1,7 +1,7 @@
 //! Sixteen floats in a register of AVX-512: for vertices alone, where a matrix fills one.
 
 use super::avx::Avx;
-use super::vertices::{Lanes, Rows, Vertices, padded};
+use super::vertices::{BLOCK, Lanes, Rows, Vertices};
 use glam::Affine3A;
 use std::arch::x86_64::*;
 
@@ -48,6 +48,10 @@ impl Lanes for Avx512 {
         Avx512(unsafe {
             _mm512_castsi512_ps(_mm512_movm_epi32(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, b.0)))
         })
+    }
+    #[inline(always)]
+    fn and(self, b: Self) -> Self {
+        Avx512(unsafe { _mm512_and_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn select(mask: Self, yes: Self, no: Self) -> Self {
@@ -119,21 +123,11 @@ impl Vertices for Avx512 {
     }
     #[inline(always)]
     fn points(points: &[[f32; 3]]) -> [Self; 3] {
-        match points.first_chunk() {
-            Some(points) => load_points(points),
-            None => load_points(&padded(points)),
-        }
+        load_points(points.first_chunk().expect(BLOCK))
     }
     #[inline(always)]
     fn put_points(rows: [Self; 3], points: &mut [[f32; 3]]) {
-        match points.first_chunk_mut() {
-            Some(points) => store_points(rows, points),
-            None => {
-                let mut all = [[0.0; 3]; COUNT];
-                store_points(rows, &mut all);
-                points.copy_from_slice(&all[..points.len()]);
-            }
-        }
+        store_points(rows, points.first_chunk_mut().expect(BLOCK));
     }
 }
 

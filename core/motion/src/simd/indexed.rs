@@ -1,5 +1,31 @@
 //! Items by index, with one look at many indices instead of a branch for each.
 
+/// Indices, and the largest of them or of more.
+#[derive(Clone, Copy)]
+pub(crate) struct Indices<'a> {
+    all: &'a [u16],
+    largest: u16,
+}
+
+impl<'a> Indices<'a> {
+    #[inline(always)]
+    pub fn new(all: &'a [u16]) -> Self {
+        // Without early exit, so that it is vectorised.
+        Indices { all, largest: all.iter().copied().fold(0, u16::max) }
+    }
+
+    /// From one on to another. Panics beyond the last.
+    #[inline(always)]
+    pub fn part(&self, range: std::ops::Range<usize>) -> Self {
+        Indices { all: &self.all[range], largest: self.largest }
+    }
+
+    #[inline(always)]
+    pub fn as_slice(&self) -> &'a [u16] {
+        self.all
+    }
+}
+
 /// Indices that are known to be within the list.
 #[derive(Clone, Copy)]
 pub(crate) struct Indexed<'a, T> {
@@ -8,17 +34,15 @@ pub(crate) struct Indexed<'a, T> {
 }
 
 impl<'a, T> Indexed<'a, T> {
-    /// Panics where an index is out of range.
+    /// Panics where the largest index is out of range.
     #[inline(always)]
-    pub fn new(items: &'a [T], indices: &'a [u16]) -> Self {
-        // Without early exit, so that it is vectorised.
-        let largest = indices.iter().copied().fold(0, u16::max);
+    pub fn new(items: &'a [T], Indices { all, largest }: Indices<'a>) -> Self {
         assert!(
-            usize::from(largest) < items.len() || indices.is_empty(),
+            usize::from(largest) < items.len() || all.is_empty(),
             "joint {largest} is out of range: {} joints",
             items.len()
         );
-        Indexed { items, indices }
+        Indexed { items, indices: all }
     }
 
     /// That of one index. Panics beyond the last.
@@ -37,7 +61,7 @@ impl<'a, T> Indexed<'a, T> {
         let indices = &self.indices.as_chunks::<4>().0[four];
         let all = u64::from_le_bytes(bytemuck::cast(indices.map(u16::to_le)));
         let (a, b, c, d) = (all & 0xFFFF, (all >> 16) & 0xFFFF, (all >> 32) & 0xFFFF, all >> 48);
-        // SAFETY: these are the indices that `new` has compared with the length of this list, which is borrowed, as they are,
+        // SAFETY: `new` has compared the largest of these indices with the length of this list, which is borrowed, as they are,
         // and so has not changed since.
         unsafe {
             [
@@ -52,28 +76,31 @@ impl<'a, T> Indexed<'a, T> {
 
 #[cfg(test)]
 mod tests {
-    use super::Indexed;
+    use super::{Indexed, Indices};
 
     #[test]
     fn finds_items_by_index() {
         let items = [10, 11, 12, 13];
-        let indexed = Indexed::new(&items, &[3, 0, 1, 1, 2, 3, 0, 0]);
+        let indexed = Indexed::new(&items, Indices::new(&[3, 0, 1, 1, 2, 3, 0, 0]));
         assert_eq!(indexed.four(0).map(|i| *i), [13, 10, 11, 11]);
         assert_eq!(indexed.four(1).map(|i| *i), [12, 13, 10, 10]);
-        assert!(Indexed::<i32>::new(&[], &[]).indices.is_empty());
+        assert!(Indexed::<i32>::new(&[], Indices::new(&[])).indices.is_empty());
         let many = vec![7u8; 70_000];
-        assert_eq!(Indexed::new(&many, &[u16::MAX; 4]).four(0), [&7; 4]);
+        assert_eq!(Indexed::new(&many, Indices::new(&[u16::MAX; 4])).four(0), [&7; 4]);
+        let part = Indices::new(&[9, 3, 0, 1, 1]).part(1..5);
+        assert_eq!(Indexed::new(&many, part).four(0), [&7; 4]);
     }
 
     #[test]
     #[should_panic(expected = "joint 2 is out of range: 2 joints")]
     fn an_index_beyond_the_list_is_no_index() {
-        Indexed::new(&[1, 2], &[0, 1, 2, 0]);
+        // The largest is not in this part.
+        Indexed::new(&[1, 2], Indices::new(&[0, 1, 2, 0]).part(0..2));
     }
 
     #[test]
     #[should_panic(expected = "joint 0 is out of range: 0 joints")]
     fn an_empty_list_has_no_items() {
-        Indexed::<u8>::new(&[], &[0]);
+        Indexed::<u8>::new(&[], Indices::new(&[0]));
     }
 }

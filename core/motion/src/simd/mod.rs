@@ -11,9 +11,11 @@ mod avx;
 mod avx512;
 mod indexed;
 mod portable;
+mod streams;
 mod vertices;
 
-pub(crate) use indexed::Indexed;
+pub(crate) use indexed::{Indexed, Indices};
+pub(crate) use streams::{Block, Deformed, Deformer, VertexStreams};
 pub(crate) use vertices::{Lanes, Rows, VertexKernel, Vertices, dispatch_vertices};
 
 use crate::{LANES, Lane};

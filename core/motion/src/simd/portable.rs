@@ -54,6 +54,10 @@ impl Lanes for Array {
         self.map2(b, |a, b| mask_of(a < b))
     }
     #[inline(always)]
+    fn and(self, b: Self) -> Self {
+        self.map2(b, |a, b| f32::from_bits(a.to_bits() & b.to_bits()))
+    }
+    #[inline(always)]
     fn select(mask: Self, yes: Self, no: Self) -> Self {
         Array(std::array::from_fn(|i| if mask.0[i].is_sign_negative() { yes.0[i] } else { no.0[i] }))
     }

@@ -1,7 +1,6 @@
 //! What skinning needs of a register: as many vertices at a time as it has lanes.
 
 use super::{F8, Level, portable::Array};
-use crate::LANES;
 use glam::Affine3A;
 
 /// Floats side by side.
@@ -17,6 +16,8 @@ pub(crate) trait Lanes: Copy {
     fn flipped_by(self, by: Self) -> Self;
     /// All bits set where less; not where NaN.
     fn less(self, b: Self) -> Self;
+    /// Of two masks, the lanes in both.
+    fn and(self, b: Self) -> Self;
     /// `yes` in the lanes where the mask has its sign bit set.
     fn select(mask: Self, yes: Self, no: Self) -> Self;
 }
@@ -42,9 +43,9 @@ pub(crate) trait Vertices: Lanes {
     fn columns(fours: [Self::Four; 4]) -> Rows<Self>;
     /// Component rows of the first and the last four of eight floats, of as many fours as there are, each from [`F8::half_rows4`].
     fn halves(fours: [[Self::Eight; 4]; 4]) -> [[Self; 4]; 2];
-    /// Component rows of the first points, zeros after the last.
+    /// Component rows of the first points. Panics where there are fewer than lanes.
     fn points(points: &[[f32; 3]]) -> [Self; 3];
-    /// Writes as many as there is room for.
+    /// Panics where there is no room for all.
     fn put_points(rows: [Self; 3], points: &mut [[f32; 3]]);
 }
 
@@ -81,31 +82,16 @@ impl<F: F8> Vertices for F {
     }
     #[inline(always)]
     fn points(points: &[[f32; 3]]) -> [F; 3] {
-        match points.first_chunk() {
-            Some(points) => F::load_points(points),
-            None => F::load_points(&padded(points)),
-        }
+        F::load_points(points.first_chunk().expect(BLOCK))
     }
     #[inline(always)]
     fn put_points(rows: [F; 3], points: &mut [[f32; 3]]) {
-        match points.first_chunk_mut() {
-            Some(points) => F::store_points(rows, points),
-            None => {
-                let mut all = [[0.0; 3]; LANES];
-                F::store_points(rows, &mut all);
-                points.copy_from_slice(&all[..points.len()]);
-            }
-        }
+        F::store_points(rows, points.first_chunk_mut().expect(BLOCK));
     }
 }
 
-/// Fewer than N points, and zeros.
-#[inline(always)]
-pub(super) fn padded<const N: usize>(points: &[[f32; 3]]) -> [[f32; 3]; N] {
-    let mut all = [[0.0; 3]; N];
-    all[..points.len()].copy_from_slice(points);
-    all
-}
+/// What a block of vertices is.
+pub(super) const BLOCK: &str = "a vertex for each lane";
 
 /// A [`super::Kernel`] over vertices.
 pub(crate) trait VertexKernel {
