@@ -80,6 +80,13 @@ fn reflect_light(base: vec3<f32>, specular: vec3<f32>, n: vec3<f32>, v: vec3<f32
 }
 @end
 
+@if(SEEN_SHADOW)
+// ITU-R BT.709.
+fn luminance(c: vec3<f32>) -> f32 {
+    return dot(c, vec3(0.2126, 0.7152, 0.0722));
+}
+@end
+
 @if(LIT)
 fn ambient(n: vec3<f32>) -> vec3<f32> {
     return mix(frame.ambient_down.xyz, frame.ambient_up.xyz, n.y * 0.5 + 0.5);

@@ -182,6 +182,8 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     var color = base.rgb * lighting;
     @end
 
+    @if(SEEN_SHADOW && SHADOW) light_whole = luminance(ambient(own_n));
+
     @if(LIT && !ONE_LIGHT)
     for (var i = 0u; i < frame.light_count; i++) {
         let light = lights[i];
@@ -200,6 +202,11 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
         @if(SHADOW && !DIFFUSE_TRANSMISSION) let share = shadow_share(light, in.relative, own_n, l);
         // Light from behind falls on the other side.
         @if(SHADOW && DIFFUSE_TRANSMISSION) let share = shadow_share(light, in.relative, select(own_n, -own_n, dot(n, l) < 0.0), l);
+        @if(SEEN_SHADOW && SHADOW)
+        let falling = luminance(light_color) * clamp(dot(own_n, l), 0.0, 1.0);
+        light_whole += falling;
+        light_lost += falling * (1.0 - share);
+        @end
         @if(SHADOW && !TOON) light_color *= share;
         // Behind the surface nl is 0, and everything it is multiplied with is finite.
         let nl = clamp(dot(n, l), 0.0, 1.0);

@@ -10,6 +10,7 @@ struct Seen {
     background: vec3<f32>,
     joints: vec3<f32>,
     uv: vec2<f32>,
+    shadow: f32,
 }
 
 // Of up to eight effects.
@@ -20,6 +21,9 @@ fn surface_parameters_of(index: u32) -> array<f32, 8> {
     let b = surface_parameters[2u * index + 1u];
     return array<f32, 8>(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
 }
+
+@if(SEEN_SHADOW) var<private> light_whole: f32;
+@if(SEEN_SHADOW) var<private> light_lost: f32;
 
 fn seen_of(in: VertexOut, front: bool) -> Seen {
     var seen: Seen;
@@ -33,6 +37,7 @@ fn seen_of(in: VertexOut, front: bool) -> Seen {
     seen.background = mix(frame.background_top.xyz, frame.background_bottom.xyz, in.position.y / frame.size.y);
     @if(SEEN_JOINTS) seen.joints = in.joints;
     @if(UV0) seen.uv = in.uv0;
+    @if(SEEN_SHADOW) seen.shadow = light_lost / max(light_whole, 1e-6);
     return seen;
 }
 @end

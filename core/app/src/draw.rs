@@ -13,7 +13,8 @@ use crate::{device, interrupt, provenance};
 use choreo_media::journal::Identity;
 use choreo_motion::Time;
 use choreo_plugin::{Registry, VideoInfo};
-use choreo_render::{Catalog, Plan, PlanOptions, Renderer};
+use choreo_render::exposure::plan_at;
+use choreo_render::{Catalog, PlanOptions, Renderer};
 use choreo_stage::Evaluator;
 use std::sync::Arc;
 use std::time::Instant;
@@ -155,8 +156,8 @@ impl Drawing<'_> {
                 let hint = choreo_script::raise_hint("render_seconds", format!("{limit} s"));
                 return Err(Failure::input(format!("the render takes too long\n    hint: {hint}")));
             }
-            let snapshot = evaluator.at(time).map_err(|e| Failure::input(e.to_string()))?;
-            Ok(Plan::new(&catalog, evaluator.stage(), &snapshot, &options))
+            let planned = plan_at(&catalog, &mut evaluator, time, &options, None);
+            planned.map(|(_, plan)| plan).map_err(|e| Failure::input(e.to_string()))
         });
         let progress = Progress::new(frames.len() as u64, self.args.quiet || self.args.json);
         let frames = frames.to_vec();

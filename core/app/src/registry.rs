@@ -29,6 +29,10 @@ pub fn registry() -> Registry {
     registry.add_effect(effect_wireframe::Wireframe);
     registry.add_effect(effect_fxaa::Fxaa);
     registry.add_effect(effect_bloom::Bloom);
+    registry.add_effect(effect_skeleton::Skeleton);
+    registry.add_effect(effect_grid::Grid);
+    registry.add_effect(effect_shadow_catcher::ShadowCatcher);
+    registry.add_effect(effect_motion_blur::MotionBlur);
     registry.add_effect(effect_vignette::Vignette);
     registry.add_exporter(export_png::PngExporter);
     registry.add_exporter(export_mp4::Mp4Exporter);

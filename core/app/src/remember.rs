@@ -195,6 +195,9 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         materials,
         surface,
         post,
+        overlay,
+        exposed,
+        linear,
         left_out: _,
     } = plan;
     // Numbers are printed so that no two that differ look alike: the shortest text that reads as the same number.
@@ -226,6 +229,9 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
         add(effect.map_or("", |e| e.wgsl()).as_bytes());
     }
+    add(bytemuck::cast_slice(&overlay.vertices));
+    add(format!("{:?} {linear}", overlay.parts).as_bytes());
+    exposed.iter().for_each(|part| add(&key(part, catalog, effects)));
     *hasher.finalize().as_bytes()
 }
 

@@ -4,6 +4,7 @@
 use crate::Scene;
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame};
+use choreo_render::exposure::plan_at;
 use choreo_render::renderer::Work;
 use choreo_render::{Catalog, DeviceInfo, Plan, PlanOptions, Renderer};
 use choreo_stage::{CameraState, Evaluator, Snapshot};
@@ -24,6 +25,8 @@ pub struct Asked {
     pub samples: u32,
     /// In place of the scene's.
     pub camera: Option<CameraState>,
+    /// It will be gone at once: played or scrubbed. Effects that take many pictures for one wait for a still.
+    pub moving: bool,
     /// Given back with the frame.
     pub ticket: u64,
 }
@@ -197,13 +200,19 @@ impl Easel {
             self.evaluator = Some(scene.evaluator.clone());
         }
         let evaluator = self.evaluator.get_or_insert_with(|| scene.evaluator.clone());
-        let mut snapshot = evaluator.at(asked.time).map_err(|e| e.to_string())?;
-        if let Some(camera) = asked.camera {
-            snapshot.camera = camera;
-        }
-        let evaluated_in = start.elapsed();
         let options = PlanOptions { effects, ..PlanOptions::new(asked.size, asked.samples) };
-        let plan = Plan::new(&scene.catalog, &scene.stage, &snapshot, &options);
+        let (snapshot, plan, evaluated_in) = if asked.moving {
+            // What moves past is not worth many pictures a frame.
+            let mut snapshot = evaluator.at(asked.time).map_err(|e| e.to_string())?;
+            snapshot.camera = asked.camera.unwrap_or(snapshot.camera);
+            let evaluated_in = start.elapsed();
+            let plan = Plan::new(&scene.catalog, &scene.stage, &snapshot, &options);
+            (snapshot, plan, evaluated_in)
+        } else {
+            let planned = plan_at(&scene.catalog, evaluator, asked.time, &options, asked.camera);
+            let (snapshot, plan) = planned.map_err(|e| e.to_string())?;
+            (snapshot, plan, start.elapsed())
+        };
         let left_out = plan.left_out.iter().map(|l| (l.what.to_string(), l.why.to_string())).collect();
         let draws = plan.draws.len();
         let planned_in = start.elapsed() - evaluated_in;

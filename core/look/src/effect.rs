@@ -101,6 +101,7 @@ impl WgslEffect {
             normals: reads("normal") || reads("facing"),
             uvs: reads("uv"),
             joints: reads("joints"),
+            shadow: reads("shadow"),
             see_through,
         };
         let effect = WgslEffect { manifest, wgsl, program, hook, needs, origin: None };
@@ -148,11 +149,11 @@ impl WgslEffect {
             let colors = [[0.0, 0.0, 0.0, 1.0], [1.0, 0.5, 0.25, 1.0], [8.0, 8.0, 8.0, 1.0]];
             // Of a surface: far and near, of every facing.
             let places = [
-                [0.0; 16],
-                [0.5; 16],
-                [0.99, 0.01, 7.0, 100.0, 0.0, 1.0, 0.0, -1.0, 0.2, 0.2, 0.2, 1.0, 0.0, 0.0, 3.5, -2.0],
+                [0.0; 17],
+                [0.5; 17],
+                [0.99, 0.01, 7.0, 100.0, 0.0, 1.0, 0.0, -1.0, 0.2, 0.2, 0.2, 1.0, 0.0, 0.0, 3.5, -2.0, 0.5],
             ];
-            let size = if self.hook == Hook::Surface { 16 } else { 2 };
+            let size = if self.hook == Hook::Surface { 17 } else { 2 };
             colors.iter().all(|c| places.iter().all(|at| self.program.run(*c, &at[..size], &p).is_some()))
         })
     }
@@ -160,7 +161,7 @@ impl WgslEffect {
 
 /// What a function of a surface sees; as in shaders/surface.wgsl, and [`Seen`] in this order.
 const SEEN: &str = "struct Seen { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
-    joints: vec3<f32>, uv: vec2<f32> }\n";
+    joints: vec3<f32>, uv: vec2<f32>, shadow: f32 }\n";
 
 fn signature(hook: Hook) -> &'static str {
     match hook {
@@ -230,6 +231,7 @@ impl Effect for WgslEffect {
             j.z,
             seen.uv.x,
             seen.uv.y,
+            seen.shadow,
         ];
         let out = self.program.run(color.to_array(), &at, parameters);
         out.map_or(TOO_LONG, Vec4::from_array)

@@ -33,7 +33,7 @@ pub fn code(
         let inner = info[handle].ty.inner_with(types);
         let shape = shape::shape(inner, types).ok_or_else(|| refuse("this type of value"))?;
         if shape.size > MOST && !shape.is_pointer {
-            return Err(refuse("a value of more than 16 numbers; index it where it stands"));
+            return Err(refuse("a value of more than 20 numbers; index it where it stands"));
         }
         if let Some(what) = unknown(expression) {
             return Err(refuse(what));
@@ -61,7 +61,7 @@ pub fn code(
             })?;
         if size > MOST && variable.init.is_some() {
             return Err(Unsupported {
-                what: "a first value of more than 16 numbers".into(),
+                what: "a first value of more than 20 numbers".into(),
                 span: function.local_variables.get_span(handle),
             });
         }

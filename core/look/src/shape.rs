@@ -2,8 +2,8 @@
 
 use naga::{ScalarKind, TypeInner, UniqueArena};
 
-/// Most components of a value held at once (a 4×4 matrix); larger arrays are read through their variable.
-pub const MOST: usize = 16;
+/// Most components of a value held at once (a 4×4 matrix, what is seen of a surface); larger arrays are read through their variable.
+pub const MOST: usize = 20;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Value(pub [u32; MOST]);

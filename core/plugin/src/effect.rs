@@ -1,6 +1,6 @@
 //! Looks: what an effect changes is named by its [`Hook`]; it does so on the GPU in WGSL and on the CPU in Rust.
 
-use crate::{Manifest, PluginFile};
+use crate::{Manifest, Overlay, PluginFile, Scene};
 use glam::{Vec2, Vec3, Vec4};
 
 /// Where an effect takes hold of a frame.
@@ -15,13 +15,28 @@ pub enum Hook {
     Surface,
     /// Geometry of its own around or on surfaces: [`Effect::shell`], [`Effect::edges`].
     Shell,
+    /// Lines, points and lattices of its own: [`Effect::overlay`].
+    Overlay,
+    /// How long the shutter is open: [`Effect::exposure`].
+    Exposure,
 }
 
 impl Hook {
     /// Whether single actors can have it.
     pub fn of_actors(self) -> bool {
-        matches!(self, Hook::Shell | Hook::Surface)
+        matches!(self, Hook::Shell | Hook::Surface | Hook::Overlay)
     }
+}
+
+/// A picture as the mean of several, at times while the shutter is open.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exposure {
+    /// How many times; 1 or more.
+    pub samples: u32,
+    /// How long the shutter is open, as a share of the time from frame to frame.
+    pub open: f64,
+    /// How much of that lies before the frame's own time, 0 to 1.
+    pub before: f64,
 }
 
 /// A hull around a surface, of which the inside is seen: an outline.
@@ -52,6 +67,9 @@ pub struct Seen {
     pub joints: Vec3,
     /// With [`SurfaceNeeds::uvs`]; zero of meshes without.
     pub uv: Vec2,
+    /// With [`SurfaceNeeds::shadow`]: share of the light that a white matte surface would give back here and that shadows
+    /// take, by luminance. Zero of unlit materials.
+    pub shadow: f32,
 }
 
 /// What a [`Hook::Surface`] reads of a surface; the rest is not made.
@@ -60,6 +78,7 @@ pub struct SurfaceNeeds {
     pub normals: bool,
     pub uvs: bool,
     pub joints: bool,
+    pub shadow: bool,
     /// It makes alpha: the surface is mixed with what is behind it.
     pub see_through: bool,
 }
@@ -90,6 +109,11 @@ pub trait Effect: Send + Sync {
 
     fn hook(&self) -> Hook {
         Hook::Pixel
+    }
+
+    /// Whether single actors can have it.
+    fn of_actors(&self) -> bool {
+        self.hook().of_actors()
     }
 
     /// WGSL source of a function `effect`; `p` holds the parameters in manifest order, colours are linear.
@@ -134,6 +158,16 @@ pub trait Effect: Send + Sync {
 
     /// Of a [`Hook::Shell`]: the colour of lines along the edges of triangles, linear.
     fn edges(&self, _parameters: &[f32; 8]) -> Option<Vec3> {
+        None
+    }
+
+    /// Of a [`Hook::Overlay`].
+    fn overlay(&self, _scene: &Scene, _parameters: &[f32; 8]) -> Overlay {
+        Overlay::default()
+    }
+
+    /// Of a [`Hook::Exposure`].
+    fn exposure(&self, _parameters: &[f32; 8]) -> Option<Exposure> {
         None
     }
 

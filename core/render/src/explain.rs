@@ -4,7 +4,7 @@
 use crate::catalog::Catalog;
 use crate::gpu_types::{FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform};
 use crate::mip::level_count;
-use crate::plan::{ActiveMorph, Behind, Draw, Glass, Instance, Plan, PlanLight, Rows, Shadows};
+use crate::plan::{ActiveMorph, Behind, Draw, Glass, Instance, OverlayVertex, Plan, PlanLight, Rows, Shadows};
 use crate::record::{Command, Part as PassPart, Recording, Target};
 use crate::shader::{SceneVariant, switches};
 use crate::vertex::{VertexLayout, pack, pack_morphs};
@@ -142,6 +142,12 @@ impl Parts<'_> {
                     let askers = self.actors(self.shadow_draws());
                     self.add(Kind::Pass, what, None, askers);
                 }
+                Command::DrawOverlay { effect, count, .. } => {
+                    let mut askers = Askers::default();
+                    askers.effects.insert(effect.clone());
+                    let what = format!("in the scene: {} triangles of {effect}", count / 3);
+                    self.add(Kind::Pass, what, None, askers);
+                }
                 Command::PostPass { effect, from, to, .. } => {
                     let mut askers = Askers::default();
                     askers.effects.insert(effect.clone());
@@ -274,6 +280,12 @@ impl Parts<'_> {
             if n > 0 {
                 self.add(Kind::FrameData, format!("{n} {what}"), size(n, each), askers);
             }
+        }
+        for part in &self.plan.overlay.parts {
+            let mut askers = Askers::default();
+            askers.effects.insert(part.effect.clone());
+            let what = format!("corners of {}", part.effect);
+            self.add(Kind::FrameData, what, size(part.count as usize, size_of::<OverlayVertex>()), askers);
         }
         if !self.plan.materials.is_empty() {
             let n = self.plan.materials.len();

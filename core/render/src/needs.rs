@@ -135,6 +135,7 @@ pub struct Facts {
     /// Some light that shines casts shadows.
     pub casting: bool,
     pub shadow_views: usize,
+    pub overlays: usize,
     pub shadows_beyond: usize,
 }
 
@@ -229,6 +230,7 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     );
     say(facts.samples == 1, "multisampling", "one sample a pixel was asked for".into());
     say(facts.post_passes == 0, "full-screen passes and float target", "no effect is on".into());
+    say(facts.overlays == 0, "lines and points of effects", "no effect draws any".into());
     let no_shadows = match facts {
         f if !f.casting => "no light casts shadows",
         f if !f.lit_drawn => "nothing lit is in view",

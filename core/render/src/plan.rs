@@ -40,7 +40,46 @@ pub struct Plan {
     pub surface: Vec<PostPass>,
     /// Full-screen passes in order.
     pub post: Vec<PostPass>,
+    /// Lines, points and lattices of effects, over the scene and below the passes.
+    pub overlay: PlanOverlay,
+    /// Where there are any, the frame is their mean in linear light, and this plan only says how the stage is at the frame's
+    /// own time and what comes over the picture. See [`crate::exposure`].
+    pub exposed: Vec<Plan>,
+    /// The picture stays linear, to be added to others.
+    pub linear: bool,
     pub left_out: Vec<LeftOut>,
+}
+
+/// Triangles on the screen, in drawing order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PlanOverlay {
+    pub vertices: Vec<OverlayVertex>,
+    pub parts: Vec<OverlayPart>,
+}
+
+/// What one effect draws.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OverlayPart {
+    /// Plugin name.
+    pub effect: String,
+    /// Not hidden by what is nearer.
+    pub over: bool,
+    /// Range of the vertices, three a triangle.
+    pub first: u32,
+    pub count: u32,
+}
+
+/// A corner; see shaders/overlay.wgsl. Laid out as the shader reads it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct OverlayVertex {
+    pub clip: Vec4,
+    /// Linear, straight alpha.
+    pub color: Vec4,
+    /// Stroke: pixels along and across, length, radius. Lattice: cells along both axes, way from the middle, 1 at the rim.
+    pub shape: Vec4,
+    /// 0: a stroke. Lattice: 1, each so manieth line is thick, pixels of thin lines and of thick ones.
+    pub lattice: Vec4,
 }
 
 impl Plan {
@@ -243,6 +282,8 @@ impl Features {
     /// Normals and joint colours are for effects on the surface, whatever its light.
     pub const SEEN_NORMALS: Features = Features(1 << 24);
     pub const SEEN_JOINTS: Features = Features(1 << 25);
+    /// The share of light that shadows take is for effects on the surface.
+    pub const SEEN_SHADOW: Features = Features(1 << 27);
     /// The edges of triangles as lines, a little nearer than the surface, in the outline's colour.
     pub const EDGES: Features = Features(1 << 26);
     /// The skin's joints are dual quaternions. Another way rather than more of one: never forced in.
@@ -379,6 +420,7 @@ pub const LEFT_OUT: &[&str] = &[
     "full-screen passes and float target",
     "shadow maps",
     "shadows beyond the limit",
+    "lines and points of effects",
 ];
 
 /// "shadow map: out, no light casts".

@@ -6,6 +6,7 @@ use crate::needs::{DrawNeeds, Facts, features, left_out, shell_features};
 use crate::plan::*;
 use crate::planner_effects::{Line, post_passes, shells, surface_effects};
 use crate::planner_lights::plan_lights;
+use crate::planner_overlay::overlays;
 use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, dual_rows};
 use choreo_plugin::{Effect, SurfaceNeeds};
@@ -206,7 +207,8 @@ impl Planner<'_> {
             features = features
                 .with(has(seen.normals, !shape.normals.is_empty(), Features::SEEN_NORMALS))
                 .with(has(seen.uvs, !shape.uvs[0].is_empty(), Features::UV0))
-                .with(has(seen.joints, needs.skinned && !needs.dual, Features::SEEN_JOINTS));
+                .with(has(seen.joints, needs.skinned && !needs.dual, Features::SEEN_JOINTS))
+                .with(has(seen.shadow, is_lit(material.material.shading), Features::SEEN_SHADOW));
             for copy in instance.joint_from_copies() {
                 let relative_from_mesh = match instance.copies.is_empty() {
                     true => relative_from_joint,
@@ -431,6 +433,7 @@ impl Planner<'_> {
             instances.push(item.instance);
         }
 
+        let (overlay, beyond) = overlays(stage, snapshot, &self.view, self.options);
         let (post, unknown) = post_passes(stage, snapshot, self.options.effects);
         let lit = self.facts.lit_drawn || self.options.force_all;
         self.facts.blended = self.items.len() - first_blended;
@@ -441,9 +444,10 @@ impl Planner<'_> {
         self.facts.surface_effects = self.surface.len();
         self.facts.shadow_views = maps.len();
         let behind = self.behind();
+        self.facts.overlays = overlay.parts.len();
         let shadows = self.draw_shadows(maps, &mut instances, &mut instance_actors);
         let mut left_out = left_out(all, &self.facts);
-        left_out.extend(unknown);
+        left_out.extend(unknown.into_iter().chain(beyond));
         Plan {
             size: self.options.size,
             samples: self.options.samples,
@@ -462,6 +466,9 @@ impl Planner<'_> {
             behind,
             surface: self.surface.into_iter().map(|(used, ..)| used).collect(),
             post,
+            overlay,
+            exposed: Vec::new(),
+            linear: false,
             left_out,
         }
     }

@@ -3,7 +3,7 @@
 use crate::catalog::{CatalogMaterial, PrimitiveEntry};
 use crate::plan::{LeftOut, PostPass};
 use crate::planner::{PlanOptions, Planner};
-use choreo_plugin::{Effect, Hook, OptionKind, SurfaceNeeds};
+use choreo_plugin::{Effect, Exposure, Hook, OptionKind, SurfaceNeeds};
 use choreo_stage::{EffectState, EffectTarget, EffectUse, Outline, Shading, Snapshot, Stage};
 use glam::Vec3;
 use std::sync::Arc;
@@ -19,6 +19,7 @@ impl Planner<'_> {
                 all.normals |= needs.normals;
                 all.uvs |= needs.uvs;
                 all.joints |= needs.joints;
+                all.shadow |= needs.shadow;
                 all.see_through |= needs.see_through;
             }
         }
@@ -112,8 +113,18 @@ impl Line {
     }
 }
 
+/// The last exposure that is on.
+pub fn exposure_of(stage: &Stage, snapshot: &Snapshot, effects: &[Arc<dyn Effect>]) -> Option<Exposure> {
+    let exposures = uses(stage, snapshot).filter_map(|(used, state)| {
+        let effect = effects.iter().find(|e| e.manifest().name == used.plugin)?;
+        let effect = Some(effect).filter(|e| e.hook() == Hook::Exposure)?;
+        effect.exposure(&effect_parameters(effect.as_ref(), &state.parameters))
+    });
+    exposures.last().filter(|e| e.samples > 1 && e.open > 0.0)
+}
+
 /// Those that are on.
-fn uses<'a>(
+pub fn uses<'a>(
     stage: &'a Stage,
     snapshot: &'a Snapshot,
 ) -> impl Iterator<Item = (&'a EffectUse, &'a EffectState)> {

@@ -73,6 +73,13 @@ pub enum Command {
     },
     /// The gradient, where nothing was drawn.
     DrawBackground,
+    /// What an effect draws (of `PlanOverlay::parts`).
+    DrawOverlay {
+        effect: String,
+        over: bool,
+        first: u32,
+        count: u32,
+    },
     EndPass,
     /// A full-screen pass from the last target to the next one.
     PostPass {
@@ -84,6 +91,8 @@ pub enum Command {
         to: Target,
     },
     ReadBack,
+    /// The first float picture as it is.
+    ReadBackLinear,
 }
 
 /// A picture with glass that bends light is drawn in two passes, with a copy of it between them.
@@ -177,7 +186,10 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         commands.push(Command::EndPass);
     }
 
-    let scene = if plan.post.is_empty() { Target::Picture } else { Target::Float(0) };
+    let scene = match plan.post.is_empty() && !plan.linear {
+        true => Target::Picture,
+        false => Target::Float(0),
+    };
     let gradient = matches!(plan.background, Background::Gradient { .. });
     let copied = gradient && options.cpu_device && plan.samples == 1 && scene == Target::Picture;
     let clear = match plan.background {
@@ -185,7 +197,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         Background::Gradient { .. } => (!copied).then_some(Vec4::ZERO),
     };
     // Without draws the gradient needs no depth to be tested against.
-    let depth = !plan.draws.is_empty();
+    let depth = !plan.draws.is_empty() || !plan.overlay.parts.is_empty();
     if copied {
         commands.push(Command::CopyBackground);
     }
@@ -223,7 +235,16 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         }
         state.draw(draw, cull_of(draw));
     }
+    if !plan.overlay.parts.is_empty() {
+        state.set_cull(Cull::None);
+    }
     let mut commands = state.commands;
+    commands.extend(plan.overlay.parts.iter().map(|part| Command::DrawOverlay {
+        effect: part.effect.clone(),
+        over: part.over,
+        first: part.first,
+        count: part.count,
+    }));
     commands.push(Command::EndPass);
 
     let mut from = scene;
@@ -241,7 +262,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         commands.push(Command::PostPass { index, effect: pass.effect.clone(), from, original, to });
         from = to;
     }
-    commands.push(Command::ReadBack);
+    commands.push(if plan.linear { Command::ReadBackLinear } else { Command::ReadBack });
     let surface = plan.surface.iter().map(|s| s.effect.clone()).collect();
     Recording { size: plan.size, surface, commands }
 }
@@ -464,7 +485,12 @@ impl fmt::Display for Recording {
                 Command::DrawBackground => writeln!(f, "  background")?,
                 Command::EndPass => writeln!(f, "end")?,
                 Command::PostPass { effect, from, to, .. } => writeln!(f, "post {effect} {from:?} → {to:?}")?,
+                Command::DrawOverlay { effect, over, count, .. } => {
+                    let over = if *over { ", over everything" } else { "" };
+                    writeln!(f, "  {} triangles of {effect}{over}", count / 3)?
+                }
                 Command::ReadBack => writeln!(f, "read back")?,
+                Command::ReadBackLinear => writeln!(f, "read back linear")?,
             }
         }
         Ok(())

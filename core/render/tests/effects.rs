@@ -22,6 +22,9 @@ fn all() -> Vec<Arc<dyn Effect>> {
         Arc::new(effect_fxaa::Fxaa),
         Arc::new(effect_bloom::Bloom),
         Arc::new(effect_vignette::Vignette),
+        Arc::new(effect_skeleton::Skeleton),
+        Arc::new(effect_grid::Grid),
+        Arc::new(effect_shadow_catcher::ShadowCatcher),
     ]
 }
 
@@ -57,6 +60,9 @@ fn cases() -> Vec<Case> {
         ("wireframe", vec![("wireframe", vec![("color_g", 1.0)], vec![])]),
         ("bloom", vec![("bloom", vec![("strength", 0.6)], vec![])]),
         ("fxaa", vec![("fxaa", vec![], vec![])]),
+        ("skeletons", vec![("skeleton", vec![("width", 3.0), ("over", 0.0)], vec![])]),
+        ("skeletons over all", vec![("skeleton", vec![("opacity", 0.7)], vec![])]),
+        ("grid", vec![("grid", vec![("cell", 0.2), ("height", -1.0), ("color_r", 1.0)], vec![])]),
         (
             "several of every kind",
             vec![

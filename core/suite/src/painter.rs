@@ -2,8 +2,9 @@
 
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame};
+use choreo_render::exposure::plan_at;
 use choreo_render::{
-    Catalog, CpuRenderer, DeviceInfo, DeviceKind, GpuOptions, Plan, PlanOptions, RenderError, Renderer,
+    Catalog, CpuRenderer, DeviceInfo, DeviceKind, GpuOptions, PlanOptions, RenderError, Renderer,
     VulkanRenderer,
 };
 use choreo_stage::{Evaluator, Stage};
@@ -105,10 +106,9 @@ impl Painter {
                 catalog
             }
         };
-        let snapshot =
-            Evaluator::new(stage.clone()).at(shot.at).map_err(|e| NoPicture::Failed(e.to_string()))?;
         let options = PlanOptions { effects: &self.effects, ..PlanOptions::new(shot.size, shot.samples) };
-        let plan = Plan::new(&catalog, &stage, &snapshot, &options);
+        let planned = plan_at(&catalog, &mut Evaluator::new(stage.clone()), shot.at, &options, None);
+        let (_, plan) = planned.map_err(|e| NoPicture::Failed(e.to_string()))?;
         renderer.submit(plan).map_err(failed)?;
         let frame = renderer.collect(None).map_err(failed)?;
         let class = device_class(renderer.device());

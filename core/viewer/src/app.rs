@@ -59,6 +59,7 @@ struct Wish {
     size: [u32; 2],
     samples: u32,
     camera: Option<CameraState>,
+    moving: bool,
 }
 
 pub struct Viewer {
@@ -203,13 +204,14 @@ impl Viewer {
             size: self.size(&scene),
             samples,
             camera,
+            moving: self.playhead.is_playing(),
         };
         if self.asked.as_ref() == Some(&wish) {
             return None;
         }
         self.ticket += 1;
         self.waiting = true;
-        let asked = Asked { scene, time: wish.time, size: wish.size, samples, camera, ticket: self.ticket };
+        let asked = Asked { scene, time: wish.time, size: wish.size, samples, camera, moving: wish.moving, ticket: self.ticket };
         self.asked = Some(wish);
         Some(asked)
     }

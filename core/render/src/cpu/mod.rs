@@ -8,7 +8,8 @@ mod brushed;
 mod film;
 mod lanes;
 mod layers;
-mod picture;
+mod overlay;
+pub mod picture;
 mod raster;
 mod refraction;
 mod seen;
@@ -22,7 +23,8 @@ mod toon;
 mod vertex;
 
 use crate::catalog::{Catalog, CatalogMaterial};
-use crate::plan::{Draw, Features, Glass, Plan};
+use crate::exposure::Accumulated;
+use crate::plan::{Draw, Features, Glass, OverlayPart, PipelineKey, Plan, TopologyKey};
 use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
 use choreo_plugin::{Effect, Frame, Hook};
 use choreo_stage::Background;
@@ -37,7 +39,7 @@ use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 use target::{Float, PixelOf, Srgb8, Target};
 use texture::Texture;
-use tile::{Batch, Phase, Tile, TileBuffers, TriangleId};
+use tile::{Batch, Paint, Phase, Tile, TileBuffers, TriangleId};
 use vertex::{Hull, VertexStage};
 
 /// Largest width and height, in pixels.
@@ -98,14 +100,11 @@ impl CpuRenderer {
         for pass in plan.post.iter().chain(&plan.surface) {
             self.effect(&pass.effect)?;
         }
-        Ok(())
+        plan.exposed.iter().try_for_each(|part| self.check(part))
     }
 
     fn effect(&self, name: &str) -> Result<&Arc<dyn Effect>, RenderError> {
-        self.effects
-            .iter()
-            .find(|e| e.manifest().name == name)
-            .ok_or_else(|| RenderError::Usage(format!("the renderer was made without the effect \"{name}\"")))
+        picture::effect(&self.effects, name)
     }
 
     /// Of the effects on surfaces those of a draw, in order.
@@ -182,7 +181,7 @@ impl CpuRenderer {
                 }
                 .run();
                 Batch {
-                    fragment: Fragment {
+                    paint: Paint::Surface(Fragment {
                         plan,
                         surface: self.surface(plan, draw.pipeline.surface),
                         shadows,
@@ -194,7 +193,7 @@ impl CpuRenderer {
                         tint: instance.tint,
                         primitive,
                         material,
-                    },
+                    }),
                     phase: match draw.pipeline {
                         k if !k.writes_depth() => Phase::Blend,
                         k if k.is_see_through() || k.features.has(Features::ALPHA_MASK) => Phase::Mask,
@@ -207,12 +206,48 @@ impl CpuRenderer {
             .collect()
     }
 
-    fn draw<T: Target, const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {
-        let mut post = Vec::with_capacity(plan.post.len());
-        for pass in &plan.post {
-            let effect = self.effect(&pass.effect)?.clone();
-            post.push(picture::Pass { effect, parameters: pass.parameters, number: pass.number });
+    /// Lines, points and lattices of effects.
+    fn overlays<'a>(&self, plan: &'a Plan) -> Vec<Batch<'a>> {
+        let pipeline = PipelineKey {
+            features: Features::default(),
+            topology: TopologyKey::Triangles,
+            double_sided: true,
+            mirrored: false,
+            blend: true,
+            glass: Glass::No,
+            surface: 0,
+        };
+        let batch = |part: &OverlayPart| {
+            let (first, count) = (part.first as usize, part.count as usize);
+            let drawn = &plan.overlay.vertices[first..first + count];
+            let (vertices, indices) = (overlay::corners(drawn), Vec::from_iter(0..part.count));
+            let assembly = Assembly { vertices: &vertices, indices: &indices, pipeline, size: plan.size };
+            let triangles = assembly.run();
+            let paint = Paint::Overlay { vertices: drawn, over: part.over };
+            Batch { paint, phase: Phase::Blend, vertices, triangles }
+        };
+        plan.overlay.parts.iter().map(batch).collect()
+    }
+
+    /// The mean of the plans of an exposure, then what comes over the picture.
+    fn expose<const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {
+        let count = plan.size[0] as usize * plan.size[1] as usize;
+        let mut sum = Accumulated::new(count);
+        let mut pixels = vec![Vec4::ZERO; count];
+        for part in &plan.exposed {
+            self.tiles::<Float, Vec4, S>(part, &[], &mut pixels)?;
+            sum.add(pixels.iter().copied());
         }
+        picture::run(&self.passes(plan)?, plan.size, sum.mean(), &mut frame.rgba);
+        Ok(())
+    }
+
+    fn passes(&self, plan: &Plan) -> Result<Vec<picture::Pass>, RenderError> {
+        picture::passes(&plan.post, &self.effects)
+    }
+
+    fn draw<T: Target, const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {
+        let post = self.passes(plan)?;
         if post.iter().any(|p| p.effect.hook() == Hook::Picture) {
             let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
             self.tiles::<T, Vec4, S>(plan, &[], &mut pixels)?;
@@ -237,15 +272,21 @@ impl CpuRenderer {
         });
         let seen = &plan.view.clip_from_relative;
         let mut batches = self.batches(plan, &plan.draws, seen, plan.size, maps.as_ref(), &changed);
-        let refracting = |b: &Batch| b.fragment.glass == Glass::Refract;
+        let glass_of = |b: &Batch| match &b.paint {
+            Paint::Surface(fragment) => Some(fragment.glass),
+            Paint::Overlay { .. } => None,
+        };
+        let refracting = |b: &Batch| glass_of(b) == Some(Glass::Refract);
         if let (Some(behind), Some(first)) = (plan.behind, batches.iter().position(refracting)) {
             // Drawn as far as it is seen through such glass; then all of it, from the beginning.
             let mut pixels = vec![Vec4::ZERO; out.len()];
             bands::<T, Vec4, S>(plan, &batches[..first], &[], &mut pixels);
             let behind = Arc::new(Behind::new(pixels, plan.size, behind.levels));
             let glass = batches[first..].iter_mut().filter(|b| refracting(b));
-            glass.for_each(|b| b.fragment.behind = Some(behind.clone()));
+            glass.for_each(|b| b.paint.sees_through(&behind));
         }
+        // Over all glass, so after the copy that it shows.
+        batches.extend(self.overlays(plan));
         bands::<T, P, S>(plan, &batches, post, out);
         Ok(())
     }
@@ -381,6 +422,13 @@ impl Renderer for CpuRenderer {
         let mut frame = reuse.unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
         [frame.width, frame.height] = plan.size;
         frame.rgba.resize(plan.size[0] as usize * plan.size[1] as usize * 4, 0);
+        if !plan.exposed.is_empty() {
+            match plan.samples {
+                1 => self.expose::<1>(&plan, &mut frame)?,
+                _ => self.expose::<4>(&plan, &mut frame)?,
+            }
+            return Ok(frame);
+        }
         match (plan.samples, plan.post.is_empty()) {
             (1, true) => self.draw::<Srgb8, 1>(&plan, &mut frame)?,
             (1, false) => self.draw::<Float, 1>(&plan, &mut frame)?,

@@ -1,6 +1,8 @@
 //! Full-screen passes over a whole picture: effects that see the pixels around theirs, and those of one pixel between them.
 
 use super::target::{Float, Srgb8, Target};
+use crate::RenderError;
+use crate::plan::PostPass;
 use choreo_plugin::{Effect, Hook, Pixels};
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
@@ -11,6 +13,22 @@ pub struct Pass {
     pub parameters: [f32; 8],
     /// How often the effect has run.
     pub number: u32,
+}
+
+/// The passes of a plan, with the effects that they name.
+pub fn passes(post: &[PostPass], effects: &[Arc<dyn Effect>]) -> Result<Vec<Pass>, RenderError> {
+    let pass = |pass: &PostPass| {
+        let effect = effect(effects, &pass.effect)?.clone();
+        Ok(Pass { effect, parameters: pass.parameters, number: pass.number })
+    };
+    post.iter().map(pass).collect()
+}
+
+pub fn effect<'a>(effects: &'a [Arc<dyn Effect>], name: &str) -> Result<&'a Arc<dyn Effect>, RenderError> {
+    effects
+        .iter()
+        .find(|e| e.manifest().name == name)
+        .ok_or_else(|| RenderError::Usage(format!("the renderer was made without the effect \"{name}\"")))
 }
 
 /// `pixels`: linear, as the scene left them. The last pass's are written as bytes.

@@ -1,6 +1,7 @@
 //! Twin of surface.wgsl: what effects on surfaces see, and their functions one after the other.
 
-use super::lanes::{V3, Weights};
+use super::brdf::incoming;
+use super::lanes::{F4, V3, Weights};
 use super::row_color;
 use super::shade::{Fragment, Shaded};
 use super::vertex::Vertex;
@@ -33,6 +34,7 @@ impl Fragment<'_> {
         }
         let uvs = &self.primitive.uvs[0];
         let uv = (has(Features::UV0) && !uvs.is_empty()).then(|| weights.vec2(ids.map(|i| uvs[i as usize])));
+        let lost = has(Features::SEEN_SHADOW).then(|| self.lost_light(relative, normal));
         let view = &self.plan.view;
         for i in 0..4 {
             let lane = |v: &V3| Vec3::new(v.x.0[i], v.y.0[i], v.z.0[i]);
@@ -47,6 +49,7 @@ impl Fragment<'_> {
                 facing: normal.dot(to_eye * (1.0 / to_eye.dot(to_eye).max(1e-20).sqrt())),
                 background: row_color(self.plan, y).truncate(),
                 joints: if has(Features::SEEN_JOINTS) { lane(&joints) } else { Vec3::ZERO },
+                shadow: lost.map_or(0.0, |lost| lost.0[i]),
                 uv: uv.map_or(Vec2::ZERO, |[u, v]| Vec2::new(u.0[i], v.0[i])),
             };
             let mut color = shaded.pixel(i);
@@ -66,5 +69,19 @@ impl Fragment<'_> {
             }
         }
         shaded
+    }
+
+    /// Share of the light that a white matte surface would give back and that shadows take, by luminance.
+    fn lost_light(&self, relative: V3, n: V3) -> F4 {
+        let luminance = |c: Vec3| c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+        let (up, down) = (luminance(self.plan.ambient_up), luminance(self.plan.ambient_down));
+        let (mut whole, mut lost) = (F4::splat(down).mix(F4::splat(up), n.y * 0.5 + F4::splat(0.5)), F4::ZERO);
+        for light in &self.plan.lights {
+            let (l, strength) = incoming(light, relative);
+            let falling = n.dot(l).clamp(0.0, 1.0) * strength * luminance(light.color.truncate());
+            whole += falling;
+            lost += falling * (F4::ONE - self.share(light, relative, n, l));
+        }
+        lost / whole.max(F4::splat(1e-6))
     }
 }

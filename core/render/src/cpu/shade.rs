@@ -388,7 +388,7 @@ impl Fragment<'_> {
     }
 
     /// How much of a light arrives past what stands in its way.
-    fn share(&self, light: &PlanLight, relative: V3, own_n: V3, l: V3) -> F4 {
+    pub fn share(&self, light: &PlanLight, relative: V3, own_n: V3, l: V3) -> F4 {
         let shadows = self.shadows.filter(|_| self.features.has(Features::SHADOW));
         shadows.map_or(F4::ONE, |s| s.share(light, relative, own_n, l))
     }

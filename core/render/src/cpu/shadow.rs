@@ -3,7 +3,7 @@
 use super::lanes::{F4, V3, Weights};
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::setup::Triangle;
-use super::tile::Batch;
+use super::tile::{Batch, Paint};
 use crate::gpu_types::ShadowUniform;
 use crate::plan::{Features, PlanLight, ShadowView};
 use glam::{Vec2, Vec3, Vec3Swizzles, Vec4Swizzles};
@@ -144,7 +144,8 @@ fn depths(size: [u32; 2], batches: &[Batch]) -> Vec<f32> {
 
 /// Which of four texels in a row the alpha test keeps. Textures are filtered over quads, as the picture's are.
 fn holes(batch: &Batch, triangle: &Triangle, at: [i32; 2], index: usize) -> [bool; 4] {
-    if !batch.fragment.features.has(Features::ALPHA_MASK) {
+    let Paint::Surface(fragment) = &batch.paint else { return [true; 4] };
+    if !fragment.features.has(Features::ALPHA_MASK) {
         return [true; 4];
     }
     let (x, y) = (index as i32 % TILE_WIDTH + at[0], index as i32 / TILE_WIDTH + at[1]);
@@ -157,7 +158,7 @@ fn holes(batch: &Batch, triangle: &Triangle, at: [i32; 2], index: usize) -> [boo
         let e = triangle.edges.map(|[a, b, c]| xs * a + ys * b + F4::splat(c));
         let scale = F4::ONE / (e[0] + e[1] + e[2]);
         let weights = Weights(e.map(|e| e * scale));
-        let shaded = batch.fragment.shade(&batch.vertices, triangle.vertices, triangle.front, &weights);
+        let shaded = fragment.shade(&batch.vertices, triangle.vertices, triangle.front, &weights);
         let row = 2 * (y % 2) as usize;
         kept[2 * pair as usize] = shaded.kept[row];
         kept[2 * pair as usize + 1] = shaded.kept[row + 1];

@@ -2,18 +2,51 @@
 //! ones in order, then samples resolved. The same picture as drawing one after the other, without shading what is hidden.
 
 use super::lanes::{F4, Weights};
+use super::overlay;
 use super::picture::Pass;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
+use super::refraction::Behind;
 use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
 use super::target::{PixelOf, Target};
 use super::vertex::Vertex;
-use crate::plan::Glass;
+use crate::plan::{Glass, OverlayVertex};
 use glam::{Vec2, Vec4};
+use std::sync::Arc;
+
+/// What shades a batch's triangles.
+pub enum Paint<'a> {
+    Surface(Fragment<'a>),
+    Overlay {
+        vertices: &'a [OverlayVertex],
+        /// Not hidden by what is nearer.
+        over: bool,
+    },
+}
+
+impl Paint<'_> {
+    fn glass(&self) -> Glass {
+        match self {
+            Paint::Surface(fragment) => fragment.glass,
+            Paint::Overlay { .. } => Glass::No,
+        }
+    }
+
+    /// Of glass: the picture behind it.
+    pub fn sees_through(&mut self, behind: &Arc<Behind>) {
+        if let Paint::Surface(fragment) = self {
+            fragment.behind = Some(behind.clone());
+        }
+    }
+
+    fn over(&self) -> bool {
+        matches!(self, Paint::Overlay { over: true, .. })
+    }
+}
 
 /// One drawn copy: its triangles on screen and what shades them.
 pub struct Batch<'a> {
-    pub fragment: Fragment<'a>,
+    pub paint: Paint<'a>,
     pub phase: Phase,
     pub vertices: Vec<Vertex>,
     pub triangles: Vec<Triangle>,
@@ -154,12 +187,13 @@ impl Tile<'_, '_> {
     fn forward<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, id: &TriangleId) {
         let t = self.triangle(id);
         let batch = &self.batches[id[0] as usize];
-        let (blend, glass) = (batch.phase == Phase::Blend, batch.fragment.glass);
+        let (blend, glass) = (batch.phase == Phase::Blend, batch.paint.glass());
+        let over = batch.paint.over();
         let (depth, passed, passed_depth) = (&b.depth[..], &mut b.passed[..], &mut b.passed_depth[..]);
         let mut any = false;
         cover::<S>(t, self.at, |index, covered, z| {
             for i in 0..4 {
-                if covered[i] && z[i] > depth[index + i] {
+                if covered[i] && (over || z[i] > depth[index + i]) {
                     any = true;
                     passed[(index + i) / S] |= 1 << ((index + i) % S);
                     passed_depth[index + i] = z[i];
@@ -215,7 +249,10 @@ impl Tile<'_, '_> {
         let scale = F4::ONE / (e[0] + e[1] + e[2]);
         let weights = Weights(e.map(|e| e * scale));
         let at = [self.at[0] + 2 * qx as i32, self.at[1] + 2 * qy as i32];
-        batch.fragment.seen(&batch.vertices, t.vertices, t.front, &weights, at)
+        match &batch.paint {
+            Paint::Surface(fragment) => fragment.seen(&batch.vertices, t.vertices, t.front, &weights, at),
+            Paint::Overlay { vertices, .. } => overlay::shade(vertices, t.vertices, &weights),
+        }
     }
 
     fn finish<T: Target, P: PixelOf, const S: usize>(

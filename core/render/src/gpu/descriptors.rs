@@ -59,7 +59,7 @@ impl Layouts {
             post: vk::DescriptorSetLayout::null(),
         };
         let frame = super::slot::FRAME_BINDINGS.map(|(binding, kind)| {
-            let stages = [vertex | fragment, vertex, vertex, vertex, fragment, vertex, fragment];
+            let stages = [vertex | fragment, vertex, vertex, vertex, fragment, vertex, fragment, vertex];
             (binding, kind, stages[binding as usize])
         });
         let post = [

@@ -95,7 +95,13 @@ impl Execution<'_> {
                 Command::PostPass { index, from, original, to, .. } => {
                     self.post(pipeline_of(i)?, *index, *from, *original, *to);
                 }
-                Command::ReadBack => self.read_back(),
+                Command::DrawOverlay { first, count, .. } => {
+                    self.bind_pipeline(pipeline_of(i)?);
+                    // SAFETY: the pipeline reads its vertices from the bound set, which holds as many.
+                    unsafe { device.cmd_draw(commands, *count, 1, *first, 0) };
+                }
+                Command::ReadBack => self.read_back(Target::Picture),
+                Command::ReadBackLinear => self.read_back(Target::Float(0)),
             }
         }
         Ok(())
@@ -315,8 +321,8 @@ impl Execution<'_> {
         }
     }
 
-    fn read_back(&self) {
-        let picture = &self.targets.picture;
+    fn read_back(&self, from: Target) {
+        let picture = self.targets.image(from);
         self.barriers(&[color_barrier(picture)
             .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
             .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)

@@ -11,6 +11,7 @@ mod context;
 mod descriptors;
 mod error;
 mod execute;
+mod expose;
 pub mod faults;
 mod memory;
 mod pipelines;
@@ -94,6 +95,8 @@ pub struct VulkanRenderer {
     slots: Vec<Slot>,
     /// Indices into `slots`, the oldest first.
     pending: VecDeque<usize>,
+    /// Submitted after those, and drawn when they are collected; the oldest first.
+    later: VecDeque<Plan>,
     timeline: vk::Semaphore,
     submitted: u64,
     catalog: Arc<Catalog>,
@@ -136,6 +139,7 @@ impl VulkanRenderer {
             targets: None,
             slots: Vec::new(),
             pending: VecDeque::new(),
+            later: VecDeque::new(),
             timeline: vk::Semaphore::null(),
             submitted: 0,
             catalog: Arc::default(),
@@ -335,6 +339,20 @@ impl VulkanRenderer {
 
     /// As [`Renderer::submit`], and the plan stays the caller's.
     pub fn submit_plan(&mut self, plan: &Plan) -> Result<(), RenderError> {
+        if self.pending.len() + self.later.len() >= self.slots.len() {
+            let text = format!("{} frames are in flight; collect one first", self.slots.len());
+            return Err(RenderError::Usage(text));
+        }
+        if self.waits(plan) {
+            self.check(plan)?;
+            plan.exposed.iter().try_for_each(|part| self.check(part))?;
+            self.later.push_back(plan.clone());
+            return Ok(());
+        }
+        self.submit_now(plan)
+    }
+
+    fn submit_now(&mut self, plan: &Plan) -> Result<(), RenderError> {
         let index = self.free_slot().ok_or_else(|| {
             RenderError::Usage(format!("{} frames are in flight; collect one first", self.slots.len()))
         })?;
@@ -441,27 +459,12 @@ impl Renderer for VulkanRenderer {
     }
 
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
-        let index = *self
-            .pending
-            .front()
-            .ok_or_else(|| RenderError::Usage("no frame was submitted that is not yet collected".into()))?;
-        self.wait_for(self.slots[index].done_at)?;
-        self.pending.pop_front();
-        let slot = &mut self.slots[index];
-        slot.release_staging(&self.gpu);
-        if std::mem::take(&mut self.fresh) {
-            context::give_back_freed_memory();
+        if self.pending.is_empty()
+            && let Some(plan) = self.later.pop_front()
+        {
+            return self.collect_later(plan, reuse);
         }
-        let [width, height] = slot.size;
-        let bytes = width as usize * height as usize * 4;
-        let mapped = slot.readback.as_ref().and_then(|b| b.mapped().get(..bytes)).ok_or_else(|| {
-            RenderError::Vulkan { object: "read-back buffer".into(), result: "it is not mapped".into() }
-        })?;
-        let mut rgba = reuse.map(|f| f.rgba).unwrap_or_default();
-        rgba.clear();
-        rgba.extend_from_slice(mapped);
-        self.gpu.check_messages()?;
-        Ok(Frame { width, height, rgba })
+        self.collect_now(reuse)
     }
 }
 

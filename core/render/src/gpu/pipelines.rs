@@ -11,7 +11,7 @@ use crate::RenderError;
 use crate::plan::{Features, Glass, TopologyKey};
 use crate::record::{Command, Recording, Target, texture_slots};
 use crate::shader::{
-    BACKGROUND, Entry, SCENE, SceneVariant, ShaderSources, compile, surface_files, switches,
+    BACKGROUND, Entry, OVERLAY, SCENE, SceneVariant, ShaderSources, compile, surface_files, switches,
 };
 use crate::vertex::VertexLayout;
 use ash::vk;
@@ -35,6 +35,12 @@ pub enum Id {
         samples: u32,
         float: bool,
         depth: bool,
+    },
+    /// `over`: not hidden by what is nearer.
+    Overlay {
+        samples: u32,
+        float: bool,
+        over: bool,
     },
     Post {
         effect: String,
@@ -74,6 +80,7 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             Some(Id::Scene { variant: *variant, samples, float, surface })
         }
         Command::DrawBackground => Some(Id::Background { samples, float, depth }),
+        Command::DrawOverlay { over, .. } => Some(Id::Overlay { samples, float, over: *over }),
         Command::PostPass { effect, to, .. } => {
             Some(Id::Post { effect: effect.clone(), float: is_float(to) })
         }
@@ -188,7 +195,7 @@ impl Pipelines {
             let names: Vec<&String> = match id {
                 Id::Post { effect, .. } => vec![effect],
                 Id::Scene { surface, .. } => surface.iter().map(|(_, name)| name).collect(),
-                Id::Background { .. } => return true,
+                Id::Background { .. } | Id::Overlay { .. } => return true,
             };
             let same = names.iter().all(|name| text(&old, name) == text(effects, name));
             if !same {
@@ -287,6 +294,23 @@ impl Pipelines {
                     },
                 )
             }
+            Id::Overlay { samples, float, over } => {
+                let files = self.sources.files(&OVERLAY)?;
+                let code = compile(&files, &[], &stages("overlay_vs", "overlay_fs"), false)?;
+                let compare = if *over { vk::CompareOp::ALWAYS } else { vk::CompareOp::GREATER };
+                self.build(
+                    gpu,
+                    &code,
+                    &State {
+                        name: "overlay pipeline".into(),
+                        samples: *samples,
+                        color: Some(format_of(*float)),
+                        depth: Some((compare, false)),
+                        mix: Mix::Over,
+                        ..State::full_screen(self.layout)
+                    },
+                )
+            }
             Id::Post { effect, float } => {
                 let plugin = self.effect(effect)?;
                 let files = self.sources.post(effect, plugin.wgsl())?;
@@ -303,6 +327,11 @@ impl Pipelines {
                 )
             }
         }
+    }
+
+    /// Effects that plans may name.
+    pub fn effects(&self) -> &[Arc<dyn Effect>] {
+        &self.effects
     }
 
     fn effect(&self, name: &str) -> Result<&Arc<dyn Effect>, RenderError> {

@@ -39,8 +39,8 @@ pub struct Slot {
     pub done_at: u64,
 }
 
-/// Set 0: frame, instances, joints, morphs, lights, joints as a uniform buffer, parameters of effects on surfaces.
-pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 7] = [
+/// Set 0: frame, instances, joints, morphs, lights, joints as a uniform buffer, parameters of effects on surfaces, what effects draw.
+pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 8] = [
     (0, vk::DescriptorType::UNIFORM_BUFFER),
     (1, vk::DescriptorType::STORAGE_BUFFER),
     (2, vk::DescriptorType::STORAGE_BUFFER),
@@ -48,6 +48,7 @@ pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 7] = [
     (4, vk::DescriptorType::UNIFORM_BUFFER),
     (5, vk::DescriptorType::UNIFORM_BUFFER),
     (6, vk::DescriptorType::UNIFORM_BUFFER),
+    (7, vk::DescriptorType::STORAGE_BUFFER),
 ];
 
 /// Parameters of as many effects on surfaces as there can be.
@@ -165,6 +166,8 @@ impl Slot {
 
         let surface_range = if plan.surface.is_empty() { 0 } else { SURFACE_BYTES };
         let surface_at = ranges.take(surface_range);
+        let overlay_bytes: &[u8] = bytemuck::cast_slice(&plan.overlay.vertices);
+        let overlay_at = ranges.take(overlay_bytes.len() as u64);
 
         let old_views = self.view_sets.len();
         while self.view_sets.len() < views.len() {
@@ -205,6 +208,7 @@ impl Slot {
         for (i, used) in plan.surface.iter().enumerate() {
             put(surface_at + (i * size_of::<[f32; 8]>()) as u64, bytemuck::bytes_of(&used.parameters));
         }
+        put(overlay_at, overlay_bytes);
         put(instances_at, instance_bytes);
         put(joints_at, joint_bytes);
         put(morphs_at, morph_bytes);
@@ -241,6 +245,9 @@ impl Slot {
             if surface_range > 0 {
                 write_buffer(gpu, set, 6, T::UNIFORM_BUFFER, raw, surface_at, surface_range);
             }
+            if !overlay_bytes.is_empty() {
+                write_buffer(gpu, set, 7, T::STORAGE_BUFFER, raw, overlay_at, overlay_bytes.len() as u64);
+            }
             if reads.lights {
                 write_buffer(gpu, set, 4, T::UNIFORM_BUFFER, raw, lights_at, lights_range);
             }
@@ -268,7 +275,8 @@ impl Slot {
             write_buffer(gpu, set.raw, 0, T::UNIFORM_BUFFER, raw, *at, size_of::<PostUniform>() as u64);
         }
 
-        let bytes = plan.size[0] as u64 * plan.size[1] as u64 * 4;
+        let pixel = if plan.linear { 8 } else { 4 };
+        let bytes = plan.size[0] as u64 * plan.size[1] as u64 * pixel;
         if self.readback.as_ref().is_none_or(|b| b.size < bytes) {
             if let Some(mut old) = self.readback.take() {
                 old.destroy(gpu);

@@ -33,6 +33,7 @@ const EMBEDDED: [(&str, &str); 11] = [
     ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
     ("surface.wgsl", include_str!("../../../../shaders/surface.wgsl")),
     ("background.wgsl", include_str!("../../../../shaders/background.wgsl")),
+    ("overlay.wgsl", include_str!("../../../../shaders/overlay.wgsl")),
     ("post.wgsl", include_str!("../../../../shaders/post.wgsl")),
 ];
 
@@ -48,6 +49,7 @@ pub const SCENE: [&str; 9] = [
     "surface.wgsl",
     "scene.wgsl",
 ];
+pub const OVERLAY: [&str; 2] = ["frame.wgsl", "overlay.wgsl"];
 pub const BACKGROUND: [&str; 2] = ["frame.wgsl", "background.wgsl"];
 
 /// One file's text, before preprocessing.
@@ -121,7 +123,7 @@ pub struct SceneVariant {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 50] = [
+    let names: [(&'static str, Features); 51] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("SKIN_DUAL", Features::SKIN_DUAL),
@@ -162,6 +164,7 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("EDGES", Features::EDGES),
         ("SEEN_NORMALS", Features::SEEN_NORMALS),
         ("SEEN_JOINTS", Features::SEEN_JOINTS),
+        ("SEEN_SHADOW", Features::SEEN_SHADOW),
         ("OUTLINE_WIDTH_TEXTURE", Features::OUTLINE_WIDTH_TEXTURE),
         ("UV_MASK", Features::UV_MASK),
         ("IRIDESCENCE", Features::IRIDESCENCE),

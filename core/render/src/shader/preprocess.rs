@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 66] = [
+pub const SWITCHES: [&str; 67] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -54,6 +54,7 @@ pub const SWITCHES: [&str; 66] = [
     "EDGES",
     "SEEN_NORMALS",
     "SEEN_JOINTS",
+    "SEEN_SHADOW",
     "SURFACE",
     "PLACE",
     "NORMAL_OUT",

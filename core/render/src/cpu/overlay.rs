@@ -1,0 +1,63 @@
+//! Twin of overlay.wgsl: how much of each pixel lines, points and lattices cover, a 2×2 quad at a time.
+
+use super::lanes::{F4, Weights};
+use super::shade::Shaded;
+use super::vertex::Vertex;
+use crate::plan::OverlayVertex;
+use glam::{Vec3, Vec4};
+
+/// What the assembly of triangles needs of the corners.
+pub fn corners(vertices: &[OverlayVertex]) -> Vec<Vertex> {
+    let corner = |v: &OverlayVertex| Vertex {
+        clip: v.clip,
+        relative: Vec3::ZERO,
+        normal: Vec3::ZERO,
+        tangent: Vec4::ZERO,
+        scale: 0.0,
+        joints: Vec3::ZERO,
+    };
+    vertices.iter().map(corner).collect()
+}
+
+pub fn shade(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Shaded {
+    let [a, b, c] = ids.map(|i| &vertices[i as usize]);
+    let [x, y, z, w] =
+        std::array::from_fn(|n| weights.scalar(a.shape[n], b.shape[n], c.shape[n]));
+    let cover = match a.lattice.x > 0.5 {
+        true => {
+            let rim = F4::ONE - (z * z + w * w).map(f32::sqrt);
+            let rim = rim.clamp(0.0, 1.0);
+            let along = [x, y].map(|at| {
+                let steps = steps(at);
+                F4(std::array::from_fn(|i| axis(at.0[i], steps[i], a.lattice)))
+            });
+            along[0].max(along[1]) * rim * rim * (F4::splat(3.0) - rim * 2.0)
+        }
+        false => F4(std::array::from_fn(|i| {
+            let (along, across) = (x.0[i] - x.0[i].clamp(0.0, a.shape.z), y.0[i]);
+            (a.shape.w + 0.5 - (along * along + across * across).sqrt()).clamp(0.0, 1.0)
+        })),
+    };
+    let [r, g, b, alpha] = a.color.to_array().map(F4::splat);
+    Shaded { rgba: [r, g, b, alpha * cover], kept: [true; 4] }
+}
+
+/// From pixel to pixel, right and down together, by the differences within the quad.
+fn steps(at: F4) -> [f32; 4] {
+    let [a, b, c, d] = at.0;
+    let (top, bottom, left, right) = (b - a, d - c, c - a, d - b);
+    let length = |x: f32, y: f32| (x * x + y * y).sqrt();
+    [length(top, left), length(top, right), length(bottom, left), length(bottom, right)]
+}
+
+fn lines(at: f32, step: f32, width: f32) -> f32 {
+    let off = (at - (at + 0.5).floor()).abs() / step.max(1e-9);
+    (0.5 * width + 0.5 - off).clamp(0.0, 1.0)
+}
+
+fn axis(at: f32, step: f32, lattice: Vec4) -> f32 {
+    let thin = lines(at, step, lattice.z) * ((0.25 - step) * 8.0).clamp(0.0, 1.0);
+    let thick_step = step / lattice.y;
+    let thick = lines(at / lattice.y, thick_step, lattice.w) * ((0.25 - thick_step) * 8.0).clamp(0.0, 1.0);
+    thin.max(thick)
+}

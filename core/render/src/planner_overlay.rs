@@ -1,0 +1,140 @@
+//! Lines, points and lattices of effects as triangles on the screen, the same for both renderers.
+
+use crate::plan::{LeftOut, PlanOverlay, View};
+use crate::plan::{OverlayPart, OverlayVertex};
+use crate::planner::PlanOptions;
+use crate::planner_effects::{effect_parameters, uses};
+use choreo_plugin::{Hook, Lattice, Scene, Stroke};
+use choreo_stage::{Snapshot, Stage};
+use glam::{DVec3, Vec2, Vec4, Vec4Swizzles};
+
+/// Six corners of 64 bytes each: 38 MB.
+pub const MOST_STROKES: usize = 100_000;
+
+pub fn overlays(
+    stage: &Stage,
+    snapshot: &Snapshot,
+    view: &View,
+    options: &PlanOptions,
+) -> (PlanOverlay, Vec<LeftOut>) {
+    let (mut overlay, mut left_out) = (PlanOverlay::default(), Vec::new());
+    let size = Vec2::new(options.size[0] as f32, options.size[1] as f32);
+    for (used, state) in uses(stage, snapshot) {
+        let effect = options.effects.iter().find(|e| e.manifest().name == used.plugin);
+        let Some(effect) = effect.filter(|e| e.hook() == Hook::Overlay) else { continue };
+        let parameters = effect_parameters(effect.as_ref(), &state.parameters);
+        let mut drawn = effect.overlay(&Scene { stage, snapshot, on: &used.on }, &parameters);
+        if drawn.strokes.len() > MOST_STROKES {
+            let why = format!("{} lines and points, at most {MOST_STROKES} are drawn", drawn.strokes.len());
+            left_out.push(LeftOut { what: format!("part of effect \"{}\"", used.plugin), why });
+            drawn.strokes.truncate(MOST_STROKES);
+        }
+        let first = overlay.vertices.len();
+        drawn.lattices.iter().for_each(|l| lattice(l, view, &mut overlay.vertices));
+        drawn.strokes.iter().for_each(|s| stroke(s, view, size, &mut overlay.vertices));
+        let count = overlay.vertices.len() - first;
+        if count > 0 {
+            overlay.parts.push(OverlayPart {
+                effect: used.plugin.clone(),
+                over: drawn.over,
+                first: first as u32,
+                count: count as u32,
+            });
+        }
+    }
+    (overlay, left_out)
+}
+
+/// A rectangle in the picture's plane, half a line's width and a pixel more around what is seen of it.
+fn stroke(s: &Stroke, view: &View, size: Vec2, out: &mut Vec<OverlayVertex>) {
+    let clip = |world: DVec3| {
+        let relative = (world - view.position).as_vec3();
+        view.clip_from_relative * relative.extend(1.0)
+    };
+    let Some([a, b]) = clipped(clip(s.from), clip(s.to)) else { return };
+    // As the picture has it: interpolated straight.
+    let flat = |c: Vec4| (c.xyz() / c.w).extend(1.0);
+    let (a, b) = (flat(a), flat(b));
+    if !a.is_finite() || !b.is_finite() || !s.color.is_finite() {
+        return;
+    }
+    let way = (b.xy() - a.xy()) * size * 0.5;
+    let length = way.dot(way).sqrt();
+    let along = if length > 1e-4 { way / length } else { Vec2::X };
+    let radius = s.width.clamp(1.0, 64.0) * 0.5;
+    let reach = radius + 1.0;
+    let corner = |end: Vec4, along_by: f32, across_by: f32, at: f32| {
+        let off = along * along_by + Vec2::new(-along.y, along.x) * across_by;
+        OverlayVertex {
+            clip: end + (off * 2.0 / size).extend(0.0).extend(0.0),
+            color: s.color,
+            shape: Vec4::new(at + along_by, across_by, length, radius),
+            lattice: Vec4::ZERO,
+        }
+    };
+    let corners = [
+        corner(a, -reach, -reach, 0.0),
+        corner(a, -reach, reach, 0.0),
+        corner(b, reach, -reach, length),
+        corner(b, reach, reach, length),
+    ];
+    out.extend([0, 1, 2, 2, 1, 3].map(|i| corners[i]));
+}
+
+/// The part of a segment in front of the near plane, before the far one, and not far beside the picture.
+fn clipped(a: Vec4, b: Vec4) -> Option<[Vec4; 2]> {
+    // Reversed Z: nearer than the near plane is z > w. Widths reach into the picture from outside.
+    let planes = |c: Vec4| {
+        [c.w - c.z, c.z, 2.0 * c.w + c.x, 2.0 * c.w - c.x, 2.0 * c.w + c.y, 2.0 * c.w - c.y, c.w - 1e-6]
+    };
+    let (mut from, mut to) = (0.0f32, 1.0f32);
+    for (fa, fb) in planes(a).into_iter().zip(planes(b)) {
+        if fa < 0.0 && fb < 0.0 {
+            return None;
+        }
+        if fa < 0.0 {
+            from = from.max(fa / (fa - fb));
+        } else if fb < 0.0 {
+            to = to.min(fa / (fa - fb));
+        }
+    }
+    (from <= to).then(|| [a + (b - a) * from, a + (b - a) * to])
+}
+
+/// A square of the plane around the point below the viewer. Numbers count cells from a thick line nearby, so that they are
+/// small wherever the viewer is.
+fn lattice(l: &Lattice, view: &View, out: &mut Vec<OverlayVertex>) {
+    let good = l.cell > 0.0 && l.cell.is_finite() && l.fade > 0.0 && l.fade.is_finite();
+    if !good || !l.origin.is_finite() || !l.along.iter().all(|a| a.is_finite()) {
+        return;
+    }
+    let every = f64::from(l.every.max(1));
+    let period = l.cell * every;
+    let beside = view.position - l.origin;
+    // The thick lines' crossing next to the foot, and the foot from there; in f64, both exact far from the origin.
+    let foot = l.along.map(|a| beside.dot(a));
+    let crossing = foot.map(|f| libm::floor(f / period + 0.5) * period);
+    let middle = l.origin + l.along[0] * crossing[0] + l.along[1] * crossing[1];
+    let off = [foot[0] - crossing[0], foot[1] - crossing[1]];
+    let corner = |x: f64, y: f64| {
+        let (x, y) = (off[0] + x * l.fade, off[1] + y * l.fade);
+        let world = middle + l.along[0] * x + l.along[1] * y;
+        let relative = (world - view.position).as_vec3();
+        let cells = (x / l.cell, y / l.cell);
+        OverlayVertex {
+            clip: view.clip_from_relative * relative.extend(1.0),
+            color: l.color,
+            shape: Vec4::new(
+                cells.0 as f32,
+                cells.1 as f32,
+                ((x - off[0]) / l.fade) as f32,
+                ((y - off[1]) / l.fade) as f32,
+            ),
+            lattice: Vec4::new(1.0, every as f32, l.widths[0], l.widths[1]),
+        }
+    };
+    let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0)];
+    if corners.iter().all(|c| c.clip.is_finite()) {
+        out.extend([0, 1, 2, 2, 1, 3].map(|i| corners[i]));
+    }
+}

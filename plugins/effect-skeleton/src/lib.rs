@@ -1,0 +1,82 @@
+//! Bones as lines and joints as points, over the picture or hidden by what is nearer.
+
+use choreo_plugin::{Effect, Hook, Manifest, Overlay, Scene, Stroke};
+use choreo_stage::{ActorState, Asset, EffectTarget};
+use glam::{DVec3, Vec3A, Vec4};
+use std::sync::LazyLock;
+
+static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
+    Manifest::new("skeleton", env!("CARGO_PKG_VERSION"), "bones as lines and joints as points")
+        .number("width", "of a bone, pixels", 2.0, 1.0..=32.0)
+        .number("joints", "how wide a joint's point is, pixels; 0: none", 6.0, 0.0..=64.0)
+        .color("color", "of the bones", [1.0, 0.75, 0.1])
+        .number("opacity", "of all of it", 1.0, 0.0..=1.0)
+        .flag("over", "over the picture, rather than hidden by what is nearer", true)
+});
+
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Skeleton;
+
+impl Effect for Skeleton {
+    fn manifest(&self) -> &Manifest {
+        &MANIFEST
+    }
+
+    fn hook(&self) -> Hook {
+        Hook::Overlay
+    }
+
+    fn overlay(&self, scene: &Scene, p: &[f32; 8]) -> Overlay {
+        let [width, joints, r, g, b, opacity, over, _] = *p;
+        let mut strokes = Vec::new();
+        // Joints are darker: seen on their own bones.
+        let color = Vec4::new(r, g, b, opacity);
+        let dark = Vec4::new(r * 0.25, g * 0.25, b * 0.25, opacity);
+        for (index, (actor, state)) in scene.stage.actors.iter().zip(&scene.snapshot.actors).enumerate() {
+            if !state.visible || !EffectTarget::among(scene.on, index, None) {
+                continue;
+            }
+            let bones = bones(&actor.asset);
+            let at = |joint: u32| place(state, joint);
+            for (joint, parent) in &bones {
+                if let (Some(from), Some(to)) = (parent.and_then(at), at(*joint)) {
+                    strokes.push(Stroke { from, to, width, color });
+                }
+            }
+            if joints >= 1.0 {
+                let points = bones.iter().filter_map(|(joint, _)| at(*joint));
+                strokes.extend(points.map(|at| Stroke { from: at, to: at, width: joints, color: dark }));
+            }
+        }
+        Overlay { strokes, over: over > 0.5, ..Overlay::default() }
+    }
+}
+
+/// Where a joint stands in the world.
+fn place(state: &ActorState, joint: u32) -> Option<DVec3> {
+    let at: Vec3A = state.model_from_joint.get(joint as usize)?.translation;
+    let at = DVec3::new(at.x.into(), at.y.into(), at.z.into());
+    Some(state.world_from_model.transform_point3(at)).filter(|at| at.is_finite())
+}
+
+/// The joints of the asset's skins, or all where it has none, each with the nearest of them above it.
+fn bones(asset: &Asset) -> Vec<(u32, Option<u32>)> {
+    let skeleton = &asset.skeleton;
+    let mut shown = vec![asset.skins.is_empty(); skeleton.len()];
+    for joint in asset.skins.iter().flat_map(|skin| &skin.joints) {
+        if let Some(shown) = shown.get_mut(*joint as usize) {
+            *shown = true;
+        }
+    }
+    let above = |mut joint: usize| {
+        // Parents come first, so this ends.
+        while let Some(parent) = skeleton.parents()[joint] {
+            if shown[parent as usize] {
+                return Some(parent);
+            }
+            joint = parent as usize;
+        }
+        None
+    };
+    (0..skeleton.len()).filter(|j| shown[*j]).map(|joint| (joint as u32, above(joint))).collect()
+}
