@@ -47,7 +47,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let scene = version.scene.ok_or_else(|| format!("{:?}", version.problems))?;
         let size = scene.stage.settings.size;
         let time = Time::from_secs(1.0);
-        painter.ask(Asked { scene, time, size, samples: 4, camera: None, moving: false, ticket: edit as u64 });
+        painter.ask(Asked {
+            scene,
+            time,
+            size,
+            samples: 4,
+            camera: None,
+            moving: false,
+            ticket: edit as u64,
+        });
         let painted = painted.recv_timeout(Duration::from_secs(60))?;
         let all = start.elapsed();
         let picture = painted.result?;

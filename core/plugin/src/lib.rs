@@ -2,20 +2,20 @@
 
 pub mod build;
 pub mod effect;
-pub mod overlay;
 pub mod exporter;
 pub mod importer;
 pub mod manifest;
+pub mod overlay;
 pub mod registry;
 pub mod suggest;
 pub mod yuv;
 
 pub use build::{AssetBuilder, BuildError, MeshData};
 pub use effect::{Effect, Exposure, Hook, Pixels, Seen, Shell, SurfaceNeeds};
-pub use overlay::{Lattice, Overlay, Scene, Stroke};
 pub use exporter::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
 pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source,
 };
 pub use manifest::{Manifest, OptionError, OptionKind, OptionSpec, PluginFile};
+pub use overlay::{Lattice, Overlay, Scene, Stroke};
 pub use registry::Registry;

@@ -4,7 +4,9 @@
 use crate::catalog::Catalog;
 use crate::gpu_types::{FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform};
 use crate::mip::level_count;
-use crate::plan::{ActiveMorph, Behind, Draw, Glass, Instance, OverlayVertex, Plan, PlanLight, Rows, Shadows};
+use crate::plan::{
+    ActiveMorph, Behind, Draw, Glass, Instance, OverlayVertex, Plan, PlanLight, Rows, Shadows,
+};
 use crate::record::{Command, Part as PassPart, Recording, Target};
 use crate::shader::{SceneVariant, switches};
 use crate::vertex::{VertexLayout, pack, pack_morphs};

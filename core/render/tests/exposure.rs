@@ -3,12 +3,10 @@
 mod common;
 
 use choreo_motion::{Interpolation, Time};
-use choreo_plugin::{Effect, Exposure, Frame, Hook, Manifest, Overlay, Scene as Seen, Stroke};
+use choreo_plugin::{Effect, Frame, Hook, Manifest, Overlay, Scene as Seen, Stroke};
 use choreo_render::compare::compare;
 use choreo_render::exposure::plan_at;
-use choreo_render::{
-    Catalog, CpuRenderer, GpuOptions, PlanOptions, RenderError, Renderer, VulkanRenderer,
-};
+use choreo_render::{Catalog, CpuRenderer, GpuOptions, PlanOptions, RenderError, Renderer, VulkanRenderer};
 use choreo_stage::{Channel, Evaluator, Property};
 use common::*;
 use glam::{DVec3, Vec3, Vec4};
@@ -151,7 +149,10 @@ impl Effect for Line {
         };
         // The last reaches from behind the camera far beyond the picture.
         let beyond = Stroke { from: DVec3::new(0.0, 0.0, 1e9), ..line(1e9, 0.0, -1e9) };
-        Overlay { strokes: vec![line(3.0, 0.0625, 1.0), line(3.0, 2.0625, -1.0), beyond], ..Overlay::default() }
+        Overlay {
+            strokes: vec![line(3.0, 0.0625, 1.0), line(3.0, 2.0625, -1.0), beyond],
+            ..Overlay::default()
+        }
     }
 }
 

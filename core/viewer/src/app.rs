@@ -211,7 +211,15 @@ impl Viewer {
         }
         self.ticket += 1;
         self.waiting = true;
-        let asked = Asked { scene, time: wish.time, size: wish.size, samples, camera, moving: wish.moving, ticket: self.ticket };
+        let asked = Asked {
+            scene,
+            time: wish.time,
+            size: wish.size,
+            samples,
+            camera,
+            moving: wish.moving,
+            ticket: self.ticket,
+        };
         self.asked = Some(wish);
         Some(asked)
     }

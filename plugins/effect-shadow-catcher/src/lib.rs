@@ -5,9 +5,13 @@ use glam::{Vec3, Vec4};
 use std::sync::LazyLock;
 
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
-    Manifest::new("shadow_catcher", env!("CARGO_PKG_VERSION"), "surfaces of which only the shadows on them are seen")
-        .number("strength", "1: as dark as on a white matte surface", 1.0, 0.0..=1.0)
-        .color("color", "of the shadows", [0.0, 0.0, 0.0])
+    Manifest::new(
+        "shadow_catcher",
+        env!("CARGO_PKG_VERSION"),
+        "surfaces of which only the shadows on them are seen",
+    )
+    .number("strength", "1: as dark as on a white matte surface", 1.0, 0.0..=1.0)
+    .color("color", "of the shadows", [0.0, 0.0, 0.0])
 });
 
 #[derive(Clone, Copy, Debug, Default)]

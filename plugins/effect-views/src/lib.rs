@@ -26,7 +26,12 @@ impl Effect for Views {
     }
 
     fn surface_needs(&self, p: &[f32; 8]) -> SurfaceNeeds {
-        SurfaceNeeds { normals: p[0] == 0.0, uvs: p[0] == 1.0, joints: p[0] == 2.0, ..SurfaceNeeds::default() }
+        SurfaceNeeds {
+            normals: p[0] == 0.0,
+            uvs: p[0] == 1.0,
+            joints: p[0] == 2.0,
+            ..SurfaceNeeds::default()
+        }
     }
 
     fn wgsl(&self) -> &str {

@@ -21,8 +21,7 @@ pub fn corners(vertices: &[OverlayVertex]) -> Vec<Vertex> {
 
 pub fn shade(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Shaded {
     let [a, b, c] = ids.map(|i| &vertices[i as usize]);
-    let [x, y, z, w] =
-        std::array::from_fn(|n| weights.scalar(a.shape[n], b.shape[n], c.shape[n]));
+    let [x, y, z, w] = std::array::from_fn(|n| weights.scalar(a.shape[n], b.shape[n], c.shape[n]));
     let cover = match a.lattice.x > 0.5 {
         true => {
             let rim = F4::ONE - (z * z + w * w).map(f32::sqrt);

@@ -75,7 +75,8 @@ impl Fragment<'_> {
     fn lost_light(&self, relative: V3, n: V3) -> F4 {
         let luminance = |c: Vec3| c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
         let (up, down) = (luminance(self.plan.ambient_up), luminance(self.plan.ambient_down));
-        let (mut whole, mut lost) = (F4::splat(down).mix(F4::splat(up), n.y * 0.5 + F4::splat(0.5)), F4::ZERO);
+        let (mut whole, mut lost) =
+            (F4::splat(down).mix(F4::splat(up), n.y * 0.5 + F4::splat(0.5)), F4::ZERO);
         for light in &self.plan.lights {
             let (l, strength) = incoming(light, relative);
             let falling = n.dot(l).clamp(0.0, 1.0) * strength * luminance(light.color.truncate());

@@ -17,11 +17,7 @@ impl VulkanRenderer {
     }
 
     /// The oldest of the plans that wait. Nothing is in flight.
-    pub(super) fn collect_later(
-        &mut self,
-        plan: Plan,
-        reuse: Option<Frame>,
-    ) -> Result<Frame, RenderError> {
+    pub(super) fn collect_later(&mut self, plan: Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
         if plan.exposed.is_empty() {
             self.submit_now(&plan)?;
             return self.collect_now(reuse);

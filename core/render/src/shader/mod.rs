@@ -22,7 +22,7 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 11] = [
+const EMBEDDED: [(&str, &str); 12] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
     ("toon.wgsl", include_str!("../../../../shaders/toon.wgsl")),
