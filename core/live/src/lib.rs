@@ -9,6 +9,7 @@
 //! No window and no toolkit: what shows it is the caller's.
 
 pub mod edit;
+mod eye;
 mod live;
 pub mod model;
 mod painter;
@@ -17,6 +18,7 @@ mod recipe;
 mod session;
 mod watch;
 
+pub use eye::{Eye, Marks};
 pub use live::Live;
 pub use painter::{Asked, Painted, Painter, StartRenderer};
 pub use recipe::Recipe;

@@ -1,13 +1,16 @@
 //! Frames on demand, on a thread of its own: only the newest wish counts, so that whoever scrubs never waits for frames that
 //! have been passed over.
 
-use crate::Scene;
+use crate::eye::Views;
+use crate::{Eye, Marks, Scene};
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame};
-use choreo_render::exposure::plan_at;
+use choreo_render::exposure::plan_with;
+use choreo_render::plan::Draw;
 use choreo_render::renderer::Work;
-use choreo_render::{Catalog, DeviceInfo, Plan, PlanOptions, Renderer};
-use choreo_stage::{CameraState, Evaluator, Snapshot};
+use choreo_render::{Catalog, DeviceInfo, Held, Plan, PlanOptions, Renderer};
+use choreo_stage::Snapshot;
+use std::collections::BTreeMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -23,23 +26,36 @@ pub struct Asked {
     /// Pixels.
     pub size: [u32; 2],
     pub samples: u32,
-    /// In place of the scene's.
-    pub camera: Option<CameraState>,
     /// It will be gone at once: played or scrubbed. Effects that take many pictures for one wait for a still.
     pub moving: bool,
+    /// For whom: a new wish of a view takes the place of its last one, and views take turns.
+    pub view: u32,
+    pub eye: Eye,
+    pub marks: Marks,
     /// Given back with the frame.
     pub ticket: u64,
+}
+
+impl Asked {
+    /// As `render` draws it.
+    pub fn new(scene: Arc<Scene>, time: Time, samples: u32, ticket: u64) -> Asked {
+        let size = scene.stage.settings.size;
+        Asked { scene, time, size, samples, moving: false, view: 0, eye: Eye::Script, marks: Marks::default(), ticket }
+    }
 }
 
 /// A frame that was drawn, or why it could not be.
 pub struct Painted {
     pub ticket: u64,
+    pub view: u32,
     /// Of the scene's version.
     pub number: u64,
     pub time: Time,
     pub result: Result<Picture, String>,
     /// What the renderer has made so far.
     pub work: Work,
+    /// What it has on its device now.
+    pub held: Held,
     /// For the user.
     pub notes: Vec<String>,
 }
@@ -49,6 +65,7 @@ pub struct Picture {
     pub snapshot: Snapshot,
     pub left_out: Vec<(String, String)>,
     pub draws: usize,
+    pub triangles: u64,
     pub device: DeviceInfo,
     pub evaluated_in: Duration,
     pub planned_in: Duration,
@@ -57,7 +74,10 @@ pub struct Picture {
 
 #[derive(Default)]
 struct Wishes {
-    next: Option<Asked>,
+    /// By view.
+    next: BTreeMap<u32, Asked>,
+    /// Whose turn it was last.
+    last: u32,
     /// Shaders have changed.
     shaders: bool,
     /// Of a frame that was shown: drawn into again.
@@ -69,6 +89,16 @@ struct Wishes {
 struct Desk {
     wishes: Mutex<Wishes>,
     changed: Condvar,
+}
+
+impl Wishes {
+    /// The next view's wish after the last one's.
+    fn take(&mut self) -> Option<Asked> {
+        let after = self.next.range(self.last.saturating_add(1)..).next().map(|(view, _)| *view);
+        let view = after.or_else(|| self.next.keys().next().copied())?;
+        self.last = view;
+        self.next.remove(&view)
+    }
 }
 
 impl Desk {
@@ -95,13 +125,13 @@ impl Painter {
             loop {
                 let (asked, shaders, spare) = {
                     let mut wishes = own.wishes();
-                    while wishes.next.is_none() && !wishes.end {
+                    while wishes.next.is_empty() && !wishes.end {
                         wishes = own.changed.wait(wishes).unwrap_or_else(PoisonError::into_inner);
                     }
                     if wishes.end {
                         return;
                     }
-                    (wishes.next.take(), std::mem::take(&mut wishes.shaders), wishes.spare.take())
+                    (wishes.take(), std::mem::take(&mut wishes.shaders), wishes.spare.take())
                 };
                 if let Some(asked) = asked {
                     told(easel.paint(&asked, shaders, spare));
@@ -112,9 +142,9 @@ impl Painter {
         Ok(Painter { desk, worker: Some(worker) })
     }
 
-    /// The next frame to draw, in place of one that was wished for and not begun.
+    /// The view's next frame to draw, in place of one that was wished for and not begun.
     pub fn ask(&self, asked: Asked) {
-        self.desk.wishes().next = Some(asked);
+        self.desk.wishes().next.insert(asked.view, asked);
         self.desk.changed.notify_all();
     }
 
@@ -144,7 +174,7 @@ impl Drop for Painter {
 struct Easel {
     renderer: Result<Box<dyn Renderer>, String>,
     notes: Vec<String>,
-    evaluator: Option<Evaluator>,
+    views: Views,
     catalog: Option<Arc<Catalog>>,
     effects: Vec<Arc<dyn Effect>>,
 }
@@ -155,18 +185,19 @@ impl Easel {
             Ok((renderer, note)) => (Ok(renderer), note.into_iter().collect()),
             Err(why) => (Err(why), Vec::new()),
         };
-        Easel { renderer, notes, evaluator: None, catalog: None, effects: Vec::new() }
+        Easel { renderer, notes, views: Views::default(), catalog: None, effects: Vec::new() }
     }
 
     fn paint(&mut self, asked: &Asked, shaders: bool, spare: Option<Frame>) -> Painted {
         let mut notes = std::mem::take(&mut self.notes);
         let result = self.picture(asked, shaders, spare, &mut notes);
-        let mut work = Work::default();
+        let (mut work, mut held) = (Work::default(), Held::default());
         if let Ok(renderer) = &mut self.renderer {
             notes.extend(renderer.take_notes());
-            work = renderer.work();
+            (work, held) = (renderer.work(), renderer.held());
         }
-        Painted { ticket: asked.ticket, number: asked.scene.number, time: asked.time, result, work, notes }
+        let Asked { ticket, view, time, .. } = *asked;
+        Painted { ticket, view, number: asked.scene.number, time, result, work, held, notes }
     }
 
     fn picture(
@@ -196,30 +227,43 @@ impl Easel {
             self.catalog = Some(scene.catalog.clone());
         }
         let start = Instant::now();
-        if self.evaluator.as_ref().is_none_or(|e| !Arc::ptr_eq(e.stage(), &scene.stage)) {
-            self.evaluator = Some(scene.evaluator.clone());
-        }
-        let evaluator = self.evaluator.get_or_insert_with(|| scene.evaluator.clone());
         let options = PlanOptions { effects, ..PlanOptions::new(asked.size, asked.samples) };
+        let stage = self.views.stage(asked);
         let (snapshot, plan, evaluated_in) = if asked.moving {
             // What moves past is not worth many pictures a frame.
-            let mut snapshot = evaluator.at(asked.time).map_err(|e| e.to_string())?;
-            snapshot.camera = asked.camera.unwrap_or(snapshot.camera);
+            let snapshot = self.views.at(asked, asked.time)?;
             let evaluated_in = start.elapsed();
-            let plan = Plan::new(&scene.catalog, &scene.stage, &snapshot, &options);
+            let plan = Plan::new(&scene.catalog, &stage, &snapshot, &options);
             (snapshot, plan, evaluated_in)
         } else {
-            let planned = plan_at(&scene.catalog, evaluator, asked.time, &options, asked.camera);
-            let (snapshot, plan) = planned.map_err(|e| e.to_string())?;
+            let at = |time| self.views.at(asked, time);
+            let (snapshot, plan) = plan_with(&scene.catalog, &stage, asked.time, &options, at)?;
             (snapshot, plan, start.elapsed())
         };
         let left_out = plan.left_out.iter().map(|l| (l.what.to_string(), l.why.to_string())).collect();
         let draws = plan.draws.len();
+        let triangles = plan.draws.iter().map(|d| triangles(&scene.catalog, d)).sum();
         let planned_in = start.elapsed() - evaluated_in;
         renderer.submit(plan).map_err(failed)?;
         let frame = renderer.collect(spare).map_err(failed)?;
         let drawn_in = start.elapsed() - evaluated_in - planned_in;
         let device = renderer.device().clone();
-        Ok(Picture { frame, snapshot, left_out, draws, device, evaluated_in, planned_in, drawn_in })
+        Ok(Picture {
+            frame,
+            snapshot,
+            left_out,
+            draws,
+            triangles,
+            device,
+            evaluated_in,
+            planned_in,
+            drawn_in,
+        })
     }
+}
+
+fn triangles(catalog: &Catalog, draw: &Draw) -> u64 {
+    let of_one =
+        catalog.primitives.get(draw.primitive as usize).map_or(0, |p| p.primitive().indices.len() / 3);
+    of_one as u64 * u64::from(draw.instance_count)
 }

@@ -214,17 +214,7 @@ impl Studio {
     }
 
     fn paint(&self, scene: &Arc<Scene>, time: f64) -> Painted {
-        let size = scene.stage.settings.size;
-        let time = Time::from_secs(time);
-        self.painter.ask(Asked {
-            scene: scene.clone(),
-            time,
-            size,
-            samples: 4,
-            camera: None,
-            moving: false,
-            ticket: 7,
-        });
+        self.painter.ask(Asked::new(scene.clone(), Time::from_secs(time), 4, 7));
         self.painted.recv_timeout(Duration::from_secs(100)).unwrap()
     }
 }

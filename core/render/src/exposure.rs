@@ -17,17 +17,27 @@ pub fn plan_at(
     options: &PlanOptions,
     camera: Option<CameraState>,
 ) -> Result<(Snapshot, Plan), StageError> {
-    let at = |evaluator: &mut Evaluator, time: Time| {
+    let stage = evaluator.stage().clone();
+    plan_with(catalog, &stage, time, options, |time| {
         let mut snapshot = evaluator.at(time)?;
         snapshot.camera = camera.unwrap_or(snapshot.camera);
-        Ok::<_, StageError>(snapshot)
-    };
-    let snapshot = at(evaluator, time)?;
-    let stage = evaluator.stage().clone();
-    let mut plan = Plan::new(catalog, &stage, &snapshot, options);
-    if let Some(exposure) = exposure_of(&stage, &snapshot, options.effects) {
-        for time in times(&stage, time, &exposure) {
-            let part = Plan::new(catalog, &stage, &at(evaluator, time)?, options);
+        Ok(snapshot)
+    })
+}
+
+/// As [`plan_at`], of snapshots that the caller makes.
+pub fn plan_with<E>(
+    catalog: &Catalog,
+    stage: &Stage,
+    time: Time,
+    options: &PlanOptions,
+    mut at: impl FnMut(Time) -> Result<Snapshot, E>,
+) -> Result<(Snapshot, Plan), E> {
+    let snapshot = at(time)?;
+    let mut plan = Plan::new(catalog, stage, &snapshot, options);
+    if let Some(exposure) = exposure_of(stage, &snapshot, options.effects) {
+        for time in times(stage, time, &exposure) {
+            let part = Plan::new(catalog, stage, &at(time)?, options);
             plan.exposed.push(Plan { post: Vec::new(), linear: true, ..part });
         }
     }

@@ -35,4 +35,4 @@ pub use gpu::{GpuOptions, SteadyRenderer, VulkanRenderer};
 pub use plan::Plan;
 pub use planner::PlanOptions;
 pub use planner_effects::effect_parameters;
-pub use renderer::{DeviceInfo, DeviceKind, RenderError, Renderer, Work};
+pub use renderer::{DeviceInfo, DeviceKind, Held, RenderError, Renderer, Work};

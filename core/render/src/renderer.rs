@@ -33,6 +33,11 @@ pub trait Renderer: Send {
         Work::default()
     }
 
+    /// What it has on its device now.
+    fn held(&self) -> Held {
+        Held::default()
+    }
+
     /// What went wrong and was made good since the last call, for the user.
     fn take_notes(&mut self) -> Vec<String> {
         Vec::new()
@@ -46,6 +51,18 @@ pub struct Work {
     pub textures: u64,
     pub materials: u64,
     pub pipelines: u64,
+}
+
+/// What a renderer has on its device: reloads must not make it grow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Held {
+    /// Buffers and images.
+    pub memory_objects: usize,
+    /// Blocks of memory that they lie in.
+    pub memory_blocks: usize,
+    pub bytes: u64,
+    pub pipelines: usize,
+    pub descriptor_pools: usize,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -160,6 +160,10 @@ pub struct Pools {
 const SETS_PER_POOL: u32 = 64;
 
 impl Pools {
+    pub fn count(&self) -> usize {
+        self.pools.len()
+    }
+
     pub fn allocate(
         &mut self,
         gpu: &Context,

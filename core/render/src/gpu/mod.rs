@@ -26,7 +26,7 @@ mod upload;
 
 use crate::record::{Command, MAX_LIGHTS, RecordOptions, Recording, record, texture_slots};
 use crate::shader::ShaderSources;
-use crate::{Catalog, DeviceInfo, DeviceKind, Plan, RenderError, Renderer, Work};
+use crate::{Catalog, DeviceInfo, DeviceKind, Held, Plan, RenderError, Renderer, Work};
 use ash::vk;
 use choreo_plugin::{Effect, Frame};
 use choreo_stage::Background;
@@ -452,6 +452,18 @@ impl Renderer for VulkanRenderer {
 
     fn work(&self) -> Work {
         Work { pipelines: self.pipelines.created(), ..self.resources.work }
+    }
+
+    fn held(&self) -> Held {
+        let memory = self.gpu.allocator().generate_report();
+        Held {
+            // Each has memory of its own.
+            memory_objects: memory.allocations.len(),
+            memory_blocks: memory.blocks.len(),
+            bytes: memory.total_capacity_bytes,
+            pipelines: self.pipelines.count(),
+            descriptor_pools: self.resources.descriptor_pools(),
+        }
     }
 
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {

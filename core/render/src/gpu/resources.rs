@@ -78,6 +78,10 @@ impl Resources {
         [self.meshes.len(), self.textures.len(), self.materials.len()]
     }
 
+    pub fn descriptor_pools(&self) -> usize {
+        self.pools.count()
+    }
+
     /// Makes what the recording binds and is not there yet.
     pub fn prepare(
         &mut self,

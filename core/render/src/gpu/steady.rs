@@ -3,7 +3,7 @@
 //! same bytes, so nobody sees it in the pictures.
 
 use super::{GpuOptions, VulkanRenderer};
-use crate::{Catalog, DeviceInfo, Plan, RenderError, Renderer, Work};
+use crate::{Catalog, DeviceInfo, Held, Plan, RenderError, Renderer, Work};
 use choreo_plugin::{Effect, Frame};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -169,6 +169,10 @@ impl Renderer for SteadyRenderer {
 
     fn work(&self) -> Work {
         self.inner.as_ref().map(Renderer::work).unwrap_or_default()
+    }
+
+    fn held(&self) -> Held {
+        self.inner.as_ref().map(Renderer::held).unwrap_or_default()
     }
 
     fn take_notes(&mut self) -> Vec<String> {

@@ -1,0 +1,120 @@
+//! From where a frame is seen, and what a viewer changes of it that the script does not say: nothing of it is in the stage.
+
+use crate::{Asked, Scene};
+use choreo_motion::Time;
+use choreo_stage::{CameraState, Cut, EffectUse, Evaluator, Snapshot, Stage};
+use glam::{DAffine3, DVec3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Eye {
+    /// The camera that is on.
+    #[default]
+    Script,
+    /// One of the stage's, on or not.
+    Camera(usize),
+    Free(CameraState),
+    /// Goes with an actor: `camera` as it stands while the actor is at the origin.
+    Following {
+        actor: usize,
+        camera: CameraState,
+    },
+}
+
+/// What is shown otherwise than the script has it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Marks {
+    /// Actors that are not seen.
+    pub hidden: Vec<usize>,
+    /// With a line around it.
+    pub outlined: Option<usize>,
+    /// As if it stood here: world-from-model, while it is being dragged.
+    pub moved: Option<(usize, DAffine3)>,
+}
+
+/// Pixels of the line around what is selected, and its color, linear.
+const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g", 0.3), ("color_b", 0.04)];
+
+/// The evaluators of the scene that is shown, one a camera.
+#[derive(Default)]
+pub struct Views {
+    scene: Option<Arc<Scene>>,
+    own: Option<Evaluator>,
+    /// The stage with one camera on all the time.
+    cameras: BTreeMap<usize, Evaluator>,
+    /// The stage with an outline around one actor.
+    outlined: Option<(usize, Arc<Stage>)>,
+}
+
+impl Views {
+    pub fn at(&mut self, asked: &Asked, time: Time) -> Result<Snapshot, String> {
+        let Asked { scene, eye, marks, .. } = asked;
+        self.set_scene(scene);
+        let mut snapshot = match eye {
+            Eye::Camera(camera) if *camera < scene.stage.cameras.len() => {
+                let of_camera = self.cameras.entry(*camera).or_insert_with(|| {
+                    let cuts = vec![Cut { at: Time::ZERO, camera: *camera }];
+                    Evaluator::new(Arc::new(Stage { cuts, ..(*scene.stage).clone() }))
+                });
+                of_camera.at(time)
+            }
+            _ => self.own.get_or_insert_with(|| scene.evaluator.clone()).at(time),
+        }
+        .map_err(|e| e.to_string())?;
+        match eye {
+            Eye::Free(camera) => snapshot.camera = *camera,
+            Eye::Following { actor, camera } => {
+                let at = snapshot.actors.get(*actor).map_or(DVec3::ZERO, |a| a.world_from_model.translation);
+                snapshot.camera = *camera;
+                snapshot.camera.world_from_view.translation += at;
+            }
+            Eye::Script | Eye::Camera(_) => {}
+        }
+        for hidden in &marks.hidden {
+            if let Some(actor) = snapshot.actors.get_mut(*hidden) {
+                actor.visible = false;
+            }
+        }
+        if let Some((moved, world_from_model)) = marks.moved
+            && let Some(actor) = snapshot.actors.get_mut(moved)
+        {
+            actor.world_from_model = world_from_model;
+        }
+        if self.outline(asked).is_some() {
+            snapshot.effects.push(scene.stage.effects.len());
+        }
+        Ok(snapshot)
+    }
+
+    /// With what the marks add to it.
+    pub fn stage(&mut self, asked: &Asked) -> Arc<Stage> {
+        self.set_scene(&asked.scene);
+        self.outline(asked).unwrap_or_else(|| asked.scene.stage.clone())
+    }
+
+    fn set_scene(&mut self, scene: &Arc<Scene>) {
+        if self.scene.as_ref().is_none_or(|s| !Arc::ptr_eq(s, scene)) {
+            *self = Views { scene: Some(scene.clone()), ..Views::default() };
+        }
+    }
+
+    /// The stage with the outline, where there is one to draw.
+    fn outline(&mut self, asked: &Asked) -> Option<Arc<Stage>> {
+        let scene = &asked.scene;
+        let actor = asked.marks.outlined.filter(|a| *a < scene.stage.actors.len())?;
+        scene.registry.effect("outline")?;
+        if self.outlined.as_ref().is_none_or(|(of, _)| *of != actor) {
+            let mut stage = (*scene.stage).clone();
+            stage.effects.push(EffectUse {
+                plugin: "outline".into(),
+                parameters: OUTLINE.map(|(name, value)| (name.to_string(), value)).to_vec(),
+                start: Time::ZERO,
+                end: None,
+                actors: vec![actor],
+            });
+            self.outlined = Some((actor, Arc::new(stage)));
+        }
+        self.outlined.as_ref().map(|(_, stage)| stage.clone())
+    }
+}
