@@ -2,7 +2,7 @@
 
 use crate::{Asked, Scene};
 use choreo_motion::Time;
-use choreo_stage::{CameraState, Cut, EffectUse, Evaluator, Snapshot, Stage};
+use choreo_stage::{CameraState, Cut, EffectState, EffectTarget, EffectUse, Evaluator, Snapshot, Stage};
 use glam::{DAffine3, DVec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -82,7 +82,8 @@ impl Views {
             actor.world_from_model = world_from_model;
         }
         if self.outline(asked).is_some() {
-            snapshot.effects.push(scene.stage.effects.len());
+            let parameters = OUTLINE.map(|(name, value)| (name.to_string(), value)).to_vec();
+            snapshot.effects.push(EffectState { effect: scene.stage.effects.len(), parameters });
         }
         Ok(snapshot)
     }
@@ -108,10 +109,12 @@ impl Views {
             let mut stage = (*scene.stage).clone();
             stage.effects.push(EffectUse {
                 plugin: "outline".into(),
-                parameters: OUTLINE.map(|(name, value)| (name.to_string(), value)).to_vec(),
+                parameters: Vec::new(),
+                keys: Vec::new(),
                 start: Time::ZERO,
                 end: None,
-                actors: vec![actor],
+                on: vec![EffectTarget { actor, material: None }],
+                cameras: Vec::new(),
             });
             self.outlined = Some((actor, Arc::new(stage)));
         }

@@ -40,7 +40,17 @@ impl Asked {
     /// As `render` draws it.
     pub fn new(scene: Arc<Scene>, time: Time, samples: u32, ticket: u64) -> Asked {
         let size = scene.stage.settings.size;
-        Asked { scene, time, size, samples, moving: false, view: 0, eye: Eye::Script, marks: Marks::default(), ticket }
+        Asked {
+            scene,
+            time,
+            size,
+            samples,
+            moving: false,
+            view: 0,
+            eye: Eye::Script,
+            marks: Marks::default(),
+            ticket,
+        }
     }
 }
 

@@ -1,18 +1,23 @@
 //! What the window shows and knows, apart from how it is drawn: fed with versions, frames and the clock, asked for the next
 //! frame to draw. No toolkit here.
 
-use crate::editing::History;
+use crate::editing::{History, Offer};
+use crate::gizmo::{Change, Drag, Tool};
 use crate::orbit::Orbit;
+use crate::performance::Performance;
+use crate::pick;
 use crate::playhead::Playhead;
 use crate::selection::{self, Selected};
 use crate::span::Span;
 use crate::timeline::Timeline;
-use choreo_live::{Asked, Painted, Problem, Scene, Version, Work};
+pub use crate::view::{MOST_VIEWS, Overlays, Resolution, Shown, View, ViewCamera};
+use crate::view::{Wish, fitted};
+use choreo_live::{Asked, Marks, Painted, Problem, Scene, Version, Work};
 use choreo_motion::Time;
 use choreo_plugin::Frame;
-use choreo_render::{DeviceInfo, renderer};
-use choreo_stage::{CameraState, Snapshot};
+use choreo_render::{Held, renderer};
 use glam::DVec3;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,46 +25,22 @@ use std::time::Duration;
 /// Larger pictures are for `render`.
 const LARGEST: u32 = 4096;
 
-/// From where it is seen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum ViewCamera {
-    /// As the script has it.
-    Script,
-    Free(Orbit),
+/// How actors are shown here, whatever the script says.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shelf {
+    pub hidden: BTreeSet<String>,
+    /// Where there are any, only these are seen.
+    pub solo: BTreeSet<String>,
+    /// Neither picked nor moved with the mouse.
+    pub locked: BTreeSet<String>,
 }
 
-/// How large the picture is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Resolution {
-    /// As many pixels as there is room for on the screen.
-    Fitted,
-    /// As many as `render` gives it.
-    Full,
-}
-
-/// What is known of the picture on the screen.
-pub struct Shown {
-    pub time: Time,
-    pub size: [u32; 2],
-    pub snapshot: Snapshot,
-    pub left_out: Vec<(String, String)>,
-    pub draws: usize,
-    pub device: DeviceInfo,
-    pub evaluated_in: Duration,
-    pub planned_in: Duration,
-    pub drawn_in: Duration,
-}
-
-/// What a wish is for: an equal one has been drawn or is being drawn.
+/// Something that is being dragged in a viewport.
 #[derive(Clone, Debug, PartialEq)]
-struct Wish {
-    number: u64,
-    reloads: u64,
-    time: Time,
-    size: [u32; 2],
-    samples: u32,
-    camera: Option<CameraState>,
-    moving: bool,
+pub struct Dragging {
+    pub actor: String,
+    pub drag: Drag,
+    pub change: Change,
 }
 
 pub struct Viewer {
@@ -68,6 +49,8 @@ pub struct Viewer {
     /// The script's file, where it is one.
     pub path: Option<PathBuf>,
     pub history: History,
+    /// A change that needs a word of the user first.
+    pub offer: Option<Offer>,
     /// The window is to be closed.
     pub quit: bool,
     /// Why the last change was not made.
@@ -82,22 +65,35 @@ pub struct Viewer {
     /// Of the renderer: drivers that failed, shaders that do not compile, callbacks that fail at this time.
     pub trouble: Vec<String>,
     pub playhead: Playhead,
-    pub camera: ViewCamera,
-    pub resolution: Resolution,
+    /// At least one.
+    pub views: Vec<View>,
+    /// The one that keys are for.
+    pub active: usize,
+    pub tool: Tool,
+    pub dragging: Option<Dragging>,
+    pub shelf: Shelf,
     pub selection: Option<Selected>,
     pub span: Span,
     /// Times as seconds, not as frames.
     pub in_seconds: bool,
-    pub shown: Option<Shown>,
+    /// Dragged times are whole frames.
+    pub snap: bool,
+    /// The script panel goes to this line.
+    pub go_to: Option<usize>,
+    /// A file that was dropped on the window, shown in place of the script.
+    pub guest: Option<PathBuf>,
+    /// Files dropped, and the guest sent away: for the window, which starts and ends what shows them.
+    pub dropped: Option<PathBuf>,
+    pub guest_leaves: bool,
+    /// Where the next picture of the active viewport is written.
+    pub screenshot: Option<PathBuf>,
     pub work: Work,
     pub drawn: renderer::Work,
+    pub held: Held,
+    pub performance: Performance,
     pub build_took: Duration,
-    /// Pixels that there is room for, as the viewport panel had it last.
-    pub room: [u32; 2],
     samples: Option<u32>,
     reloads: u64,
-    asked: Option<Wish>,
-    waiting: bool,
     ticket: u64,
 }
 
@@ -107,6 +103,7 @@ impl Viewer {
             name: name.into(),
             path: None,
             history: History::default(),
+            offer: None,
             said: None,
             quit: false,
             scene: None,
@@ -115,30 +112,38 @@ impl Viewer {
             faulty: false,
             trouble: Vec::new(),
             playhead: Playhead::default(),
-            camera: ViewCamera::Script,
-            resolution: Resolution::Fitted,
+            views: vec![View::default()],
+            active: 0,
+            tool: Tool::Move,
+            dragging: None,
+            shelf: Shelf::default(),
             selection: None,
             span: Span::whole(1.0),
             in_seconds: true,
-            shown: None,
+            snap: true,
+            go_to: None,
+            guest: None,
+            dropped: None,
+            guest_leaves: false,
+            screenshot: None,
             work: Work::default(),
             drawn: renderer::Work::default(),
+            held: Held::default(),
+            performance: Performance::default(),
             build_took: Duration::ZERO,
-            room: [1280, 720],
             samples: None,
             reloads: 0,
-            asked: None,
-            waiting: false,
             ticket: 0,
         }
     }
 
-    /// The next version: swapped in whole where it is good; playhead, selection, camera and whether it plays stay.
+    /// The next version: swapped in whole where it is good; playhead, selection, cameras and whether it plays stay.
     pub fn take_version(&mut self, version: Version) {
         self.problems = version.problems;
         self.work = version.work;
         self.build_took = version.took;
         self.faulty = version.scene.is_none();
+        self.dragging = None;
         if version.shaders {
             self.reloads += 1;
         }
@@ -153,30 +158,36 @@ impl Viewer {
         self.timeline = Timeline::new(&scene);
         self.selection = self.selection.take().filter(|s| s.is_on(&scene.stage));
         self.scene = Some(scene);
+        self.check_wanted();
     }
 
-    /// A frame that was drawn; gives its pixels, to be shown. What could not be drawn leaves the last picture.
-    pub fn take_painted(&mut self, painted: Painted) -> Option<Frame> {
-        if painted.ticket == self.ticket {
-            self.waiting = false;
+    /// A frame that was drawn; gives its pixels, to be shown in its view. What could not be drawn leaves the last picture.
+    pub fn take_painted(&mut self, painted: Painted) -> Option<(usize, Frame)> {
+        let index = painted.view as usize;
+        let view = self.views.get_mut(index)?;
+        if painted.ticket == view.ticket {
+            view.waiting = false;
         }
         self.drawn = painted.work;
+        self.held = painted.held;
         self.trouble = painted.notes;
         match painted.result {
             Ok(picture) => {
                 let size = [picture.frame.width, picture.frame.height];
-                self.shown = Some(Shown {
+                self.performance.add(picture.evaluated_in, picture.planned_in, picture.drawn_in);
+                view.shown = Some(Shown {
                     time: painted.time,
                     size,
                     snapshot: picture.snapshot,
                     left_out: picture.left_out,
                     draws: picture.draws,
+                    triangles: picture.triangles,
                     device: picture.device,
                     evaluated_in: picture.evaluated_in,
                     planned_in: picture.planned_in,
                     drawn_in: picture.drawn_in,
                 });
-                Some(picture.frame)
+                Some((index, picture.frame))
             }
             Err(text) => {
                 self.trouble.push(text);
@@ -185,43 +196,68 @@ impl Viewer {
         }
     }
 
-    /// The next frame to draw, where it is another than the one drawn or asked for last, and none is being drawn.
+    /// The next frame to draw, where a view wants another than was drawn or asked for last, and none is being drawn for it.
     pub fn wish(&mut self) -> Option<Asked> {
         let scene = self.scene.clone()?;
-        if self.waiting {
-            return None;
-        }
-        let camera = match self.camera {
-            ViewCamera::Script => None,
-            ViewCamera::Free(orbit) => Some(orbit.camera()),
-        };
         // Four, as `render` has it.
         let samples = self.samples.or(scene.stage.settings.samples).unwrap_or(4);
-        let wish = Wish {
-            number: scene.number,
-            reloads: self.reloads,
-            time: self.playhead.time(),
-            size: self.size(&scene),
-            samples,
-            camera,
-            moving: self.playhead.is_playing(),
-        };
-        if self.asked.as_ref() == Some(&wish) {
-            return None;
+        let marks = self.marks(&scene);
+        for (index, view) in self.views.iter_mut().enumerate().filter(|(_, v)| v.seen && !v.waiting) {
+            let size = match view.resolution {
+                Resolution::Full => scene.stage.settings.size.map(|s| s.clamp(1, LARGEST)),
+                Resolution::Fitted => fitted(scene.stage.settings.size, view.room, LARGEST),
+            };
+            let wish = Wish {
+                number: scene.number,
+                reloads: self.reloads,
+                time: self.playhead.time(),
+                size,
+                samples,
+                eye: view.eye(&scene.stage),
+                moving: self.playhead.is_playing(),
+                marks: marks.clone(),
+            };
+            if view.asked.as_ref() == Some(&wish) {
+                continue;
+            }
+            self.ticket += 1;
+            view.waiting = true;
+            view.ticket = self.ticket;
+            let Wish { time, eye, moving, marks, .. } = wish.clone();
+            view.asked = Some(wish);
+            let ticket = self.ticket;
+            return Some(Asked {
+                scene,
+                time,
+                size,
+                samples,
+                moving,
+                view: index as u32,
+                eye,
+                marks,
+                ticket,
+            });
         }
-        self.ticket += 1;
-        self.waiting = true;
-        let asked = Asked {
-            scene,
-            time: wish.time,
-            size: wish.size,
-            samples,
-            camera,
-            moving: wish.moving,
-            ticket: self.ticket,
+        None
+    }
+
+    fn marks(&self, scene: &Scene) -> Marks {
+        let stage = &scene.stage;
+        let unseen = |name: &String| {
+            self.shelf.hidden.contains(name)
+                || (!self.shelf.solo.is_empty() && !self.shelf.solo.contains(name))
         };
-        self.asked = Some(wish);
-        Some(asked)
+        let hidden =
+            stage.actors.iter().enumerate().filter(|(_, a)| unseen(&a.name)).map(|(i, _)| i).collect();
+        let outlined = match &self.selection {
+            Some(Selected::Actor(name)) => selection::actor(stage, name),
+            _ => None,
+        };
+        let moved = self.dragging.as_ref().and_then(|dragging| {
+            let actor = selection::actor(stage, &dragging.actor)?;
+            Some((actor, dragging.change.applied(dragging.drag.world_from_model)))
+        });
+        Marks { hidden, outlined, moved }
     }
 
     /// How often shaders have changed so far.
@@ -231,42 +267,49 @@ impl Viewer {
 
     /// Whether a frame is being drawn.
     pub fn is_waiting(&self) -> bool {
-        self.waiting
+        self.views.iter().any(|v| v.waiting)
     }
 
-    fn size(&self, scene: &Scene) -> [u32; 2] {
-        let [width, height] = scene.stage.settings.size;
-        match self.resolution {
-            Resolution::Full => [width.min(LARGEST), height.min(LARGEST)],
-            Resolution::Fitted => fitted([width, height], self.room),
+    /// The picture that the panels tell of.
+    pub fn shown(&self) -> Option<&Shown> {
+        self.view().shown.as_ref().or_else(|| self.views.iter().find_map(|v| v.shown.as_ref()))
+    }
+
+    pub fn view(&self) -> &View {
+        &self.views[self.active.min(self.views.len() - 1)]
+    }
+
+    pub fn view_mut(&mut self) -> &mut View {
+        let active = self.active.min(self.views.len() - 1);
+        &mut self.views[active]
+    }
+
+    /// The mouse takes a view's camera over where it stands.
+    pub fn free_camera(&mut self, view: usize) -> Option<&mut Orbit> {
+        let near = self.point_of_interest().unwrap_or(DVec3::ZERO);
+        let view = self.views.get_mut(view)?;
+        if matches!(view.camera, ViewCamera::Script | ViewCamera::Named(_)) {
+            let shown = view.shown.as_ref()?;
+            view.camera = ViewCamera::Free(Orbit::from_camera(&shown.snapshot.camera, near));
+        }
+        match &mut view.camera {
+            ViewCamera::Free(orbit) | ViewCamera::Follow { orbit, .. } => Some(orbit),
+            ViewCamera::Script | ViewCamera::Named(_) => None,
         }
     }
 
-    /// The mouse takes the camera over where it stands.
-    pub fn free_camera(&mut self) -> Option<&mut Orbit> {
-        if self.camera == ViewCamera::Script {
-            let shown = self.shown.as_ref()?;
-            let near = self.point_of_interest().unwrap_or(DVec3::ZERO);
-            self.camera = ViewCamera::Free(Orbit::from_camera(&shown.snapshot.camera, near));
-        }
-        match &mut self.camera {
-            ViewCamera::Free(orbit) => Some(orbit),
-            ViewCamera::Script => None,
-        }
-    }
-
-    /// The selected actor's place, else the middle of all.
+    /// The middle of the selected actor, else of all.
     pub fn point_of_interest(&self) -> Option<DVec3> {
-        let (scene, shown) = (self.scene.as_ref()?, self.shown.as_ref()?);
+        let (scene, shown) = (self.scene.as_ref()?, self.shown()?);
         let selected = self.selection.as_ref().and_then(Selected::actor);
         let selected = selected.and_then(|name| selection::actor(&scene.stage, name));
-        let places = || shown.snapshot.actors.iter().filter(|a| a.visible);
-        let at = |a: &choreo_stage::ActorState| a.world_from_model.translation + DVec3::Y * 0.9;
-        if let Some(actor) = selected.and_then(|a| shown.snapshot.actors.get(a)) {
-            return Some(at(actor));
+        let actors = || scene.stage.actors.iter().zip(&shown.snapshot.actors);
+        if let Some((actor, state)) = selected.and_then(|a| actors().nth(a)) {
+            return Some(pick::middle(&actor.asset, state));
         }
-        let count = places().count();
-        (count > 0).then(|| places().map(at).sum::<DVec3>() / count as f64)
+        let middles = || actors().filter(|(_, s)| s.visible).map(|(a, s)| pick::middle(&a.asset, s));
+        let count = middles().count();
+        (count > 0).then(|| middles().sum::<DVec3>() / count as f64)
     }
 
     /// A time as the user wants to read it.
@@ -276,24 +319,11 @@ impl Viewer {
             false => format!("frame {}", self.playhead.fps().frames_in(time)),
         }
     }
-}
 
-/// The largest size of the same shape with room for it; no larger than itself, no smaller than a pixel.
-fn fitted(size: [u32; 2], room: [u32; 2]) -> [u32; 2] {
-    let [width, height] = size.map(|s| f64::from(s.max(1)));
-    let scale = (f64::from(room[0]) / width).min(f64::from(room[1]) / height).min(1.0);
-    [width, height].map(|s| ((s * scale).round() as u32).clamp(1, LARGEST))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_picture_is_fitted_and_never_blown_up() {
-        assert_eq!(fitted([1280, 720], [640, 640]), [640, 360]);
-        assert_eq!(fitted([1280, 720], [5000, 5000]), [1280, 720]);
-        assert_eq!(fitted([1280, 720], [0, 0]), [1, 1]);
-        assert_eq!(fitted([720, 1280], [1000, 640]), [360, 640]);
+    /// A dragged time: a whole frame where times snap, within the scene.
+    pub fn snapped(&self, secs: f64) -> f64 {
+        let fps = self.playhead.fps().as_fps();
+        let secs = if self.snap { (secs * fps).round() / fps } else { secs };
+        secs.clamp(0.0, self.playhead.length().as_secs())
     }
 }

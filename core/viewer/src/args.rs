@@ -38,6 +38,9 @@ struct Args {
     /// Begin playing
     #[arg(long)]
     play: bool,
+    /// For tests: at these frames of the window its device is lost; repeatable
+    #[arg(long = "lose-device-at", value_name = "FRAME", hide = true)]
+    lose: Vec<u64>,
 }
 
 /// What the user asks for.
@@ -45,6 +48,8 @@ pub struct Asked {
     pub recipe: Recipe,
     pub at: f64,
     pub play: bool,
+    /// Frames of the window at which its device is as good as lost.
+    pub lose: Vec<u64>,
 }
 
 pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Asked, ExitCode> {
@@ -81,5 +86,5 @@ pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Asked, ExitCode
         shaders: args.shaders,
         ..Recipe::new(args.input)
     };
-    Ok(Asked { recipe, at: args.at, play: args.play })
+    Ok(Asked { recipe, at: args.at, play: args.play, lose: args.lose })
 }

@@ -1,15 +1,23 @@
-//! Dragging writes the script: the file stays the only document. One change is one undoable edit; what is computed, what stands
-//! in a module, and what has changed on disk meanwhile is not touched, and said.
+//! Dragging writes the script: the file stays the only document. One change is one undoable edit. What is computed, what stands
+//! in a module or makes several things is not touched, and said, with a line that would do it where there is one. A file that has
+//! changed on disk meanwhile is asked about, with the difference.
 
 use crate::app::Viewer;
-use crate::selection::Selected;
-use choreo_live::edit::{Edit, Part, set_time};
+use crate::difference;
+use crate::gizmo::Change;
+use crate::selection::{Selected, actor};
+use choreo_live::edit::{Edit, Object, Part, Refused, marker, set_time};
+use choreo_script::Place;
+use glam::{DQuat, DVec3};
 use std::path::{Path, PathBuf};
 
-/// Changes that can be taken back, the newest last.
+/// Changes that can be taken back and made again, the newest last.
 #[derive(Default)]
 pub struct History {
     done: Vec<Done>,
+    undone: Vec<Done>,
+    /// What the next version must show, if the change did what was meant.
+    wanted: Option<Wanted>,
 }
 
 struct Done {
@@ -19,44 +27,243 @@ struct Done {
     text: String,
 }
 
+struct Wanted {
+    actor: String,
+    at: DVec3,
+    rotation: DQuat,
+    line: usize,
+}
+
+/// A change that is made if the user agrees.
+pub struct Offer {
+    pub why: String,
+    /// On the button.
+    pub agree: String,
+    /// Lines that go (`-`), come (`+`) and stay (` `).
+    pub difference: Vec<(char, String)>,
+    edit: Edit,
+    /// What the edit was made for.
+    text: String,
+}
+
 impl Viewer {
-    /// Sets a time of a cue in the script's file, in seconds.
+    /// Sets a time of a cue or an effect in the script's file, in seconds.
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
     pub fn set_cue(&mut self, what: &Selected, part: Part, secs: f64) -> Result<(), String> {
+        let bars = || self.timeline.rows.iter().flat_map(|row| &row.bars);
+        let place = bars().find(|bar| bar.what == *what).ok_or("it is no longer there")?.place.clone();
+        let twins = bars().filter(|b| b.place == place).count();
+        self.change(&place, twins, |text| match (what, part) {
+            (Selected::Effect(_), Part::Start) => {
+                Object::at(text, place.line, place.column)?.time("from", secs)
+            }
+            (Selected::Effect(_), _) => Object::at(text, place.line, place.column)?.time("until", secs),
+            _ => Ok(set_time(text, place.line, place.column, part, secs)?),
+        })
+    }
+
+    /// Moves a cut; `index` of the stage's cuts.
+    pub fn set_cut(&mut self, index: usize, secs: f64) -> Result<(), String> {
         let scene = self.scene.as_ref().ok_or("there is nothing to change yet")?;
+        let place = scene.places.cuts.get(index).ok_or("it is no longer there")?.clone();
+        let twins = scene.places.cuts.iter().filter(|p| **p == place).count();
+        self.change(&place, twins, |text| choreo_live::edit::set_call(text, place.line, place.column, secs))
+    }
+
+    /// Moves a named time of the stage.
+    pub fn set_marker(&mut self, name: &str, secs: f64) -> Result<(), String> {
+        let scene = self.scene.as_ref().ok_or("there is nothing to change yet")?;
+        let place = Place { file: scene.places.main.clone(), line: 1, ..Place::default() };
+        self.change(&place, 1, |text| marker(text, name, secs))
+    }
+
+    /// Moves, turns or scales an actor as it was dragged.
+    pub fn change_actor(&mut self, name: &str, change: Change) -> Result<(), String> {
+        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+        let index = actor(&scene.stage, name).ok_or("it is no longer there")?;
+        let found = &scene.stage.actors[index];
+        let place = scene.places.actors.get(index).cloned().unwrap_or_default();
+        let twins = scene.places.actors.iter().filter(|p| **p == place).count();
+        let keyed = |property| found.channels.iter().any(|c| c.property == property);
+        use choreo_stage::Property::{Rotation, Scale, Translation};
+        let (is_keyed, what) = match change {
+            Change::Move(_) => (keyed(Translation), "position"),
+            Change::Turn(_) => (keyed(Rotation), "rotation"),
+            Change::Scale(_) => (keyed(Scale), "scale"),
+        };
+        if is_keyed {
+            return Err(format!("{}:{}: its {what} has keys; change them there", place.file, place.line));
+        }
+        if found.parent.is_some() {
+            return Err(format!("{}:{}: it is attached to another actor", place.file, place.line));
+        }
+        if found.face.is_some() && matches!(change, Change::Turn(_)) {
+            return Err(format!("{}:{}: it faces another actor", place.file, place.line));
+        }
+        let old = found.transform;
+        let (mut at, mut rotation) = (old.translation, old.rotation);
+        self.change(&place, twins, |text| {
+            let object = Object::at(text, place.line, place.column)?;
+            match change {
+                Change::Move(by) => {
+                    at += by;
+                    object.move_by(by, at)
+                }
+                Change::Turn(by) => {
+                    rotation = by * rotation;
+                    Ok(object.turn_by(by))
+                }
+                Change::Scale(by) => {
+                    let to = old.scale * by;
+                    let even = (to - to.x).abs().max_element() < 1e-9;
+                    let all = to.to_array();
+                    object.set("scale", &all[..if even { 1 } else { 3 }])
+                }
+            }
+        })?;
+        self.history.wanted = Some(Wanted { actor: name.to_string(), at, rotation, line: place.line });
+        Ok(())
+    }
+
+    /// A parameter of an effect, or an option of a light; `value` as it is written.
+    pub fn set_value(&mut self, what: &Selected, name: &str, value: &str) -> Result<(), String> {
+        let scene = self.scene.as_ref().ok_or("there is nothing to change yet")?;
+        let (places, index) = match what {
+            Selected::Effect(index) => (&scene.places.effects, *index),
+            Selected::Light(index) => (&scene.places.lights, *index),
+            _ => return Err("it has no such value".into()),
+        };
+        let place = places.get(index).cloned().unwrap_or_default();
+        let twins = places.iter().filter(|p| **p == place).count();
+        let is_light = matches!(what, Selected::Light(_));
+        self.change(&place, twins, |text| {
+            let object = Object::at(text, place.line, place.column)?;
+            if is_light { object.option(name, value) } else { object.parameter(name, value) }
+        })
+    }
+
+    /// Lets an actor play a clip of its file from a time on.
+    pub fn add_clip(&mut self, name: &str, clip: &str, secs: f64) -> Result<(), String> {
+        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+        let index = actor(&scene.stage, name).ok_or("it is no longer there")?;
+        let place = scene.places.actors.get(index).cloned().unwrap_or_default();
+        let twins = scene.places.actors.iter().filter(|p| **p == place).count();
+        let plays = scene.stage.actors[index].layers.first().is_some_and(|l| !l.cues.is_empty());
+        let options = if plays { ", #{ fade: 0.3 }" } else { "" };
+        self.change(&place, twins, |text| {
+            Object::at(text, place.line, place.column)?.play(clip, secs, options)
+        })
+    }
+
+    /// Puts a file that was dropped on stage: a line at the end of the script.
+    pub fn add_guest(&mut self) -> Result<(), String> {
+        let guest = self.guest.clone().ok_or("no file was dropped")?;
+        let path = self.path.clone().ok_or("there is no script that it could be added to")?;
+        let folder =
+            path.canonicalize().ok().and_then(|p| Some(p.parent()?.to_path_buf())).unwrap_or_default();
+        let file = guest.canonicalize().unwrap_or(guest);
+        let inside = file.strip_prefix(&folder).map_err(|_| {
+            format!(
+                "{}: it lies outside the script's folder, where load(…) may not read; put it there first",
+                file.display()
+            )
+        })?;
+        let text = read(&path)?;
+        let stem: String = file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let mut name: String = stem
+            .chars()
+            .map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' })
+            .collect();
+        if !name.starts_with(|c: char| c.is_ascii_lowercase()) {
+            name = format!("a_{name}");
+        }
+        let taken =
+            |name: &str| text.contains(&format!("\"{name}\"")) || text.contains(&format!("let {name} "));
+        let free =
+            (1..).map(|n| if n == 1 { name.clone() } else { format!("{name}_{n}") }).find(|n| !taken(n));
+        let name = free.unwrap_or(name);
+        let shown = inside.to_string_lossy().replace('\\', "/").replace('"', "\\\"");
+        let line = format!("let {name} = cast(\"{name}\", load(\"{shown}\"));\n");
+        let blank = if text.is_empty() || text.ends_with('\n') { "" } else { "\n" };
+        let edit = Edit { range: text.len()..text.len(), text: format!("{blank}{line}") };
+        self.write_edit(&path, &text, edit)?;
+        self.guest_leaves = true;
+        Ok(())
+    }
+
+    /// `twins`: how many things come from this place.
+    fn change(
+        &mut self,
+        place: &Place,
+        twins: usize,
+        mut make: impl FnMut(&str) -> Result<Edit, Refused>,
+    ) -> Result<(), String> {
+        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
         let places = &scene.places;
-        let bar = self.timeline.rows.iter().flat_map(|row| &row.bars).find(|bar| bar.what == *what);
-        let place = &bar.ok_or("it is no longer there")?.place;
         if place.line == 0 {
             return Err("it does not come from a script".into());
         }
         if place.file != places.main {
             return Err(format!("{}:{}: it stands in a module; change it there", place.file, place.line));
         }
-        let bars = self.timeline.rows.iter().flat_map(|row| &row.bars);
-        let twins = bars.filter(|b| b.place == *place).count();
         if twins > 1 {
             return Err(format!(
-                "{}:{}: this line makes {twins} bars; change it there",
+                "{}:{}: this line makes {twins} of them; change it there",
                 place.file, place.line
             ));
         }
         let path = self.path.clone().ok_or("there is no script")?;
         let text = read(&path)?;
-        if places.sources.get(&places.main).is_none_or(|known| **known != *text) || self.faulty {
+        let known = places.sources.get(&places.main).cloned().unwrap_or_default();
+        let made = make(&known);
+        if *known != *text || self.faulty {
+            // For what is shown; the file has something else by now.
+            let carried = made.ok().and_then(|edit| edit.carried_over(&known, &text));
+            if let Some(edit) = carried {
+                let difference = difference::lines(&known, &edit.apply(&text));
+                let why = "the file has changed on disk since it was shown; with both changes it would be:"
+                    .to_string();
+                self.offer = Some(Offer { why, agree: "Write both".into(), difference, edit, text });
+            }
             return Err("the file has changed on disk; wait until it is shown, and try again".into());
         }
-        let edit = set_time(&text, place.line, place.column, part, secs)
-            .map_err(|why| format!("{}: {why}", places.main))?;
-        let after = edit.apply(&text);
+        match made {
+            Ok(edit) => self.write_edit(&path, &text, edit),
+            Err(Refused { why, over }) => {
+                let why = format!("{}: {why}", places.main);
+                if let Some(edit) = over {
+                    let difference = difference::lines(&text, &edit.apply(&text));
+                    let agree = "Add the line".to_string();
+                    self.offer = Some(Offer { why: why.clone(), agree, difference, edit, text });
+                }
+                Err(why)
+            }
+        }
+    }
+
+    fn write_edit(&mut self, path: &Path, text: &str, edit: Edit) -> Result<(), String> {
+        let after = edit.apply(text);
         if after == text {
+            self.dragging = None;
             return Ok(());
         }
-        write(&path, &after)?;
-        self.history.done.push(Done { back: edit.inverse(&text), text: after });
+        write(path, &after)?;
+        self.history.done.push(Done { back: edit.inverse(text), text: after });
+        self.history.undone.clear();
         Ok(())
+    }
+
+    /// Makes the change that was offered.
+    pub fn accept_offer(&mut self) -> Result<(), String> {
+        let offer = self.offer.take().ok_or("nothing was offered")?;
+        let path = self.path.clone().ok_or("there is no script")?;
+        let now = read(&path)?;
+        let edit =
+            if now == offer.text { Some(offer.edit) } else { offer.edit.carried_over(&offer.text, &now) };
+        let edit = edit.ok_or("the file has changed once more; try again when it is shown")?;
+        self.write_edit(&path, &now, edit)
     }
 
     /// Takes the newest change back, also where the file has since been changed elsewhere.
@@ -64,17 +271,53 @@ impl Viewer {
     /// # Errors
     /// As for [`Viewer::set_cue`]; that there is none.
     pub fn undo(&mut self) -> Result<(), String> {
-        let path = self.path.clone().ok_or("there is no script")?;
         let last = self.history.done.last().ok_or("there is nothing to take back")?;
-        let now = read(&path)?;
-        let back = match now == last.text {
-            true => Some(last.back.clone()),
-            false => last.back.carried_over(&last.text, &now),
-        };
-        let back = back.ok_or("the line has been changed since; take it back in the editor")?;
-        write(&path, &back.apply(&now))?;
+        let again = self.take_back(&last.back, &last.text)?;
         self.history.done.pop();
+        self.history.undone.push(again);
         Ok(())
+    }
+
+    /// Makes the change again that was taken back last.
+    ///
+    /// # Errors
+    /// As for [`Viewer::undo`].
+    pub fn redo(&mut self) -> Result<(), String> {
+        let last = self.history.undone.last().ok_or("there is nothing to do again")?;
+        let again = self.take_back(&last.back, &last.text)?;
+        self.history.undone.pop();
+        self.history.done.push(again);
+        Ok(())
+    }
+
+    fn take_back(&self, back: &Edit, from: &str) -> Result<Done, String> {
+        let path = self.path.clone().ok_or("there is no script")?;
+        let now = read(&path)?;
+        let back = if now == from { Some(back.clone()) } else { back.carried_over(from, &now) };
+        let back = back.ok_or("the line has been changed since; take it back in the editor")?;
+        let after = back.apply(&now);
+        write(&path, &after)?;
+        Ok(Done { back: back.inverse(&now), text: after })
+    }
+
+    /// Says where the script sets again what has just been written.
+    pub(crate) fn check_wanted(&mut self) {
+        let Some(wanted) = self.history.wanted.take() else { return };
+        let scene = self.scene.as_ref();
+        let Some((scene, index)) = scene.and_then(|s| Some((s, actor(&s.stage, &wanted.actor)?))) else {
+            return;
+        };
+        let now = scene.stage.actors[index].transform;
+        // Written to the thousandth.
+        let there =
+            (now.translation - wanted.at).length() < 0.01 && now.rotation.dot(wanted.rotation).abs() > 0.9999;
+        self.said = (!there).then(|| {
+            let line = wanted.line;
+            format!(
+                "line {line}: it was written, but another line places \"{}\" anew; Ctrl Z takes it back",
+                wanted.actor
+            )
+        });
     }
 }
 
@@ -83,7 +326,7 @@ fn read(path: &Path) -> Result<String, String> {
 }
 
 /// Beside it and renamed: whole or not at all. A link stays one.
-fn write(path: &Path, text: &str) -> Result<(), String> {
+pub(crate) fn write(path: &Path, text: &str) -> Result<(), String> {
     let failed = |e: std::io::Error| format!("{}: cannot write: {e}", path.display());
     let place = path.canonicalize().map_err(failed)?;
     let name = place.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();

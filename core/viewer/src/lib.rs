@@ -9,13 +9,21 @@
 
 pub mod app;
 mod args;
+mod difference;
 pub mod editing;
+mod editor;
+pub mod gizmo;
+pub mod lens;
 pub mod orbit;
 pub mod panels;
+pub mod performance;
+pub mod pick;
 pub mod playhead;
 pub mod selection;
+pub mod settings;
 pub mod span;
 pub mod timeline;
+pub mod view;
 mod window;
 
 use std::ffi::OsString;

@@ -82,6 +82,13 @@ impl Orbit {
         self.distance = (self.distance * libm::pow(0.85, notches)).clamp(NEAREST, FARTHEST);
     }
 
+    /// As one who turns the head: the eye stays where it is.
+    pub fn look(&mut self, by: DVec2) {
+        let eye = self.center + self.rotation() * DVec3::new(0.0, 0.0, self.distance);
+        self.turn(DVec2::new(by.x, by.y));
+        self.center = eye - self.rotation() * DVec3::new(0.0, 0.0, self.distance);
+    }
+
     /// As one who walks: right, up and forward, metres.
     pub fn walk(&mut self, by: DVec3) {
         self.center += self.rotation() * DVec3::new(by.x, by.y, -by.z);
@@ -139,6 +146,15 @@ mod tests {
         let after = view_from_world(&o).transform_point3(point);
         let height = 2.0 * libm::tan(f64::from(0.7f32) / 2.0) * 5.0;
         assert!(close(after - before, DVec3::new(0.25 * height, 0.5 * height, 0.0)), "{before} {after}");
+    }
+
+    #[test]
+    fn looking_around_leaves_the_eye_where_it_is() {
+        let mut o = orbit();
+        let before = o.camera().world_from_view.translation;
+        o.look(DVec2::new(0.3, -0.2));
+        assert!(close(o.camera().world_from_view.translation, before));
+        assert!(!close(o.center, orbit().center));
     }
 
     #[test]

@@ -9,6 +9,8 @@ pub struct Playhead {
     fps: FrameRate,
     length: Time,
     pub looping: bool,
+    /// The part that is played, from and to; all of it where there is none.
+    range: Option<(Time, Time)>,
     /// The clock when playing began, seconds, and the time on stage then.
     began: Option<(f64, Time)>,
 }
@@ -16,7 +18,7 @@ pub struct Playhead {
 impl Default for Playhead {
     fn default() -> Playhead {
         let fps = FrameRate { num: 30, den: 1 };
-        Playhead { time: Time::ZERO, fps, length: fps.time_of(1), looping: true, began: None }
+        Playhead { time: Time::ZERO, fps, length: fps.time_of(1), looping: true, range: None, began: None }
     }
 }
 
@@ -58,9 +60,29 @@ impl Playhead {
     pub fn set_scene(&mut self, fps: FrameRate, length: Time) {
         if (self.fps, self.length) != (fps, length) {
             (self.fps, self.length) = (fps, length);
-            let time = self.time;
+            let (time, range) = (self.time, self.range.take());
             self.seek(time);
+            // One that lies behind the end goes.
+            self.set_range(range.filter(|(from, _)| *from < length).map(|(a, b)| (a, b - Time(1))));
         }
+    }
+
+    pub fn range(&self) -> Option<(Time, Time)> {
+        self.range
+    }
+
+    /// Whole frames, at least one; what is not of the scene is cut off.
+    pub fn set_range(&mut self, range: Option<(Time, Time)>) {
+        self.range = range.map(|(a, b)| {
+            let first = self.frame_at(a.min(b));
+            let last = self.frame_at(a.max(b)).max(first);
+            (self.fps.time_of(first), self.fps.time_of(last + 1))
+        });
+    }
+
+    /// Where playing begins and ends.
+    fn ends(&self) -> (Time, Time) {
+        self.range.unwrap_or((Time::ZERO, self.fps.time_of(self.frames())))
     }
 
     pub fn is_playing(&self) -> bool {
@@ -70,8 +92,9 @@ impl Playhead {
     /// `now`: the caller's clock, seconds.
     pub fn play(&mut self, now: f64) {
         // From the end one begins anew.
-        if self.frame() + 1 >= self.frames() {
-            self.time = Time::ZERO;
+        let (first, end) = self.ends();
+        if self.time < first || self.fps.time_of(self.frame() + 1) >= end {
+            self.time = first;
         }
         self.began = Some((now, self.time));
     }
@@ -108,15 +131,15 @@ impl Playhead {
         let (began, from) = self.began?;
         let began = if began.is_nan() { now } else { began };
         self.began = Some((began, from));
-        let length = self.fps.time_of(self.frames());
+        let (first, end) = self.ends();
         let mut to = from + Time::from_secs((now - began).max(0.0));
-        if to >= length {
+        if to >= end {
             if !self.looping {
-                self.time = self.fps.time_of(self.frames() - 1);
+                self.time = self.fps.time_of(self.frame_at(end - Time(1)));
                 self.began = None;
                 return None;
             }
-            to = to.wrapped(length);
+            to = first + (to - first).wrapped(end - first);
             self.began = Some((now, to));
         }
         let frame = self.frame_at(to);
@@ -186,6 +209,24 @@ mod tests {
         assert_eq!(p.frame(), 0);
         p.step(1000);
         assert_eq!(p.frame(), 49);
+    }
+
+    #[test]
+    fn a_part_is_played_again_and_again() {
+        let mut p = playhead();
+        p.set_range(Some((Time::from_secs(1.01), Time::from_secs(0.5))));
+        assert_eq!(p.range(), Some((Time::from_secs(0.48), Time::from_secs(1.04))), "whole frames, in order");
+        p.play(0.0);
+        assert_eq!(p.frame(), 12);
+        p.tick(0.57);
+        assert_eq!(p.frame(), 12, "0.56 s long");
+        p.looping = false;
+        p.tick(5.0);
+        assert_eq!((p.frame(), p.is_playing()), (25, false));
+        p.set_scene(FrameRate { num: 25, den: 1 }, Time::from_secs(1.0));
+        assert_eq!(p.range(), Some((Time::from_secs(0.48), Time::from_secs(1.0))));
+        p.set_scene(FrameRate { num: 25, den: 1 }, Time::from_secs(0.4));
+        assert_eq!(p.range(), None);
     }
 
     #[test]

@@ -18,6 +18,8 @@ pub struct Bar {
     /// Where a clip that is played once has come to its end; its last pose is held from there on.
     pub holds_from: Option<Time>,
     pub place: Place,
+    /// Of the stage's cuts, where one begins it.
+    pub cut: Option<usize>,
     /// For its color: equal for equal clips.
     pub kind: usize,
 }
@@ -78,6 +80,7 @@ impl Timeline {
                 fade_out: Time::ZERO,
                 holds_from: None,
                 place: places.effects.get(index).cloned().unwrap_or_default(),
+                cut: None,
                 kind: kind(&mut kinds, &e.plugin),
             });
             rows.push(Row { label: "effects".into(), what: None, bars: bars.collect() });
@@ -124,6 +127,7 @@ fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place
         fade_out: cue.fade_out,
         holds_from,
         place,
+        cut: None,
         kind,
     }
 }
@@ -133,11 +137,12 @@ fn cameras(scene: &Scene) -> Vec<Bar> {
     if stage.cameras.is_empty() {
         return Vec::new();
     }
-    let first = (Time::ZERO, 0, places.cameras.first());
-    let cuts = stage.cuts.iter().enumerate().map(|(i, c)| (c.at, c.camera, places.cuts.get(i)));
+    let first = (Time::ZERO, 0, places.cameras.first(), None);
+    let cuts = stage.cuts.iter().enumerate().map(|(i, c)| (c.at, c.camera, places.cuts.get(i), Some(i)));
     let starts: Vec<_> = std::iter::once(first).chain(cuts).collect();
     let ends = starts.iter().skip(1).map(|s| s.0).chain([stage.settings.length]);
-    let bar = |(&(start, camera, place), end): (&(Time, usize, Option<&Place>), Time)| Bar {
+    type Start<'a> = (Time, usize, Option<&'a Place>, Option<usize>);
+    let bar = |(&(start, camera, place, cut), end): (&Start<'_>, Time)| Bar {
         label: stage.cameras.get(camera).map_or_else(String::new, |c| c.name.clone()),
         what: Selected::Camera(stage.cameras.get(camera).map_or_else(String::new, |c| c.name.clone())),
         start,
@@ -146,6 +151,7 @@ fn cameras(scene: &Scene) -> Vec<Bar> {
         fade_out: Time::ZERO,
         holds_from: None,
         place: place.cloned().unwrap_or_default(),
+        cut,
         kind: camera,
     };
     starts.iter().zip(ends).map(bar).filter(|bar| bar.end > bar.start).collect()

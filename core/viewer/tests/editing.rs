@@ -80,7 +80,7 @@ fn what_is_not_one_number_is_refused_and_nothing_changes() {
     let mut place = Place::new();
     let in_loop = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
     let why = place.viewer.set_cue(&in_loop, Part::Start, 0.1).unwrap_err();
-    assert!(why.contains("a.rhai:6: this line makes 2 bars"), "{why}");
+    assert!(why.contains("a.rhai:6: this line makes 2 of them"), "{why}");
     let why = place.viewer.set_cue(&cue(1), Part::Start, 0.1).unwrap_err();
     assert!(why.contains("line 5: it begins where the clip before it ends"), "{why}");
     assert_eq!(place.text(), SCRIPT);
@@ -96,7 +96,7 @@ fn what_is_not_one_number_is_refused_and_nothing_changes() {
 fn a_drag_of_a_bar_s_end_writes_the_file() {
     let place = Place::new();
     let ui = |ui: &mut egui::Ui, (place, panels): &mut (Place, Panels)| {
-        panels.show(ui, &mut place.viewer, None, 0.0);
+        panels.show(ui, &mut place.viewer, &[], 0.0);
     };
     let size = vec2(1280.0, 860.0);
     let mut harness = Harness::builder().with_size(size).build_ui_state(ui, (place, Panels::default()));

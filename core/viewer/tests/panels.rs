@@ -73,7 +73,12 @@ impl Studio {
         viewer.take_version(self.session.build(BTreeSet::new()));
         let desk = Desk { viewer, panels: Panels::default(), now: 10.0 };
         let ui = |ui: &mut egui::Ui, desk: &mut Desk| {
-            desk.panels.show(ui, &mut desk.viewer, Some(TextureId::User(0)), desk.now);
+            desk.panels.show(
+                ui,
+                &mut desk.viewer,
+                &[Some(TextureId::User(0)), Some(TextureId::User(1))],
+                desk.now,
+            );
         };
         let mut harness = Harness::builder().with_size(vec2(1280.0, 860.0)).build_ui_state(ui, desk);
         harness.run();
@@ -170,10 +175,10 @@ fn bars_have_their_times_and_a_click_selects_what_they_are() {
 fn a_drag_on_the_picture_takes_the_camera_over_where_it_stands() {
     let mut studio = Studio::new();
     let mut harness = studio.open();
-    let script_camera = harness.state().viewer.shown.as_ref().unwrap().snapshot.camera.world_from_view;
+    let script_camera = harness.state().viewer.shown().unwrap().snapshot.camera.world_from_view;
     harness.key_press(Key::C);
     harness.run();
-    let ViewCamera::Free(orbit) = harness.state().viewer.camera else { panic!("not free") };
+    let ViewCamera::Free(orbit) = harness.state().viewer.views[0].camera.clone() else { panic!("not free") };
     assert!((orbit.camera().world_from_view.translation - script_camera.translation).length() < 1e-9);
     let center = harness.get_by_label("picture").rect().center();
     harness.drag_at(center);
@@ -182,13 +187,13 @@ fn a_drag_on_the_picture_takes_the_camera_over_where_it_stands() {
     harness.run();
     harness.drop_at(center + vec2(60.0, 20.0));
     harness.run();
-    let ViewCamera::Free(turned) = harness.state().viewer.camera else { panic!("not free") };
+    let ViewCamera::Free(turned) = harness.state().viewer.views[0].camera.clone() else { panic!("not free") };
     assert!(turned.azimuth < orbit.azimuth && turned.elevation > orbit.elevation);
     assert_eq!((turned.distance, turned.center), (orbit.distance, orbit.center));
     assert!(studio.paint(&mut harness), "it is drawn anew");
     harness.get_by_label("script's camera").click();
     harness.run();
-    assert_eq!(harness.state().viewer.camera, ViewCamera::Script);
+    assert_eq!(harness.state().viewer.views[0].camera.clone(), ViewCamera::Script);
 }
 
 #[test]
@@ -204,14 +209,14 @@ fn a_faulty_version_leaves_all_as_it_was_and_says_why() {
     }
     harness.key_press(Key::C);
     harness.run_steps(2);
-    let before = (harness.state().viewer.camera, harness.state().viewer.selection.clone());
+    let before = (harness.state().viewer.views[0].camera.clone(), harness.state().viewer.selection.clone());
     let faulty = studio.save(&script("").replace("\"Wave\"", "\"Waev\""));
     harness.state_mut().viewer.take_version(faulty);
     harness.run_steps(2);
     harness.get_by_label("faulty: the last good version is shown");
     let viewer = &harness.state().viewer;
     assert!(viewer.faulty && viewer.problems[0].to_string().contains("Waev") && viewer.problems[0].line == 5);
-    assert_eq!((viewer.camera, viewer.selection.clone()), before);
+    assert_eq!((viewer.views[0].camera.clone(), viewer.selection.clone()), before);
     assert_eq!((viewer.playhead.frame(), viewer.playhead.is_playing()), (62, true));
     assert!(viewer.timeline.rows.iter().any(|r| r.label == "ada" && r.bars.len() == 2));
     let mended = studio.save(&script("").replace("fade: 0.5", "fade: 0.25"));
@@ -219,7 +224,7 @@ fn a_faulty_version_leaves_all_as_it_was_and_says_why() {
     harness.run_steps(2);
     assert!(harness.query_by_label("faulty: the last good version is shown").is_none());
     let viewer = &harness.state().viewer;
-    assert_eq!((viewer.camera, viewer.selection.clone()), before);
+    assert_eq!((viewer.views[0].camera.clone(), viewer.selection.clone()), before);
     assert_eq!(viewer.timeline.rows[1].bars[1].fade_in, Time::from_secs(0.25));
     assert_eq!((viewer.playhead.frame(), viewer.playhead.is_playing()), (62, true));
     // What the script no longer makes is no longer selected.

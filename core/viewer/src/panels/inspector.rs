@@ -1,11 +1,34 @@
-//! Everything about the selection at the playhead.
+//! Everything about the selection at the playhead; what the script says of it can be changed here.
 
+use super::values;
 use crate::app::Viewer;
+use crate::gizmo::Change;
 use crate::selection::{Selected, actor};
 use choreo_live::Scene;
-use choreo_stage::{Light, LightKind, Stage};
+use choreo_live::edit::plain;
+use choreo_plugin::OptionKind;
+use choreo_stage::{ActorState, Asset, Light, LightKind, Stage};
 use egui::{Grid, RichText, Ui};
-use glam::DVec3;
+use glam::{DQuat, DVec3, Vec3};
+use std::ops::RangeInclusive;
+
+/// A clip that is dragged onto the sequencer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ClipDrag {
+    pub actor: String,
+    pub clip: String,
+}
+
+/// What is changed here, once everything has been drawn.
+enum Wanted {
+    Actor(Change),
+    Value(&'static str, String),
+    Parameter(String, String),
+    Clip(String, f64),
+}
+
+const MOST_CLIPS: usize = 200;
+const MOST_JOINTS: usize = 400;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let (Some(scene), Some(selection)) = (viewer.scene.clone(), viewer.selection.clone()) else {
@@ -24,7 +47,18 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     };
     ui.label(RichText::new(title).heading());
     if let Some(line) = line {
-        ui.label(RichText::new(format!("{}:{line}", scene.places.main)).weak().monospace());
+        let text = RichText::new(format!("{}:{line}", scene.places.main)).weak().monospace();
+        let label = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
+        if label.on_hover_text("a click goes there").clicked() {
+            viewer.go_to = Some(line);
+        }
+    }
+    let mut wanted = None;
+    match &selection {
+        Selected::Actor(name) => wanted = transform(ui, &scene.stage, name),
+        Selected::Light(index) => wanted = light(ui, &scene.stage, *index),
+        Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index),
+        _ => {}
     }
     Grid::new("inspector").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {
@@ -32,6 +66,217 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             ui.monospace(value);
             ui.end_row();
         }
+    });
+    if let Selected::Actor(name) = &selection
+        && let Some(index) = actor(&scene.stage, name)
+    {
+        let asset = &scene.stage.actors[index].asset;
+        wanted = clips(ui, viewer, name, asset).or(wanted);
+        materials(ui, asset);
+        if let Some(state) = viewer.shown().and_then(|s| s.snapshot.actors.get(index)) {
+            joints(ui, asset, state);
+        }
+    }
+    let change = match wanted {
+        None => return,
+        Some(Wanted::Actor(change)) => {
+            selection.actor().map_or(Ok(()), |name| viewer.change_actor(name, change))
+        }
+        Some(Wanted::Value(name, value)) => viewer.set_value(&selection, name, &value),
+        Some(Wanted::Parameter(name, value)) => viewer.set_value(&selection, &name, &value),
+        Some(Wanted::Clip(clip, secs)) => {
+            selection.actor().map_or(Ok(()), |name| viewer.add_clip(name, &clip, secs))
+        }
+    };
+    viewer.said = change.err();
+}
+
+/// As the script places it.
+fn transform(ui: &mut Ui, stage: &Stage, name: &str) -> Option<Wanted> {
+    let placed = stage.actors.get(actor(stage, name)?)?.transform;
+    let mut wanted = None;
+    Grid::new("transform").num_columns(4).show(ui, |ui| {
+        ui.label("placed at");
+        for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+            if let Some(to) = values::number(ui, letter, placed.translation[axis], 0.01, -1e9..=1e9) {
+                let mut by = DVec3::ZERO;
+                by[axis] = to - placed.translation[axis];
+                wanted = Some(Wanted::Actor(Change::Move(by)));
+            }
+        }
+        ui.end_row();
+        ui.label("turned");
+        let z = placed.rotation * DVec3::Z;
+        let degrees = libm::atan2(z.x, z.z).to_degrees();
+        if let Some(to) = values::number(ui, "degrees", degrees, 0.5, -360.0..=360.0) {
+            let (sin, cos) = libm::sincos((to - degrees).to_radians() / 2.0);
+            wanted = Some(Wanted::Actor(Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))));
+        }
+        ui.end_row();
+        ui.label("scaled");
+        if let Some(to) = values::number(ui, "factor", placed.scale.x, 0.01, 1e-3..=1e3) {
+            wanted = Some(Wanted::Actor(Change::Scale(DVec3::splat(to / placed.scale.x))));
+        }
+        ui.end_row();
+    });
+    wanted
+}
+
+fn srgb(linear: Vec3) -> [u8; 3] {
+    linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)))
+}
+
+fn light(ui: &mut Ui, stage: &Stage, index: usize) -> Option<Wanted> {
+    let light = stage.lights.get(index)?;
+    let mut wanted = None;
+    Grid::new("light").num_columns(4).show(ui, |ui| {
+        ui.label("intensity");
+        if let Some(to) =
+            values::number(ui, "light intensity", f64::from(light.light.intensity), 0.05, 0.0..=1e6)
+        {
+            wanted = Some(Wanted::Value("intensity", plain(to)));
+        }
+        ui.end_row();
+        ui.label("color");
+        if let Some([r, g, b]) = values::color(ui, "light color", srgb(light.light.color)) {
+            wanted = Some(Wanted::Value("color", format!("\"#{r:02x}{g:02x}{b:02x}\"")));
+        }
+        ui.end_row();
+        let (label, name, vector, speed) = match light.light.kind {
+            LightKind::Directional => ("shines along", "direction", light.direction.as_dvec3(), 0.01),
+            _ => ("stands at", "position", light.position, 0.01),
+        };
+        ui.label(label);
+        for (axis, letter) in ["light x", "light y", "light z"].into_iter().enumerate() {
+            if let Some(to) = values::number(ui, letter, vector[axis], speed, -1e6..=1e6) {
+                let mut all = vector;
+                all[axis] = to;
+                let [x, y, z] = all.to_array().map(plain);
+                wanted = Some(Wanted::Value(name, format!("[{x}, {y}, {z}]")));
+            }
+        }
+        ui.end_row();
+    });
+    wanted
+}
+
+/// A slider each, as its manifest has it.
+fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize) -> Option<Wanted> {
+    let used = scene.stage.effects.get(index)?;
+    let plugin = scene.registry.effect(&used.plugin)?;
+    let said = choreo_render::effect_parameters(plugin.as_ref(), &used.parameters);
+    let state = viewer.shown().and_then(|s| s.snapshot.effects.iter().find(|e| e.effect == index));
+    let now =
+        choreo_render::effect_parameters(plugin.as_ref(), state.map_or(&used.parameters, |s| &s.parameters));
+    let mut wanted = None;
+    Grid::new("parameters").num_columns(2).show(ui, |ui| {
+        for ((option, value), now) in plugin.manifest().options.iter().zip(said).zip(now) {
+            ui.label(&option.name).on_hover_text(&option.about);
+            match &option.kind {
+                // Of keys or of a callback, which a literal would not change.
+                _ if now != value => drop(ui.monospace(format!("{now:.3} (keyed)"))),
+                OptionKind::Number { min, max, .. } => {
+                    let value = f64::from(value);
+                    let range: RangeInclusive<f64> = *min..=*max;
+                    if let Some(to) = values::slider(ui, &option.name, value, range) {
+                        wanted = Some(Wanted::Parameter(option.name.clone(), plain(to)));
+                    }
+                }
+                OptionKind::Bool { .. } => {
+                    let mut on = value != 0.0;
+                    if ui.checkbox(&mut on, "").changed() {
+                        wanted = Some(Wanted::Parameter(option.name.clone(), on.to_string()));
+                    }
+                }
+                OptionKind::Text { one_of, .. } => {
+                    let shown = one_of.get(value as usize).cloned().unwrap_or_default();
+                    egui::ComboBox::from_id_salt(&option.name).selected_text(&shown).show_ui(ui, |ui| {
+                        for choice in one_of {
+                            if ui.selectable_label(*choice == shown, choice).clicked() && *choice != shown {
+                                wanted =
+                                    Some(Wanted::Parameter(option.name.clone(), format!("\"{choice}\"")));
+                            }
+                        }
+                    });
+                }
+            }
+            ui.end_row();
+        }
+    });
+    wanted
+}
+
+/// To be dragged onto a row of the sequencer, or added at the playhead.
+fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<Wanted> {
+    if asset.clips.is_empty() {
+        return None;
+    }
+    let mut wanted = None;
+    let title = format!("clips ({})", asset.clips.len());
+    egui::CollapsingHeader::new(title).default_open(true).show(ui, |ui| {
+        for clip in asset.clips.iter().take(MOST_CLIPS) {
+            ui.horizontal(|ui| {
+                let add = ui.small_button("+").on_hover_text("plays it from the playhead on");
+                add.widget_info(|| {
+                    egui::WidgetInfo::labeled(egui::WidgetType::Button, true, format!("play {}", clip.name))
+                });
+                if add.clicked() {
+                    wanted = Some(Wanted::Clip(clip.name.clone(), viewer.playhead.time().as_secs()));
+                }
+                let id = ui.id().with(("clip", &clip.name));
+                let payload = ClipDrag { actor: name.to_string(), clip: clip.name.clone() };
+                ui.dnd_drag_source(id, payload, |ui| {
+                    ui.label(format!("{}  {:.2} s", clip.name, clip.duration.as_secs()));
+                });
+            });
+        }
+    });
+    wanted
+}
+
+fn materials(ui: &mut Ui, asset: &Asset) {
+    egui::CollapsingHeader::new(format!("materials ({})", asset.materials.len())).show(ui, |ui| {
+        Grid::new("materials").num_columns(4).striped(true).show(ui, |ui| {
+            for material in asset.materials.iter().take(MOST_CLIPS) {
+                let [r, g, b] = srgb(material.base_color.truncate());
+                let (rect, _) = ui.allocate_exact_size(egui::vec2(14.0, 14.0), egui::Sense::hover());
+                ui.painter().rect_filled(rect, 2.0, egui::Color32::from_rgb(r, g, b));
+                ui.label(&material.name);
+                ui.monospace(format!("metallic {:.2}", material.metallic));
+                ui.monospace(format!("roughness {:.2}", material.roughness));
+                ui.end_row();
+            }
+        });
+    });
+}
+
+/// How far each joint is turned from its parent and from rest, degrees.
+fn joints(ui: &mut Ui, asset: &Asset, state: &ActorState) {
+    let count = asset.skeleton.len();
+    if state.model_from_joint.len() < count {
+        return;
+    }
+    egui::CollapsingHeader::new(format!("joints ({count})")).show(ui, |ui| {
+        Grid::new("joints").num_columns(3).striped(true).show(ui, |ui| {
+            ui.weak("joint");
+            ui.weak("from rest");
+            ui.weak("stands at (model)");
+            ui.end_row();
+            for (joint, name) in asset.skeleton.names().iter().enumerate().take(MOST_JOINTS) {
+                let model_from_joint = state.model_from_joint[joint];
+                let local = match asset.skeleton.parents()[joint] {
+                    Some(parent) => state.model_from_joint[parent as usize].inverse() * model_from_joint,
+                    None => model_from_joint,
+                };
+                let (_, rotation, _) = local.to_scale_rotation_translation();
+                let rest = asset.skeleton.rest()[joint].rotation;
+                let half = rotation.normalize().dot(rest.normalize()).abs().min(1.0);
+                ui.label(name);
+                ui.monospace(format!("{:6.1}°", 2.0 * libm::acosf(half).to_degrees()));
+                ui.monospace(point(model_from_joint.translation.as_dvec3()));
+                ui.end_row();
+            }
+        });
     });
 }
 
@@ -45,33 +290,14 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
     let mut row = |name: &str, value: String| rows.push((name.to_string(), value));
     match selection {
         Selected::Actor(name) => of_actor(viewer, stage, name, &mut row),
-        Selected::Cue { actor: name, layer, cue } => {
-            let found = actor(stage, name).and_then(|a| stage.actors[a].layers.get(*layer)?.cues.get(*cue));
-            if let Some(cue) = found {
-                let now = viewer.playhead.time();
-                row("clip", cue.clip.name.clone());
-                row("from", viewer.shown_time(cue.start));
-                if let Some(end) = cue.end {
-                    row("until", viewer.shown_time(end));
-                }
-                row("fade in", format!("{} s", cue.fade_in.as_secs()));
-                row("fade out", format!("{} s", cue.fade_out.as_secs()));
-                row("speed", cue.speed.to_string());
-                row("repeat", format!("{:?}", cue.repeat));
-                row("trim", format!("{} to {} s", cue.trim.0.as_secs(), cue.trim.1.as_secs()));
-                row("weight", cue.weight.to_string());
-                let played = cue.played(now.max(cue.start));
-                let played = choreo_motion::Time(i64::try_from(played).unwrap_or(i64::MAX));
-                row("played so far", format!("{:.3} s", played.as_secs()));
-            }
-        }
+        Selected::Cue { actor: name, layer, cue } => of_cue(viewer, stage, name, *layer, *cue, &mut row),
         Selected::Camera(name) => {
             if let Some(camera) = stage.cameras.iter().find(|c| c.name == *name) {
                 row("rig", rig_name(&camera.rig).into());
                 row("projection", format!("{:?}", camera.projection));
                 row("keys", camera.channels.len().to_string());
             }
-            if let Some(shown) = &viewer.shown
+            if let Some(shown) = viewer.shown()
                 && shown
                     .snapshot
                     .camera
@@ -87,7 +313,7 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
                 row("kind", light_kind(&light.light).into());
                 let c = light.light.color;
                 row("color (linear)", format!("{:.3} {:.3} {:.3}", c.x, c.y, c.z));
-                row("intensity", light.light.intensity.to_string());
+                row("shadow", light.shadow.map_or("none".into(), |s| format!("{} texels", s.size)));
             }
         }
         Selected::Effect(index) => {
@@ -96,21 +322,41 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
                 if let Some(end) = used.end {
                     row("until", viewer.shown_time(end));
                 }
-                if let Some(plugin) = scene.registry.effect(&used.plugin) {
-                    let now = viewer
-                        .shown
-                        .as_ref()
-                        .and_then(|s| s.snapshot.effects.iter().find(|e| e.effect == *index));
-                    let given = now.map_or(&used.parameters, |state| &state.parameters);
-                    let values = choreo_render::effect_parameters(plugin.as_ref(), given);
-                    for (option, value) in plugin.manifest().options.iter().zip(values) {
-                        row(&option.name, value.to_string());
-                    }
-                }
             }
         }
     }
     rows
+}
+
+fn of_cue(
+    viewer: &Viewer,
+    stage: &Stage,
+    name: &str,
+    layer: usize,
+    cue: usize,
+    row: &mut impl FnMut(&str, String),
+) {
+    let Some(found) = actor(stage, name).map(|a| &stage.actors[a]) else { return };
+    let Some(played) = found.layers.get(layer).and_then(|l| l.cues.get(cue)) else { return };
+    row("clip", played.clip.name.clone());
+    row("from", viewer.shown_time(played.start));
+    if let Some(end) = played.end {
+        row("until", viewer.shown_time(end));
+    }
+    row("fade in", format!("{} s", played.fade_in.as_secs()));
+    row("fade out", format!("{} s", played.fade_out.as_secs()));
+    row("speed", played.speed.to_string());
+    row("repeat", format!("{:?}", played.repeat));
+    row("trim", format!("{} to {} s", played.trim.0.as_secs(), played.trim.1.as_secs()));
+    row("weight", played.weight.to_string());
+    let heard = found.heard(viewer.playhead.time());
+    match heard.iter().find(|h| (h.layer, h.cue) == (layer, cue)) {
+        Some(heard) => row(
+            "now",
+            format!("{:.0} % at {:.3} s of the clip", heard.weight * 100.0, heard.clip_time.as_secs()),
+        ),
+        None => row("now", "not heard".into()),
+    }
 }
 
 fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&str, String)) {
@@ -118,9 +364,8 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
     let found = &stage.actors[index];
     let asset = &found.asset;
     row("asset", asset.name.clone());
-    row("joints", asset.skeleton.len().to_string());
-    row("meshes, materials", format!("{}, {}", asset.meshes.len(), asset.materials.len()));
-    if let Some(state) = viewer.shown.as_ref().and_then(|s| s.snapshot.actors.get(index)) {
+    row("meshes, joints", format!("{}, {}", asset.meshes.len(), asset.skeleton.len()));
+    if let Some(state) = viewer.shown().and_then(|s| s.snapshot.actors.get(index)) {
         row("visible", state.visible.to_string());
         row("stands at", point(state.world_from_model.translation));
         let (scale, rotation, _) = state.world_from_model.to_scale_rotation_translation();
@@ -130,15 +375,15 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
     if let Some(parent) = found.parent {
         row("attached to", stage.actors[parent.actor].name.clone());
     }
-    let now = viewer.playhead.time();
+    let heard = found.heard(viewer.playhead.time());
     for (number, layer) in found.layers.iter().enumerate() {
-        let on = layer.cues.iter().rev().find(|c| c.start <= now && c.end.is_none_or(|end| now < end));
         let layer_name = if number == 0 { "base layer".to_string() } else { format!("layer {number}") };
-        row(&layer_name, on.map_or("—".into(), |cue| cue.clip.name.clone()));
-    }
-    if !asset.clips.is_empty() {
-        let names: Vec<&str> = asset.clips.iter().map(|c| c.name.as_str()).take(30).collect();
-        row("clips", names.join("\n"));
+        let voices: Vec<String> = heard
+            .iter()
+            .filter(|h| h.layer == number)
+            .filter_map(|h| Some(format!("{:3.0} % {}", h.weight * 100.0, layer.cues.get(h.cue)?.clip.name)))
+            .collect();
+        row(&layer_name, if voices.is_empty() { "—".into() } else { voices.join("\n") });
     }
 }
 

@@ -1,8 +1,8 @@
-//! What is wrong, with places, and what the script printed.
+//! What is wrong, with places, and what the script printed. A click goes to the line.
 
 use crate::app::Viewer;
 use choreo_script::Severity;
-use egui::{RichText, Ui};
+use egui::{RichText, Sense, Ui};
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let visuals = ui.visuals().clone();
@@ -12,6 +12,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     for text in &viewer.trouble {
         ui.label(RichText::new(text).color(visuals.error_fg_color).monospace());
     }
+    let mut go_to = None;
+    let mut open = None;
     for problem in &viewer.problems {
         let color = match problem.severity {
             Severity::Error => visuals.error_fg_color,
@@ -19,8 +21,23 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             Severity::Note => visuals.text_color(),
         };
         // As the command line says it, with the line and a caret.
-        ui.label(RichText::new(problem.to_string()).color(color).monospace());
+        let text = RichText::new(problem.to_string()).color(color).monospace();
+        let placed = problem.line > 0;
+        let label =
+            ui.add(egui::Label::new(text).sense(if placed { Sense::click() } else { Sense::hover() }));
+        if placed {
+            if label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
+                go_to = Some(problem.line);
+            }
+            if ui.small_button("open in editor").clicked() {
+                open = Some(problem.line);
+            }
+        }
         ui.separator();
+    }
+    viewer.go_to = go_to.or(viewer.go_to);
+    if let Some(line) = open {
+        super::script::open_in_editor(viewer, line);
     }
     let printed = viewer.scene.as_ref().map(|s| s.printed.as_slice()).unwrap_or_default();
     for line in printed {

@@ -2,33 +2,53 @@
 
 use crate::app::Viewer;
 use crate::selection::Selected;
-use egui::{Color32, FontId, RichText, ScrollArea, TextStyle, Ui};
+use egui::{Color32, FontId, RichText, ScrollArea, Sense, TextStyle, Ui};
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
-    let Some(scene) = viewer.scene.clone() else {
-        ui.label("no version of the script is good yet");
-        return;
-    };
-    let places = &scene.places;
-    let Some(text) = places.sources.get(&places.main) else {
+    let places = viewer.scene.as_ref().map(|s| s.places.clone());
+    let shown = places.as_ref().and_then(|p| p.sources.get(&p.main).cloned());
+    // Where the newest version is faulty, its own text is what the messages are about.
+    let newest =
+        viewer.faulty.then(|| viewer.path.as_ref().and_then(|p| std::fs::read_to_string(p).ok())).flatten();
+    let Some(text) = newest.map(Arc::<str>::from).or(shown) else {
         ui.label("there is no script");
         return;
     };
-    if viewer.faulty {
-        ui.label(RichText::new("the last good version").small().weak());
-    }
-    let here = |file: &str, line: usize| (file == places.main).then_some(line);
+    ui.horizontal(|ui| {
+        let line = viewer.selection.as_ref().and_then(|s| line_of(viewer, s)).unwrap_or(1);
+        if viewer.path.is_some() && ui.small_button("open in editor").clicked() {
+            open_in_editor(viewer, line);
+        }
+        if viewer.faulty {
+            ui.label(RichText::new("as it is on disk; the last good version is shown").small().weak());
+        }
+    });
+    let main = places.as_ref().map(|p| p.main.clone());
+    let here = |file: &str, line: usize| (main.as_deref().is_none_or(|m| m == file)).then_some(line);
     let time = viewer.playhead.time();
-    let on: BTreeSet<usize> =
-        viewer.timeline.on_at(time).filter_map(|bar| here(&bar.place.file, bar.place.line)).collect();
+    let on: BTreeSet<usize> = match viewer.faulty {
+        // Its lines may be others.
+        true => BTreeSet::new(),
+        false => {
+            viewer.timeline.on_at(time).filter_map(|bar| here(&bar.place.file, bar.place.line)).collect()
+        }
+    };
     let wrong: BTreeSet<usize> = viewer.problems.iter().filter_map(|p| here(&p.file, p.line)).collect();
-    let selected = viewer.selection.as_ref().and_then(|s| line_of(viewer, s));
+    let selected = viewer.selection.as_ref().and_then(|s| line_of(viewer, s)).filter(|_| !viewer.faulty);
     let font = FontId::monospace(TextStyle::Monospace.resolve(ui.style()).size);
     let height = ui.text_style_height(&TextStyle::Monospace);
     let lines: Vec<&str> = text.lines().collect();
     let visuals = ui.visuals().clone();
-    ScrollArea::both().auto_shrink([false, false]).show_rows(ui, height, lines.len(), |ui, rows| {
+    let mut area = ScrollArea::both().auto_shrink([false, false]);
+    let row_height = height + ui.spacing().item_spacing.y;
+    if let Some(line) = viewer.go_to.take() {
+        let middle = ui.available_height() / 2.0;
+        area = area.vertical_scroll_offset(((line.max(1) - 1) as f32 * row_height - middle).max(0.0));
+    }
+    let mut clicked = None;
+    area.show_rows(ui, height, lines.len(), |ui, rows| {
         for row in rows {
             let line = row + 1;
             let back = if selected == Some(line) {
@@ -42,9 +62,37 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             };
             let text =
                 RichText::new(format!("{line:4} {}", lines[row])).font(font.clone()).background_color(back);
-            ui.add(egui::Label::new(text).extend());
+            let label = ui.add(egui::Label::new(text).extend().sense(Sense::click()));
+            if label.double_clicked() {
+                clicked = Some((line, true));
+            } else if label.clicked() {
+                clicked = Some((line, false));
+            }
         }
     });
+    match clicked {
+        Some((line, true)) => open_in_editor(viewer, line),
+        Some((line, false)) => select_line(viewer, line),
+        None => {}
+    }
+}
+
+pub fn open_in_editor(viewer: &mut Viewer, line: usize) {
+    if let Some(path) = &viewer.path {
+        viewer.said = crate::editor::open(path, line).err();
+    }
+}
+
+/// Selects what a line of the script makes.
+fn select_line(viewer: &mut Viewer, line: usize) {
+    let Some(scene) = viewer.scene.clone().filter(|_| !viewer.faulty) else { return };
+    let bars = viewer.timeline.rows.iter().flat_map(|r| &r.bars).map(|b| b.what.clone());
+    let actors = scene.stage.actors.iter().map(|a| Selected::Actor(a.name.clone()));
+    let lights = (0..scene.stage.lights.len()).map(Selected::Light);
+    let made = bars.chain(actors).chain(lights).find(|what| line_of(viewer, what) == Some(line));
+    if made.is_some() {
+        viewer.selection = made;
+    }
 }
 
 /// Where the script made it.

@@ -1,7 +1,9 @@
 //! Rows of bars over time: who plays what, which camera is on; the playhead, and how to move it.
 
+use super::inspector::ClipDrag;
+use super::strip::Strips;
 use crate::app::Viewer;
-use crate::selection::Selected;
+use crate::selection::{Selected, actor};
 use crate::span::Span;
 use crate::timeline::{Bar, Timeline};
 use choreo_live::edit::Part;
@@ -9,7 +11,9 @@ use choreo_motion::Time;
 use egui::{Align2, Color32, CornerRadius, FontId, Painter, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
 const LABELS: f32 = 120.0;
-const ROW: f32 = 20.0;
+const ROW: f32 = 22.0;
+/// Of the strip of feet at a row's bottom.
+const STRIP: f32 = 3.0;
 const RULER: f32 = 22.0;
 
 /// Told apart also by eyes that do not tell red from green (after Okabe and Ito, "Color Universal Design").
@@ -43,6 +47,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     });
     wheel(ui, viewer, area, ruler);
     over_all(ui, viewer, area, ruler);
+    markers(ui, viewer, area, ruler);
+    wrong(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), ruler.bottom())));
 }
 
 fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
@@ -65,7 +71,15 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             playhead.step(i64::MAX / 2);
         }
         ui.toggle_value(&mut playhead.looping, "Loop");
+        if let Some((from, to)) = playhead.range() {
+            let text = format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
+            if ui.button(text).on_hover_text("the part that is played; a click: all of it").clicked() {
+                playhead.set_range(None);
+            }
+        }
+        ui.toggle_value(&mut viewer.snap, "Snap").on_hover_text("dragged times are whole frames (N)");
         ui.separator();
+        let playhead = &viewer.playhead;
         let text = format!(
             "{:.3} s   frame {} of {}   {} frames a second",
             playhead.time().as_secs(),
@@ -90,12 +104,26 @@ fn scrub(ui: &mut Ui, viewer: &mut Viewer, ruler: Rect) {
     let response = ui.interact(ruler, ui.id().with("ruler"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, "time"));
     if let Some(pointer) = response.interact_pointer_pos() {
-        let secs = viewer.span.secs_at(pointer.x - ruler.left(), ruler.width());
-        viewer.playhead.seek(Time::from_secs(secs.clamp(0.0, viewer.playhead.length().as_secs())));
+        let time = |x: f32| {
+            let secs = viewer.span.secs_at(x - ruler.left(), ruler.width());
+            Time::from_secs(secs.clamp(0.0, viewer.playhead.length().as_secs()))
+        };
+        let from = ui.input(|i| i.pointer.press_origin()).map_or(pointer.x, |p| p.x);
+        let (from, to) = (time(from), time(pointer.x));
+        match ui.input(|i| i.modifiers.shift) {
+            true if response.dragged() => viewer.playhead.set_range(Some((from, to))),
+            true => {}
+            false => viewer.playhead.seek(to),
+        }
     }
     let painter = ui.painter_at(ruler);
     let visuals = ui.visuals();
     painter.rect_filled(ruler, 0.0, visuals.extreme_bg_color);
+    if let Some((from, to)) = viewer.playhead.range() {
+        let x = |time: Time| ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());
+        let part = Rect::from_min_max(pos2(x(from), ruler.top()), pos2(x(to), ruler.bottom()));
+        painter.rect_filled(part.intersect(ruler), 0.0, visuals.selection.bg_fill.gamma_multiply(0.6));
+    }
     let font = FontId::proportional(10.5);
     let fps = viewer.playhead.fps().as_fps();
     // In frames the lines lie on whole frames.
@@ -131,6 +159,9 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     if index % 2 == 1 {
         ui.painter().rect_filled(rect, 0.0, visuals.faint_bg_color);
     }
+    if index > 0 && !row.bars.is_empty() {
+        feet(ui, viewer, row, lane);
+    }
     let mut clicked = None;
     let mut dragged = None;
     let response = ui.interact(label, ui.id().with(("row", index)), Sense::click());
@@ -146,8 +177,8 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     text.text(left, Align2::LEFT_CENTER, &row.label, FontId::proportional(12.0), color);
     for (number, bar) in row.bars.iter().enumerate() {
         let x = |time: Time| lane.left() + viewer.span.x_of(time.as_secs(), lane.width());
-        let place =
-            Rect::from_min_max(pos2(x(bar.start), lane.top() + 1.5), pos2(x(bar.end), lane.bottom() - 1.5));
+        let bottom = lane.bottom() - STRIP - 1.0;
+        let place = Rect::from_min_max(pos2(x(bar.start), lane.top() + 1.5), pos2(x(bar.end), bottom));
         let place = place.intersect(lane);
         if place.width() <= 0.0 {
             continue;
@@ -164,15 +195,62 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         response.on_hover_text(hover(viewer, bar));
         for (part, at) in handles(bar) {
             if let Some(change) = handle(ui, viewer, bar, part, at, (index, number), lane) {
-                dragged = Some((bar.what.clone(), part, change));
+                dragged = Some((bar.what.clone(), bar.cut, part, change));
             }
         }
     }
-    if let Some((what, part, secs)) = dragged {
-        viewer.said = viewer.set_cue(&what, part, secs).err();
+    let dropped = dropped(ui, viewer, index, lane);
+    match dragged {
+        Some((_, Some(cut), _, secs)) => viewer.said = viewer.set_cut(cut, secs).err(),
+        Some((what, None, part, secs)) => viewer.said = viewer.set_cue(&what, part, secs).err(),
+        None => {}
+    }
+    if let Some((clip, secs)) = dropped {
+        viewer.said = viewer.add_clip(&clip.actor, &clip.clip, secs).err();
     }
     if let Some(what) = clicked {
         viewer.selection = if viewer.selection.as_ref() == Some(&what) { None } else { Some(what) };
+    }
+}
+
+/// A clip that was let go over a lane, and when. It is played by the actor that it was dragged from.
+fn dropped(ui: &Ui, viewer: &Viewer, index: usize, lane: Rect) -> Option<(ClipDrag, f64)> {
+    let response = ui.interact(lane, ui.id().with(("lane", index)), Sense::hover());
+    let hovering = response.dnd_hover_payload::<ClipDrag>();
+    let pointer = ui.ctx().pointer_interact_pos().filter(|p| lane.contains(*p))?;
+    let secs = viewer.snapped(viewer.span.secs_at(pointer.x - lane.left(), lane.width()));
+    let of = |clip: &ClipDrag| match &viewer.timeline.rows[index].what {
+        Some(Selected::Actor(name)) => *name == clip.actor,
+        _ => false,
+    };
+    if hovering.is_some_and(|clip| of(&clip)) {
+        let x = lane.left() + viewer.span.x_of(secs, lane.width());
+        ui.painter_at(lane).vline(x, lane.y_range(), Stroke::new(2.0, Color32::WHITE));
+    }
+    let clip = response.dnd_release_payload::<ClipDrag>().filter(|clip| of(clip))?;
+    Some(((*clip).clone(), secs))
+}
+
+/// Where feet are on the floor, a line a foot.
+fn feet(ui: &Ui, viewer: &Viewer, row: &crate::timeline::Row, lane: Rect) {
+    let (Some(scene), Some(Selected::Actor(name))) = (&viewer.scene, &row.what) else { return };
+    let is_base = row.bars.iter().any(|b| matches!(b.what, Selected::Cue { layer: 0, .. }));
+    let Some(index) = actor(&scene.stage, name).filter(|_| is_base) else { return };
+    let id = egui::Id::new("strips");
+    let mut strips: Strips = ui.data(|d| d.get_temp(id)).unwrap_or_default();
+    let found = strips.get(scene.number, &scene.stage, index);
+    ui.data_mut(|d| d.insert_temp(id, strips));
+    let Some(found) = found else { return };
+    let painter = ui.painter_at(lane);
+    let high = STRIP / found.len() as f32;
+    for (foot, spans) in found.iter().enumerate() {
+        let [r, g, b] = COLORS[foot % COLORS.len()];
+        let top = lane.bottom() - STRIP + foot as f32 * high;
+        for (from, to) in spans {
+            let x = |secs: f64| lane.left() + viewer.span.x_of(secs, lane.width());
+            let part = Rect::from_min_max(pos2(x(*from), top), pos2(x(*to), top + high));
+            painter.rect_filled(part.intersect(lane), 0.0, Color32::from_rgb(r, g, b).gamma_multiply(1.4));
+        }
     }
 }
 
@@ -185,6 +263,8 @@ fn handles(bar: &Bar) -> Vec<(Part, Time)> {
             all.extend((bar.fade_in > Time::ZERO).then_some((Part::FadeIn, fade)));
             all
         }
+        Selected::Effect(_) => vec![(Part::Start, bar.start), (Part::End, bar.end)],
+        _ if bar.cut.is_some() => vec![(Part::Start, bar.start)],
         _ => Vec::new(),
     }
 }
@@ -201,8 +281,10 @@ fn handle(
 ) -> Option<f64> {
     let x = lane.left() + viewer.span.x_of(at.as_secs(), lane.width());
     // The fade's handle is above, the ends' are as high as the bar.
-    let bottom = if part == Part::FadeIn { lane.top() + 7.0 } else { lane.bottom() };
-    let place = Rect::from_min_max(pos2(x - 4.0, lane.top()), pos2(x + 4.0, bottom)).intersect(lane);
+    let bottom = if part == Part::FadeIn { lane.top() + 8.0 } else { lane.bottom() };
+    // The start's lies within the bar where another one's end is beside it.
+    let right = if part == Part::Start { x + 5.0 } else { x + 4.0 };
+    let place = Rect::from_min_max(pos2(x - 4.0, lane.top()), pos2(right, bottom)).intersect(lane);
     if place.width() <= 0.0 {
         return None;
     }
@@ -219,8 +301,7 @@ fn handle(
     let pointer =
         response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped())?;
     let secs = viewer.span.secs_at(pointer.x - lane.left(), lane.width());
-    let fps = viewer.playhead.fps().as_fps();
-    let secs = ((secs * fps).round() / fps).clamp(0.0, viewer.playhead.length().as_secs());
+    let secs = viewer.snapped(secs);
     let shown = lane.left() + viewer.span.x_of(secs, lane.width());
     ui.painter_at(lane).vline(shown, lane.y_range(), Stroke::new(2.0, Color32::WHITE));
     let value = if part == Part::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
@@ -294,14 +375,6 @@ fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, ruler: Rect) {
     let lanes = Rect::from_min_max(ruler.min, area.max);
     let painter = ui.painter_at(lanes);
     let x = |time: Time| ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());
-    let visuals = ui.visuals();
-    for (name, time) in &viewer.timeline.markers {
-        let line = Stroke::new(1.0, visuals.warn_fg_color);
-        painter.vline(x(*time), lanes.y_range(), line);
-        // Below the rows, where no bar is in the way unless there are many.
-        let at = pos2(x(*time) + 3.0, lanes.bottom() - 2.0);
-        painter.text(at, Align2::LEFT_BOTTOM, name, FontId::proportional(11.5), visuals.warn_fg_color);
-    }
     // What comes after the end is no scene.
     let after = Rect::from_min_max(pos2(x(viewer.timeline.length), lanes.top()), lanes.max);
     painter.rect_filled(after.intersect(lanes), 0.0, Color32::from_black_alpha(110));
@@ -310,4 +383,68 @@ fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, ruler: Rect) {
     let tip =
         vec![pos2(head - 5.0, lanes.top()), pos2(head + 5.0, lanes.top()), pos2(head, lanes.top() + 8.0)];
     painter.add(egui::Shape::convex_polygon(tip, Color32::from_rgb(0xff, 0x6a, 0x3d), Stroke::NONE));
+}
+
+/// Named times: lines over all rows, with a flag that can be dragged.
+fn markers(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
+    let lanes = Rect::from_min_max(ruler.min, area.max);
+    let painter = ui.painter_at(lanes);
+    let color = ui.visuals().warn_fg_color;
+    let mut moved = None;
+    for (index, (name, time)) in viewer.timeline.markers.iter().enumerate() {
+        let x = ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());
+        // Below the rows, where no bar is in the way unless there are many.
+        let galley = painter.layout_no_wrap(name.clone(), FontId::proportional(11.5), color);
+        let at = pos2(x + 3.0, lanes.bottom() - galley.size().y - 2.0);
+        let flag = Rect::from_min_size(pos2(x - 3.0, at.y), galley.size() + vec2(6.0, 2.0)).intersect(lanes);
+        painter.vline(x, lanes.y_range(), Stroke::new(1.0, color));
+        painter.galley(at, galley, color);
+        if flag.width() <= 0.0 {
+            continue;
+        }
+        let response = ui.interact(flag, ui.id().with(("marker", index)), Sense::drag());
+        let label = format!("marker {name}");
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
+        let response = response.on_hover_cursor(egui::CursorIcon::ResizeHorizontal);
+        if let Some(pointer) =
+            response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped())
+        {
+            let secs = viewer.snapped(viewer.span.secs_at(pointer.x - ruler.left(), ruler.width()));
+            let to = ruler.left() + viewer.span.x_of(secs, ruler.width());
+            painter.vline(to, lanes.y_range(), Stroke::new(2.0, Color32::WHITE));
+            moved = response.drag_stopped().then(|| (name.clone(), secs)).or(moved);
+        }
+    }
+    if let Some((name, secs)) = moved {
+        viewer.said = viewer.set_marker(&name, secs).err();
+    }
+}
+
+/// How many errors and warnings there are, until they are mended; a click goes to the first.
+fn wrong(ui: &Ui, viewer: &mut Viewer, place: Rect) {
+    let Some(first) = viewer.problems.first() else { return };
+    let visuals = ui.visuals();
+    let color = if viewer.faulty { visuals.error_fg_color } else { visuals.warn_fg_color };
+    let text = match (viewer.faulty, viewer.problems.len()) {
+        (true, 1) => "1 error".to_string(),
+        (true, n) => format!("{n} errors"),
+        (false, 1) => "1 warning".to_string(),
+        (false, n) => format!("{n} warnings"),
+    };
+    let text = if first.line > 0 { format!("{text}: line {}", first.line) } else { text };
+    let response = ui.interact(place, ui.id().with("wrong"), Sense::click());
+    response.widget_info(|| {
+        egui::WidgetInfo::labeled(egui::WidgetType::Button, true, format!("problems: {text}"))
+    });
+    ui.painter_at(place).text(
+        place.left_center() + vec2(6.0, 0.0),
+        Align2::LEFT_CENTER,
+        &text,
+        FontId::proportional(11.5),
+        color,
+    );
+    let line = first.line;
+    if response.on_hover_text(first.message.clone()).clicked() && line > 0 {
+        viewer.go_to = Some(line);
+    }
 }

@@ -1,8 +1,12 @@
-//! Who and what is on stage.
+//! Who and what is on stage; who is hidden, alone or locked here, whatever the script says.
 
 use crate::app::Viewer;
 use crate::selection::Selected;
 use egui::{RichText, Ui};
+use std::collections::BTreeSet;
+
+/// Joints that a search shows at most.
+const MOST_JOINTS: usize = 40;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(scene) = viewer.scene.clone() else {
@@ -19,17 +23,32 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let matches = |name: &str| wanted.is_empty() || name.to_lowercase().contains(&wanted);
     let stage = &scene.stage;
     section(ui, "actors", stage.actors.len());
-    for (index, actor) in stage.actors.iter().enumerate().filter(|(_, a)| matches(&a.name)) {
-        let visible =
-            viewer.shown.as_ref().and_then(|s| s.snapshot.actors.get(index)).is_none_or(|a| a.visible);
+    for (index, actor) in stage.actors.iter().enumerate() {
+        // A search finds joints, too.
+        let names = actor.asset.skeleton.names();
+        let found = |n: &&String| !wanted.is_empty() && n.to_lowercase().contains(&wanted);
+        let joints: Vec<&String> = names.iter().filter(found).take(MOST_JOINTS).collect();
+        if !matches(&actor.name) && joints.is_empty() {
+            continue;
+        }
+        let visible = viewer.shown().and_then(|s| s.snapshot.actors.get(index)).is_none_or(|a| a.visible);
         let mut text = RichText::new(&actor.name);
         if !visible {
             text = text.weak();
         }
-        select(ui, viewer, text, Selected::Actor(actor.name.clone()));
+        ui.horizontal(|ui| {
+            let shelf = &mut viewer.shelf;
+            toggle(ui, &mut shelf.hidden, &actor.name, ["hide", "not seen here (H)"]);
+            toggle(ui, &mut shelf.solo, &actor.name, ["solo", "only what is solo is seen here"]);
+            toggle(ui, &mut shelf.locked, &actor.name, ["lock", "neither picked nor moved with the mouse"]);
+            select(ui, viewer, text, Selected::Actor(actor.name.clone()));
+        });
+        for joint in joints {
+            ui.label(RichText::new(format!("    {joint}")).weak());
+        }
     }
     section(ui, "cameras", stage.cameras.len());
-    let on = viewer.shown.as_ref().and_then(|s| s.snapshot.camera.camera);
+    let on = viewer.shown().and_then(|s| s.snapshot.camera.camera);
     for (index, camera) in stage.cameras.iter().enumerate().filter(|(_, c)| matches(&c.name)) {
         let text = RichText::new(&camera.name);
         let text = if on == Some(index) { text.strong() } else { text };
@@ -45,6 +64,24 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     section(ui, "effects", stage.effects.len());
     for (index, effect) in stage.effects.iter().enumerate().filter(|(_, e)| matches(&e.plugin)) {
         select(ui, viewer, RichText::new(&effect.plugin), Selected::Effect(index));
+    }
+}
+
+/// One of the small buttons before a name.
+fn toggle(ui: &mut Ui, set: &mut BTreeSet<String>, name: &str, [word, about]: [&str; 2]) {
+    let on = set.contains(name);
+    let letter = &word[..1].to_uppercase();
+    let text = RichText::new(letter).monospace().size(10.0);
+    let response =
+        ui.add(egui::Button::selectable(on, text).small()).on_hover_text(format!("{word}: {about}"));
+    response.widget_info(|| {
+        egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, on, format!("{word} {name}"))
+    });
+    if response.clicked() {
+        match on {
+            true => drop(set.remove(name)),
+            false => drop(set.insert(name.to_string())),
+        }
     }
 }
 

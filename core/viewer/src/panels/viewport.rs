@@ -1,6 +1,10 @@
-//! The picture, and the camera that the mouse moves.
+//! The picture, the camera that the mouse moves, and what is picked in it.
 
+use super::{handles, overlay};
 use crate::app::{Resolution, ViewCamera, Viewer};
+use crate::lens::Lens;
+use crate::pick;
+use crate::selection::{Selected, actor};
 use egui::{Color32, Key, PointerButton, Rect, Sense, TextureId, Ui, Vec2, pos2};
 use glam::{DVec2, DVec3};
 
@@ -8,44 +12,47 @@ use glam::{DVec2, DVec3};
 const PACE: f64 = 3.0;
 
 pub fn toggle_camera(viewer: &mut Viewer) {
-    match viewer.camera {
-        ViewCamera::Script => drop(viewer.free_camera()),
-        ViewCamera::Free(_) => viewer.camera = ViewCamera::Script,
+    let active = viewer.active.min(viewer.views.len() - 1);
+    match viewer.view().camera {
+        ViewCamera::Script => drop(viewer.free_camera(active)),
+        _ => viewer.view_mut().camera = ViewCamera::Script,
     }
 }
 
 /// The free camera turns around what is selected.
 pub fn focus(viewer: &mut Viewer) {
     let Some(point) = viewer.point_of_interest() else { return };
-    if let Some(orbit) = viewer.free_camera() {
+    let active = viewer.active.min(viewer.views.len() - 1);
+    if let Some(orbit) = viewer.free_camera(active) {
         orbit.center = point;
         orbit.distance = orbit.distance.clamp(2.0, 8.0);
     }
 }
 
-pub fn show(ui: &mut Ui, viewer: &mut Viewer, picture: Option<TextureId>) {
-    ui.horizontal(|ui| {
-        let free = viewer.camera != ViewCamera::Script;
-        if ui.selectable_label(!free, "script's camera").clicked() {
-            viewer.camera = ViewCamera::Script;
-        }
-        if ui.selectable_label(free, "free camera").clicked() && !free {
-            toggle_camera(viewer);
-        }
-        ui.separator();
-        let full = viewer.resolution == Resolution::Full;
-        if ui.selectable_label(full, "full size").on_hover_text("as many pixels as render gives it").clicked()
-        {
-            viewer.resolution = if full { Resolution::Fitted } else { Resolution::Full };
-        }
-    });
+/// The next picture of the active viewport goes into a file beside the script: `NAME_12.png`, by its frame.
+pub fn screenshot(viewer: &mut Viewer) {
+    let folder = viewer.path.as_ref().and_then(|p| p.parent()).unwrap_or(std::path::Path::new(""));
+    let stem = viewer.name.rsplit_once('.').map_or(viewer.name.as_str(), |(stem, _)| stem).to_string();
+    viewer.screenshot = Some(folder.join(format!("{stem}_{}.png", viewer.playhead.frame())));
+    // Drawn once more, so that there is one.
+    viewer.view_mut().asked = None;
+}
+
+pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<TextureId>) {
+    toolbar(ui, viewer, index);
     let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "picture"));
+    let name = if index == 0 { "picture".to_string() } else { format!("picture {}", index + 1) };
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, name.clone()));
+    if response.hovered() || response.clicked() || response.dragged() {
+        viewer.active = index;
+    }
     let pixels = ui.ctx().pixels_per_point();
-    viewer.room = [rect.width(), rect.height()].map(|points| (points * pixels).round().max(1.0) as u32);
+    let view = &mut viewer.views[index];
+    view.seen = true;
+    view.room = [rect.width(), rect.height()].map(|points| (points * pixels).round().max(1.0) as u32);
     let painter = ui.painter_at(rect);
     painter.rect_filled(rect, 0.0, Color32::from_gray(24));
-    let size = viewer.shown.as_ref().map(|shown| shown.size);
+    let size = view.shown.as_ref().map(|shown| shown.size);
     let Some((texture, size)) = picture.zip(size) else {
         let text = if viewer.faulty { "nothing to show yet: see Messages" } else { "…" };
         let font = egui::TextStyle::Body.resolve(ui.style());
@@ -55,7 +62,128 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, picture: Option<TextureId>) {
     let place = placed(rect, size, pixels);
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     painter.image(texture, place, whole, Color32::WHITE);
-    mouse(ui, viewer, &response, place.height());
+    let lens = viewer.scene.clone().and_then(|scene| {
+        let camera = viewer.views[index].now(&scene.stage)?;
+        let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
+        Some(Lens::new(&camera, vector(place.left(), place.top()), vector(place.width(), place.height())))
+    });
+    if let Some(lens) = lens {
+        overlay::show(ui, viewer, index, place, &lens);
+        if handles::show(ui, viewer, index, &response, place, &lens) {
+            return;
+        }
+        if response.clicked()
+            && let Some(at) = response.interact_pointer_pos().filter(|at| place.contains(*at))
+        {
+            click(viewer, index, &lens, DVec2::new(f64::from(at.x), f64::from(at.y)));
+        }
+    }
+    mouse(ui, viewer, index, &response, place.height());
+}
+
+fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
+    use crate::gizmo::Tool;
+    ui.horizontal_wrapped(|ui| {
+        let free = matches!(viewer.views[index].camera, ViewCamera::Free(_) | ViewCamera::Follow { .. });
+        let script = viewer.views[index].camera == ViewCamera::Script;
+        if ui.selectable_label(script, "script's camera").clicked() {
+            viewer.views[index].camera = ViewCamera::Script;
+        }
+        cameras(ui, viewer, index);
+        if ui.selectable_label(free, "free camera").clicked() && !free {
+            let _ = viewer.free_camera(index);
+        }
+        follow(ui, viewer, index);
+        ui.separator();
+        let view = &mut viewer.views[index];
+        let full = view.resolution == Resolution::Full;
+        if ui.selectable_label(full, "full size").on_hover_text("as many pixels as render gives it").clicked()
+        {
+            view.resolution = if full { Resolution::Fitted } else { Resolution::Full };
+        }
+        ui.menu_button("Show", |ui| {
+            ui.checkbox(&mut view.overlays.grid, "Grid");
+            ui.checkbox(&mut view.overlays.skeletons, "Skeletons");
+            ui.checkbox(&mut view.overlays.bounds, "Bounds");
+            ui.checkbox(&mut view.overlays.safe, "Safe areas");
+        });
+        ui.separator();
+        for (tool, name, key) in
+            [(Tool::Move, "Move", "G"), (Tool::Turn, "Turn", "R"), (Tool::Scale, "Scale", "B")]
+        {
+            if ui.selectable_label(viewer.tool == tool, name).on_hover_text(key).clicked() {
+                viewer.tool = tool;
+            }
+        }
+        ui.separator();
+        if ui.button("Save picture").on_hover_text("beside the script (P)").clicked() {
+            viewer.active = index;
+            screenshot(viewer);
+        }
+    });
+}
+
+fn cameras(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
+    let Some(scene) = viewer.scene.clone() else { return };
+    if scene.stage.cameras.is_empty() {
+        return;
+    }
+    let view = &mut viewer.views[index];
+    let name = match &view.camera {
+        ViewCamera::Named(name) => name.clone(),
+        _ => "camera".to_string(),
+    };
+    ui.menu_button(name, |ui| {
+        for camera in &scene.stage.cameras {
+            let on = view.camera == ViewCamera::Named(camera.name.clone());
+            if ui.selectable_label(on, &camera.name).clicked() {
+                view.camera = ViewCamera::Named(camera.name.clone());
+            }
+        }
+    });
+}
+
+fn follow(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
+    let Some(scene) = viewer.scene.clone() else { return };
+    let find = |name: &str| actor(&scene.stage, name).map(|i| (name.to_string(), i));
+    let following = match &viewer.views[index].camera {
+        ViewCamera::Follow { actor, .. } => Some(actor.clone()),
+        _ => None,
+    };
+    let selected = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string);
+    let can = following.is_some() || selected.is_some();
+    let button = ui.add_enabled(can, egui::Button::selectable(following.is_some(), "follow"));
+    if !button.on_hover_text("goes with the selected actor").clicked() {
+        return;
+    }
+    let near = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
+    let view = &mut viewer.views[index];
+    match (following, selected) {
+        (Some(name), _) => {
+            // Where it is by now, and stays.
+            view.follow(find(&name), near);
+            if let (ViewCamera::Follow { orbit, .. }, Some(shown), Some((_, index))) =
+                (&view.camera, &view.shown, find(&name))
+            {
+                let mut orbit = *orbit;
+                orbit.center +=
+                    shown.snapshot.actors.get(index).map_or(DVec3::ZERO, |a| a.world_from_model.translation);
+                view.camera = ViewCamera::Free(orbit);
+            }
+        }
+        (None, Some(name)) => view.follow(find(&name), near),
+        (None, None) => {}
+    }
+}
+
+/// Selects the actor whose surface is there; nothing, where there is none.
+fn click(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
+    let (Some(scene), Some(shown)) = (viewer.scene.clone(), &viewer.views[index].shown) else { return };
+    let shelf = &viewer.shelf;
+    let pickable = |i: usize| scene.stage.actors.get(i).is_some_and(|a| !shelf.locked.contains(&a.name));
+    let picked = pick::actor(&scene.stage, &shown.snapshot, lens.ray(at), pickable);
+    let picked = picked.map(|i| Selected::Actor(scene.stage.actors[i].name.clone()));
+    viewer.selection = if picked == viewer.selection { None } else { picked };
 }
 
 /// In the middle; pixel on pixel where there is room, else as large as it can be. Edges lie on the screen's pixels.
@@ -68,18 +196,18 @@ fn placed(room: Rect, size: [u32; 2], pixels_per_point: f32) -> Rect {
     Rect::from_min_size(pos2(on_pixels(corner.x), on_pixels(corner.y)), size)
 }
 
-fn mouse(ui: &Ui, viewer: &mut Viewer, response: &egui::Response, height: f32) {
+fn mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Response, height: f32) {
     let by = response.drag_delta();
     let by = DVec2::new(f64::from(by.x), f64::from(by.y)) / f64::from(height.max(1.0));
     let shift = ui.input(|i| i.modifiers.shift);
     if by != DVec2::ZERO {
         let pans = response.dragged_by(PointerButton::Middle) || shift;
         let turns = response.dragged_by(PointerButton::Primary) && !shift;
-        if let Some(orbit) = viewer.free_camera() {
+        if let Some(orbit) = viewer.free_camera(index) {
             match (pans, turns) {
                 (true, _) => orbit.pan(by),
                 (_, true) => orbit.turn(by),
-                _ => orbit.zoom(-by.y * 10.0),
+                _ => orbit.look(by),
             }
         }
     }
@@ -88,16 +216,18 @@ fn mouse(ui: &Ui, viewer: &mut Viewer, response: &egui::Response, height: f32) {
     }
     let notches = ui.input(|i| f64::from(i.smooth_scroll_delta.y) / 50.0);
     if notches != 0.0
-        && let Some(orbit) = viewer.free_camera()
+        && let Some(orbit) = viewer.free_camera(index)
     {
         orbit.zoom(notches);
     }
     let held = |a, b| ui.input(|i| f64::from(i8::from(i.key_down(a)) - i8::from(i.key_down(b))));
     let step = DVec3::new(held(Key::D, Key::A), held(Key::E, Key::Q), held(Key::W, Key::S));
-    if step != DVec3::ZERO && !ui.ctx().egui_wants_keyboard_input() {
+    let command = ui.input(|i| i.modifiers.command);
+    if step != DVec3::ZERO && !command && !ui.ctx().egui_wants_keyboard_input() {
         let secs = ui.input(|i| f64::from(i.stable_dt.min(0.1)));
-        if let Some(orbit) = viewer.free_camera() {
-            orbit.walk(step * PACE * secs);
+        let pace = if shift { PACE * 4.0 } else { PACE };
+        if let Some(orbit) = viewer.free_camera(index) {
+            orbit.walk(step * pace * secs);
         }
         ui.ctx().request_repaint();
     }

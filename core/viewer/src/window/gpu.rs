@@ -1,6 +1,7 @@
 //! The window's own Vulkan device: the only other place beside `choreo_render::gpu` that knows ash. One frame in flight: what is
 //! drawn is a few thousand triangles and one texture, and waiting for the last of them costs less than keeping everything twice.
 
+use super::choose::choose;
 use super::gpu_error::{GpuError, Named};
 use super::picture::{Picture, whole};
 use super::swapchain::{Swapchain, surface_format};
@@ -11,12 +12,14 @@ use egui_ash_renderer::allocator::GpuAllocator;
 use egui_ash_renderer::vulkan::create_vulkan_descriptor_set_layout;
 use egui_ash_renderer::{DynamicRendering, Options, RenderMode, Renderer};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::Window;
 
 /// A driver that hangs must not hang the program.
 const TIMEOUT_NS: u64 = 60_000_000_000;
+const VIEWS: u32 = crate::view::MOST_VIEWS as u32;
 
 pub struct Gpu {
     _entry: ash::Entry,
@@ -42,14 +45,20 @@ struct Device {
     sampler: vk::Sampler,
     set_layout: vk::DescriptorSetLayout,
     sets: vk::DescriptorPool,
-    set: vk::DescriptorSet,
     allocator: Option<Arc<Mutex<Allocator>>>,
     egui: Option<Renderer<GpuAllocator>>,
-    picture: Option<Picture>,
-    picture_id: Option<TextureId>,
+    /// By view.
+    pictures: Vec<Slot>,
     /// Textures that the frame in flight may still use.
     to_free: Vec<TextureId>,
     largest_texture: usize,
+}
+
+/// A view's picture, once there was one, and what egui calls it.
+struct Slot {
+    set: vk::DescriptorSet,
+    picture: Option<Picture>,
+    id: Option<TextureId>,
 }
 
 impl Gpu {
@@ -86,47 +95,11 @@ impl Gpu {
         gpu.surface =
             unsafe { ash_window::create_surface(&gpu._entry, &gpu.instance, display, handle, None) }
                 .named("surface of the window")?;
-        let (physical, family) = gpu.choose()?;
+        let (physical, family) = choose(&gpu.instance, &gpu.surfaces, gpu.surface)?;
         gpu.physical = physical;
         let device = gpu.open(family)?;
         gpu.device = Some(device);
         Ok(gpu)
-    }
-
-    /// A device that can show pictures in the window; a GPU before a driver that draws on the CPU.
-    fn choose(&self) -> Result<(vk::PhysicalDevice, u32), GpuError> {
-        let mut best: Option<(u32, vk::PhysicalDevice, u32)> = None;
-        // SAFETY: instance and surface are alive, here and below.
-        for physical in unsafe { self.instance.enumerate_physical_devices() }.named("list of devices")? {
-            let (properties, families) = unsafe {
-                (
-                    self.instance.get_physical_device_properties(physical),
-                    self.instance.get_physical_device_queue_family_properties(physical),
-                )
-            };
-            let rank = match properties.device_type {
-                vk::PhysicalDeviceType::DISCRETE_GPU => 4,
-                vk::PhysicalDeviceType::INTEGRATED_GPU => 3,
-                vk::PhysicalDeviceType::VIRTUAL_GPU => 2,
-                _ => 1,
-            };
-            let family = (0u32..).zip(&families).find(|(index, family)| {
-                let shows = unsafe {
-                    self.surfaces.get_physical_device_surface_support(physical, *index, self.surface)
-                };
-                family.queue_flags.contains(vk::QueueFlags::GRAPHICS) && shows.unwrap_or(false)
-            });
-            if let Some((family, _)) = family
-                && properties.api_version >= vk::API_VERSION_1_3
-                && best.is_none_or(|(r, ..)| rank > r)
-            {
-                best = Some((rank, physical, family));
-            }
-        }
-        best.map(|(_, physical, family)| (physical, family)).ok_or_else(|| {
-            let why = "no device with Vulkan 1.3 can show pictures in this window";
-            GpuError::Missing(format!("{why}\n    hint: apt install mesa-vulkan-drivers"))
-        })
     }
 
     fn open(&self, family: u32) -> Result<Device, GpuError> {
@@ -162,11 +135,9 @@ impl Gpu {
             sampler: vk::Sampler::null(),
             set_layout: vk::DescriptorSetLayout::null(),
             sets: vk::DescriptorPool::null(),
-            set: vk::DescriptorSet::null(),
             allocator: None,
             egui: None,
-            picture: None,
-            picture_id: None,
+            pictures: Vec::new(),
             to_free: Vec::new(),
             largest_texture: limits.max_image_dimension2_d as usize,
         };
@@ -183,27 +154,27 @@ impl Gpu {
         self.device.as_ref().map_or(2048, |d| d.largest_texture)
     }
 
-    /// The texture with the last frame, once there was one.
-    pub fn picture_id(&self) -> Option<TextureId> {
-        self.device.as_ref().and_then(|d| d.picture_id)
+    /// By view, the texture with its last frame, once there was one.
+    pub fn pictures(&self) -> Vec<Option<TextureId>> {
+        self.device.iter().flat_map(|d| &d.pictures).map(|slot| slot.id).collect()
     }
 
-    /// Draws one frame of the window. `frame`: a new picture; `before`: called right before it is shown.
+    /// Draws one frame of the window. `frames`: new pictures of views; `before`: called right before it is shown.
     pub fn draw(
         &mut self,
         window: [u32; 2],
         primitives: &[ClippedPrimitive],
         pixels_per_point: f32,
         mut textures: TexturesDelta,
-        frame: Option<&Frame>,
+        frames: &BTreeMap<usize, Frame>,
         before: impl FnOnce(),
     ) -> Result<(), GpuError> {
         let device = self.device.as_mut().ok_or_else(|| GpuError::Missing("the device has gone".into()));
         let ready = device.and_then(|d| d.wait().map(|()| d));
         let device = ready.inspect_err(|_| textures.clear())?;
         device.textures(textures)?;
-        if let Some(frame) = frame {
-            device.prepare_picture([frame.width, frame.height])?;
+        for (view, frame) in frames {
+            device.prepare_picture(*view, [frame.width, frame.height])?;
         }
         // A window that is being resized may need a second swapchain before one fits.
         for _ in 0..3 {
@@ -223,7 +194,7 @@ impl Gpu {
                 device.drop_swapchain()?;
                 continue;
             };
-            device.record(index, primitives, pixels_per_point, frame)?;
+            device.record(index, primitives, pixels_per_point, frames)?;
             device.submit(index)?;
             before();
             let fits = device.swapchain.as_ref().map_or(Ok(true), |s| s.present(device.queue, index))?;
@@ -253,9 +224,11 @@ impl Device {
             .min_filter(vk::Filter::LINEAR)
             .address_mode_u(vk::SamplerAddressMode::CLAMP_TO_EDGE)
             .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE);
-        let sizes =
-            [vk::DescriptorPoolSize { ty: vk::DescriptorType::COMBINED_IMAGE_SAMPLER, descriptor_count: 1 }];
-        let sets = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
+        let sizes = [vk::DescriptorPoolSize {
+            ty: vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+            descriptor_count: VIEWS,
+        }];
+        let sets = vk::DescriptorPoolCreateInfo::default().max_sets(VIEWS).pool_sizes(&sizes);
         // SAFETY: the device is alive; what is made is destroyed by `drop`.
         unsafe {
             self.pool = raw.create_command_pool(&pool, None).named("command pool")?;
@@ -269,10 +242,11 @@ impl Device {
             self.sets = raw.create_descriptor_pool(&sets, None).named("descriptor pool")?;
         }
         self.set_layout = create_vulkan_descriptor_set_layout(raw).named("descriptor layout")?;
-        let layouts = [self.set_layout];
+        let layouts = [self.set_layout; VIEWS as usize];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.sets).set_layouts(&layouts);
         // SAFETY: as above.
-        self.set = unsafe { raw.allocate_descriptor_sets(&info) }.named("descriptor set")?[0];
+        let sets = unsafe { raw.allocate_descriptor_sets(&info) }.named("descriptor sets")?;
+        self.pictures = sets.into_iter().map(|set| Slot { set, picture: None, id: None }).collect();
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.clone(),
             device: raw.clone(),
@@ -323,13 +297,15 @@ impl Device {
         Ok(())
     }
 
-    fn prepare_picture(&mut self, size: [u32; 2]) -> Result<(), GpuError> {
-        if self.picture.as_ref().is_some_and(|p| p.size == size) {
+    fn prepare_picture(&mut self, view: usize, size: [u32; 2]) -> Result<(), GpuError> {
+        let (Some(slot), Some(allocator)) = (self.pictures.get_mut(view), self.allocator.clone()) else {
+            return Ok(());
+        };
+        if slot.picture.as_ref().is_some_and(|p| p.size == size) {
             return Ok(());
         }
-        let Some(allocator) = self.allocator.clone() else { return Ok(()) };
         let mut allocator = locked(&allocator);
-        if let Some(mut old) = self.picture.take() {
+        if let Some(mut old) = slot.picture.take() {
             old.destroy(&self.raw, &mut allocator);
         }
         let picture = Picture::new(&self.raw, &mut allocator, size)?;
@@ -338,14 +314,13 @@ impl Device {
             .image_view(picture.view())
             .image_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)];
         let write = [vk::WriteDescriptorSet::default()
-            .dst_set(self.set)
+            .dst_set(slot.set)
             .descriptor_type(vk::DescriptorType::COMBINED_IMAGE_SAMPLER)
             .image_info(&image)];
         // SAFETY: no frame in flight uses the set.
         unsafe { self.raw.update_descriptor_sets(&write, &[]) };
-        self.picture = Some(picture);
-        let (egui, set) = (&mut self.egui, self.set);
-        self.picture_id = self.picture_id.or_else(|| egui.as_mut().map(|egui| egui.add_user_texture(set)));
+        slot.picture = Some(picture);
+        slot.id = slot.id.or_else(|| self.egui.as_mut().map(|egui| egui.add_user_texture(slot.set)));
         Ok(())
     }
 
@@ -376,7 +351,7 @@ impl Device {
         index: u32,
         primitives: &[ClippedPrimitive],
         pixels_per_point: f32,
-        frame: Option<&Frame>,
+        frames: &BTreeMap<usize, Frame>,
     ) -> Result<(), GpuError> {
         let (Some(swapchain), Some(egui)) = (&self.swapchain, &mut self.egui) else { return Ok(()) };
         let (raw, commands, extent) = (&self.raw, self.commands, swapchain.extent);
@@ -387,8 +362,10 @@ impl Device {
             raw.reset_command_buffer(commands, vk::CommandBufferResetFlags::empty()).named("commands")?;
             raw.begin_command_buffer(commands, &begin).named("commands")?;
         }
-        if let (Some(picture), Some(frame)) = (&mut self.picture, frame) {
-            picture.upload(raw, commands, frame);
+        for (view, frame) in frames {
+            if let Some(picture) = self.pictures.get_mut(*view).and_then(|slot| slot.picture.as_mut()) {
+                picture.upload(raw, commands, frame);
+            }
         }
         use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};
         let barrier = |from, to, access: (vk::AccessFlags2, vk::AccessFlags2), after| {
@@ -469,8 +446,10 @@ impl Drop for Device {
         if let Some(mut swapchain) = self.swapchain.take() {
             swapchain.destroy(&self.raw);
         }
-        if let (Some(mut picture), Some(allocator)) = (self.picture.take(), &self.allocator) {
-            picture.destroy(&self.raw, &mut locked(allocator));
+        for slot in &mut self.pictures {
+            if let (Some(mut picture), Some(allocator)) = (slot.picture.take(), &self.allocator) {
+                picture.destroy(&self.raw, &mut locked(allocator));
+            }
         }
         // Its buffers before the allocator, that before the device.
         self.egui = None;

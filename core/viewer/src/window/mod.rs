@@ -1,17 +1,22 @@
 //! The window: events in, frames out. It sleeps unless something has happened.
 
+mod choose;
 mod gpu;
 mod gpu_error;
 mod picture;
+mod shot;
 mod start;
 mod swapchain;
 
 use crate::app::Viewer;
 use crate::args::Asked;
 use crate::panels::Panels;
-use choreo_live::{Live, Painted, Painter, Version};
-use choreo_plugin::Frame;
+use crate::settings::Settings;
+use choreo_live::{Live, Painted, Painter, Recipe, Version};
+use choreo_plugin::{Frame, Registry};
 use gpu::Gpu;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -22,11 +27,15 @@ use winit::window::{Window, WindowId};
 
 /// What other threads tell.
 enum News {
-    Version(Box<Version>),
+    /// Of the script, or of the guest with this number.
+    Version(u64, Box<Version>),
     Painted(Box<Painted>),
     /// egui wants to be drawn again after this time.
     Repaint(Duration),
 }
+
+/// The script itself; guests count from 1.
+const OWN: u64 = 0;
 
 /// Opens the window and stays until it is closed. The text says what is missing.
 pub fn run(asked: Asked) -> Result<(), String> {
@@ -43,47 +52,81 @@ pub fn run(asked: Asked) -> Result<(), String> {
     let painter = painter.map_err(|e| format!("cannot start a thread: {e}"))?;
     let path = asked.recipe.is_script().then(|| asked.recipe.input.clone());
     let name = asked.recipe.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let live = {
-        let proxy = proxy.clone();
-        let told = move |version| drop(proxy.send_event(News::Version(Box::new(version))));
-        Live::start(asked.recipe, &registry, told).map_err(|e| e.to_string())?
-    };
+    let live = watched(asked.recipe.clone(), &registry, &proxy, OWN)?;
     let mut viewer = Viewer::new(name);
     viewer.path = path;
+    let settings_file = Settings::file();
+    let settings = settings_file.as_deref().map(Settings::read).unwrap_or_default();
     let mut app = App {
         viewer,
-        panels: Panels::default(),
+        panels: Panels::new(&settings),
+        settings,
+        settings_file,
         begin: Some((asked.at, asked.play)),
         painter,
+        recipe: asked.recipe,
+        registry,
         _live: live,
+        guest: None,
+        guests: OWN,
+        own: None,
         proxy,
         open: None,
-        frame: None,
+        frames: BTreeMap::new(),
         reloads: 0,
         clock: Instant::now(),
+        last_asked: None,
         wake_at: None,
+        drawn: 0,
+        lose: asked.lose,
         failures: 0,
         failed: None,
     };
     events.run_app(&mut app).map_err(|e| format!("the window system failed: {e}"))?;
+    app.remember();
     app.failed.take().map_or(Ok(()), Err)
+}
+
+fn watched(
+    recipe: Recipe,
+    plugins: &Registry,
+    proxy: &EventLoopProxy<News>,
+    whose: u64,
+) -> Result<Live, String> {
+    let proxy = proxy.clone();
+    let told = move |version| drop(proxy.send_event(News::Version(whose, Box::new(version))));
+    Live::start(recipe, plugins, told).map_err(|e| e.to_string())
 }
 
 struct App {
     viewer: Viewer,
     panels: Panels,
+    settings: Settings,
+    settings_file: Option<PathBuf>,
     /// Where to begin, until the first version is there.
     begin: Option<(f64, bool)>,
     painter: Painter,
+    recipe: Recipe,
+    registry: Registry,
     _live: Live,
+    /// What shows a file that was dropped.
+    guest: Option<Live>,
+    /// How many there were: versions of those before are late.
+    guests: u64,
+    /// The script's newest version, to come back to when the guest leaves.
+    own: Option<Version>,
     proxy: EventLoopProxy<News>,
     open: Option<Open>,
-    /// Drawn and not yet on the screen.
-    frame: Option<Frame>,
+    /// Drawn and not yet on the screen, by view.
+    frames: BTreeMap<usize, Frame>,
     /// Changes of shaders that the painter was told of.
     reloads: u64,
     clock: Instant,
+    last_asked: Option<Instant>,
     wake_at: Option<Instant>,
+    /// Frames of the window so far.
+    drawn: u64,
+    lose: Vec<u64>,
     /// In a row.
     failures: u32,
     failed: Option<String>,
@@ -102,7 +145,6 @@ impl Open {
     fn new(window: Arc<Window>, proxy: &EventLoopProxy<News>) -> Result<Open, String> {
         let gpu = Gpu::new(&window).map_err(|e| e.to_string())?;
         let egui = egui::Context::default();
-        crate::panels::set_colors(&egui);
         let proxy = std::sync::Mutex::new(proxy.clone());
         egui.set_request_repaint_callback(move |info| {
             let proxy = proxy.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -131,15 +173,33 @@ impl App {
         }
     }
 
-    /// Moves the playhead on and asks for the frame that is due.
+    /// Where the panels lie, for the next window.
+    fn remember(&mut self) {
+        let now = self.panels.settings();
+        if now != self.settings
+            && let Some(file) = &self.settings_file
+        {
+            now.write(file);
+            self.settings = now;
+        }
+    }
+
+    /// Moves the playhead on and asks for the frames that are due.
     fn advance(&mut self) {
-        let now = self.now();
-        let due = self.viewer.playhead.tick(now);
-        if let Some(asked) = self.viewer.wish() {
+        let cap = self.viewer.performance.cap.filter(|_| self.viewer.playhead.is_playing());
+        if let (Some(cap), Some(last)) = (cap, self.last_asked) {
+            let wait = Duration::from_secs_f64(1.0 / f64::from(cap.max(1))).saturating_sub(last.elapsed());
+            if !wait.is_zero() {
+                return self.wake_in(wait);
+            }
+        }
+        let due = self.viewer.playhead.tick(self.now());
+        while let Some(asked) = self.viewer.wish() {
             if self.reloads != self.viewer.reloads() {
                 self.reloads = self.viewer.reloads();
                 self.painter.shaders_changed();
             }
+            self.last_asked = Some(Instant::now());
             self.painter.ask(asked);
         }
         // A frame on its way wakes us itself.
@@ -164,42 +224,101 @@ impl App {
             return;
         }
         let input = open.input.take_egui_input(&open.window);
-        let texture = open.gpu.picture_id();
+        let textures = open.gpu.pictures();
         let (panels, viewer) = (&mut self.panels, &mut self.viewer);
-        let output = open.egui.run_ui(input, |ui| panels.show(ui, viewer, texture, now));
+        let output = open.egui.run_ui(input, |ui| panels.show(ui, viewer, &textures, now));
         open.input.handle_platform_output(&open.window, output.platform_output);
         let pixels_per_point = output.pixels_per_point;
         let primitives = open.egui.tessellate(output.shapes, pixels_per_point);
-        let had_picture = texture.is_some();
-        let drawn = open.gpu.draw(
-            [size.width, size.height],
-            &primitives,
-            pixels_per_point,
-            output.textures_delta,
-            self.frame.as_ref(),
-            || open.window.pre_present_notify(),
-        );
-        let has_picture = open.gpu.picture_id().is_some();
+        let window = open.window.clone();
+        let (size, frames) = ([size.width, size.height], &self.frames);
+        let drawn = open.gpu.draw(size, &primitives, pixels_per_point, output.textures_delta, frames, || {
+            window.pre_present_notify()
+        });
+        self.drawn += 1;
+        let lost =
+            self.lose.contains(&self.drawn).then(|| "the device was lost, as the test has it".to_string());
         let delay = output.viewport_output.get(&egui::ViewportId::ROOT).map(|v| v.repaint_delay);
-        match drawn {
+        match drawn.map_err(|e| e.to_string()).and(lost.map_or(Ok(()), Err)) {
             Ok(()) => {
                 self.failures = 0;
-                if let Some(frame) = self.frame.take() {
+                for frame in std::mem::take(&mut self.frames).into_values() {
                     self.painter.give_back(frame);
                 }
-                if has_picture && !had_picture {
+                if open.gpu.pictures() != textures {
                     // The panels did not know it yet.
                     self.redraw();
                 }
             }
-            Err(error) => self.begin_again(&error.to_string(), events),
+            Err(error) => self.begin_again(&error, events),
         }
         if let Some(delay) = delay.filter(|d| *d < Duration::from_secs(3600)) {
             self.wake_in(delay);
         }
+        self.guests();
         self.advance();
         if self.viewer.quit {
             events.exit();
+        }
+    }
+
+    /// Shows a file that was dropped; sends it away again.
+    fn guests(&mut self) {
+        if let Some(path) = self.viewer.dropped.take() {
+            self.guests += 1;
+            let recipe = Recipe { input: path.clone(), set: Vec::new(), clip: None, ..self.recipe.clone() };
+            match watched(recipe, &self.registry, &self.proxy, self.guests) {
+                Ok(live) => {
+                    self.guest = Some(live);
+                    self.viewer.guest = Some(path);
+                }
+                Err(error) => self.viewer.said = Some(error),
+            }
+        }
+        if std::mem::take(&mut self.viewer.guest_leaves) {
+            self.guest = None;
+            self.guests += 1;
+            self.viewer.guest = None;
+            if let Some(own) = self.own.clone() {
+                self.viewer.take_version(own);
+            }
+            self.redraw();
+        }
+    }
+
+    fn take_version(&mut self, whose: u64, version: Version) {
+        if whose == OWN {
+            // A faulty one leaves the last good one to come back to.
+            if version.scene.is_some() || self.own.is_none() {
+                self.own = Some(version.clone());
+            }
+            if self.viewer.guest.is_some() {
+                return;
+            }
+        } else if whose != self.guests {
+            return;
+        }
+        self.viewer.take_version(version);
+        if self.viewer.scene.is_some()
+            && let Some((at, play)) = self.begin.take()
+        {
+            self.viewer.playhead.seek(choreo_motion::Time::from_secs(at));
+            if play {
+                self.viewer.playhead.play(self.now());
+            }
+        }
+    }
+
+    fn take_painted(&mut self, painted: Painted) {
+        let Some((view, frame)) = self.viewer.take_painted(painted) else { return };
+        if view == self.viewer.active
+            && let Some(file) = self.viewer.screenshot.take()
+        {
+            let saved = shot::save(&self.registry, &frame, self.viewer.playhead.fps(), &file);
+            self.viewer.said = Some(saved.map_or_else(|e| e, |()| format!("saved {}", file.display())));
+        }
+        if let Some(skipped) = self.frames.insert(view, frame) {
+            self.painter.give_back(skipped);
         }
     }
 
@@ -215,6 +334,9 @@ impl App {
         match again {
             Ok(open) => {
                 self.open = Some(open);
+                // The new device has no picture yet, and its context no colors.
+                self.viewer.views.iter_mut().for_each(|view| view.asked = None);
+                self.panels.forget_context();
                 self.redraw();
             }
             Err(second) => {
@@ -256,25 +378,13 @@ impl ApplicationHandler<News> for App {
 
     fn user_event(&mut self, _: &ActiveEventLoop, news: News) {
         match news {
-            News::Version(version) => {
-                self.viewer.take_version(*version);
-                if self.viewer.scene.is_some()
-                    && let Some((at, play)) = self.begin.take()
-                {
-                    self.viewer.playhead.seek(choreo_motion::Time::from_secs(at));
-                    if play {
-                        self.viewer.playhead.play(self.now());
-                    }
-                }
+            News::Version(whose, version) => {
+                self.take_version(whose, *version);
                 self.advance();
                 self.redraw();
             }
             News::Painted(painted) => {
-                if let Some(frame) = self.viewer.take_painted(*painted)
-                    && let Some(skipped) = self.frame.replace(frame)
-                {
-                    self.painter.give_back(skipped);
-                }
+                self.take_painted(*painted);
                 // The next is drawn while this one goes to the screen.
                 self.advance();
                 self.redraw();

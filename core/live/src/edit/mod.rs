@@ -1,0 +1,66 @@
+//! Changes of a script's text at one place: a bar that was dragged rewrites the number that it came from. All else of the text
+//! stays, comments and spaces too. What a number was computed from is never guessed: then the change is refused, with the line.
+
+mod object;
+mod scan;
+mod times;
+mod values;
+
+use std::ops::Range;
+
+pub use object::{Object, Refused, marker, set_call};
+pub use times::{Part, set_time};
+pub use values::plain;
+
+/// These bytes of the text become this.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Edit {
+    pub range: Range<usize>,
+    pub text: String,
+}
+
+impl Edit {
+    pub fn apply(&self, text: &str) -> String {
+        format!("{}{}{}", &text[..self.range.start], self.text, &text[self.range.end..])
+    }
+
+    /// What takes it back, of the text before it.
+    pub fn inverse(&self, before: &str) -> Edit {
+        let range = self.range.start..self.range.start + self.text.len();
+        Edit { range, text: before[self.range.clone()].to_string() }
+    }
+
+    /// The same change where the text has since been changed elsewhere: found by the line that it is in. `then`: the text that it
+    /// was made for. `None` where that line is no longer there, or is there more than once.
+    pub fn carried_over(&self, then: &str, now: &str) -> Option<Edit> {
+        let line = line_around(then, self.range.start);
+        let text = then.get(line.clone())?;
+        if self.range.end > line.end || text.trim().is_empty() {
+            return None;
+        }
+        let mut at = 0;
+        let mut found = None;
+        for candidate in now.split('\n') {
+            if candidate == text && found.replace(at).is_some() {
+                return None;
+            }
+            at += candidate.len() + 1;
+        }
+        let start = found? + (self.range.start - line.start);
+        Some(Edit { range: start..start + self.range.len(), text: self.text.clone() })
+    }
+}
+
+/// Bytes of the line that holds a byte, without its end.
+fn line_around(text: &str, at: usize) -> Range<usize> {
+    let start = text[..at].rfind('\n').map_or(0, |n| n + 1);
+    let end = text[at..].find('\n').map_or(text.len(), |n| at + n);
+    start..end
+}
+
+/// To the millisecond, as a person would write it; always with a point, so that it stays a float.
+pub fn seconds(secs: f64) -> String {
+    let text = format!("{:.3}", secs.max(0.0));
+    let text = text.trim_end_matches('0');
+    if text.ends_with('.') { format!("{text}0") } else { text.to_string() }
+}

@@ -1,0 +1,416 @@
+//! What a script says of one thing that it makes: `let anna = cast(…).at(…);` and, further on, `anna.turn(…);`. Each change here
+//! is one edit of one call; where the value is computed, a line is offered that says it anew.
+
+use super::scan::{
+    Call, byte_at, call_from, chain_after, chains_of, past_quiet, skip, statement_end, value_end,
+};
+use super::values::{literal, literals, plain, rewritten, set_option};
+use super::{Edit, seconds};
+use glam::{DMat3, DQuat, DVec3};
+
+/// Why a change was not made, for the user, and the line that would make it all the same.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refused {
+    pub why: String,
+    /// Adds a line that holds over what is computed.
+    pub over: Option<Edit>,
+}
+
+impl From<String> for Refused {
+    fn from(why: String) -> Refused {
+        Refused { why, over: None }
+    }
+}
+
+pub struct Object<'a> {
+    text: &'a str,
+    line: usize,
+    made: Call,
+    /// What the script calls it.
+    pub variable: Option<String>,
+    /// Of itself, in the order of the text; the last of a name counts.
+    calls: Vec<Call>,
+    /// Where it is spoken of last.
+    last_at: usize,
+}
+
+impl<'a> Object<'a> {
+    /// Made by the call at a place: line and column in characters, from 1.
+    pub fn at(text: &'a str, line: usize, column: usize) -> Result<Object<'a>, Refused> {
+        let refuse = |why: &str| Refused::from(format!("line {line}: {why}"));
+        let at = byte_at(text, line, column).ok_or_else(|| refuse("the script has no such line"))?;
+        let made = call_from(text, at).ok_or_else(|| refuse("there is no call to be changed"))?;
+        let variable = variable_before(text, made.name.start);
+        let mut calls = chain_after(text, made.end);
+        let mut last_at = made.end;
+        if let Some(name) = &variable {
+            let later = chains_of(text, name, made.name.start).into_iter().filter(|(at, _)| *at > made.end);
+            for (at, chain) in later {
+                last_at = at;
+                calls.extend(chain);
+            }
+        }
+        Ok(Object { text, line, made, variable, calls, last_at })
+    }
+
+    fn last(&self, names: &[&str]) -> Option<&Call> {
+        self.calls.iter().rev().find(|call| names.contains(&&self.text[call.name.clone()]))
+    }
+
+    fn line_of(&self, byte: usize) -> usize {
+        self.text[..byte].matches('\n').count() + 1
+    }
+
+    fn computed(&self, call: &Call, over: &str) -> Refused {
+        let (name, inside) = (&self.text[call.name.clone()], self.text[call.inside.clone()].trim());
+        let line = self.line_of(call.name.start);
+        Refused {
+            why: format!(
+                "line {line}: .{name}({inside}) is computed; change it there, or say it anew in a line of its own"
+            ),
+            over: self.variable.as_ref().and_then(|_| self.new_line(over)),
+        }
+    }
+
+    /// `variable.call;` after everything that is said of it.
+    fn new_line(&self, call: &str) -> Option<Edit> {
+        let name = self.variable.as_ref()?;
+        let mut end = statement_end(self.text, self.last_at);
+        // Behind a remark on the same line.
+        let rest = self.text[end..].find('\n').map_or(&self.text[end..], |n| &self.text[end..end + n]);
+        if rest.trim().is_empty() || rest.trim_start().starts_with("//") {
+            end += rest.trim_end().len();
+        }
+        let start = self.text[..self.made.name.start].rfind('\n').map_or(0, |n| n + 1);
+        let indent: String = self.text[start..].chars().take_while(|c| *c == ' ' || *c == '\t').collect();
+        Some(Edit { range: end..end, text: format!("\n{indent}{name}.{call};") })
+    }
+
+    fn behind(&self, at: usize, call: &str) -> Edit {
+        Edit { range: at..at, text: format!(".{call}") }
+    }
+
+    /// `.name(values)`: the last call of this name, or a new one behind the call that made it.
+    pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, Refused> {
+        let new = call_text(name, values);
+        let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
+        let old = literals(self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
+        if old.len() == values.len() {
+            return rewritten(self.text, &old, values).ok_or_else(|| self.computed(call, &new));
+        }
+        // One factor becomes three.
+        let inside = values.iter().map(|v| plain(*v)).collect::<Vec<_>>().join(", ");
+        Ok(Edit { range: call.inside.clone(), text: inside })
+    }
+
+    /// Moves it: `.at` and `.move_by`, of which the last is changed. `to`: where it then stands.
+    pub fn move_by(&self, by: DVec3, to: DVec3) -> Result<Edit, Refused> {
+        let Some(call) = self.last(&["at", "move_by"]) else { return self.set("at", &to.to_array()) };
+        let new = call_text("move_by", &by.to_array());
+        let old = literals(self.text, &call.inside)
+            .filter(|l| l.len() == 3)
+            .ok_or_else(|| self.computed(call, &new))?;
+        let moved: Vec<f64> = old.iter().zip(by.to_array()).map(|((_, v), by)| v + by).collect();
+        rewritten(self.text, &old, &moved).ok_or_else(|| self.computed(call, &new))
+    }
+
+    /// Turns it by a rotation about its parent's axes, after what `.turn` and `.rotate` have done to it: calls add up.
+    pub fn turn_by(&self, by: DQuat) -> Edit {
+        let upright = by.x.abs() < 1e-9 && by.z.abs() < 1e-9;
+        let degrees = 2.0 * libm::atan2(by.y, by.w).to_degrees();
+        let angles = euler_degrees(by);
+        let new =
+            if upright { call_text("turn", &[degrees]) } else { call_text("rotate", &angles.to_array()) };
+        let Some(call) = self.last(&["turn", "rotate"]) else { return self.behind(self.made.end, &new) };
+        let old = literals(self.text, &call.inside).unwrap_or_default();
+        let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
+        let changed = match (&self.text[call.name.clone()], values.as_slice()) {
+            ("turn", [turned]) if upright => rewritten(self.text, &old, &[wrapped(turned + degrees)]),
+            ("rotate", [x, y, z]) => {
+                let turned = euler_degrees(by * rotation(DVec3::new(*x, *y, *z)));
+                rewritten(self.text, &old, &turned.to_array())
+            }
+            _ => None,
+        };
+        changed.unwrap_or_else(|| self.behind(call.end, &new))
+    }
+
+    /// `.from`, `.until`, `.cut` …: in seconds.
+    pub fn time(&self, name: &str, secs: f64) -> Result<Edit, Refused> {
+        let new = format!("{name}({})", seconds(secs));
+        let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
+        let (range, _) = literal(self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
+        Ok(Edit { range, text: seconds(secs) })
+    }
+
+    /// An option of the call that made it, or what a method of that name said of it later. `value`: as it is written.
+    pub fn option(&self, name: &str, value: &str) -> Result<Edit, Refused> {
+        if let Some(call) = self.last(&[name]) {
+            return self.overwrite(call, call.inside.clone(), value);
+        }
+        Ok(set_option(self.text, &self.made, self.line, name, value)?)
+    }
+
+    /// A parameter: the last `.set("name", …)`, else an option.
+    pub fn parameter(&self, name: &str, value: &str) -> Result<Edit, Refused> {
+        let quoted = format!("\"{name}\"");
+        let is_it = |call: &&Call| {
+            self.text[call.name.clone()] == *"set"
+                && self.text[call.inside.clone()].trim_start().starts_with(&quoted)
+        };
+        if let Some(call) = self.calls.iter().rev().find(is_it) {
+            let first = value_end(self.text, call.inside.start, call.inside.end);
+            return self.overwrite(call, (first + 1).min(call.inside.end)..call.inside.end, value);
+        }
+        Ok(set_option(self.text, &self.made, self.line, name, value)?)
+    }
+
+    fn overwrite(&self, call: &Call, bytes: std::ops::Range<usize>, value: &str) -> Result<Edit, Refused> {
+        let inside = &self.text[bytes.clone()];
+        let quoted = inside.trim().starts_with('"') && inside.trim().ends_with('"');
+        if !quoted && literals(self.text, &bytes).is_none_or(|l| l.is_empty()) {
+            return Err(self.computed(call, &format!("{}({value})", &self.text[call.name.clone()])));
+        }
+        let start = bytes.start + (inside.len() - inside.trim_start().len());
+        Ok(Edit { range: start..start + inside.trim().len(), text: value.to_string() })
+    }
+
+    /// A line that plays a clip of the thing's own file: `anna.play(hero.clip("Wave"), #{ fade: 0.3 }).from(2.0);`
+    pub fn play(&self, clip: &str, from: f64, options: &str) -> Result<Edit, Refused> {
+        let inside = &self.made.inside;
+        let first = value_end(self.text, inside.start, inside.end);
+        let asset = self.text.get(first + 1..inside.end).map(str::trim).filter(|a| !a.is_empty());
+        let asset = asset.ok_or_else(|| format!("line {}: it is not cast from a file", self.line))?;
+        let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), seconds(from));
+        if let Some(line) = self.new_line(&call) {
+            // After what it plays already, so that the cues stand in their order.
+            return Ok(line);
+        }
+        let played = skip(self.text, self.calls.last().map_or(self.made.end, |c| c.end));
+        if self.text[played..].starts_with('.') {
+            return Err(format!(
+                "line {}: it has no name in the script; write let NAME = cast(…)",
+                self.line
+            )
+            .into());
+        }
+        Ok(self.behind(self.calls.last().map_or(self.made.end, |c| c.end), &call))
+    }
+}
+
+/// Sets the only argument of the call at a place, a time in seconds: `.cut(2.0)`.
+pub fn set_call(text: &str, line: usize, column: usize, secs: f64) -> Result<Edit, Refused> {
+    let refuse = |why: String| Refused::from(format!("line {line}: {why}"));
+    let call = byte_at(text, line, column).and_then(|at| call_from(text, at));
+    let call = call.ok_or_else(|| refuse("there is no call to be changed".into()))?;
+    let shown = || text[call.inside.clone()].trim();
+    let (range, _) = literal(text, &call.inside).ok_or_else(|| {
+        refuse(format!("the time in {}({}) is computed; change it there", &text[call.name.clone()], shown()))
+    })?;
+    Ok(Edit { range, text: seconds(secs) })
+}
+
+/// Sets the time of a named marker, `marker("name", time)`, the only one of the script.
+pub fn marker(text: &str, name: &str, secs: f64) -> Result<Edit, Refused> {
+    let wanted = quoted(name);
+    let (mut at, mut found) = (0, Vec::new());
+    while at < text.len() {
+        let past = past_quiet(text, at);
+        if past > at {
+            at = past;
+            continue;
+        }
+        if text[at..].starts_with("marker")
+            && !text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_' || c == '.')
+            && let Some(call) = call_from(text, at)
+            && text[call.inside.clone()].trim_start().starts_with(&wanted)
+            && value_end(text, call.inside.start, call.inside.end) < call.inside.end
+        {
+            found.push(call);
+        }
+        at += text[at..].chars().next().map_or(1, char::len_utf8);
+    }
+    let [call] = found.as_slice() else {
+        return Err(format!("{} lines set the marker \"{name}\"; change it there", found.len()).into());
+    };
+    let second = value_end(text, call.inside.start, call.inside.end) + 1..call.inside.end;
+    let line = text[..call.name.start].matches('\n').count() + 1;
+    let (range, _) = literal(text, &second)
+        .ok_or_else(|| format!("line {line}: the time of \"{name}\" is computed; change it there"))?;
+    Ok(Edit { range, text: seconds(secs) })
+}
+
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+fn call_text(name: &str, values: &[f64]) -> String {
+    format!("{name}({})", values.iter().map(|v| plain(*v)).collect::<Vec<_>>().join(", "))
+}
+
+/// `let NAME =` before a byte.
+fn variable_before(text: &str, at: usize) -> Option<String> {
+    let before = text[..at].trim_end().strip_suffix('=')?.trim_end();
+    let start = before.rfind(|c: char| !c.is_alphanumeric() && c != '_').map_or(0, |n| n + 1);
+    let (name, rest) = (&before[start..], before[..start].trim_end());
+    let is_name = name.starts_with(|c: char| c.is_alphabetic() || c == '_');
+    let declares = rest.ends_with("let") || rest.is_empty() || rest.ends_with([';', '}', '{']);
+    (is_name && declares).then(|| name.to_string())
+}
+
+fn wrapped(degrees: f64) -> f64 {
+    if degrees.abs() <= 360.0 { degrees } else { degrees % 360.0 }
+}
+
+/// About x, then y, then z (fixed axes), as scripts say it, degrees.
+fn rotation(degrees: DVec3) -> DQuat {
+    let about = |axis: DVec3, degrees: f64| {
+        let (sin, cos) = libm::sincos(degrees.to_radians() / 2.0);
+        DQuat::from_xyzw(axis.x * sin, axis.y * sin, axis.z * sin, cos)
+    };
+    about(DVec3::Z, degrees.z) * about(DVec3::Y, degrees.y) * about(DVec3::X, degrees.x)
+}
+
+/// The other way; where y is ±90°, z is 0.
+fn euler_degrees(q: DQuat) -> DVec3 {
+    let m = DMat3::from_quat(q.normalize());
+    let y = libm::asin((-m.x_axis.z).clamp(-1.0, 1.0));
+    let (x, z) = match m.x_axis.z.abs() < 1.0 - 1e-12 {
+        true => (libm::atan2(m.y_axis.z, m.z_axis.z), libm::atan2(m.x_axis.y, m.x_axis.x)),
+        false => (libm::atan2(-m.z_axis.y, m.y_axis.y), 0.0),
+    };
+    DVec3::new(x, y, z).map(f64::to_degrees)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The place is the first `|`.
+    fn object(text: &str) -> (String, usize, usize) {
+        let at = text.find('|').unwrap();
+        let before = &text[..at];
+        let column = before.rsplit('\n').next().unwrap().chars().count() + 1;
+        (text.replacen('|', "", 1), before.matches('\n').count() + 1, column)
+    }
+
+    fn changed(text: &str, change: impl FnOnce(&Object) -> Result<Edit, Refused>) -> Result<String, Refused> {
+        let (text, line, column) = object(text);
+        let edit = change(&Object::at(&text, line, column)?)?;
+        let after = edit.apply(&text);
+        assert_eq!(edit.inverse(&text).apply(&after), text);
+        Ok(after)
+    }
+
+    #[test]
+    fn the_last_word_counts_wherever_it_stands() {
+        let text =
+            "let a = |cast(\"a\", m).at(1.0, 0, 2.0); // here\nlet b = 1;\na.turn(5).at([ 3.0, -1.5, 0 ]);\n";
+        let moved = |o: &Object| o.move_by(DVec3::new(0.25, 0.0, -1.0), DVec3::ZERO);
+        assert!(changed(text, moved).unwrap().contains("a.turn(5).at([ 3.25, -1.5, -1.0 ]);"));
+        let inline = "|cast(\"a\", m).at(1.0, 0, 2.0).play(m.clip(\"x\")).from(1.0);";
+        assert_eq!(
+            changed(inline, moved).unwrap(),
+            "cast(\"a\", m).at(1.25, 0, 1.0).play(m.clip(\"x\")).from(1.0);"
+        );
+        let none = |o: &Object| o.move_by(DVec3::ONE, DVec3::ONE);
+        assert_eq!(
+            changed("let a = |cast(\"a\", m);", none).unwrap(),
+            "let a = cast(\"a\", m).at(1.0, 1.0, 1.0);"
+        );
+    }
+
+    #[test]
+    fn what_holds_for_a_frame_only_is_not_taken_for_it() {
+        let text =
+            "let a = |cast(\"a\", m).turn(10);\non_frame(|t| a.turn(10.0 * t));\nif x { a.turn(3); }\n";
+        let turned = |o: &Object| Ok(o.turn_by(rotation(DVec3::new(0.0, 20.0, 0.0))));
+        let after = changed(text, turned).unwrap();
+        assert!(
+            after.starts_with("let a = cast(\"a\", m).turn(30.0);\non_frame(|t| a.turn(10.0 * t));"),
+            "{after}"
+        );
+    }
+
+    #[test]
+    fn what_is_computed_is_refused_and_a_line_is_offered() {
+        let text = "  let a = |cast(\"a\", m)\n    .at(x + 1, 0, 0);\nlet b = 2;\n";
+        let by = DVec3::new(0.5, 0.0, 0.0);
+        let refused = changed(text, |o| o.move_by(by, by)).unwrap_err();
+        assert!(refused.why.starts_with("line 2: .at(x + 1, 0, 0) is computed"), "{}", refused.why);
+        let plain = text.replacen('|', "", 1);
+        let over = refused.over.unwrap().apply(&plain);
+        assert!(over.contains("(x + 1, 0, 0);\n  a.move_by(0.5, 0.0, 0.0);\nlet b"), "{over}");
+        let nameless = changed("|cast(\"a\", m).at(x, 0, 0);", |o| o.move_by(by, by)).unwrap_err();
+        assert_eq!(nameless.over, None);
+    }
+
+    #[test]
+    fn turns_add_up_to_what_was_asked_for() {
+        let by = rotation(DVec3::new(30.0, 0.0, 0.0));
+        for old in [DVec3::new(10.0, 20.0, 30.0), DVec3::new(-170.0, 5.0, 99.0), DVec3::new(0.0, 89.0, 0.0)] {
+            let text = format!("|cast(\"a\", m).rotate({:?}, {:?}, {:?});", old.x, old.y, old.z);
+            let after = changed(&text, |o| Ok(o.turn_by(by))).unwrap();
+            let inside = &after[after.find("rotate(").unwrap() + 7..after.len() - 2];
+            let new: Vec<f64> = inside.split(", ").map(|v| v.parse().unwrap()).collect();
+            let (got, wanted) = (rotation(DVec3::new(new[0], new[1], new[2])), by * rotation(old));
+            // Written to the thousandth of a degree.
+            assert!(got.dot(wanted).abs() > 1.0 - 1e-9, "{after}");
+        }
+        let text = "|cast(\"a\", m).turn(45);";
+        assert_eq!(
+            changed(text, |o| Ok(o.turn_by(by))).unwrap(),
+            "cast(\"a\", m).turn(45).rotate(30.0, 0.0, 0.0);"
+        );
+    }
+
+    #[test]
+    fn options_parameters_and_times() {
+        let light = "let s = |sun(#{ intensity: 3.0, color: \"white\" });\ns.intensity(2);\n";
+        assert!(changed(light, |o| o.option("intensity", "4.5")).unwrap().contains("s.intensity(4.5);"));
+        assert!(
+            changed(light, |o| o.option("color", "\"#ff0000\"")).unwrap().contains("color: \"#ff0000\" }")
+        );
+        assert_eq!(
+            changed("|sun();", |o| o.option("intensity", "2.0")).unwrap(),
+            "sun(#{ intensity: 2.0 });"
+        );
+        let effect = "|effect(\"glow\", #{ amount: 0.2 }).set(\"size\", 1.5).from(1.0);";
+        assert!(changed(effect, |o| o.parameter("size", "2.0")).unwrap().contains(".set(\"size\", 2.0)"));
+        assert!(changed(effect, |o| o.parameter("amount", "0.3")).unwrap().contains("amount: 0.3 }"));
+        assert!(changed(effect, |o| o.time("from", 1.25)).unwrap().ends_with(".from(1.25);"));
+        assert!(changed(effect, |o| o.time("until", 3.0)).unwrap().contains(").until(3.0).set("));
+        let refused =
+            changed("|effect(\"glow\", #{ amount: x });", |o| o.parameter("amount", "1.0")).unwrap_err();
+        assert!(refused.why.contains("amount: x is computed"), "{}", refused.why);
+    }
+
+    #[test]
+    fn a_clip_becomes_a_line_in_the_scripts_own_words() {
+        let text = "let hero = load(\"a.glb\");\nlet a = |cast(\"a\", hero).at(0, 0, 0);\na.play(hero.clip(\"Walk\")).until(2.0);\n";
+        let after = changed(text, |o| o.play("Wave \"1\"", 2.0, "")).unwrap();
+        assert!(after.contains("a.play(hero.clip(\"Wave \\\"1\\\"\")).from(2.0);"), "{after}");
+        assert!(
+            changed("|cast(\"a\", hero);", |o| o.play("Wave", 0.0, ""))
+                .unwrap()
+                .contains("hero).play(hero.clip")
+        );
+        assert!(changed("|cast(\"a\", hero).play(x);", |o| o.play("Wave", 0.0, "")).is_err());
+    }
+
+    #[test]
+    fn a_call_s_time_is_rewritten() {
+        let text = "camera(\"b\").at(0, 1, 2).cut( 2.0 );\ncamera(\"c\").cut(x);";
+        let column = text.find(".cut").unwrap() + 2;
+        assert!(set_call(text, 1, column, 2.5).unwrap().apply(text).contains(".cut( 2.5 );"));
+        assert!(set_call(text, 2, 13, 2.5).unwrap_err().why.contains("cut(x) is computed"));
+    }
+
+    #[test]
+    fn markers_are_found_by_their_name() {
+        let text = "marker(\"go\", 1.5); // marker(\"go\", 3)\nlet m = marker(\"go\");\nmarker(\"end\", x);";
+        assert!(marker(text, "go", 2.0).unwrap().apply(text).starts_with("marker(\"go\", 2.0);"));
+        assert!(marker(text, "end", 2.0).unwrap_err().why.contains("line 3"));
+        assert!(marker(text, "no", 2.0).is_err());
+    }
+}

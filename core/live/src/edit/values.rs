@@ -1,0 +1,118 @@
+//! Values in a text: number literals, lists of them, and options of calls.
+
+use super::Edit;
+use super::scan::{Call, map_in, skip, top_level_arguments, value_end};
+use std::ops::Range;
+
+/// As a person would write it: to the thousandth, smaller ones to six digits; always with a point, so that it stays a float.
+pub fn plain(value: f64) -> String {
+    let digits = if value != 0.0 && value.abs() < 0.01 { 6 } else { 3 };
+    let text = format!("{value:.digits$}");
+    let text = text.trim_end_matches('0');
+    let text = if text.ends_with('.') { format!("{text}0") } else { text.to_string() };
+    if text == "-0.0" { "0.0".into() } else { text }
+}
+
+/// The number that these bytes are, and where it stands without the blanks around it. `None` where it is computed; `f(literal)` is:
+/// frames, at a rate that the script knows and this does not.
+pub fn literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, f64)> {
+    let inside = &text[bytes.clone()];
+    let literal = inside.trim();
+    let digits = literal.strip_prefix('-').unwrap_or(literal);
+    let is_number = digits.starts_with(|c: char| c.is_ascii_digit())
+        && digits.chars().all(|c| c.is_ascii_digit() || c == '.' || c == '_');
+    let value = is_number.then(|| literal.replace('_', "").parse::<f64>().ok()).flatten()?;
+    let start = bytes.start + (inside.len() - inside.trim_start().len());
+    Some((start..start + literal.len(), value))
+}
+
+/// `a, b, c` or `[a, b, c]`, all of them literals.
+pub fn literals(text: &str, bytes: &Range<usize>) -> Option<Vec<(Range<usize>, f64)>> {
+    let inside = &text[bytes.clone()];
+    let array = inside.trim().strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
+    let (mut at, end) = match array {
+        Some(array) => {
+            let start = bytes.start + inside.find('[')? + 1;
+            (start, start + array.len())
+        }
+        None => (bytes.start, bytes.end),
+    };
+    let mut found = Vec::new();
+    while at < end {
+        let to = value_end(text, at, end);
+        if !text[at..to].trim().is_empty() {
+            found.push(literal(text, &(at..to))?);
+        }
+        at = to + 1;
+    }
+    Some(found)
+}
+
+/// Rewrites some literals, and keeps what stands between them.
+pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option<Edit> {
+    let (first, last) = (old.first()?, old.last()?);
+    let mut out = String::new();
+    let mut at = first.0.start;
+    for ((range, before), value) in old.iter().zip(new) {
+        out += &text[at..range.start];
+        // What has not changed stays as it was written.
+        let same = plain(*before) == plain(*value);
+        out += &if same { text[range.clone()].to_string() } else { plain(*value) };
+        at = range.end;
+    }
+    Some(Edit { range: first.0.start..last.0.end, text: out })
+}
+
+/// A number, a list of numbers or a text literal: what may be overwritten.
+fn is_plain(text: &str, bytes: &Range<usize>) -> bool {
+    let inside = text[bytes.clone()].trim();
+    let quoted =
+        inside.len() >= 2 && inside.starts_with('"') && inside[1..].find('"') == Some(inside.len() - 2);
+    quoted || literals(text, bytes).is_some_and(|l| !l.is_empty())
+}
+
+/// In the options of a call, `#{ name: value }`; `line` for messages.
+pub fn set_option(text: &str, call: &Call, line: usize, name: &str, value: &str) -> Result<Edit, String> {
+    let inside = &text[call.inside.clone()];
+    let new = format!("{name}: {value}");
+    let Some(map) = map_in(text, &call.inside) else {
+        let arguments = if inside.trim().is_empty() { 0 } else { top_level_arguments(text, &call.inside) };
+        if inside.contains("#{") || arguments > 1 {
+            return Err(format!("line {line}: the options of this call are computed; change them there"));
+        }
+        let comma = if arguments == 0 { "" } else { ", " };
+        return Ok(Edit { range: call.inside.end..call.inside.end, text: format!("{comma}#{{ {new} }}") });
+    };
+    if let Some(bytes) = option_in(text, &map, name) {
+        if !is_plain(text, &bytes) {
+            let shown = text[bytes].trim();
+            return Err(format!("line {line}: {name}: {shown} is computed; change it there"));
+        }
+        let inside = &text[bytes.clone()];
+        let start = bytes.start + (inside.len() - inside.trim_start().len());
+        return Ok(Edit { range: start..start + inside.trim().len(), text: value.to_string() });
+    }
+    let comma = if text[map.clone()].trim().is_empty() { " " } else { ", " };
+    let last = map.start + text[map.clone()].trim_end().len();
+    let blank = if last == map.end { " " } else { "" };
+    Ok(Edit { range: last..last, text: format!("{comma}{new}{blank}") })
+}
+
+/// The bytes of an option's value, in the inside of a `#{ … }`.
+fn option_in(text: &str, map: &Range<usize>, name: &str) -> Option<Range<usize>> {
+    let mut at = map.start;
+    while at < map.end {
+        at = skip(text, at).min(map.end);
+        let length = text[at..map.end].find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(0);
+        let colon = skip(text, at + length);
+        if length == 0 || colon >= map.end || !text[colon..].starts_with(':') {
+            return None;
+        }
+        let end = value_end(text, colon + 1, map.end);
+        if &text[at..at + length] == name {
+            return Some(colon + 1..end);
+        }
+        at = end + 1;
+    }
+    None
+}

@@ -1,0 +1,68 @@
+//! Two texts, line by line: what goes, what comes, and a line around it that stays.
+
+/// Lines around a change that are shown though they stay.
+const AROUND: usize = 1;
+/// More lines than these are left out in the middle.
+const MOST: usize = 400;
+
+/// `-`, `+` or a blank, and the line. Longest common subsequence of what lies between the lines that begin and end both.
+pub fn lines(before: &str, after: &str) -> Vec<(char, String)> {
+    let (a, b): (Vec<&str>, Vec<&str>) = (before.lines().collect(), after.lines().collect());
+    let first = a.iter().zip(&b).take_while(|(a, b)| a == b).count();
+    let most = a.len().min(b.len()) - first;
+    let last = a.iter().rev().zip(b.iter().rev()).take(most).take_while(|(a, b)| a == b).count();
+    let (old, new) = (&a[first..a.len() - last], &b[first..b.len() - last]);
+    let mut out: Vec<(char, String)> = Vec::new();
+    let mut add = |sign: char, line: &str| out.push((sign, line.to_string()));
+    a[first.saturating_sub(AROUND)..first].iter().for_each(|l| add(' ', l));
+    if old.len() > MOST || new.len() > MOST {
+        add('-', &format!("… {} lines", old.len()));
+        add('+', &format!("… {} lines", new.len()));
+    } else {
+        let width = new.len() + 1;
+        let mut common = vec![0u32; (old.len() + 1) * width];
+        for i in (0..old.len()).rev() {
+            for j in (0..new.len()).rev() {
+                common[i * width + j] = match old[i] == new[j] {
+                    true => common[(i + 1) * width + j + 1] + 1,
+                    false => common[(i + 1) * width + j].max(common[i * width + j + 1]),
+                };
+            }
+        }
+        let (mut i, mut j) = (0, 0);
+        while i < old.len() || j < new.len() {
+            if i < old.len() && j < new.len() && old[i] == new[j] {
+                add(' ', old[i]);
+                (i, j) = (i + 1, j + 1);
+            } else if j >= new.len()
+                || (i < old.len() && common[(i + 1) * width + j] >= common[i * width + j + 1])
+            {
+                add('-', old[i]);
+                i += 1;
+            } else {
+                add('+', new[j]);
+                j += 1;
+            }
+        }
+    }
+    a[a.len() - last..].iter().take(AROUND).for_each(|l| add(' ', l));
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::lines;
+
+    fn shown(before: &str, after: &str) -> String {
+        lines(before, after).iter().map(|(sign, line)| format!("{sign}{line}|")).collect()
+    }
+
+    #[test]
+    fn what_goes_and_what_comes() {
+        assert_eq!(shown("a\nb\nc\nd", "a\nb\nx\nd"), " b|-c|+x| d|");
+        assert_eq!(shown("a\nb", "a\nn\nb"), " a|+n| b|");
+        assert_eq!(shown("a\nb\nc\nd\ne", "x\nb\nc\nd\ny"), "-a|+x| b| c| d|-e|+y|");
+        assert_eq!(shown("same", "same"), " same|");
+        assert_eq!(shown("", "a"), "+a|");
+    }
+}

@@ -1,0 +1,65 @@
+//! The user's own editor, opened at a line.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Those that want `-g file:line`.
+const GOTO: [&str; 5] = ["code", "codium", "code-oss", "cursor", "windsurf"];
+/// Those that need a terminal.
+const IN_TERMINAL: [&str; 8] = ["vi", "vim", "nvim", "nano", "emacs", "hx", "micro", "kak"];
+
+/// The program and its arguments: `$VISUAL`, else `$EDITOR`, else Visual Studio Code.
+fn command(editor: Option<&str>, terminal: Option<&str>, file: &str, line: usize) -> Vec<String> {
+    let words: Vec<String> = editor.unwrap_or("code").split_whitespace().map(str::to_string).collect();
+    let words = if words.is_empty() { vec!["code".to_string()] } else { words };
+    let program =
+        Path::new(&words[0]).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let mut all = Vec::new();
+    if IN_TERMINAL.contains(&program.as_str()) && !words.iter().any(|w| w == "-c") {
+        all.extend([terminal.unwrap_or("x-terminal-emulator").to_string(), "-e".into()]);
+    }
+    all.extend(words);
+    match program.as_str() {
+        p if GOTO.contains(&p) => all.extend(["-g".into(), format!("{file}:{line}")]),
+        "subl" | "zed" | "hx" => all.push(format!("{file}:{line}")),
+        _ => all.extend([format!("+{line}"), file.to_string()]),
+    }
+    all
+}
+
+/// Starts it and does not wait.
+///
+/// # Errors
+/// It cannot be started; the text says what to set.
+pub fn open(file: &Path, line: usize) -> Result<(), String> {
+    let set = |name: &str| std::env::var(name).ok().filter(|v| !v.trim().is_empty());
+    let editor = set("VISUAL").or_else(|| set("EDITOR"));
+    let all = command(editor.as_deref(), set("TERMINAL").as_deref(), &file.to_string_lossy(), line);
+    let started = Command::new(&all[0])
+        .args(&all[1..])
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
+    let mut child =
+        started.map_err(|e| format!("{}: cannot be started: {e}; set VISUAL to your editor", all[0]))?;
+    // Nobody else would collect it.
+    let _ = std::thread::Builder::new().name("editor".into()).spawn(move || drop(child.wait()));
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::command;
+
+    #[test]
+    fn editors_are_told_the_line_in_their_own_way() {
+        let told = |editor: Option<&str>| command(editor, None, "a b.rhai", 7).join("|");
+        assert_eq!(told(None), "code|-g|a b.rhai:7");
+        assert_eq!(told(Some("/usr/bin/codium --wait")), "/usr/bin/codium|--wait|-g|a b.rhai:7");
+        assert_eq!(told(Some("nvim")), "x-terminal-emulator|-e|nvim|+7|a b.rhai");
+        assert_eq!(told(Some("gedit")), "gedit|+7|a b.rhai");
+        assert_eq!(told(Some("subl")), "subl|a b.rhai:7");
+        assert_eq!(told(Some("  ")), "code|-g|a b.rhai:7");
+    }
+}

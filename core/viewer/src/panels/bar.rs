@@ -1,0 +1,125 @@
+//! What stands above the panels: menus, what is wrong, what the last change would need.
+
+use super::{Panels, Tab};
+use crate::app::Viewer;
+use crate::settings::SCALES;
+use egui::{RichText, Ui};
+
+pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
+    egui::Panel::top("bar").show(ui, |ui| {
+        ui.horizontal(|ui| {
+            ui.label(RichText::new(&viewer.name).strong());
+            ui.menu_button("Panels", |ui| {
+                for tab in Tab::ALL {
+                    let mut open = panels.is_open(tab);
+                    if ui.checkbox(&mut open, tab.title()).changed() {
+                        panels.set_open(tab, open);
+                    }
+                }
+                if ui.button("As at first").clicked() {
+                    panels.dock = Panels::default().dock;
+                }
+            });
+            ui.menu_button("Look", |ui| {
+                ui.radio_value(&mut panels.light, false, "Dark");
+                ui.radio_value(&mut panels.light, true, "Light");
+                ui.separator();
+                for scale in [1.0, 1.25, 1.5, 1.75, 2.0] {
+                    debug_assert!((SCALES.0..=SCALES.1).contains(&scale));
+                    ui.radio_value(&mut panels.scale, scale, format!("{:.0} %", scale * 100.0));
+                }
+            });
+            ui.toggle_value(&mut panels.help, "Keys");
+            guest(ui, viewer);
+            status(ui, viewer);
+        });
+    });
+}
+
+/// A file that was dropped is shown in place of the script.
+fn guest(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some(guest) = viewer.guest.clone() else { return };
+    let name = guest.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    ui.separator();
+    ui.label(RichText::new(name).color(ui.visuals().warn_fg_color).strong())
+        .on_hover_text(guest.display().to_string());
+    if viewer.path.is_some() && ui.button("Add to script").clicked() {
+        viewer.said = viewer.add_guest().err();
+    }
+    if ui.button("Back to the script").clicked() {
+        viewer.guest_leaves = true;
+    }
+}
+
+fn status(ui: &mut Ui, viewer: &Viewer) {
+    let errors = viewer.problems.iter().filter(|p| p.severity == choreo_script::Severity::Error).count();
+    let warnings = viewer.problems.len() - errors;
+    if viewer.faulty {
+        let text = match viewer.scene.is_some() {
+            true => "faulty: the last good version is shown",
+            false => "faulty: nothing to show yet",
+        };
+        ui.label(RichText::new(text).color(ui.visuals().error_fg_color).strong());
+    } else if !viewer.trouble.is_empty() {
+        ui.label(RichText::new("trouble: see Messages").color(ui.visuals().error_fg_color));
+    } else if warnings > 0 {
+        let text = if warnings == 1 { "1 warning".to_string() } else { format!("{warnings} warnings") };
+        ui.label(RichText::new(text).color(ui.visuals().warn_fg_color));
+    }
+    let right = |ui: &mut Ui| {
+        if let Some(shown) = viewer.shown() {
+            let millis = |d: std::time::Duration| d.as_secs_f64() * 1e3;
+            let all = shown.evaluated_in + shown.planned_in + shown.drawn_in;
+            ui.label(format!("{:.1} ms a frame", millis(all))).on_hover_text(format!(
+                "pose {:.2} ms, plan {:.2} ms, draw {:.2} ms on {}",
+                millis(shown.evaluated_in),
+                millis(shown.planned_in),
+                millis(shown.drawn_in),
+                shown.device.name
+            ));
+            ui.label(format!("{}×{}", shown.size[0], shown.size[1]));
+        }
+        if let Some(why) = &viewer.said {
+            let text = RichText::new(why).color(ui.visuals().warn_fg_color);
+            ui.add(egui::Label::new(text).truncate()).on_hover_text(why);
+        }
+    };
+    ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), right);
+}
+
+/// A change that needs a word first, with the difference.
+pub fn offer(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some(offer) = &viewer.offer else { return };
+    let mut agreed = None;
+    let window = egui::Window::new("Change the script?").resizable(false).collapsible(false);
+    window.anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]).show(ui.ctx(), |ui| {
+        ui.set_max_width(640.0);
+        ui.label(&offer.why);
+        ui.add_space(6.0);
+        let visuals = ui.visuals().clone();
+        egui::Frame::new().fill(visuals.extreme_bg_color).inner_margin(6.0).show(ui, |ui| {
+            for (sign, line) in &offer.difference {
+                let color = match sign {
+                    '-' => visuals.error_fg_color,
+                    '+' => visuals.hyperlink_color,
+                    _ => visuals.weak_text_color(),
+                };
+                ui.label(RichText::new(format!("{sign} {line}")).monospace().color(color));
+            }
+        });
+        ui.add_space(6.0);
+        ui.horizontal(|ui| {
+            if ui.button(&offer.agree).clicked() {
+                agreed = Some(true);
+            }
+            if ui.button("Leave it").clicked() {
+                agreed = Some(false);
+            }
+        });
+    });
+    match agreed {
+        Some(true) => viewer.said = viewer.accept_offer().err(),
+        Some(false) => viewer.offer = None,
+        None => {}
+    }
+}

@@ -1,0 +1,119 @@
+//! The gizmo of the selected actor in a viewport: drawn, and dragged.
+
+use super::overlay::{X, Y, Z, line, point};
+use crate::app::{Dragging, Viewer};
+use crate::gizmo::{Change, Drag, Handle, LENGTH, Tool, arm, handle_at, ring};
+use crate::lens::Lens;
+use crate::selection::{Selected, actor};
+use egui::{Color32, PointerButton, Rect, Response, Stroke, StrokeKind, Ui, vec2};
+use glam::{DAffine3, DVec2};
+
+const COLORS: [Color32; 3] = [X, Y, Z];
+
+/// Gives whether the mouse is at it, and belongs to nothing else.
+pub fn show(
+    ui: &Ui,
+    viewer: &mut Viewer,
+    index: usize,
+    response: &Response,
+    place: Rect,
+    lens: &Lens,
+) -> bool {
+    let Some(Selected::Actor(name)) = viewer.selection.clone() else { return false };
+    let (Some(scene), Some(shown)) = (&viewer.scene, &viewer.views[index].shown) else { return false };
+    if viewer.shelf.locked.contains(&name) {
+        return false;
+    }
+    let state = actor(&scene.stage, &name).and_then(|i| shown.snapshot.actors.get(i)).filter(|s| s.visible);
+    let Some(world_from_model) = state.map(|s| s.world_from_model) else { return false };
+    let dragging = viewer.dragging.as_ref().filter(|d| d.actor == name).map(|d| d.drag);
+    let pointer = response.interact_pointer_pos().or(response.hover_pos());
+    let at = pointer.map(|p| DVec2::new(f64::from(p.x), f64::from(p.y)));
+    let hot = match dragging {
+        Some(drag) => Some(drag.handle),
+        None => at.and_then(|at| handle_at(viewer.tool, &world_from_model, lens, at)),
+    };
+    draw(ui, viewer.tool, &world_from_model, hot, place, lens);
+    if response.drag_started_by(PointerButton::Primary) {
+        let from = ui.input(|i| i.pointer.press_origin()).map(|p| DVec2::new(f64::from(p.x), f64::from(p.y)));
+        let handle = from.and_then(|from| handle_at(viewer.tool, &world_from_model, lens, from));
+        if let (Some(handle), Some(from)) = (handle, from) {
+            let drag = Drag { tool: viewer.tool, handle, world_from_model, from };
+            viewer.dragging = Some(Dragging { actor: name.clone(), drag, change: Change::none(viewer.tool) });
+        }
+    }
+    let in_steps = ui.input(|i| i.modifiers.command);
+    let Some(dragging) = viewer.dragging.as_mut().filter(|d| d.actor == name) else { return false };
+    if let Some(at) = at.filter(|_| response.dragged()) {
+        dragging.change = dragging.drag.change(lens, at, in_steps);
+    }
+    let text = told(&dragging.change);
+    let corner = place.left_top() + vec2(8.0, 8.0);
+    ui.painter_at(place).text(
+        corner,
+        egui::Align2::LEFT_TOP,
+        text,
+        egui::FontId::monospace(13.0),
+        Color32::WHITE,
+    );
+    if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
+        viewer.dragging = None;
+    } else if response.drag_stopped() {
+        let change = dragging.change;
+        // It stays where it was put until the reload shows it.
+        if change == Change::none(dragging.drag.tool) {
+            viewer.dragging = None;
+        } else {
+            viewer.said = viewer.change_actor(&name, change).err();
+            if viewer.said.is_some() {
+                viewer.dragging = None;
+            }
+        }
+    }
+    true
+}
+
+fn told(change: &Change) -> String {
+    match change {
+        Change::Move(by) => format!("{:+.3} {:+.3} {:+.3} m", by.x, by.y, by.z),
+        Change::Turn(by) => {
+            let degrees = 2.0 * libm::atan2(by.x + by.y + by.z, by.w).to_degrees();
+            format!("{degrees:+.1}°")
+        }
+        Change::Scale(by) => format!("× {:.3} {:.3} {:.3}", by.x, by.y, by.z),
+    }
+}
+
+fn draw(ui: &Ui, tool: Tool, world_from_model: &DAffine3, hot: Option<Handle>, place: Rect, lens: &Lens) {
+    let painter = ui.painter_at(place);
+    let center = world_from_model.translation;
+    let length = LENGTH * lens.metres_a_point(center);
+    let Some(middle) = lens.point(center) else { return };
+    for axis in 0..3 {
+        let is_hot = hot == Some(Handle::Axis(axis));
+        let color = if is_hot { Color32::from_rgb(0xff, 0xe0, 0x70) } else { COLORS[axis] };
+        let stroke = Stroke::new(if is_hot { 3.5 } else { 2.5 }, color);
+        if tool == Tool::Turn {
+            let points: Vec<_> = ring(center, axis, length).collect();
+            points.windows(2).for_each(|w| line(&painter, lens, w[0], w[1], stroke));
+            continue;
+        }
+        let tip = center + arm(tool, axis, world_from_model) * length;
+        line(&painter, lens, center, tip, stroke);
+        let Some(at) = lens.point(tip) else { continue };
+        if tool == Tool::Scale {
+            painter.rect_filled(Rect::from_center_size(point(at), vec2(10.0, 10.0)), 1.0, color);
+        } else {
+            let along = (at - middle).normalize_or_zero() * 11.0;
+            let across = DVec2::new(-along.y, along.x) * 0.45;
+            let corners = [at + along, at + across, at - across].map(point).to_vec();
+            painter.add(egui::Shape::convex_polygon(corners, color, Stroke::NONE));
+        }
+    }
+    if tool != Tool::Turn {
+        let color =
+            if hot == Some(Handle::Middle) { Color32::from_rgb(0xff, 0xe0, 0x70) } else { Color32::WHITE };
+        let square = Rect::from_center_size(point(middle), vec2(11.0, 11.0));
+        painter.rect_stroke(square, 1.0, Stroke::new(2.0, color), StrokeKind::Inside);
+    }
+}

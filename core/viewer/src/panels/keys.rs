@@ -1,0 +1,209 @@
+//! Keys that hold everywhere, and the list of them.
+
+use super::{Panels, Tab, viewport};
+use crate::app::Viewer;
+use crate::gizmo::Tool;
+use crate::selection::Selected;
+use crate::settings::SCALES;
+use choreo_live::edit::Part;
+use egui::{Key, Modifiers, Ui};
+
+/// Panels by Ctrl and their number.
+const NUMBERS: [Key; 8] =
+    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8];
+
+pub fn pressed(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
+    let with = |modifiers, key| ui.input_mut(|i| i.consume_key(modifiers, key));
+    for (key, tab) in NUMBERS.into_iter().zip(Tab::ALL) {
+        if with(Modifiers::COMMAND, key) {
+            panels.bring(tab);
+        }
+    }
+    let steps = [(Key::Plus, 0.1), (Key::Equals, 0.1), (Key::Minus, -0.1), (Key::Num0, 1.0 - panels.scale)];
+    for (key, by) in steps {
+        if with(Modifiers::COMMAND, key) {
+            panels.scale =
+                ((panels.scale + by) * 10.0).round().clamp(SCALES.0 * 10.0, SCALES.1 * 10.0) / 10.0;
+        }
+    }
+    if with(Modifiers::COMMAND, Key::Q) {
+        viewer.quit = true;
+    }
+    if with(Modifiers::NONE, Key::F1) {
+        panels.help = !panels.help;
+    }
+    if ui.ctx().egui_wants_keyboard_input() {
+        return;
+    }
+    let with = |modifiers, key| ui.input_mut(|i| i.consume_key(modifiers, key));
+    if with(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || with(Modifiers::COMMAND, Key::Y) {
+        viewer.said = viewer.redo().err();
+    }
+    if with(Modifiers::COMMAND, Key::Z) {
+        viewer.said = viewer.undo().err();
+    }
+    for (key, frames) in [(Key::ArrowRight, 1), (Key::ArrowLeft, -1)] {
+        if with(Modifiers::ALT, key) {
+            nudge(viewer, frames);
+        }
+    }
+    let pressed = |key| ui.input_mut(|i| i.consume_key(Modifiers::NONE, key));
+    if pressed(Key::Space) {
+        viewer.playhead.toggle(now);
+    }
+    for (key, frames) in
+        [(Key::ArrowRight, 1), (Key::ArrowLeft, -1), (Key::Home, i64::MIN / 2), (Key::End, i64::MAX / 2)]
+    {
+        if pressed(key) {
+            viewer.playhead.step(frames);
+        }
+    }
+    if pressed(Key::L) {
+        viewer.playhead.looping = !viewer.playhead.looping;
+    }
+    if pressed(Key::C) {
+        viewport::toggle_camera(viewer);
+    }
+    if pressed(Key::F) {
+        viewport::focus(viewer);
+    }
+    if pressed(Key::T) {
+        viewer.in_seconds = !viewer.in_seconds;
+    }
+    if pressed(Key::N) {
+        viewer.snap = !viewer.snap;
+    }
+    for (key, tool) in [(Key::G, Tool::Move), (Key::R, Tool::Turn), (Key::B, Tool::Scale)] {
+        if pressed(key) {
+            viewer.tool = tool;
+        }
+    }
+    for (key, out) in [(Key::I, false), (Key::O, true)] {
+        if pressed(key) {
+            range(viewer, out);
+        }
+    }
+    if pressed(Key::H) {
+        hide(viewer);
+    }
+    if pressed(Key::P) {
+        viewport::screenshot(viewer);
+    }
+    if pressed(Key::PageDown) || pressed(Key::PageUp) {
+        // Both ways round: the next or last in the tree.
+        let back = ui.input(|i| i.key_down(Key::PageUp));
+        next_selection(viewer, back);
+    }
+    if ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape)) {
+        match viewer.offer.is_some() {
+            true => viewer.offer = None,
+            false => viewer.selection = None,
+        }
+        viewer.said = None;
+    }
+}
+
+/// The selected cue or effect begins so many frames later.
+fn nudge(viewer: &mut Viewer, frames: i64) {
+    let Some(what) = viewer.selection.clone() else { return };
+    let bar = viewer.timeline.rows.iter().flat_map(|r| &r.bars).find(|b| b.what == what);
+    let Some(start) = bar.map(|b| b.start) else { return };
+    let fps = viewer.playhead.fps();
+    let secs = fps.time_of((fps.frames_in(start) + frames).max(0)).as_secs();
+    viewer.said = viewer.set_cue(&what, Part::Start, secs).err();
+}
+
+/// The part that is played begins or ends here; pressed again there, it is the whole once more.
+fn range(viewer: &mut Viewer, out: bool) {
+    let (now, length) = (viewer.playhead.time(), viewer.playhead.length());
+    let (from, to) = viewer.playhead.range().unwrap_or((choreo_motion::Time::ZERO, length));
+    let last = to - choreo_motion::Time(1);
+    let wanted = if out { (from.min(now), now) } else { (now, last.max(now)) };
+    let before = viewer.playhead.range();
+    viewer.playhead.set_range(Some(wanted));
+    if viewer.playhead.range() == before {
+        viewer.playhead.set_range(None);
+    }
+}
+
+fn hide(viewer: &mut Viewer) {
+    if let Some(name) = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string)
+        && !viewer.shelf.hidden.remove(&name)
+    {
+        viewer.shelf.hidden.insert(name);
+    }
+}
+
+fn next_selection(viewer: &mut Viewer, back: bool) {
+    let Some(scene) = viewer.scene.clone() else { return };
+    let actors = scene.stage.actors.iter().map(|a| Selected::Actor(a.name.clone()));
+    let cameras = scene.stage.cameras.iter().map(|c| Selected::Camera(c.name.clone()));
+    let lights = (0..scene.stage.lights.len()).map(Selected::Light);
+    let all: Vec<Selected> = actors
+        .chain(cameras)
+        .chain(lights)
+        .chain((0..scene.stage.effects.len()).map(Selected::Effect))
+        .collect();
+    if all.is_empty() {
+        return;
+    }
+    let at = viewer.selection.as_ref().and_then(|s| all.iter().position(|a| a == s));
+    let next = match (at, back) {
+        (None, false) => 0,
+        (None, true) => all.len() - 1,
+        (Some(at), false) => (at + 1) % all.len(),
+        (Some(at), true) => (at + all.len() - 1) % all.len(),
+    };
+    viewer.selection = all.get(next).cloned();
+}
+
+const KEYS: [(&str, &str); 33] = [
+    ("Space", "play, pause"),
+    ("← →", "one frame back, on"),
+    ("Home End", "first, last frame"),
+    ("I O", "play from here, up to here; again: all of it"),
+    ("L", "again and again, or once"),
+    ("T", "times as seconds or frames"),
+    ("N", "dragged times snap to frames"),
+    ("Alt ← →", "the selected bar begins a frame earlier, later"),
+    ("PgUp PgDn", "select the last, the next"),
+    ("Esc", "select nothing; close a question"),
+    ("G R B", "move, turn, make bigger"),
+    ("H", "hide or show what is selected"),
+    ("C", "the script's camera or a free one"),
+    ("F", "look at what is selected"),
+    ("P", "save the picture"),
+    ("Ctrl Z", "take a change of the script back"),
+    ("Ctrl Shift Z", "make it again"),
+    ("Ctrl 1 … 8", "open a panel and go there"),
+    ("Ctrl + − 0", "larger, smaller, as at first"),
+    ("Tab Enter", "go through buttons and bars; press"),
+    ("F1", "this list"),
+    ("Ctrl Q", "close"),
+    ("", ""),
+    ("click", "viewport: select; script, messages: go there"),
+    ("drag", "viewport: turn around; with Shift or the middle button: pan"),
+    ("drag right", "viewport: look around"),
+    ("W A S D Q E", "viewport, mouse over it: walk; with Shift: run"),
+    ("drag", "an arrow, ring or box: changes the script; with Ctrl: in steps"),
+    ("drag", "a bar's end or fade, a cut, a marker: changes the script"),
+    ("drag", "a clip from the inspector onto a row: adds a line"),
+    ("Shift drag", "ruler: the part that is played"),
+    ("wheel", "viewport: nearer; sequencer: zoom, with Shift: pan"),
+    ("drop", "a model or clip from a file manager: shows it"),
+];
+
+pub fn help(ui: &mut Ui, open: &mut bool) {
+    let window = egui::Window::new("Keys").open(open).resizable(false).collapsible(false);
+    window.anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]).show(ui.ctx(), |ui| {
+        egui::ScrollArea::vertical().max_height(ui.ctx().content_rect().height() - 80.0).show(ui, |ui| {
+            egui::Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
+                for (key, what) in KEYS {
+                    ui.monospace(key);
+                    ui.label(what);
+                    ui.end_row();
+                }
+            });
+        });
+    });
+}

@@ -1,0 +1,143 @@
+//! Where the panels lie, as JSON: a tree of splits, `{"below": 0.66, "first": …, "second": …}`, and leaves, `{"tabs": ["Viewport"],
+//! "active": 0}`. Panels in windows of their own come back into the last leaf.
+
+use super::Tab;
+use egui_dock::{DockState, Node, NodeIndex, Split, TabIndex, Tree};
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+
+/// A layout of more splits is no layout of ours.
+const DEEPEST: usize = 12;
+
+pub fn write(dock: &DockState<Tab>) -> Value {
+    let mut layout = node(dock.main_surface(), NodeIndex::root());
+    let windows =
+        dock.iter_all_tabs().filter(|(path, _)| !path.surface.is_main()).map(|(_, tab)| tab.title());
+    let floating: Vec<&str> = windows.collect();
+    if layout.is_null() {
+        layout = json!({ "tabs": [] });
+    }
+    layout["floating"] = json!(floating);
+    layout
+}
+
+fn node(tree: &Tree<Tab>, at: NodeIndex) -> Value {
+    let two = |how: &str, fraction: f32| json!({ how: (f64::from(fraction) * 1e4).round() / 1e4, "first": node(tree, at.left()), "second": node(tree, at.right()) });
+    match tree.iter().nth(at.0) {
+        Some(Node::Leaf(leaf)) => {
+            let titles: Vec<&str> = leaf.tabs.iter().map(|t| t.title()).collect();
+            json!({ "tabs": titles, "active": leaf.active.0 })
+        }
+        Some(Node::Vertical(split)) => two("below", split.fraction),
+        Some(Node::Horizontal(split)) => two("right", split.fraction),
+        Some(Node::Empty) | None => Value::Null,
+    }
+}
+
+/// `None` where it is no layout.
+pub fn read(layout: &Value) -> Option<DockState<Tab>> {
+    let mut seen = BTreeSet::new();
+    let first = tabs(first_leaf(layout, 0)?, &mut BTreeSet::new())?;
+    let mut dock = DockState::new(first);
+    place(dock.main_surface_mut(), NodeIndex::root(), layout, &mut seen, 0)?;
+    for tab in layout["floating"].as_array().into_iter().flatten().filter_map(tab) {
+        if seen.insert(tab.title()) {
+            dock.push_to_first_leaf(tab);
+        }
+    }
+    Some(dock)
+}
+
+fn tab(title: &Value) -> Option<Tab> {
+    let title = title.as_str()?;
+    Tab::ALL.into_iter().find(|t| t.title() == title)
+}
+
+/// Each panel once.
+fn tabs(leaf: &Value, seen: &mut BTreeSet<&'static str>) -> Option<Vec<Tab>> {
+    let all: Vec<Tab> =
+        leaf["tabs"].as_array()?.iter().filter_map(tab).filter(|t| seen.insert(t.title())).collect();
+    (!all.is_empty()).then_some(all)
+}
+
+fn first_leaf(layout: &Value, depth: usize) -> Option<&Value> {
+    if depth > DEEPEST {
+        return None;
+    }
+    match layout.get("first") {
+        Some(first) => first_leaf(first, depth + 1),
+        None => Some(layout),
+    }
+}
+
+/// `at` holds the first leaf of this part already.
+fn place(
+    tree: &mut Tree<Tab>,
+    at: NodeIndex,
+    layout: &Value,
+    seen: &mut BTreeSet<&'static str>,
+    depth: usize,
+) -> Option<()> {
+    if depth > DEEPEST {
+        return None;
+    }
+    for (how, split) in [("below", Split::Below), ("right", Split::Right)] {
+        let Some(fraction) = layout.get(how).and_then(Value::as_f64) else { continue };
+        if !(0.01..=0.99).contains(&fraction) {
+            return None;
+        }
+        // Read twice: here to be put there, and by its own turn.
+        let second = tabs(first_leaf(&layout["second"], depth)?, &mut BTreeSet::new())?;
+        let [old, new] = tree.split(at, split, fraction as f32, Node::leaf_with(second));
+        place(tree, old, &layout["first"], seen, depth + 1)?;
+        return place(tree, new, &layout["second"], seen, depth + 1);
+    }
+    let all = tabs(layout, seen)?;
+    let active = (layout["active"].as_u64().unwrap_or(0) as usize).min(all.len() - 1);
+    let leaf = tree.leaf_mut(at).ok()?;
+    leaf.tabs = all;
+    leaf.active = TabIndex(active);
+    Some(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::panels::Panels;
+
+    #[test]
+    fn what_is_written_comes_back() {
+        let mut panels = Panels::default();
+        panels.set_open(Tab::Explain, false);
+        panels.set_open(Tab::Viewport(1), true);
+        panels.bring(Tab::Messages);
+        let written = write(&panels.dock);
+        let again = read(&written).unwrap();
+        assert_eq!(write(&again), written);
+        assert!(again.find_tab(&Tab::Explain).is_none() && again.find_tab(&Tab::Viewport(1)).is_some());
+        let place = again.find_tab(&Tab::Messages).unwrap();
+        assert_eq!(again.leaf(place.node_path()).unwrap().active, place.tab);
+    }
+
+    #[test]
+    fn what_is_no_layout_is_none() {
+        let leaf = json!({ "tabs": ["Viewport"] });
+        let nested = (0..40).fold(
+            leaf.clone(),
+            |inner, _| json!({ "right": 0.5, "first": inner, "second": { "tabs": ["Script"] } }),
+        );
+        for bad in [
+            json!({}),
+            json!({ "tabs": [] }),
+            json!({ "tabs": ["Nothing"] }),
+            json!({ "right": 7.0, "first": leaf, "second": leaf }),
+            json!({ "right": 0.5, "first": leaf }),
+            // The same panel twice.
+            json!({ "right": 0.5, "first": leaf, "second": leaf }),
+            nested,
+        ] {
+            assert!(read(&bad).is_none(), "{bad}");
+        }
+        assert!(read(&leaf).is_some());
+    }
+}

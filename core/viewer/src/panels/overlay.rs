@@ -1,0 +1,133 @@
+//! What is laid over the picture: the ground's grid, skeletons, bounds, safe areas. Lines of the window, not of the scene: they are
+//! seen through everything.
+
+use crate::app::Viewer;
+use crate::lens::Lens;
+use crate::pick;
+use crate::selection::Selected;
+use egui::{Align2, Color32, FontId, Painter, Rect, Stroke, StrokeKind, Ui, pos2, vec2};
+use glam::{DVec2, DVec3};
+
+/// Lines of the grid to either side.
+const LINES: i32 = 20;
+/// Joints in all that are drawn.
+const MOST_JOINTS: usize = 20_000;
+
+pub const X: Color32 = Color32::from_rgb(0xe0, 0x55, 0x4d);
+pub const Y: Color32 = Color32::from_rgb(0x6a, 0xb0, 0x3f);
+pub const Z: Color32 = Color32::from_rgb(0x4c, 0x8d, 0xe8);
+
+pub fn point(p: DVec2) -> egui::Pos2 {
+    pos2(p.x as f32, p.y as f32)
+}
+
+pub fn line(painter: &Painter, lens: &Lens, a: DVec3, b: DVec3, stroke: Stroke) {
+    if let Some(ends) = lens.line(a, b)
+        && ends.iter().all(|p| p.abs().max_element() < 1e6)
+    {
+        painter.line_segment(ends.map(point), stroke);
+    }
+}
+
+pub fn show(ui: &Ui, viewer: &Viewer, index: usize, place: Rect, lens: &Lens) {
+    let view = &viewer.views[index];
+    let (Some(scene), Some(shown)) = (&viewer.scene, &view.shown) else { return };
+    let painter = ui.painter_at(place);
+    if view.overlays.grid {
+        grid(&painter, viewer, lens);
+    }
+    let selected = viewer.selection.as_ref().and_then(Selected::actor);
+    let mut joints = 0;
+    for (actor, state) in scene.stage.actors.iter().zip(&shown.snapshot.actors).filter(|(_, s)| s.visible) {
+        let is_selected = selected == Some(actor.name.as_str());
+        if view.overlays.bounds
+            && let Some((low, high)) = pick::bounds(&actor.asset, state)
+        {
+            let color = if is_selected {
+                Color32::from_rgb(0xff, 0xa0, 0x50)
+            } else {
+                Color32::from_white_alpha(110)
+            };
+            bounds(&painter, lens, low, high, Stroke::new(1.0, color));
+        }
+        joints += actor.asset.skeleton.len();
+        if view.overlays.skeletons && joints <= MOST_JOINTS {
+            let color = if is_selected {
+                Color32::from_rgb(0xff, 0xd0, 0x60)
+            } else {
+                Color32::from_rgb(0x90, 0xc0, 0xe0)
+            };
+            let at = |joint: usize| -> Option<DVec3> {
+                let place = state.model_from_joint.get(joint)?.translation;
+                Some(state.world_from_model.transform_point3(place.as_dvec3()))
+            };
+            for (joint, parent) in actor.asset.skeleton.parents().iter().enumerate() {
+                let Some(to) = at(joint) else { continue };
+                if let Some(from) = parent.and_then(|p| at(p as usize)) {
+                    line(&painter, lens, from, to, Stroke::new(1.5, color));
+                }
+                if let Some(p) = lens.point(to) {
+                    painter.circle_filled(point(p), 2.0, color);
+                }
+            }
+        }
+    }
+    if view.overlays.safe {
+        safe_areas(&painter, place, scene.stage.settings.size);
+    }
+}
+
+/// On the ground around what is looked at, a metre, ten or a hundred apart.
+fn grid(painter: &Painter, viewer: &Viewer, lens: &Lens) {
+    let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
+    let mut step = 1.0_f64;
+    while lens.metres_a_point(DVec3::new(middle.x, 0.0, middle.z)) * 12.0 > step && step < 1e9 {
+        step *= 10.0;
+    }
+    let (x, z) = ((middle.x / step).round() * step, (middle.z / step).round() * step);
+    let reach = f64::from(LINES) * step;
+    for i in -LINES..=LINES {
+        let at = f64::from(i) * step;
+        let stroke = |along: f64, axis: Color32| {
+            if along.abs() < step * 1e-6 {
+                Stroke::new(1.5, axis)
+            } else {
+                Stroke::new(1.0, Color32::from_white_alpha(46))
+            }
+        };
+        let (gx, gz) = (x + at, z + at);
+        line(painter, lens, DVec3::new(gx, 0.0, z - reach), DVec3::new(gx, 0.0, z + reach), stroke(gx, Z));
+        line(painter, lens, DVec3::new(x - reach, 0.0, gz), DVec3::new(x + reach, 0.0, gz), stroke(gz, X));
+    }
+}
+
+fn bounds(painter: &Painter, lens: &Lens, low: DVec3, high: DVec3, stroke: Stroke) {
+    let corner = |i: usize| {
+        let pick = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        DVec3::new(pick(0), pick(1), pick(2))
+    };
+    for i in 0..8usize {
+        for axis in 0..3 {
+            if i >> axis & 1 == 0 {
+                line(painter, lens, corner(i), corner(i | 1 << axis), stroke);
+            }
+        }
+    }
+}
+
+/// 93 % for action and 90 % for titles (EBU R 95), the middle, and the size that render gives it.
+fn safe_areas(painter: &Painter, place: Rect, size: [u32; 2]) {
+    let stroke = Stroke::new(1.0, Color32::from_white_alpha(150));
+    for share in [0.93, 0.90] {
+        let inside = Rect::from_center_size(place.center(), place.size() * share);
+        painter.rect_stroke(inside, 0.0, stroke, StrokeKind::Inside);
+    }
+    painter.rect_stroke(place, 0.0, stroke, StrokeKind::Inside);
+    let arm = 8.0;
+    let c = place.center();
+    painter.line_segment([c - vec2(arm, 0.0), c + vec2(arm, 0.0)], stroke);
+    painter.line_segment([c - vec2(0.0, arm), c + vec2(0.0, arm)], stroke);
+    let text = format!("{}×{}", size[0], size[1]);
+    let at = place.left_bottom() + vec2(6.0, -4.0);
+    painter.text(at, Align2::LEFT_BOTTOM, text, FontId::proportional(11.0), Color32::from_white_alpha(190));
+}

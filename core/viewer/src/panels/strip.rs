@@ -1,0 +1,88 @@
+//! When an actor's feet are on the floor, as its clips have them: a strip under its row.
+
+use choreo_motion::contacts::{Contacts, find_feet};
+use choreo_motion::{Clip, Time};
+use choreo_stage::{Actor, Stage};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Frames that are looked at; longer scenes are looked at less closely.
+const MOST_LOOKS: i64 = 2000;
+/// Actors whose feet are looked for.
+const MOST_ACTORS: usize = 64;
+
+/// Of one actor, by foot: from and to, seconds on stage.
+pub type Feet = Vec<Vec<(f64, f64)>>;
+
+/// Of one version of the scene, found out actor by actor when asked for.
+#[derive(Clone, Default)]
+pub struct Strips {
+    number: u64,
+    of: BTreeMap<usize, Arc<Feet>>,
+}
+
+impl Strips {
+    pub fn get(&mut self, number: u64, stage: &Stage, actor: usize) -> Option<Arc<Feet>> {
+        if self.number != number {
+            *self = Strips { number, of: BTreeMap::new() };
+        }
+        if !self.of.contains_key(&actor) && self.of.len() >= MOST_ACTORS {
+            return None;
+        }
+        let found = self
+            .of
+            .entry(actor)
+            .or_insert_with(|| Arc::new(stage.actors.get(actor).map_or_else(Feet::new, |a| feet(stage, a))));
+        (!found.is_empty()).then(|| found.clone())
+    }
+}
+
+fn feet(stage: &Stage, actor: &Actor) -> Feet {
+    let skeleton = &actor.asset.skeleton;
+    let feet = find_feet(skeleton);
+    let Some(base) = actor.layers.first().filter(|_| !feet.is_empty()) else { return Feet::new() };
+    let contacts: Vec<Option<Contacts>> = base
+        .cues
+        .iter()
+        .map(|cue| {
+            let clip: &Clip = &cue.clip;
+            Contacts::find(skeleton, clip, cue.trim, &feet)
+        })
+        .collect();
+    if contacts.iter().all(Option::is_none) {
+        return Feet::new();
+    }
+    let settings = &stage.settings;
+    let frames = settings.fps.frames_in(settings.length).max(1);
+    let stride = frames / MOST_LOOKS + 1;
+    let mut out: Feet = vec![Vec::new(); feet.len()];
+    let mut frame = 0;
+    while frame < frames {
+        let (from, to) = (settings.fps.time_of(frame), settings.fps.time_of((frame + stride).min(frames)));
+        frame += stride;
+        // Of what counts most.
+        let heard = actor.heard(from);
+        let Some(voice) = heard.iter().filter(|h| h.layer == 0).max_by(|a, b| a.weight.total_cmp(&b.weight))
+        else {
+            continue;
+        };
+        let (Some(contacts), Some(cue)) =
+            (contacts.get(voice.cue).and_then(Option::as_ref), base.cues.get(voice.cue))
+        else {
+            continue;
+        };
+        let round = cue.trim.1 - cue.trim.0;
+        for (spans, stands) in out.iter_mut().zip(&contacts.stands) {
+            let on = |t: Time| stands.iter().any(|s| s.from <= t && t < s.to);
+            if !on(voice.clip_time) && !on(voice.clip_time + round) {
+                continue;
+            }
+            let (from, to) = (from.as_secs(), to.as_secs());
+            match spans.last_mut() {
+                Some(last) if (last.1 - from).abs() < 1e-9 => last.1 = to,
+                _ => spans.push((from, to)),
+            }
+        }
+    }
+    out
+}

@@ -1,0 +1,51 @@
+//! How long the last frames took, and how often one is drawn at most.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// Frames that are remembered.
+pub const FRAMES: usize = 240;
+
+/// Of one frame, milliseconds: poses, plan, drawing.
+pub type Millis = [f32; 3];
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Performance {
+    pub frames: VecDeque<Millis>,
+    /// Frames a second while it plays; `None`: as many as the scene has.
+    pub cap: Option<u32>,
+}
+
+impl Performance {
+    pub fn add(&mut self, poses: Duration, plan: Duration, drawing: Duration) {
+        if self.frames.len() >= FRAMES {
+            self.frames.pop_front();
+        }
+        self.frames.push_back([poses, plan, drawing].map(|d| d.as_secs_f32() * 1e3));
+    }
+
+    /// Median and 95th percentile of whole frames, milliseconds.
+    pub fn typical(&self) -> Option<[f32; 2]> {
+        let mut all: Vec<f32> = self.frames.iter().map(|f| f.iter().sum()).collect();
+        all.sort_by(f32::total_cmp);
+        let last = all.len().checked_sub(1)?;
+        Some([50, 95].map(|part| all[last * part / 100]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_remembers_the_last_frames() {
+        let mut p = Performance::default();
+        assert_eq!(p.typical(), None);
+        for n in 0..1000u64 {
+            p.add(Duration::from_millis(n), Duration::from_millis(1), Duration::ZERO);
+        }
+        assert_eq!(p.frames.len(), FRAMES);
+        let [median, high] = p.typical().unwrap();
+        assert!((median - 880.0).abs() < 1.0 && (high - 988.0).abs() < 1.5, "{median} {high}");
+    }
+}

@@ -1,0 +1,42 @@
+//! Which device draws the window.
+
+use super::gpu_error::{GpuError, Named};
+use ash::{khr, vk};
+
+/// A device that can show pictures in the window; a GPU before a driver that draws on the CPU.
+pub fn choose(
+    instance: &ash::Instance,
+    surfaces: &khr::surface::Instance,
+    surface: vk::SurfaceKHR,
+) -> Result<(vk::PhysicalDevice, u32), GpuError> {
+    let mut best: Option<(u32, vk::PhysicalDevice, u32)> = None;
+    // SAFETY: instance and surface are alive, here and below.
+    for physical in unsafe { instance.enumerate_physical_devices() }.named("list of devices")? {
+        let (properties, families) = unsafe {
+            (
+                instance.get_physical_device_properties(physical),
+                instance.get_physical_device_queue_family_properties(physical),
+            )
+        };
+        let rank = match properties.device_type {
+            vk::PhysicalDeviceType::DISCRETE_GPU => 4,
+            vk::PhysicalDeviceType::INTEGRATED_GPU => 3,
+            vk::PhysicalDeviceType::VIRTUAL_GPU => 2,
+            _ => 1,
+        };
+        let family = (0u32..).zip(&families).find(|(index, family)| {
+            let shows = unsafe { surfaces.get_physical_device_surface_support(physical, *index, surface) };
+            family.queue_flags.contains(vk::QueueFlags::GRAPHICS) && shows.unwrap_or(false)
+        });
+        if let Some((family, _)) = family
+            && properties.api_version >= vk::API_VERSION_1_3
+            && best.is_none_or(|(r, ..)| rank > r)
+        {
+            best = Some((rank, physical, family));
+        }
+    }
+    best.map(|(_, physical, family)| (physical, family)).ok_or_else(|| {
+        let why = "no device with Vulkan 1.3 can show pictures in this window";
+        GpuError::Missing(format!("{why}\n    hint: apt install mesa-vulkan-drivers"))
+    })
+}

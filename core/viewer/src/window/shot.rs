@@ -1,0 +1,37 @@
+//! A viewport's picture as a file, whole or not at all.
+
+use choreo_plugin::{Frame, Registry, VideoInfo};
+use std::path::Path;
+
+pub fn save(
+    plugins: &Registry,
+    frame: &Frame,
+    fps: choreo_motion::FrameRate,
+    file: &Path,
+) -> Result<(), String> {
+    let shown = file.display();
+    let name = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let exporter =
+        plugins.exporter_for(&name).ok_or_else(|| format!("{shown}: no exporter writes such files"))?;
+    let info = VideoInfo {
+        width: frame.width,
+        height: frame.height,
+        fps,
+        frames: 1,
+        provenance: Vec::new(),
+        options: Default::default(),
+    };
+    let part = file.with_file_name(format!(".{name}.{}.part", std::process::id()));
+    let write = || -> Result<(), String> {
+        let out = std::fs::File::create(&part).map_err(|e| e.to_string())?;
+        let mut sink =
+            exporter.begin(&info, Box::new(std::io::BufWriter::new(out))).map_err(|e| e.to_string())?;
+        sink.frame(frame).map_err(|e| e.to_string())?;
+        sink.finish().map_err(|e| e.to_string())?;
+        std::fs::rename(&part, file).map_err(|e| e.to_string())
+    };
+    write().map_err(|e| {
+        let _ = std::fs::remove_file(&part);
+        format!("{shown}: cannot write: {e}")
+    })
+}

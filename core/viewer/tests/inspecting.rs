@@ -1,0 +1,267 @@
+//! What is changed through the panels reaches the script: transform, lights, effects, clips, cuts, markers; questions are asked
+//! with a difference; undo and redo.
+
+use choreo_live::{Recipe, Session};
+use choreo_viewer::app::Viewer;
+use choreo_viewer::gizmo::Change;
+use choreo_viewer::panels::Panels;
+use choreo_viewer::selection::Selected;
+use egui::{Key, Modifiers, pos2, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use glam::{DQuat, DVec3};
+use std::collections::BTreeSet;
+use std::fs;
+
+const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves).at(-0.5, 0.0, 0.0);   // on the left
+ada.play(moves.clip("Walk"));
+let x = 0.25;
+let bob = cast("bob", moves).at(x * 2.0, 0.0, 0.0);
+camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
+camera("near").at(0.0, 1.0, 3.0).look_at([0.0, 1.0, 0.0]).cut(2.0);
+sun(#{ intensity: 3.0, direction: [-0.5, -1.0, -0.5] });
+effect("vignette", #{ strength: 0.5 });
+marker("turn", 1.0);
+"##;
+
+struct Place {
+    folder: tempfile::TempDir,
+    session: Session,
+    viewer: Viewer,
+    panels: Panels,
+}
+
+impl Place {
+    fn new() -> Place {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.rhai");
+        fs::write(&path, SCRIPT).unwrap();
+        let session = Session::new(Recipe::new(&path), &choreo::registry(), false).unwrap();
+        let mut place = Place { folder, session, viewer: Viewer::new("a.rhai"), panels: Panels::default() };
+        place.viewer.path = Some(path);
+        place.reload();
+        place
+    }
+
+    fn reload(&mut self) {
+        let version = self.session.build(BTreeSet::new());
+        assert!(version.scene.is_some(), "{:?}", version.problems);
+        self.viewer.take_version(version);
+    }
+
+    fn text(&self) -> String {
+        fs::read_to_string(self.folder.path().join("a.rhai")).unwrap()
+    }
+
+    fn write(&self, text: &str) {
+        fs::write(self.folder.path().join("a.rhai"), text).unwrap();
+    }
+
+    fn harness(self) -> Harness<'static, Place> {
+        let ui = |ui: &mut egui::Ui, place: &mut Place| {
+            place.panels.show(ui, &mut place.viewer, &[], 0.0);
+        };
+        let mut harness =
+            Harness::builder().with_size(vec2(1500.0, 1000.0)).build_ui_state(ui, place_of(self));
+        harness.run();
+        harness
+    }
+}
+
+fn place_of(place: Place) -> Place {
+    place
+}
+
+#[test]
+fn what_is_dragged_in_the_viewport_is_written_and_shown() {
+    let mut place = Place::new();
+    place.viewer.change_actor("ada", Change::Move(DVec3::new(0.25, 0.0, 1.0))).unwrap();
+    assert_eq!(place.text(), SCRIPT.replace(".at(-0.5, 0.0, 0.0)", ".at(-0.25, 0.0, 1.0)"));
+    place.reload();
+    assert_eq!(place.viewer.said, None, "it stands where it was put");
+    let (sin, cos) = libm::sincos(core::f64::consts::FRAC_PI_4 / 2.0);
+    place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
+    place.reload();
+    place.viewer.change_actor("ada", Change::Scale(DVec3::splat(1.5))).unwrap();
+    place.reload();
+    assert_eq!(place.viewer.said, None);
+    assert!(place.text().contains(".turn(45.0)") && place.text().contains(".scale(1.5)"), "{}", place.text());
+    for _ in 0..3 {
+        place.viewer.undo().unwrap();
+    }
+    assert_eq!(place.text(), SCRIPT);
+    place.viewer.redo().unwrap();
+    assert_eq!(place.text(), SCRIPT.replace(".at(-0.5, 0.0, 0.0)", ".at(-0.25, 0.0, 1.0)"));
+}
+
+#[test]
+fn what_another_line_undoes_is_told() {
+    let mut place = Place::new();
+    place.write(&format!("{SCRIPT}for a in [ada] {{ a.at(7.0, 0.0, 0.0); }}\n"));
+    place.reload();
+    place.viewer.change_actor("ada", Change::Move(DVec3::X)).unwrap();
+    place.reload();
+    assert!(
+        place.viewer.said.as_ref().unwrap().contains("another line places \"ada\" anew"),
+        "{:?}",
+        place.viewer.said
+    );
+}
+
+#[test]
+fn what_is_computed_is_asked_about_with_a_line_that_would_do_it() {
+    let mut harness = Place::new().harness();
+    let refused = harness.state_mut().viewer.change_actor("bob", Change::Move(DVec3::X)).unwrap_err();
+    assert!(refused.contains("line 6: .at(x * 2.0, 0.0, 0.0) is computed"), "{refused}");
+    harness.run();
+    harness.get_by_label("+ bob.move_by(1.0, 0.0, 0.0);");
+    assert_eq!(harness.state().text(), SCRIPT);
+    harness.get_by_label("Add the line").click();
+    harness.run();
+    let text = harness.state().text();
+    assert!(text.contains(".at(x * 2.0, 0.0, 0.0);\nbob.move_by(1.0, 0.0, 0.0);\ncamera"), "{text}");
+    harness.state_mut().reload();
+    assert_eq!(harness.state().viewer.scene.as_ref().unwrap().stage.actors[1].transform.translation.x, 1.5);
+}
+
+#[test]
+fn a_file_that_has_changed_meanwhile_is_asked_about_and_keeps_both() {
+    let mut harness = Place::new().harness();
+    let other = SCRIPT.replace("let x = 0.25;", "let x = 0.75; // by the editor");
+    harness.state().write(&other);
+    let change = Change::Move(DVec3::new(0.1, 0.0, 0.0));
+    assert!(harness.state_mut().viewer.change_actor("ada", change).unwrap_err().contains("changed on disk"));
+    assert_eq!(harness.state().text(), other, "nothing is written unasked");
+    harness.run();
+    harness.get_by_label("- let x = 0.25;");
+    harness.get_by_label("+ let x = 0.75; // by the editor");
+    harness.get_by_label("Write both").click();
+    harness.run();
+    assert_eq!(harness.state().text(), other.replace(".at(-0.5,", ".at(-0.4,"));
+    // And the question can be left.
+    harness.state().write(&other);
+    harness.state_mut().viewer.change_actor("ada", change).unwrap_err();
+    harness.run();
+    harness.get_by_label("Leave it").click();
+    harness.run();
+    assert_eq!(harness.state().text(), other);
+    assert!(harness.state().viewer.offer.is_none());
+}
+
+#[test]
+fn lights_effects_cuts_and_markers() {
+    let mut place = Place::new();
+    place.viewer.set_value(&Selected::Light(0), "intensity", "4.5").unwrap();
+    place.reload();
+    place.viewer.set_value(&Selected::Light(0), "direction", "[0.0, -1.0, 0.0]").unwrap();
+    place.reload();
+    place.viewer.set_value(&Selected::Effect(0), "strength", "0.75").unwrap();
+    place.reload();
+    place.viewer.set_cut(0, 2.48).unwrap();
+    place.reload();
+    place.viewer.set_marker("turn", 1.52).unwrap();
+    place.reload();
+    let expected = SCRIPT
+        .replace("intensity: 3.0", "intensity: 4.5")
+        .replace("[-0.5, -1.0, -0.5]", "[0.0, -1.0, 0.0]")
+        .replace("strength: 0.5", "strength: 0.75")
+        .replace(".cut(2.0)", ".cut(2.48)")
+        .replace("\"turn\", 1.0", "\"turn\", 1.52");
+    assert_eq!(place.text(), expected);
+}
+
+#[test]
+fn a_clip_is_added_at_the_playhead_and_by_a_drag_onto_its_row() {
+    let mut harness = Place::new().harness();
+    harness.get_by_label("row ada").click();
+    harness.run();
+    harness.state_mut().viewer.playhead.step(50);
+    harness.run();
+    harness.get_by_label("play Wave").click();
+    harness.run();
+    assert_eq!(harness.state().viewer.said, None);
+    let line = "ada.play(moves.clip(\"Wave\"), #{ fade: 0.3 }).from(2.0);\n";
+    let expected = SCRIPT.replace("clip(\"Walk\"));\n", &format!("clip(\"Walk\"));\n{line}"));
+    assert_eq!(harness.state().text(), expected);
+    harness.state_mut().reload();
+    harness.run();
+    let row = harness.get_by_label("row ada").rect();
+    let ruler = harness.get_by_label("time").rect();
+    let clip = harness.get_by_label_contains("Bow  ").rect().center();
+    let to = pos2(ruler.left() + ruler.width() * 0.75, row.center().y);
+    harness.drag_at(clip);
+    harness.run();
+    harness.hover_at(clip + vec2(-30.0, 10.0));
+    harness.run();
+    harness.hover_at(to);
+    harness.run();
+    harness.drop_at(to);
+    harness.run();
+    assert_eq!(harness.state().viewer.said, None);
+    assert!(harness.state().text().contains("ada.play(moves.clip(\"Bow\"), #{ fade: 0.3 }).from(3.0);\n"));
+    harness.state_mut().reload();
+    assert_eq!(harness.state().viewer.scene.as_ref().unwrap().stage.actors[0].layers[0].cues.len(), 3);
+}
+
+#[test]
+fn a_marker_and_a_cut_are_dragged() {
+    let mut harness = Place::new().harness();
+    for (label, part, expected) in
+        [("marker turn", 0.5, "marker(\"turn\", 2.0)"), ("start of near in row 0", 0.75, ".cut(3.0)")]
+    {
+        let ruler = harness.get_by_label("time").rect();
+        let handle = harness.get_by_label(label).rect().center();
+        let to = pos2(ruler.left() + ruler.width() * part, handle.y);
+        harness.drag_at(handle);
+        harness.run();
+        harness.hover_at(to);
+        harness.run();
+        harness.drop_at(to);
+        harness.run();
+        assert_eq!(harness.state().viewer.said, None);
+        assert!(harness.state().text().contains(expected), "{}", harness.state().text());
+        harness.state_mut().reload();
+        harness.run();
+    }
+}
+
+#[test]
+fn a_number_of_the_inspector_is_one_change() {
+    let mut harness = Place::new().harness();
+    harness.get_by_label("row ada").click();
+    harness.run();
+    let field = harness.get_by_label("x").rect().center();
+    harness.drag_at(field);
+    harness.run();
+    harness.hover_at(field + vec2(100.0, 0.0));
+    harness.run();
+    assert_eq!(harness.state().text(), SCRIPT, "not before it is let go");
+    harness.drop_at(field + vec2(100.0, 0.0));
+    harness.run();
+    let text = harness.state().text();
+    assert_ne!(text, SCRIPT);
+    assert!(text.contains(", 0.0, 0.0);   // on the left"), "{text}");
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    harness.run();
+    assert_eq!(harness.state().text(), SCRIPT);
+}
+
+#[test]
+fn a_dropped_file_is_added_as_a_line() {
+    let mut place = Place::new();
+    fs::write(place.folder.path().join("My Box.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    place.viewer.guest = Some(place.folder.path().join("My Box.obj"));
+    place.viewer.add_guest().unwrap();
+    assert_eq!(place.text(), format!("{SCRIPT}let my_box = cast(\"my_box\", load(\"My Box.obj\"));\n"));
+    place.reload();
+    // Once more: another name.
+    place.viewer.add_guest().unwrap();
+    assert!(place.text().ends_with("let my_box_2 = cast(\"my_box_2\", load(\"My Box.obj\"));\n"));
+    place.reload();
+    let elsewhere = tempfile::tempdir().unwrap();
+    fs::write(elsewhere.path().join("b.obj"), "").unwrap();
+    place.viewer.guest = Some(elsewhere.path().join("b.obj"));
+    assert!(place.viewer.add_guest().unwrap_err().contains("outside the script's folder"));
+}
