@@ -167,9 +167,9 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     coat_roughness = max(coat_roughness, 0.045);
     let coat_nv = clamp(dot(coat_n, v), 0.001, 1.0);
     coat_weight *= coat_fresnel(coat_nv);
-    var coat = ambient(reflect(-v, coat_n)) * occlusion;
+    var coat = mirrored(reflect(-v, coat_n), coat_roughness) * occlusion;
     @end
-    var color = (s.diffuse * ambient(n) + ambient(mirror) * ambient_specular(sky_f0, s.f90, s.roughness, nv)) * occlusion;
+    var color = (s.diffuse * ambient(n) + mirrored(mirror, s.roughness) * ambient_specular(sky_f0, s.f90, s.roughness, nv)) * occlusion;
     @if(DIFFUSE_TRANSMISSION) color += behind_color * ambient(-n) * occlusion;
     @end
     @if(BLINN_PHONG) var color = base.rgb * ambient(n) * occlusion;
@@ -229,7 +229,7 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     color += rim * mix(vec3(1.0), lighting, material.rim_lighting_mix);
     @end
 
-    @if(TRANSMISSION && !REFRACTION) color += through * blurred * ambient(-v);
+    @if(TRANSMISSION && !REFRACTION) color += through * blurred * mirrored(-v, s.roughness);
     @if(REFRACTION) color += through * behind;
     @if(SHEEN) color = color * below_sheen + sheen_color * sheen;
     @if(EMISSIVE && !EMISSIVE_TEXTURE) color += material.emissive;

@@ -10,7 +10,7 @@ fn toon_lit(nl: f32, shift: f32) -> f32 {
 
 // §"Global Illumination": rawGi is the hemisphere light, uniformedGi its mean from above and below.
 fn toon_ambient(n: vec3<f32>) -> vec3<f32> {
-    let even = (frame.ambient_up.xyz + frame.ambient_down.xyz) * 0.5;
+    let even = (ambient(vec3(0.0, 1.0, 0.0)) + ambient(vec3(0.0, -1.0, 0.0))) * 0.5;
     return mix(ambient(n), even, material.toon.z);
 }
 

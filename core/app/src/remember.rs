@@ -185,6 +185,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         ambient_up,
         ambient_down,
         lights,
+        sky,
         shadows,
         behind,
         instances,
@@ -202,6 +203,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
     } = plan;
     // Numbers are printed so that no two that differ look alike: the shortest text that reads as the same number.
     add(format!("{size:?} {samples} {view:?} {background:?} {ambient_up:?} {ambient_down:?}").as_bytes());
+    add(format!("{sky:?} {:?}", sky.and(catalog.sky.as_ref()).map(|s| s.hash())).as_bytes());
     add(bytemuck::cast_slice(lights));
     add(bytemuck::cast_slice(instances));
     add(bytemuck::cast_slice(joint_matrices));

@@ -6,6 +6,7 @@ pub mod color;
 pub mod corners;
 pub mod decompose;
 pub mod normals;
+pub mod panorama;
 pub mod pictures;
 pub mod polygon;
 pub mod problem;

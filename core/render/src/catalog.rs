@@ -4,7 +4,8 @@ use crate::bounds::PrimitiveInfo;
 use crate::content::{material_content, material_hash, short};
 use crate::gpu_types::{BASE_SLOTS, LAYER_SLOTS, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS};
 use choreo_stage::{
-    AlphaMode, Asset, Image, Material, MaterialLayers, Primitive, Sampler, Shading, Stage, TextureRef, Toon,
+    AlphaMode, Asset, Image, Material, MaterialLayers, Panorama, Primitive, Sampler, Shading, Stage,
+    TextureRef, Toon,
 };
 use glam::{Affine2, Vec3, Vec4};
 use std::collections::HashMap;
@@ -15,6 +16,8 @@ pub struct Catalog {
     pub primitives: Vec<CatalogPrimitive>,
     pub materials: Vec<CatalogMaterial>,
     pub textures: Vec<CatalogTexture>,
+    /// Of the stage's sky; its maps are made where a renderer first asks for them ([`crate::sky::SkyMaps::of`]).
+    pub sky: Option<Arc<Panorama>>,
     /// Which catalogue entries an asset's mesh instances use; see [`Catalog::entry`].
     pub assets: Vec<AssetEntry>,
     /// Per actor of the stage: index into `assets`.
@@ -173,6 +176,7 @@ impl Catalog {
             builder.catalog.asset_of_actor.push(id);
         }
         let mut catalog = builder.catalog;
+        catalog.sky = stage.sky.as_ref().map(|sky| sky.panorama.clone());
         for m in &mut catalog.materials {
             m.hash = material_content(m, &catalog.textures);
         }

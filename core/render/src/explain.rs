@@ -2,13 +2,16 @@
 //! and which actors and materials asked for it. The other half, what was left out and why, is in the plan.
 
 use crate::catalog::Catalog;
-use crate::gpu_types::{FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform};
+use crate::gpu_types::{
+    FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform, SkyUniform,
+};
 use crate::mip::level_count;
 use crate::plan::{
-    ActiveMorph, Behind, Draw, Glass, Instance, OverlayVertex, Plan, PlanLight, Rows, Shadows,
+    ActiveMorph, Behind, Draw, Features, Glass, Instance, OverlayVertex, Plan, PlanLight, Rows, Shadows,
 };
 use crate::record::{Command, Part as PassPart, Recording, Target};
 use crate::shader::{SceneVariant, switches};
+use crate::sky::SkyMaps;
 use crate::vertex::{VertexLayout, pack, pack_morphs};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -72,6 +75,7 @@ pub fn explain(catalog: &Catalog, plan: &Plan, recording: &Recording) -> Vec<Par
     parts.frame_data(recording);
     parts.meshes(recording);
     parts.materials_and_textures(recording);
+    parts.sky(recording);
     parts.targets(recording);
     parts.all.sort_by_key(|p| p.kind);
     parts.all
@@ -170,6 +174,10 @@ impl Parts<'_> {
                         stage("the stage's background"),
                     );
                 }
+                Command::DrawSky => {
+                    let what = "pipeline of the sky, behind all else".to_string();
+                    self.add(Kind::Pipeline, what, None, stage("the stage's sky"));
+                }
                 Command::DrawBackground => {
                     let what = "pipeline of the gradient, behind all else".to_string();
                     self.add(Kind::Pipeline, what, None, stage("the stage's background"));
@@ -252,7 +260,6 @@ impl Parts<'_> {
     }
 
     fn frame_data(&mut self, recording: &Recording) {
-        use crate::plan::Features;
         let Some(Command::UploadFrameData { instances, joints, morphs, lights }) = recording.commands.first()
         else {
             return;
@@ -370,6 +377,29 @@ impl Parts<'_> {
             let draws = self.plan.draws.iter().filter(|d| materials.contains(&d.material));
             let askers = self.askers(draws);
             self.add(Kind::Texture, what, Some(bytes), askers);
+        }
+    }
+
+    fn sky(&mut self, recording: &Recording) {
+        let reads = recording.reads();
+        let Some(panorama) = self.catalog.sky.clone().filter(|_| reads.sky) else { return };
+        let lit = || self.plan.draws.iter().filter(|d| d.pipeline.features.has(Features::SKY));
+        let stage = Askers { other: Some("the stage's sky"), ..Askers::default() };
+        let bytes = Some(size_of::<SkyUniform>() as u64);
+        let askers = if reads.sky_maps { self.actors(lit()) } else { stage.clone() };
+        self.add(Kind::FrameData, "turn and strength of the sky".into(), bytes, askers);
+        let texel = size_of::<[f32; 2]>() as u64;
+        if reads.sky_maps {
+            let maps = SkyMaps::of(&panorama);
+            let ([w, h], levels) = (maps.size, maps.levels.len());
+            let what = format!("sky \"{}\": {w}×{h}, {levels} roughnesses, 16-bit floats", panorama.name);
+            let askers = self.actors(lit());
+            self.add(Kind::Texture, what, Some(texel * u64::from(w) * u64::from(h)), askers);
+        }
+        if reads.sky_picture {
+            let [w, h] = panorama.size();
+            let what = format!("picture of the sky \"{}\": {w}×{h}, 16-bit floats", panorama.name);
+            self.add(Kind::Texture, what, Some(texel * u64::from(w) * u64::from(h)), stage);
         }
     }
 

@@ -1,7 +1,8 @@
 //! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shaders.rs` compares every field's offset.
 
 use crate::catalog::{CatalogMaterial, CatalogTextureRef};
-use crate::plan::ShadowView;
+use crate::plan::{PlanSky, ShadowView, View};
+use crate::sky::{MAX_LEVELS, SkyMaps};
 use choreo_stage::{AlphaMode, Shading, Toon};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
@@ -19,6 +20,41 @@ pub struct FrameUniform {
     pub size: Vec2,
     pub light_count: u32,
     pub pad: u32,
+}
+
+/// A sky as sky.wgsl reads it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct SkyUniform {
+    pub harmonics: [Vec4; 9],
+    /// xy: first texel inside the border; z: texels a side.
+    pub levels: [Vec4; MAX_LEVELS],
+    /// Cosine and sine of the turn, strength, last level.
+    pub turn: Vec4,
+    /// xy: 1 / texels of the atlas.
+    pub texel: Vec4,
+    /// See [`crate::view::rays`].
+    pub right: Vec4,
+    pub down: Vec4,
+    pub ahead: Vec4,
+}
+
+impl SkyUniform {
+    /// Without maps: what is seen behind everything.
+    pub fn new(sky: &PlanSky, view: &View, maps: Option<&SkyMaps>) -> SkyUniform {
+        let [right, down, ahead] = crate::view::rays(view).map(|v| v.extend(0.0));
+        let [c, s] = sky.turn;
+        let mut out =
+            SkyUniform { turn: Vec4::new(c, s, sky.strength, 0.0), right, down, ahead, ..Self::default() };
+        let Some(maps) = maps else { return out };
+        out.harmonics = maps.harmonics.map(|c| c.extend(0.0));
+        for (out, level) in out.levels.iter_mut().zip(&maps.levels) {
+            *out = Vec4::new(level.at[0] as f32, level.at[1] as f32, level.size as f32, 0.0);
+        }
+        out.turn.w = maps.levels.len().saturating_sub(1) as f32;
+        out.texel = Vec4::new(1.0 / maps.size[0] as f32, 1.0 / maps.size[1] as f32, 0.0, 0.0);
+        out
+    }
 }
 
 /// u = dot(x.xy, uv) + x.z, v = dot(y.xy, uv) + y.z; x.w = uv set.

@@ -23,9 +23,11 @@ mod planner_overlay;
 mod planner_shadows;
 mod planner_skins;
 pub mod record;
+mod record_text;
 pub mod renderer;
 pub mod shader;
 mod shadows;
+pub mod sky;
 pub mod vertex;
 pub mod view;
 

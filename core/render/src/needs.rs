@@ -13,6 +13,8 @@ pub struct DrawNeeds {
     pub dual: bool,
     pub morphed: bool,
     pub local_lights: bool,
+    /// A sky shines.
+    pub sky: bool,
 }
 
 /// Only what changes a pixel. `force_all` sets every bit that leaves the pixels as they are; see [`Features`] for
@@ -89,6 +91,7 @@ pub fn features(
     set(lit && (m.emissive != Vec3::ZERO || force_all), Features::EMISSIVE);
     set(matches!(m.alpha_mode, AlphaMode::Mask(_)) || force_all, Features::ALPHA_MASK);
     set(lit && (needs.local_lights || force_all), Features::LOCAL_LIGHTS);
+    set(lit && needs.sky, Features::SKY);
     f
 }
 
@@ -121,6 +124,7 @@ pub struct Facts {
     pub morphs_exist: bool,
     pub lit_exist: bool,
     pub lights_exist: bool,
+    pub sky_exists: bool,
     pub lit_drawn: bool,
     pub blended: usize,
     pub copies: usize,
@@ -186,6 +190,8 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
         "distance and cone attenuation",
         "no point or spot light shines".into(),
     );
+    let no_sky = if facts.sky_exists { "its strength is zero" } else { "the stage has no sky" };
+    say(facts.lit_drawn && !all.has(Features::SKY), "image-based light", no_sky.into());
     say(!all.has(Features::VERTEX_COLOR), "vertex colours", "no drawn mesh has any but white".into());
     say(
         !all.has(Features::UV0) && !all.has(Features::UV1),

@@ -20,6 +20,8 @@ pub struct Plan {
     pub ambient_down: Vec3,
     /// Empty where no lit draw is in.
     pub lights: Vec<PlanLight>,
+    /// `None` where the stage has none, or nothing shows its light.
+    pub sky: Option<PlanSky>,
     pub instances: Vec<Instance>,
     /// Of each instance: index into `Stage::actors`.
     pub instance_actors: Vec<u32>,
@@ -120,6 +122,16 @@ pub struct PlanLight {
     /// Spot: x = angle scale, y = angle offset (KHR_lights_punctual, "Inner and Outer Cone Angles").
     /// z = its first view among `Shadows::views`, w = how many it has.
     pub cone: Vec4,
+}
+
+/// The sky; its maps are in the catalogue.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlanSky {
+    /// Cosine and sine of its turn.
+    pub turn: [f32; 2],
+    pub strength: f32,
+    /// Seen behind everything, in place of the background.
+    pub background: bool,
 }
 
 /// Depths seen from the lights that cast shadows.
@@ -320,6 +332,8 @@ impl Features {
     pub const REFRACTION: Features = Features(1 << 52);
     /// Each colour is bent by an index of its own.
     pub const DISPERSION: Features = Features(1 << 53);
+    /// A sky's maps light it. Another light rather than more of one: never forced in.
+    pub const SKY: Features = Features(1 << 60);
 
     /// What of a draw's features its depth depends on.
     pub const fn of_depth(self) -> Features {
@@ -389,6 +403,7 @@ pub const LEFT_OUT: &[&str] = &[
     "lights",
     "dark lights",
     "distance and cone attenuation",
+    "image-based light",
     "vertex colours",
     "texture coordinates",
     "second texture coordinates",

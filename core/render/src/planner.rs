@@ -5,7 +5,7 @@ use crate::catalog::{Catalog, CatalogMaterial, PrimitiveEntry};
 use crate::needs::{DrawNeeds, Facts, features, left_out, shell_features};
 use crate::plan::*;
 use crate::planner_effects::{Line, post_passes, shells, surface_effects};
-use crate::planner_lights::plan_lights;
+use crate::planner_lights::{plan_lights, plan_sky};
 use crate::planner_overlay::overlays;
 use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, dual_rows};
@@ -46,6 +46,7 @@ impl Plan {
             catalog,
             options,
             local_lights: lights.iter().any(|l| l.direction.w != 0.0),
+            sky: snapshot.sky.as_ref().is_some_and(|sky| sky.strength > 0.0),
             joint_matrices: Vec::new(),
             morphs: Vec::new(),
             items: Vec::new(),
@@ -58,7 +59,12 @@ impl Plan {
             shells: shells(stage, snapshot, options),
             surface: surface_effects(stage, snapshot, options),
             shell_materials: Vec::new(),
-            facts: Facts { lights_exist: !lights.is_empty(), dark_lights, ..Facts::default() },
+            facts: Facts {
+                lights_exist: !lights.is_empty(),
+                sky_exists: snapshot.sky.is_some(),
+                dark_lights,
+                ..Facts::default()
+            },
             view,
         };
         for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
@@ -99,6 +105,7 @@ pub(crate) struct Planner<'a> {
     pub options: &'a PlanOptions<'a>,
     pub view: View,
     local_lights: bool,
+    sky: bool,
     pub joint_matrices: Vec<Rows>,
     morphs: Vec<ActiveMorph>,
     pub items: Vec<Item>,
@@ -199,6 +206,7 @@ impl Planner<'_> {
                 dual: posed_skin.is_some_and(|s| !self.skins[s].carriers.is_empty()),
                 morphed: morph_count > 0,
                 local_lights: self.local_lights,
+                sky: self.sky,
             };
             let mut features = features(primitive, material, needs, self.options.force_all);
             let (surface, seen) = self.surface_of(index, entry.of_asset);
@@ -456,6 +464,7 @@ impl Planner<'_> {
             ambient_up: if lit { snapshot.ambient_up } else { Vec3::ZERO },
             ambient_down: if lit { snapshot.ambient_down } else { Vec3::ZERO },
             lights: if lit { lights } else { Vec::new() },
+            sky: snapshot.sky.as_ref().and_then(|sky| plan_sky(sky, all.has(Features::SKY))),
             instances,
             instance_actors,
             joint_matrices: self.joint_matrices,

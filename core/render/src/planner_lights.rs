@@ -1,8 +1,8 @@
 //! The lights of a frame as shaders read them.
 
-use crate::plan::{PlanLight, View};
+use crate::plan::{PlanLight, PlanSky, View};
 use crate::view::relative;
-use choreo_stage::{LightKind, LightState, Shadow};
+use choreo_stage::{LightKind, LightState, Shadow, SkyState};
 use glam::{Vec3, Vec4};
 
 /// Lights that shine, how each casts shadows, and the number of those that do not shine.
@@ -42,4 +42,12 @@ pub fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<O
     }
     let dark = lights.len() - out.len();
     (out, shadows, dark)
+}
+
+/// `None` where neither a surface nor the background shows it.
+pub fn plan_sky(sky: &SkyState, lights: bool) -> Option<PlanSky> {
+    let turn = [libm::cos(sky.turn) as f32, libm::sin(sky.turn) as f32];
+    let finite = turn.iter().all(|v| v.is_finite()) && sky.strength.is_finite();
+    let used = finite && (lights || sky.background);
+    used.then_some(PlanSky { turn, strength: sky.strength, background: sky.background })
 }

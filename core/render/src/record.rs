@@ -9,7 +9,6 @@ use crate::shader::SceneVariant;
 use crate::vertex::VertexLayout;
 use choreo_stage::Background;
 use glam::Vec4;
-use std::fmt;
 
 /// Joint matrices that fit the smallest uniform buffer range of lavapipe and of most GPUs (65 536 bytes of 48 each).
 pub const UNIFORM_JOINTS: usize = 1365;
@@ -73,6 +72,8 @@ pub enum Command {
     },
     /// The gradient, where nothing was drawn.
     DrawBackground,
+    /// The sky in its place.
+    DrawSky,
     /// What an effect draws (of `PlanOverlay::parts`).
     DrawOverlay {
         effect: String,
@@ -146,6 +147,10 @@ pub struct Reads {
     pub joints: bool,
     pub morphs: bool,
     pub joints_uniform: bool,
+    /// Of the sky: anything, its maps, its picture.
+    pub sky: bool,
+    pub sky_maps: bool,
+    pub sky_picture: bool,
 }
 
 /// How many of each a frame needs; what "leaves things out" means in numbers.
@@ -190,9 +195,11 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         true => Target::Picture,
         false => Target::Float(0),
     };
-    let gradient = matches!(plan.background, Background::Gradient { .. });
+    let sky = plan.sky.is_some_and(|sky| sky.background);
+    let gradient = !sky && matches!(plan.background, Background::Gradient { .. });
     let copied = gradient && options.cpu_device && plan.samples == 1 && scene == Target::Picture;
     let clear = match plan.background {
+        _ if sky => Some(Vec4::ZERO),
         Background::Color(c) => Some(c),
         Background::Gradient { .. } => (!copied).then_some(Vec4::ZERO),
     };
@@ -217,9 +224,9 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         state.draw(draw, Cull::Front);
     }
     // Blended surfaces mix with what is behind them, the background included.
-    if gradient && !copied {
+    if sky || (gradient && !copied) {
         state.set_cull(Cull::None);
-        state.commands.push(Command::DrawBackground);
+        state.commands.push(if sky { Command::DrawSky } else { Command::DrawBackground });
         state.pipeline = None;
     }
     // What is farther than the first glass that bends light is seen through all such glass.
@@ -418,13 +425,18 @@ impl Recording {
     pub fn reads(&self) -> Reads {
         let mut reads = Reads::default();
         for command in &self.commands {
+            if *command == Command::DrawSky {
+                (reads.sky, reads.sky_picture) = (true, true);
+            }
             if let Command::BindPipeline(v) = command {
+                reads.sky_maps |= v.key.features.has(Features::SKY);
                 reads.lights |= v.key.features.is_lit();
                 reads.joints |= v.key.features.has(Features::SKIN);
                 reads.morphs |= v.key.features.has(Features::MORPH);
                 reads.joints_uniform |= v.joints_uniform;
             }
         }
+        reads.sky |= reads.sky_maps;
         reads
     }
 
@@ -448,51 +460,5 @@ impl Recording {
         }
         counts.distinct_pipelines = variants.len();
         counts
-    }
-}
-
-impl fmt::Display for Recording {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{}×{}", self.size[0], self.size[1])?;
-        for command in &self.commands {
-            match command {
-                Command::UploadFrameData { instances, joints, morphs, lights } => writeln!(
-                    f,
-                    "upload {instances} instances, {joints} joints, {morphs} morphs, {lights} lights"
-                )?,
-                Command::BeginShadows { size: [w, h], .. } => writeln!(f, "begin shadow maps {w}×{h}")?,
-                Command::ShadowView { index, at, size: [w, h] } => {
-                    writeln!(f, "  view {index}: {w}×{h} at {at:?}")?
-                }
-                Command::CopyBackground => writeln!(f, "copy background")?,
-                Command::SetCull(cull) => writeln!(f, "  cull {cull:?}")?,
-                Command::BeginPass { target, samples, clear, depth, .. } => {
-                    let clear = clear.map_or("load".into(), |c| format!("clear {c}"));
-                    let depth = if *depth { ", depth" } else { "" };
-                    writeln!(f, "begin {target:?}, {samples} samples, {clear}{depth}")?
-                }
-                Command::BindPipeline(v) => {
-                    writeln!(f, "  pipeline {:?} {}", v.key.topology, crate::shader::switches(v).join(" "))?
-                }
-                Command::BindMaterial { material, .. } => writeln!(f, "  material {material}")?,
-                Command::BindMesh { primitive, morphs, .. } => {
-                    writeln!(f, "  mesh {primitive}{}", if *morphs { ", morphs" } else { "" })?
-                }
-                Command::Draw { first_instance, instance_count } => {
-                    writeln!(f, "  draw {instance_count} from {first_instance}")?
-                }
-                Command::CopyBehind { levels, .. } => writeln!(f, "copy behind glass, {levels} levels")?,
-                Command::DrawBackground => writeln!(f, "  background")?,
-                Command::EndPass => writeln!(f, "end")?,
-                Command::PostPass { effect, from, to, .. } => writeln!(f, "post {effect} {from:?} → {to:?}")?,
-                Command::DrawOverlay { effect, over, count, .. } => {
-                    let over = if *over { ", over everything" } else { "" };
-                    writeln!(f, "  {} triangles of {effect}{over}", count / 3)?
-                }
-                Command::ReadBack => writeln!(f, "read back")?,
-                Command::ReadBackLinear => writeln!(f, "read back linear")?,
-            }
-        }
-        Ok(())
     }
 }

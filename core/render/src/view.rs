@@ -2,7 +2,7 @@
 
 use crate::plan::View;
 use choreo_stage::{CameraState, Projection};
-use glam::{DMat4, DVec3, DVec4, Vec4};
+use glam::{DMat4, DVec3, DVec4, Vec3, Vec4};
 
 impl View {
     /// `size` in pixels gives the aspect ratio.
@@ -109,5 +109,16 @@ mod tests {
         let right = v.clip_from_relative * Vec3::new(7.0, 0.0, up * 1.5).extend(1.0);
         assert!((right.x / right.w - 1.0).abs() < 1e-5, "+Z is to the right of +X: {}", right.x / right.w);
         assert!((v.depth(Vec3::new(7.0, 0.0, 0.0)) - 7.0).abs() < 1e-5);
+    }
+}
+
+/// The way of a pixel's ray is x · right + y · down + ahead, x and y from −1 to 1; where rays are parallel, only ahead.
+pub fn rays(view: &View) -> [Vec3; 3] {
+    let relative_from_view = view.view_from_relative.transpose();
+    let turn = |v: Vec3| (relative_from_view * v.extend(0.0)).truncate();
+    let m = view.clip_from_view;
+    match view.eye.w > 0.5 {
+        true => [turn(Vec3::X / m.x_axis.x), turn(Vec3::Y / m.y_axis.y), turn(Vec3::NEG_Z)],
+        false => [Vec3::ZERO, Vec3::ZERO, turn(Vec3::NEG_Z)],
     }
 }

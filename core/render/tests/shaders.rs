@@ -3,7 +3,7 @@
 
 use choreo_render::RenderError;
 use choreo_render::gpu_types::{
-    FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform, UvTransform,
+    FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform, SkyUniform, UvTransform,
 };
 use choreo_render::plan::{ActiveMorph, Features, Glass, Instance, PipelineKey, PlanLight, TopologyKey};
 use choreo_render::shader::*;
@@ -198,7 +198,16 @@ fn shadow_variants() -> Vec<SceneVariant> {
                 list.push(variant(shading.with(Features::SHADOW).with(extra), false, bits));
             }
         }
+        for shading in shadings {
+            list.push(variant(shading.with(Features::SKY), false, bits));
+            list.push(variant(
+                shading.with(Features::SKY).with(Features::SHADOW).with(normal_map),
+                false,
+                bits,
+            ));
+        }
         let layered = Features::METALLIC_ROUGHNESS.with(coat).with(Features::SHADOW);
+        list.push(variant(layered.with(Features::SKY), false, bits));
         list.push(variant(layered, false, bits));
         list.push(variant(Features::METALLIC_ROUGHNESS.with(leaf).with(Features::SHADOW), false, bits));
     }
@@ -316,6 +325,7 @@ fn every_combination_compiles() {
     }
     let files = sources().files(&BACKGROUND).unwrap();
     parse(&files, &[]).unwrap();
+    parse(&sources().files(&SKY).unwrap(), &["SKY_BACKGROUND"]).unwrap();
 }
 
 /// Byte offsets of a WGSL struct's members and its size.
@@ -343,7 +353,8 @@ macro_rules! fields {
 
 #[test]
 fn layouts_equal_the_rust_structs() {
-    let all = Features((1 << 54) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
+    let all = Features((1 << 54) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0)
+        .with(Features::SKY);
     let on = switches(&SceneVariant {
         key: key(all),
         tint: true,
@@ -364,6 +375,8 @@ fn layouts_equal_the_rust_structs() {
         anisotropy_direction, anisotropy, iridescence, iridescence_thickness, iridescence_ior, pad, iors, pad_iors, uv);
     compare(&m, "Layers", size_of::<LayersUniform>(), layers);
     let lookup = fields!(ShadowUniform: texel_from_relative, inside, texel);
+    let sky = fields!(SkyUniform: harmonics, levels, turn, texel, right, down, ahead);
+    compare(&m, "Sky", size_of::<SkyUniform>(), sky);
     compare(&m, "ShadowView", size_of::<ShadowUniform>(), lookup);
     compare(&m, "UvTransform", size_of::<UvTransform>(), fields!(UvTransform: x, y));
     compare(&m, "Light", size_of::<PlanLight>(), fields!(PlanLight: position, direction, color, cone));

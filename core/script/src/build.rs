@@ -146,6 +146,11 @@ pub struct Build {
     pub cuts: Vec<(Time, usize, Place)>,
     pub lights: Vec<StageLight>,
     pub light_places: Vec<Place>,
+    pub sky: Option<Sky>,
+    /// Where `sky(…)` was called.
+    pub sky_at: Option<Place>,
+    /// The script says what ambient light there is.
+    pub ambient_given: bool,
     pub effects: Vec<EffectUse>,
     pub effect_places: Vec<Place>,
     pub loads: Vec<LoadDraft>,
@@ -453,6 +458,10 @@ impl Build {
 
     pub fn light(&mut self, id: usize) -> Result<&mut StageLight, ApiError> {
         self.lights.get_mut(id).ok_or_else(|| ApiError::new("this light is not on this stage"))
+    }
+
+    pub fn sky(&mut self) -> Result<&mut Sky, ApiError> {
+        self.sky.as_mut().ok_or_else(|| ApiError::new("this sky is not on this stage"))
     }
 
     pub fn effect(&mut self, id: usize) -> Result<&mut EffectUse, ApiError> {

@@ -10,7 +10,7 @@ use crate::lint::Places;
 use crate::motion::{Found, in_step, root};
 use choreo_motion::{Clip, Time};
 use choreo_stage::*;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, Vec3};
 use rhai::Engine;
 use std::sync::{Arc, PoisonError};
 
@@ -30,6 +30,10 @@ pub fn finish(
     {
         let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
         stage.settings = build.settings.clone();
+        stage.sky = build.sky.take();
+        if stage.sky.is_some() && !build.ambient_given {
+            (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::ZERO, Vec3::ZERO);
+        }
         crate::check::before(&build, &mut notes);
         places.remarks = crate::lint::remarks(&build);
         let clips_only = build.loads.iter().filter(|l| l.clips_only);

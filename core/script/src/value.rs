@@ -61,6 +61,10 @@ pub struct CameraRef(pub usize);
 #[derive(Clone, Copy, Debug)]
 pub struct LightRef(pub usize);
 
+/// Of the one sky of a stage.
+#[derive(Clone, Copy, Debug)]
+pub struct SkyRef(pub usize);
+
 #[derive(Clone, Debug)]
 pub struct EffectRef {
     pub id: usize,
@@ -98,6 +102,7 @@ pub enum Kind {
     Goal,
     Camera,
     Light,
+    Sky,
     Effect,
     Expect,
     Stage,
@@ -106,7 +111,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    pub const HANDLES: [Kind; 15] = [
+    pub const HANDLES: [Kind; 16] = [
         Kind::Asset,
         Kind::Image,
         Kind::Clip,
@@ -117,6 +122,7 @@ impl Kind {
         Kind::Goal,
         Kind::Camera,
         Kind::Light,
+        Kind::Sky,
         Kind::Effect,
         Kind::Expect,
         Kind::Stage,
@@ -137,6 +143,7 @@ impl Kind {
             Kind::Goal => "Goal",
             Kind::Camera => "Camera",
             Kind::Light => "Light",
+            Kind::Sky => "Sky",
             Kind::Effect => "Effect",
             Kind::Expect => "Expect",
             Kind::Stage => "Stage",

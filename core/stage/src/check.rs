@@ -28,6 +28,9 @@ impl Stage {
         for light in &self.lights {
             checker.light(light);
         }
+        if let Some(sky) = &self.sky {
+            checker.sky(sky);
+        }
         for effect in &self.effects {
             let place = format!("effect \"{}\"", effect.plugin);
             for (name, value) in &effect.parameters {
@@ -188,7 +191,8 @@ impl Checker<'_> {
                 | Property::Weight
                 | Property::Speed
                 | Property::ClipTime
-                | Property::Parameter => false,
+                | Property::Parameter
+                | Property::Turn => false,
             };
             self.channel(&place, channel, fits);
         }
@@ -350,6 +354,18 @@ impl Checker<'_> {
             self.index(&place, "camera", cut.camera, self.stage.cameras.len());
             let sorted = index == 0 || self.stage.cuts[index - 1].at <= cut.at;
             self.need(sorted, &place, || "comes before the cut before it; sort by time".to_string());
+        }
+    }
+
+    fn sky(&mut self, sky: &Sky) {
+        let Sky { panorama: _, turn, strength, background: _, channels } = sky;
+        self.need(turn.is_finite(), "sky", || "its turn is not finite".to_string());
+        self.need(strength.is_finite() && *strength >= 0.0, "sky", || {
+            format!("strength is {strength}, must be finite and ≥ 0")
+        });
+        for channel in channels {
+            let fits = matches!(channel.property, Property::Turn | Property::Intensity);
+            self.channel("sky", channel, fits);
         }
     }
 

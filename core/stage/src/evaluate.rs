@@ -190,6 +190,7 @@ fn evaluate(
     let ambient = (stage.settings.ambient_up, stage.settings.ambient_down);
     (out.ambient_up, out.ambient_down) = scratch.edits.ambient.unwrap_or(ambient);
     effects::evaluate(stage, &scratch.edits, time, camera, &mut out.effects);
+    out.sky = stage.sky.as_ref().map(|sky| sky.at(&scratch.edits, time));
     lights::evaluate(stage, &scratch.edits, time, &out.actors, &mut out.lights);
     out.camera = camera::evaluate(stage, framings, &scratch.edits, time, camera, &out.actors)?;
     Ok(())
@@ -276,7 +277,7 @@ fn run_hooks(
     edits.cameras.clear();
     edits.lights.clear();
     edits.effects.clear();
-    edits.ambient = None;
+    (edits.ambient, edits.sky) = (None, SkyEdit::default());
     for hook in &stage.hooks {
         hook.run(time, edits)?;
     }

@@ -1,4 +1,4 @@
-//! What shines: the stage's lights, those of files, or a sun where there is neither.
+//! What shines: the stage's lights, those of files, or a sun where there is neither, nor a sky.
 
 use crate::channels::{keyed, vec3};
 use crate::evaluate::world_from_attachment;
@@ -53,7 +53,7 @@ pub(crate) fn evaluate(
             out.extend(finite(shining, None, world_from_light.translation, direction));
         }
     }
-    if stage.lights.is_empty() && !any_in_files {
+    if stage.lights.is_empty() && stage.sky.is_none() && !any_in_files {
         out.push(default_sun());
     }
 }

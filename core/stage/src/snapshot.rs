@@ -1,6 +1,6 @@
 //! The stage at one time: what the renderer, `choreo pose` and tests look at.
 
-use crate::{Background, ChangedMaterial, EffectState, Light, Projection, Shadow};
+use crate::{Background, ChangedMaterial, EffectState, Light, Projection, Shadow, SkyState};
 use choreo_motion::{Skinning, Time};
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
 
@@ -12,6 +12,7 @@ pub struct Snapshot {
     pub camera: CameraState,
     /// World space, only those that shine (intensity > 0).
     pub lights: Vec<LightState>,
+    pub sky: Option<SkyState>,
     pub background: Background,
     /// Hemisphere light from above and below, linear.
     pub ambient_up: Vec3,

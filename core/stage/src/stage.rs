@@ -1,6 +1,8 @@
 //! The stage as a script leaves it: who is there, what plays when, from where it is seen.
 
-use crate::{ActorSprings, Asset, CueRoot, EffectEdit, EffectUse, Goal, Light, Projection, Walk, Warp};
+use crate::{
+    ActorSprings, Asset, CueRoot, EffectEdit, EffectUse, Goal, Light, Projection, Sky, SkyEdit, Walk, Warp,
+};
 pub use choreo_motion::ik::Limit;
 use choreo_motion::{Clip, FrameRate, Interpolation, PhaseFade, Time};
 pub use choreo_motion::{Ease, Repeat, Skinning};
@@ -16,6 +18,8 @@ pub struct Stage {
     /// Which camera is on from when; sorted by time. Before the first cut the first camera is on.
     pub cuts: Vec<Cut>,
     pub lights: Vec<StageLight>,
+    /// Light from all around; a stage with it and no light of its own has no default sun.
+    pub sky: Option<Sky>,
     pub effects: Vec<EffectUse>,
     /// Called in order for every frame, after keyed properties and before joint matrices are built.
     pub hooks: Vec<Arc<dyn FrameHook>>,
@@ -226,7 +230,7 @@ pub enum Property {
     },
     /// Camera: vertical field of view, radians.
     FieldOfView,
-    /// Light.
+    /// Light, sky.
     Intensity,
     Color,
     /// Of a cue.
@@ -237,6 +241,8 @@ pub enum Property {
     ClipTime,
     /// Of an effect: one of its numbers.
     Parameter,
+    /// Sky: radians about +Y.
+    Turn,
 }
 
 impl Property {
@@ -355,6 +361,7 @@ pub struct FrameEdits {
     pub lights: Vec<LightEdit>,
     pub effects: Vec<EffectEdit>,
     pub ambient: Option<(Vec3, Vec3)>,
+    pub sky: SkyEdit,
 }
 
 #[derive(Clone, Debug, PartialEq)]

@@ -1,5 +1,5 @@
 //! `cargo xtask report [NAME…]`: error against run time of the project's own numerical choices. Writes `tests/report/README.md`
-//! and a picture for each choice into `tests/report/plots/`. The truth is a closed form, f64 or more samples.
+//! and a picture for each choice into `tests/report/plots/`; with names, those sections alone. The truth is a closed form, f64 or more samples.
 //!
 //! A new choice: a file here with `pub fn section() -> Section`, and its line in `SECTIONS`.
 
@@ -15,6 +15,7 @@ mod rotation;
 mod samples;
 mod scenes;
 mod skinning;
+mod sky;
 mod springs;
 mod time;
 mod video;
@@ -40,7 +41,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 15] = [
+const SECTIONS: [(&str, Measure); 16] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -53,6 +54,7 @@ const SECTIONS: [(&str, Measure); 15] = [
     ("skinning", skinning::section),
     ("packing", packing::section),
     ("mipmaps", mipmaps::section),
+    ("sky", sky::section),
     ("samples", samples::section),
     ("yuv", yuv::section),
     ("video", video::section),
@@ -99,15 +101,32 @@ fn report(wanted: &[String]) -> Result<(), String> {
             section.tables.iter().for_each(|t| println!("{}", t.text()));
         }
     }
-    // A part of the report would replace the whole.
-    if wanted.is_empty() {
-        let path = folder().join("README.md");
-        std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
+    let path = folder().join("README.md");
+    if !wanted.is_empty() {
+        let page = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        text = with_sections(&page, &text);
     }
+    std::fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))?;
     match complaints.is_empty() {
         true => Ok(()),
         false => Err(complaints.join("\n")),
     }
+}
+
+/// The page with some sections made anew; what it lacks comes at its end.
+fn with_sections(page: &str, made: &str) -> String {
+    let mut page = page.to_string();
+    for section in made.split("\n## ").skip(1) {
+        let title = section.lines().next().unwrap_or_default();
+        let begin = page.find(&format!("\n## {title}\n"));
+        let Some(begin) = begin else {
+            page += &format!("\n## {}\n", section.trim_end());
+            continue;
+        };
+        let end = page[begin + 4..].find("\n## ").map_or(page.len(), |at| begin + 4 + at);
+        page.replace_range(begin..end, &format!("\n## {}\n", section.trim_end()));
+    }
+    page
 }
 
 const INTRODUCTION: &str = "\
@@ -217,6 +236,14 @@ mod tests {
         assert_eq!(off_front(&section), ["c: bad is not on the front, and nothing says why"]);
         section.off_front.push(("c", "it is the only one that works"));
         assert!(off_front(&section).is_empty());
+    }
+
+    #[test]
+    fn a_section_made_anew_takes_the_place_of_its_old_self() {
+        let page = "# A\n\n## one\n\n1\n\n## two\n\n2\n";
+        assert_eq!(with_sections(page, "# A\n\n## one\n\n11\n"), "# A\n\n## one\n\n11\n\n## two\n\n2\n");
+        assert_eq!(with_sections(page, "# A\n\n## two\n\n22\n"), "# A\n\n## one\n\n1\n\n## two\n\n22\n");
+        assert_eq!(with_sections(page, "# A\n\n## new\n\n3\n"), format!("{page}\n## new\n\n3\n"));
     }
 
     /// The committed page belongs to the sections there are.

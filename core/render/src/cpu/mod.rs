@@ -16,6 +16,7 @@ mod seen;
 mod setup;
 mod shade;
 mod shadow;
+mod sky;
 mod target;
 mod texture;
 mod tile;
@@ -26,6 +27,7 @@ use crate::catalog::{Catalog, CatalogMaterial};
 use crate::exposure::Accumulated;
 use crate::plan::{Draw, Features, Glass, OverlayPart, PipelineKey, Plan, TopologyKey};
 use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
+use crate::sky::{SkyMaps, SkyPicture};
 use choreo_plugin::{Effect, Frame, Hook};
 use choreo_stage::Background;
 use glam::{Mat4, Vec4};
@@ -52,7 +54,15 @@ pub struct CpuRenderer {
     catalog: Arc<Catalog>,
     materials: Vec<ShadeMaterial>,
     textures: HashMap<TextureKey, Arc<Texture>>,
+    /// Of the catalogue's sky, once a plan has shown it.
+    sky: Option<Sky>,
     submitted: VecDeque<Plan>,
+}
+
+#[derive(Default)]
+struct Sky {
+    maps: Option<Arc<SkyMaps>>,
+    picture: Option<SkyPicture>,
 }
 
 /// Content, whether sRGB, whether with mipmaps.
@@ -70,6 +80,7 @@ impl CpuRenderer {
             catalog: Arc::default(),
             materials: Vec::new(),
             textures: HashMap::new(),
+            sky: None,
             submitted: VecDeque::new(),
         }
     }
@@ -105,6 +116,19 @@ impl CpuRenderer {
 
     fn effect(&self, name: &str) -> Result<&Arc<dyn Effect>, RenderError> {
         picture::effect(&self.effects, name)
+    }
+
+    /// What of the sky the plan shows, where it was not made yet.
+    fn prepare_sky(&mut self, plan: &Plan) {
+        let (Some(shown), Some(panorama)) = (&plan.sky, &self.catalog.sky) else { return };
+        let sky = self.sky.get_or_insert_default();
+        let all = || std::iter::once(plan).chain(&plan.exposed).flat_map(|p| &p.draws);
+        if sky.maps.is_none() && all().any(|d| d.pipeline.features.has(Features::SKY)) {
+            sky.maps = Some(SkyMaps::of(panorama));
+        }
+        if sky.picture.is_none() && shown.background {
+            sky.picture = Some(SkyPicture::new(panorama, MAX_SIZE));
+        }
     }
 
     /// Of the effects on surfaces those of a draw, in order.
@@ -183,6 +207,7 @@ impl CpuRenderer {
                 Batch {
                     paint: Paint::Surface(Fragment {
                         plan,
+                        sky: self.sky.as_ref().and_then(|sky| sky.maps.as_deref()),
                         surface: self.surface(plan, draw.pipeline.surface),
                         shadows,
                         behind: None,
@@ -272,6 +297,9 @@ impl CpuRenderer {
         });
         let seen = &plan.view.clip_from_relative;
         let mut batches = self.batches(plan, &plan.draws, seen, plan.size, maps.as_ref(), &changed);
+        let seen = plan.sky.as_ref().filter(|sky| sky.background);
+        let picture = self.sky.as_ref().and_then(|sky| sky.picture.as_ref());
+        let backdrop = seen.zip(picture).map(|(sky, p)| sky::Backdrop::new(p, sky, &plan.view, plan.size));
         let glass_of = |b: &Batch| match &b.paint {
             Paint::Surface(fragment) => Some(fragment.glass),
             Paint::Overlay { .. } => None,
@@ -280,14 +308,14 @@ impl CpuRenderer {
         if let (Some(behind), Some(first)) = (plan.behind, batches.iter().position(refracting)) {
             // Drawn as far as it is seen through such glass; then all of it, from the beginning.
             let mut pixels = vec![Vec4::ZERO; out.len()];
-            bands::<T, Vec4, S>(plan, &batches[..first], &[], &mut pixels);
+            bands::<T, Vec4, S>(plan, &batches[..first], backdrop.as_ref(), &[], &mut pixels);
             let behind = Arc::new(Behind::new(pixels, plan.size, behind.levels));
             let glass = batches[first..].iter_mut().filter(|b| refracting(b));
             glass.for_each(|b| b.paint.sees_through(&behind));
         }
         // Over all glass, so after the copy that it shows.
         batches.extend(self.overlays(plan));
-        bands::<T, P, S>(plan, &batches, post, out);
+        bands::<T, P, S>(plan, &batches, backdrop.as_ref(), post, out);
         Ok(())
     }
 }
@@ -296,6 +324,7 @@ impl CpuRenderer {
 fn bands<T: Target, P: PixelOf, const S: usize>(
     plan: &Plan,
     batches: &[Batch],
+    backdrop: Option<&sky::Backdrop>,
     post: &[picture::Pass],
     out: &mut [P],
 ) {
@@ -338,6 +367,7 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
                     size: [(width - x).min(TILE_WIDTH as usize), pixels.len() / width],
                     picture: plan.size,
                     background,
+                    backdrop,
                     post,
                 };
                 tile.draw::<T, P, S>(buffers, &mut pixels[x..], width);
@@ -401,6 +431,9 @@ impl Renderer for CpuRenderer {
             })
             .collect();
         self.textures = keys.into_iter().zip(textures).collect();
+        if catalog.sky.as_ref().map(|s| s.hash()) != self.catalog.sky.as_ref().map(|s| s.hash()) {
+            self.sky = None;
+        }
         self.catalog = catalog;
         Ok(())
     }
@@ -420,6 +453,7 @@ impl Renderer for CpuRenderer {
             .pop_front()
             .ok_or_else(|| RenderError::Usage("no frame is submitted: nothing to collect".into()))?;
         let mut frame = reuse.unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
+        self.prepare_sky(&plan);
         [frame.width, frame.height] = plan.size;
         frame.rgba.resize(plan.size[0] as usize * plan.size[1] as usize * 4, 0);
         if !plan.exposed.is_empty() {

@@ -6,12 +6,14 @@ use super::lanes::{F4, V3, Weights};
 use super::layers::*;
 use super::refraction::Behind;
 use super::shadow::ShadowMaps;
+use super::sky::Around;
 use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
 use super::vertex::Vertex;
 use crate::catalog::{CatalogMaterial, CatalogTextureRef};
 use crate::gpu_types::{BASE_SLOTS, TEXTURE_SLOTS, TOON_SLOT, film_thickness};
 use crate::plan::{Features, Glass, Plan, PlanLight};
+use crate::sky::SkyMaps;
 use choreo_plugin::Effect;
 use choreo_stage::{AlphaMode, Primitive, Toon};
 use glam::{Affine2, Vec2, Vec3, Vec4};
@@ -31,6 +33,8 @@ pub struct Fragment<'a> {
     pub shadows: Option<&'a ShadowMaps>,
     /// The picture behind glass that bends light.
     pub behind: Option<Arc<Behind>>,
+    /// Where a sky shines.
+    pub sky: Option<&'a SkyMaps>,
     /// Effects on the surface, in order.
     pub surface: Vec<(Arc<dyn Effect>, [f32; 8])>,
     pub features: Features,
@@ -172,8 +176,8 @@ impl Fragment<'_> {
             occlusion = F4::ONE + (r - F4::ONE) * m.occlusion_strength;
         }
 
-        let (up, down) = (self.plan.ambient_up, self.plan.ambient_down);
-        let dark = up == Vec3::ZERO && down == Vec3::ZERO;
+        let around = self.around();
+        let dark = around.is_dark();
         let mut color;
         let mut over = Over::default();
         if f.has(Features::METALLIC_ROUGHNESS) {
@@ -189,7 +193,9 @@ impl Fragment<'_> {
             let mut s = surface_of(base, metallic, roughness, specular, specular_color);
             let nv = n.dot(v).clamp(0.001, 1.0);
             if let Some(l) = m.layers.as_deref().filter(|_| f.has(Features::LAYERS)) {
-                let sky = |way: V3| if dark { V3::splat(Vec3::ZERO) } else { ambient(up, down, way) };
+                let none = V3::splat(Vec3::ZERO);
+                let sky = |way: V3| if dark { none } else { around.diffuse(way) };
+                let mirror = |way: V3, rough: F4| if dark { none } else { around.mirrored(way, rough) };
                 let layer = |slot: usize, bit: Features| texture(BASE_SLOTS + slot, bit);
                 if f.has(Features::ANISOTROPY) {
                     let texel = layer(9, Features::ANISOTROPY_TEXTURE);
@@ -236,7 +242,7 @@ impl Fragment<'_> {
                         over.behind = through * self.refracted(relative, [n, v], l, depth, roughness);
                     } else {
                         let blurred = roughness * roughness;
-                        over.behind = through * sky(-v) * blurred;
+                        over.behind = through * mirror(-v, s.roughness) * blurred;
                         over.through = through * (F4::ONE - blurred);
                     }
                     s.diffuse = s.diffuse * (F4::ONE - transmission);
@@ -294,7 +300,7 @@ impl Fragment<'_> {
                     let roughness = roughness.max(F4::splat(0.045));
                     let nv = n.dot(v).clamp(0.001, 1.0);
                     over.coat_weight = weight * coat_fresnel(nv);
-                    over.coat = sky(n * (n.dot(v) * 2.0) - v) * occlusion;
+                    over.coat = mirror(n * (n.dot(v) * 2.0) - v, roughness) * occlusion;
                     self.lights(relative, [own_n, n], &mut over.coat, |l, nl| {
                         V3::splat(Vec3::ONE) * coat_lobe(roughness, n, v, l, nv, nl)
                     });
@@ -304,16 +310,17 @@ impl Fragment<'_> {
             if !dark {
                 let mirrored = over.mirror.unwrap_or_else(|| n * (n.dot(v) * 2.0) - v);
                 let f0 = over.sky_f0.unwrap_or(s.f0);
-                let reflected = ambient(up, down, mirrored) * ambient_specular(f0, s.f90, s.roughness, nv);
-                let behind = over.from_behind * ambient(up, down, -n);
-                color = (s.diffuse * ambient(up, down, n) + reflected + behind) * occlusion;
+                let specular = ambient_specular(f0, s.f90, s.roughness, nv);
+                let reflected = around.mirrored(mirrored, s.roughness) * specular;
+                let behind = over.from_behind * around.diffuse(-n);
+                color = (s.diffuse * around.diffuse(n) + reflected + behind) * occlusion;
             }
             self.lights(relative, [own_n, n], &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
             if f.has(Features::DIFFUSE_TRANSMISSION) {
                 self.lights(relative, [-own_n, -n], &mut color, |_, _| over.from_behind);
             }
         } else {
-            color = base * ambient(up, down, n) * occlusion;
+            color = base * around.diffuse(n) * occlusion;
             self.lights(relative, [own_n, n], &mut color, |l, _| {
                 reflect_light_blinn_phong(base, specular_color, m.shininess, n, v, l)
             });
@@ -376,7 +383,12 @@ impl Fragment<'_> {
             matcap,
             rim_mask: self.slot(quad, 3, Features::OCCLUSION_TEXTURE).map_or(one, rgb),
         };
-        surface.lit(self.plan, relative, n, v, |light, l| self.share(light, relative, own_n, l))
+        let around = self.around();
+        surface.lit(self.plan, &around, relative, [n, v], |light, l| self.share(light, relative, own_n, l))
+    }
+
+    fn around(&self) -> Around<'_> {
+        Around::new(self.plan, self.sky.filter(|_| self.features.has(Features::SKY)))
     }
 
     fn slot(&self, quad: &Quad, slot: usize, bit: Features) -> Option<[F4; 4]> {

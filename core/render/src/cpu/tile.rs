@@ -8,6 +8,7 @@ use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::refraction::Behind;
 use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
+use super::sky::Backdrop;
 use super::target::{PixelOf, Target};
 use super::vertex::Vertex;
 use crate::plan::{Glass, OverlayVertex};
@@ -97,6 +98,8 @@ pub struct Tile<'a, 'b> {
     pub picture: [u32; 2],
     /// Linear RGBA of each row.
     pub background: [Vec4; TILE_HEIGHT as usize],
+    /// In its place, a colour a pixel.
+    pub backdrop: Option<&'a Backdrop<'a>>,
     /// Functions of one pixel alone.
     pub post: &'a [Pass],
 }
@@ -109,7 +112,7 @@ impl Tile<'_, '_> {
         rows: &mut [P],
         stride: usize,
     ) {
-        if self.list.is_empty() && self.post.is_empty() {
+        if self.list.is_empty() && self.post.is_empty() && self.backdrop.is_none() {
             // Most of a usual picture: every sample of a row is the background.
             for (y, background) in self.background[..self.size[1]].iter().enumerate() {
                 rows[y * stride..y * stride + self.size[0]].fill(P::of(T::encode(*background)));
@@ -118,7 +121,16 @@ impl Tile<'_, '_> {
         }
         for (row, background) in self.background.iter().enumerate() {
             let first = row * TILE_WIDTH as usize * S;
-            b.color[first..first + TILE_WIDTH as usize * S].fill(T::encode(*background));
+            let colors = &mut b.color[first..first + TILE_WIDTH as usize * S];
+            match self.backdrop.filter(|_| row < self.size[1]) {
+                Some(backdrop) => {
+                    for (x, samples) in colors.chunks_exact_mut(S).take(self.size[0]).enumerate() {
+                        let pixel = backdrop.pixel(self.at[0] + x as i32, self.at[1] + row as i32);
+                        samples.fill(T::encode(pixel));
+                    }
+                }
+                None => colors.fill(T::encode(*background)),
+            }
         }
         if !self.list.is_empty() {
             b.depth.fill(0.0);

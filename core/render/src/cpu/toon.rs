@@ -1,7 +1,8 @@
 //! Twin of toon.wgsl and of what scene.wgsl does where the shading is toon: MToon (VRMC_materials_mtoon 1.0).
 
-use super::brdf::{ambient, incoming};
+use super::brdf::incoming;
 use super::lanes::{F4, V3};
+use super::sky::Around;
 use crate::plan::{Plan, PlanLight};
 use choreo_stage::Toon;
 
@@ -22,12 +23,17 @@ pub struct ToonSurface<'a> {
 impl ToonSurface<'_> {
     /// Colour without emission. `relative`: the place seen from the camera; `n` and `v` unit; `share`: of a light that
     /// shadows leave, by the direction to it.
-    pub fn lit(&self, plan: &Plan, relative: V3, n: V3, v: V3, share: impl Fn(&PlanLight, V3) -> F4) -> V3 {
+    pub fn lit(
+        &self,
+        plan: &Plan,
+        around: &Around,
+        relative: V3,
+        [n, v]: [V3; 2],
+        share: impl Fn(&PlanLight, V3) -> F4,
+    ) -> V3 {
         let t = self.toon;
-        let even = V3::splat((plan.ambient_up + plan.ambient_down) * 0.5);
         // All the light that there is, for the rim.
-        let mut lighting =
-            ambient(plan.ambient_up, plan.ambient_down, n).mix(even, F4::splat(t.gi_equalization));
+        let mut lighting = around.diffuse(n).mix(around.even(), F4::splat(t.gi_equalization));
         let mut color = self.base * lighting;
         for light in &plan.lights {
             let (l, strength) = incoming(light, relative);

@@ -7,7 +7,7 @@ use crate::gpu_types::{LayersUniform, TEXTURE_SLOTS, TOON_SLOT};
 use ash::vk;
 use std::collections::BTreeMap;
 
-/// Set 0: per frame. Set 1: morph offsets of a primitive. Set 2: shadow maps, the picture behind glass. Set 3: per material, last because its layout
+/// Set 0: per frame. Set 1: morph offsets of a primitive. Set 2: shadow maps, the picture behind glass, the sky. Set 3: per material, last because its layout
 /// differs with the textures that a shader reads and must disturb no other. Set 0 of a post pass.
 pub struct Layouts {
     pub frame: vk::DescriptorSetLayout,
@@ -76,6 +76,11 @@ impl Layouts {
                 (2, T::SAMPLER, fragment),
                 (3, T::SAMPLED_IMAGE, fragment),
                 (4, T::SAMPLER, fragment),
+                // The sky: numbers, maps, their sampler, the panorama itself.
+                (5, T::UNIFORM_BUFFER, fragment),
+                (6, T::SAMPLED_IMAGE, fragment),
+                (7, T::SAMPLER, fragment),
+                (8, T::SAMPLED_IMAGE, fragment),
             ];
             layouts.shadow = create(gpu, "shadow set layout", &shadow)?;
             layouts.post = create(gpu, "post set layout", &post)?;

@@ -47,7 +47,7 @@ impl Execution<'_> {
                 Command::BeginPass { target, clear, part, .. } => {
                     self.begin_scene(*target, *clear, *part);
                     self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
-                    if let Some(set) = &self.slot.seen_sets[self.targets.seen().set()] {
+                    if let Some((set, _)) = &self.slot.light_set {
                         self.bind_set(self.pipelines.layout, 2, set.raw);
                     }
                 }
@@ -83,7 +83,7 @@ impl Execution<'_> {
                         device.cmd_draw_indexed(commands, index_count, *instance_count, 0, 0, *first_instance)
                     };
                 }
-                Command::DrawBackground => {
+                Command::DrawBackground | Command::DrawSky => {
                     self.bind_pipeline(pipeline_of(i)?);
                     // SAFETY: the pipeline reads no vertices, and its one set is bound.
                     unsafe { device.cmd_draw(commands, 3, 1, 0, 0) };

@@ -18,6 +18,7 @@ mod pipelines;
 mod resources;
 mod room;
 mod shadow;
+mod sky;
 mod slot;
 mod state;
 mod steady;
@@ -380,7 +381,8 @@ impl VulkanRenderer {
             .and_then(|()| {
                 let slot = &mut self.slots[index];
                 let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
-                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, seen)
+                let sky = self.resources.sky.as_ref();
+                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, seen, sky)
             })
             .and_then(|()| {
                 let (slot, pools) = (&mut self.slots[index], &mut self.pools);

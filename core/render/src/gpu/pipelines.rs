@@ -11,7 +11,7 @@ use crate::RenderError;
 use crate::plan::{Features, Glass, TopologyKey};
 use crate::record::{Command, Recording, Target, texture_slots};
 use crate::shader::{
-    BACKGROUND, Entry, OVERLAY, SCENE, SceneVariant, ShaderSources, compile, surface_files, switches,
+    BACKGROUND, Entry, OVERLAY, SCENE, SKY, SceneVariant, ShaderSources, compile, surface_files, switches,
 };
 use crate::vertex::VertexLayout;
 use ash::vk;
@@ -35,6 +35,7 @@ pub enum Id {
         samples: u32,
         float: bool,
         depth: bool,
+        sky: bool,
     },
     /// `over`: not hidden by what is nearer.
     Overlay {
@@ -79,7 +80,8 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             let surface = on.map(|(bit, name)| (bit, name.clone())).collect();
             Some(Id::Scene { variant: *variant, samples, float, surface })
         }
-        Command::DrawBackground => Some(Id::Background { samples, float, depth }),
+        Command::DrawBackground => Some(Id::Background { samples, float, depth, sky: false }),
+        Command::DrawSky => Some(Id::Background { samples, float, depth, sky: true }),
         Command::DrawOverlay { over, .. } => Some(Id::Overlay { samples, float, over: *over }),
         Command::PostPass { effect, to, .. } => {
             Some(Id::Post { effect: effect.clone(), float: is_float(to) })
@@ -278,9 +280,11 @@ impl Pipelines {
                     },
                 )
             }
-            Id::Background { samples, float, depth } => {
-                let files = self.sources.files(&BACKGROUND)?;
-                let code = compile(&files, &[], &stages("background_vs", "background_fs"), false)?;
+            Id::Background { samples, float, depth, sky } => {
+                let files = self.sources.files(if *sky { &SKY } else { &BACKGROUND })?;
+                let (on, fs): (&[&str], _) =
+                    if *sky { (&["SKY_BACKGROUND"], "sky_fs") } else { (&[], "background_fs") };
+                let code = compile(&files, on, &stages("background_vs", fs), false)?;
                 self.build(
                     gpu,
                     &code,

@@ -4,6 +4,7 @@ use super::context::Context;
 use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
 use super::memory::{Buffer, Image, ImageDesc};
+use super::sky::SkyImages;
 use super::upload::Uploads;
 use crate::RenderError;
 use crate::catalog::{Catalog, CatalogPrimitive};
@@ -55,6 +56,7 @@ pub struct Resources {
     /// By content and which texture slots the shader reads.
     materials: HashMap<(Hash, u32), Material>,
     white: Option<Image>,
+    pub sky: Option<SkyImages>,
     pools: Pools,
     /// What has been made so far.
     pub work: Work,
@@ -121,6 +123,15 @@ impl Resources {
                 ))
             })?;
             self.prepare_mesh(gpu, layouts, entry, layout, morphs, uploads)?;
+        }
+        let reads = recording.reads();
+        if let Some(panorama) = catalog.sky.as_deref().filter(|_| reads.sky) {
+            let sky = match self.sky.take() {
+                Some(sky) => sky,
+                None => SkyImages::new(gpu, panorama)?,
+            };
+            let maps = reads.sky_maps;
+            self.sky.insert(sky).prepare(gpu, panorama, [maps, reads.sky_picture], uploads)?;
         }
         self.prepare_textures(gpu, catalog, &materials, uploads)?;
         for (material, slots) in materials {
@@ -373,6 +384,9 @@ impl Resources {
             }
             keep
         });
+        if let Some(mut sky) = self.sky.take_if(|sky| !sky.is_of(catalog.sky.as_deref())) {
+            sky.destroy(gpu);
+        }
         self.textures.retain(|key, image| {
             let keep = textures.contains(key);
             if !keep {

@@ -5,9 +5,12 @@ use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
 use super::memory::Buffer;
 use super::resources::Resources;
+use super::sky::SkyImages;
 use super::targets::Seen;
 use crate::Catalog;
-use crate::gpu_types::{FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform};
+use crate::gpu_types::{
+    FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform, SkyUniform,
+};
 use crate::plan::Rows;
 use crate::record::{Command, MAX_LIGHTS, Recording, UNIFORM_JOINTS};
 use crate::shadows::MAX_VIEWS;
@@ -24,8 +27,8 @@ pub struct Slot {
     pub frame_set: Set,
     /// As the frame's, seen from the light of each shadow map.
     pub view_sets: Vec<Set>,
-    /// By [`Seen::set`]: what is not there is not in the set, whatever was there in another frame.
-    pub seen_sets: [Option<Set>; 4],
+    /// Shadow maps, the picture behind glass and the sky, and which of them it was made for.
+    pub light_set: Option<(Set, [bool; 3])>,
     /// Of the frame's changed materials: where their uniforms lie, which of them with which textures, and their sets.
     changed_at: Vec<[u64; 2]>,
     changed: Vec<(u32, u32)>,
@@ -96,7 +99,7 @@ impl Slot {
             ring: None,
             frame_set,
             view_sets: Vec::new(),
-            seen_sets: [None; 4],
+            light_set: None,
             changed_at: Vec::new(),
             changed: Vec::new(),
             changed_sets: Vec::new(),
@@ -117,6 +120,7 @@ impl Slot {
         plan: &Plan,
         recording: &Recording,
         seen: Seen<'_>,
+        sky: Option<&SkyImages>,
     ) -> Result<(), RenderError> {
         let Some(Command::UploadFrameData { instances, joints, morphs, lights }) = recording.commands.first()
         else {
@@ -137,6 +141,9 @@ impl Slot {
         self.changed_at = plan.materials.iter().map(|_| of_material.map(|size| ranges.take(size))).collect();
         let lookups_range = if shadow.is_some() { MAX_VIEWS * size_of::<ShadowUniform>() } else { 0 } as u64;
         let lookups_at = ranges.take(lookups_range.max(16));
+        let sky = sky.filter(|_| reads.sky).zip(plan.sky.as_ref());
+        let sky_range = if sky.is_some() { size_of::<SkyUniform>() } else { 0 } as u64;
+        let sky_at = ranges.take(sky_range);
         let post_at: Vec<u64> =
             plan.post.iter().map(|_| ranges.take(size_of::<PostUniform>() as u64)).collect();
         let instance_bytes: &[u8] = bytemuck::cast_slice(&plan.instances[..*instances]);
@@ -209,6 +216,10 @@ impl Slot {
             put(surface_at + (i * size_of::<[f32; 8]>()) as u64, bytemuck::bytes_of(&used.parameters));
         }
         put(overlay_at, overlay_bytes);
+        if let Some((images, sky)) = &sky {
+            let maps = images.maps.as_ref().map(|(maps, _)| &**maps);
+            put(sky_at, bytemuck::bytes_of(&SkyUniform::new(sky, &plan.view, maps)));
+        }
         put(instances_at, instance_bytes);
         put(joints_at, joint_bytes);
         put(morphs_at, morph_bytes);
@@ -252,21 +263,33 @@ impl Slot {
                 write_buffer(gpu, set, 4, T::UNIFORM_BUFFER, raw, lights_at, lights_range);
             }
         }
-        if seen.set() != 0 {
-            let set = match self.seen_sets[seen.set()] {
-                Some(set) => set,
-                None => pools.allocate(gpu, layouts.shadow, "shadows and glass")?,
-            };
-            self.seen_sets[seen.set()] = Some(set);
-            // Every binding, as above: what is not there has the place of what is, and is not read.
-            let shadows = shadow.map(|t| (t.image.view, t.sampler));
-            let glass = seen.behind.map(|t| (t.image.view, t.sampler));
-            write_buffer(gpu, set.raw, 0, T::UNIFORM_BUFFER, raw, lookups_at, lookups_range.max(16));
-            for (binding, there) in [(1, shadows.or(glass)), (3, glass.or(shadows))] {
-                let Some((view, sampler)) = there else { continue };
+        // Made anew where another of them is there: lavapipe (22.3) follows what a bound set holds, read or not.
+        let has = [shadow.is_some(), seen.behind.is_some(), sky.is_some()];
+        if let Some((set, _)) = self.light_set.take_if(|(_, had)| *had != has) {
+            pools.free(gpu, set);
+        }
+        if self.light_set.is_none() && has != [false; 3] {
+            self.light_set = Some((pools.allocate(gpu, layouts.shadow, "shadows, glass and sky")?, has));
+        }
+        // Every binding, as above: what is not there has the place of what is, and is not read.
+        let shadows = shadow.map(|t| ([t.image.view; 2], t.sampler));
+        let glass = seen.behind.map(|t| ([t.image.view; 2], t.sampler));
+        let of_sky = sky.and_then(|(images, _)| Some((images.views()?, images.sampler)));
+        let any = shadows.or(glass).or(of_sky);
+        if let (Some((set, _)), Some(any)) = (self.light_set, any) {
+            let range = |bytes: u64, at: u64| if bytes > 0 { (at, bytes) } else { (0, 16) };
+            for (binding, (at, bytes)) in
+                [(0, range(lookups_range, lookups_at)), (5, range(sky_range, sky_at))]
+            {
+                write_buffer(gpu, set.raw, binding, T::UNIFORM_BUFFER, raw, at, bytes);
+            }
+            for (binding, there) in [(1, shadows), (3, glass), (6, of_sky)] {
+                let ([view, _], sampler) = there.unwrap_or(any);
                 write_image(gpu, set.raw, binding, T::SAMPLED_IMAGE, view, vk::Sampler::null());
                 write_image(gpu, set.raw, binding + 1, T::SAMPLER, vk::ImageView::null(), sampler);
             }
+            let ([_, picture], _) = of_sky.unwrap_or(any);
+            write_image(gpu, set.raw, 8, T::SAMPLED_IMAGE, picture, vk::Sampler::null());
         }
         while self.post_sets.len() < post_at.len() {
             self.post_sets.push(pools.allocate(gpu, layouts.post, "post set")?);

@@ -90,13 +90,6 @@ pub struct Seen<'a> {
     pub behind: Option<&'a BehindTarget>,
 }
 
-impl Seen<'_> {
-    /// Which of the sets that differ in what is there.
-    pub fn set(self) -> usize {
-        usize::from(self.shadow.is_some()) + 2 * usize::from(self.behind.is_some())
-    }
-}
-
 impl Targets {
     pub fn new(gpu: &Context, needs: Needs) -> Result<Targets, RenderError> {
         let image = |name: &str, format, usage, samples| {

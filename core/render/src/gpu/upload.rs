@@ -15,6 +15,8 @@ pub struct Uploads {
 struct ImageUpload {
     image: vk::Image,
     levels: Vec<vk::BufferImageCopy>,
+    /// Bytes of a texel.
+    texel: usize,
 }
 
 impl Uploads {
@@ -35,11 +37,13 @@ impl Uploads {
         self.buffers.push((to, at, bytes.len() as u64));
     }
 
-    /// (width, height, RGBA8) of each level, the largest first.
+    /// (width, height, bytes) of each level, the largest first.
     pub fn image<'a>(&mut self, to: vk::Image, levels: impl Iterator<Item = (u32, u32, &'a [u8])>) {
+        let mut texel = 4;
         let levels = levels
             .enumerate()
             .map(|(i, (width, height, bytes))| {
+                texel = bytes.len() / (width as usize * height as usize).max(1);
                 let at = self.append(bytes);
                 vk::BufferImageCopy::default()
                     .buffer_offset(at)
@@ -52,7 +56,7 @@ impl Uploads {
                     .image_extent(vk::Extent3D { width, height, depth: 1 })
             })
             .collect();
-        self.images.push(ImageUpload { image: to, levels });
+        self.images.push(ImageUpload { image: to, levels, texel });
     }
 
     /// The same in parts of at most `bytes` each, where no single buffer or image is larger.
@@ -67,7 +71,7 @@ impl Uploads {
             let sizes = image
                 .levels
                 .iter()
-                .map(|l| l.image_extent.width as usize * l.image_extent.height as usize * 4);
+                .map(|l| l.image_extent.width as usize * l.image_extent.height as usize * image.texel);
             open = open.closed_before(sizes.clone().sum(), bytes, &mut all);
             let levels = image.levels.iter().zip(sizes).map(|(level, size)| {
                 let at = level.buffer_offset as usize;

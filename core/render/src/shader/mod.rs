@@ -22,8 +22,9 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 12] = [
+const EMBEDDED: [(&str, &str); 13] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
+    ("sky.wgsl", include_str!("../../../../shaders/sky.wgsl")),
     ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
     ("toon.wgsl", include_str!("../../../../shaders/toon.wgsl")),
     ("layers.wgsl", include_str!("../../../../shaders/layers.wgsl")),
@@ -38,8 +39,9 @@ const EMBEDDED: [(&str, &str); 12] = [
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 9] = [
+pub const SCENE: [&str; 10] = [
     "frame.wgsl",
+    "sky.wgsl",
     "brdf.wgsl",
     "toon.wgsl",
     "vertex.wgsl",
@@ -51,6 +53,8 @@ pub const SCENE: [&str; 9] = [
 ];
 pub const OVERLAY: [&str; 2] = ["frame.wgsl", "overlay.wgsl"];
 pub const BACKGROUND: [&str; 2] = ["frame.wgsl", "background.wgsl"];
+/// With the switch `SKY_BACKGROUND`.
+pub const SKY: [&str; 3] = ["frame.wgsl", "background.wgsl", "sky.wgsl"];
 
 /// One file's text, before preprocessing.
 #[derive(Clone, Debug, PartialEq)]
@@ -123,7 +127,7 @@ pub struct SceneVariant {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 51] = [
+    let names: [(&'static str, Features); 52] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("SKIN_DUAL", Features::SKIN_DUAL),
@@ -146,6 +150,7 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("UV_TRANSFORM", Features::UV_TRANSFORM),
         ("LOCAL_LIGHTS", Features::LOCAL_LIGHTS),
         ("SHADOW", Features::SHADOW),
+        ("SKY", Features::SKY),
         ("LAYERS", Features::LAYERS),
         ("CLEARCOAT", Features::CLEARCOAT),
         ("CLEARCOAT_TEXTURE", Features::CLEARCOAT_TEXTURE),

@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 67] = [
+pub const SWITCHES: [&str; 69] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -36,6 +36,8 @@ pub const SWITCHES: [&str; 67] = [
     "LOCAL_LIGHTS",
     "SHADOW",
     "SHADOW_PASS",
+    "SKY",
+    "SKY_BACKGROUND",
     "LAYERS",
     "CLEARCOAT",
     "CLEARCOAT_TEXTURE",

@@ -44,6 +44,7 @@ impl Scene {
                 actors: Vec::new(),
                 camera,
                 lights: Vec::new(),
+                sky: None,
                 background: Background::Color(Vec4::new(0.0, 0.0, 0.0, 1.0)),
                 ambient_up: Vec3::ZERO,
                 ambient_down: Vec3::ZERO,

@@ -14,6 +14,7 @@ pub enum Owner<'a> {
     Actor(&'a Asset),
     Camera,
     Light,
+    Sky,
     /// A joint in a clip, named after the property.
     JointOfClip,
     Joint,
@@ -30,6 +31,7 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
         Owner::Actor(_) => &["position", "rotation", "scale", "visible", "tint", "morph", "expression"],
         Owner::Camera => &["position", "rotation", "fov"],
         Owner::Light => &["position", "intensity", "color"],
+        Owner::Sky => &["turn", "strength"],
         Owner::JointOfClip | Owner::Joint => &["position", "rotation", "scale"],
     };
     let name = one_of(&c.value(0), "key: property", allowed)?;
@@ -83,6 +85,11 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
                 }
             })?,
         )?,
+        "strength" => one(Property::Intensity, values(&|v, l| Ok(vec![number_in(v, l, 0.0, 1000.0)?]))?)?,
+        "turn" => {
+            let radians = |v: &Dynamic, l: &str| Ok(vec![number_in(v, l, -1e6, 1e6)?.to_radians()]);
+            one(Property::Turn, values(&radians)?)?
+        }
         // A visible thing appears at its key, whatever `how` says.
         "visible" => {
             let on = values(&|v, l| {

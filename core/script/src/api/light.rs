@@ -213,6 +213,7 @@ fn ambient(c: &mut Call) -> Reply {
     }
     let mut build = c.build();
     (build.settings.ambient_up, build.settings.ambient_down) = (up, down);
+    build.ambient_given = true;
     Ok(Dynamic::UNIT)
 }
 

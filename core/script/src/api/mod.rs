@@ -18,6 +18,7 @@ pub mod light;
 pub mod look;
 pub mod made;
 pub mod maths;
+pub mod sky;
 pub mod stage;
 mod swing;
 pub mod test;
@@ -40,7 +41,7 @@ pub const TABLES: &[(&str, &[&[Def]])] = &[
     ("Root motion and paths", &[travel::DEFS]),
     ("Together: markers, groups, sequences", &[together::DEFS]),
     ("Cameras", &[camera::DEFS]),
-    ("Lights", &[light::DEFS]),
+    ("Lights", &[light::DEFS, sky::DEFS]),
     ("Effects", &[effect::DEFS]),
     ("Tests: sections", &[test::DEFS]),
     ("Tests: what is looked at", &[expect::DEFS]),

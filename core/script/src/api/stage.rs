@@ -105,8 +105,9 @@ fn stage(c: &mut Call) -> Reply {
     if let Some(background) = o.get("background") {
         s.background = read_background(&background)?;
     }
-    if let Some(ambient) = o.get("ambient") {
-        (s.ambient_up, s.ambient_down) = super::light::read_ambient(&ambient, "stage: ambient")?;
+    let ambient = o.get("ambient");
+    if let Some(ambient) = &ambient {
+        (s.ambient_up, s.ambient_down) = super::light::read_ambient(ambient, "stage: ambient")?;
     }
     if let Some(samples) = o.number("samples")? {
         if samples != 1.0 && samples != 4.0 {
@@ -125,6 +126,7 @@ fn stage(c: &mut Call) -> Reply {
     let place = c.place.clone();
     let mut build = c.build();
     build.settings = s;
+    build.ambient_given |= ambient.is_some();
     build.settings_at = Some(place);
     Ok(Dynamic::from(this))
 }

@@ -15,7 +15,7 @@ impl Stage {
         let mut clips: BTreeMap<usize, ContentHash> = BTreeMap::new();
         let mut masks: BTreeMap<usize, ContentHash> = BTreeMap::new();
         hash_of(|w| {
-            let Stage { settings, actors, cameras, cuts, lights, effects, hooks, warnings: _ } = self;
+            let Stage { settings, actors, cameras, cuts, lights, sky, effects, hooks, warnings: _ } = self;
             w.settings(settings);
             w.list(actors, |w, actor| {
                 let Actor {
@@ -117,6 +117,14 @@ impl Stage {
                 w.option(&light.parent, |w, parent| w.attachment(parent));
                 w.list(&light.channels, |w, channel| w.channel(channel));
             });
+            w.option(sky, |w, sky| {
+                let Sky { panorama, turn, strength, background, channels } = sky;
+                w.bytes(&panorama.hash());
+                w.f64(*turn);
+                w.f32(*strength);
+                w.flag(*background);
+                w.list(channels, |w, channel| w.channel(channel));
+            });
             w.list(effects, |w, effect| {
                 w.text(&effect.plugin);
                 w.list(&effect.parameters, |w, (name, value)| {
@@ -153,7 +161,7 @@ impl Snapshot {
     /// Every bit of it: two evaluations of one stage at one time must agree, wherever they ran.
     pub fn content_hash(&self) -> ContentHash {
         hash_of(|w| {
-            let Snapshot { time, actors, camera, lights, background, ambient_up, ambient_down, effects } =
+            let Snapshot { time, actors, camera, lights, sky, background, ambient_up, ambient_down, effects } =
                 self;
             w.time(*time);
             w.list(actors, |w, actor| {
@@ -187,6 +195,13 @@ impl Snapshot {
                 w.dvec3(light.position);
                 w.vec3(light.direction);
                 w.shadow(&light.shadow);
+            });
+            w.option(sky, |w, sky| {
+                let SkyState { panorama, turn, strength, background } = sky;
+                w.bytes(&panorama.hash());
+                w.f64(*turn);
+                w.f32(*strength);
+                w.flag(*background);
             });
             w.background(background);
             w.vec3(*ambient_up);
@@ -355,6 +370,7 @@ impl Writer {
             Property::Speed => self.tag(11),
             Property::ClipTime => self.tag(12),
             Property::Parameter => self.tag(13),
+            Property::Turn => self.tag(14),
         }
         self.interpolation(channel.interpolation);
         self.list(&channel.times, |w, t| w.time(*t));

@@ -169,6 +169,7 @@ fn property_name(property: Property) -> &'static str {
         Property::Speed => "the speed",
         Property::ClipTime => "the clip time",
         Property::Parameter => "a parameter",
+        Property::Turn => "the turn",
     }
 }
 

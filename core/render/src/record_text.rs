@@ -1,0 +1,51 @@
+//! A recording as text, a line a command.
+
+use crate::record::{Command, Recording};
+use std::fmt;
+
+impl fmt::Display for Recording {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}×{}", self.size[0], self.size[1])?;
+        for command in &self.commands {
+            match command {
+                Command::UploadFrameData { instances, joints, morphs, lights } => writeln!(
+                    f,
+                    "upload {instances} instances, {joints} joints, {morphs} morphs, {lights} lights"
+                )?,
+                Command::BeginShadows { size: [w, h], .. } => writeln!(f, "begin shadow maps {w}×{h}")?,
+                Command::ShadowView { index, at, size: [w, h] } => {
+                    writeln!(f, "  view {index}: {w}×{h} at {at:?}")?
+                }
+                Command::CopyBackground => writeln!(f, "copy background")?,
+                Command::DrawSky => writeln!(f, "  draw sky")?,
+                Command::SetCull(cull) => writeln!(f, "  cull {cull:?}")?,
+                Command::BeginPass { target, samples, clear, depth, .. } => {
+                    let clear = clear.map_or("load".into(), |c| format!("clear {c}"));
+                    let depth = if *depth { ", depth" } else { "" };
+                    writeln!(f, "begin {target:?}, {samples} samples, {clear}{depth}")?
+                }
+                Command::BindPipeline(v) => {
+                    writeln!(f, "  pipeline {:?} {}", v.key.topology, crate::shader::switches(v).join(" "))?
+                }
+                Command::BindMaterial { material, .. } => writeln!(f, "  material {material}")?,
+                Command::BindMesh { primitive, morphs, .. } => {
+                    writeln!(f, "  mesh {primitive}{}", if *morphs { ", morphs" } else { "" })?
+                }
+                Command::Draw { first_instance, instance_count } => {
+                    writeln!(f, "  draw {instance_count} from {first_instance}")?
+                }
+                Command::CopyBehind { levels, .. } => writeln!(f, "copy behind glass, {levels} levels")?,
+                Command::DrawBackground => writeln!(f, "  background")?,
+                Command::EndPass => writeln!(f, "end")?,
+                Command::PostPass { effect, from, to, .. } => writeln!(f, "post {effect} {from:?} → {to:?}")?,
+                Command::DrawOverlay { effect, over, count, .. } => {
+                    let over = if *over { ", over everything" } else { "" };
+                    writeln!(f, "  {} triangles of {effect}{over}", count / 3)?
+                }
+                Command::ReadBack => writeln!(f, "read back")?,
+                Command::ReadBackLinear => writeln!(f, "read back linear")?,
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,217 @@
+//! A sky as light, made once of a panorama on the CPU and read by both renderers alike: spherical harmonics for what is
+//! diffuse, an atlas of ever blurrier octahedra for what is mirrored.
+
+pub mod harmonics;
+pub mod octahedral;
+pub mod prefilter;
+
+use choreo_stage::Panorama;
+use glam::{Vec2, Vec3};
+use half::f16;
+use harmonics::Harmonics;
+use octahedral::Octahedron;
+use rayon::prelude::*;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// Most levels that shaders know.
+pub const MAX_LEVELS: usize = 8;
+
+/// How much work goes into the maps; chosen by `tests/report`, "Image-based light".
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SkyOptions {
+    /// Texels a side of the sharpest octahedron, a power of two.
+    pub size: u32,
+    /// At even steps of roughness from 0 to 1; each half as large as the one before, down to `smallest`.
+    pub levels: usize,
+    pub smallest: u32,
+    /// Of the lobe, for each texel.
+    pub samples: u32,
+}
+
+impl Default for SkyOptions {
+    fn default() -> SkyOptions {
+        SkyOptions { size: 256, levels: 6, smallest: 32, samples: 64 }
+    }
+}
+
+/// Where a level lies in the atlas: its first texel inside the border, and texels a side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Level {
+    pub at: [u32; 2],
+    pub size: u32,
+}
+
+/// What both renderers read.
+#[derive(Clone, Debug)]
+pub struct SkyMaps {
+    pub harmonics: Harmonics,
+    pub levels: Vec<Level>,
+    /// Of the atlas.
+    pub size: [u32; 2],
+    /// RGBA, 16-bit floats, rows of the atlas. Each level has a border of one texel, so that filters reach over its edges.
+    pub texels: Vec<[f16; 4]>,
+}
+
+impl SkyMaps {
+    pub fn new(panorama: &Panorama, options: &SkyOptions) -> SkyMaps {
+        // As fine as the panorama: its height is half a turn, a side of the octahedron about as much.
+        let fine = panorama.size()[1].next_power_of_two().clamp(16, 1024).max(options.size);
+        let pyramid = prefilter::pyramid(prefilter::base(panorama, fine));
+        let harmonics = harmonics::harmonics(pyramid.iter().find(|l| l.size <= 256).unwrap_or(&pyramid[0]));
+        let count = options.levels.clamp(2, MAX_LEVELS);
+        let maps: Vec<Octahedron> = (0..count)
+            .map(|i| {
+                let roughness = i as f32 / (count - 1) as f32;
+                let size = (options.size >> i).max(options.smallest).min(options.size);
+                prefilter::level(&pyramid, roughness, size, options.samples)
+            })
+            .collect();
+        // The sharpest at the left, the others below each other at its right.
+        let mut levels = Vec::with_capacity(count);
+        let (mut x, mut y) = (1, 1);
+        for (i, map) in maps.iter().enumerate() {
+            levels.push(Level { at: [x, y], size: map.size });
+            (x, y) = if i == 0 { (map.size + 3, 1) } else { (x, y + map.size + 2) };
+        }
+        let width = levels.iter().map(|l| l.at[0] + l.size + 1).max().unwrap_or(0);
+        let height = levels.iter().map(|l| l.at[1] + l.size + 1).max().unwrap_or(0);
+        let mut texels = vec![[f16::ZERO; 4]; (width * height) as usize];
+        for (level, map) in levels.iter().zip(&maps) {
+            let side = map.size as i32;
+            for y in -1..=side {
+                let row = (level.at[1] as i32 + y) as usize * width as usize;
+                for x in -1..=side {
+                    let color = map.texel(x, y).min(Vec3::splat(Panorama::BRIGHTEST));
+                    let [r, g, b] = color.to_array().map(f16::from_f32);
+                    texels[row + (level.at[0] as i32 + x) as usize] = [r, g, b, f16::ONE];
+                }
+            }
+        }
+        SkyMaps { harmonics, levels, size: [width, height], texels }
+    }
+
+    /// Those of a panorama: made where they are first asked for, kept for the panoramas used last.
+    pub fn of(panorama: &Panorama) -> Arc<SkyMaps> {
+        type Kept = Vec<([u8; 32], Arc<OnceLock<Arc<SkyMaps>>>)>;
+        static KEPT: Mutex<Kept> = Mutex::new(Vec::new());
+        const MOST: usize = 4;
+        let slot = {
+            let mut kept = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
+            let known = kept.iter().position(|(hash, _)| *hash == panorama.hash());
+            let entry = known.map(|at| kept.remove(at)).unwrap_or((panorama.hash(), Arc::default()));
+            kept.insert(0, entry.clone());
+            kept.truncate(MOST);
+            entry.1
+        };
+        // Outside the lock: another panorama's maps are made meanwhile.
+        slot.get_or_init(|| Arc::new(SkyMaps::new(panorama, &SkyOptions::default()))).clone()
+    }
+
+    pub fn texel(&self, x: usize, y: usize) -> Vec3 {
+        let [r, g, b, _] = self.texels[y * self.size[0] as usize + x].map(f16::to_f32);
+        Vec3::new(r, g, b)
+    }
+
+    /// What a mirror as rough as this shows in a direction: between the texels of the two nearest levels.
+    pub fn mirrored(&self, way: Vec3, roughness: f32) -> Vec3 {
+        let sum = way.x.abs() + way.y.abs() + way.z.abs();
+        if !(sum.is_finite() && sum > 0.0) {
+            return Vec3::ZERO;
+        }
+        let place = octahedral::octahedral(way);
+        let last = self.levels.len() - 1;
+        // NaN is sharp.
+        let level = roughness.max(0.0).min(1.0) * last as f32;
+        let low = level as usize;
+        let sharp = self.sample(place, low);
+        let rough = self.sample(place, (low + 1).min(last));
+        let t = level - low as f32;
+        sharp * (1.0 - t) + rough * t
+    }
+
+    fn sample(&self, place: Vec2, level: usize) -> Vec3 {
+        let level = &self.levels[level];
+        let first = Vec2::new(level.at[0] as f32, level.at[1] as f32);
+        let at = first + place * level.size as f32 - 0.5;
+        let (low, t) = (at.floor(), at - at.floor());
+        // Inside the border of one texel on each side.
+        let (x, y) = (low.x as usize, low.y as usize);
+        let row = |y| self.texel(x, y) * (1.0 - t.x) + self.texel(x + 1, y) * t.x;
+        row(y) * (1.0 - t.y) + row(y + 1) * t.y
+    }
+}
+
+/// The panorama itself as 16-bit floats, for what is seen behind everything; coarser where a device takes no such width.
+#[derive(Clone, Debug)]
+pub struct SkyPicture {
+    pub size: [u32; 2],
+    pub texels: Vec<[f16; 4]>,
+}
+
+impl SkyPicture {
+    pub fn new(panorama: &Panorama, most: u32) -> SkyPicture {
+        let [width, height] = panorama.size();
+        let step = width.max(height).div_ceil(most.max(1)).max(1);
+        let size = [width.div_ceil(step), height.div_ceil(step)];
+        let texels = (0..size[1])
+            .into_par_iter()
+            .flat_map_iter(|y| (0..size[0]).map(move |x| (x, y)))
+            .map(|(x, y)| {
+                let each = (0..step * step).map(|i| (x * step + i % step, y * step + i / step));
+                let sum = each.fold(Vec3::ZERO, |s, (x, y)| s + panorama.texel(x.into(), y.into()));
+                let [r, g, b] = (sum / (step * step) as f32).to_array().map(f16::from_f32);
+                [r, g, b, f16::ONE]
+            })
+            .collect();
+        SkyPicture { size, texels }
+    }
+
+    pub fn texel(&self, x: i64, y: i64) -> Vec3 {
+        let x = x.rem_euclid(i64::from(self.size[0])) as usize;
+        let y = y.clamp(0, i64::from(self.size[1]) - 1) as usize;
+        let [r, g, b, _] = self.texels[y * self.size[0] as usize + x].map(f16::to_f32);
+        Vec3::new(r, g, b)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_white_sky_is_white_at_every_roughness() {
+        let white = Panorama::new("white", 32, 16, vec![1.0; 3 * 32 * 16]).unwrap();
+        let maps = SkyMaps::new(&white, &SkyOptions { size: 32, ..SkyOptions::default() });
+        for level in &maps.levels {
+            for y in 0..level.size + 2 {
+                for x in 0..level.size + 2 {
+                    let at = |a: u32, b: u32| (a + b - 1) as usize;
+                    let off = (maps.texel(at(level.at[0], x), at(level.at[1], y)) - 1.0).abs().max_element();
+                    assert!(off < 1e-3, "{level:?} {x} {y}: {off}");
+                }
+            }
+        }
+    }
+
+    /// Light is neither made nor lost: the mean over all directions stays that of the sky.
+    #[test]
+    fn blurring_keeps_the_light() {
+        let studio = Panorama::studio();
+        let maps = SkyMaps::new(&studio, &SkyOptions::default());
+        let mean = |level: &Level| {
+            let mut sum = glam::DVec3::ZERO;
+            for y in 0..level.size {
+                for x in 0..level.size {
+                    let texel = maps.texel((level.at[0] + x) as usize, (level.at[1] + y) as usize);
+                    sum += texel.as_dvec3() * octahedral::solid_angle(level.size, x, y);
+                }
+            }
+            sum / (4.0 * std::f64::consts::PI)
+        };
+        let sharp = mean(&maps.levels[0]);
+        for level in &maps.levels[1..] {
+            let off = (mean(level) / sharp - 1.0).abs().max_element();
+            assert!(off < 0.02, "{level:?}: {off}");
+        }
+    }
+}

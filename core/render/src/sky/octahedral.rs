@@ -1,0 +1,144 @@
+//! The sphere of directions as a square: an octahedron unfolded (Engelhardt & Dachsbacher, "Octahedron Environment Maps", 2008).
+//! No trigonometry, and texels of nearly equal size.
+
+use glam::{Vec2, Vec3};
+
+/// A unit vector's place in the square, 0 to 1; +Y is the middle, −Y the corners.
+pub fn octahedral(way: Vec3) -> Vec2 {
+    let sum = way.x.abs() + way.y.abs() + way.z.abs();
+    let p = Vec2::new(way.x, way.z) / sum;
+    let folded = Vec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y));
+    (if way.y >= 0.0 { p } else { folded }) * 0.5 + 0.5
+}
+
+/// The unit vector of a place in the square.
+pub fn direction(place: Vec2) -> Vec3 {
+    let p = place * 2.0 - 1.0;
+    let y = 1.0 - p.x.abs() - p.y.abs();
+    let folded = Vec2::new((1.0 - p.y.abs()) * sign(p.x), (1.0 - p.x.abs()) * sign(p.y));
+    let p = if y >= 0.0 { p } else { folded };
+    Vec3::new(p.x, y, p.y).normalize()
+}
+
+/// ±1; 0 counts as positive.
+fn sign(v: f32) -> f32 {
+    if v >= 0.0 { 1.0 } else { -1.0 }
+}
+
+/// Colours by direction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Octahedron {
+    /// Texels a side.
+    pub size: u32,
+    pub texels: Vec<Vec3>,
+}
+
+impl Octahedron {
+    /// One texel after the other, by the direction of its middle.
+    pub fn from_fn(size: u32, color: impl Fn(u32, u32, Vec3) -> Vec3 + Sync) -> Octahedron {
+        use rayon::prelude::*;
+        let row = |y: u32| (0..size).map(move |x| (x, y));
+        let texels = (0..size)
+            .into_par_iter()
+            .flat_map_iter(row)
+            .map(|(x, y)| color(x, y, Octahedron::middle(size, x, y)))
+            .collect();
+        Octahedron { size, texels }
+    }
+
+    pub fn middle(size: u32, x: u32, y: u32) -> Vec3 {
+        direction((Vec2::new(x as f32, y as f32) + 0.5) / size as f32)
+    }
+
+    /// Up to one texel outside: over an edge the square goes on at the same edge, mirrored about its middle.
+    pub fn texel(&self, x: i32, y: i32) -> Vec3 {
+        let last = self.size as i32 - 1;
+        let (mut x, mut y) = (x, y);
+        if x < 0 || x > last {
+            (x, y) = (x.clamp(0, last), last - y);
+        }
+        if y < 0 || y > last {
+            (x, y) = (last - x, y.clamp(0, last));
+        }
+        let (x, y) = (x.clamp(0, last), y.clamp(0, last));
+        self.texels[(y as u32 * self.size + x as u32) as usize]
+    }
+
+    /// Between the four nearest texels.
+    pub fn sample(&self, way: Vec3) -> Vec3 {
+        let at = octahedral(way) * self.size as f32 - 0.5;
+        let (low, t) = (at.floor(), at - at.floor());
+        let (x, y) = (low.x as i32, low.y as i32);
+        let row = |y| self.texel(x, y) * (1.0 - t.x) + self.texel(x + 1, y) * t.x;
+        row(y) * (1.0 - t.y) + row(y + 1) * t.y
+    }
+
+    /// Half as large, each texel the mean of four by their solid angles.
+    pub fn halved(&self) -> Octahedron {
+        let solid = |x, y| solid_angle(self.size, x, y) as f32;
+        Octahedron::from_fn(self.size / 2, |x, y, _| {
+            let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| (2 * x + i, 2 * y + j));
+            let all: f32 = four.iter().map(|(x, y)| solid(*x, *y)).sum();
+            let sum = four.iter().fold(Vec3::ZERO, |sum, (x, y)| {
+                sum + self.texels[(y * self.size + x) as usize] * solid(*x, *y)
+            });
+            sum / all
+        })
+    }
+}
+
+/// Steradians of a texel, to second order in its size: the octahedron's faces lie 1/√3 from the middle, so that a piece of
+/// area a at a distance d is seen as a / (√3 d³).
+pub fn solid_angle(size: u32, x: u32, y: u32) -> f64 {
+    let p = [x, y].map(|v| (f64::from(v) + 0.5) / f64::from(size) * 2.0 - 1.0);
+    let height = 1.0 - p[0].abs() - p[1].abs();
+    let (a, b) = if height >= 0.0 { (p[0], p[1]) } else { (1.0 - p[1].abs(), 1.0 - p[0].abs()) };
+    let d2 = a * a + b * b + height * height;
+    // Of area 4 of the square the faces make 4√3.
+    let side = 2.0 / f64::from(size);
+    side * side / (d2 * d2.sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_come_back() {
+        for x in 0..33u32 {
+            for y in 0..33u32 {
+                let place = Vec2::new(x as f32, y as f32) / 33.0 + 0.01;
+                let back = octahedral(direction(place));
+                assert!((back - place).abs().max_element() < 1e-5, "{place} {back}");
+            }
+        }
+    }
+
+    #[test]
+    fn solid_angles_are_a_sphere() {
+        let sum = |size: u32| -> f64 {
+            (0..size).flat_map(|y| (0..size).map(move |x| (x, y))).map(|(x, y)| solid_angle(size, x, y)).sum()
+        };
+        let off = (sum(64) - 4.0 * std::f64::consts::PI).abs();
+        assert!(off < 1e-3, "{off}");
+        // Second order: a quarter of the error at half the size.
+        let off2 = (sum(128) - 4.0 * std::f64::consts::PI).abs();
+        assert!(off2 < off * 0.3, "{off} {off2}");
+    }
+
+    #[test]
+    fn edges_meet() {
+        // A smooth function of the direction is sampled as well across an edge as inside.
+        let smooth = |way: Vec3| Vec3::new(way.x, way.y, way.z) + 1.0;
+        let map = Octahedron::from_fn(64, |_, _, way| smooth(way));
+        for i in 0..1000 {
+            let a = i as f32 * 0.1234;
+            let down = -0.95 + 0.0019 * i as f32;
+            let flat = (1.0 - down * down).max(0.0).sqrt();
+            let way = Vec3::new(libm::cosf(a) * flat, down, libm::sinf(a) * flat).normalize();
+            let off = (map.sample(way) - smooth(way)).abs().max_element();
+            // A kink at each edge of the octahedron, of a texel's width; a wrong neighbour is off by 0.1 and more.
+            assert!(off < 0.025, "{way}: {off}");
+        }
+    }
+}

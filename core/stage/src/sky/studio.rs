@@ -1,0 +1,111 @@
+//! A photographer's studio made of numbers: soft boxes before a wall of greys.
+
+use super::Panorama;
+use glam::{DVec3, Vec3};
+use std::sync::{Arc, OnceLock};
+
+/// A glowing rectangle seen from the middle of the room: where it is, how large, how bright.
+struct SoftBox {
+    /// Degrees: to the left of looking along −Z, as an azimuth counter-clockwise from above, and up.
+    azimuth: f64,
+    elevation: f64,
+    /// Half width and half height, degrees.
+    half: [f64; 2],
+    radiance: f64,
+    color: Vec3,
+}
+
+/// Who is lit faces +Z (azimuth 180): a large warm key before and left of a camera there, a cool fill on the other side, two
+/// strips behind for the rims, and a sheet overhead.
+const BOXES: [SoftBox; 5] = [
+    SoftBox {
+        azimuth: 138.0,
+        elevation: 38.0,
+        half: [24.0, 19.0],
+        radiance: 6.0,
+        color: Vec3::new(1.0, 0.95, 0.88),
+    },
+    SoftBox {
+        azimuth: 242.0,
+        elevation: 18.0,
+        half: [17.0, 27.0],
+        radiance: 2.2,
+        color: Vec3::new(0.86, 0.93, 1.0),
+    },
+    SoftBox {
+        azimuth: 318.0,
+        elevation: 24.0,
+        half: [6.0, 34.0],
+        radiance: 6.0,
+        color: Vec3::new(0.92, 0.96, 1.0),
+    },
+    SoftBox {
+        azimuth: 40.0,
+        elevation: 24.0,
+        half: [6.0, 34.0],
+        radiance: 5.0,
+        color: Vec3::new(1.0, 0.97, 0.93),
+    },
+    SoftBox { azimuth: 180.0, elevation: 82.0, half: [26.0, 14.0], radiance: 1.6, color: Vec3::ONE },
+];
+
+/// How far the edge of a box is blurred, degrees.
+const EDGE: f64 = 3.0;
+
+fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
+    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// Unit; azimuth counter-clockwise from above, 0 along −Z.
+fn direction(azimuth: f64, elevation: f64) -> DVec3 {
+    let (a, e) = (azimuth.to_radians(), elevation.to_radians());
+    DVec3::new(-libm::sin(a) * libm::cos(e), libm::sin(e), -libm::cos(a) * libm::cos(e))
+}
+
+/// Walls and ceiling: dark floor, a bright horizon, grey above.
+fn room(up: f64) -> Vec3 {
+    let floor = 0.12 + 0.10 * smoothstep(-1.0, -0.1, up);
+    let wall = 0.38 - 0.20 * smoothstep(0.05, 0.9, up);
+    let grey = floor + (wall - floor) * smoothstep(-0.08, 0.08, up);
+    Vec3::new(0.98, 0.99, 1.02) * grey as f32
+}
+
+fn radiance(way: DVec3) -> Vec3 {
+    let mut light = room(way.y);
+    for lamp in &BOXES {
+        let middle = direction(lamp.azimuth, lamp.elevation);
+        let ahead = way.dot(middle);
+        if ahead <= 0.0 {
+            continue;
+        }
+        // On the plane that the box lies in.
+        let across = middle.cross(DVec3::Y).normalize_or(DVec3::X);
+        let upward = across.cross(middle);
+        let degrees = |axis: DVec3| libm::atan(way.dot(axis) / ahead).to_degrees().abs();
+        let inside = |axis, half: f64| 1.0 - smoothstep(half - EDGE, half + EDGE, degrees(axis));
+        let share = inside(across, lamp.half[0]) * inside(upward, lamp.half[1]);
+        light += lamp.color * (lamp.radiance * share) as f32;
+    }
+    light
+}
+
+impl Panorama {
+    /// `sky("studio")`: the same bits on every machine, made once.
+    pub fn studio() -> Arc<Panorama> {
+        static STUDIO: OnceLock<Arc<Panorama>> = OnceLock::new();
+        let made = || {
+            let (width, height) = (512u32, 256u32);
+            let mut rgb = Vec::with_capacity(3 * (width * height) as usize);
+            for y in 0..height {
+                let elevation = 90.0 - (f64::from(y) + 0.5) / f64::from(height) * 180.0;
+                for x in 0..width {
+                    let azimuth = 180.0 - (f64::from(x) + 0.5) / f64::from(width) * 360.0;
+                    rgb.extend(radiance(direction(azimuth, elevation)).to_array());
+                }
+            }
+            Arc::new(Panorama::new("studio", width, height, rgb).expect("finite numbers, one a texel"))
+        };
+        STUDIO.get_or_init(made).clone()
+    }
+}
