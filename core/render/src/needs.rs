@@ -100,10 +100,11 @@ pub fn shell_features(
     features: Features,
     primitive: &CatalogPrimitive,
     material: &CatalogMaterial,
+    blended: bool,
 ) -> Features {
     let mix =
         material.material.toon.as_ref().and_then(|t| t.outline.as_ref()).map_or(0.0, |o| o.lighting_mix);
-    let base = if mix > 0.0 { features } else { features.of_depth() };
+    let base = if mix > 0.0 { features } else { features.of_alpha(blended) };
     let mut f = base.with(Features::SHELL);
     let uvs = &primitive.primitive().uvs;
     if let Some(width) = material.toon[0].filter(|t| !uvs[t.uv_set as usize].is_empty()) {

@@ -337,6 +337,10 @@ impl Features {
 
     /// What of a draw's features its depth depends on.
     pub const fn of_depth(self) -> Features {
+        self.of_alpha(false)
+    }
+    /// The same, and where it is `blended` its alpha.
+    pub const fn of_alpha(self, blended: bool) -> Features {
         let shape = Self::SKIN.0 | Self::SKIN_8.0 | Self::SKIN_DUAL.0 | Self::MORPH.0;
         let cut_out = Self::ALPHA_MASK.0
             | Self::BASE_COLOR_TEXTURE.0
@@ -345,7 +349,7 @@ impl Features {
             | Self::UV1.0
             | Self::UV_MASK.0
             | Self::UV_TRANSFORM.0;
-        Features(self.0 & if self.has(Self::ALPHA_MASK) { shape | cut_out } else { shape })
+        Features(self.0 & if blended || self.has(Self::ALPHA_MASK) { shape | cut_out } else { shape })
     }
     /// Some normal map is read, or highlights follow the tangents.
     pub const fn has_tangents(self) -> bool {

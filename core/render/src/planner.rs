@@ -327,21 +327,20 @@ impl Planner<'_> {
                     instance: planned,
                     actor: 0,
                 }));
-                if !key.is_see_through()
-                    && key.topology == TopologyKey::Triangles
-                    && !primitive.primitive().normals.is_empty()
-                {
+                if key.topology == TopologyKey::Triangles && !primitive.primitive().normals.is_empty() {
                     for (edges, changed) in self.hulls(entry, changed, index) {
                         let now = changed.map(|c| self.materials[c as usize].clone());
                         let of = now.as_deref().unwrap_or(&catalog.materials[entry.material as usize]);
                         let features = match edges {
-                            true => key.features.of_depth().with(Features::EDGES),
-                            false => shell_features(key.features, primitive, of),
+                            true => key.features.of_alpha(key.blend).with(Features::EDGES),
+                            false => shell_features(key.features, primitive, of, key.blend),
                         };
                         let topology = if edges { TopologyKey::Lines } else { key.topology };
                         let pipeline = PipelineKey { features, topology, double_sided: edges, ..key };
                         let entry = *entry;
                         let nearest = depth;
+                        // Of what is seen through, a hull shows itself around the surface and not before it.
+                        let depth = if phase == Phase::Blend && !edges { depth.next_up() } else { depth };
                         self.items.push(Item {
                             phase,
                             pipeline,

@@ -142,6 +142,29 @@ fn mtoon_in_metres_and_in_shares_of_the_picture() {
     assert_color(pixel(&frame, 100, 100), [0.5; 3], "the surface itself");
 }
 
+#[test]
+fn what_is_seen_through_has_its_line_around_it() {
+    // Half of everything comes through, the line's light and the surface's; nothing is behind.
+    let mut scene = Scene::ortho(2.0);
+    let base = Vec4::new(1.0, 1.0, 1.0, 0.5);
+    let veil = Material { alpha_mode: AlphaMode::Blend, ..toon(line(0.1, false), base) };
+    scene.at(&asset(vec![ball(0.5)], vec![veil], vec![]), 0.0, 0.0, 0.0);
+    scene.snapshot.ambient_up = Vec3::ONE;
+    scene.snapshot.ambient_down = Vec3::ONE;
+    let frame = draw_at(&scene, [201, 200], 1);
+    let half = encode(0.5).round() as u8;
+    let found = runs(&frame, 100, [0, half, 0, pixel(&frame, 100 + 55, 100)[3]]);
+    assert!(found.len() == 2 && found.iter().all(|r| r.abs_diff(10) <= 1), "{found:?}");
+    // The surface lies over the far side of its hull: ½ white + ½ (½ green).
+    assert_color(pixel(&frame, 100, 100), [0.5, 0.75, 0.5], "the surface before its hull");
+    // An opaque one hides it.
+    let solid = toon(line(0.1, false), Vec4::ONE);
+    let mut scene = Scene::ortho(2.0);
+    scene.at(&asset(vec![ball(0.5)], vec![solid], vec![]), 0.0, 0.0, 0.0);
+    (scene.snapshot.ambient_up, scene.snapshot.ambient_down) = (Vec3::ONE, Vec3::ONE);
+    assert_color(pixel(&draw_at(&scene, [201, 200], 1), 100, 100), [1.0; 3], "solid");
+}
+
 /// Every kind of outline on every kind of surface.
 fn scene_of_all() -> Scene {
     let mut scene = Scene::perspective(0.9, 6.0);
@@ -172,8 +195,12 @@ fn scene_of_all() -> Scene {
             base_color_texture: Some(texture(0)),
             toon: Some(Arc::new(toon)),
             double_sided: i == 2,
-            alpha_mode: if i == 5 { AlphaMode::Mask(0.5) } else { AlphaMode::Opaque },
-            ..matte(Vec4::new(0.9, 0.8, 0.7, 1.0))
+            alpha_mode: match i {
+                5 => AlphaMode::Mask(0.5),
+                1 | 6 => AlphaMode::Blend,
+                _ => AlphaMode::Opaque,
+            },
+            ..matte(Vec4::new(0.9, 0.8, 0.7, if i == 1 || i == 6 { 0.6 } else { 1.0 }))
         };
         let mut mesh = if i % 3 == 2 { cube(0.35) } else { bulge(0.5) };
         if mesh.uvs[0].is_empty() {

@@ -251,9 +251,9 @@ pub(crate) fn evaluate_actors(
         }
     }
     find_needs(stage, scratch, time, &out.actors);
-    let Scratch { pose, needs, pose_edits, edits, .. } = scratch;
+    let Scratch { pose, needs, pose_edits, edits, goals, .. } = scratch;
     let posing = Posing { time, motions: &motions, needs, pose_edits, edits: &edits.actors };
-    scratch.poses = posing.run(&stage.actors, &mut out.actors, pose);
+    scratch.poses = posing.run(&stage.actors, &mut out.actors, pose, &mut goals.faces);
     scratch.all_poses += scratch.poses;
     place_actors(stage, scratch, &mut out.actors);
     if let Evaluation::Goals(plants) = how {

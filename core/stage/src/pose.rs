@@ -18,6 +18,8 @@ pub(crate) struct PoseScratch {
     voices: Vec<Voice>,
     weights: Vec<f32>,
     expressions: Vec<f32>,
+    /// Before they were settled.
+    asked: Vec<f32>,
     group: GroupScratch,
     mirror: MirrorScratch,
 }
@@ -26,6 +28,11 @@ impl PoseScratch {
     /// Settled weights of the expressions of the actor that was posed last.
     pub fn expressions(&self) -> &[f32] {
         &self.expressions
+    }
+
+    /// What was asked of them.
+    pub fn asked(&self) -> &[f32] {
+        &self.asked
     }
 }
 
@@ -131,6 +138,7 @@ pub(crate) fn pose_actor<'e>(
     set_weights(actor, time, edits.clone(), morph_weights);
     if !asset.expressions.is_empty() {
         set_expressions(actor, time, edits.clone(), &mut scratch.expressions);
+        scratch.asked.clone_from(&scratch.expressions);
         expression::settle(&asset.expressions, &mut scratch.expressions);
         expression::add(&asset.expressions, &scratch.expressions, morph_weights);
     }

@@ -2,8 +2,9 @@
 
 use crate::carry::Motions;
 use crate::evaluate::Need;
+use crate::expression::Faces;
 use crate::pose::{self, PoseScratch};
-use crate::{Actor, ActorEdit, ActorState};
+use crate::{Actor, ActorEdit, ActorState, EyesMovedBy};
 use choreo_motion::Time;
 use rayon::prelude::*;
 
@@ -23,27 +24,47 @@ pub(crate) struct Posing<'a> {
 
 impl Posing<'_> {
     /// Poses whom anything needs, and says how many they are. `scratch` grows to one for each part that a thread takes.
-    pub fn run(&self, actors: &[Actor], states: &mut [ActorState], scratch: &mut Vec<PoseScratch>) -> usize {
+    /// `faces`: one an actor, filled for those whose eyes are moved by expressions.
+    pub fn run(
+        &self,
+        actors: &[Actor],
+        states: &mut [ActorState],
+        scratch: &mut Vec<PoseScratch>,
+        faces: &mut Vec<Faces>,
+    ) -> usize {
         let poses = self.needs.iter().filter(|need| need.pose).count();
         let threads = if poses < SHARED_OUT_FROM { 1 } else { rayon::current_num_threads() };
         // Neighbours are often alike: small parts, so that none is left with all that is costly.
         let size = actors.len().div_ceil(if threads > 1 { 4 * threads } else { 1 }).max(1);
         let parts = actors.len().div_ceil(size);
+        if faces.len() < actors.len() {
+            faces.resize_with(actors.len(), Faces::default);
+        }
         if scratch.len() < parts {
             scratch.resize_with(parts, PoseScratch::default);
         }
         if threads <= 1 {
-            scratch.iter_mut().take(1).for_each(|scratch| self.part(0, actors, states, scratch));
+            scratch.iter_mut().take(1).for_each(|scratch| self.part(0, actors, states, scratch, faces));
         } else {
             let each = actors.par_chunks(size).zip(states.par_chunks_mut(size)).zip(&mut scratch[..parts]);
-            each.enumerate()
-                .for_each(|(i, ((actors, states), scratch))| self.part(i * size, actors, states, scratch));
+            each.zip(faces.par_chunks_mut(size)).enumerate().for_each(
+                |(i, (((actors, states), scratch), faces))| {
+                    self.part(i * size, actors, states, scratch, faces);
+                },
+            );
         }
         poses
     }
 
-    fn part(&self, first: usize, actors: &[Actor], states: &mut [ActorState], scratch: &mut PoseScratch) {
-        for (index, (actor, state)) in (first..).zip(actors.iter().zip(states)) {
+    fn part(
+        &self,
+        first: usize,
+        actors: &[Actor],
+        states: &mut [ActorState],
+        scratch: &mut PoseScratch,
+        faces: &mut [Faces],
+    ) {
+        for (index, ((actor, state), faces)) in (first..).zip(actors.iter().zip(states).zip(faces)) {
             if !self.needs[index].pose {
                 state.model_from_joint.clear();
                 state.morph_weights.clear();
@@ -57,6 +78,12 @@ impl Posing<'_> {
             let edits = edits.map(|(_, place)| &self.edits[*place]);
             let (joints, weights) = (&mut state.model_from_joint, &mut state.morph_weights);
             pose::pose_actor(actor, self.time, self.motions.of(index), edits, scratch, joints, weights);
+            if actor.asset.eyes.is_some_and(|eyes| eyes.moved_by == EyesMovedBy::Expressions) {
+                faces.asked.clear();
+                faces.asked.extend_from_slice(scratch.asked());
+                faces.settled.clear();
+                faces.settled.extend_from_slice(scratch.expressions());
+            }
             crate::properties::base_colors(actor, self.time, &mut state.base_colors);
             crate::material_changes::at(actor, scratch.expressions(), self.time, &mut state.materials);
         }

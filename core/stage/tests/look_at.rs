@@ -114,3 +114,82 @@ fn eyes_make_up_for_what_the_head_leaves() {
         }
     }
 }
+
+/// A head without bones for eyes: pupils are a texture and a morph target, and a smile holds them still.
+#[test]
+fn eyes_that_expressions_move_go_as_far_as_others_let_them() {
+    use choreo_motion::{HumanBone, Humanoid};
+    use glam::Vec2;
+    let skeleton = skeleton(&[("Hips", None, at(0.0, 0.0, 0.0)), ("Head", Some(0), at(0.0, 1.5, 0.0))]);
+    let humanoid = Humanoid::new([HumanBone::Hips, HumanBone::Head].into_iter().zip(0..)).unwrap();
+    let skeleton = (*skeleton).clone().with_humanoid(humanoid).unwrap();
+    let map = |most: f32| RangeMap { input_max: most.to_radians(), output_scale: 1.0 };
+    let eyes = Eyes {
+        offset_from_head: glam::Vec3::ZERO,
+        moved_by: EyesMovedBy::Expressions,
+        inner: map(90.0),
+        outer: map(60.0),
+        down: map(90.0),
+        up: map(90.0),
+    };
+    let face = |name: &str| Expression {
+        name: name.into(),
+        group: ExpressionGroup::of_preset(name),
+        ..Expression::default()
+    };
+    let texture = TextureRef {
+        image: 0,
+        sampler: Sampler::default(),
+        uv_set: 0,
+        uv_transform: glam::Affine2::IDENTITY,
+    };
+    let asset = Arc::new(Asset {
+        skeleton: Arc::new(skeleton),
+        eyes: Some(eyes),
+        materials: vec![Material { base_color_texture: Some(texture), ..Material::default() }],
+        meshes: vec![Arc::new(Mesh { morph_targets: 1, ..Mesh::default() })],
+        instances: vec![MeshInstance { joint: 1, mesh: 0, weights: vec![0.25], ..MeshInstance::default() }],
+        expressions: vec![
+            Expression {
+                morphs: vec![MorphBind { instance: 0, target: 0, weight: 0.5 }],
+                uvs: vec![UvBind { material: 0, offset: Vec2::new(0.2, 0.0), scale: Vec2::ONE }],
+                ..face("lookLeft")
+            },
+            face("lookRight"),
+            Expression { over_gaze: Override::Blend, ..face("happy") },
+            Expression { over_gaze: Override::Block, ..face("angry") },
+        ],
+        ..Asset::default()
+    });
+    // 30 degrees to its left, by eyes alone: half of what they can.
+    let angle = 30f64.to_radians();
+    let target = Target::Point(v(0.0, 1.5, 0.0) + v(angle.sin(), 0.0, angle.cos()) * 5.0);
+    let shown = |asked: &[(&str, f32)], weight: f32| {
+        let mut stage = Stage::default();
+        stage.cast("a", asset.clone());
+        for (name, weight) in asked {
+            let index = asset.expressions.iter().position(|e| e.name == *name).unwrap() as u32;
+            stage.actors[0].expressions.push((index, *weight));
+        }
+        let look = LookAt { weight, ..LookAt::new(1, target) };
+        stage.actors[0].look_at.push(look);
+        let snapshot = stage.at(secs(0.0)).unwrap();
+        let state = &snapshot.actors[0];
+        let moved = state.materials.iter().find(|m| m.material == 0);
+        let texture = moved.and_then(|m| m.now.base_color_texture.as_ref());
+        (state.morph_weights[0][0], texture.map_or(0.0, |t| t.uv_transform.translation.x))
+    };
+    let near = |got: (f32, f32), weight: f32| {
+        let expected = (0.25 + 0.5 * weight, 0.2 * weight);
+        let off = (got.0 - expected.0).abs().max((got.1 - expected.1).abs());
+        assert!(off < 1e-5, "{got:?} not {expected:?}");
+    };
+    // The head would turn all the way and leave nothing to the eyes; at weight ½ it leaves 15 degrees of 60, by half.
+    near(shown(&[], 1.0), 0.0);
+    near(shown(&[], 0.5), 0.125);
+    near(shown(&[("happy", 0.75)], 0.5), 0.125 * 0.25);
+    near(shown(&[("angry", 0.01)], 0.5), 0.0);
+    // What a script asks of the same expression is added, up to all of it.
+    near(shown(&[("lookLeft", 0.5)], 0.5), 0.625);
+    near(shown(&[("lookLeft", 0.95)], 0.5), 1.0);
+}

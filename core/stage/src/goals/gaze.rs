@@ -1,55 +1,75 @@
 //! Eyes that make up for what the head leaves: VRM 1.0, "lookAt.md".
 
 use super::body::{Body, rotation_of};
-use crate::{ActorState, Asset, Eyes, EyesMovedBy, expression};
-use choreo_motion::HumanBone;
+use crate::expression::Faces;
+use crate::{Actor, ActorState, Expression, Eyes, EyesMovedBy, material_changes};
 use choreo_motion::ik::share_of;
+use choreo_motion::{HumanBone, Time};
 use glam::{DQuat, DVec3};
 
-/// Turns the eyes towards a target in model space, where the file says how far they turn: by their bones, or by the morph targets of
-/// lookLeft, lookRight, lookUp and lookDown. Nothing where another joint than the head has been turned. `aimed`: eyes that have a look of their own.
-pub(super) fn follow(
-    asset: &Asset,
-    joint: u32,
-    target: DVec3,
-    share: f64,
-    aimed: impl Fn(u32) -> bool,
-    state: &mut ActorState,
-    below: &mut Vec<bool>,
-) {
-    let human = |bone: HumanBone| asset.skeleton.humanoid().and_then(|h| h.joint(bone));
-    let Some(eyes) = asset.eyes.as_ref().filter(|_| human(HumanBone::Head) == Some(joint)) else { return };
-    let rest = asset.rest_model_from_joint();
-    let head = &state.model_from_joint[joint as usize];
-    // As the head is turned since it rested, when its axes were the model's.
-    let turned = (rotation_of(head) * rotation_of(&rest[joint as usize]).inverse()).normalize();
-    let origin = head.transform_point3(eyes.offset_from_head).as_dvec3();
-    let way = turned.inverse() * (target - origin);
-    if !way.is_finite() || way.length_squared() == 0.0 {
-        return;
-    }
-    match eyes.moved_by {
-        EyesMovedBy::Bones => {
-            let mut body =
-                Body { skeleton: &asset.skeleton, model_from_joint: &mut state.model_from_joint, below };
-            for (bone, left) in [(HumanBone::LeftEye, true), (HumanBone::RightEye, false)] {
-                let Some(eye) = human(bone).filter(|eye| (*eye as usize) < rest.len() && !aimed(*eye)) else {
-                    continue;
-                };
-                let (yaw, pitch) = eyes.turn_of(left, way);
-                let turn = DQuat::from_rotation_y(yaw) * DQuat::from_rotation_x(-pitch);
-                body.turn(eye, share_of(turned * turn * turned.inverse(), share));
-            }
+/// A look of the head, and what of it the eyes are to make up for.
+pub(super) struct Gaze<'a> {
+    pub actor: &'a Actor,
+    /// That was turned: nothing follows another one than the head.
+    pub joint: u32,
+    /// In model space.
+    pub target: DVec3,
+    pub share: f64,
+    pub time: Time,
+}
+
+impl Gaze<'_> {
+    /// Turns the eyes where the file says how far they turn: by their bones, or by the expressions lookLeft, lookRight, lookUp and
+    /// lookDown, which others may hold down. `aimed`: eyes that have a look of their own.
+    pub fn follow(
+        &self,
+        aimed: impl Fn(u32) -> bool,
+        state: &mut ActorState,
+        below: &mut Vec<bool>,
+        faces: &mut Faces,
+    ) {
+        let Gaze { actor, joint, share, .. } = *self;
+        let asset = &*actor.asset;
+        let human = |bone: HumanBone| asset.skeleton.humanoid().and_then(|h| h.joint(bone));
+        let Some(eyes) = asset.eyes.as_ref().filter(|_| human(HumanBone::Head) == Some(joint)) else {
+            return;
+        };
+        let rest = asset.rest_model_from_joint();
+        let head = &state.model_from_joint[joint as usize];
+        // As the head is turned since it rested, when its axes were the model's.
+        let turned = (rotation_of(head) * rotation_of(&rest[joint as usize]).inverse()).normalize();
+        let origin = head.transform_point3(eyes.offset_from_head).as_dvec3();
+        let way = turned.inverse() * (self.target - origin);
+        if !way.is_finite() || way.length_squared() == 0.0 {
+            return;
         }
-        EyesMovedBy::Expressions => {
-            let yaw = libm::atan2(way.x, way.z);
-            let pitch = libm::atan2(way.y, libm::hypot(way.x, way.z));
-            let weights: Vec<f32> = asset
-                .expressions
-                .iter()
-                .map(|e| (weight(eyes, &e.name, yaw, pitch) * share) as f32)
-                .collect();
-            expression::add(&asset.expressions, &weights, &mut state.morph_weights);
+        match eyes.moved_by {
+            EyesMovedBy::Bones => {
+                let mut body =
+                    Body { skeleton: &asset.skeleton, model_from_joint: &mut state.model_from_joint, below };
+                for (bone, left) in [(HumanBone::LeftEye, true), (HumanBone::RightEye, false)] {
+                    let Some(eye) = human(bone).filter(|eye| (*eye as usize) < rest.len() && !aimed(*eye))
+                    else {
+                        continue;
+                    };
+                    let (yaw, pitch) = eyes.turn_of(left, way);
+                    let turn = DQuat::from_rotation_y(yaw) * DQuat::from_rotation_x(-pitch);
+                    body.turn(eye, share_of(turned * turn * turned.inverse(), share));
+                }
+            }
+            EyesMovedBy::Expressions => {
+                let yaw = libm::atan2(way.x, way.z);
+                let pitch = libm::atan2(way.y, libm::hypot(way.x, way.z));
+                for (asked, expression) in faces.asked.iter_mut().zip(&asset.expressions) {
+                    *asked += (weight(eyes, &expression.name, yaw, pitch) * share) as f32;
+                }
+                let painted = |e: &Expression| !e.colors.is_empty() || !e.uvs.is_empty();
+                if faces.settle_again(&asset.expressions, &mut state.morph_weights)
+                    && asset.expressions.iter().any(painted)
+                {
+                    material_changes::at(actor, &faces.settled, self.time, &mut state.materials);
+                }
+            }
         }
     }
 }

@@ -1,9 +1,11 @@
 //! Goals at a time, actor by actor.
 
 use super::body::{Body, rotation_of};
+use super::gaze::Gaze;
 use super::plant::Plants;
 use super::*;
 use crate::evaluate::{target_position, widen, world_from_attachment};
+use crate::expression::Faces;
 use crate::{ActorState, Attachment, Stage, StageError, look_at};
 use choreo_motion::ik::{Aim, AimJoint, Chain, ChainBone, Limit, TwoBone, share_of};
 use glam::{DAffine3, DQuat};
@@ -19,6 +21,8 @@ pub(crate) struct GoalScratch {
     aim: Vec<AimJoint>,
     turns: Vec<DQuat>,
     aims: Vec<look_at::Aim>,
+    /// One an actor; see `Posing`.
+    pub faces: Vec<Faces>,
 }
 
 /// All goals of all actors. `place` places all actors anew, after a round has moved joints that others hang on.
@@ -189,7 +193,8 @@ fn solve_actor(
             if let GoalKind::Aim(aim) = &goal.kind {
                 let (joint, state) = (last(&aim.joints) as u32, &mut actors[index]);
                 let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
-                super::gaze::follow(&actor.asset, joint, target, share, aimed, state, &mut scratch.below);
+                let gaze = Gaze { actor, joint, target, share, time };
+                gaze.follow(aimed, state, &mut scratch.below, &mut scratch.faces[index]);
             }
         }
         if stage_of_goals == 1 {
@@ -198,15 +203,8 @@ fn solve_actor(
                 look_at::turn(stage, aim, state, &mut scratch.below);
                 let target = state.world_from_model.inverse().transform_point3(aim.world_target);
                 let aimed = |eye| scratch.aims.iter().any(|a| (a.actor, a.joint) == (index, eye));
-                super::gaze::follow(
-                    &actor.asset,
-                    aim.joint,
-                    target,
-                    aim.share,
-                    aimed,
-                    state,
-                    &mut scratch.below,
-                );
+                let gaze = Gaze { actor, joint: aim.joint, target, share: aim.share, time };
+                gaze.follow(aimed, state, &mut scratch.below, &mut scratch.faces[index]);
             }
         }
     }
