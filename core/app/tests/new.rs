@@ -19,6 +19,10 @@ fn single_files_work_as_they_are() {
     std::fs::write(dir.path().join("s.rhai"), "effect(\"old_photo\", #{ amount: 0.5 });\n").unwrap();
     let run = choreo(dir.path(), &["check", "s.rhai"]);
     assert_eq!(run.code, 0, "{}", run.err);
+    // A folder that is not there yet is made.
+    let run = choreo(dir.path(), &["new", "effect", "b", "--single", "--into", "looks/mine"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert!(dir.path().join("looks/mine/b.wgsl").is_file());
 }
 
 /// One crate of each kind, built where no registry is asked, and its own tests. What they are built from is kept between runs.
@@ -49,6 +53,8 @@ fn crates_build_and_pass_their_tests() {
         );
         let source = std::fs::read_to_string(made.join("src/lib.rs")).unwrap();
         assert!(!source.to_lowercase().contains("example"), "{source}");
+        let readme = std::fs::read_to_string(made.join("README.md")).unwrap();
+        assert!(!format!("{source}{readme}").contains(" to copy"), "{readme}");
     }
 }
 

@@ -32,9 +32,6 @@ const NEEDS: [(&[&str], &[&str]); 2] = [(&["plugin", "stage"], &[]), (&["plugin"
 pub fn run(args: NewArgs) -> Result<(), Failure> {
     check_name(&args.name)?;
     let into = args.into.clone().unwrap_or_default();
-    if !into.as_os_str().is_empty() && !into.is_dir() {
-        return Err(Failure::Output(format!("{}: no such folder", into.display())));
-    }
     if args.single { single(&args, &into) } else { whole(&args, &into) }
 }
 
@@ -129,7 +126,12 @@ fn renamed(text: &str, name: &str) -> String {
                 .collect::<String>()
         })
         .collect();
-    text.replace("import-example", &format!("import-{}", name.replace('_', "-")))
+    // What the examples say of themselves is no longer true of the copy.
+    text.replace(": the importer to copy. `choreo new importer NAME` does it.", ".")
+        .replace(": the effect to copy. `choreo new effect NAME` does it.", ".")
+        .replace(" The one to copy for a format of your own.", "")
+        .replace(" The effect to copy for a look of your own.", "")
+        .replace("import-example", &format!("import-{}", name.replace('_', "-")))
         .replace("effect-example", &format!("effect-{}", name.replace('_', "-")))
         .replace("Example", &camel)
         .replace("example", name)
