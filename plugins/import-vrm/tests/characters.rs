@@ -185,6 +185,63 @@ fn eyes_and_words_about_the_file_are_kept() {
     assert_eq!((old.origin.format.as_str(), new.origin.format.as_str()), ("VRM 0.x", "VRM 1.0"));
 }
 
+/// From the file to the picture: eyes that are painted on, of 1.0 and of 0.x.
+#[test]
+fn painted_eyes_follow_what_is_looked_at() {
+    use choreo_stage::{LookAt, Target};
+    use serde_json::json;
+    for version in [Version::V0, Version::V1] {
+        let (mut json, bin) = character(version);
+        if version == Version::V1 {
+            let vrm = &mut json["extensions"]["VRMC_vrm"];
+            vrm["lookAt"] = json!({ "type": "expression", "offsetFromHeadBone": [0.0, 0.0, 0.0],
+                "rangeMapHorizontalOuter": { "inputMaxValue": 60.0, "outputScale": 1.0 } });
+            let presets = &mut vrm["expressions"]["preset"];
+            presets["lookLeft"] = json!({
+                "morphTargetBinds": [{ "node": 10, "index": 0, "weight": 1.0 }],
+                "materialColorBinds": [{ "material": 0, "type": "color", "targetValue": [0.0, 0.0, 0.0, 1.0] }]
+            });
+            presets["happy"]["overrideLookAt"] = json!("block");
+        } else {
+            let vrm = &mut json["extensions"]["VRM"];
+            let person = &mut vrm["firstPerson"];
+            person["lookAtTypeName"] = json!("BlendShape");
+            person["firstPersonBoneOffset"] = json!({ "x": 0.0, "y": 0.0, "z": 0.0 });
+            person["lookAtHorizontalOuter"] = json!({ "xRange": 60.0, "yRange": 1.0 });
+            let left = json!({ "name": "LookLeft", "presetName": "lookleft",
+                "binds": [{ "mesh": 0, "index": 0, "weight": 100.0 }],
+                "materialValues": [{ "materialName": "skin", "propertyName": "_Color", "targetValue": [0.0, 0.0, 0.0, 1.0] }] });
+            vrm["blendShapeMaster"]["blendShapeGroups"].as_array_mut().unwrap().push(left);
+        }
+        let asset = Arc::new(import_bytes(&VrmImporter, "eyes.vrm", glb_of(&json, &bin)).unwrap());
+        assert_eq!(asset.eyes.unwrap().moved_by, EyesMovedBy::Expressions);
+        let head = asset.skeleton.names().iter().position(|n| n == "head").unwrap() as u32;
+        let happy = asset.expressions.iter().position(|e| e.name == "happy").unwrap() as u32;
+        let looking = |smile: f32| {
+            let mut stage = Stage::default();
+            stage.cast("a", asset.clone());
+            // 60 degrees to its left; half a look leaves 30 of them to the eyes, which go half of that way.
+            let (sin, cos) = (0.75f64.sqrt(), 0.5);
+            let target = Target::Point(DVec3::new(sin, 0.0, cos) * 100.0 + DVec3::new(0.0, 1.5, 0.0));
+            stage.actors[0].look_at.push(LookAt { weight: 0.5, ..LookAt::new(head, target) });
+            stage.actors[0].expressions.push((happy, smile));
+            let snapshot = stage.at(Time::ZERO).unwrap();
+            let state = &snapshot.actors[0];
+            let red = state.materials.iter().find(|m| m.material == 0).map_or(0.8, |m| m.now.base_color.x);
+            (state.morph_weights[FACE][0], red)
+        };
+        let (long, red) = looking(0.0);
+        assert!((long - 0.25).abs() < 1e-3 && (red - 0.8 * 0.75).abs() < 1e-3, "{version:?}: {long} {red}");
+        // A smile that blocks the gaze, which only 1.0 can say.
+        let (long, red) = looking(0.5);
+        let still = if version == Version::V1 { 0.0 } else { 0.25 };
+        assert!(
+            (long - still).abs() < 1e-3 && (red - 0.8 * (1.0 - still)).abs() < 1e-3,
+            "{version:?}: {long} {red}"
+        );
+    }
+}
+
 #[test]
 fn content_decides_who_reads_a_file() {
     let claim = |name: &str, bytes: Vec<u8>| VrmImporter.claim(&source(name, bytes));
