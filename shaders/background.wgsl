@@ -15,5 +15,28 @@ fn background_vs(@builtin(vertex_index) index: u32) -> BackgroundOut {
 @fragment
 fn background_fs(in: BackgroundOut) -> @location(0) vec4<f32> {
     let t = in.position.y / frame.size.y;
-    return vec4(mix(frame.background_top.xyz, frame.background_bottom.xyz, t), 1.0);
+    let color = mix(frame.background_top, frame.background_bottom, t);
+    @if(!SURFACE) return color;
+    @if(SURFACE) return background_effects(color, in.position.xy);
 }
+
+@if(SURFACE)
+// What effects on everything make of it. Twin: core/render/src/cpu/veil.rs.
+fn background_effects(color: vec4<f32>, pixel: vec2<f32>) -> vec4<f32> {
+    // The rows of a perspective matrix without a translation stand at right angles, so that this is its inverse.
+    let rows = transpose(frame.clip_from_relative);
+    let at = pixel / frame.size * 2.0 - 1.0;
+    let x = rows[0].xyz * (at.x / max(dot(rows[0].xyz, rows[0].xyz), 1e-20));
+    let y = rows[1].xyz * (at.y / max(dot(rows[1].xyz, rows[1].xyz), 1e-20));
+    let ahead = select(-frame.eye.xyz, rows[3].xyz + x + y, frame.eye.w > 0.5);
+    let beside = select(x + y, vec3<f32>(0.0), frame.eye.w > 0.5);
+    let way = ahead * inverseSqrt(max(dot(ahead, ahead), 1e-20));
+    var seen: Seen;
+    seen.viewer = frame.camera.xyz + beside;
+    // BACKGROUND_DISTANCE of core/plugin/src/effect.rs.
+    seen.distance = 1e9;
+    seen.world = seen.viewer + way * seen.distance;
+    seen.background = color.rgb;
+    return surface_effects(color, seen);
+}
+@end

@@ -77,6 +77,8 @@ fn sky_fs(in: BackgroundOut) -> @location(0) vec4<f32> {
     let y1 = clamp(i32(low.y) + 1, 0, last.y);
     let above = mix(textureLoad(sky_picture, vec2(x0, y0), 0).rgb, textureLoad(sky_picture, vec2(x1, y0), 0).rgb, t.x);
     let below = mix(textureLoad(sky_picture, vec2(x0, y1), 0).rgb, textureLoad(sky_picture, vec2(x1, y1), 0).rgb, t.x);
-    return vec4(mix(above, below, t.y) * sky.turn.z, 1.0);
+    let color = vec4(mix(above, below, t.y) * sky.turn.z, 1.0);
+    @if(!SURFACE) return color;
+    @if(SURFACE) return background_effects(color, in.position.xy);
 }
 @end

@@ -11,6 +11,7 @@ struct Seen {
     joints: vec3<f32>,
     uv: vec2<f32>,
     shadow: f32,
+    viewer: vec3<f32>,
 }
 
 // Of up to eight effects.
@@ -22,6 +23,9 @@ fn surface_parameters_of(index: u32) -> array<f32, 8> {
     return array<f32, 8>(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
 }
 
+@end
+
+@if(SURFACE && PLACE)
 @if(SEEN_SHADOW) var<private> light_whole: f32;
 @if(SEEN_SHADOW) var<private> light_lost: f32;
 
@@ -38,6 +42,7 @@ fn seen_of(in: VertexOut, front: bool) -> Seen {
     @if(SEEN_JOINTS) seen.joints = in.joints;
     @if(UV0) seen.uv = in.uv0;
     @if(SEEN_SHADOW) seen.shadow = light_lost / max(light_whole, 1e-6);
+    seen.viewer = seen.world - in.relative * frame.eye.w + frame.eye.xyz * seen.distance;
     return seen;
 }
 @end

@@ -196,6 +196,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         materials,
         surface,
         post,
+        background_effects,
         overlay,
         exposed,
         linear,
@@ -232,7 +233,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         add(effect.map_or("", |e| e.wgsl()).as_bytes());
     }
     add(bytemuck::cast_slice(&overlay.vertices));
-    add(format!("{:?} {linear}", overlay.parts).as_bytes());
+    add(format!("{:?} {linear} {background_effects}", overlay.parts).as_bytes());
     exposed.iter().for_each(|part| add(&key(part, catalog, effects)));
     *hasher.finalize().as_bytes()
 }

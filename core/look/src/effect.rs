@@ -37,6 +37,7 @@ pub struct WgslEffect {
     hook: Hook,
     /// What of a surface its text reads.
     needs: SurfaceNeeds,
+    background: bool,
     origin: Option<PluginFile>,
 }
 
@@ -58,6 +59,7 @@ impl WgslEffect {
         }
         let manifest = head::manifest(text).map_err(|(line, message)| at(line, 1, message))?;
         let (hook, see_through) = head::hook(text).map_err(|(line, message)| at(line, 1, message))?;
+        let background = head::background(text, hook).map_err(|(line, message)| at(line, 1, message))?;
         let mut wgsl = format!("{text}\n");
         for (i, option) in manifest.options.iter().enumerate() {
             wgsl.push_str(&format!("const {}: u32 = {i}u;\n", option.name));
@@ -104,7 +106,7 @@ impl WgslEffect {
             shadow: reads("shadow"),
             see_through,
         };
-        let effect = WgslEffect { manifest, wgsl, program, hook, needs, origin: None };
+        let effect = WgslEffect { manifest, wgsl, program, hook, needs, background, origin: None };
         if !effect.ends() {
             return Err(at(
                 1,
@@ -149,11 +151,14 @@ impl WgslEffect {
             let colors = [[0.0, 0.0, 0.0, 1.0], [1.0, 0.5, 0.25, 1.0], [8.0, 8.0, 8.0, 1.0]];
             // Of a surface: far and near, of every facing.
             let places = [
-                [0.0; 17],
-                [0.5; 17],
-                [0.99, 0.01, 7.0, 100.0, 0.0, 1.0, 0.0, -1.0, 0.2, 0.2, 0.2, 1.0, 0.0, 0.0, 3.5, -2.0, 0.5],
+                [0.0; 20],
+                [0.5; 20],
+                [
+                    0.99, 0.01, 7.0, 100.0, 0.0, 1.0, 0.0, -1.0, 0.2, 0.2, 0.2, 1.0, 0.0, 0.0, 3.5, -2.0,
+                    0.5, 0.0, 1.6, 4.0,
+                ],
             ];
-            let size = if self.hook == Hook::Surface { 17 } else { 2 };
+            let size = if self.hook == Hook::Surface { 20 } else { 2 };
             colors.iter().all(|c| places.iter().all(|at| self.program.run(*c, &at[..size], &p).is_some()))
         })
     }
@@ -161,7 +166,7 @@ impl WgslEffect {
 
 /// What a function of a surface sees; as in shaders/surface.wgsl, and [`Seen`] in this order.
 const SEEN: &str = "struct Seen { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
-    joints: vec3<f32>, uv: vec2<f32>, shadow: f32 }\n";
+    joints: vec3<f32>, uv: vec2<f32>, shadow: f32, viewer: vec3<f32> }\n";
 
 fn signature(hook: Hook) -> &'static str {
     match hook {
@@ -208,6 +213,10 @@ impl Effect for WgslEffect {
         self.needs
     }
 
+    fn of_background(&self, _: &[f32; 8]) -> bool {
+        self.background
+    }
+
     fn wgsl(&self) -> &str {
         &self.wgsl
     }
@@ -232,6 +241,9 @@ impl Effect for WgslEffect {
             seen.uv.x,
             seen.uv.y,
             seen.shadow,
+            seen.viewer.x,
+            seen.viewer.y,
+            seen.viewer.z,
         ];
         let out = self.program.run(color.to_array(), &at, parameters);
         out.map_or(TOO_LONG, Vec4::from_array)

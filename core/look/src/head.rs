@@ -6,6 +6,7 @@
 //! // version: 1
 //! // hook: surface
 //! // see_through: true
+//! // background: true
 //! // param amount = 0.1 in 0..1: how strong it is
 //! // param coloured = false: another grain for each colour
 //! // param curve = soft of soft|hard: how it fades in the lights
@@ -47,6 +48,21 @@ pub fn hook(text: &str) -> Result<(Hook, bool), HeadError> {
         }
         _ => Ok((hook, see_through.is_some_and(|(_, flag)| flag))),
     }
+}
+
+/// Whether an effect on surfaces changes the background too.
+pub fn background(text: &str, hook: Hook) -> Result<bool, HeadError> {
+    let mut on = false;
+    for (i, line) in comment(text) {
+        let line = line.trim().trim_start_matches('/').trim();
+        let Some(word) = line.strip_prefix("background:") else { continue };
+        let flag = word.trim().parse::<bool>();
+        on = flag.map_err(|_| (i + 1, "background is true or false".to_string()))?;
+        if hook != Hook::Surface {
+            return Err((i + 1, "background is of effects with hook: surface".into()));
+        }
+    }
+    Ok(on)
 }
 
 /// Its lines, from 0.
@@ -153,6 +169,15 @@ mod tests {
         assert_eq!(error("// effect: a\n// hook: vertex"), (2, unknown.into()));
         assert_eq!(error("// see_through: true").1, "see_through is of effects with hook: surface");
         assert_eq!(error("// hook: surface\n// see_through: much").0, 2);
+    }
+
+    #[test]
+    fn the_background_is_for_surfaces() {
+        assert_eq!(background("// effect: a\n// background: true", Hook::Surface), Ok(true));
+        assert_eq!(background("// effect: a", Hook::Surface), Ok(false));
+        let error = (1, "background is of effects with hook: surface".to_string());
+        assert_eq!(background("// background: true", Hook::Pixel), Err(error));
+        assert_eq!(background("// effect: a\n// background: much", Hook::Surface).unwrap_err().0, 2);
     }
 
     #[test]

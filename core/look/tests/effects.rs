@@ -73,6 +73,7 @@ fn every_part_of_a_surface_is_where_its_name_says() {
             joints: Vec3::new(12.0, 13.0, 14.0),
             uv: Vec2::new(15.0, 16.0),
             shadow: 17.0,
+            viewer: Vec3::new(18.0, 19.0, 20.0),
         };
         (
             made.cpu_surface(Vec4::ZERO, &seen, &[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).to_array(),
@@ -85,6 +86,7 @@ fn every_part_of_a_surface_is_where_its_name_says() {
     assert_eq!(part("seen.background, 1.0").0, [18.0, 20.0, 22.0, 2.0]);
     let (got, needs) = part("seen.shadow");
     assert_eq!((got, needs.shadow, needs.normals), ([34.0; 4], true, false));
+    assert_eq!(part("seen.viewer, 1.0").0, [36.0, 38.0, 40.0, 2.0]);
     assert_eq!(part("seen.joints, 1.0").0, [24.0, 26.0, 28.0, 2.0]);
     let (got, needs) = part("seen.uv, 0.0, 1.0");
     assert_eq!((got, needs.uvs), ([30.0, 32.0, 0.0, 2.0], true));

@@ -70,7 +70,12 @@ pub struct Seen {
     /// With [`SurfaceNeeds::shadow`]: share of the light that a white matte surface would give back here and that shadows
     /// take, by luminance. Zero of unlit materials.
     pub shadow: f32,
+    /// Where the viewer stands, as `world`; of orthographic cameras, where the way to the place begins.
+    pub viewer: Vec3,
 }
+
+/// Metres to the background: as good as without end, and finite.
+pub const BACKGROUND_DISTANCE: f32 = 1e9;
 
 /// What a [`Hook::Surface`] reads of a surface; the rest is not made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -137,6 +142,12 @@ pub trait Effect: Send + Sync {
 
     fn surface_needs(&self, _parameters: &[f32; 8]) -> SurfaceNeeds {
         SurfaceNeeds::default()
+    }
+
+    /// Of a [`Hook::Surface`] on everything: whether it changes the background too, as a surface without a normal at
+    /// [`BACKGROUND_DISTANCE`].
+    fn of_background(&self, _parameters: &[f32; 8]) -> bool {
+        false
     }
 
     /// Of a [`Hook::Picture`]: how often its function runs over the picture, each time over what it gave before.

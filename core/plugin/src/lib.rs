@@ -11,7 +11,7 @@ pub mod suggest;
 pub mod yuv;
 
 pub use build::{AssetBuilder, BuildError, MeshData};
-pub use effect::{Effect, Exposure, Hook, Pixels, Seen, Shell, SurfaceNeeds};
+pub use effect::{BACKGROUND_DISTANCE, Effect, Exposure, Hook, Pixels, Seen, Shell, SurfaceNeeds};
 pub use exporter::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
 pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source,

@@ -4,7 +4,7 @@ use crate::plan::Rows;
 use choreo_motion::Carrier;
 pub use choreo_stage::Aabb;
 use choreo_stage::Primitive;
-use glam::{Affine3A, DAffine3, Mat4, Vec3};
+use glam::{Affine3A, DAffine3, Mat4, Vec2, Vec3};
 use std::sync::OnceLock;
 
 /// Box of the transformed box: centre moved, half extents by the absolute matrix.
@@ -184,18 +184,19 @@ fn grown(b: Aabb, by: Aabb) -> Aabb {
 }
 
 /// True where the whole box lies outside one plane of the clip volume `|x|,|y| ≤ w, 0 ≤ z ≤ w`.
-/// A box with a number that is not finite counts as visible.
-pub fn outside(b: Aabb, clip_from_relative: &Mat4) -> bool {
+/// A box with a number that is not finite counts as visible. `margin`: how far beyond the picture still counts, in clip space.
+pub fn outside(b: Aabb, clip_from_relative: &Mat4, margin: Vec2) -> bool {
     let corners = b.corners().map(|c| *clip_from_relative * c.extend(1.0));
     if corners.iter().any(|c| !c.is_finite()) {
         return false;
     }
     // Half a pixel of lines and points sticks out of their boxes; and rounding: a little wider than exact.
     let slack = |w: f32| w.abs() * 1e-3 + 1e-6;
-    corners.iter().all(|c| c.x > c.w + slack(c.w))
-        || corners.iter().all(|c| c.x < -c.w - slack(c.w))
-        || corners.iter().all(|c| c.y > c.w + slack(c.w))
-        || corners.iter().all(|c| c.y < -c.w - slack(c.w))
+    let side = |w: f32, margin: f32| w + w.abs() * margin + slack(w);
+    corners.iter().all(|c| c.x > side(c.w, margin.x))
+        || corners.iter().all(|c| -c.x > side(c.w, margin.x))
+        || corners.iter().all(|c| c.y > side(c.w, margin.y))
+        || corners.iter().all(|c| -c.y > side(c.w, margin.y))
         || corners.iter().all(|c| c.z > c.w + slack(c.w))
         || corners.iter().all(|c| c.z < -slack(c.w))
 }

@@ -174,11 +174,11 @@ impl Parts<'_> {
                         stage("the stage's background"),
                     );
                 }
-                Command::DrawSky => {
+                Command::DrawSky { .. } => {
                     let what = "pipeline of the sky, behind all else".to_string();
                     self.add(Kind::Pipeline, what, None, stage("the stage's sky"));
                 }
-                Command::DrawBackground => {
+                Command::DrawBackground { .. } => {
                     let what = "pipeline of the gradient, behind all else".to_string();
                     self.add(Kind::Pipeline, what, None, stage("the stage's background"));
                 }

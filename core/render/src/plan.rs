@@ -40,6 +40,8 @@ pub struct Plan {
     pub behind: Option<Behind>,
     /// Effects on surfaces; a bit each in [`PipelineKey::surface`].
     pub surface: Vec<PostPass>,
+    /// Which of them change the background too; a bit each.
+    pub background_effects: u8,
     /// Full-screen passes in order.
     pub post: Vec<PostPass>,
     /// Lines, points and lattices of effects, over the scene and below the passes.

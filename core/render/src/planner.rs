@@ -4,14 +4,14 @@ use crate::bounds::{Aabb, outside};
 use crate::catalog::{Catalog, CatalogMaterial, PrimitiveEntry};
 use crate::needs::{DrawNeeds, Facts, features, left_out, shell_features};
 use crate::plan::*;
-use crate::planner_effects::{Line, post_passes, shells, surface_effects};
+use crate::planner_effects::{Line, background_effects, post_passes, shells, surface_effects};
 use crate::planner_lights::{plan_lights, plan_sky};
 use crate::planner_overlay::overlays;
 use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, dual_rows};
 use choreo_plugin::{Effect, SurfaceNeeds};
 use choreo_stage::{ActorState, AlphaMode, Asset, EffectTarget, MeshInstance, Shadow, Snapshot, Stage};
-use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 /// What a frame is planned for. [`PlanOptions::new`] gives the usual choices.
@@ -175,6 +175,7 @@ impl Planner<'_> {
         let relative_from_joint = relative_from_model * daffine(model_from_joint);
         let catalog = self.catalog;
         let active = |&(_, w): &(usize, &f32)| *w != 0.0 && w.is_finite();
+        let size = self.options.size;
         let mut morph_range = None;
         for entry in primitives {
             let primitive = &catalog.primitives[entry.primitive as usize];
@@ -233,7 +234,12 @@ impl Planner<'_> {
                     Some(s) => info.skinned(&s.rows, offset),
                     None => info.posed(&rigid, offset),
                 };
-                let unseen = !self.options.no_culling && outside(bounds, &self.view.clip_from_relative);
+                let (metres, share) = self.reach(entry, changed, index);
+                let margin = Vec2::new(share * size[1] as f32 / size[0].max(1) as f32, share) * 2.0;
+                let around = Vec3::splat(metres);
+                let reached = Aabb { min: bounds.min - around, max: bounds.max + around };
+                let unseen =
+                    !self.options.no_culling && outside(reached, &self.view.clip_from_relative, margin);
                 self.facts.culled += usize::from(unseen);
                 if unseen && !self.casting {
                     continue;
@@ -472,6 +478,7 @@ impl Planner<'_> {
             materials: self.materials,
             shadows,
             behind,
+            background_effects: background_effects(&self.surface, self.options),
             surface: self.surface.into_iter().map(|(used, ..)| used).collect(),
             post,
             overlay,

@@ -26,6 +26,24 @@ impl Planner<'_> {
         (bits, all)
     }
 
+    /// How far outlines reach beyond a primitive of an actor: metres, and a share of the picture's height.
+    pub fn reach(&self, entry: &PrimitiveEntry, changed: Option<u32>, actor: usize) -> (f32, f32) {
+        let material = match changed {
+            Some(c) => &*self.materials[c as usize],
+            None => &self.catalog.materials[entry.material as usize],
+        };
+        let own = has_outline(material).then(|| material.material.toon.as_ref()?.outline.as_ref()).flatten();
+        let mine = self.shells.iter().filter(|(_, on)| EffectTarget::among(on, actor, entry.of_asset));
+        let lines = mine.filter_map(|(line, _)| match line {
+            Line::Hull(outline) => Some(outline),
+            Line::Edges(_) => None,
+        });
+        own.into_iter().chain(lines).fold((0.0, 0.0), |(metres, share), outline| match outline.on_screen {
+            true => (metres, outline.width.max(share)),
+            false => (outline.width.max(metres), share),
+        })
+    }
+
     /// The materials of the hulls around a primitive of an actor, or of its edges (true): its own outline's, then those of effects.
     pub fn hulls(
         &mut self,
@@ -170,6 +188,18 @@ pub fn surface_effects(
         })
     };
     uses(stage, snapshot).filter_map(on_surface).take(MOST_SURFACE_EFFECTS).collect()
+}
+
+/// Those of the effects on surfaces that are on everything and change the background, a bit each.
+pub fn background_effects(
+    surface: &[(PostPass, SurfaceNeeds, Vec<EffectTarget>)],
+    options: &PlanOptions,
+) -> u8 {
+    let changes = |(used, _, on): &(PostPass, SurfaceNeeds, Vec<EffectTarget>)| {
+        let effect = options.effects.iter().find(|e| e.manifest().name == used.effect);
+        on.is_empty() && effect.is_some_and(|e| e.of_background(&used.parameters))
+    };
+    surface.iter().enumerate().map(|(i, used)| u8::from(changes(used)) << i).sum()
 }
 
 /// Effects that are on, with parameters in manifest order; defaults where the script gives none.

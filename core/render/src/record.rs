@@ -70,10 +70,15 @@ pub enum Command {
         first_instance: u32,
         instance_count: u32,
     },
-    /// The gradient, where nothing was drawn.
-    DrawBackground,
-    /// The sky in its place.
-    DrawSky,
+    /// The gradient, or a colour that effects change, where nothing was drawn; a bit for each effect on it, of
+    /// `Recording::surface`.
+    DrawBackground {
+        surface: u8,
+    },
+    /// The sky in its place, with the same effects.
+    DrawSky {
+        surface: u8,
+    },
     /// What an effect draws (of `PlanOverlay::parts`).
     DrawOverlay {
         effect: String,
@@ -197,7 +202,9 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     };
     let sky = plan.sky.is_some_and(|sky| sky.background);
     let gradient = !sky && matches!(plan.background, Background::Gradient { .. });
-    let copied = gradient && options.cpu_device && plan.samples == 1 && scene == Target::Picture;
+    let surface = plan.background_effects;
+    let copied =
+        gradient && surface == 0 && options.cpu_device && plan.samples == 1 && scene == Target::Picture;
     let clear = match plan.background {
         _ if sky => Some(Vec4::ZERO),
         Background::Color(c) => Some(c),
@@ -224,9 +231,10 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         state.draw(draw, Cull::Front);
     }
     // Blended surfaces mix with what is behind them, the background included.
-    if sky || (gradient && !copied) {
+    if sky || ((gradient || surface != 0) && !copied) {
         state.set_cull(Cull::None);
-        state.commands.push(if sky { Command::DrawSky } else { Command::DrawBackground });
+        let behind = if sky { Command::DrawSky { surface } } else { Command::DrawBackground { surface } };
+        state.commands.push(behind);
         state.pipeline = None;
     }
     // What is farther than the first glass that bends light is seen through all such glass.
@@ -425,7 +433,7 @@ impl Recording {
     pub fn reads(&self) -> Reads {
         let mut reads = Reads::default();
         for command in &self.commands {
-            if *command == Command::DrawSky {
+            if matches!(command, Command::DrawSky { .. }) {
                 (reads.sky, reads.sky_picture) = (true, true);
             }
             if let Command::BindPipeline(v) = command {

@@ -17,7 +17,7 @@ impl fmt::Display for Recording {
                     writeln!(f, "  view {index}: {w}×{h} at {at:?}")?
                 }
                 Command::CopyBackground => writeln!(f, "copy background")?,
-                Command::DrawSky => writeln!(f, "  draw sky")?,
+                Command::DrawSky { .. } => writeln!(f, "  draw sky")?,
                 Command::SetCull(cull) => writeln!(f, "  cull {cull:?}")?,
                 Command::BeginPass { target, samples, clear, depth, .. } => {
                     let clear = clear.map_or("load".into(), |c| format!("clear {c}"));
@@ -35,7 +35,7 @@ impl fmt::Display for Recording {
                     writeln!(f, "  draw {instance_count} from {first_instance}")?
                 }
                 Command::CopyBehind { levels, .. } => writeln!(f, "copy behind glass, {levels} levels")?,
-                Command::DrawBackground => writeln!(f, "  background")?,
+                Command::DrawBackground { .. } => writeln!(f, "  background")?,
                 Command::EndPass => writeln!(f, "end")?,
                 Command::PostPass { effect, from, to, .. } => writeln!(f, "post {effect} {from:?} → {to:?}")?,
                 Command::DrawOverlay { effect, over, count, .. } => {

@@ -6,7 +6,7 @@
 use crate::bounds::{Aabb, outside};
 use crate::plan::{PlanLight, View};
 use choreo_stage::Shadow;
-use glam::{DMat4, DVec3, DVec4, Mat4};
+use glam::{DMat4, DVec3, DVec4, Mat4, Vec2};
 
 /// Maps of one frame; as many as the shader's array holds.
 pub const MAX_VIEWS: usize = 32;
@@ -250,7 +250,11 @@ fn lamp(
         let rows = [row(axes.right) / tan, -row(axes.up) / tan, depth, row(axes.forward)];
         let clip = DMat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose().as_mat4();
         let seen = |boxes: &[Aabb]| -> Vec<usize> {
-            (0..).zip(boxes).filter(|(_, b)| reaches(b) && !outside(**b, &clip)).map(|(i, _)| i).collect()
+            (0..)
+                .zip(boxes)
+                .filter(|(_, b)| reaches(b) && !outside(**b, &clip, Vec2::ZERO))
+                .map(|(i, _)| i)
+                .collect()
         };
         let casters = seen(region.casters);
         if casters.is_empty() || seen(region.receivers).is_empty() {

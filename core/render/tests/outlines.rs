@@ -301,3 +301,18 @@ fn a_mask_says_what_moves() {
     let row: Vec<bool> = (0..8).map(|x| pixel(&frame, x, 4)[0] > 128).collect();
     assert_eq!(row, [true, true, false, false, false, false, true, true]);
 }
+
+#[test]
+fn an_outline_reaches_into_the_picture_from_outside() {
+    // A ball whose rim is two pixels left of the picture: a line of eight pixels is seen.
+    let drawn = |width: f64, x: f64| {
+        let mut scene = Scene::ortho(2.0);
+        scene.at(&asset(vec![ball(0.5)], vec![unlit(Vec4::ONE)], vec![]), x, 0.0, 0.0);
+        outlined(&mut scene, width, vec![0]);
+        let effects = effects();
+        let options = PlanOptions { effects: &effects, ..PlanOptions::new([100, 100], 1) };
+        draw(&scene, &options).rgba.chunks_exact(4).filter(|p| *p == &GREEN[..]).count()
+    };
+    assert!(drawn(8.0, -1.54) > 20, "{}", drawn(8.0, -1.54));
+    assert_eq!((drawn(1.0, -1.54), drawn(8.0, -1.8)), (0, 0));
+}

@@ -6,6 +6,7 @@
 mod baking;
 mod chains;
 mod crossfade;
+mod effects;
 mod far_away;
 mod ik;
 mod mipmaps;
@@ -41,7 +42,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 16] = [
+const SECTIONS: [(&str, Measure); 17] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -56,6 +57,7 @@ const SECTIONS: [(&str, Measure); 16] = [
     ("mipmaps", mipmaps::section),
     ("sky", sky::section),
     ("samples", samples::section),
+    ("effects", effects::section),
     ("yuv", yuv::section),
     ("video", video::section),
 ];

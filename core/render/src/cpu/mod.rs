@@ -21,6 +21,7 @@ mod target;
 mod texture;
 mod tile;
 mod toon;
+mod veil;
 mod vertex;
 
 use crate::catalog::{Catalog, CatalogMaterial};
@@ -42,6 +43,7 @@ use std::sync::Arc;
 use target::{Float, PixelOf, Srgb8, Target};
 use texture::Texture;
 use tile::{Batch, Paint, Phase, Tile, TileBuffers, TriangleId};
+use veil::Veil;
 use vertex::{Hull, VertexStage};
 
 /// Largest width and height, in pixels.
@@ -300,6 +302,9 @@ impl CpuRenderer {
         let seen = plan.sky.as_ref().filter(|sky| sky.background);
         let picture = self.sky.as_ref().and_then(|sky| sky.picture.as_ref());
         let backdrop = seen.zip(picture).map(|(sky, p)| sky::Backdrop::new(p, sky, &plan.view, plan.size));
+        let effects = self.surface(plan, plan.background_effects);
+        let needed = backdrop.is_some() || !effects.is_empty();
+        let veil = needed.then_some(Veil { plan, backdrop, effects });
         let glass_of = |b: &Batch| match &b.paint {
             Paint::Surface(fragment) => Some(fragment.glass),
             Paint::Overlay { .. } => None,
@@ -308,14 +313,14 @@ impl CpuRenderer {
         if let (Some(behind), Some(first)) = (plan.behind, batches.iter().position(refracting)) {
             // Drawn as far as it is seen through such glass; then all of it, from the beginning.
             let mut pixels = vec![Vec4::ZERO; out.len()];
-            bands::<T, Vec4, S>(plan, &batches[..first], backdrop.as_ref(), &[], &mut pixels);
+            bands::<T, Vec4, S>(plan, &batches[..first], veil.as_ref(), &[], &mut pixels);
             let behind = Arc::new(Behind::new(pixels, plan.size, behind.levels));
             let glass = batches[first..].iter_mut().filter(|b| refracting(b));
             glass.for_each(|b| b.paint.sees_through(&behind));
         }
         // Over all glass, so after the copy that it shows.
         batches.extend(self.overlays(plan));
-        bands::<T, P, S>(plan, &batches, backdrop.as_ref(), post, out);
+        bands::<T, P, S>(plan, &batches, veil.as_ref(), post, out);
         Ok(())
     }
 }
@@ -324,7 +329,7 @@ impl CpuRenderer {
 fn bands<T: Target, P: PixelOf, const S: usize>(
     plan: &Plan,
     batches: &[Batch],
-    backdrop: Option<&sky::Backdrop>,
+    backdrop: Option<&Veil>,
     post: &[picture::Pass],
     out: &mut [P],
 ) {

@@ -42,9 +42,12 @@ impl Fragment<'_> {
             let eye = view.eye.truncate();
             let to_eye = eye - relative * view.eye.w;
             let y = (at[1] + i as i32 / 2).max(0) as usize;
+            let world = relative + view.position.as_vec3();
+            let distance = if view.eye.w > 0.5 { relative.length() } else { -relative.dot(eye) };
             let seen = Seen {
-                world: relative + view.position.as_vec3(),
-                distance: if view.eye.w > 0.5 { relative.length() } else { -relative.dot(eye) },
+                world,
+                distance,
+                viewer: world - relative * view.eye.w + eye * distance,
                 normal,
                 facing: normal.dot(to_eye * (1.0 / to_eye.dot(to_eye).max(1e-20).sqrt())),
                 background: row_color(self.plan, y).truncate(),
@@ -73,13 +76,12 @@ impl Fragment<'_> {
 
     /// Share of the light that a white matte surface would give back and that shadows take, by luminance.
     fn lost_light(&self, relative: V3, n: V3) -> F4 {
-        let luminance = |c: Vec3| c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
-        let (up, down) = (luminance(self.plan.ambient_up), luminance(self.plan.ambient_down));
-        let (mut whole, mut lost) =
-            (F4::splat(down).mix(F4::splat(up), n.y * 0.5 + F4::splat(0.5)), F4::ZERO);
+        // ITU-R BT.709.
+        let luminance = Vec3::new(0.2126, 0.7152, 0.0722);
+        let (mut whole, mut lost) = (self.around().diffuse(n).dot(V3::splat(luminance)), F4::ZERO);
         for light in &self.plan.lights {
             let (l, strength) = incoming(light, relative);
-            let falling = n.dot(l).clamp(0.0, 1.0) * strength * luminance(light.color.truncate());
+            let falling = n.dot(l).clamp(0.0, 1.0) * strength * light.color.truncate().dot(luminance);
             whole += falling;
             lost += falling * (F4::ONE - self.share(light, relative, n, l));
         }

@@ -387,7 +387,7 @@ impl Fragment<'_> {
         surface.lit(self.plan, &around, relative, [n, v], |light, l| self.share(light, relative, own_n, l))
     }
 
-    fn around(&self) -> Around<'_> {
+    pub fn around(&self) -> Around<'_> {
         Around::new(self.plan, self.sky.filter(|_| self.features.has(Features::SKY)))
     }
 

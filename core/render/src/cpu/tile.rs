@@ -8,8 +8,8 @@ use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::refraction::Behind;
 use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
-use super::sky::Backdrop;
 use super::target::{PixelOf, Target};
+use super::veil::Veil;
 use super::vertex::Vertex;
 use crate::plan::{Glass, OverlayVertex};
 use glam::{Vec2, Vec4};
@@ -99,7 +99,7 @@ pub struct Tile<'a, 'b> {
     /// Linear RGBA of each row.
     pub background: [Vec4; TILE_HEIGHT as usize],
     /// In its place, a colour a pixel.
-    pub backdrop: Option<&'a Backdrop<'a>>,
+    pub backdrop: Option<&'a Veil<'a>>,
     /// Functions of one pixel alone.
     pub post: &'a [Pass],
 }

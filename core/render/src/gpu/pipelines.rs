@@ -11,7 +11,8 @@ use crate::RenderError;
 use crate::plan::{Features, Glass, TopologyKey};
 use crate::record::{Command, Recording, Target, texture_slots};
 use crate::shader::{
-    BACKGROUND, Entry, OVERLAY, SCENE, SKY, SceneVariant, ShaderSources, compile, surface_files, switches,
+    BACKGROUND, Entry, OVERLAY, SCENE, SKY, SceneVariant, ShaderSources, SourceFile, compile, surface_files,
+    switches,
 };
 use crate::vertex::VertexLayout;
 use ash::vk;
@@ -31,11 +32,13 @@ pub enum Id {
         float: bool,
         surface: Vec<(u8, String)>,
     },
+    /// `surface`: the effects on it, each with its bit.
     Background {
         samples: u32,
         float: bool,
         depth: bool,
         sky: bool,
+        surface: Vec<(u8, String)>,
     },
     /// `over`: not hidden by what is nearer.
     Overlay {
@@ -75,13 +78,14 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             None
         }
         Command::BindPipeline(variant) => {
-            let names = (0u8..).zip(&recording.surface);
-            let on = names.filter(|(bit, _)| variant.key.surface >> bit & 1 == 1);
-            let surface = on.map(|(bit, name)| (bit, name.clone())).collect();
+            let surface = on_surface(recording, variant.key.surface);
             Some(Id::Scene { variant: *variant, samples, float, surface })
         }
-        Command::DrawBackground => Some(Id::Background { samples, float, depth, sky: false }),
-        Command::DrawSky => Some(Id::Background { samples, float, depth, sky: true }),
+        Command::DrawBackground { surface } | Command::DrawSky { surface } => {
+            let surface = on_surface(recording, *surface);
+            let sky = matches!(command, Command::DrawSky { .. });
+            Some(Id::Background { samples, float, depth, sky, surface })
+        }
         Command::DrawOverlay { over, .. } => Some(Id::Overlay { samples, float, over: *over }),
         Command::PostPass { effect, to, .. } => {
             Some(Id::Post { effect: effect.clone(), float: is_float(to) })
@@ -89,6 +93,12 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
         _ => None,
     };
     recording.commands.iter().map(id).collect()
+}
+
+/// The effects of a set of bits, each with its own.
+fn on_surface(recording: &Recording, bits: u8) -> Vec<(u8, String)> {
+    let names = (0u8..).zip(&recording.surface);
+    names.filter(|(bit, _)| bits >> bit & 1 == 1).map(|(bit, name)| (bit, name.clone())).collect()
 }
 
 impl Pipelines {
@@ -196,8 +206,10 @@ impl Pipelines {
         self.made.retain(|id, pipeline| {
             let names: Vec<&String> = match id {
                 Id::Post { effect, .. } => vec![effect],
-                Id::Scene { surface, .. } => surface.iter().map(|(_, name)| name).collect(),
-                Id::Background { .. } | Id::Overlay { .. } => return true,
+                Id::Scene { surface, .. } | Id::Background { surface, .. } => {
+                    surface.iter().map(|(_, name)| name).collect()
+                }
+                Id::Overlay { .. } => return true,
             };
             let same = names.iter().all(|name| text(&old, name) == text(effects, name));
             if !same {
@@ -238,13 +250,7 @@ impl Pipelines {
             Id::Scene { variant, samples, float, surface } => {
                 let points = variant.key.topology == TopologyKey::Points;
                 let mut files = self.sources.files(&SCENE)?;
-                if !surface.is_empty() {
-                    let texts: Result<Vec<_>, RenderError> = surface
-                        .iter()
-                        .map(|(bit, name)| Ok((*bit, name.clone(), self.effect(name)?.wgsl().to_string())))
-                        .collect();
-                    files.extend(surface_files(&texts?));
-                }
+                files.extend(self.surface_texts(surface)?);
                 let key = &variant.key;
                 // Of a shadow map only holes need a fragment shader.
                 let cut_out = key.features.has(Features::ALPHA_MASK);
@@ -280,11 +286,13 @@ impl Pipelines {
                     },
                 )
             }
-            Id::Background { samples, float, depth, sky } => {
-                let files = self.sources.files(if *sky { &SKY } else { &BACKGROUND })?;
-                let (on, fs): (&[&str], _) =
-                    if *sky { (&["SKY_BACKGROUND"], "sky_fs") } else { (&[], "background_fs") };
-                let code = compile(&files, on, &stages("background_vs", fs), false)?;
+            Id::Background { samples, float, depth, sky, surface } => {
+                let mut files = self.sources.files(if *sky { &SKY[..] } else { &BACKGROUND[..] })?;
+                files.extend(self.surface_texts(surface)?);
+                let mut on = Vec::from_iter(sky.then_some("SKY_BACKGROUND"));
+                on.extend((!surface.is_empty()).then_some("SURFACE"));
+                let fs = if *sky { "sky_fs" } else { "background_fs" };
+                let code = compile(&files, &on, &stages("background_vs", fs), false)?;
                 self.build(
                     gpu,
                     &code,
@@ -331,6 +339,17 @@ impl Pipelines {
                 )
             }
         }
+    }
+
+    /// The functions of effects on surfaces, and what calls them.
+    fn surface_texts(&self, surface: &[(u8, String)]) -> Result<Vec<SourceFile>, RenderError> {
+        if surface.is_empty() {
+            return Ok(Vec::new());
+        }
+        let text =
+            |(bit, name): &(u8, String)| Ok((*bit, name.clone(), self.effect(name)?.wgsl().to_string()));
+        let texts: Result<Vec<_>, RenderError> = surface.iter().map(text).collect();
+        Ok(surface_files(&texts?))
     }
 
     /// Effects that plans may name.

@@ -378,9 +378,9 @@ fn fill(gpu: &Context, set: &Set, buffer: vk::Buffer) {
 }
 
 fn frame_uniform(plan: &Plan, light_count: u32) -> FrameUniform {
-    let (top, bottom) = match plan.background {
-        Background::Gradient { top, bottom } => (top, bottom),
-        Background::Color(c) => (c.truncate(), c.truncate()),
+    let (top, bottom, alpha) = match plan.background {
+        Background::Gradient { top, bottom } => (top, bottom, 1.0),
+        Background::Color(c) => (c.truncate(), c.truncate(), c.w),
     };
     FrameUniform {
         clip_from_relative: plan.view.clip_from_relative,
@@ -388,8 +388,8 @@ fn frame_uniform(plan: &Plan, light_count: u32) -> FrameUniform {
         camera: plan.view.position.as_vec3().extend(0.0),
         ambient_up: plan.ambient_up.extend(0.0),
         ambient_down: plan.ambient_down.extend(0.0),
-        background_top: top.extend(1.0),
-        background_bottom: bottom.extend(1.0),
+        background_top: top.extend(alpha),
+        background_bottom: bottom.extend(alpha),
         size: Vec2::new(plan.size[0] as f32, plan.size[1] as f32),
         light_count,
         pad: 0,

@@ -52,9 +52,9 @@ pub const SCENE: [&str; 10] = [
     "scene.wgsl",
 ];
 pub const OVERLAY: [&str; 2] = ["frame.wgsl", "overlay.wgsl"];
-pub const BACKGROUND: [&str; 2] = ["frame.wgsl", "background.wgsl"];
+pub const BACKGROUND: [&str; 3] = ["frame.wgsl", "surface.wgsl", "background.wgsl"];
 /// With the switch `SKY_BACKGROUND`.
-pub const SKY: [&str; 3] = ["frame.wgsl", "background.wgsl", "sky.wgsl"];
+pub const SKY: [&str; 4] = ["frame.wgsl", "surface.wgsl", "background.wgsl", "sky.wgsl"];
 
 /// One file's text, before preprocessing.
 #[derive(Clone, Debug, PartialEq)]

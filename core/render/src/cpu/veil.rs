@@ -1,0 +1,51 @@
+//! What effects on everything make of the background. Twin of `background_effects` in background.wgsl.
+
+use super::row_color;
+use super::sky::Backdrop;
+use crate::plan::Plan;
+use choreo_plugin::{BACKGROUND_DISTANCE, Effect, Seen};
+use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
+use std::sync::Arc;
+
+/// The background where it is no color a row: the sky, or what effects make of it.
+pub struct Veil<'a> {
+    pub plan: &'a Plan,
+    pub backdrop: Option<Backdrop<'a>>,
+    /// In order, with their parameters.
+    pub effects: Vec<(Arc<dyn Effect>, [f32; 8])>,
+}
+
+impl Veil<'_> {
+    /// Linear, of a pixel of the picture.
+    pub fn pixel(&self, x: i32, y: i32) -> Vec4 {
+        let color = match &self.backdrop {
+            Some(backdrop) => backdrop.pixel(x, y),
+            None => row_color(self.plan, y as usize),
+        };
+        if self.effects.is_empty() { color } else { self.seen_through(color, x, y) }
+    }
+
+    fn seen_through(&self, color: Vec4, x: i32, y: i32) -> Vec4 {
+        let view = &self.plan.view;
+        let size = Vec2::new(self.plan.size[0] as f32, self.plan.size[1] as f32);
+        // The rows of a perspective matrix without a translation stand at right angles, so that this is its inverse.
+        let rows = view.clip_from_relative.transpose();
+        let at = (Vec2::new(x as f32, y as f32) + 0.5) / size * 2.0 - 1.0;
+        let along = |row: Vec3, at: f32| row * (at / row.dot(row).max(1e-20));
+        let across = along(rows.x_axis.xyz(), at.x) + along(rows.y_axis.xyz(), at.y);
+        let (ahead, beside) = match view.eye.w > 0.5 {
+            true => (rows.w_axis.xyz() + across, Vec3::ZERO),
+            false => (-view.eye.xyz(), across),
+        };
+        let way = ahead * (1.0 / ahead.dot(ahead).max(1e-20).sqrt());
+        let viewer = view.position.as_vec3() + beside;
+        let seen = Seen {
+            world: viewer + way * BACKGROUND_DISTANCE,
+            distance: BACKGROUND_DISTANCE,
+            background: color.truncate(),
+            viewer,
+            ..Seen::default()
+        };
+        self.effects.iter().fold(color, |color, (effect, p)| effect.cpu_surface(color, &seen, p))
+    }
+}

@@ -1,0 +1,285 @@
+//! Effects: what each costs a frame, how many times make motion blur, and smooth edges with and without samples.
+
+use crate::{BUDGET_SECS, Section, scenes};
+use choreo_measure::picture::Moment;
+use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_motion::Time;
+use choreo_plugin::{Effect, Exposure, Frame, Registry};
+use choreo_render::compare::compare;
+use choreo_render::exposure::{plan_at, times};
+use choreo_render::flip::flip;
+use choreo_render::{Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
+use choreo_report::{Cell, Choice, Row, Table, duration, quantity};
+use choreo_script::{ScriptOptions, run_text};
+use choreo_stage::{Evaluator, Stage};
+use std::path::Path;
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [1280, 720];
+/// The references are drawn at four times this.
+const SMALL: [u32; 2] = [480, 272];
+/// Differences beyond this many steps are seen side by side.
+const TOLERANCE: u8 = 8;
+
+pub fn section() -> Result<Section, String> {
+    let registry = registry();
+    Ok(Section {
+        title: "Effects",
+        text: "What an effect costs is what its frame takes beyond that of the same scene without it. Effects on surfaces cost what their \
+               function does on the pixels that have it; those over the picture need float targets and a pass. Motion blur is the mean of pictures \
+               at exact times: the error falls with their number, and so does the speed. FXAA finds edges in the finished picture, where samples \
+               know them."
+            .into(),
+        choices: vec![blur(&registry)?, edges(&registry)?],
+        tables: vec![costs(&registry)?],
+        off_front: vec![(
+            "edges",
+            "FXAA is an effect that a script asks for: it also softens what is sharp within a texture, which no mean over edges shows.",
+        )],
+    })
+}
+
+/// All that the program has.
+fn registry() -> Registry {
+    let mut registry = scenes::registry();
+    registry.add_effect(effect_tonemap::Tonemap);
+    registry.add_effect(effect_outline::Outline);
+    registry.add_effect(effect_fog::Fog);
+    registry.add_effect(effect_toon::Toon);
+    registry.add_effect(effect_views::Views);
+    registry.add_effect(effect_xray::Xray);
+    registry.add_effect(effect_wireframe::Wireframe);
+    registry.add_effect(effect_fxaa::Fxaa);
+    registry.add_effect(effect_bloom::Bloom);
+    registry.add_effect(effect_skeleton::Skeleton);
+    registry.add_effect(effect_grid::Grid);
+    registry.add_effect(effect_shadow_catcher::ShadowCatcher);
+    registry.add_effect(effect_motion_blur::MotionBlur);
+    registry
+}
+
+/// A lit walker with a shadow on a floor, and an effect.
+const SCENE: &str = r##"
+    stage(#{ length: 2.0, background: #{ top: "#5f7fa8", bottom: "#cfd6dc" } });
+    let moves = load("choreo:mannequin", #{ color: "amber" });
+    let anna = cast("anna", moves);
+    anna.play(moves.clip("Run")).loop();
+    let floor = cast("floor", shape("plane", #{ size: 20.0, checker: "grey" }));
+    sun(#{ direction: [-1.0, -1.6, -0.8], shadow: true });
+    camera("front").fov(30).at(0.6, 1.2, 4.6).look_at([0.0, 0.9, 0.0]);
+"##;
+
+fn stage(effect: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
+    let text = format!("{SCENE}{effect}");
+    let script = run_text("effects.rhai", &text, Path::new("."), registry, &ScriptOptions::default())
+        .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
+    Ok(Arc::new(script.stage))
+}
+
+fn planned(
+    stage: &Arc<Stage>,
+    effects: &[Arc<dyn Effect>],
+    size: [u32; 2],
+    samples: u32,
+) -> Result<Plan, String> {
+    let options = PlanOptions { effects, ..PlanOptions::new(size, samples) };
+    let at = Time::from_secs(0.4);
+    let catalog = Catalog::new(stage);
+    let planned = plan_at(&catalog, &mut Evaluator::new(stage.clone()), at, &options, None);
+    planned.map(|(_, plan)| plan).map_err(|e| e.to_string())
+}
+
+fn drawn(renderer: &mut dyn Renderer, plan: &Plan) -> Result<Frame, String> {
+    renderer.submit(plan.clone()).map_err(|e| e.to_string())?;
+    renderer.collect(None).map_err(|e| e.to_string())
+}
+
+/// One that draws without a GPU, so that its time is CPU time as the twin's.
+fn driver(effects: &[Arc<dyn Effect>]) -> Option<VulkanRenderer> {
+    let options = GpuOptions { effects: effects.to_vec(), ..GpuOptions::default() };
+    VulkanRenderer::new(options).ok()
+}
+
+const EFFECTS: [(&str, &str); 15] = [
+    ("none", ""),
+    ("vignette", r#"effect("vignette");"#),
+    ("tonemap", r#"effect("tonemap");"#),
+    ("fxaa", r#"effect("fxaa");"#),
+    ("bloom", r#"effect("bloom");"#),
+    ("fog", r#"effect("fog");"#),
+    ("fog of a color", r#"effect("fog", #{ sky: false, falloff: 0.3 });"#),
+    ("toon", r#"effect("toon");"#),
+    ("views", r#"effect("views");"#),
+    ("xray on the actor", r#"effect("xray").on(anna);"#),
+    ("outline", r#"effect("outline").on(anna);"#),
+    ("wireframe", r#"effect("wireframe").on(anna);"#),
+    ("skeleton", r#"effect("skeleton");"#),
+    ("grid", r#"effect("grid", #{ height: 0.01 });"#),
+    ("shadow_catcher", r#"effect("shadow_catcher").on(floor);"#),
+];
+
+fn costs(registry: &Registry) -> Result<Table, String> {
+    let effects = registry.effects();
+    let mut cpu = CpuRenderer::new(effects);
+    let mut vulkan = driver(effects);
+    let title = format!(
+        "Cost of each effect: one lit walker with a shadow, {}×{}, 1 sample, {}",
+        SIZE[0],
+        SIZE[1],
+        Clock::Process.words()
+    );
+    let columns = [
+        ("effect", "effect"),
+        (">CPU renderer", "cpu"),
+        (">beyond none", "cpu_beyond"),
+        (">Vulkan", "vulkan"),
+        (">beyond none", "vulkan_beyond"),
+    ];
+    let mut table = Table::new(title, &columns);
+    let stages = EFFECTS.iter().map(|(_, text)| stage(text, registry)).collect::<Result<Vec<_>, _>>()?;
+    // All stages have the same assets.
+    let catalog = Arc::new(Catalog::new(&stages[0]));
+    let plans: Result<Vec<_>, _> = stages.iter().map(|s| planned(s, effects, SIZE, 1)).collect();
+    let plans = plans?;
+    let time = |renderer: &mut dyn Renderer| -> Result<Vec<f64>, String> {
+        renderer.load(catalog.clone()).map_err(|e| e.to_string())?;
+        let cell = std::cell::RefCell::new(renderer);
+        let failed = std::cell::RefCell::new(None);
+        let case = |plan| {
+            let (cell, failed) = (&cell, &failed);
+            Case::new(1, move || {
+                if let Err(e) = drawn(&mut **cell.borrow_mut(), plan) {
+                    *failed.borrow_mut() = Some(e);
+                }
+            })
+        };
+        let mut cases: Vec<Case> = plans.iter().map(case).collect();
+        let nanos = interleaved(Clock::Process, 12.0 * BUDGET_SECS, &mut cases);
+        drop(cases);
+        failed.into_inner().map_or(Ok(nanos), Err)
+    };
+    let own = time(&mut cpu)?;
+    let theirs = vulkan.as_mut().map(|v| time(v)).transpose()?;
+    for (i, (name, _)) in EFFECTS.iter().enumerate() {
+        let mut row = vec![Cell::text(*name)];
+        for nanos in [Some(&own), theirs.as_ref()] {
+            let Some(nanos) = nanos else {
+                row.extend([Cell::empty(), Cell::empty()]);
+                continue;
+            };
+            let beyond = nanos[i] - nanos[0];
+            let sign = if beyond < 0.0 { "−" } else { "+" };
+            row.push(Cell::number(duration(nanos[i]), nanos[i]));
+            row.push(match i {
+                0 => Cell::empty(),
+                _ => Cell::number(format!("{sign}{}", duration(beyond.abs())), beyond),
+            });
+        }
+        table.rows.push(row);
+    }
+    Ok(table.without_empty_columns())
+}
+
+/// Error of a picture against the truth, seen (ꟻLIP) too.
+fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
+    let c = compare(frame, truth, TOLERANCE).map_err(|e| e.to_string())?;
+    let seen = flip(frame, truth).map_err(|e| e.to_string())?;
+    let note = format!(
+        "{:.2} % of pixels beyond {TOLERANCE}, ꟻLIP mean {}, worst {}",
+        c.share_beyond * 100.0,
+        quantity(f64::from(seen.mean)),
+        quantity(f64::from(seen.worst))
+    );
+    Ok(Row::new(name)
+        .error(f64::from(c.worst), c.mean)
+        .at(format!("pixel {}, {}", c.worst_at[0], c.worst_at[1]))
+        .note(note))
+}
+
+fn blur(registry: &Registry) -> Result<Choice, String> {
+    let effects = registry.effects();
+    let mut choice =
+        Choice::new("blur", "How many pictures make one with motion blur? (a run, shutter of 180°)");
+    choice.error_unit = "steps of 255";
+    choice.by_mean = true;
+    choice.reference = "512 times; mean over all channels of all pixels".into();
+    choice.per = format!("picture of {}×{}, {}", SMALL[0], SMALL[1], Clock::Process.words());
+    let plain = stage("", registry)?;
+    let (catalog, at) = (Arc::new(Catalog::new(&plain)), Time::from_secs(0.4));
+    let options = PlanOptions { effects, ..PlanOptions::new(SMALL, 4) };
+    let one = |time| {
+        Ok::<_, String>(Plan::new(&catalog, &plain, &plain.at(time).map_err(|e| e.to_string())?, &options))
+    };
+    // As the effect has it, and with more than scripts may ask for.
+    let plan = |samples: u32| {
+        let mut whole = one(at)?;
+        if samples > 1 {
+            for time in times(&plain, at, &Exposure { samples, open: 0.5, before: 0.5 }) {
+                whole.exposed.push(Plan { linear: true, ..one(time)? });
+            }
+        }
+        Ok::<_, String>(whole)
+    };
+    let mut renderer = CpuRenderer::new(effects);
+    renderer.load(catalog.clone()).map_err(|e| e.to_string())?;
+    let truth = drawn(&mut renderer, &plan(512)?)?;
+    let counts = [1, 2, 4, 8, 16, 32, 64];
+    let plans = counts.iter().map(|n| plan(*n)).collect::<Result<Vec<_>, _>>()?;
+    for (count, plan) in counts.iter().zip(&plans) {
+        let name = if *count == 1 { "none".to_string() } else { format!("{count} times") };
+        choice.rows.push(row(name, &drawn(&mut renderer, plan)?, &truth)?);
+    }
+    let cell = std::cell::RefCell::new(renderer);
+    let case = |plan| {
+        let cell = &cell;
+        // Each was drawn above without an error.
+        Case::new(1, move || drop(drawn(&mut *cell.borrow_mut(), plan)))
+    };
+    let nanos =
+        interleaved(Clock::Process, 4.0 * BUDGET_SECS, &mut plans.iter().map(case).collect::<Vec<_>>());
+    for (row, nanos) in choice.rows.iter_mut().zip(nanos) {
+        row.nanos = Some(nanos);
+    }
+    choice.choose("16 times", "steps of a limb that crosses sixteen pixels are as wide as a pixel");
+    Ok(choice)
+}
+
+fn edges(registry: &Registry) -> Result<Choice, String> {
+    let effects = registry.effects();
+    let mut choice = Choice::new("edges", "Smooth edges by samples, or by FXAA over the finished picture?");
+    choice.error_unit = "steps of 255";
+    choice.by_mean = true;
+    choice.reference = "64 samples a pixel, textures included; mean over all channels of all pixels".into();
+    choice.per = format!("picture of {}×{}, {}", SMALL[0], SMALL[1], Clock::Process.words());
+    let at = Time::from_secs(0.4);
+    let plain = stage("", registry)?;
+    let moment = Moment::new(&plain, at, effects).map_err(|e| e.to_string())?;
+    let truth = moment.supersampled(SMALL).map_err(|e| e.to_string())?;
+    let smooth = stage("effect(\"fxaa\");", registry)?;
+    let mut renderer = CpuRenderer::new(effects);
+    renderer.load(moment.catalog.clone()).map_err(|e| e.to_string())?;
+    let ways = [
+        ("1 sample", &plain, 1),
+        ("1 sample, FXAA", &smooth, 1),
+        ("4 samples", &plain, 4),
+        ("4 samples, FXAA", &smooth, 4),
+    ];
+    let mut plans = Vec::new();
+    for (name, stage, samples) in ways {
+        let plan = planned(stage, effects, SMALL, samples)?;
+        choice.rows.push(row(name.into(), &drawn(&mut renderer, &plan)?, &truth)?);
+        plans.push(plan);
+    }
+    let cell = std::cell::RefCell::new(renderer);
+    let case = |plan| {
+        let cell = &cell;
+        Case::new(1, move || drop(drawn(&mut *cell.borrow_mut(), plan)))
+    };
+    let nanos =
+        interleaved(Clock::Process, 3.0 * BUDGET_SECS, &mut plans.iter().map(case).collect::<Vec<_>>());
+    for (row, nanos) in choice.rows.iter_mut().zip(nanos) {
+        row.nanos = Some(nanos);
+    }
+    choice.choose("4 samples", "the default: edges as they are, and nothing else touched");
+    Ok(choice)
+}
