@@ -9,7 +9,7 @@ use choreo_render::*;
 use choreo_stage::*;
 use common::layered::layered;
 use common::*;
-use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
+use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
 
 const SIDE: u32 = 128;
 
@@ -257,7 +257,8 @@ fn what_stands_before_behind_and_within() {
     two.indices.extend(far.indices.iter().map(|i| i + 4));
     two.positions.extend(far.positions);
     two.normals.extend(far.normals);
-    two.uvs[0].extend(far.uvs[0].iter().copied().collect::<Vec<Vec2>>());
+    let uvs = far.uvs[0].clone();
+    two.uvs[0].extend(uvs);
     two.colors = [[Vec4::new(1.0, 1.0, 0.5, 1.0); 4], [Vec4::new(0.5, 1.0, 1.0, 1.0); 4]].concat();
     let layers = MaterialLayers { thickness: 0.1, ior: 1.5, ..MaterialLayers::default() };
     let mut scene = Scene::ortho(2.0);
