@@ -73,10 +73,16 @@ fn ambient_specular(f0: vec3<f32>, f90: f32, roughness: f32, nv: f32) -> vec3<f3
 @end
 
 @if(BLINN_PHONG)
-// Lambert + normalised Blinn–Phong, times π.
+// Lambert + normalised Blinn–Phong or Phong, times π.
 fn reflect_light(base: vec3<f32>, specular: vec3<f32>, n: vec3<f32>, v: vec3<f32>, l: vec3<f32>) -> vec3<f32> {
+    @if(PHONG)
+    let rv = clamp(dot(reflect(-l, n), v), 0.0, 1.0);
+    return base + specular * ((material.shininess + 2.0) * 0.5 * pow(rv, material.shininess));
+    @end
+    @if(!PHONG)
     let nh = clamp(dot(n, unit(l + v)), 0.0, 1.0);
     return base + specular * ((material.shininess + 8.0) * 0.125 * pow(nh, material.shininess));
+    @end
 }
 @end
 
@@ -122,6 +128,12 @@ fn incoming(light: Light, relative: vec3<f32>) -> Incoming {
     let to_light = offset * inverseSqrt(d2);
     let x = d2 * light.position.w;
     var strength = clamp(1.0 - x * x, 0.0, 1.0) / d2;
+    @if(POLYNOMIAL)
+    if (light.position.w < 0.0) {
+        let square = -1.0 - light.position.w;
+        strength = 1.0 / ((1.0 - light.color.w - square) + light.color.w * sqrt(d2) + square * d2);
+    }
+    @end
     if (light.direction.w == 2.0) {
         let cone = clamp(dot(-light.direction.xyz, to_light) * light.cone.x + light.cone.y, 0.0, 1.0);
         strength *= cone * cone;

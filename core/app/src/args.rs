@@ -58,7 +58,7 @@ pub enum Command {
 }
 
 /// What is put on stage.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub struct SceneArgs {
     /// A script (.rhai), or a model file to be framed, lit and played with no script
     #[arg(value_name = "SCRIPT|MODEL")]
@@ -80,7 +80,7 @@ pub struct SceneArgs {
 }
 
 /// How a model file is read. Scripts say it themselves: `load(…, #{ … })`.
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub struct ImportArgs {
     /// Model files: the importer, whatever the file looks like (see `choreo plugins --for FILE`)
     #[arg(long, value_name = "NAME")]
@@ -93,7 +93,7 @@ pub struct ImportArgs {
     pub plugins: Vec<PathBuf>,
 }
 
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub struct RenderArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
@@ -127,6 +127,9 @@ pub struct RenderArgs {
     /// After every save, draw the frames that it touches again and write the output anew, until Ctrl-C
     #[arg(long, conflicts_with = "resume")]
     pub watch: bool,
+    /// What the CPU renderer does on the way to one frame, six pictures in the folder -o: model, view, clip, raster, depth, shade
+    #[arg(long, conflicts_with_all = ["resume", "watch", "frames"])]
+    pub stages: bool,
     /// Threads at most (default: one for each core)
     #[arg(long, value_name = "N")]
     pub jobs: Option<String>,

@@ -33,6 +33,7 @@ mod remember;
 mod render;
 mod render_watch;
 mod scene;
+mod stages;
 mod summary;
 mod test;
 mod video;

@@ -186,6 +186,8 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         ambient_down,
         lights,
         sky,
+        under,
+        over,
         shadows,
         behind,
         instances,
@@ -204,6 +206,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
     } = plan;
     // Numbers are printed so that no two that differ look alike: the shortest text that reads as the same number.
     add(format!("{size:?} {samples} {view:?} {background:?} {ambient_up:?} {ambient_down:?}").as_bytes());
+    add(format!("{:?}", [under, over].map(|flat| flat.as_ref().map(|f| f.hash))).as_bytes());
     add(format!("{sky:?} {:?}", sky.and(catalog.sky.as_ref()).map(|s| s.hash())).as_bytes());
     add(bytemuck::cast_slice(lights));
     add(bytemuck::cast_slice(instances));

@@ -5,7 +5,7 @@ use crate::budget::Budgeted;
 use crate::failure::Failure;
 use crate::output::Target;
 use crate::scene::{self, Keep, Opening, Scene};
-use crate::{device, draw, plugin_files, ranges, render_watch, summary};
+use crate::{device, draw, plugin_files, ranges, render_watch, stages, summary};
 use choreo_motion::Time;
 use choreo_plugin::{ExportOptions, Exporter, Registry};
 use choreo_stage::Settings;
@@ -28,6 +28,9 @@ pub struct Job {
 pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     if args.watch {
         return render_watch::run(&args, plugins);
+    }
+    if args.stages {
+        return stages::run(&args, plugins);
     }
     let start = Instant::now();
     let jobs = args.jobs.as_deref().map(ranges::jobs).transpose()?;

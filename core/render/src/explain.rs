@@ -76,6 +76,7 @@ pub fn explain(catalog: &Catalog, plan: &Plan, recording: &Recording) -> Vec<Par
     parts.meshes(recording);
     parts.materials_and_textures(recording);
     parts.sky(recording);
+    parts.flats();
     parts.targets(recording);
     parts.all.sort_by_key(|p| p.kind);
     parts.all
@@ -173,6 +174,10 @@ impl Parts<'_> {
                         None,
                         stage("the stage's background"),
                     );
+                }
+                Command::DrawUnder => {
+                    let what = "pipeline of the layers under the scene".to_string();
+                    self.add(Kind::Pipeline, what, None, stage("text, pictures and panels"));
                 }
                 Command::DrawSky { .. } => {
                     let what = "pipeline of the sky, behind all else".to_string();
@@ -377,6 +382,24 @@ impl Parts<'_> {
             let draws = self.plan.draws.iter().filter(|d| materials.contains(&d.material));
             let askers = self.askers(draws);
             self.add(Kind::Texture, what, Some(bytes), askers);
+        }
+    }
+
+    fn flats(&mut self) {
+        let asked = || Askers { other: Some("text, pictures and panels"), ..Askers::default() };
+        if let Some(under) = &self.plan.under {
+            let [w, h] = under.size;
+            let bytes = Some(8 * u64::from(w) * u64::from(h));
+            self.add(
+                Kind::Texture,
+                format!("layers under the scene: {w}×{h}, 16-bit floats"),
+                bytes,
+                asked(),
+            );
+        }
+        if let Some(over) = &self.plan.over {
+            let [w, h] = over.area;
+            self.add(Kind::Pass, format!("layers over the frame, {w}×{h} pixels, by the CPU"), None, asked());
         }
     }
 

@@ -38,7 +38,7 @@ pub fn plan_with<E>(
     if let Some(exposure) = exposure_of(stage, &snapshot, options.effects) {
         for time in times(stage, time, &exposure) {
             let part = Plan::new(catalog, stage, &at(time)?, options);
-            plan.exposed.push(Plan { post: Vec::new(), linear: true, ..part });
+            plan.exposed.push(Plan { post: Vec::new(), linear: true, over: None, ..part });
         }
     }
     Ok((snapshot, plan))

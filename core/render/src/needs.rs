@@ -15,6 +15,8 @@ pub struct DrawNeeds {
     pub local_lights: bool,
     /// A sky shines.
     pub sky: bool,
+    /// Some light falls off by a polynomial.
+    pub polynomial: bool,
 }
 
 /// Only what changes a pixel. `force_all` sets every bit that leaves the pixels as they are; see [`Features`] for
@@ -86,12 +88,14 @@ pub fn features(
     set(needs.morphed || force_all, Features::MORPH);
     set((primitive.info.colored || force_all) && !toon, Features::VERTEX_COLOR);
     set(metallic_roughness, Features::METALLIC_ROUGHNESS);
-    set(lit && m.shading == Shading::BlinnPhong, Features::BLINN_PHONG);
+    set(lit && matches!(m.shading, Shading::BlinnPhong | Shading::Phong), Features::BLINN_PHONG);
+    set(lit && m.shading == Shading::Phong, Features::PHONG);
     set(toon, Features::TOON);
     set(lit && (m.emissive != Vec3::ZERO || force_all), Features::EMISSIVE);
     set(matches!(m.alpha_mode, AlphaMode::Mask(_)) || force_all, Features::ALPHA_MASK);
     set(lit && (needs.local_lights || force_all), Features::LOCAL_LIGHTS);
     set(lit && needs.sky, Features::SKY);
+    set(lit && needs.polynomial, Features::POLYNOMIAL);
     f
 }
 
@@ -126,6 +130,8 @@ pub struct Facts {
     pub lit_exist: bool,
     pub lights_exist: bool,
     pub sky_exists: bool,
+    /// Under and over the scene.
+    pub flats: usize,
     pub lit_drawn: bool,
     pub blended: usize,
     pub copies: usize,
@@ -191,6 +197,7 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
         "distance and cone attenuation",
         "no point or spot light shines".into(),
     );
+    say(facts.flats == 0, "flat layers", "no text, picture, panel or letterbox is seen".into());
     let no_sky = if facts.sky_exists { "its strength is zero" } else { "the stage has no sky" };
     say(facts.lit_drawn && !all.has(Features::SKY), "image-based light", no_sky.into());
     say(!all.has(Features::VERTEX_COLOR), "vertex colours", "no drawn mesh has any but white".into());

@@ -3,6 +3,7 @@
 //! All positions are camera-relative: world axes, origin at the camera. They are computed in f64 and handed over as f32.
 
 use crate::catalog::CatalogMaterial;
+use crate::flat::FlatPicture;
 use choreo_stage::{AlphaMode, Background, Shading, Topology};
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
@@ -22,6 +23,9 @@ pub struct Plan {
     pub lights: Vec<PlanLight>,
     /// `None` where the stage has none, or nothing shows its light.
     pub sky: Option<PlanSky>,
+    /// Layers behind the scene, over its background, and those over the finished frame.
+    pub under: Option<Arc<FlatPicture>>,
+    pub over: Option<Arc<FlatPicture>>,
     pub instances: Vec<Instance>,
     /// Of each instance: index into `Stage::actors`.
     pub instance_actors: Vec<u32>,
@@ -115,11 +119,11 @@ pub struct View {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct PlanLight {
-    /// xyz position (point, spot), w = 1/range² or 0.
+    /// xyz position (point, spot), w = 1/range² or 0; below 0: −1 − the square's share of a polynomial.
     pub position: Vec4,
     /// xyz unit direction in which it shines, w = kind: 0 directional, 1 point, 2 spot.
     pub direction: Vec4,
-    /// xyz colour · intensity, linear.
+    /// xyz colour · intensity, linear; w = the first power's share of a polynomial, whose rest is constant.
     pub color: Vec4,
     /// Spot: x = angle scale, y = angle offset (KHR_lights_punctual, "Inner and Outer Cone Angles").
     /// z = its first view among `Shadows::views`, w = how many it has.
@@ -336,6 +340,10 @@ impl Features {
     pub const DISPERSION: Features = Features(1 << 53);
     /// A sky's maps light it. Another light rather than more of one: never forced in.
     pub const SKY: Features = Features(1 << 60);
+    /// Highlights of Phong in place of Blinn's. Never forced in.
+    pub const PHONG: Features = Features(1 << 61);
+    /// Some light falls off by a polynomial of the distance. Never forced in.
+    pub const POLYNOMIAL: Features = Features(1 << 62);
 
     /// What of a draw's features its depth depends on.
     pub const fn of_depth(self) -> Features {
@@ -410,6 +418,7 @@ pub const LEFT_OUT: &[&str] = &[
     "dark lights",
     "distance and cone attenuation",
     "image-based light",
+    "flat layers",
     "vertex colours",
     "texture coordinates",
     "second texture coordinates",

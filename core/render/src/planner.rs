@@ -2,40 +2,19 @@
 
 use crate::bounds::{Aabb, outside};
 use crate::catalog::{Catalog, CatalogMaterial, PrimitiveEntry};
+use crate::flat::flats;
 use crate::needs::{DrawNeeds, Facts, features, left_out, shell_features};
 use crate::plan::*;
+use crate::plan_options::PlanOptions;
 use crate::planner_effects::{Line, background_effects, post_passes, shells, surface_effects};
 use crate::planner_lights::{plan_lights, plan_sky};
 use crate::planner_overlay::overlays;
 use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, dual_rows};
-use choreo_plugin::{Effect, SurfaceNeeds};
+use choreo_plugin::SurfaceNeeds;
 use choreo_stage::{ActorState, AlphaMode, Asset, EffectTarget, MeshInstance, Shadow, Snapshot, Stage};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
-
-/// What a frame is planned for. [`PlanOptions::new`] gives the usual choices.
-#[derive(Clone)]
-pub struct PlanOptions<'a> {
-    /// Pixels.
-    pub size: [u32; 2],
-    /// 1 or 4.
-    pub samples: u32,
-    /// Effects known by name; one of the stage that is not among them is left out, and said.
-    pub effects: &'a [Arc<dyn Effect>],
-    /// Every feature in, needed or not: the pixels must stay the same (tests).
-    pub force_all: bool,
-    /// Copies outside the view are drawn too.
-    pub no_culling: bool,
-    /// One draw a copy.
-    pub no_instancing: bool,
-}
-
-impl PlanOptions<'_> {
-    pub fn new(size: [u32; 2], samples: u32) -> Self {
-        PlanOptions { size, samples, effects: &[], force_all: false, no_culling: false, no_instancing: false }
-    }
-}
 
 impl Plan {
     /// The same input gives the same plan, bit for bit.
@@ -46,6 +25,7 @@ impl Plan {
             catalog,
             options,
             local_lights: lights.iter().any(|l| l.direction.w != 0.0),
+            polynomial: lights.iter().any(|l| l.position.w < 0.0),
             sky: snapshot.sky.as_ref().is_some_and(|sky| sky.strength > 0.0),
             joint_matrices: Vec::new(),
             morphs: Vec::new(),
@@ -105,6 +85,7 @@ pub(crate) struct Planner<'a> {
     pub options: &'a PlanOptions<'a>,
     pub view: View,
     local_lights: bool,
+    polynomial: bool,
     sky: bool,
     pub joint_matrices: Vec<Rows>,
     morphs: Vec<ActiveMorph>,
@@ -208,6 +189,7 @@ impl Planner<'_> {
                 morphed: morph_count > 0,
                 local_lights: self.local_lights,
                 sky: self.sky,
+                polynomial: self.polynomial,
             };
             let mut features = features(primitive, material, needs, self.options.force_all);
             let (surface, seen) = self.surface_of(index, entry.of_asset);
@@ -447,6 +429,8 @@ impl Planner<'_> {
         }
 
         let (overlay, beyond) = overlays(stage, snapshot, &self.view, self.options);
+        let [under, over] = flats(stage, snapshot, self.options.size);
+        self.facts.flats = usize::from(under.is_some()) + usize::from(over.is_some());
         let (post, unknown) = post_passes(stage, snapshot, self.options.effects);
         let lit = self.facts.lit_drawn || self.options.force_all;
         self.facts.blended = self.items.len() - first_blended;
@@ -469,6 +453,8 @@ impl Planner<'_> {
             ambient_up: if lit { snapshot.ambient_up } else { Vec3::ZERO },
             ambient_down: if lit { snapshot.ambient_down } else { Vec3::ZERO },
             lights: if lit { lights } else { Vec::new() },
+            under,
+            over,
             sky: snapshot.sky.as_ref().and_then(|sky| plan_sky(sky, all.has(Features::SKY))),
             instances,
             instance_actors,

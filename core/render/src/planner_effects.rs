@@ -2,7 +2,8 @@
 
 use crate::catalog::{CatalogMaterial, PrimitiveEntry};
 use crate::plan::{LeftOut, PostPass};
-use crate::planner::{PlanOptions, Planner};
+use crate::plan_options::PlanOptions;
+use crate::planner::Planner;
 use choreo_plugin::{Effect, Exposure, Hook, OptionKind, SurfaceNeeds};
 use choreo_stage::{EffectState, EffectTarget, EffectUse, Outline, Shading, Snapshot, Stage};
 use glam::Vec3;

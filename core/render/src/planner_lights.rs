@@ -24,6 +24,12 @@ pub fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<O
         }
         let inverse_range_squared =
             light.range.filter(|r| *r > 0.0 && kind != 0.0).map_or(0.0, |r| 1.0 / (r * r));
+        // Shares of the polynomial; their sum goes into the colour.
+        let polynomial = state.attenuation.filter(|_| kind != 0.0).map(|a| (a, a[0] + a[1] + a[2]));
+        let (fall, first, color) = match polynomial {
+            Some((a, sum)) => (-1.0 - a[2] / sum, a[1] / sum, color / sum),
+            None => (inverse_range_squared, 0.0, color),
+        };
         // KHR_lights_punctual, "Inner and Outer Cone Angles".
         let cone = if kind == 2.0 {
             let (cos_inner, cos_outer) = (libm::cosf(inner), libm::cosf(outer));
@@ -34,9 +40,9 @@ pub fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<O
         };
         shadows.push(state.shadow);
         out.push(PlanLight {
-            position: position.extend(inverse_range_squared),
+            position: position.extend(fall),
             direction: state.direction.extend(kind),
-            color: color.extend(0.0),
+            color: color.extend(first),
             cone,
         });
     }

@@ -2,7 +2,7 @@
 
 use crate::plan::{LeftOut, PlanOverlay, View};
 use crate::plan::{OverlayPart, OverlayVertex};
-use crate::planner::PlanOptions;
+use crate::plan_options::PlanOptions;
 use crate::planner_effects::{effect_parameters, uses};
 use choreo_plugin::{Hook, Lattice, Scene, Stroke};
 use choreo_stage::{Snapshot, Stage};

@@ -79,6 +79,8 @@ pub enum Command {
     DrawSky {
         surface: u8,
     },
+    /// Flat layers over either.
+    DrawUnder,
     /// What an effect draws (of `PlanOverlay::parts`).
     DrawOverlay {
         effect: String,
@@ -156,6 +158,8 @@ pub struct Reads {
     pub sky: bool,
     pub sky_maps: bool,
     pub sky_picture: bool,
+    /// Layers under the scene.
+    pub under: bool,
 }
 
 /// How many of each a frame needs; what "leaves things out" means in numbers.
@@ -235,6 +239,11 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         state.set_cull(Cull::None);
         let behind = if sky { Command::DrawSky { surface } } else { Command::DrawBackground { surface } };
         state.commands.push(behind);
+        state.pipeline = None;
+    }
+    if plan.under.is_some() {
+        state.set_cull(Cull::None);
+        state.commands.push(Command::DrawUnder);
         state.pipeline = None;
     }
     // What is farther than the first glass that bends light is seen through all such glass.
@@ -433,6 +442,7 @@ impl Recording {
     pub fn reads(&self) -> Reads {
         let mut reads = Reads::default();
         for command in &self.commands {
+            reads.under |= *command == Command::DrawUnder;
             if matches!(command, Command::DrawSky { .. }) {
                 (reads.sky, reads.sky_picture) = (true, true);
             }

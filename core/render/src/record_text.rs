@@ -18,6 +18,7 @@ impl fmt::Display for Recording {
                 }
                 Command::CopyBackground => writeln!(f, "copy background")?,
                 Command::DrawSky { .. } => writeln!(f, "  draw sky")?,
+                Command::DrawUnder => writeln!(f, "  draw layers under the scene")?,
                 Command::SetCull(cull) => writeln!(f, "  cull {cull:?}")?,
                 Command::BeginPass { target, samples, clear, depth, .. } => {
                     let clear = clear.map_or("load".into(), |c| format!("clear {c}"));

@@ -237,7 +237,7 @@ fn lamp(
         b.corners().map(|c| c.as_dvec3().distance_squared(position)).into_iter().fold(0.0, f64::max)
     };
     let lit = region.receivers.iter().map(farthest).fold(0.0, f64::max);
-    let range = if light.position.w == 0.0 { f64::INFINITY } else { 1.0 / f64::from(light.position.w) };
+    let range = if light.position.w <= 0.0 { f64::INFINITY } else { 1.0 / f64::from(light.position.w) };
     let reaches = |b: &Aabb| {
         let nearest = position.clamp(b.min.as_dvec3(), b.max.as_dvec3());
         nearest.distance_squared(position) <= lit.min(range)

@@ -83,6 +83,7 @@ fn point_and_spot_lights_fall_off() {
         position: DVec3::new(0.0, 0.0, 2.0),
         direction: Vec3::NEG_Z,
         shadow: None,
+        attenuation: None,
     };
     let mut scene = wall(Material { specular: 0.0, ..matte(Vec4::ONE) });
     for (kind, range, expected) in [

@@ -200,6 +200,8 @@ fn shadow_variants() -> Vec<SceneVariant> {
         }
         for shading in shadings {
             list.push(variant(shading.with(Features::SKY), false, bits));
+            let local = Features::LOCAL_LIGHTS.with(Features::POLYNOMIAL);
+            list.push(variant(shading.with(local), false, bits));
             list.push(variant(
                 shading.with(Features::SKY).with(Features::SHADOW).with(normal_map),
                 false,
@@ -208,6 +210,8 @@ fn shadow_variants() -> Vec<SceneVariant> {
         }
         let layered = Features::METALLIC_ROUGHNESS.with(coat).with(Features::SHADOW);
         list.push(variant(layered.with(Features::SKY), false, bits));
+        let phong = Features::BLINN_PHONG.with(Features::PHONG);
+        list.push(variant(phong.with(Features::LOCAL_LIGHTS).with(Features::SHADOW), false, bits));
         list.push(variant(layered, false, bits));
         list.push(variant(Features::METALLIC_ROUGHNESS.with(leaf).with(Features::SHADOW), false, bits));
     }
@@ -325,6 +329,7 @@ fn every_combination_compiles() {
     }
     let files = sources().files(&BACKGROUND).unwrap();
     parse(&files, &[]).unwrap();
+    parse(&sources().files(&UNDER).unwrap(), &[]).unwrap();
     parse(&sources().files(&SKY).unwrap(), &["SKY_BACKGROUND"]).unwrap();
 }
 

@@ -45,7 +45,13 @@ fn floor_and_square() -> Scene {
 
 fn cast(scene: &mut Scene, light: Light, position: DVec3, direction: DVec3, shadow: Shadow) {
     let direction = direction.normalize().as_vec3();
-    scene.snapshot.lights.push(LightState { light, position, direction, shadow: Some(shadow) });
+    scene.snapshot.lights.push(LightState {
+        light,
+        position,
+        direction,
+        shadow: Some(shadow),
+        attenuation: None,
+    });
 }
 
 fn plain(kind: LightKind, intensity: f32) -> Light {

@@ -154,6 +154,7 @@ fn toon_scene() -> Scene {
         position: DVec3::new(1.0, 1.0, 2.0),
         direction: Vec3::NEG_Y,
         shadow: None,
+        attenuation: None,
     });
     let picture = image(16, 16, |x, y| [(x * 16) as u8, (y * 16) as u8, 128, 255]);
     for i in 0..16 {

@@ -100,6 +100,7 @@ fn colours_in_closed_form() {
         position: DVec3::new(0.0, 0.0, 2.0),
         direction: Vec3::NEG_Y,
         shadow: None,
+        attenuation: None,
     });
     assert_color(middle(&lamp), [0.5; 3], "inverse square");
     let mut phong = wall(Material {

@@ -146,6 +146,7 @@ pub struct Build {
     pub cuts: Vec<(Time, usize, Place)>,
     pub lights: Vec<StageLight>,
     pub light_places: Vec<Place>,
+    pub flats: Vec<Flat>,
     pub sky: Option<Sky>,
     /// Where `sky(…)` was called.
     pub sky_at: Option<Place>,
@@ -458,6 +459,10 @@ impl Build {
 
     pub fn light(&mut self, id: usize) -> Result<&mut StageLight, ApiError> {
         self.lights.get_mut(id).ok_or_else(|| ApiError::new("this light is not on this stage"))
+    }
+
+    pub fn flat(&mut self, id: usize) -> Result<&mut Flat, ApiError> {
+        self.flats.get_mut(id).ok_or_else(|| ApiError::new("this flat is not on this stage"))
     }
 
     pub fn sky(&mut self) -> Result<&mut Sky, ApiError> {

@@ -219,6 +219,7 @@ fn register_types(engine: &mut Engine) {
     engine.register_type_with_name::<CameraRef>(Kind::Camera.name());
     engine.register_type_with_name::<LightRef>(Kind::Light.name());
     engine.register_type_with_name::<SkyRef>(Kind::Sky.name());
+    engine.register_type_with_name::<FlatRef>(Kind::Flat.name());
     engine.register_type_with_name::<EffectRef>(Kind::Effect.name());
     engine.register_type_with_name::<ExpectRef>(Kind::Expect.name());
     engine.register_type_with_name::<StageRef>(Kind::Stage.name());

@@ -31,6 +31,7 @@ pub fn finish(
         let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
         stage.settings = build.settings.clone();
         stage.sky = build.sky.take();
+        stage.flats = std::mem::take(&mut build.flats);
         if stage.sky.is_some() && !build.ambient_given {
             (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::ZERO, Vec3::ZERO);
         }

@@ -61,6 +61,10 @@ pub struct CameraRef(pub usize);
 #[derive(Clone, Copy, Debug)]
 pub struct LightRef(pub usize);
 
+/// A text, picture, panel or letterbox.
+#[derive(Clone, Copy, Debug)]
+pub struct FlatRef(pub usize);
+
 /// Of the one sky of a stage.
 #[derive(Clone, Copy, Debug)]
 pub struct SkyRef(pub usize);
@@ -103,6 +107,7 @@ pub enum Kind {
     Camera,
     Light,
     Sky,
+    Flat,
     Effect,
     Expect,
     Stage,
@@ -111,7 +116,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    pub const HANDLES: [Kind; 16] = [
+    pub const HANDLES: [Kind; 17] = [
         Kind::Asset,
         Kind::Image,
         Kind::Clip,
@@ -123,6 +128,7 @@ impl Kind {
         Kind::Camera,
         Kind::Light,
         Kind::Sky,
+        Kind::Flat,
         Kind::Effect,
         Kind::Expect,
         Kind::Stage,
@@ -144,6 +150,7 @@ impl Kind {
             Kind::Camera => "Camera",
             Kind::Light => "Light",
             Kind::Sky => "Sky",
+            Kind::Flat => "Flat",
             Kind::Effect => "Effect",
             Kind::Expect => "Expect",
             Kind::Stage => "Stage",

@@ -218,6 +218,8 @@ pub enum Shading {
     MetallicRoughness,
     /// Lambert + normalised Blinn–Phong with `specular_color` and `shininess`.
     BlinnPhong,
+    /// As Blinn–Phong, but the highlight falls off from the mirrored light's direction (Phong 1975).
+    Phong,
     Unlit,
     /// Two colours with a boundary between: [`Toon`]. Vertex colours do not count.
     Toon,

@@ -130,6 +130,7 @@ impl StageLight {
             parent: None,
             channels: Vec::new(),
             shadow: None,
+            attenuation: None,
         }
     }
 

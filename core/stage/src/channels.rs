@@ -62,7 +62,7 @@ impl Channel {
 }
 
 /// Shortest-arc slerp, exact to f64 at every angle (glam's falls back to lerp below 2.6°).
-pub(crate) fn slerp(a: DQuat, b: DQuat, s: f64) -> DQuat {
+pub fn slerp(a: DQuat, b: DQuat, s: f64) -> DQuat {
     let (a, mut b) = (DVec4::from(a), DVec4::from(b));
     if a.dot(b) < 0.0 {
         b = -b;

@@ -31,6 +31,9 @@ impl Stage {
         if let Some(sky) = &self.sky {
             checker.sky(sky);
         }
+        for (index, flat) in self.flats.iter().enumerate() {
+            checker.flat(index, flat);
+        }
         for effect in &self.effects {
             let place = format!("effect \"{}\"", effect.plugin);
             for (name, value) in &effect.parameters {
@@ -192,7 +195,10 @@ impl Checker<'_> {
                 | Property::Speed
                 | Property::ClipTime
                 | Property::Parameter
-                | Property::Turn => false,
+                | Property::Turn
+                | Property::Opacity
+                | Property::Range
+                | Property::Cone => false,
             };
             self.channel(&place, channel, fits);
         }
@@ -369,6 +375,35 @@ impl Checker<'_> {
         }
     }
 
+    fn flat(&mut self, index: usize, flat: &Flat) {
+        let place = format!("flat {index}");
+        let Flat { content, at, offset, anchor, opacity, scale, under: _, start, end, fade, channels } = flat;
+        let numbers = [*opacity, *scale];
+        let finite = at.is_finite() && offset.is_finite() && anchor.is_finite();
+        let finite = finite && numbers.iter().all(|v| v.is_finite());
+        self.need(finite, &place, || "its place, opacity and scale must be finite".to_string());
+        let sized = match content {
+            FlatContent::Text { size, width, line_height, color, .. } => {
+                let sizes = [*size, width.unwrap_or(1.0), *line_height];
+                sizes.iter().all(|v| v.is_finite() && *v > 0.0) && color.is_finite()
+            }
+            FlatContent::Picture { fit, .. } => match fit {
+                Fit::Height(share) | Fit::Width(share) => share.is_finite() && *share > 0.0,
+                Fit::Contain | Fit::Cover => true,
+            },
+            FlatContent::Panel { size, color } => size.is_finite() && color.is_finite(),
+            FlatContent::Bars { ratio, color } => ratio.is_finite() && *ratio > 0.0 && color.is_finite(),
+        };
+        self.need(sized, &place, || "its size and color must be finite and above 0".to_string());
+        self.span(&place, *start, *end);
+        self.need(*fade >= Time::ZERO, &place, || "its fade is negative".to_string());
+        for channel in channels {
+            let fits =
+                matches!(channel.property, Property::Translation | Property::Scale | Property::Opacity);
+            self.channel(&place, channel, fits);
+        }
+    }
+
     fn light(&mut self, light: &StageLight) {
         let place = format!("light \"{}\"", light.name);
         let Light { kind, color, intensity, range } = light.light;
@@ -394,6 +429,10 @@ impl Checker<'_> {
                 format!("softness of its shadow is {softness} m, must be finite and ≥ 0")
             });
         }
+        let falls = light
+            .attenuation
+            .is_none_or(|a| a.iter().all(|v| v.is_finite() && *v >= 0.0) && a.iter().any(|v| *v > 0.0));
+        self.need(falls, &place, || "its attenuation must be ≥ 0, and one of it above".to_string());
         if kind != LightKind::Point {
             self.need((light.direction.length() - 1.0).abs() < 1e-3, &place, || {
                 format!("direction has length {}, must be 1", light.direction.length())
@@ -410,6 +449,8 @@ impl Checker<'_> {
                     | Property::Intensity
                     | Property::Color
                     | Property::Visible
+                    | Property::Range
+                    | Property::Cone
             );
             self.channel(&place, channel, fits);
         }

@@ -190,6 +190,7 @@ fn evaluate(
     let ambient = (stage.settings.ambient_up, stage.settings.ambient_down);
     (out.ambient_up, out.ambient_down) = scratch.edits.ambient.unwrap_or(ambient);
     effects::evaluate(stage, &scratch.edits, time, camera, &mut out.effects);
+    flat::evaluate(stage, &scratch.edits.flats, time, &mut out.flats);
     out.sky = stage.sky.as_ref().map(|sky| sky.at(&scratch.edits, time));
     lights::evaluate(stage, &scratch.edits, time, &out.actors, &mut out.lights);
     out.camera = camera::evaluate(stage, framings, &scratch.edits, time, camera, &out.actors)?;
@@ -278,6 +279,7 @@ fn run_hooks(
     edits.lights.clear();
     edits.effects.clear();
     (edits.ambient, edits.sky) = (None, SkyEdit::default());
+    edits.flats.clear();
     for hook in &stage.hooks {
         hook.run(time, edits)?;
     }

@@ -15,6 +15,7 @@ pub fn default_sun() -> LightState {
         position: DVec3::ZERO,
         direction: Vec3::new(0.48, -0.72, -0.504).normalize(),
         shadow: None,
+        attenuation: None,
     }
 }
 
@@ -50,7 +51,7 @@ pub(crate) fn evaluate(
             // glTF's Lambert surface gives back 1/π of the light (Appendix B), choreo's all of it.
             let mut shining = shining;
             shining.intensity *= std::f32::consts::FRAC_1_PI;
-            out.extend(finite(shining, None, world_from_light.translation, direction));
+            out.extend(finite(shining, (None, None), world_from_light.translation, direction));
         }
     }
     if stage.lights.is_empty() && stage.sky.is_none() && !any_in_files {
@@ -102,6 +103,12 @@ pub(crate) fn stage_light(
         key(Property::Rotation).map_or(light.direction.as_dvec3(), |q| DQuat::from_array(q) * DVec3::NEG_Z);
     shining.intensity = key(Property::Intensity).map_or(shining.intensity, |v| v[0] as f32);
     shining.color = key(Property::Color).map_or(shining.color, |v| vec3(v).as_vec3());
+    shining.range = key(Property::Range).map_or(shining.range, |v| Some((v[0] as f32).max(1e-3)));
+    if let (LightKind::Spot { inner, outer }, Some(v)) = (shining.kind, key(Property::Cone)) {
+        // The soft edge keeps its share.
+        let wide = (v[0] as f32).clamp(1e-3, std::f32::consts::FRAC_PI_2);
+        shining.kind = LightKind::Spot { inner: wide * (inner / outer), outer: wide };
+    }
     if key(Property::Visible).is_some_and(|v| v[0] < 0.5) {
         return None;
     }
@@ -120,9 +127,14 @@ pub(crate) fn stage_light(
         Some(parent) => {
             let world_from_parent = world_from_attachment(stage, actors, parent);
             let direction = world_from_parent.matrix3 * direction;
-            finite(shining, light.shadow, world_from_parent.transform_point3(position), direction)
+            finite(
+                shining,
+                (light.shadow, light.attenuation),
+                world_from_parent.transform_point3(position),
+                direction,
+            )
         }
-        None => finite(shining, light.shadow, position, direction),
+        None => finite(shining, (light.shadow, light.attenuation), position, direction),
     }
 }
 
@@ -131,7 +143,12 @@ fn shines(light: &Light) -> bool {
 }
 
 /// A light squeezed flat by a parent of scale zero points down.
-fn finite(light: Light, shadow: Option<Shadow>, position: DVec3, direction: DVec3) -> Option<LightState> {
+fn finite(
+    light: Light,
+    (shadow, attenuation): (Option<Shadow>, Option<[f32; 3]>),
+    position: DVec3,
+    direction: DVec3,
+) -> Option<LightState> {
     let direction = direction.as_vec3().normalize_or(Vec3::NEG_Y);
-    position.is_finite().then_some(LightState { light, position, direction, shadow })
+    position.is_finite().then_some(LightState { light, position, direction, shadow, attenuation })
 }

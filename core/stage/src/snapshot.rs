@@ -1,6 +1,6 @@
 //! The stage at one time: what the renderer, `choreo pose` and tests look at.
 
-use crate::{Background, ChangedMaterial, EffectState, Light, Projection, Shadow, SkyState};
+use crate::{Background, ChangedMaterial, EffectState, FlatState, Light, Projection, Shadow, SkyState};
 use choreo_motion::{Skinning, Time};
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
 
@@ -13,6 +13,8 @@ pub struct Snapshot {
     /// World space, only those that shine (intensity > 0).
     pub lights: Vec<LightState>,
     pub sky: Option<SkyState>,
+    /// Those that are seen, in painter's order.
+    pub flats: Vec<FlatState>,
     pub background: Background,
     /// Hemisphere light from above and below, linear.
     pub ambient_up: Vec3,
@@ -55,4 +57,6 @@ pub struct LightState {
     /// Unit.
     pub direction: Vec3,
     pub shadow: Option<Shadow>,
+    /// See [`crate::StageLight::attenuation`].
+    pub attenuation: Option<[f32; 3]>,
 }

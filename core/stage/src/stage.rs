@@ -1,7 +1,8 @@
 //! The stage as a script leaves it: who is there, what plays when, from where it is seen.
 
 use crate::{
-    ActorSprings, Asset, CueRoot, EffectEdit, EffectUse, Goal, Light, Projection, Sky, SkyEdit, Walk, Warp,
+    ActorSprings, Asset, CueRoot, EffectEdit, EffectUse, Flat, FlatEdit, Goal, Light, Projection, Sky,
+    SkyEdit, Walk, Warp,
 };
 pub use choreo_motion::ik::Limit;
 use choreo_motion::{Clip, FrameRate, Interpolation, PhaseFade, Time};
@@ -20,6 +21,8 @@ pub struct Stage {
     pub lights: Vec<StageLight>,
     /// Light from all around; a stage with it and no light of its own has no default sun.
     pub sky: Option<Sky>,
+    /// In painter's order.
+    pub flats: Vec<Flat>,
     pub effects: Vec<EffectUse>,
     /// Called in order for every frame, after keyed properties and before joint matrices are built.
     pub hooks: Vec<Arc<dyn FrameHook>>,
@@ -243,6 +246,11 @@ pub enum Property {
     Parameter,
     /// Sky: radians about +Y.
     Turn,
+    /// Flat layer.
+    Opacity,
+    /// Light: metres; half angle of the cone, radians.
+    Range,
+    Cone,
 }
 
 impl Property {
@@ -322,6 +330,8 @@ pub struct StageLight {
     pub channels: Vec<Channel>,
     /// Casts one, drawn so; `None`: shines through everything.
     pub shadow: Option<Shadow>,
+    /// Falls off by 1 / (constant + linear · d + square · d²) in place of 1 / d²; points and spots.
+    pub attenuation: Option<[f32; 3]>,
 }
 
 /// How the shadow of a light is drawn: a map of depths seen from the light, looked up by what is lit.
@@ -362,6 +372,7 @@ pub struct FrameEdits {
     pub effects: Vec<EffectEdit>,
     pub ambient: Option<(Vec3, Vec3)>,
     pub sky: SkyEdit,
+    pub flats: Vec<FlatEdit>,
 }
 
 #[derive(Clone, Debug, PartialEq)]

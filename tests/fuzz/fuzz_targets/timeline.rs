@@ -268,6 +268,7 @@ fn stage(u: &mut Unstructured) -> Result<Stage> {
             parent,
             channels,
             shadow: None,
+            attenuation: None,
         });
     }
     Ok(stage)

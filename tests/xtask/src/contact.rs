@@ -21,10 +21,10 @@ const EXCEPTIONS: [(&str, &str, &str); 2] = [
     ("fbx/ufbx/maya_anim_light_7500_binary.fbx", "nothing is seen", "one light and no mesh"),
 ];
 
-struct Shot {
-    width: usize,
-    height: usize,
-    rgb: Vec<u8>,
+pub(crate) struct Shot {
+    pub width: usize,
+    pub height: usize,
+    pub rgb: Vec<u8>,
 }
 
 pub fn contact(args: &[&str]) -> Result<(), String> {
@@ -123,7 +123,7 @@ fn show(choreo: &Path, assets: &Path, work: &Path, file: &str) -> Result<Vec<Sho
     if shots.iter().all(blank) { Err("nothing is seen".into()) } else { Ok(shots) }
 }
 
-fn finish(mut command: Command, what: &str) -> Result<(), String> {
+pub(crate) fn finish(mut command: Command, what: &str) -> Result<(), String> {
     let output = command.stdin(Stdio::null()).output().map_err(|e| format!("{what} did not start: {e}"))?;
     if output.status.success() {
         return Ok(());
@@ -132,7 +132,7 @@ fn finish(mut command: Command, what: &str) -> Result<(), String> {
     Err(format!("{what}: {text}"))
 }
 
-fn read(path: &Path) -> Result<Shot, String> {
+pub(crate) fn read(path: &Path) -> Result<Shot, String> {
     let fail = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
     let file = std::fs::File::open(path).map_err(|e| fail(&e))?;
     let mut reader = png::Decoder::new(BufReader::new(file)).read_info().map_err(|e| fail(&e))?;

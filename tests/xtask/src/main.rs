@@ -7,12 +7,14 @@
 //! cargo xtask fuzz TARGET [--seconds N]      libFuzzer on a target of tests/fuzz
 //! cargo xtask report [NAME…]                 tests/report: error against run time of the project's own choices
 //! cargo xtask contact [FILTER]               every sample file turning, its first clip playing: sheets to look at
+//! cargo xtask lessons                        the README's sheet: a picture of every numbered script
 //! cargo xtask strip                          the README's picture strip of the first script
 //! ```
 
 mod bench;
 mod contact;
 mod fuzz;
+mod lessons;
 mod setup;
 mod strip;
 mod suite;
@@ -31,10 +33,11 @@ fn main() -> ExitCode {
         ["fuzz", rest @ ..] => fuzz::fuzz(rest),
         ["report", rest @ ..] => report(rest),
         ["contact", rest @ ..] => contact::contact(rest),
+        ["lessons"] => lessons::lessons(),
         ["strip"] => strip::strip(),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | strip"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | strip"
             );
             return ExitCode::from(2);
         }

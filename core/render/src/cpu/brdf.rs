@@ -101,8 +101,14 @@ pub fn ambient_specular(f0: V3, f90: F4, roughness: F4, nv: F4) -> V3 {
 }
 
 /// Lambert + Blinn–Phong normalised by (s + 8) / 8 (Akenine-Möller et al., Real-Time Rendering, 3rd ed., eq. 7.48;
-/// times π, half vector not multiplied by NL again): base + specular · (s + 8)/8 · NH^s.
-pub fn reflect_light_blinn_phong(base: V3, specular: V3, shininess: f32, n: V3, v: V3, l: V3) -> V3 {
+/// times π, half vector not multiplied by NL again): base + specular · (s + 8)/8 · NH^s. Phong's own highlight is RV^s with R the
+/// mirrored light, normalised by (s + 2) / 2 (Lafortune & Willems 1994).
+pub fn reflect_light_phong(base: V3, [specular, n, v, l]: [V3; 4], shininess: f32, blinn: bool) -> V3 {
+    if !blinn {
+        let rv = (n * (n.dot(l) * 2.0) - l).dot(v).clamp(0.0, 1.0);
+        let power = rv.map(|x| libm::powf(x, shininess));
+        return base + specular * (power * ((shininess + 2.0) * 0.5));
+    }
     let nh = n.dot((l + v).unit()).clamp(0.0, 1.0);
     let power = nh.map(|x| libm::powf(x, shininess));
     base + specular * (power * ((shininess + 8.0) * 0.125))
@@ -125,6 +131,11 @@ pub fn incoming(light: &PlanLight, relative: V3) -> (V3, F4) {
     let to_light = offset * (F4::ONE / d2.sqrt());
     let x = d2 * light.position.w;
     let mut strength = (F4::ONE - x * x).clamp(0.0, 1.0) / d2;
+    if light.position.w < 0.0 {
+        let (first, square) = (light.color.w, -1.0 - light.position.w);
+        let falloff = d2.sqrt() * first + d2 * square + F4::splat(1.0 - first - square);
+        strength = F4::ONE / falloff;
+    }
     if light.direction.w == 2.0 {
         let cos = -shines.dot(to_light);
         let cone = (cos * light.cone.x + light.cone.y).clamp(0.0, 1.0);

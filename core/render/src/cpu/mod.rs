@@ -17,6 +17,7 @@ mod setup;
 mod shade;
 mod shadow;
 mod sky;
+mod stages;
 mod target;
 mod texture;
 mod tile;
@@ -45,6 +46,8 @@ use texture::Texture;
 use tile::{Batch, Paint, Phase, Tile, TileBuffers, TriangleId};
 use veil::Veil;
 use vertex::{Hull, VertexStage};
+
+pub use stages::STAGES;
 
 /// Largest width and height, in pixels.
 pub const MAX_SIZE: u32 = 16384;
@@ -373,6 +376,7 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
                     picture: plan.size,
                     background,
                     backdrop,
+                    under: plan.under.as_deref(),
                     post,
                 };
                 tile.draw::<T, P, S>(buffers, &mut pixels[x..], width);
@@ -461,18 +465,16 @@ impl Renderer for CpuRenderer {
         self.prepare_sky(&plan);
         [frame.width, frame.height] = plan.size;
         frame.rgba.resize(plan.size[0] as usize * plan.size[1] as usize * 4, 0);
-        if !plan.exposed.is_empty() {
-            match plan.samples {
-                1 => self.expose::<1>(&plan, &mut frame)?,
-                _ => self.expose::<4>(&plan, &mut frame)?,
-            }
-            return Ok(frame);
-        }
         match (plan.samples, plan.post.is_empty()) {
+            (1, _) if !plan.exposed.is_empty() => self.expose::<1>(&plan, &mut frame)?,
+            _ if !plan.exposed.is_empty() => self.expose::<4>(&plan, &mut frame)?,
             (1, true) => self.draw::<Srgb8, 1>(&plan, &mut frame)?,
             (1, false) => self.draw::<Float, 1>(&plan, &mut frame)?,
             (_, true) => self.draw::<Srgb8, 4>(&plan, &mut frame)?,
             (_, false) => self.draw::<Float, 4>(&plan, &mut frame)?,
+        }
+        if let Some(over) = &plan.over {
+            over.over(&mut frame);
         }
         Ok(frame)
     }

@@ -322,7 +322,7 @@ impl Fragment<'_> {
         } else {
             color = base * around.diffuse(n) * occlusion;
             self.lights(relative, [own_n, n], &mut color, |l, _| {
-                reflect_light_blinn_phong(base, specular_color, m.shininess, n, v, l)
+                reflect_light_phong(base, [specular_color, n, v, l], m.shininess, !f.has(Features::PHONG))
             });
         }
         let layered = f.has(Features::LAYERS);

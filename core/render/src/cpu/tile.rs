@@ -11,6 +11,7 @@ use super::shade::{Fragment, Shaded};
 use super::target::{PixelOf, Target};
 use super::veil::Veil;
 use super::vertex::Vertex;
+use crate::flat::FlatPicture;
 use crate::plan::{Glass, OverlayVertex};
 use glam::{Vec2, Vec4};
 use std::sync::Arc;
@@ -100,6 +101,8 @@ pub struct Tile<'a, 'b> {
     pub background: [Vec4; TILE_HEIGHT as usize],
     /// In its place, a colour a pixel.
     pub backdrop: Option<&'a Veil<'a>>,
+    /// Layers over either.
+    pub under: Option<&'a FlatPicture>,
     /// Functions of one pixel alone.
     pub post: &'a [Pass],
 }
@@ -112,7 +115,8 @@ impl Tile<'_, '_> {
         rows: &mut [P],
         stride: usize,
     ) {
-        if self.list.is_empty() && self.post.is_empty() && self.backdrop.is_none() {
+        let plain = self.backdrop.is_none() && self.under.is_none();
+        if self.list.is_empty() && self.post.is_empty() && plain {
             // Most of a usual picture: every sample of a row is the background.
             for (y, background) in self.background[..self.size[1]].iter().enumerate() {
                 rows[y * stride..y * stride + self.size[0]].fill(P::of(T::encode(*background)));
@@ -122,14 +126,19 @@ impl Tile<'_, '_> {
         for (row, background) in self.background.iter().enumerate() {
             let first = row * TILE_WIDTH as usize * S;
             let colors = &mut b.color[first..first + TILE_WIDTH as usize * S];
-            match self.backdrop.filter(|_| row < self.size[1]) {
-                Some(backdrop) => {
-                    for (x, samples) in colors.chunks_exact_mut(S).take(self.size[0]).enumerate() {
-                        let pixel = backdrop.pixel(self.at[0] + x as i32, self.at[1] + row as i32);
-                        samples.fill(T::encode(pixel));
-                    }
+            if plain || row >= self.size[1] {
+                colors.fill(T::encode(*background));
+                continue;
+            }
+            let y = self.at[1] + row as i32;
+            for (x, samples) in colors.chunks_exact_mut(S).take(self.size[0]).enumerate() {
+                let x = self.at[0] + x as i32;
+                let mut pixel = self.backdrop.map_or(*background, |backdrop| backdrop.pixel(x, y));
+                if let Some(under) = self.under {
+                    let over = under.pixel(x as u32, y as u32);
+                    pixel = over + pixel * (1.0 - over.w);
                 }
-                None => colors.fill(T::encode(*background)),
+                samples.fill(T::encode(pixel));
             }
         }
         if !self.list.is_empty() {

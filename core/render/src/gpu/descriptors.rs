@@ -81,6 +81,8 @@ impl Layouts {
                 (6, T::SAMPLED_IMAGE, fragment),
                 (7, T::SAMPLER, fragment),
                 (8, T::SAMPLED_IMAGE, fragment),
+                // Layers under the scene.
+                (9, T::SAMPLED_IMAGE, fragment),
             ];
             layouts.shadow = create(gpu, "shadow set layout", &shadow)?;
             layouts.post = create(gpu, "post set layout", &post)?;

@@ -83,7 +83,7 @@ impl Execution<'_> {
                         device.cmd_draw_indexed(commands, index_count, *instance_count, 0, 0, *first_instance)
                     };
                 }
-                Command::DrawBackground { .. } | Command::DrawSky { .. } => {
+                Command::DrawBackground { .. } | Command::DrawSky { .. } | Command::DrawUnder => {
                     self.bind_pipeline(pipeline_of(i)?);
                     // SAFETY: the pipeline reads no vertices, and its one set is bound.
                     unsafe { device.cmd_draw(commands, 3, 1, 0, 0) };

@@ -38,6 +38,9 @@ impl VulkanRenderer {
         frame.rgba.resize(width as usize * height as usize * 4, 0);
         let passes = picture::passes(&plan.post, self.pipelines.effects())?;
         picture::run(&passes, plan.size, sum.mean(), &mut frame.rgba);
+        if let Some(over) = &plan.over {
+            over.over(&mut frame);
+        }
         Ok(frame)
     }
 
@@ -77,8 +80,13 @@ impl VulkanRenderer {
         rgba.clear();
         let index = self.pending.front().copied().unwrap_or_default();
         rgba.extend_from_slice(self.finished(4)?);
+        let over = self.slots[index].over.take();
         let [width, height] = self.slots[index].size;
         self.gpu.check_messages()?;
-        Ok(Frame { width, height, rgba })
+        let mut frame = Frame { width, height, rgba };
+        if let Some(over) = over {
+            over.over(&mut frame);
+        }
+        Ok(frame)
     }
 }

@@ -14,6 +14,8 @@ mod execute;
 mod expose;
 pub mod faults;
 mod memory;
+mod parts;
+mod pipeline_ids;
 mod pipelines;
 mod resources;
 mod room;
@@ -292,27 +294,6 @@ impl VulkanRenderer {
         unsafe { gpu.device.end_command_buffer(slot.commands) }.named("frame commands")
     }
 
-    /// Sends uploads ahead of their frame in small parts, each done before the next is made.
-    fn upload_in_parts(&mut self, index: usize, uploads: Uploads) -> Result<(), RenderError> {
-        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        for part in uploads.split(FRUGAL_UPLOAD) {
-            let (pool, commands) = (self.slots[index].pool, self.slots[index].commands);
-            // SAFETY: the slot's last commands are done.
-            unsafe {
-                let device = &self.gpu.device;
-                device.reset_command_pool(pool, vk::CommandPoolResetFlags::empty()).named("command pool")?;
-                device.begin_command_buffer(commands, &begin).named("upload commands")?;
-            }
-            self.slots[index].staging = Some(part.record(&self.gpu, commands)?);
-            // SAFETY: recording was begun above.
-            unsafe { self.gpu.device.end_command_buffer(commands) }.named("upload commands")?;
-            self.run(index)?;
-            self.wait_idle()?;
-            self.slots[index].release_staging(&self.gpu);
-        }
-        Ok(())
-    }
-
     fn queue(&mut self, index: usize) -> Result<(), RenderError> {
         self.run(index)?;
         self.slots[index].done_at = self.submitted;
@@ -378,6 +359,7 @@ impl VulkanRenderer {
         let prepared = self
             .resources
             .prepare(&self.gpu, &self.layouts, &self.catalog, &recording, &mut uploads)
+            .and_then(|()| self.slots[index].prepare_flats(&self.gpu, plan, &mut uploads))
             .and_then(|()| {
                 let slot = &mut self.slots[index];
                 let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
@@ -399,6 +381,7 @@ impl VulkanRenderer {
             // What was to be uploaded never arrived: forget everything, the next frame makes it again.
             self.wait_idle()?;
             self.resources.forget(&self.gpu);
+            self.slots[index].forget_flats(&self.gpu);
             self.slots[index].release_staging(&self.gpu);
             return Err(e);
         }

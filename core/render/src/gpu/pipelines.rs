@@ -5,13 +5,15 @@ use super::context::Context;
 use super::descriptors::Layouts;
 use super::error::Named;
 use super::faults::FaultPlace;
+use super::pipeline_ids::Backdrop;
+pub use super::pipeline_ids::{Id, ids};
 use super::state::{Mix, State, format_of, vertex_format};
 use super::targets::DEPTH;
 use crate::RenderError;
 use crate::plan::{Features, Glass, TopologyKey};
-use crate::record::{Command, Recording, Target, texture_slots};
+use crate::record::texture_slots;
 use crate::shader::{
-    BACKGROUND, Entry, OVERLAY, SCENE, SKY, SceneVariant, ShaderSources, SourceFile, compile, surface_files,
+    BACKGROUND, Entry, OVERLAY, SCENE, SKY, ShaderSources, SourceFile, UNDER, compile, surface_files,
     switches,
 };
 use crate::vertex::VertexLayout;
@@ -23,35 +25,6 @@ use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use std::sync::Arc;
 
-#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Id {
-    /// `surface`: the effects on it, each with its bit.
-    Scene {
-        variant: SceneVariant,
-        samples: u32,
-        float: bool,
-        surface: Vec<(u8, String)>,
-    },
-    /// `surface`: the effects on it, each with its bit.
-    Background {
-        samples: u32,
-        float: bool,
-        depth: bool,
-        sky: bool,
-        surface: Vec<(u8, String)>,
-    },
-    /// `over`: not hidden by what is nearer.
-    Overlay {
-        samples: u32,
-        float: bool,
-        over: bool,
-    },
-    Post {
-        effect: String,
-        float: bool,
-    },
-}
-
 pub struct Pipelines {
     cache: PipelineCache,
     /// Of the sets that all scene pipelines share.
@@ -62,43 +35,6 @@ pub struct Pipelines {
     made: HashMap<Id, vk::Pipeline>,
     /// How many were ever made.
     created: u64,
-}
-
-/// The pipeline of each command of a recording, in order (`None` for commands that bind none).
-pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
-    let (mut samples, mut float, mut depth) = (1, false, false);
-    let is_float = |t: &Target| matches!(t, Target::Float(_));
-    let id = |command: &Command| match command {
-        Command::BeginPass { target, samples: s, depth: d, .. } => {
-            (samples, float, depth) = (*s, is_float(target), *d);
-            None
-        }
-        Command::BeginShadows { .. } => {
-            (samples, float) = (1, false);
-            None
-        }
-        Command::BindPipeline(variant) => {
-            let surface = on_surface(recording, variant.key.surface);
-            Some(Id::Scene { variant: *variant, samples, float, surface })
-        }
-        Command::DrawBackground { surface } | Command::DrawSky { surface } => {
-            let surface = on_surface(recording, *surface);
-            let sky = matches!(command, Command::DrawSky { .. });
-            Some(Id::Background { samples, float, depth, sky, surface })
-        }
-        Command::DrawOverlay { over, .. } => Some(Id::Overlay { samples, float, over: *over }),
-        Command::PostPass { effect, to, .. } => {
-            Some(Id::Post { effect: effect.clone(), float: is_float(to) })
-        }
-        _ => None,
-    };
-    recording.commands.iter().map(id).collect()
-}
-
-/// The effects of a set of bits, each with its own.
-fn on_surface(recording: &Recording, bits: u8) -> Vec<(u8, String)> {
-    let names = (0u8..).zip(&recording.surface);
-    names.filter(|(bit, _)| bits >> bit & 1 == 1).map(|(bit, name)| (bit, name.clone())).collect()
 }
 
 impl Pipelines {
@@ -286,12 +222,16 @@ impl Pipelines {
                     },
                 )
             }
-            Id::Background { samples, float, depth, sky, surface } => {
-                let mut files = self.sources.files(if *sky { &SKY[..] } else { &BACKGROUND[..] })?;
+            Id::Background { samples, float, depth, what, surface } => {
+                let (files, switch, fs): (&[&str], _, _) = match what {
+                    Backdrop::Gradient => (&BACKGROUND, None, "background_fs"),
+                    Backdrop::Sky => (&SKY, Some("SKY_BACKGROUND"), "sky_fs"),
+                    Backdrop::Under => (&UNDER, None, "under_fs"),
+                };
+                let mut files = self.sources.files(files)?;
                 files.extend(self.surface_texts(surface)?);
-                let mut on = Vec::from_iter(sky.then_some("SKY_BACKGROUND"));
+                let mut on = Vec::from_iter(switch);
                 on.extend((!surface.is_empty()).then_some("SURFACE"));
-                let fs = if *sky { "sky_fs" } else { "background_fs" };
                 let code = compile(&files, &on, &stages("background_vs", fs), false)?;
                 self.build(
                     gpu,
@@ -302,6 +242,7 @@ impl Pipelines {
                         color: Some(format_of(*float)),
                         // Only where the depth is still the cleared 0.
                         depth: depth.then_some((vk::CompareOp::EQUAL, false)),
+                        mix: if *what == Backdrop::Under { Mix::Over } else { Mix::Replace },
                         ..State::full_screen(self.layout)
                     },
                 )

@@ -5,11 +5,11 @@ use crate::catalog::CatalogMaterial;
 use crate::record::textures_beyond;
 
 impl VulkanRenderer {
-    /// Textures that a material's shader may read here, beside the shadow map and the picture behind glass.
+    /// Textures that a material's shader may read here, beside the shadow map, the picture behind glass, the sky's two and the layers under the scene.
     pub(super) fn textures(&self) -> u32 {
         let limits = self.gpu.limits();
         let images = limits.max_per_stage_descriptor_sampled_images;
-        let room = images.min(limits.max_per_stage_descriptor_samplers).saturating_sub(2);
+        let room = images.min(limits.max_per_stage_descriptor_samplers).saturating_sub(5);
         self.most_textures.map_or(room, |most| room.min(most))
     }
 

@@ -1,10 +1,11 @@
-//! The maps of a sky on the device.
+//! Pictures of 16-bit floats on the device: the maps of a sky, layers under the scene.
 
 use super::context::Context;
 use super::error::Named;
 use super::memory::{Image, ImageDesc};
 use super::upload::Uploads;
 use crate::RenderError;
+use crate::flat::FlatPicture;
 use crate::sky::{SkyMaps, SkyPicture};
 use ash::vk;
 use choreo_stage::Panorama;
@@ -97,4 +98,16 @@ fn upload(
     let bytes: Vec<u8> = texels.iter().flatten().flat_map(|v| v.to_bits().to_ne_bytes()).collect();
     uploads.image(image.raw, std::iter::once((width, height, &bytes[..])));
     Ok(image)
+}
+
+/// Of the whole picture, alpha not multiplied in.
+pub fn flat_image(gpu: &Context, flat: &FlatPicture, uploads: &mut Uploads) -> Result<Image, RenderError> {
+    let [width, height] = flat.size;
+    let texel = |x: u32, y: u32| {
+        let pixel = flat.pixel(x, y);
+        let straight = pixel.truncate() / pixel.w.max(1e-6);
+        straight.extend(pixel.w).to_array().map(f16::from_f32)
+    };
+    let texels: Vec<[f16; 4]> = (0..height).flat_map(|y| (0..width).map(move |x| texel(x, y))).collect();
+    upload(gpu, "layers under the scene", flat.size, &texels, uploads)
 }

@@ -3,11 +3,14 @@
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
-use super::memory::Buffer;
+use super::memory::{Buffer, Image};
 use super::resources::Resources;
 use super::sky::SkyImages;
+use super::sky::flat_image;
 use super::targets::Seen;
+use super::upload::Uploads;
 use crate::Catalog;
+use crate::flat::FlatPicture;
 use crate::gpu_types::{
     FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform, SkyUniform,
 };
@@ -19,6 +22,7 @@ use ash::vk;
 use choreo_stage::Background;
 use glam::{Vec2, Vec4};
 use gpu_allocator::MemoryLocation;
+use std::sync::Arc;
 
 pub struct Slot {
     pub pool: vk::CommandPool,
@@ -28,9 +32,13 @@ pub struct Slot {
     /// As the frame's, seen from the light of each shadow map.
     pub view_sets: Vec<Set>,
     /// Shadow maps, the picture behind glass and the sky, and which of them it was made for.
-    pub light_set: Option<(Set, [bool; 3])>,
+    pub light_set: Option<(Set, [bool; 4])>,
     /// Of the frame's changed materials: where their uniforms lie, which of them with which textures, and their sets.
     changed_at: Vec<[u64; 2]>,
+    /// Layers under the scene, by what they are made from.
+    under: Option<([u8; 32], Image)>,
+    /// Those over the frame.
+    pub over: Option<Arc<FlatPicture>>,
     changed: Vec<(u32, u32)>,
     changed_sets: Vec<Set>,
     pub post_sets: Vec<Set>,
@@ -100,6 +108,8 @@ impl Slot {
             frame_set,
             view_sets: Vec::new(),
             light_set: None,
+            under: None,
+            over: None,
             changed_at: Vec::new(),
             changed: Vec::new(),
             changed_sets: Vec::new(),
@@ -264,18 +274,21 @@ impl Slot {
             }
         }
         // Made anew where another of them is there: lavapipe (22.3) follows what a bound set holds, read or not.
-        let has = [shadow.is_some(), seen.behind.is_some(), sky.is_some()];
+        let under = self.under.as_ref().filter(|_| reads.under).map(|(_, image)| image.view);
+        let has = [shadow.is_some(), seen.behind.is_some(), sky.is_some(), under.is_some()];
         if let Some((set, _)) = self.light_set.take_if(|(_, had)| *had != has) {
             pools.free(gpu, set);
         }
-        if self.light_set.is_none() && has != [false; 3] {
+        if self.light_set.is_none() && has != [false; 4] {
             self.light_set = Some((pools.allocate(gpu, layouts.shadow, "shadows, glass and sky")?, has));
         }
         // Every binding, as above: what is not there has the place of what is, and is not read.
         let shadows = shadow.map(|t| ([t.image.view; 2], t.sampler));
         let glass = seen.behind.map(|t| ([t.image.view; 2], t.sampler));
         let of_sky = sky.and_then(|(images, _)| Some((images.views()?, images.sampler)));
-        let any = shadows.or(glass).or(of_sky);
+        // No sampler reads it.
+        let of_under = under.map(|view| ([view; 2], vk::Sampler::null()));
+        let any = shadows.or(glass).or(of_sky).or(of_under);
         if let (Some((set, _)), Some(any)) = (self.light_set, any) {
             let range = |bytes: u64, at: u64| if bytes > 0 { (at, bytes) } else { (0, 16) };
             for (binding, (at, bytes)) in
@@ -286,10 +299,14 @@ impl Slot {
             for (binding, there) in [(1, shadows), (3, glass), (6, of_sky)] {
                 let ([view, _], sampler) = there.unwrap_or(any);
                 write_image(gpu, set.raw, binding, T::SAMPLED_IMAGE, view, vk::Sampler::null());
-                write_image(gpu, set.raw, binding + 1, T::SAMPLER, vk::ImageView::null(), sampler);
+                if sampler != vk::Sampler::null() {
+                    write_image(gpu, set.raw, binding + 1, T::SAMPLER, vk::ImageView::null(), sampler);
+                }
             }
             let ([_, picture], _) = of_sky.unwrap_or(any);
             write_image(gpu, set.raw, 8, T::SAMPLED_IMAGE, picture, vk::Sampler::null());
+            let ([under, _], _) = of_under.unwrap_or(any);
+            write_image(gpu, set.raw, 9, T::SAMPLED_IMAGE, under, vk::Sampler::null());
         }
         while self.post_sets.len() < post_at.len() {
             self.post_sets.push(pools.allocate(gpu, layouts.post, "post set")?);
@@ -310,6 +327,32 @@ impl Slot {
         }
         self.size = plan.size;
         Ok(())
+    }
+
+    /// The picture of what lies under the scene, where it is another than this slot has; keeps what lies over it.
+    pub fn prepare_flats(
+        &mut self,
+        gpu: &Context,
+        plan: &Plan,
+        uploads: &mut Uploads,
+    ) -> Result<(), RenderError> {
+        self.over = plan.over.clone();
+        let wanted = plan.under.as_ref().map(|flat| flat.hash);
+        if let Some((_, mut old)) = self.under.take_if(|(hash, _)| Some(*hash) != wanted) {
+            old.destroy(gpu);
+        }
+        if let (Some(flat), None) = (&plan.under, &self.under) {
+            let image = flat_image(gpu, flat, uploads)?;
+            self.under = Some((flat.hash, image));
+        }
+        Ok(())
+    }
+
+    /// What an upload that failed was to fill.
+    pub fn forget_flats(&mut self, gpu: &Context) {
+        if let Some((_, mut image)) = self.under.take() {
+            image.destroy(gpu);
+        }
     }
 
     /// Sets of the materials that are not as in the catalogue; after `write`, and after the resources are prepared.
@@ -362,6 +405,7 @@ impl Slot {
     /// The frame must be done. Its sets go with the pools.
     pub fn destroy(&mut self, gpu: &Context) {
         self.release_staging(gpu);
+        self.forget_flats(gpu);
         for mut buffer in self.ring.take().into_iter().chain(self.readback.take()) {
             buffer.destroy(gpu);
         }

@@ -22,8 +22,9 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 13] = [
+const EMBEDDED: [(&str, &str); 14] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
+    ("under.wgsl", include_str!("../../../../shaders/under.wgsl")),
     ("sky.wgsl", include_str!("../../../../shaders/sky.wgsl")),
     ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
     ("toon.wgsl", include_str!("../../../../shaders/toon.wgsl")),
@@ -53,6 +54,7 @@ pub const SCENE: [&str; 10] = [
 ];
 pub const OVERLAY: [&str; 2] = ["frame.wgsl", "overlay.wgsl"];
 pub const BACKGROUND: [&str; 3] = ["frame.wgsl", "surface.wgsl", "background.wgsl"];
+pub const UNDER: [&str; 4] = ["frame.wgsl", "surface.wgsl", "background.wgsl", "under.wgsl"];
 /// With the switch `SKY_BACKGROUND`.
 pub const SKY: [&str; 4] = ["frame.wgsl", "surface.wgsl", "background.wgsl", "sky.wgsl"];
 
@@ -127,7 +129,7 @@ pub struct SceneVariant {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 52] = [
+    let names: [(&'static str, Features); 54] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("SKIN_DUAL", Features::SKIN_DUAL),
@@ -151,6 +153,8 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("LOCAL_LIGHTS", Features::LOCAL_LIGHTS),
         ("SHADOW", Features::SHADOW),
         ("SKY", Features::SKY),
+        ("PHONG", Features::PHONG),
+        ("POLYNOMIAL", Features::POLYNOMIAL),
         ("LAYERS", Features::LAYERS),
         ("CLEARCOAT", Features::CLEARCOAT),
         ("CLEARCOAT_TEXTURE", Features::CLEARCOAT_TEXTURE),

@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 69] = [
+pub const SWITCHES: [&str; 71] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -37,6 +37,8 @@ pub const SWITCHES: [&str; 69] = [
     "SHADOW",
     "SHADOW_PASS",
     "SKY",
+    "PHONG",
+    "POLYNOMIAL",
     "SKY_BACKGROUND",
     "LAYERS",
     "CLEARCOAT",

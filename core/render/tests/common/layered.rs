@@ -38,6 +38,7 @@ pub fn layered_scene() -> Scene {
         position: DVec3::new(1.0, 1.0, 3.0),
         direction: Vec3::NEG_Y,
         shadow: None,
+        attenuation: None,
     });
     let map = image(16, 16, |x, y| [(x * 16) as u8, (y * 16) as u8, 255, (255 - x * 8) as u8]);
     let bumps = image(8, 8, |x, y| [(96 + x * 8) as u8, (96 + y * 8) as u8, 240, 255]);

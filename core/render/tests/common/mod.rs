@@ -45,6 +45,7 @@ impl Scene {
                 camera,
                 lights: Vec::new(),
                 sky: None,
+                flats: Vec::new(),
                 background: Background::Color(Vec4::new(0.0, 0.0, 0.0, 1.0)),
                 ambient_up: Vec3::ZERO,
                 ambient_down: Vec3::ZERO,
@@ -85,6 +86,7 @@ impl Scene {
             position: DVec3::ZERO,
             direction: direction.normalize(),
             shadow: None,
+            attenuation: None,
         });
     }
 
@@ -241,6 +243,7 @@ pub fn busy_scene(offset: DVec3) -> Scene {
         position: DVec3::new(1.0, 1.0, 2.0) + offset,
         direction: Vec3::NEG_Y,
         shadow: None,
+        attenuation: None,
     });
     let picture = image(16, 16, |x, y| [(x * 16) as u8, (y * 16) as u8, 128, ((x + y) * 8) as u8]);
     for i in 0..12 {

@@ -33,7 +33,7 @@ pub const DEFS: &[Def] = &[
         turn,
     )
     .in_frames(),
-    Def::new(Kind::Actor, "rotate", "x, y, z", THIS, "Turned about x, then y, then z, in degrees.", rotate)
+    Def::new(Kind::Actor, "rotate", "x, y, z | quaternion", THIS, "Turned about x, then y, then z, in degrees, or by a quaternion [x, y, z, w].", rotate)
         .in_frames(),
     Def::new(Kind::Actor, "scale", "factor | x, y, z", THIS, "Made larger or smaller.", scale).in_frames(),
     Def::new(
@@ -196,7 +196,10 @@ fn turn(c: &mut Call) -> Reply {
 }
 
 fn rotate(c: &mut Call) -> Reply {
-    let rotation = euler(DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?));
+    let rotation = match c.len() {
+        1 => keys::quaternion(&c.value(0), "rotate")?,
+        _ => euler(DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?)),
+    };
     turned(c, rotation)
 }
 

@@ -15,6 +15,7 @@ pub enum Owner<'a> {
     Camera,
     Light,
     Sky,
+    Flat,
     /// A joint in a clip, named after the property.
     JointOfClip,
     Joint,
@@ -30,10 +31,12 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
     let allowed: &[&'static str] = match owner {
         Owner::Actor(_) => &["position", "rotation", "scale", "visible", "tint", "morph", "expression"],
         Owner::Camera => &["position", "rotation", "fov"],
-        Owner::Light => &["position", "intensity", "color"],
+        Owner::Light => &["position", "intensity", "color", "kelvin", "direction", "range", "cone"],
         Owner::Sky => &["turn", "strength"],
+        Owner::Flat => &["position", "scale", "opacity"],
         Owner::JointOfClip | Owner::Joint => &["position", "rotation", "scale"],
     };
+    let flat = matches!(owner, Owner::Flat);
     let name = one_of(&c.value(0), "key: property", allowed)?;
     let mut next = if matches!(owner, Owner::JointOfClip) { 2 } else { 1 };
     let mut targets = Vec::new();
@@ -60,6 +63,7 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
             .collect::<Result<Vec<_>, _>>()
     };
     let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
+    let four = keys.iter().any(|(_, v)| numbers(v).is_some_and(|n| n.len() == 4));
     let eases = eases(&c.value(next), how)?;
     let eased = |values: Vec<Vec<f64>>| eased(c, &times, values, &eases);
     let one = |property, values: Vec<Vec<f64>>| {
@@ -67,6 +71,9 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
         Ok::<_, ApiError>(vec![channel(property, how, &times, &values)])
     };
     Ok(match name {
+        "position" if flat => one(Property::Translation, values(&two)?)?,
+        "scale" if flat => one(Property::Scale, values(&|v, l| Ok(vec![number_in(v, l, 0.0, 1000.0)?; 3]))?)?,
+        "opacity" => one(Property::Opacity, values(&|v, l| Ok(vec![number_in(v, l, 0.0, 1.0)?]))?)?,
         "position" => one(Property::Translation, values(&three)?)?,
         "scale" => one(Property::Scale, values(&factors)?)?,
         "tint" => one(Property::Tint, values(&|v, l| Ok(color(v, l)?.to_array().map(f64::from).to_vec()))?)?,
@@ -85,6 +92,23 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
                 }
             })?,
         )?,
+        "kelvin" => one(
+            Property::Color,
+            values(&|v, l| {
+                let warm = number_in(v, l, 1667.0, 25_000.0)?;
+                Ok(crate::color::kelvin(warm).to_array().map(f64::from).to_vec())
+            })?,
+        )?,
+        "range" => one(Property::Range, values(&|v, l| Ok(vec![number_in(v, l, 1e-3, 1e9)?]))?)?,
+        "cone" => one(Property::Cone, values(&|v, l| Ok(vec![number_in(v, l, 0.1, 90.0)?.to_radians()]))?)?,
+        "direction" => {
+            let turn = |v: &Dynamic, l: &str| {
+                let way = crate::call::Call::direction(v, l)?.normalize();
+                // As in glTF, a rotation turns −Z.
+                Ok(DQuat::from_rotation_arc(DVec3::NEG_Z, way).to_array().to_vec())
+            };
+            vec![quaternions(how, &times, &values(&turn)?)?]
+        }
         "strength" => one(Property::Intensity, values(&|v, l| Ok(vec![number_in(v, l, 0.0, 1000.0)?]))?)?,
         "turn" => {
             let radians = |v: &Dynamic, l: &str| Ok(vec![number_in(v, l, -1e6, 1e6)?.to_radians()]);
@@ -96,6 +120,9 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
                 v.as_bool().map(|b| vec![f64::from(u8::from(b))]).map_err(|_| wrong(v, l, "true or false"))
             })?;
             vec![channel(Property::Visible, "step", &times, &on)]
+        }
+        "rotation" if four => {
+            vec![quaternions(how, &times, &values(&|v, l| Ok(quaternion(v, l)?.to_array().to_vec()))?)?]
         }
         "rotation" => {
             let (times, angles) = eased(values(&angles)?)?;
@@ -246,6 +273,12 @@ fn three(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     crate::call::point(v, label).map(|p| p.to_array().to_vec())
 }
 
+/// A place in the picture.
+fn two(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
+    let two = numbers(v).filter(|n| n.len() == 2 && n.iter().all(|n| n.abs() <= 1e6));
+    two.map(|n| vec![n[0], n[1], 0.0]).ok_or_else(|| wrong(v, label, "[x, y]"))
+}
+
 fn factors(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     /// As for `scale`; but a thing may shrink to nothing on its way.
     const LARGEST: f64 = 1e6;
@@ -266,6 +299,22 @@ fn angles(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
             .map(|y| vec![0.0, y, 0.0])
             .map_err(|_| wrong(v, label, "degrees about y, or [x, y, z] in degrees")),
     }
+}
+
+/// [x, y, z, w], made a unit one.
+pub fn quaternion(v: &Dynamic, label: &str) -> Result<DQuat, ApiError> {
+    let four = numbers(v).filter(|n| n.len() == 4).map(|n| DQuat::from_xyzw(n[0], n[1], n[2], n[3]));
+    let unit = four.filter(|q| q.is_finite() && q.length() > 1e-6).map(DQuat::normalize);
+    unit.ok_or_else(|| wrong(v, label, "a quaternion, [x, y, z, w], that is not zero"))
+}
+
+/// Keys of quaternions: from each to the next the shortest way, at an even speed.
+fn quaternions(how: &str, times: &[Time], values: &[Vec<f64>]) -> Result<Channel, ApiError> {
+    if !matches!(how, "linear" | "step") {
+        let text = format!("key: quaternions are keyed \"linear\" or \"step\", not \"{how}\"");
+        return Err(ApiError::new(text).hint("key degrees, or quaternions close to each other"));
+    }
+    Ok(channel(Property::Rotation, how, times, values))
 }
 
 pub fn fov(v: &Dynamic, label: &str) -> Result<f64, ApiError> {

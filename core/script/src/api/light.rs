@@ -27,7 +27,7 @@ pub const DEFS: &[Def] = &[
         "point",
         "options?",
         Gives::A(Kind::Light),
-        "A lamp: position, color or kelvin, intensity (candela, 20 by default), range in metres, shadow as a sun.",
+        "A lamp: position, color or kelvin, intensity (candela, 20 by default), range in metres, shadow as a sun; attenuation: [constant, linear, square] makes it fall off by one over that polynomial of the metres in place of their square.",
         point,
     ),
     Def::new(
@@ -35,7 +35,7 @@ pub const DEFS: &[Def] = &[
         "spot",
         "options?",
         Gives::A(Kind::Light),
-        "A spotlight: position, direction or look_at (a point), inner and outer half angles in degrees, color or kelvin, intensity, range, shadow as a sun.",
+        "A spotlight: position, direction or look_at (a point), inner and outer half angles in degrees, color or kelvin, intensity, range, attenuation, shadow as a sun.",
         spot,
     ),
     Def::new(
@@ -63,7 +63,7 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, keys, how?",
         THIS,
-        "Keys [[time, value], …] of \"intensity\", \"color\" or \"position\", as for actors.",
+        "Keys [[time, value], …] of \"intensity\", \"color\", \"kelvin\", \"position\", \"direction\", \"range\" or \"cone\" (the outer half angle, degrees), as for actors.",
         key,
     ),
 ];
@@ -81,14 +81,30 @@ fn common(o: &Options, intensity: f64) -> Result<(Vec3, f32), ApiError> {
 
 fn add(c: &Call, o: &Options, light: Light, position: DVec3, direction: Vec3) -> Reply {
     let shadow = shadow(o)?;
+    let attenuation = attenuation(o)?;
+    if attenuation.is_some() && light.range.is_some() {
+        let text =
+            format!("{}: range cuts off what falls off by the square; give range or attenuation", o.function);
+        return Err(ApiError::new(text).focus("attenuation"));
+    }
     let mut build = c.build();
     room(build.lights.len(), "lights", &c.shared.limits)?;
     let number = build.lights.len() + 1;
     let name = o.text("name")?.unwrap_or_else(|| format!("{} {number}", o.function));
-    let light = StageLight { position, direction, shadow, ..StageLight::new(&name, light) };
+    let light = StageLight { position, direction, shadow, attenuation, ..StageLight::new(&name, light) };
     build.lights.push(light);
     build.light_places.push(c.place.clone());
     Ok(Dynamic::from(LightRef(build.lights.len() - 1)))
+}
+
+/// `[constant, linear, square]`.
+fn attenuation(o: &Options) -> Result<Option<[f32; 3]>, ApiError> {
+    let Some(given) = o.get("attenuation") else { return Ok(None) };
+    let three = numbers(&given).filter(|n| n.len() == 3 && n.iter().all(|v| (0.0..=1e6).contains(v)));
+    let three = three.filter(|n| n.iter().any(|v| *v > 0.0));
+    let allowed = "[constant, linear, square], none below 0 and one above";
+    let three = three.ok_or_else(|| crate::call::wrong(&given, &o.label("attenuation"), allowed))?;
+    Ok(Some([three[0] as f32, three[1] as f32, three[2] as f32]))
 }
 
 /// `true`, or `#{ size, softness }`.
@@ -123,7 +139,10 @@ fn range(o: &Options) -> Result<Option<f32>, ApiError> {
 }
 
 fn point(c: &mut Call) -> Reply {
-    let o = c.options(0, &["position", "color", "kelvin", "intensity", "range", "shadow", "name"])?;
+    let o = c.options(
+        0,
+        &["position", "color", "kelvin", "intensity", "range", "attenuation", "shadow", "name"],
+    )?;
     let position = o.point("position")?.unwrap_or(DVec3::new(0.0, 3.0, 2.0));
     let (color, intensity) = common(&o, 20.0)?;
     let light = Light { kind: LightKind::Point, color, intensity, range: range(&o)? };
@@ -143,6 +162,7 @@ fn spot(c: &mut Call) -> Reply {
             "kelvin",
             "intensity",
             "range",
+            "attenuation",
             "shadow",
             "name",
         ],

@@ -1,5 +1,6 @@
 //! Mathematics with the same bits on every machine: libm, not the system's library. Angles are radians.
 
+use glam::DQuat;
 use rhai::{Dynamic, Engine, EvalAltResult, ImmutableString, Position};
 
 /// Name, arguments, one line.
@@ -44,6 +45,13 @@ pub const FUNCTIONS: &[(&str, &str, &str)] = &[
         "seed",
         "a number from 0 to 1 that depends on the seed only; rand(seed, low, high) from low to high",
     ),
+    (
+        "quaternion",
+        "axis, degrees",
+        "the turn [x, y, z, w] about an axis, counter-clockwise where it points at you",
+    ),
+    ("product", "a, b", "the quaternion that turns by b, then by a"),
+    ("slerp", "a, b, w", "from quaternion a to b the shortest way, as w goes from 0 to 1"),
     ("noise", "x", "smooth noise from -1 to 1; noise(seed, x) another for each seed"),
 ];
 
@@ -77,7 +85,37 @@ fn number(v: &Dynamic, name: &str) -> Result<f64, Box<EvalAltResult>> {
     crate::call::number(v, name).map_err(|e| crate::errors::throw(e, crate::call::Place::default()))
 }
 
+type Four = Result<rhai::Array, Box<EvalAltResult>>;
+
+fn four(q: DQuat) -> Four {
+    Ok(q.to_array().into_iter().map(Dynamic::from_float).collect())
+}
+
+fn quaternion(v: &Dynamic, name: &str) -> Result<DQuat, Box<EvalAltResult>> {
+    super::keys::quaternion(v, name).map_err(|e| crate::errors::throw(e, crate::call::Place::default()))
+}
+
+fn quaternions(engine: &mut Engine) {
+    engine.register_fn("quaternion", |axis: Dynamic, degrees: Dynamic| -> Four {
+        let axis = crate::call::Call::direction(&axis, "quaternion: axis");
+        let axis = axis.map_err(|e| crate::errors::throw(e, crate::call::Place::default()))?;
+        let half = super::actor::radians(number(&degrees, "quaternion: degrees")?) * 0.5;
+        four(
+            DQuat::from_xyzw(0.0, 0.0, 0.0, libm::cos(half))
+                + DQuat::from_vec4((axis * libm::sin(half)).extend(0.0)),
+        )
+    });
+    engine.register_fn("product", |a: Dynamic, b: Dynamic| -> Four {
+        four(quaternion(&a, "product: a")? * quaternion(&b, "product: b")?)
+    });
+    engine.register_fn("slerp", |a: Dynamic, b: Dynamic, w: Dynamic| -> Four {
+        let (a, b) = (quaternion(&a, "slerp: a")?, quaternion(&b, "slerp: b")?);
+        four(choreo_stage::slerp(a, b, number(&w, "slerp: w")?))
+    });
+}
+
 pub fn register(engine: &mut Engine) {
+    quaternions(engine);
     numbers!(engine, "sin", |x| libm::sin(x));
     numbers!(engine, "cos", |x| libm::cos(x));
     numbers!(engine, "tan", |x| libm::tan(x));

@@ -11,6 +11,7 @@ pub mod cue;
 pub mod effect;
 pub mod expect;
 pub mod expression;
+pub mod flat;
 pub mod goals;
 pub mod joint;
 pub mod keys;
@@ -42,6 +43,7 @@ pub const TABLES: &[(&str, &[&[Def]])] = &[
     ("Together: markers, groups, sequences", &[together::DEFS]),
     ("Cameras", &[camera::DEFS]),
     ("Lights", &[light::DEFS, sky::DEFS]),
+    ("Words and pictures over the scene", &[flat::DEFS]),
     ("Effects", &[effect::DEFS]),
     ("Tests: sections", &[test::DEFS]),
     ("Tests: what is looked at", &[expect::DEFS]),

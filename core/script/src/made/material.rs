@@ -7,7 +7,7 @@ use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 /// What [`material`] reads.
-pub const OPTIONS: [&str; 30] = [
+pub const OPTIONS: [&str; 32] = [
     "color",
     "image",
     "normal_map",
@@ -38,12 +38,15 @@ pub const OPTIONS: [&str; 30] = [
     "translucent",
     "translucent_color",
     "name",
+    "specular_map",
+    "phong",
 ];
 
 /// The material, and the pictures that it names by number.
 pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), ApiError> {
     let image = o.image("image")?;
     let normal_map = o.image("normal_map")?;
+    let specular_map = o.image("specular_map")?;
     // A picture is seen in its own colors.
     let plain = if image.is_some() { Vec4::ONE } else { Vec4::new(0.6, 0.6, 0.6, 1.0) };
     let base = o.color("color")?.unwrap_or(plain);
@@ -82,7 +85,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
             material.base_color_texture =
                 Some(texture(checker(base, second), sampler, tiles.unwrap_or(10.0) / 2.0));
         }
-        (None, None) if tiles.is_some() && normal_map.is_none() => {
+        (None, None) if tiles.is_some() && normal_map.is_none() && specular_map.is_none() => {
             return fail("tiles needs checker, the second color, or image", "tiles");
         }
         (None, None) => {}
@@ -92,6 +95,12 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
             return fail("normal_map changes how light falls; unlit has none", "normal_map");
         }
         material.normal_texture = Some(texture(given.image, given.sampler, scale));
+    }
+    if let Some(given) = specular_map {
+        if material.shading == Shading::Unlit {
+            return fail("specular_map changes what shines; unlit does not", "specular_map");
+        }
+        material.specular_color_texture = Some(texture(given.image, given.sampler, scale));
     }
     if base.w < 1.0 {
         material.alpha_mode = AlphaMode::Blend;
@@ -108,9 +117,12 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
 fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     let specular = o.color("specular")?;
     if let Some(shininess) = o.number_in("shininess", 1.0, 10000.0)? {
-        material.shading = Shading::BlinnPhong;
+        let phong = o.flag("phong")?.unwrap_or(false);
+        material.shading = if phong { Shading::Phong } else { Shading::BlinnPhong };
         material.shininess = shininess as f32;
-        material.specular_color = specular.map_or(Vec3::splat(0.04), rgb);
+        // A map says how much itself.
+        let usual = if o.get("specular_map").is_some() { 1.0 } else { 0.04 };
+        material.specular_color = specular.map_or(Vec3::splat(usual), rgb);
         if let Some(other) = ["roughness", "metallic", "unlit"].into_iter().find(|name| o.get(name).is_some())
         {
             return Err(ApiError::new(format!(
@@ -119,6 +131,9 @@ fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
             ))
             .focus(other));
         }
+    } else if o.get("phong").is_some() {
+        let text = format!("{}: phong needs shininess, its exponent", o.function);
+        return Err(ApiError::new(text).focus("phong"));
     } else if specular.is_some() {
         return Err(ApiError::new(format!(
             "{}: specular needs shininess, the Blinn–Phong exponent",

@@ -104,8 +104,9 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         // Without faces there is nothing for light to fall on.
         material.shading = Shading::Unlit;
     }
-    if let Some(picture) =
-        ["image", "normal_map", "checker", "anisotropy"].into_iter().find(|p| o.get(p).is_some())
+    if let Some(picture) = ["image", "normal_map", "specular_map", "checker", "anisotropy"]
+        .into_iter()
+        .find(|p| o.get(p).is_some())
         && primitive.uvs[0].is_empty()
     {
         return Err(ApiError::new(format!("{function}: {picture} needs uvs, where it lies on the mesh"))

@@ -112,6 +112,7 @@ impl Material {
         w.tag(match shading {
             Shading::MetallicRoughness => 0,
             Shading::BlinnPhong => 1,
+            Shading::Phong => 4,
             Shading::Unlit => 2,
             Shading::Toon => 3,
         });

@@ -15,7 +15,8 @@ impl Stage {
         let mut clips: BTreeMap<usize, ContentHash> = BTreeMap::new();
         let mut masks: BTreeMap<usize, ContentHash> = BTreeMap::new();
         hash_of(|w| {
-            let Stage { settings, actors, cameras, cuts, lights, sky, effects, hooks, warnings: _ } = self;
+            let Stage { settings, actors, cameras, cuts, lights, sky, flats, effects, hooks, warnings: _ } =
+                self;
             w.settings(settings);
             w.list(actors, |w, actor| {
                 let Actor {
@@ -114,9 +115,11 @@ impl Stage {
                 w.dvec3(light.position);
                 w.vec3(light.direction);
                 w.shadow(&light.shadow);
+                w.option(&light.attenuation, |w, a| w.f32s(a));
                 w.option(&light.parent, |w, parent| w.attachment(parent));
                 w.list(&light.channels, |w, channel| w.channel(channel));
             });
+            w.list(flats, |w, flat| w.flat(flat));
             w.option(sky, |w, sky| {
                 let Sky { panorama, turn, strength, background, channels } = sky;
                 w.bytes(&panorama.hash());
@@ -161,8 +164,18 @@ impl Snapshot {
     /// Every bit of it: two evaluations of one stage at one time must agree, wherever they ran.
     pub fn content_hash(&self) -> ContentHash {
         hash_of(|w| {
-            let Snapshot { time, actors, camera, lights, sky, background, ambient_up, ambient_down, effects } =
-                self;
+            let Snapshot {
+                time,
+                actors,
+                camera,
+                lights,
+                sky,
+                flats,
+                background,
+                ambient_up,
+                ambient_down,
+                effects,
+            } = self;
             w.time(*time);
             w.list(actors, |w, actor| {
                 let ActorState {
@@ -195,6 +208,14 @@ impl Snapshot {
                 w.dvec3(light.position);
                 w.vec3(light.direction);
                 w.shadow(&light.shadow);
+                w.option(&light.attenuation, |w, a| w.f32s(a));
+            });
+            w.list(flats, |w, state| {
+                let FlatState { flat, at, opacity, scale, words } = state;
+                w.count(*flat);
+                [at.x, at.y, *scale].into_iter().for_each(|v| w.f64(v));
+                w.f32(*opacity);
+                w.option(words, |w, words| w.text(words));
             });
             w.option(sky, |w, sky| {
                 let SkyState { panorama, turn, strength, background } = sky;
@@ -347,7 +368,7 @@ impl Writer {
         self.count(number.unwrap_or(Shape::ALL.len()));
     }
 
-    fn channel(&mut self, channel: &Channel) {
+    pub(super) fn channel(&mut self, channel: &Channel) {
         match channel.property {
             Property::Translation => self.tag(0),
             Property::Rotation => self.tag(1),
@@ -371,6 +392,9 @@ impl Writer {
             Property::ClipTime => self.tag(12),
             Property::Parameter => self.tag(13),
             Property::Turn => self.tag(14),
+            Property::Opacity => self.tag(15),
+            Property::Range => self.tag(16),
+            Property::Cone => self.tag(17),
         }
         self.interpolation(channel.interpolation);
         self.list(&channel.times, |w, t| w.time(*t));

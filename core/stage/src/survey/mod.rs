@@ -170,6 +170,9 @@ fn property_name(property: Property) -> &'static str {
         Property::ClipTime => "the clip time",
         Property::Parameter => "a parameter",
         Property::Turn => "the turn",
+        Property::Opacity => "the opacity",
+        Property::Range => "the range",
+        Property::Cone => "the cone",
     }
 }
 

@@ -1,0 +1,70 @@
+//! `choreo render --stages`: what the CPU renderer does on the way to a frame, a picture a stage.
+
+use crate::args::RenderArgs;
+use crate::failure::{Failure, output_error};
+use crate::output::Target;
+use crate::pipeline::render_failure;
+use crate::{plugin_files, provenance, render};
+use choreo_plugin::{Registry, VideoInfo};
+use choreo_render::cpu::{CpuRenderer, STAGES};
+use choreo_render::{Catalog, Plan, PlanOptions, Renderer};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Into the folder that `-o` names: `1_model.png` to `6_shade.png`, of the time of `--at`, else of the first frame.
+pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
+    let folder = Path::new(&args.output);
+    if folder.extension().is_some() {
+        let text =
+            format!("--stages writes a picture a stage into a folder, and -o names a file: {}", args.output);
+        return Err(Failure::Usage(text));
+    }
+    let file = |number: usize, name: &str| folder.join(format!("{number}_{name}.png"));
+    let last = file(STAGES.len(), STAGES[STAGES.len() - 1]);
+    let target = Target::parse(&last.to_string_lossy())?;
+    let registry = plugin_files::registry(plugins, &args.scene.import.plugins, &[&args.scene.input])?;
+    let args = RenderArgs { at: args.at.clone().or_else(|| Some("0".into())), ..args.clone() };
+    let job = render::prepare(&args, target, &registry, None)?;
+    let effects = registry.effects();
+    let mut renderer = CpuRenderer::new(effects);
+    // One sample: the pixels that a triangle covers are the subject.
+    let samples = job.samples.unwrap_or(1);
+    let time = job.frames.first().map(|(_, time)| *time).unwrap_or_default();
+    let snapshot = job.scene.stage.at(time).map_err(|e| Failure::input(e.to_string()))?;
+    let catalog = Arc::new(Catalog::new(&job.scene.stage));
+    let options = PlanOptions { effects, ..PlanOptions::new(job.settings.size, samples) };
+    let plan = Plan::new(&catalog, &job.scene.stage, &snapshot, &options);
+    renderer.load(catalog).map_err(render_failure)?;
+    let pictures = renderer.stages(&plan).map_err(render_failure)?;
+    std::fs::create_dir_all(folder).map_err(|e| output_error(&args.output, &e))?;
+    let info = VideoInfo {
+        width: job.settings.size[0],
+        height: job.settings.size[1],
+        fps: job.settings.fps,
+        frames: 1,
+        provenance: provenance::of(&job.scene, &job.settings, samples, &job.options, renderer.device()),
+        options: job.options.clone(),
+    };
+    for (number, (name, picture)) in (1..).zip(STAGES.iter().zip(&pictures)) {
+        let path = file(number, name);
+        let shown = path.display().to_string();
+        let part = path.with_extension("png.part");
+        let written = || -> Result<(), choreo_plugin::ExportError> {
+            let out = std::fs::File::create(&part)?;
+            let mut sink = job.exporter.begin(&info, Box::new(std::io::BufWriter::new(out)))?;
+            sink.frame(picture)?;
+            sink.finish()?;
+            std::fs::rename(&part, &path)?;
+            Ok(())
+        };
+        if let Err(error) = written() {
+            // Whole or not at all.
+            let _ = std::fs::remove_file(&part);
+            return Err(Failure::Output(format!("{shown}: {error}")));
+        }
+        if !args.quiet {
+            eprintln!("{shown}");
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,240 @@
+//! What a rasterizer does, as pictures: the vertices of each mesh, all of them before the camera, in clip space, the pixels
+//! that triangles cover, their depths, and the shaded frame.
+
+use super::CpuRenderer;
+use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
+use super::tile::{Batch, Paint};
+use crate::plan::Plan;
+use crate::renderer::{RenderError, Renderer};
+use choreo_plugin::Frame;
+use choreo_stage::{Primitive, Topology};
+use glam::{Vec2, Vec3};
+
+/// Names of the stages, in order.
+pub const STAGES: [&str; 6] = ["model", "view", "clip", "raster", "depth", "shade"];
+
+const BACKGROUND: [u8; 4] = [18, 20, 26, 255];
+const FAINT: [u8; 3] = [70, 78, 96];
+
+/// Three times a golden ratio's turn apart: neighbours differ.
+fn color_of(index: usize) -> [u8; 3] {
+    let hue = |shift: f32| {
+        let turn = index as f32 * 0.618_034 + shift;
+        let wave = ((turn - turn.floor()) * 6.0 - 3.0).abs() - 1.0;
+        (90.0 + 160.0 * wave.clamp(0.0, 1.0)) as u8
+    };
+    [hue(0.0), hue(1.0 / 3.0), hue(2.0 / 3.0)]
+}
+
+fn blank([width, height]: [u32; 2]) -> Frame {
+    Frame { width, height, rgba: BACKGROUND.repeat(width as usize * height as usize) }
+}
+
+fn put(frame: &mut Frame, x: i64, y: i64, color: [u8; 3]) {
+    if (0..i64::from(frame.width)).contains(&x) && (0..i64::from(frame.height)).contains(&y) {
+        let at = 4 * (y as usize * frame.width as usize + x as usize);
+        frame.rgba[at..at + 3].copy_from_slice(&color);
+    }
+}
+
+/// A pixel for each step along the longer side; what is not finite or far outside is left out.
+fn line(frame: &mut Frame, a: Vec2, b: Vec2, color: [u8; 3]) {
+    let most = 4.0 * frame.width.max(frame.height) as f32;
+    if !(a.abs().max_element() < most && b.abs().max_element() < most) {
+        return;
+    }
+    let steps = (b - a).abs().max_element().ceil().max(1.0) as usize;
+    for i in 0..=steps {
+        let p = a.lerp(b, i as f32 / steps as f32).floor();
+        put(frame, p.x as i64, p.y as i64, color);
+    }
+}
+
+/// Places of points in a picture: as large as fits with a margin, the same along both axes.
+struct Fit {
+    scale: f32,
+    middle: Vec2,
+    center: Vec2,
+}
+
+impl Fit {
+    fn new(points: impl Iterator<Item = Vec2>, size: [u32; 2]) -> Fit {
+        let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+        points.filter(|p| p.is_finite()).for_each(|p| (low, high) = (low.min(p), high.max(p)));
+        let (low, high) = if low.is_finite() { (low, high) } else { (Vec2::NEG_ONE, Vec2::ONE) };
+        let picture = Vec2::new(size[0] as f32, size[1] as f32);
+        let scale = (picture * 0.86 / (high - low).max(Vec2::splat(1e-6))).min_element();
+        Fit { scale, middle: (low + high) * 0.5, center: picture * 0.5 }
+    }
+
+    /// y up.
+    fn place(&self, p: Vec2) -> Vec2 {
+        let p = (p - self.middle) * self.scale;
+        self.center + Vec2::new(p.x, -p.y)
+    }
+}
+
+/// Edges of every triangle, by the places of its vertices.
+fn edges(frame: &mut Frame, indices: &[u32], place: &dyn Fn(u32) -> Option<Vec2>, color: [u8; 3]) {
+    for t in indices.chunks_exact(3) {
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            if let (Some(a), Some(b)) = (place(a), place(b)) {
+                line(frame, a, b, color);
+            }
+        }
+    }
+}
+
+/// A drawn copy of a mesh of triangles.
+type Mesh<'a> = (&'a Batch<'a>, &'a Primitive);
+
+fn mesh<'a>(batch: &'a Batch<'a>) -> Option<Mesh<'a>> {
+    match &batch.paint {
+        Paint::Surface(f) if f.primitive.topology == Topology::Triangles => Some((batch, f.primitive)),
+        _ => None,
+    }
+}
+
+impl CpuRenderer {
+    /// One picture a stage, in the order of [`STAGES`], each of the plan's size. Lines and points have no edges to show.
+    ///
+    /// # Errors
+    /// As when the plan is submitted.
+    pub fn stages(&mut self, plan: &Plan) -> Result<Vec<Frame>, RenderError> {
+        self.submit(plan.clone())?;
+        let shaded = self.collect(None)?;
+        let changed = self.changed_materials(plan);
+        let clip_from_relative = &plan.view.clip_from_relative;
+        let batches = self.batches(plan, &plan.draws, clip_from_relative, plan.size, None, &changed);
+        let meshes: Vec<Mesh> = batches.iter().filter_map(mesh).collect();
+        let mut pictures = vec![model(&meshes, plan.size), view(&meshes, plan), clip(&meshes, plan.size)];
+        pictures.extend(raster(&batches, plan.size));
+        pictures.push(shaded);
+        Ok(pictures)
+    }
+}
+
+/// Each mesh as its file has it, from the front: nobody has been placed yet.
+fn model(meshes: &[Mesh], size: [u32; 2]) -> Frame {
+    let mut frame = blank(size);
+    let all = meshes.iter().flat_map(|(_, primitive)| &primitive.positions);
+    let fit = Fit::new(all.map(|p| p.truncate()), size);
+    for (i, (_, primitive)) in meshes.iter().enumerate() {
+        let place = |v: u32| primitive.positions.get(v as usize).map(|p| fit.place(p.truncate()));
+        edges(&mut frame, &primitive.indices, &place, color_of(i));
+    }
+    let (x, y) = (fit.place(Vec2::ZERO), fit.place(Vec2::ZERO));
+    line(&mut frame, x - Vec2::X * 12.0, x + Vec2::X * 12.0, FAINT);
+    line(&mut frame, y - Vec2::Y * 12.0, y + Vec2::Y * 12.0, FAINT);
+    frame
+}
+
+/// Everything where it stands, seen from above with the camera at the bottom: x to the right, what is ahead upwards.
+fn view(meshes: &[Mesh], plan: &Plan) -> Frame {
+    let mut frame = blank(plan.size);
+    let seen = |relative: Vec3| {
+        let v = plan.view.view_from_relative.transform_point3(relative);
+        Vec2::new(v.x, -v.z)
+    };
+    let all = meshes.iter().flat_map(|(batch, _)| &batch.vertices).map(|v| seen(v.relative));
+    let fit = Fit::new(all.chain([Vec2::ZERO]), plan.size);
+    // Left and right side of what the camera sees.
+    let far = plan.size[0].max(plan.size[1]) as f32 / fit.scale;
+    let half = 1.0 / plan.view.clip_from_view.x_axis.x;
+    for side in [-1.0, 1.0] {
+        let (from, to) = match plan.view.eye.w > 0.5 {
+            true => (Vec2::ZERO, Vec2::new(side * half * far, far)),
+            false => (Vec2::new(side * half, 0.0), Vec2::new(side * half, far)),
+        };
+        line(&mut frame, fit.place(from), fit.place(to), FAINT);
+    }
+    for (i, (batch, primitive)) in meshes.iter().enumerate() {
+        let place = |v: u32| batch.vertices.get(v as usize).map(|v| fit.place(seen(v.relative)));
+        edges(&mut frame, &primitive.indices, &place, color_of(i));
+    }
+    frame
+}
+
+/// After the division by w: the frame's border is where x and y are ±1. What is behind the camera has no place.
+fn clip(meshes: &[Mesh], size: [u32; 2]) -> Frame {
+    let mut frame = blank(size);
+    let picture = Vec2::new(size[0] as f32, size[1] as f32);
+    // With room around the border.
+    let place = |ndc: Vec2| picture * (0.5 + ndc * 0.36);
+    let corners = [Vec2::new(-1.0, -1.0), Vec2::new(1.0, -1.0), Vec2::ONE, Vec2::new(-1.0, 1.0)];
+    for (i, (batch, primitive)) in meshes.iter().enumerate() {
+        let of = |v: u32| {
+            let clip = batch.vertices.get(v as usize)?.clip;
+            (clip.w > 0.0).then(|| place(Vec2::new(clip.x, clip.y) / clip.w))
+        };
+        edges(&mut frame, &primitive.indices, &of, color_of(i));
+    }
+    for i in 0..4 {
+        line(&mut frame, place(corners[i]), place(corners[(i + 1) % 4]), [230, 230, 230]);
+    }
+    frame
+}
+
+/// The nearest triangle of every pixel, each in a colour of its own; and how near it is: white at the nearest.
+fn raster(batches: &[Batch], size: [u32; 2]) -> [Frame; 2] {
+    let [mut covered, mut depths] = [blank(size), blank(size)];
+    let width = size[0] as usize;
+    let mut nearest = vec![(0.0f32, usize::MAX); width * size[1] as usize];
+    let mut number = 0;
+    for triangle in batches.iter().flat_map(|b| &b.triangles) {
+        let [x0, y0, x1, y1] = triangle.pixels();
+        let last = |v: i32, most: u32| v.min(most as i32);
+        for ty in (y0.max(0) / TILE_HEIGHT..).take_while(|t| t * TILE_HEIGHT < last(y1, size[1])) {
+            for tx in (x0.max(0) / TILE_WIDTH..).take_while(|t| t * TILE_WIDTH < last(x1, size[0])) {
+                let at = [tx * TILE_WIDTH, ty * TILE_HEIGHT];
+                cover::<1>(triangle, at, |index, hit, z| {
+                    for i in (0..4).filter(|i| hit[*i] && index + i < TILE_PIXELS) {
+                        let x = at[0] as usize + (index + i) % TILE_WIDTH as usize;
+                        let y = at[1] as usize + (index + i) / TILE_WIDTH as usize;
+                        if x < width && y < size[1] as usize && z[i] > nearest[y * width + x].0 {
+                            nearest[y * width + x] = (z[i], number);
+                        }
+                    }
+                });
+            }
+        }
+        number += 1;
+    }
+    // Reversed Z is 1 / distance, up to a factor: its root spreads what is far.
+    let roots = nearest.iter().filter(|(_, id)| *id != usize::MAX).map(|(z, _)| z.sqrt());
+    let (low, high) = roots.fold((f32::INFINITY, 0.0f32), |(l, h), z| (l.min(z), h.max(z)));
+    for (i, (z, id)) in nearest.iter().enumerate().filter(|(_, (_, id))| *id != usize::MAX) {
+        let (x, y) = ((i % width) as i64, (i / width) as i64);
+        put(&mut covered, x, y, color_of(*id));
+        let share = if high > low { (z.sqrt() - low) / (high - low) } else { 1.0 };
+        put(&mut depths, x, y, [(40.0 + 215.0 * share) as u8; 3]);
+    }
+    [covered, depths]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neighbours_are_told_apart() {
+        for i in 0..200 {
+            let (a, b) = (color_of(i), color_of(i + 1));
+            let off: i32 = (0..3).map(|c| (i32::from(a[c]) - i32::from(b[c])).abs()).sum();
+            assert!(off > 60, "{i}: {a:?} {b:?}");
+        }
+    }
+
+    #[test]
+    fn lines_end_where_they_should() {
+        let mut frame = blank([8, 8]);
+        line(&mut frame, Vec2::new(1.5, 1.5), Vec2::new(6.5, 3.5), [255; 3]);
+        let lit = |x: usize, y: usize| frame.rgba[4 * (y * 8 + x)] == 255;
+        assert!(lit(1, 1) && lit(6, 3) && !lit(7, 3) && !lit(0, 1));
+        // Neither NaN nor what is far away is drawn.
+        let before = frame.rgba.clone();
+        line(&mut frame, Vec2::NAN, Vec2::ONE, [9; 3]);
+        line(&mut frame, Vec2::splat(1e30), Vec2::ONE, [9; 3]);
+        assert_eq!(frame.rgba, before);
+    }
+}

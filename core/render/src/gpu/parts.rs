@@ -1,0 +1,30 @@
+//! Uploads of a renderer that has little memory.
+
+use super::error::Named;
+use super::upload::Uploads;
+use super::{FRUGAL_UPLOAD, VulkanRenderer};
+use crate::RenderError;
+use ash::vk;
+
+impl VulkanRenderer {
+    /// Sends uploads ahead of their frame in small parts, each done before the next is made.
+    pub(super) fn upload_in_parts(&mut self, index: usize, uploads: Uploads) -> Result<(), RenderError> {
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        for part in uploads.split(FRUGAL_UPLOAD) {
+            let (pool, commands) = (self.slots[index].pool, self.slots[index].commands);
+            // SAFETY: the slot's last commands are done.
+            unsafe {
+                let device = &self.gpu.device;
+                device.reset_command_pool(pool, vk::CommandPoolResetFlags::empty()).named("command pool")?;
+                device.begin_command_buffer(commands, &begin).named("upload commands")?;
+            }
+            self.slots[index].staging = Some(part.record(&self.gpu, commands)?);
+            // SAFETY: recording was begun above.
+            unsafe { self.gpu.device.end_command_buffer(commands) }.named("upload commands")?;
+            self.run(index)?;
+            self.wait_idle()?;
+            self.slots[index].release_staging(&self.gpu);
+        }
+        Ok(())
+    }
+}

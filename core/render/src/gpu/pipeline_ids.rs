@@ -1,0 +1,83 @@
+//! What a pipeline is for, and which ones a recording binds.
+
+use crate::record::{Command, Recording, Target};
+use crate::shader::SceneVariant;
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Id {
+    /// `surface`: the effects on it, each with its bit.
+    Scene {
+        variant: SceneVariant,
+        samples: u32,
+        float: bool,
+        surface: Vec<(u8, String)>,
+    },
+    /// `surface`: the effects on it, each with its bit.
+    Background {
+        samples: u32,
+        float: bool,
+        depth: bool,
+        what: Backdrop,
+        surface: Vec<(u8, String)>,
+    },
+    /// `over`: not hidden by what is nearer.
+    Overlay {
+        samples: u32,
+        float: bool,
+        over: bool,
+    },
+    Post {
+        effect: String,
+        float: bool,
+    },
+}
+
+/// What is drawn where the scene left nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Backdrop {
+    Gradient,
+    Sky,
+    /// Layers under the scene, over either.
+    Under,
+}
+
+/// The pipeline of each command of a recording, in order (`None` for commands that bind none).
+pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
+    let (mut samples, mut float, mut depth) = (1, false, false);
+    let is_float = |t: &Target| matches!(t, Target::Float(_));
+    let id = |command: &Command| match command {
+        Command::BeginPass { target, samples: s, depth: d, .. } => {
+            (samples, float, depth) = (*s, is_float(target), *d);
+            None
+        }
+        Command::BeginShadows { .. } => {
+            (samples, float) = (1, false);
+            None
+        }
+        Command::BindPipeline(variant) => {
+            let surface = on_surface(recording, variant.key.surface);
+            Some(Id::Scene { variant: *variant, samples, float, surface })
+        }
+        Command::DrawBackground { surface } | Command::DrawSky { surface } => {
+            let surface = on_surface(recording, *surface);
+            let sky = matches!(command, Command::DrawSky { .. });
+            let what = if sky { Backdrop::Sky } else { Backdrop::Gradient };
+            Some(Id::Background { samples, float, depth, what, surface })
+        }
+        Command::DrawUnder => {
+            Some(Id::Background { samples, float, depth, what: Backdrop::Under, surface: Vec::new() })
+        }
+        Command::DrawOverlay { over, .. } => Some(Id::Overlay { samples, float, over: *over }),
+        Command::PostPass { effect, to, .. } => {
+            Some(Id::Post { effect: effect.clone(), float: is_float(to) })
+        }
+        _ => None,
+    };
+    recording.commands.iter().map(id).collect()
+}
+
+/// The effects of a set of bits, each with its own.
+fn on_surface(recording: &Recording, bits: u8) -> Vec<(u8, String)> {
+    let names = (0u8..).zip(&recording.surface);
+    names.filter(|(bit, _)| bits >> bit & 1 == 1).map(|(bit, name)| (bit, name.clone())).collect()
+}

@@ -1,0 +1,145 @@
+//! Flat things over and under the scene: words, pictures, panels, letterboxes; in painter's order.
+
+use crate::channels::keyed;
+use crate::{Channel, Image, Property, Stage};
+use choreo_motion::Time;
+pub use choreo_text::{Align, Font};
+use glam::{DVec2, Vec4};
+use std::sync::Arc;
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Flat {
+    pub content: FlatContent,
+    /// Where its anchor stands, in shares of the picture: x from the left, y from the top.
+    pub at: DVec2,
+    /// Pixels beside that.
+    pub offset: DVec2,
+    /// Which point of its box, 0 to 1 from the left and from the top.
+    pub anchor: DVec2,
+    pub opacity: f64,
+    /// Times its size, about its anchor.
+    pub scale: f64,
+    /// Behind the scene, over its background; else over everything, effects included.
+    pub under: bool,
+    pub start: Time,
+    pub end: Option<Time>,
+    /// How long it takes to come in and to go.
+    pub fade: Time,
+    /// [`Property::Translation`] (x and y as `at`), [`Property::Scale`] (the first number), [`Property::Opacity`].
+    pub channels: Vec<Channel>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum FlatContent {
+    Text {
+        words: String,
+        font: Font,
+        /// Of the font's em, in shares of the picture's height.
+        size: f64,
+        /// Lines are broken where they would be wider, in shares of the picture's width.
+        width: Option<f64>,
+        align: Align,
+        /// In sizes.
+        line_height: f64,
+        /// Linear RGBA, not premultiplied.
+        color: Vec4,
+    },
+    Picture {
+        image: Arc<Image>,
+        /// Of the image.
+        hash: [u8; 32],
+        fit: Fit,
+    },
+    /// Shares of the picture.
+    Panel { size: DVec2, color: Vec4 },
+    /// Bars that leave a picture so many times as wide as high.
+    Bars { ratio: f64, color: Vec4 },
+}
+
+/// How large a picture is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fit {
+    /// Share of the picture's height.
+    Height(f64),
+    /// Share of the picture's width.
+    Width(f64),
+    /// All of it is seen, as large as can be.
+    Contain,
+    /// It covers everything.
+    Cover,
+}
+
+impl Flat {
+    pub fn new(content: FlatContent) -> Flat {
+        Flat {
+            content,
+            at: DVec2::splat(0.5),
+            offset: DVec2::ZERO,
+            anchor: DVec2::splat(0.5),
+            opacity: 1.0,
+            scale: 1.0,
+            under: false,
+            start: Time::ZERO,
+            end: None,
+            fade: Time::ZERO,
+            channels: Vec::new(),
+        }
+    }
+
+    /// How much of it is there at a time, by its span and fades.
+    fn presence(&self, time: Time) -> f64 {
+        if time < self.start || self.end.is_some_and(|end| time >= end) {
+            return 0.0;
+        }
+        let share = |span: Time| match self.fade > Time::ZERO {
+            true => (span.as_secs() / self.fade.as_secs()).clamp(0.0, 1.0),
+            false => 1.0,
+        };
+        share(time - self.start) * self.end.map_or(1.0, |end| share(end - time))
+    }
+}
+
+/// What a callback says of an flat for one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FlatEdit {
+    At { flat: usize, at: DVec2 },
+    Opacity { flat: usize, opacity: f64 },
+    Words { flat: usize, words: String },
+}
+
+/// One that is seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlatState {
+    /// Index into `Stage::flats`.
+    pub flat: usize,
+    pub at: DVec2,
+    /// Above 0, at most 1.
+    pub opacity: f32,
+    pub scale: f64,
+    /// In place of those of the content.
+    pub words: Option<String>,
+}
+
+pub(crate) fn evaluate(stage: &Stage, edits: &[FlatEdit], time: Time, out: &mut Vec<FlatState>) {
+    out.clear();
+    for (index, flat) in stage.flats.iter().enumerate() {
+        let key = |property| keyed(&flat.channels, property, time);
+        let (mut at, mut words) =
+            (key(Property::Translation).map_or(flat.at, |v| DVec2::new(v[0], v[1])), None);
+        let mut opacity = key(Property::Opacity).map_or(flat.opacity, |v| v[0]);
+        let scale = key(Property::Scale).map_or(flat.scale, |v| v[0]);
+        for edit in edits {
+            match edit {
+                FlatEdit::At { flat, at: to } if *flat == index => at = *to,
+                FlatEdit::Opacity { flat, opacity: to } if *flat == index => opacity = *to,
+                FlatEdit::Words { flat, words: now } if *flat == index => words = Some(now.clone()),
+                _ => {}
+            }
+        }
+        // Splines overshoot.
+        let opacity = (opacity * flat.presence(time)).clamp(0.0, 1.0) as f32;
+        if opacity > 0.0 && scale > 0.0 && at.is_finite() && scale.is_finite() {
+            out.push(FlatState { flat: index, at, opacity, scale, words });
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! Exact coverage: each edge adds the area that it cuts off to the pixels it passes, and what lies to its right is summed up
+//! afterwards (R. Levien's accumulation buffer, as in font-rs). Areas, no samples.
+
+/// How much of each pixel of a rectangle is covered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coverage {
+    /// First pixel of the picture, and pixels.
+    pub at: [u32; 2],
+    pub size: [u32; 2],
+    /// One row has `size[0] + 2` entries; sums of the rows are the coverage.
+    areas: Vec<f32>,
+}
+
+impl Coverage {
+    /// Of the part of a picture between two corners.
+    pub fn new(low: [f32; 2], high: [f32; 2], picture: [u32; 2]) -> Coverage {
+        let end = |v: f32, most: u32| (v.ceil().max(0.0) as u32).min(most);
+        let begin = |v: f32, most: u32| (v.floor().max(0.0) as u32).min(most);
+        let at = [begin(low[0], picture[0]), begin(low[1], picture[1])];
+        let size = [0, 1].map(|i| end(high[i], picture[i]).saturating_sub(at[i]));
+        let areas = vec![0.0; (size[0] as usize + 2) * size[1] as usize];
+        Coverage { at, size, areas }
+    }
+
+    /// A rectangle.
+    pub fn rectangle(low: [f32; 2], high: [f32; 2], picture: [u32; 2]) -> Coverage {
+        let mut coverage = Coverage::new(low, high, picture);
+        let corners = [[low[0], low[1]], [low[0], high[1]], [high[0], high[1]], [high[0], low[1]]];
+        for i in 0..4 {
+            coverage.line(corners[i], corners[(i + 1) % 4]);
+        }
+        coverage
+    }
+
+    /// A row, from 0 to 1 a pixel. Shapes that lie over each other in the same direction count once.
+    pub fn row(&self, y: u32) -> impl Iterator<Item = f32> + '_ {
+        let stride = self.size[0] as usize + 2;
+        let row = &self.areas[y as usize * stride..(y as usize + 1) * stride];
+        let mut sum = 0.0f32;
+        row.iter().take(self.size[0] as usize).map(move |area| {
+            sum += area;
+            sum.abs().min(1.0)
+        })
+    }
+
+    /// An edge of a closed outline.
+    pub fn line(&mut self, from: [f32; 2], to: [f32; 2]) {
+        if !from.iter().chain(&to).all(|v| v.is_finite()) {
+            return;
+        }
+        let [width, height] = self.size.map(|s| s as f32);
+        let local = |p: [f32; 2]| [p[0] - self.at[0] as f32, p[1] - self.at[1] as f32];
+        let (mut a, mut b) = (local(from), local(to));
+        if a[1] == b[1] {
+            return;
+        }
+        let direction = if a[1] < b[1] { 1.0 } else { -1.0 };
+        if a[1] > b[1] {
+            std::mem::swap(&mut a, &mut b);
+        }
+        let slope = (b[0] - a[0]) / (b[1] - a[1]);
+        let stride = self.size[0] as usize + 2;
+        let (top, bottom) = (a[1].max(0.0), b[1].min(height));
+        let mut y = top;
+        while y < bottom {
+            let row = y.floor();
+            let next = (row + 1.0).min(bottom);
+            let (x0, x1) = (a[0] + (y - a[1]) * slope, a[0] + (next - a[1]) * slope);
+            let cells = &mut self.areas[row as usize * stride..(row as usize + 1) * stride];
+            span(cells, width, [x0.min(x1), x0.max(x1)], (next - y) * direction);
+            y = next;
+        }
+    }
+}
+
+/// Of one row: an edge from x0 to x1 that is `height` high; what is left of the row's pixels counts as at their left side.
+fn span(cells: &mut [f32], width: f32, [x0, x1]: [f32; 2], height: f32) {
+    if x0 >= width {
+        return;
+    }
+    if x1 <= 0.0 {
+        cells[0] += height;
+        return;
+    }
+    if x0 < 0.0 || x1 > width {
+        // Cut at the sides: each part by its share.
+        let whole = x1 - x0;
+        let left = (-x0).max(0.0) / whole;
+        let right = (x1 - width).max(0.0) / whole;
+        cells[0] += height * left;
+        span(cells, width, [x0.max(0.0), x1.min(width).max(x0.max(0.0))], height * (1.0 - left - right));
+        return;
+    }
+    let first = x0.floor();
+    let last = x1.ceil();
+    let i = first as usize;
+    if last <= first + 1.0 {
+        // Within one pixel: the area to the right of the middle of the edge.
+        let mean = 0.5 * (x0 + x1) - first;
+        cells[i] += height * (1.0 - mean);
+        cells[i + 1] += height * mean;
+        return;
+    }
+    // Over several: a triangle, strips that grow evenly, and what is left.
+    let step = 1.0 / (x1 - x0);
+    let into = 1.0 - (x0 - first);
+    let begin = 0.5 * step * into * into;
+    let out = x1 - (last - 1.0);
+    let end = 0.5 * step * out * out;
+    let count = (last - first) as usize;
+    cells[i] += height * begin;
+    if count == 2 {
+        cells[i + 1] += height * (1.0 - begin - end);
+    } else {
+        let second = step * (into + 0.5);
+        cells[i + 1] += height * (second - begin);
+        for cell in &mut cells[i + 2..i + count - 1] {
+            *cell += height * step;
+        }
+        let before = second + (count as f32 - 3.0) * step;
+        cells[i + count - 1] += height * (1.0 - before - end);
+    }
+    cells[i + count] += height * end;
+}
+
+/// A glyph's curves as edges.
+pub(crate) struct Outline<'a> {
+    coverage: &'a mut Coverage,
+    origin: [f32; 2],
+    scale: f32,
+    start: [f32; 2],
+    at: [f32; 2],
+}
+
+/// Pixels that an edge may be away from its curve.
+const FLATNESS: f32 = 0.02;
+
+impl<'a> Outline<'a> {
+    pub fn new(coverage: &'a mut Coverage, origin: [f32; 2], scale: f32) -> Outline<'a> {
+        Outline { coverage, origin, scale, start: origin, at: origin }
+    }
+
+    /// Font units, y up.
+    fn place(&self, x: f32, y: f32) -> [f32; 2] {
+        [self.origin[0] + x * self.scale, self.origin[1] - y * self.scale]
+    }
+
+    fn edge(&mut self, to: [f32; 2]) {
+        self.coverage.line(self.at, to);
+        self.at = to;
+    }
+
+    /// Even steps, as many as keep a curve whose second difference is so large flat enough.
+    fn steps(bend: f32) -> usize {
+        (bend / (8.0 * FLATNESS)).sqrt().ceil().clamp(1.0, 64.0) as usize
+    }
+}
+
+impl ttf_parser::OutlineBuilder for Outline<'_> {
+    fn move_to(&mut self, x: f32, y: f32) {
+        self.start = self.place(x, y);
+        self.at = self.start;
+    }
+
+    fn line_to(&mut self, x: f32, y: f32) {
+        let to = self.place(x, y);
+        self.edge(to);
+    }
+
+    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
+        let (a, b, c) = (self.at, self.place(x1, y1), self.place(x, y));
+        let bend = [0, 1].map(|i| 2.0 * (a[i] - 2.0 * b[i] + c[i]).abs());
+        let steps = Self::steps(bend[0] + bend[1]);
+        for s in 1..=steps {
+            let t = s as f32 / steps as f32;
+            let u = 1.0 - t;
+            self.edge([0, 1].map(|i| u * u * a[i] + 2.0 * u * t * b[i] + t * t * c[i]));
+        }
+    }
+
+    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
+        let (a, b, c, d) = (self.at, self.place(x1, y1), self.place(x2, y2), self.place(x, y));
+        let bend =
+            [0, 1].map(|i| 6.0 * (a[i] - 2.0 * b[i] + c[i]).abs().max((b[i] - 2.0 * c[i] + d[i]).abs()));
+        let steps = Self::steps(bend[0] + bend[1]);
+        for s in 1..=steps {
+            let t = s as f32 / steps as f32;
+            let u = 1.0 - t;
+            self.edge([0, 1].map(|i| {
+                u * u * u * a[i] + 3.0 * u * u * t * b[i] + 3.0 * u * t * t * c[i] + t * t * t * d[i]
+            }));
+        }
+    }
+
+    fn close(&mut self) {
+        let start = self.start;
+        self.edge(start);
+    }
+}

@@ -1,0 +1,127 @@
+//! Coverage against areas in closed form and against many samples; lines against what they must do.
+
+use choreo_text::*;
+use std::f64::consts::PI;
+
+fn sum(c: &Coverage) -> f64 {
+    (0..c.size[1]).flat_map(|y| c.row(y).collect::<Vec<_>>()).map(f64::from).sum()
+}
+
+#[test]
+fn rectangles_cover_their_area_wherever_they_lie() {
+    for (low, high) in [([1.25, 2.5], [7.75, 3.25]), ([0.0, 0.0], [10.0, 10.0]), ([3.1, 3.2], [3.3, 3.4])] {
+        let c = Coverage::rectangle(low, high, [10, 10]);
+        let area = f64::from(high[0] - low[0]) * f64::from(high[1] - low[1]);
+        assert!((sum(&c) - area).abs() < 1e-5, "{low:?} {high:?}: {} instead of {area}", sum(&c));
+    }
+    // Half outside on each side, and wholly.
+    for (low, high, area) in [
+        ([-5.0, -5.0], [5.0, 5.0], 25.0),
+        ([5.0, 5.0], [15.0, 15.0], 25.0),
+        ([-5.0, 2.0], [15.0, 4.0], 20.0),
+        ([20.0, 20.0], [30.0, 30.0], 0.0),
+    ] {
+        let c = Coverage::rectangle(low, high, [10, 10]);
+        assert!((sum(&c) - area).abs() < 1e-5, "{low:?} {high:?}: {}", sum(&c));
+    }
+    let c = Coverage::rectangle([1.25, 0.0], [2.5, 1.0], [4, 1]);
+    let row: Vec<f32> = c.row(0).collect();
+    assert_eq!(row, [0.75, 0.5]);
+}
+
+/// Polygons of every slope: pixel by pixel against the share of 64 × 64 points inside.
+#[test]
+fn slanted_edges_cover_what_samples_say() {
+    let triangles = [
+        [[1.3, 1.1], [14.6, 3.7], [4.2, 13.9]],
+        [[0.5, 0.5], [15.5, 1.0], [15.0, 1.5]],
+        [[-6.0, 4.0], [9.0, -7.0], [22.0, 19.0]],
+    ];
+    for t in triangles {
+        let mut c = Coverage::new([0.0, 0.0], [16.0, 16.0], [16, 16]);
+        (0..3).for_each(|i| c.line(t[i], t[(i + 1) % 3]));
+        let side = |a: [f32; 2], b: [f32; 2], x: f64, y: f64| {
+            (f64::from(b[0]) - f64::from(a[0])) * (y - f64::from(a[1]))
+                - (f64::from(b[1]) - f64::from(a[1])) * (x - f64::from(a[0]))
+        };
+        let inside = |x: f64, y: f64| {
+            let s = [0, 1, 2].map(|i| side(t[i], t[(i + 1) % 3], x, y) > 0.0);
+            s == [true; 3] || s == [false; 3]
+        };
+        for y in 0..16u32 {
+            for (x, got) in c.row(y).enumerate() {
+                let points = (0..64).flat_map(|j| (0..64).map(move |i| (i, j)));
+                let hits = points.filter(|(i, j)| {
+                    inside(
+                        x as f64 + (f64::from(*i) + 0.5) / 64.0,
+                        f64::from(y) + (f64::from(*j) + 0.5) / 64.0,
+                    )
+                });
+                let share = hits.count() as f64 / 4096.0;
+                assert!((f64::from(got) - share).abs() < 0.02, "{t:?} at {x}, {y}: {got} instead of {share}");
+            }
+        }
+    }
+}
+
+fn style(size: f32) -> Style {
+    Style { size, width: None, align: Align::Left, line_height: 1.25 }
+}
+
+#[test]
+fn a_full_stop_is_as_large_as_its_size() {
+    // Twice the size, four times the area.
+    let font = Font::built_in();
+    let area = |size: f32| {
+        let laid = lay_out(&font, "•", &style(size));
+        sum(&laid.coverage(&font, [10.0, 10.0], 1.0, [400, 400]))
+    };
+    let (small, large) = (area(60.0), area(120.0));
+    assert!((large / small - 4.0).abs() < 0.01, "{small} {large}");
+    assert!(small > PI, "{small}");
+    // The same larger by its factor.
+    let laid = lay_out(&font, "•", &style(60.0));
+    assert!((sum(&laid.coverage(&font, [10.0, 10.0], 2.0, [400, 400])) - large).abs() < 0.02 * large);
+}
+
+#[test]
+fn lines_break_between_words_and_are_aligned() {
+    let font = Font::built_in();
+    let wide = lay_out(&font, "one two three", &style(20.0));
+    assert_eq!(wide.lines, 1);
+    let narrow = Style { width: Some(wide.size[0] * 0.6), ..style(20.0) };
+    let wrapped = lay_out(&font, "one two three", &narrow);
+    assert_eq!(wrapped.lines, 2);
+    assert!((wrapped.size[1] - wide.size[1] - 25.0).abs() < 1e-3);
+    assert_eq!(lay_out(&font, "one\ntwo\n", &style(20.0)).lines, 3);
+    // A word that does not fit stands alone.
+    assert_eq!(lay_out(&font, "a bbbbbbbbbbbb c", &Style { width: Some(15.0), ..style(20.0) }).lines, 3);
+    // Right: the last column of the box is touched, the first is not.
+    let right = Style { width: Some(200.0), align: Align::Right, ..style(20.0) };
+    let laid = lay_out(&font, "H", &right);
+    let c = laid.coverage(&font, [0.0, 0.0], 1.0, [200, 40]);
+    let inked: Vec<usize> = (0..c.size[1])
+        .flat_map(|y| c.row(y).enumerate().filter(|(_, v)| *v > 0.5).map(|(x, _)| x).collect::<Vec<_>>())
+        .collect();
+    assert!(inked.iter().min().unwrap() > &180, "{inked:?}");
+}
+
+#[test]
+fn pairs_are_kerned() {
+    let font = Font::built_in();
+    let width = |text: &str| lay_out(&font, text, &style(100.0)).size[0];
+    assert!(width("AV") < width("A") + width("V") - 1.0, "{} {} {}", width("AV"), width("A"), width("V"));
+    assert!((width("HH") - 2.0 * width("H")).abs() < 0.01);
+}
+
+#[test]
+fn what_is_no_font_is_told() {
+    assert!(Font::new("x", &b"nothing"[..]).unwrap_err().0.contains("is not a font"));
+    assert_eq!(Font::built_in().missing("a b\n漢a漢"), ['漢']);
+    // Empty and strange texts.
+    for text in ["", "\n\n", "\u{0}\u{7f}", "   "] {
+        let laid = lay_out(&Font::built_in(), text, &style(20.0));
+        assert!(laid.size.iter().all(|s| s.is_finite()));
+        laid.coverage(&Font::built_in(), [f32::NAN, 1e30], 1.0, [10, 10]);
+    }
+}

@@ -1,0 +1,68 @@
+//! `cargo xtask lessons`: one picture of every numbered script, side by side: `tests/pictures/lessons.png`, for the README.
+
+use crate::contact::{Shot, finish, read};
+use crate::{cargo, root, run};
+use std::io::BufWriter;
+use std::path::PathBuf;
+use std::process::Command;
+
+const SIZE: (usize, usize) = (240, 135);
+const COLUMNS: usize = 5;
+/// Seconds, where nothing else is said.
+const TIME: &str = "2.0";
+/// Lessons that show best at another time.
+const TIMES: [(&str, &str); 5] = [("01", "3.2"), ("05", "2.6"), ("08", "1.0"), ("19", "1.0"), ("26", "2.6")];
+
+pub fn lessons() -> Result<(), String> {
+    run(cargo(&["build", "--quiet", "-p", "choreo"]), "cargo build")?;
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    let choreo = target.join("debug").join(format!("choreo{}", std::env::consts::EXE_SUFFIX));
+    let work = target.join("lessons");
+    std::fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    let mut scripts: Vec<PathBuf> = Vec::new();
+    for entry in std::fs::read_dir(root().join("scripts")).map_err(|e| format!("scripts: {e}"))?.flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if !name.starts_with(|c: char| c.is_ascii_digit()) {
+            continue;
+        }
+        // A lesson may be a folder with more than its script.
+        let inner = entry.path().join("lesson.rhai");
+        scripts.push(if entry.path().is_dir() { inner } else { entry.path() });
+    }
+    scripts.sort();
+    let mut shots: Vec<Shot> = Vec::new();
+    for script in &scripts {
+        let shown = script.strip_prefix(root().join("scripts")).unwrap_or(script).display().to_string();
+        let time = TIMES.iter().find(|(number, _)| shown.starts_with(number)).map_or(TIME, |(_, time)| time);
+        let out = work.join("lesson.png");
+        let mut render = Command::new(&choreo);
+        render.arg("render").arg(script).args(["--quiet", "--device", "cpu", "--samples", "4", "--at", time]);
+        render.args(["--size", &format!("{}x{}", SIZE.0, SIZE.1), "-o"]).arg(&out);
+        finish(render, &shown)?;
+        shots.push(read(&out)?);
+        println!("{:>3}  {shown}", shots.len());
+    }
+    write(&root().join("tests/pictures/lessons.png"), &shots)
+}
+
+/// From left to right, row by row, in the order of their numbers.
+fn write(path: &std::path::Path, shots: &[Shot]) -> Result<(), String> {
+    let (width, height) = (SIZE.0 * COLUMNS, SIZE.1 * shots.len().div_ceil(COLUMNS));
+    let mut rgb = vec![255; width * height * 3];
+    for (index, shot) in shots.iter().enumerate() {
+        let (left, top) = (index % COLUMNS * SIZE.0, index / COLUMNS * SIZE.1);
+        for y in 0..shot.height.min(SIZE.1) {
+            let (to, from) = (((top + y) * width + left) * 3, y * shot.width * 3);
+            let bytes = shot.width.min(SIZE.0) * 3;
+            rgb[to..to + bytes].copy_from_slice(&shot.rgb[from..from + bytes]);
+        }
+    }
+    let fail = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
+    let file = std::fs::File::create(path).map_err(|e| fail(&e))?;
+    let mut encoder = png::Encoder::new(BufWriter::new(file), width as u32, height as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::High);
+    let mut writer = encoder.write_header().map_err(|e| fail(&e))?;
+    writer.write_image_data(&rgb).map_err(|e| fail(&e))
+}
