@@ -180,8 +180,7 @@ fn raster(batches: &[Batch], size: [u32; 2]) -> [Frame; 2] {
     let [mut covered, mut depths] = [blank(size), blank(size)];
     let width = size[0] as usize;
     let mut nearest = vec![(0.0f32, usize::MAX); width * size[1] as usize];
-    let mut number = 0;
-    for triangle in batches.iter().flat_map(|b| &b.triangles) {
+    for (number, triangle) in batches.iter().flat_map(|b| &b.triangles).enumerate() {
         let [x0, y0, x1, y1] = triangle.pixels();
         let last = |v: i32, most: u32| v.min(most as i32);
         for ty in (y0.max(0) / TILE_HEIGHT..).take_while(|t| t * TILE_HEIGHT < last(y1, size[1])) {
@@ -198,7 +197,6 @@ fn raster(batches: &[Batch], size: [u32; 2]) -> [Frame; 2] {
                 });
             }
         }
-        number += 1;
     }
     // Reversed Z is 1 / distance, up to a factor: its root spreads what is far.
     let roots = nearest.iter().filter(|(_, id)| *id != usize::MAX).map(|(z, _)| z.sqrt());

@@ -46,7 +46,7 @@ use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::Arc;
 pub use steady::SteadyRenderer;
-use targets::{Needs, Targets};
+use targets::{Needs, Seen, Targets};
 use upload::Uploads;
 
 #[derive(Clone, Default)]
@@ -363,8 +363,8 @@ impl VulkanRenderer {
             .and_then(|()| {
                 let slot = &mut self.slots[index];
                 let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
-                let sky = self.resources.sky.as_ref();
-                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, seen, sky)
+                let seen = Seen { sky: self.resources.sky.as_ref(), ..seen };
+                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, seen)
             })
             .and_then(|()| {
                 let (slot, pools) = (&mut self.slots[index], &mut self.pools);

@@ -5,7 +5,6 @@ use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
 use super::memory::{Buffer, Image};
 use super::resources::Resources;
-use super::sky::SkyImages;
 use super::sky::flat_image;
 use super::targets::Seen;
 use super::upload::Uploads;
@@ -130,7 +129,6 @@ impl Slot {
         plan: &Plan,
         recording: &Recording,
         seen: Seen<'_>,
-        sky: Option<&SkyImages>,
     ) -> Result<(), RenderError> {
         let Some(Command::UploadFrameData { instances, joints, morphs, lights }) = recording.commands.first()
         else {
@@ -151,7 +149,7 @@ impl Slot {
         self.changed_at = plan.materials.iter().map(|_| of_material.map(|size| ranges.take(size))).collect();
         let lookups_range = if shadow.is_some() { MAX_VIEWS * size_of::<ShadowUniform>() } else { 0 } as u64;
         let lookups_at = ranges.take(lookups_range.max(16));
-        let sky = sky.filter(|_| reads.sky).zip(plan.sky.as_ref());
+        let sky = seen.sky.filter(|_| reads.sky).zip(plan.sky.as_ref());
         let sky_range = if sky.is_some() { size_of::<SkyUniform>() } else { 0 } as u64;
         let sky_at = ranges.take(sky_range);
         let post_at: Vec<u64> =

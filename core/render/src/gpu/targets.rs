@@ -4,6 +4,7 @@ use super::behind::BehindTarget;
 use super::context::Context;
 use super::memory::{Buffer, Image, ImageDesc};
 use super::shadow::ShadowTarget;
+use super::sky::SkyImages;
 use crate::RenderError;
 use crate::mip::linear_to_srgb8;
 use crate::record::{Command, Recording, Target};
@@ -88,6 +89,7 @@ pub struct Targets {
 pub struct Seen<'a> {
     pub shadow: Option<&'a ShadowTarget>,
     pub behind: Option<&'a BehindTarget>,
+    pub sky: Option<&'a SkyImages>,
 }
 
 impl Targets {
@@ -139,9 +141,9 @@ impl Targets {
         }
     }
 
-    /// What shaders read beside materials.
+    /// What shaders read beside materials; the sky is among the resources.
     pub fn seen(&self) -> Seen<'_> {
-        Seen { shadow: self.shadow.as_ref(), behind: self.behind.as_ref() }
+        Seen { shadow: self.shadow.as_ref(), behind: self.behind.as_ref(), sky: None }
     }
 
     pub fn image(&self, target: Target) -> &Image {

@@ -121,7 +121,7 @@ impl SkyMaps {
         let place = octahedral::octahedral(way);
         let last = self.levels.len() - 1;
         // NaN is sharp.
-        let level = roughness.max(0.0).min(1.0) * last as f32;
+        let level = if roughness > 0.0 { roughness.min(1.0) } else { 0.0 } * last as f32;
         let low = level as usize;
         let sharp = self.sample(place, low);
         let rough = self.sample(place, (low + 1).min(last));
