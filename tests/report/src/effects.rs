@@ -187,8 +187,8 @@ fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
     let note = format!(
         "{:.2} % of pixels beyond {TOLERANCE}, ꟻLIP mean {}, worst {}",
         c.share_beyond * 100.0,
-        quantity(f64::from(seen.mean)),
-        quantity(f64::from(seen.worst))
+        quantity(seen.mean),
+        quantity(seen.worst)
     );
     Ok(Row::new(name)
         .error(f64::from(c.worst), c.mean)
