@@ -438,7 +438,6 @@ fn a_save_runs_what_it_touches_again() {
     until("watching ");
     // A test that was not there before, in a folder that was not.
     std::fs::create_dir(d.join("suite/new")).unwrap();
-    until("watching ");
     write(d, "suite/new/t.rhai", "test(\"a\", || { expect(1).equals(1); });\n");
     until("ok     suite/new/t.rhai  1 section");
     let mut child = child.lock().unwrap();

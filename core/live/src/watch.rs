@@ -37,6 +37,9 @@ pub struct Interest {
     pub files: BTreeMap<PathBuf, Option<[u8; 32]>>,
     /// Any file directly in this folder whose name ends so.
     pub folders: BTreeSet<(PathBuf, String)>,
+    /// Any file below this folder whose name ends so, in folders that come later, too. Hidden folders and those named `target` are
+    /// passed over, links are not followed.
+    pub trees: BTreeSet<(PathBuf, String)>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -104,10 +107,21 @@ impl Watch {
     /// the next [`Watch::wait`].
     pub fn set(&mut self, interest: Interest) {
         self.interest = interest;
+        self.grow();
         let new = self.arrange();
         if !new.is_empty() {
             let _ = self.to.send(Signal::Lost);
         }
+    }
+
+    /// What lies in the folders and trees of interest now.
+    pub fn there(&self) -> BTreeSet<PathBuf> {
+        self.in_folders()
+    }
+
+    /// From now on a file has changed where it is other than this.
+    pub fn knows(&mut self, path: PathBuf, content: Option<[u8; 32]>) {
+        self.interest.files.insert(path, content);
     }
 
     /// Waits until something of interest has changed, and whoever changed it is done.
@@ -157,6 +171,24 @@ impl Watch {
         }
     }
 
+    /// The folders that there are below the trees now.
+    fn grow(&mut self) {
+        for (root, ending) in self.interest.trees.clone() {
+            let mut open = vec![root];
+            while let Some(folder) = open.pop() {
+                if self.interest.folders.len() >= MOST_FOLDERS {
+                    return;
+                }
+                for entry in std::fs::read_dir(&folder).into_iter().flatten().flatten() {
+                    if entry.file_type().is_ok_and(|t| t.is_dir()) && !is_passed_over(&entry.path()) {
+                        open.push(entry.path());
+                    }
+                }
+                self.interest.folders.insert((folder, ending.clone()));
+            }
+        }
+    }
+
     /// Of the files of interest those that an event may be about.
     fn touched(&mut self, event: &Event) -> BTreeSet<PathBuf> {
         let mut touched = BTreeSet::new();
@@ -171,6 +203,13 @@ impl Watch {
             let below: Vec<PathBuf> =
                 self.all().into_iter().filter(|f| f != path && f.starts_with(path)).collect();
             let in_folder = self.interest.folders.iter().any(|(folder, _)| folder.starts_with(path));
+            let in_tree = self.interest.trees.iter().any(|(root, _)| path.starts_with(root));
+            if in_tree && !is_passed_over(path) && path.is_dir() {
+                self.grow();
+                self.arrange();
+                // What came with it.
+                touched.extend(self.in_folders().into_iter().filter(|file| file.starts_with(path)));
+            }
             if !below.is_empty() || in_folder {
                 let gone: Vec<PathBuf> =
                     self.watched.iter().filter(|w| w.starts_with(path)).cloned().collect();
@@ -252,6 +291,10 @@ impl Watch {
 fn is_in(path: &Path, (folder, ending): &(PathBuf, String)) -> bool {
     let name = path.file_name().map(|n| n.to_string_lossy());
     path.parent() == Some(folder) && name.is_some_and(|n| n.ends_with(ending.as_str()) && !n.starts_with('.'))
+}
+
+fn is_passed_over(folder: &Path) -> bool {
+    folder.file_name().is_some_and(|name| name == "target" || name.to_string_lossy().starts_with('.'))
 }
 
 /// How long nothing more must come for the change to be whole.

@@ -15,7 +15,7 @@ fn hash(bytes: &[u8]) -> Option<[u8; 32]> {
 
 fn files(files: &[(&Path, Option<[u8; 32]>)]) -> Interest {
     let files = files.iter().map(|(path, hash)| (path.to_path_buf(), *hash)).collect();
-    Interest { files, folders: BTreeSet::new() }
+    Interest { files, ..Interest::default() }
 }
 
 fn changed(paths: &[&Path]) -> Waited {
@@ -152,4 +152,31 @@ fn a_waker_ends_the_wait_and_loses_no_change() {
         seen.push(watch.wait(SOON).unwrap());
     }
     assert!(seen.contains(&Waited::Woken) && seen.contains(&changed(&[&file])), "{seen:?}");
+}
+
+#[test]
+fn a_tree_s_new_folders_are_watched_and_what_is_passed_over_is_not() {
+    let folder = Folder::new();
+    fs::create_dir_all(folder.at("suite/a")).unwrap();
+    fs::write(folder.at("suite/a/old.rhai"), "0").unwrap();
+    let mut watch = Watch::new().unwrap();
+    let trees = BTreeSet::from([(folder.at("suite"), ".rhai".to_string())]);
+    watch.set(Interest { trees, ..Interest::default() });
+    assert_eq!(watch.there(), BTreeSet::from([folder.at("suite/a/old.rhai")]));
+    watch.knows(folder.at("suite/a/old.rhai"), hash(b"0"));
+    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
+    // A folder in a new folder, with its file at once or later.
+    for (name, pause) in [("suite/b/c", 0), ("suite/d/e", 150)] {
+        fs::create_dir_all(folder.at(name)).unwrap();
+        std::thread::sleep(Duration::from_millis(pause));
+        let file = folder.at(name).join("new.rhai");
+        fs::write(&file, "1").unwrap();
+        assert_eq!(watch.wait(SOON).unwrap(), changed(&[&file]));
+    }
+    for name in ["suite/target", "suite/.hidden"] {
+        fs::create_dir_all(folder.at(name)).unwrap();
+        fs::write(folder.at(name).join("new.rhai"), "1").unwrap();
+    }
+    fs::write(folder.at("suite/a/new.txt"), "1").unwrap();
+    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
 }

@@ -3,10 +3,13 @@
 
 #![cfg(target_os = "linux")]
 
+mod screen;
+
+use screen::{Screen, Shot, assert_quiet, until};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::Command;
+use std::time::Duration;
 
 const SCRIPT: &str = r##"stage(#{ size: [320, 180], fps: 30, length: 3.0, background: #{ top: "#204060", bottom: "#204060" } });
 let ada = cast("ada", load("choreo:mannequin", #{ color: "coral" }));
@@ -14,143 +17,6 @@ ada.play(load("choreo:mannequin").clip("Dance_Groove"));
 camera("c").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
 sun(#{ direction: [-0.6, -1.0, -0.9] });
 "##;
-
-/// Killed when a test ends, however it ends.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-struct Screen {
-    _server: Running,
-    display: String,
-}
-
-fn there(program: &str) -> bool {
-    std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).any(|p| p.join(program).is_file())
-}
-
-impl Screen {
-    /// `None`, with a word, where this machine lacks what it takes.
-    fn new() -> Option<Screen> {
-        for program in ["Xvfb", "xdotool", "import"] {
-            if !there(program) {
-                println!("SKIP 1: {program} is not installed");
-                return None;
-            }
-        }
-        // The server picks a free number and tells it.
-        let mut server = Command::new("Xvfb");
-        server.args(["-displayfd", "1", "-screen", "0", "1400x1000x24", "-nolisten", "tcp"]);
-        let mut child = server.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-        let mut line = String::new();
-        let out = child.stdout.take().unwrap();
-        std::io::BufRead::read_line(&mut std::io::BufReader::new(out), &mut line).unwrap();
-        Some(Screen { _server: Running(child), display: format!(":{}", line.trim()) })
-    }
-
-    fn run(&self, program: &str, args: &[&str]) -> Output {
-        Command::new(program).args(args).env("DISPLAY", &self.display).output().unwrap()
-    }
-
-    fn xdotool(&self, args: &[&str]) -> String {
-        let output = self.run("xdotool", args);
-        String::from_utf8_lossy(&output.stdout).trim().to_string()
-    }
-
-    fn view(&self, args: &[&str]) -> Running {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_choreo-view"));
-        command.args(args).env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
-        Running(command.stderr(Stdio::piped()).spawn().unwrap())
-    }
-
-    /// Waits for the window.
-    fn window(&self) -> String {
-        until("a window", || {
-            let found = self.xdotool(&["search", "--onlyvisible", "--name", "choreo"]);
-            found.lines().next().map(str::to_string)
-        })
-    }
-
-    /// RGB rows of what is on the screen.
-    fn shot(&self, window: &str) -> Shot {
-        let output = self.run("import", &["-window", window, "-depth", "8", "ppm:-"]);
-        Shot::read(&output.stdout).unwrap_or_else(|| panic!("{}", String::from_utf8_lossy(&output.stderr)))
-    }
-
-    fn save(&self, window: &str, name: &str) {
-        // For people to look at, where they ask for it.
-        if let Some(folder) = std::env::var_os("CHOREO_SHOTS") {
-            let file = Path::new(&folder).join(name);
-            self.run("import", &["-window", window, &file.to_string_lossy()]);
-        }
-    }
-
-    fn key(&self, window: &str, key: &str) {
-        self.xdotool(&["windowfocus", window]);
-        self.xdotool(&["key", key]);
-    }
-}
-
-#[derive(Clone, PartialEq)]
-struct Shot {
-    width: usize,
-    height: usize,
-    rgb: Vec<u8>,
-}
-
-impl Shot {
-    /// A binary PPM.
-    fn read(bytes: &[u8]) -> Option<Shot> {
-        let mut at = 0;
-        let mut words = Vec::new();
-        while words.len() < 4 {
-            let end = at + bytes.get(at..)?.iter().position(u8::is_ascii_whitespace)?;
-            words.push(std::str::from_utf8(&bytes[at..end]).ok()?);
-            at = end + 1;
-        }
-        let (width, height) = (words[1].parse().ok()?, words[2].parse().ok()?);
-        Some(Shot { width, height, rgb: bytes.get(at..)?.to_vec() })
-    }
-
-    /// How many pixels are about this color.
-    fn count(&self, color: [u8; 3]) -> usize {
-        let near = |p: &[u8]| p.iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 2);
-        self.rgb.chunks_exact(3).filter(|p| near(p)).count()
-    }
-
-    /// The least rectangle that holds all pixels of this color: left, top, right, bottom.
-    fn bounds(&self, color: [u8; 3]) -> [usize; 4] {
-        let mut found = [usize::MAX, usize::MAX, 0, 0];
-        for (i, p) in self.rgb.chunks_exact(3).enumerate() {
-            if p.iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 1) {
-                let (x, y) = (i % self.width, i / self.width);
-                found = [found[0].min(x), found[1].min(y), found[2].max(x + 1), found[3].max(y + 1)];
-            }
-        }
-        found
-    }
-
-    fn pixel(&self, x: usize, y: usize) -> [u8; 3] {
-        let at = (y * self.width + x) * 3;
-        [self.rgb[at], self.rgb[at + 1], self.rgb[at + 2]]
-    }
-}
-
-fn until<T>(what: &str, mut is: impl FnMut() -> Option<T>) -> T {
-    let end = Instant::now() + Duration::from_secs(90);
-    loop {
-        if let Some(found) = is() {
-            return found;
-        }
-        assert!(Instant::now() < end, "waited in vain for {what}");
-        std::thread::sleep(Duration::from_millis(50));
-    }
-}
 
 const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
 
@@ -160,7 +26,7 @@ fn a_session_at_the_window() {
     let folder = tempfile::tempdir().unwrap();
     let script = folder.path().join("a.rhai");
     fs::write(&script, SCRIPT).unwrap();
-    let mut viewer = screen.view(&[script.to_str().unwrap()]);
+    let mut viewer = screen.view(&[script.to_str().unwrap()], folder.path());
     let window = screen.window();
     // Open: the picture is there.
     let first = until("the first picture", || {
@@ -224,6 +90,7 @@ fn a_session_at_the_window() {
     screen.key(&window, "ctrl+q");
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
+    assert_quiet(folder.path());
 }
 
 /// Compares the picture in the window, found by its background, with what `render` draws of the same size.

@@ -22,11 +22,30 @@ pub fn point(p: DVec2) -> egui::Pos2 {
 }
 
 pub fn line(painter: &Painter, lens: &Lens, a: DVec3, b: DVec3, stroke: Stroke) {
-    if let Some(ends) = lens.line(a, b)
-        && ends.iter().all(|p| p.abs().max_element() < 1e6)
-    {
+    let clip = painter.clip_rect();
+    let ends = lens.line(a, b).and_then(|ends| clipped(ends, clip.expand(8.0)));
+    if let Some(ends) = ends {
         painter.line_segment(ends.map(point), stroke);
     }
+}
+
+/// What of a line lies in a rectangle (Liang and Barsky 1984): from right before the camera it would run on for kilometres.
+fn clipped([a, b]: [DVec2; 2], to: Rect) -> Option<[DVec2; 2]> {
+    let by = b - a;
+    let (mut from, mut until) = (0.0_f64, 1.0_f64);
+    let low = DVec2::new(f64::from(to.left()), f64::from(to.top()));
+    let high = DVec2::new(f64::from(to.right()), f64::from(to.bottom()));
+    for axis in 0..2 {
+        if by[axis] == 0.0 {
+            if a[axis] < low[axis] || a[axis] > high[axis] {
+                return None;
+            }
+            continue;
+        }
+        let (enter, leave) = ((low[axis] - a[axis]) / by[axis], (high[axis] - a[axis]) / by[axis]);
+        (from, until) = (from.max(enter.min(leave)), until.min(enter.max(leave)));
+    }
+    (from <= until && by.is_finite()).then(|| [a + by * from, a + by * until])
 }
 
 pub fn show(ui: &Ui, viewer: &Viewer, index: usize, place: Rect, lens: &Lens) {
@@ -130,4 +149,20 @@ fn safe_areas(painter: &Painter, place: Rect, size: [u32; 2]) {
     let text = format!("{}×{}", size[0], size[1]);
     let at = place.left_bottom() + vec2(6.0, -4.0);
     painter.text(at, Align2::LEFT_BOTTOM, text, FontId::proportional(11.0), Color32::from_white_alpha(190));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_end_at_the_picture() {
+        let to = Rect::from_min_max(pos2(0.0, 0.0), pos2(100.0, 50.0));
+        let line = |a: (f64, f64), b: (f64, f64)| clipped([DVec2::from(a), DVec2::from(b)], to);
+        assert_eq!(line((50.0, 25.0), (50.0, 1e12)), Some([DVec2::new(50.0, 25.0), DVec2::new(50.0, 50.0)]));
+        assert_eq!(line((-1e9, 10.0), (1e9, 10.0)).map(|l| l[1].x.round()), Some(100.0));
+        assert_eq!(line((-10.0, -10.0), (-5.0, 90.0)), None);
+        assert_eq!(line((10.0, 60.0), (90.0, 60.0)), None);
+        assert_eq!(line((0.0, f64::NAN), (10.0, 10.0)), None);
+    }
 }

@@ -1,0 +1,162 @@
+//! A display without a screen, and hands for it.
+#![allow(dead_code)]
+
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// Killed when a test ends, however it ends.
+pub struct Running(pub Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+pub struct Screen {
+    pub server: Running,
+    pub display: String,
+}
+
+/// Whether the validation layer is installed.
+pub fn validated() -> bool {
+    Path::new("/usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json").is_file()
+}
+
+/// Neither a panic nor a word of the validation layer.
+pub fn assert_quiet(folder: &Path) {
+    let said = std::fs::read_to_string(folder.join("said.txt")).unwrap();
+    for bad in ["panicked", "VUID", "Validation", "UNASSIGNED"] {
+        assert!(!said.contains(bad), "{said}");
+    }
+}
+
+fn there(program: &str) -> bool {
+    std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).any(|p| p.join(program).is_file())
+}
+
+impl Screen {
+    /// `None`, with a word, where this machine lacks what it takes.
+    pub fn new() -> Option<Screen> {
+        for program in ["Xvfb", "xdotool", "import"] {
+            if !there(program) {
+                println!("SKIP 1: {program} is not installed");
+                return None;
+            }
+        }
+        // The server picks a free number and tells it.
+        let mut server = Command::new("Xvfb");
+        server.args(["-displayfd", "1", "-screen", "0", "1400x1000x24", "-nolisten", "tcp"]);
+        let mut child = server.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut line = String::new();
+        let out = child.stdout.take().unwrap();
+        std::io::BufRead::read_line(&mut std::io::BufReader::new(out), &mut line).unwrap();
+        Some(Screen { server: Running(child), display: format!(":{}", line.trim()) })
+    }
+
+    pub fn run(&self, program: &str, args: &[&str]) -> Output {
+        Command::new(program).args(args).env("DISPLAY", &self.display).output().unwrap()
+    }
+
+    pub fn xdotool(&self, args: &[&str]) -> String {
+        let output = self.run("xdotool", args);
+        String::from_utf8_lossy(&output.stdout).trim().to_string()
+    }
+
+    /// What it says goes into a file; its settings lie in a folder of their own.
+    pub fn view(&self, args: &[&str], folder: &Path) -> Running {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_choreo-view"));
+        command.args(args).env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
+        command.env("XDG_STATE_HOME", folder.join("state"));
+        if validated() {
+            command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
+        }
+        let said = std::fs::File::create(folder.join("said.txt")).unwrap();
+        Running(command.stdout(said.try_clone().unwrap()).stderr(said).spawn().unwrap())
+    }
+
+    /// Waits for the window.
+    pub fn window(&self) -> String {
+        until("a window", || {
+            let found = self.xdotool(&["search", "--onlyvisible", "--name", "choreo"]);
+            found.lines().next().map(str::to_string)
+        })
+    }
+
+    /// RGB rows of what is on the screen.
+    pub fn shot(&self, window: &str) -> Shot {
+        let output = self.run("import", &["-window", window, "-depth", "8", "ppm:-"]);
+        Shot::read(&output.stdout).unwrap_or_else(|| panic!("{}", String::from_utf8_lossy(&output.stderr)))
+    }
+
+    pub fn save(&self, window: &str, name: &str) {
+        // For people to look at, where they ask for it.
+        if let Some(folder) = std::env::var_os("CHOREO_SHOTS") {
+            let file = Path::new(&folder).join(name);
+            self.run("import", &["-window", window, &file.to_string_lossy()]);
+        }
+    }
+
+    pub fn key(&self, window: &str, key: &str) {
+        self.xdotool(&["windowfocus", window]);
+        self.xdotool(&["key", key]);
+    }
+}
+
+#[derive(Clone, PartialEq)]
+pub struct Shot {
+    pub width: usize,
+    pub height: usize,
+    pub rgb: Vec<u8>,
+}
+
+impl Shot {
+    /// A binary PPM.
+    pub fn read(bytes: &[u8]) -> Option<Shot> {
+        let mut at = 0;
+        let mut words = Vec::new();
+        while words.len() < 4 {
+            let end = at + bytes.get(at..)?.iter().position(u8::is_ascii_whitespace)?;
+            words.push(std::str::from_utf8(&bytes[at..end]).ok()?);
+            at = end + 1;
+        }
+        let (width, height) = (words[1].parse().ok()?, words[2].parse().ok()?);
+        Some(Shot { width, height, rgb: bytes.get(at..)?.to_vec() })
+    }
+
+    /// How many pixels are about this color.
+    pub fn count(&self, color: [u8; 3]) -> usize {
+        let near = |p: &[u8]| p.iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 2);
+        self.rgb.chunks_exact(3).filter(|p| near(p)).count()
+    }
+
+    /// The least rectangle that holds all pixels of this color: left, top, right, bottom.
+    pub fn bounds(&self, color: [u8; 3]) -> [usize; 4] {
+        let mut found = [usize::MAX, usize::MAX, 0, 0];
+        for (i, p) in self.rgb.chunks_exact(3).enumerate() {
+            if p.iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 1) {
+                let (x, y) = (i % self.width, i / self.width);
+                found = [found[0].min(x), found[1].min(y), found[2].max(x + 1), found[3].max(y + 1)];
+            }
+        }
+        found
+    }
+
+    pub fn pixel(&self, x: usize, y: usize) -> [u8; 3] {
+        let at = (y * self.width + x) * 3;
+        [self.rgb[at], self.rgb[at + 1], self.rgb[at + 2]]
+    }
+}
+
+pub fn until<T>(what: &str, mut is: impl FnMut() -> Option<T>) -> T {
+    let end = Instant::now() + Duration::from_secs(90);
+    loop {
+        if let Some(found) = is() {
+            return found;
+        }
+        assert!(Instant::now() < end, "waited in vain for {what}");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
