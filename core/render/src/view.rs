@@ -67,6 +67,17 @@ pub fn relative(world: DVec3, view: &View) -> glam::Vec3 {
     (world - view.position).as_vec3()
 }
 
+/// The way of a pixel's ray is x · right + y · down + ahead, x and y from −1 to 1; where rays are parallel, only ahead.
+pub fn rays(view: &View) -> [Vec3; 3] {
+    let relative_from_view = view.view_from_relative.transpose();
+    let turn = |v: Vec3| (relative_from_view * v.extend(0.0)).truncate();
+    let m = view.clip_from_view;
+    match view.eye.w > 0.5 {
+        true => [turn(Vec3::X / m.x_axis.x), turn(Vec3::Y / m.y_axis.y), turn(Vec3::NEG_Z)],
+        false => [Vec3::ZERO, Vec3::ZERO, turn(Vec3::NEG_Z)],
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -109,16 +120,5 @@ mod tests {
         let right = v.clip_from_relative * Vec3::new(7.0, 0.0, up * 1.5).extend(1.0);
         assert!((right.x / right.w - 1.0).abs() < 1e-5, "+Z is to the right of +X: {}", right.x / right.w);
         assert!((v.depth(Vec3::new(7.0, 0.0, 0.0)) - 7.0).abs() < 1e-5);
-    }
-}
-
-/// The way of a pixel's ray is x · right + y · down + ahead, x and y from −1 to 1; where rays are parallel, only ahead.
-pub fn rays(view: &View) -> [Vec3; 3] {
-    let relative_from_view = view.view_from_relative.transpose();
-    let turn = |v: Vec3| (relative_from_view * v.extend(0.0)).truncate();
-    let m = view.clip_from_view;
-    match view.eye.w > 0.5 {
-        true => [turn(Vec3::X / m.x_axis.x), turn(Vec3::Y / m.y_axis.y), turn(Vec3::NEG_Z)],
-        false => [Vec3::ZERO, Vec3::ZERO, turn(Vec3::NEG_Z)],
     }
 }
