@@ -241,4 +241,10 @@ impl Rows {
         let [a, b, c] = self.0.map(|r| r.truncate());
         a.dot(b.cross(c))
     }
+
+    /// Length of the longest of the images of the three axes.
+    pub fn largest_stretch(&self) -> f32 {
+        let square = |axis: usize| self.0.iter().map(|row| row[axis] * row[axis]).sum::<f32>();
+        square(0).max(square(1)).max(square(2)).sqrt()
+    }
 }

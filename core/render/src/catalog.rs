@@ -2,12 +2,14 @@
 
 use crate::bounds::PrimitiveInfo;
 use crate::content::{material_content, material_hash, short};
+use crate::detail::{CROWD, Level, coarser};
 use crate::gpu_types::{BASE_SLOTS, LAYER_SLOTS, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS};
 use choreo_stage::{
     AlphaMode, Asset, Image, Material, MaterialLayers, Panorama, Primitive, Sampler, Shading, Stage,
     TextureRef, Toon,
 };
 use glam::{Affine2, Vec3, Vec4};
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -22,6 +24,8 @@ pub struct Catalog {
     pub assets: Vec<AssetEntry>,
     /// Per actor of the stage: index into `assets`.
     pub asset_of_actor: Vec<u32>,
+    /// Per primitive: its coarser versions, the finest first; only of crowds.
+    pub levels: Vec<Vec<Level>>,
 }
 
 /// One distinct primitive; holds its asset's mesh alive.
@@ -37,6 +41,18 @@ pub struct CatalogPrimitive {
 }
 
 impl CatalogPrimitive {
+    /// Of a mesh of its own.
+    fn alone(name: String, primitive: Primitive) -> CatalogPrimitive {
+        let (hash, info) = (short(primitive.content_hash()), PrimitiveInfo::new(&primitive));
+        let mesh = choreo_stage::Mesh {
+            name,
+            morph_targets: primitive.morphs.len(),
+            primitives: vec![primitive],
+            ..choreo_stage::Mesh::default()
+        };
+        CatalogPrimitive { mesh: Arc::new(mesh), index: 0, hash, info }
+    }
+
     pub fn primitive(&self) -> &Primitive {
         &self.mesh.primitives[self.index as usize]
     }
@@ -175,6 +191,7 @@ impl Catalog {
             });
             builder.catalog.asset_of_actor.push(id);
         }
+        builder.levels(earlier, stage);
         let mut catalog = builder.catalog;
         catalog.sky = stage.sky.as_ref().map(|sky| sky.panorama.clone());
         for m in &mut catalog.materials {
@@ -201,6 +218,42 @@ struct Builder {
 }
 
 impl Builder {
+    /// Coarser versions of primitives that are on stage often enough, behind all others.
+    fn levels(&mut self, earlier: &Catalog, stage: &Stage) {
+        let mut copies = vec![0usize; self.catalog.primitives.len()];
+        for (at, actor) in stage.actors.iter().enumerate() {
+            for (instance, entries) in actor.asset.instances.iter().zip(&self.catalog.entry(at).primitives) {
+                entries.iter().for_each(|e| copies[e.primitive as usize] += instance.times());
+            }
+        }
+        let catalog = &mut self.catalog;
+        catalog.levels = vec![Vec::new(); copies.len()];
+        let crowds = |at: &usize| copies[*at] >= CROWD && catalog.primitives[*at].info.valid;
+        let crowds: Vec<usize> = (0..copies.len()).filter(crowds).collect();
+        let known = |at: usize| {
+            let same = |p: &CatalogPrimitive| p.hash == catalog.primitives[at].hash;
+            let levels = earlier.levels.get(earlier.primitives.iter().position(same)?)?;
+            let found = levels.iter().map(|l| (earlier.primitives[l.primitive as usize].clone(), l.error));
+            Some(found.collect::<Vec<_>>()).filter(|levels| !levels.is_empty())
+        };
+        let make = |at: &usize| {
+            let new = || {
+                let fine = &catalog.primitives[*at];
+                let name = || format!("{}, coarser", fine.mesh.name);
+                let levels = coarser(fine.primitive()).into_iter();
+                levels.map(|(level, error)| (CatalogPrimitive::alone(name(), level), error)).collect()
+            };
+            (*at, known(*at).unwrap_or_else(new))
+        };
+        let made: Vec<(usize, Vec<(CatalogPrimitive, f32)>)> = crowds.par_iter().map(make).collect();
+        for (at, levels) in made {
+            for (primitive, error) in levels {
+                catalog.levels[at].push(Level { primitive: catalog.primitives.len() as u32, error });
+                catalog.primitives.push(primitive);
+            }
+        }
+    }
+
     fn asset(&mut self, asset: &Asset) -> AssetEntry {
         let animated = asset.animated_base_colors();
         let is_animated = |m: u32| animated.get(m as usize).is_some_and(|a| *a);

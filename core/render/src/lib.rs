@@ -6,6 +6,7 @@ pub mod catalog;
 pub mod compare;
 pub mod content;
 pub mod cpu;
+pub mod detail;
 pub mod explain;
 pub mod exposure;
 pub mod flat;

@@ -148,6 +148,8 @@ pub struct Facts {
     pub shadow_views: usize,
     pub overlays: usize,
     pub shadows_beyond: usize,
+    /// Copies of crowds that are drawn coarser, in view or casting.
+    pub coarse: usize,
 }
 
 pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
@@ -168,6 +170,15 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
             "primitives outside the view",
             format!("{} of {} have their bounds outside the frustum", facts.culled, facts.copies),
         );
+    }
+    if facts.coarse > 0 {
+        let why = format!(
+            "{} copies in crowds of {} and more are drawn coarser, by at most {} pixel",
+            facts.coarse,
+            crate::detail::CROWD,
+            crate::detail::TOLERANCE
+        );
+        say(true, "triangles too small to see", why);
     }
     let skin_why = if facts.skins_exist { "no skinned mesh is in view" } else { "no mesh has a skin" };
     say(!all.has(Features::SKIN), "skinning", skin_why.into());

@@ -409,6 +409,7 @@ pub struct PostPass {
 pub const LEFT_OUT: &[&str] = &[
     "hidden actors",
     "primitives outside the view",
+    "triangles too small to see",
     "skinning",
     "influences 5 to 8",
     "dual quaternions",

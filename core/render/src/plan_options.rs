@@ -18,10 +18,20 @@ pub struct PlanOptions<'a> {
     pub no_culling: bool,
     /// One draw a copy.
     pub no_instancing: bool,
+    /// Copies of crowds are drawn as finely as their files say, however small they are.
+    pub full_detail: bool,
 }
 
 impl PlanOptions<'_> {
     pub fn new(size: [u32; 2], samples: u32) -> Self {
-        PlanOptions { size, samples, effects: &[], force_all: false, no_culling: false, no_instancing: false }
+        PlanOptions {
+            size,
+            samples,
+            effects: &[],
+            force_all: false,
+            no_culling: false,
+            no_instancing: false,
+            full_detail: false,
+        }
     }
 }

@@ -90,7 +90,7 @@ pub(crate) struct Planner<'a> {
     pub joint_matrices: Vec<Rows>,
     morphs: Vec<ActiveMorph>,
     pub items: Vec<Item>,
-    skins: Vec<PosedSkin>,
+    pub skins: Vec<PosedSkin>,
     pub materials: Vec<Arc<CatalogMaterial>>,
     /// Of the actor at hand: (its material, the catalogue's, place in `materials`).
     changed: Vec<(u32, u32, u32)>,
@@ -227,6 +227,7 @@ impl Planner<'_> {
                     continue;
                 }
 
+                let entry = &self.entry_by_size(entry, bounds, posed_skin, &rigid);
                 let determinant = match posed_skin {
                     // Of the first joint in use that is not flat.
                     Some(s) => {

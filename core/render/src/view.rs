@@ -29,6 +29,16 @@ impl View {
     pub fn depth(&self, relative: glam::Vec3) -> f32 {
         -self.view_from_relative.transform_point3(relative).z
     }
+
+    /// How many pixels of the picture's height a metre takes up so many metres in front of the camera; infinitely many at it and behind.
+    pub fn pixels_per_metre(&self, depth: f32, size: [u32; 2]) -> f32 {
+        let tall = self.clip_from_view.y_axis.y.abs() * 0.5 * size[1] as f32;
+        match self.eye.w == 0.0 {
+            true => tall,
+            false if depth > 0.0 => tall / depth,
+            false => f32::INFINITY,
+        }
+    }
 }
 
 /// glTF 2.0 §3.10.3, with y down, z swapped and mapped to 1 (near) … 0 (far or infinity).
