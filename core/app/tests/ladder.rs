@@ -259,7 +259,7 @@ fn faults(index: usize, recording: &Recording, parts: &[Part]) -> Vec<String> {
     let rungs = &LADDER[..=index];
     let asked = |of: fn(&Rung) -> &'static [&'static str]| -> BTreeSet<String> {
         let gone: BTreeSet<&str> = rungs.iter().flat_map(|r| r.gone).copied().collect();
-        let names = rungs.iter().flat_map(|r| of(r)).filter(|name| !gone.contains(*name));
+        let names = rungs.iter().flat_map(&of).filter(|name| !gone.contains(*name));
         names.map(|name| name.to_string()).collect()
     };
     for (kind, wanted) in [(Kind::Feature, asked(|r| r.features)), (Kind::FrameData, asked(|r| r.data))] {
@@ -304,21 +304,17 @@ fn no_rung_pays_for_a_higher_one() {
 #[test]
 fn a_rung_that_pays_too_much_is_found() {
     let registry = choreo::registry();
-    for index in 0..LADDER.len() {
+    for (index, rung) in LADDER.iter().enumerate() {
         let (scene, usual) = (Scene::new(index, &registry), options(index, &registry));
         let found = |options: PlanOptions| {
             let (recording, parts) = scene.parts(&scene.plan(&options));
             faults(index, &recording, &parts)
         };
         let forced = found(PlanOptions { force_all: true, ..usual.clone() });
-        assert!(forced.iter().any(|f| f.contains("pays for")), "{}: {forced:?}", LADDER[index].name);
+        assert!(forced.iter().any(|f| f.contains("pays for")), "{}: {forced:?}", rung.name);
         if usual.samples == 1 {
             let samples = found(PlanOptions { samples: 4, ..usual });
-            assert!(
-                samples.iter().any(|f| f.contains("target_bytes")),
-                "{}: {samples:?}",
-                LADDER[index].name
-            );
+            assert!(samples.iter().any(|f| f.contains("target_bytes")), "{}: {samples:?}", rung.name);
         }
     }
 }

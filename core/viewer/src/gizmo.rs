@@ -216,14 +216,14 @@ mod tests {
     fn an_arrow_follows_the_mouse_along_its_axis() {
         let lens = lens();
         let center = placed().translation;
-        for axis in 0..3 {
-            let from = lens.point(center + AXES[axis] * 0.2).unwrap();
+        for (axis, along) in AXES.into_iter().enumerate() {
+            let from = lens.point(center + along * 0.2).unwrap();
             assert_eq!(handle_at(Tool::Move, &placed(), &lens, from), Some(Handle::Axis(axis)));
-            let to = lens.point(center + AXES[axis] * 1.2).unwrap();
+            let to = lens.point(center + along * 1.2).unwrap();
             let Change::Move(by) = drag(Tool::Move, Handle::Axis(axis), from).change(&lens, to, false) else {
                 panic!()
             };
-            assert!((by - AXES[axis]).length() < 1e-6, "{by}");
+            assert!((by - along).length() < 1e-6, "{by}");
         }
         let from = lens.point(center).unwrap();
         let to = lens.point(center + DVec3::new(0.52, 0.0, -0.31)).unwrap();

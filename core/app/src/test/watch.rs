@@ -6,6 +6,7 @@ use crate::args::TestArgs;
 use crate::failure::{Failure, print};
 use choreo_live::{Interest, Waited, Watch, WatchError};
 use choreo_plugin::Registry;
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -37,10 +38,10 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
             Err(failure) => failure.lines().iter().for_each(|line| eprintln!("{line}")),
         }
         for path in read {
-            let is_new = || path.metadata().and_then(|m| m.modified()).is_ok_and(|at| at >= begun);
-            if !known.contains_key(&path) {
-                let content = if is_new() { None } else { content_of(&path) };
-                known.insert(path, content);
+            if let Entry::Vacant(unknown) = known.entry(path) {
+                let is_new = unknown.key().metadata().and_then(|m| m.modified()).is_ok_and(|at| at >= begun);
+                let content = if is_new { None } else { content_of(unknown.key()) };
+                unknown.insert(content);
             }
         }
         let mut interest = Interest { files: known.clone(), ..Interest::default() };

@@ -89,9 +89,9 @@ fn draw(ui: &Ui, tool: Tool, world_from_model: &DAffine3, hot: Option<Handle>, p
     let center = world_from_model.translation;
     let length = LENGTH * lens.metres_a_point(center);
     let Some(middle) = lens.point(center) else { return };
-    for axis in 0..3 {
+    for (axis, color) in COLORS.into_iter().enumerate() {
         let is_hot = hot == Some(Handle::Axis(axis));
-        let color = if is_hot { Color32::from_rgb(0xff, 0xe0, 0x70) } else { COLORS[axis] };
+        let color = if is_hot { Color32::from_rgb(0xff, 0xe0, 0x70) } else { color };
         let stroke = Stroke::new(if is_hot { 3.5 } else { 2.5 }, color);
         if tool == Tool::Turn {
             let points: Vec<_> = ring(center, axis, length).collect();
