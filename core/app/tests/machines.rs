@@ -126,6 +126,8 @@ fn the_sources_hold_nothing_that_differs_between_machines() {
         ".mul_add(",
     ];
     const TYPES: &[&str] = &["SystemTime", "thread_rng", "RandomState"];
+    // Asks only whether a file was written while tests ran, to run them again.
+    const CLOCKS: &[&str] = &["core/app/src/test/watch.rs"];
     let mut read = 0;
     let mut found = Vec::new();
     let mut open: Vec<PathBuf> = ["core", "plugins"].iter().map(|f| root().join(f)).collect();
@@ -137,7 +139,8 @@ fn the_sources_hold_nothing_that_differs_between_machines() {
                 open.push(entry);
             } else if name.ends_with(".rs") {
                 read += 1;
-                found.extend(differing(&entry, METHODS, TYPES));
+                let types = if CLOCKS.iter().any(|c| entry.ends_with(c)) { &TYPES[1..] } else { TYPES };
+                found.extend(differing(&entry, METHODS, types));
             }
         }
     }

@@ -8,7 +8,7 @@ use choreo_render::{CpuRenderer, PlanOptions, Renderer};
 use common::*;
 use glam::{DVec3, Vec4};
 
-const SIZE: [u32; 2] = [150, 50];
+const SIZE: [u32; 2] = [450, 150];
 
 fn scene(x: f64) -> Scene {
     let mut scene = Scene::perspective(0.9, 6.0);

@@ -94,7 +94,7 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, keys, how? | property, name, keys, how?",
         THIS,
-        "Keys [[time, value], …] of \"position\", \"rotation\" (degrees about y, or [x, y, z]), \"scale\", \"visible\", \"tint\", or \"morph\" or \"expression\" with its name; how: \"linear\", \"step\", \"smooth\" (rests at each key) or \"cubic\" (runs through them); [time, value, ease] eases into that key as a cue's fade does: a name or [x1, y1, x2, y2].",
+        "Keys [[time, value], …] of \"position\", \"rotation\" (degrees about y, or [x, y, z]), \"scale\", \"visible\", \"tint\", or \"morph\" or \"expression\" with its name; how: \"linear\", \"step\", \"smooth\" (rests at each key), \"cubic\" (runs through them), or an ease into every key as of a cue's fade, \"in_out_sine\" or a Bézier curve [x1, y1, x2, y2]; [time, value, ease] eases into that key alone.",
         key,
     ),
     Def::new(

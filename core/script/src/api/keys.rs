@@ -54,7 +54,7 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
     if next >= c.len() {
         return Err(ApiError::new(format!("key: write key(\"{name}\", name, keys)")));
     }
-    let how = if c.len() > next + 1 { how(c, next + 1)? } else { "linear" };
+    let (how, ease) = if c.len() > next + 1 { how_or_ease(c, next + 1)? } else { ("linear", None) };
     let keys = read_keys(c, &c.value(next), "key")?;
     let values = |read: &Reader| {
         keys.iter()
@@ -64,7 +64,7 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
     };
     let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
     let four = keys.iter().any(|(_, v)| numbers(v).is_some_and(|n| n.len() == 4));
-    let eases = eases(&c.value(next), how)?;
+    let eases = eases(&c.value(next), how, ease)?;
     let eased = |values: Vec<Vec<f64>>| eased(c, &times, values, &eases);
     let one = |property, values: Vec<Vec<f64>>| {
         let (times, values) = eased(values)?;
@@ -140,13 +140,13 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
 /// Keys of the second argument, by what the third says, of something that is no property of its own: a channel for each
 /// number of its value. `step`: what does not mix holds until the next key, whatever `how` says.
 pub fn parts(c: &Call, property: Property, step: bool, read: &Reader) -> Result<Vec<Channel>, ApiError> {
-    let how = if c.len() > 2 { how(c, 2)? } else { "linear" };
-    let how = if step { "step" } else { how };
+    let (how, ease) = if c.len() > 2 { how_or_ease(c, 2)? } else { ("linear", None) };
+    let (how, ease) = if step { ("step", None) } else { (how, ease) };
     let keys = read_keys(c, &c.value(1), "key")?;
     let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
     let values = keys.iter().enumerate().map(|(i, (_, v))| read(v, &format!("key: value of key {i}")));
     let values = values.collect::<Result<Vec<_>, _>>()?;
-    let (times, values) = eased(c, &times, values, &eases(&c.value(1), how)?)?;
+    let (times, values) = eased(c, &times, values, &eases(&c.value(1), how, ease)?)?;
     let part = |n: usize| values.iter().map(|v| vec![v[n]]).collect::<Vec<_>>();
     let count = values.first().map_or(0, Vec::len);
     Ok((0..count).map(|n| channel(property, how, &times, &part(n))).collect())
@@ -163,6 +163,16 @@ pub fn replace(channels: &mut Vec<Channel>, new: Vec<Channel>) {
 /// How one gets from key to key, from argument `i`.
 pub fn how(c: &Call, i: usize) -> Result<&'static str, ApiError> {
     one_of(&c.value(i), &format!("{}: how", c.def.name), HOW)
+}
+
+/// As `how`, or an ease into every key that has none of its own: a name that says in or out, or the points of a Bézier curve.
+fn how_or_ease(c: &Call, i: usize) -> Result<(&'static str, Option<Ease>), ApiError> {
+    let value = c.value(i);
+    let text = value.clone().into_string().unwrap_or_default();
+    match value.is_array() || ["in_", "out_"].iter().any(|p| text.starts_with(p)) {
+        true => Ok(("linear", Some(super::cue::ease_of(&value, &format!("{}: how", c.def.name))?))),
+        false => Ok((how(c, i)?, None)),
+    }
 }
 
 /// Keys of one number, [[time, number], …].
@@ -212,13 +222,13 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<(Time, Dynamic)>
     Ok(keys)
 }
 
-/// How each key is come to, where it says so: [time, value, ease].
-fn eases(keys: &Dynamic, how: &str) -> Result<Vec<Option<Ease>>, ApiError> {
+/// How each key is come to, where it says so: [time, value, ease]; else as all are.
+fn eases(keys: &Dynamic, how: &str, all: Option<Ease>) -> Result<Vec<Option<Ease>>, ApiError> {
     let Some(rows) = keys.read_lock::<rhai::Array>() else { return Ok(Vec::new()) };
     let ease = |(n, row): (usize, &Dynamic)| {
         let Some(given) = row.flatten_clone().try_cast::<rhai::Array>().and_then(|r| r.get(2).cloned())
         else {
-            return Ok(None);
+            return Ok(all);
         };
         let label = format!("key: ease of key {n}");
         if how != "linear" {

@@ -177,7 +177,8 @@ fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     };
     let ior = o.number_in("ior", 1.0, 10.0)?.unwrap_or(1.5);
     // What a surface reflects straight on is ((n − 1) / (n + 1))², and 0.04 at 1.5.
-    material.specular_color *= (((ior - 1.0) / (ior + 1.0)).powi(2) / 0.04) as f32;
+    let amplitude = (ior - 1.0) / (ior + 1.0);
+    material.specular_color *= (amplitude * amplitude / 0.04) as f32;
     let film = o.number_in("film", 0.0, 100_000.0)?.unwrap_or(400.0) as f32;
     let all = MaterialLayers {
         clearcoat: share("clearcoat", 0.0)?,
