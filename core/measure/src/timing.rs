@@ -22,7 +22,7 @@ impl Clock {
     }
 
     /// Nanoseconds since some start.
-    fn now(self) -> f64 {
+    pub fn now(self) -> f64 {
         #[cfg(unix)]
         {
             use rustix::time::{ClockId, clock_gettime};

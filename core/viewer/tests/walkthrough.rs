@@ -133,19 +133,8 @@ fn strip() {
     let out = Path::new(&folder).join("walkthrough.png");
     let made = Command::new("montage")
         .args(&files)
-        .args([
-            "-tile",
-            "2x",
-            "-geometry",
-            "560x376+4+4",
-            "-background",
-            "#202020",
-            "-depth",
-            "8",
-            "-colors",
-            "96",
-        ])
-        .arg(format!("PNG8:{}", out.display()))
+        .args(["-resize", "62%", "-tile", "2x", "-geometry", "+4+4", "-background", "#222"])
+        .arg(format!("PNG24:{}", out.display()))
         .status();
     assert!(made.is_ok_and(|m| m.success()), "montage is part of ImageMagick");
 }
