@@ -71,20 +71,8 @@ fn the_cpu_draws_what_is_now() {
 
 #[test]
 fn vulkan_draws_what_is_now() {
-    let mut r = match VulkanRenderer::new(GpuOptions { validation: true, ..GpuOptions::default() }) {
-        Ok(r) => r,
-        Err(RenderError::NoVulkan { why }) => {
-            println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
-            return;
-        }
-        Err(e) => panic!("{e}"),
-    };
-    check(|scene, size| {
-        let (catalog, plan) = scene.plan(&PlanOptions::new(size, 1));
-        r.load(catalog).unwrap();
-        r.submit(plan).unwrap();
-        r.collect(None).unwrap()
-    });
+    let Some(mut r) = vulkan(GpuOptions::default()) else { return };
+    check(|scene, size| draw_with(&mut r, scene, &PlanOptions::new(size, 1)));
 }
 
 #[test]

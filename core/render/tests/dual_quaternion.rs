@@ -58,22 +58,11 @@ fn lit(frame: &Frame, row: u32) -> usize {
     (0..frame.width).filter(|x| pixel(frame, *x, row)[0] > 8).count()
 }
 
-fn vulkan() -> Option<VulkanRenderer> {
-    match VulkanRenderer::new(GpuOptions { validation: true, ..GpuOptions::default() }) {
-        Ok(renderer) => Some(renderer),
-        Err(RenderError::NoVulkan { why }) => {
-            println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
-            None
-        }
-        Err(e) => panic!("{e}"),
-    }
-}
-
 /// Of a tube turned by θ at one end, linear blending leaves cos(θ/2) of the girth halfway, dual quaternions all of it.
 #[test]
 fn a_twisted_tube_keeps_its_girth() {
     let options = PlanOptions::new([201, 201], 1);
-    let mut device = vulkan();
+    let mut device = vulkan(GpuOptions::default());
     for influences in [4, 8] {
         for degrees in [0.0f32, 90.0, 150.0] {
             let turn = Affine3A::from_rotation_y(degrees.to_radians());
@@ -102,7 +91,7 @@ fn a_twisted_tube_keeps_its_girth() {
 /// Stretched, mirrored and bent: both renderers draw what the f64 evaluation gives, which the picture of the linear way does not.
 #[test]
 fn stretched_and_mirrored_tubes_are_drawn_alike() {
-    let Some(mut device) = vulkan() else { return };
+    let Some(mut device) = vulkan(GpuOptions::default()) else { return };
     let options = PlanOptions::new([160, 160], 4);
     let worlds = [
         DAffine3::from_scale(DVec3::new(1.2, 0.7, 1.0)),

@@ -92,20 +92,8 @@ fn draw_case(case: &Case, drawn: &mut dyn FnMut(&Scene, &PlanOptions) -> Frame, 
 
 #[test]
 fn vulkan_and_its_twin_draw_the_same_effects() {
-    let made = VulkanRenderer::new(GpuOptions { validation: true, effects: all(), ..GpuOptions::default() });
-    let mut renderer = match made {
-        Ok(renderer) => renderer,
-        Err(RenderError::NoVulkan { why }) => {
-            return println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
-        }
-        Err(e) => panic!("{e}"),
-    };
-    let mut vulkan = |scene: &Scene, options: &PlanOptions| {
-        let (catalog, plan) = scene.plan(options);
-        renderer.load(catalog).unwrap();
-        renderer.submit(plan).unwrap();
-        renderer.collect(None).unwrap()
-    };
+    let Some(mut renderer) = vulkan(GpuOptions { effects: all(), ..GpuOptions::default() }) else { return };
+    let mut vulkan = |scene: &Scene, options: &PlanOptions| draw_with(&mut renderer, scene, options);
     let mut cpu = |scene: &Scene, options: &PlanOptions| draw(scene, options);
     let plain = [1, 4].map(|samples| draw_case(&("none", Vec::new()), &mut cpu, samples));
     let mut pictures: Vec<Frame> = Vec::new();

@@ -6,7 +6,7 @@ use choreo_motion::{Interpolation, Time};
 use choreo_plugin::{Effect, Frame, Hook, Manifest, Overlay, Scene as Seen, Stroke};
 use choreo_render::compare::compare;
 use choreo_render::exposure::plan_at;
-use choreo_render::{Catalog, CpuRenderer, GpuOptions, PlanOptions, RenderError, Renderer, VulkanRenderer};
+use choreo_render::{Catalog, CpuRenderer, GpuOptions, PlanOptions, Renderer};
 use choreo_stage::{Channel, Evaluator, Property};
 use common::*;
 use glam::{DVec3, Vec3, Vec4};
@@ -43,18 +43,6 @@ fn shown(scene: &Scene, renderer: &mut dyn Renderer, samples: u32) -> Frame {
     renderer.load(catalog).unwrap();
     renderer.submit(plan).unwrap();
     renderer.collect(None).unwrap()
-}
-
-fn vulkan() -> Option<VulkanRenderer> {
-    let options = GpuOptions { validation: true, effects: effects(), ..GpuOptions::default() };
-    match VulkanRenderer::new(options) {
-        Ok(renderer) => Some(renderer),
-        Err(RenderError::NoVulkan { why }) => {
-            println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
-            None
-        }
-        Err(e) => panic!("{e}"),
-    }
 }
 
 #[test]
@@ -98,7 +86,9 @@ fn what_comes_over_the_picture_comes_after_the_mean() {
 
 #[test]
 fn both_renderers_add_up_the_same() {
-    let Some(mut renderer) = vulkan() else { return };
+    let Some(mut renderer) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) else {
+        return;
+    };
     let mut scene = passing();
     let still = shown(&scene, &mut renderer, 4);
     use_effect(&mut scene, "motion_blur", &[("samples", 7.0)], &[]);
@@ -172,7 +162,7 @@ fn a_line_covers_its_pixels_and_is_hidden_by_what_is_nearer() {
     assert_color(pixel(&frame, 32, 15), [1.0, 1.0, 0.25], "the other is behind it");
     assert!((green(12, 15) - 0.5).abs() < 0.01, "and seen beside it");
     assert!(green(4, 31) < 0.01, "it ends");
-    if let Some(mut renderer) = vulkan() {
+    if let Some(mut renderer) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) {
         let c = compare(&shown(&scene, &mut renderer, 1), &frame, 2).unwrap();
         assert!(c.share_beyond < 0.002, "{c}");
     }

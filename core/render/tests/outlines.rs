@@ -222,21 +222,10 @@ fn scene_of_all() -> Scene {
 #[test]
 fn vulkan_and_its_twin_draw_the_same_outlines() {
     let all = effects();
-    let made =
-        VulkanRenderer::new(GpuOptions { validation: true, effects: all.clone(), ..GpuOptions::default() });
-    let mut renderer = match made {
-        Ok(renderer) => renderer,
-        Err(RenderError::NoVulkan { why }) => {
-            return println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
-        }
-        Err(e) => panic!("{e}"),
+    let Some(mut renderer) = vulkan(GpuOptions { effects: all.clone(), ..GpuOptions::default() }) else {
+        return;
     };
-    let mut draw_with = |scene: &Scene, options: &PlanOptions| {
-        let (catalog, plan) = scene.plan(options);
-        renderer.load(catalog).unwrap();
-        renderer.submit(plan).unwrap();
-        renderer.collect(None).unwrap()
-    };
+    let mut draw_with = |scene: &Scene, options: &PlanOptions| draw_with(&mut renderer, scene, options);
     let options = PlanOptions { effects: &all, ..PlanOptions::new([320, 240], 1) };
     let mut scene = scene_of_all();
     let (vulkan, cpu) = (draw_with(&scene, &options), draw(&scene, &options));

@@ -67,28 +67,10 @@ fn worst(frame: &Frame, expected: impl Fn(f64) -> [f64; 3]) -> f64 {
     pixels.map(of_pixel).fold(0.0, f64::max)
 }
 
-fn vulkan() -> Option<VulkanRenderer> {
-    match VulkanRenderer::new(GpuOptions { validation: true, ..GpuOptions::default() }) {
-        Ok(renderer) => Some(renderer),
-        Err(RenderError::NoVulkan { why }) => {
-            println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
-            None
-        }
-        Err(e) => panic!("{e}"),
-    }
-}
-
-fn draw_with(r: &mut dyn Renderer, scene: &Scene, options: &PlanOptions) -> Frame {
-    let (catalog, plan) = scene.plan(options);
-    r.load(catalog).unwrap();
-    r.submit(plan).unwrap();
-    r.collect(None).unwrap()
-}
-
 /// By the CPU, and by Vulkan where there is some, with one sample a pixel and with four.
 fn by_all(mut check: impl FnMut(&mut dyn FnMut(&Scene) -> Frame, &str)) {
     let mut all: Vec<(Box<dyn Renderer>, &str)> = vec![(Box::new(CpuRenderer::new(&[])), "CPU")];
-    if let Some(r) = vulkan() {
+    if let Some(r) = vulkan(GpuOptions::default()) {
         all.push((Box::new(r), "Vulkan"));
     }
     for (renderer, name) in &mut all {

@@ -299,21 +299,8 @@ fn forcing_everything_in_changes_no_pixel() {
 
 #[test]
 fn vulkan_draws_the_same_shadows() {
-    let options = GpuOptions { validation: true, ..GpuOptions::default() };
-    let mut r = match VulkanRenderer::new(options) {
-        Ok(r) => r,
-        Err(RenderError::NoVulkan { why }) => {
-            println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
-            return;
-        }
-        Err(e) => panic!("{e}"),
-    };
-    let mut on_vulkan = |scene: &Scene, options: &PlanOptions| {
-        let (catalog, plan) = scene.plan(options);
-        r.load(catalog).unwrap();
-        r.submit(plan).unwrap();
-        r.collect(None).unwrap()
-    };
+    let Some(mut r) = vulkan(GpuOptions::default()) else { return };
+    let mut on_vulkan = |scene: &Scene, options: &PlanOptions| draw_with(&mut r, scene, options);
     let mut lamps = bulge_on_floor(Some(Shadow { size: 1024, softness: 0.1 }));
     let at = DVec3::new(0.3, 1.6, 1.0);
     cast(&mut lamps, plain(LightKind::Point, 1.0), at, DVec3::NEG_Y, Shadow { size: 512, softness: 0.0 });

@@ -5,7 +5,7 @@ mod common;
 use choreo_render::compare::compare;
 use choreo_render::plan::Features;
 use choreo_render::sky::prefilter::radiance;
-use choreo_render::{GpuOptions, PlanOptions, RenderError, Renderer, VulkanRenderer};
+use choreo_render::{GpuOptions, PlanOptions};
 use choreo_stage::*;
 use common::*;
 use glam::{DVec3, Vec3, Vec4};
@@ -195,20 +195,10 @@ fn the_plan_pays_for_a_sky_only_where_there_is_one() {
 
 #[test]
 fn both_renderers_agree() {
-    let mut vulkan = match VulkanRenderer::new(GpuOptions { validation: true, ..GpuOptions::default() }) {
-        Ok(vulkan) => vulkan,
-        Err(RenderError::NoVulkan { why }) => {
-            return println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
-        }
-        Err(e) => panic!("{e}"),
-    };
+    let Some(mut renderer) = vulkan(GpuOptions::default()) else { return };
     let size = [160, 90];
-    let mut on_vulkan = |scene: &Scene, samples| {
-        let (catalog, plan) = scene.plan(&PlanOptions::new(size, samples));
-        vulkan.load(catalog).unwrap();
-        vulkan.submit(plan).unwrap();
-        vulkan.collect(None).unwrap()
-    };
+    let mut on_vulkan =
+        |scene: &Scene, samples| draw_with(&mut renderer, scene, &PlanOptions::new(size, samples));
     let scene = |turn: f64, background| busy(Sky { turn, background, ..Sky::new(Panorama::studio()) });
     for (turn, background, samples) in [(0.0, false, 1), (1.2, true, 1), (-2.0, true, 4), (0.3, false, 4)] {
         let scene = scene(turn, background);

@@ -185,19 +185,8 @@ fn toon_scene() -> Scene {
 
 #[test]
 fn vulkan_and_its_twin_draw_the_same_toon() {
-    let mut renderer = match VulkanRenderer::new(GpuOptions { validation: true, ..GpuOptions::default() }) {
-        Ok(renderer) => renderer,
-        Err(RenderError::NoVulkan { why }) => {
-            return println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
-        }
-        Err(e) => panic!("{e}"),
-    };
-    let mut draw_with = |scene: &Scene, options: &PlanOptions| {
-        let (catalog, plan) = scene.plan(options);
-        renderer.load(catalog).unwrap();
-        renderer.submit(plan).unwrap();
-        renderer.collect(None).unwrap()
-    };
+    let Some(mut renderer) = vulkan(GpuOptions::default()) else { return };
+    let mut draw_with = |scene: &Scene, options: &PlanOptions| draw_with(&mut renderer, scene, options);
     let options = PlanOptions::new([320, 240], 1);
     let mut scene = toon_scene();
     let (vulkan, cpu) = (draw_with(&scene, &options), draw(&scene, &options));

@@ -23,22 +23,10 @@ fn renderer() -> Option<MutexGuard<'static, Option<VulkanRenderer>>> {
 }
 
 fn new_renderer() -> Option<VulkanRenderer> {
-    let effects: Vec<Arc<dyn Effect>> = vec![Arc::new(effect_vignette::Vignette), Arc::new(Swap)];
-    match VulkanRenderer::new(GpuOptions { validation: true, effects, ..GpuOptions::default() }) {
-        Ok(renderer) => Some(renderer),
-        Err(RenderError::NoVulkan { why }) => {
-            println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
-            None
-        }
-        Err(e) => panic!("{e}"),
-    }
-}
-
-fn draw_with(r: &mut VulkanRenderer, scene: &Scene, options: &PlanOptions) -> Frame {
-    let (catalog, plan) = scene.plan(options);
-    r.load(catalog).unwrap();
-    r.submit(plan).unwrap();
-    r.collect(None).unwrap()
+    vulkan(GpuOptions {
+        effects: vec![Arc::new(effect_vignette::Vignette), Arc::new(Swap)],
+        ..GpuOptions::default()
+    })
 }
 
 macro_rules! vulkan {

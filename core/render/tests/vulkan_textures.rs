@@ -2,7 +2,6 @@
 
 mod common;
 
-use choreo_plugin::Frame;
 use choreo_render::compare::compare;
 use choreo_render::record::texture_slots;
 use choreo_render::*;
@@ -10,17 +9,6 @@ use choreo_stage::*;
 use common::layered::{bulge, layered};
 use common::*;
 use glam::{Vec3, Vec4};
-
-fn vulkan(textures: Option<u32>) -> Option<VulkanRenderer> {
-    match VulkanRenderer::new(GpuOptions { validation: true, textures, ..GpuOptions::default() }) {
-        Ok(renderer) => Some(renderer),
-        Err(RenderError::NoVulkan { why }) => {
-            println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
-            None
-        }
-        Err(e) => panic!("{e}"),
-    }
-}
 
 /// A lacquered velvet with eight textures; some left out as a file without them would have it.
 fn scene(left_out: &[&str]) -> Scene {
@@ -58,13 +46,6 @@ fn scene(left_out: &[&str]) -> Scene {
     scene
 }
 
-fn draw_with(r: &mut VulkanRenderer, scene: &Scene) -> Frame {
-    let (catalog, plan) = scene.plan(&PlanOptions::new([160, 160], 1));
-    r.load(catalog).unwrap();
-    r.submit(plan).unwrap();
-    r.collect(None).unwrap()
-}
-
 #[test]
 fn the_least_visible_are_left_out_and_named() {
     let (whole, options) = (scene(&[]), PlanOptions::new([160, 160], 1));
@@ -74,8 +55,8 @@ fn the_least_visible_are_left_out_and_named() {
     let order = ["roughness of the sheen", "roughness of the coat", "specular", "occlusion", "sheen colour"];
     // A device with room for all, with room for six, and with room for three.
     for (most, out) in [(None, &order[..0]), (Some(6), &order[..2]), (Some(3), &order[..])] {
-        let Some(mut r) = vulkan(most) else { return };
-        let frame = draw_with(&mut r, &whole);
+        let Some(mut r) = vulkan(GpuOptions { textures: most, ..GpuOptions::default() }) else { return };
+        let frame = draw_with(&mut r, &whole, &options);
         let said = r.take_notes();
         let line = most.map(|most| {
             let names = out.join(", ");

@@ -1,16 +1,13 @@
 //! Dragging writes the script, without a window: the file, and what the panels show of it.
 
+mod place;
+
 use choreo_live::edit::Part;
-use choreo_live::{Recipe, Session};
 use choreo_motion::Time;
-use choreo_viewer::app::Viewer;
-use choreo_viewer::panels::Panels;
 use choreo_viewer::selection::Selected;
 use egui::{pos2, vec2};
-use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use std::collections::BTreeSet;
-use std::fs;
+use place::Place;
 
 const SCRIPT: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
 let moves = load("choreo:mannequin");
@@ -20,46 +17,13 @@ ada.play(moves.clip("Walk")).from(0.5).until(2.0)      // she comes in
 for at in [1.0, 2.0] { ada.play(moves.clip("Bow")).from(at).on("RightShoulder.."); }
 "#;
 
-struct Place {
-    folder: tempfile::TempDir,
-    session: Session,
-    viewer: Viewer,
-}
-
-impl Place {
-    fn new() -> Place {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.rhai");
-        fs::write(&path, SCRIPT).unwrap();
-        let session = Session::new(Recipe::new(&path), &choreo::registry(), false).unwrap();
-        let mut place = Place { folder, session, viewer: Viewer::new("a.rhai") };
-        place.viewer.path = Some(path);
-        place.reload();
-        place
-    }
-
-    fn reload(&mut self) {
-        let version = self.session.build(BTreeSet::new());
-        assert!(version.scene.is_some(), "{:?}", version.problems);
-        self.viewer.take_version(version);
-    }
-
-    fn text(&self) -> String {
-        fs::read_to_string(self.folder.path().join("a.rhai")).unwrap()
-    }
-
-    fn write(&self, text: &str) {
-        fs::write(self.folder.path().join("a.rhai"), text).unwrap();
-    }
-}
-
 fn cue(cue: usize) -> Selected {
     Selected::Cue { actor: "ada".into(), layer: 0, cue }
 }
 
 #[test]
 fn a_change_is_one_number_in_the_file_and_can_be_taken_back() {
-    let mut place = Place::new();
+    let mut place = Place::new(SCRIPT);
     place.viewer.set_cue(&cue(0), Part::Start, 0.72).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5)", ".from(0.72)"));
     place.reload();
@@ -77,7 +41,7 @@ fn a_change_is_one_number_in_the_file_and_can_be_taken_back() {
 
 #[test]
 fn what_is_not_one_number_is_refused_and_nothing_changes() {
-    let mut place = Place::new();
+    let mut place = Place::new(SCRIPT);
     let in_loop = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
     let why = place.viewer.set_cue(&in_loop, Part::Start, 0.1).unwrap_err();
     assert!(why.contains("a.rhai:6: this line makes 2 of them"), "{why}");
@@ -94,13 +58,8 @@ fn what_is_not_one_number_is_refused_and_nothing_changes() {
 
 #[test]
 fn a_drag_of_a_bar_s_end_writes_the_file() {
-    let place = Place::new();
-    let ui = |ui: &mut egui::Ui, (place, panels): &mut (Place, Panels)| {
-        panels.show(ui, &mut place.viewer, &[], 0.0);
-    };
-    let size = vec2(1280.0, 860.0);
-    let mut harness = Harness::builder().with_size(size).build_ui_state(ui, (place, Panels::default()));
-    harness.run();
+    let place = Place::new(SCRIPT);
+    let mut harness = place.harness(vec2(1280.0, 860.0));
     let ruler = harness.get_by_label("time").rect();
     let handle = harness.get_by_label("start of Walk in row 1").rect().center();
     // To 1 s of 4.
@@ -111,7 +70,7 @@ fn a_drag_of_a_bar_s_end_writes_the_file() {
     harness.run();
     harness.drop_at(to);
     harness.run();
-    let (place, _) = harness.state();
+    let place = harness.state();
     assert_eq!(place.viewer.said, None);
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5)", ".from(1.0)"));
 }

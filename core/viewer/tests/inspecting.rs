@@ -1,16 +1,14 @@
 //! What is changed through the panels reaches the script: transform, lights, effects, clips, cuts, markers; questions are asked
 //! with a difference; undo and redo.
 
-use choreo_live::{Recipe, Session};
-use choreo_viewer::app::Viewer;
+mod place;
+
 use choreo_viewer::gizmo::Change;
-use choreo_viewer::panels::Panels;
 use choreo_viewer::selection::Selected;
 use egui::{Key, Modifiers, pos2, vec2};
-use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::{DQuat, DVec3};
-use std::collections::BTreeSet;
+use place::Place;
 use std::fs;
 
 const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
@@ -26,57 +24,9 @@ effect("vignette", #{ strength: 0.5 });
 marker("turn", 1.0);
 "##;
 
-struct Place {
-    folder: tempfile::TempDir,
-    session: Session,
-    viewer: Viewer,
-    panels: Panels,
-}
-
-impl Place {
-    fn new() -> Place {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.rhai");
-        fs::write(&path, SCRIPT).unwrap();
-        let session = Session::new(Recipe::new(&path), &choreo::registry(), false).unwrap();
-        let mut place = Place { folder, session, viewer: Viewer::new("a.rhai"), panels: Panels::default() };
-        place.viewer.path = Some(path);
-        place.reload();
-        place
-    }
-
-    fn reload(&mut self) {
-        let version = self.session.build(BTreeSet::new());
-        assert!(version.scene.is_some(), "{:?}", version.problems);
-        self.viewer.take_version(version);
-    }
-
-    fn text(&self) -> String {
-        fs::read_to_string(self.folder.path().join("a.rhai")).unwrap()
-    }
-
-    fn write(&self, text: &str) {
-        fs::write(self.folder.path().join("a.rhai"), text).unwrap();
-    }
-
-    fn harness(self) -> Harness<'static, Place> {
-        let ui = |ui: &mut egui::Ui, place: &mut Place| {
-            place.panels.show(ui, &mut place.viewer, &[], 0.0);
-        };
-        let mut harness =
-            Harness::builder().with_size(vec2(1500.0, 1000.0)).build_ui_state(ui, place_of(self));
-        harness.run();
-        harness
-    }
-}
-
-fn place_of(place: Place) -> Place {
-    place
-}
-
 #[test]
 fn what_is_dragged_in_the_viewport_is_written_and_shown() {
-    let mut place = Place::new();
+    let mut place = Place::new(SCRIPT);
     place.viewer.change_actor("ada", Change::Move(DVec3::new(0.25, 0.0, 1.0))).unwrap();
     assert_eq!(place.text(), SCRIPT.replace(".at(-0.5, 0.0, 0.0)", ".at(-0.25, 0.0, 1.0)"));
     place.reload();
@@ -98,7 +48,7 @@ fn what_is_dragged_in_the_viewport_is_written_and_shown() {
 
 #[test]
 fn what_another_line_undoes_is_told() {
-    let mut place = Place::new();
+    let mut place = Place::new(SCRIPT);
     place.write(&format!("{SCRIPT}for a in [ada] {{ a.at(7.0, 0.0, 0.0); }}\n"));
     place.reload();
     place.viewer.change_actor("ada", Change::Move(DVec3::X)).unwrap();
@@ -112,7 +62,7 @@ fn what_another_line_undoes_is_told() {
 
 #[test]
 fn what_is_computed_is_asked_about_with_a_line_that_would_do_it() {
-    let mut harness = Place::new().harness();
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let refused = harness.state_mut().viewer.change_actor("bob", Change::Move(DVec3::X)).unwrap_err();
     assert!(refused.contains("line 6: .at(x * 2.0, 0.0, 0.0) is computed"), "{refused}");
     harness.run();
@@ -128,7 +78,7 @@ fn what_is_computed_is_asked_about_with_a_line_that_would_do_it() {
 
 #[test]
 fn a_file_that_has_changed_meanwhile_is_asked_about_and_keeps_both() {
-    let mut harness = Place::new().harness();
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     let other = SCRIPT.replace("let x = 0.25;", "let x = 0.75; // by the editor");
     harness.state().write(&other);
     let change = Change::Move(DVec3::new(0.1, 0.0, 0.0));
@@ -152,7 +102,7 @@ fn a_file_that_has_changed_meanwhile_is_asked_about_and_keeps_both() {
 
 #[test]
 fn lights_effects_cuts_and_markers() {
-    let mut place = Place::new();
+    let mut place = Place::new(SCRIPT);
     place.viewer.set_value(&Selected::Light(0), "intensity", "4.5").unwrap();
     place.reload();
     place.viewer.set_value(&Selected::Light(0), "direction", "[0.0, -1.0, 0.0]").unwrap();
@@ -174,7 +124,7 @@ fn lights_effects_cuts_and_markers() {
 
 #[test]
 fn a_clip_is_added_at_the_playhead_and_by_a_drag_onto_its_row() {
-    let mut harness = Place::new().harness();
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     harness.get_by_label("row ada").click();
     harness.run();
     harness.state_mut().viewer.playhead.step(50);
@@ -207,7 +157,7 @@ fn a_clip_is_added_at_the_playhead_and_by_a_drag_onto_its_row() {
 
 #[test]
 fn a_marker_and_a_cut_are_dragged() {
-    let mut harness = Place::new().harness();
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     for (label, part, expected) in
         [("marker turn", 0.5, "marker(\"turn\", 2.0)"), ("start of near in row 0", 0.75, ".cut(3.0)")]
     {
@@ -229,7 +179,7 @@ fn a_marker_and_a_cut_are_dragged() {
 
 #[test]
 fn a_number_of_the_inspector_is_one_change() {
-    let mut harness = Place::new().harness();
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     harness.get_by_label("row ada").click();
     harness.run();
     let field = harness.get_by_label("x").rect().center();
@@ -250,7 +200,7 @@ fn a_number_of_the_inspector_is_one_change() {
 
 #[test]
 fn a_dropped_file_is_added_as_a_line() {
-    let mut place = Place::new();
+    let mut place = Place::new(SCRIPT);
     fs::write(place.folder.path().join("My Box.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     place.viewer.guest = Some(place.folder.path().join("My Box.obj"));
     place.viewer.add_guest().unwrap();

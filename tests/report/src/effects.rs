@@ -1,10 +1,10 @@
 //! Effects: what each costs a frame, how many times make motion blur, and smooth edges with and without samples.
 
-use crate::{BUDGET_SECS, Section, scenes};
+use crate::{BUDGET_SECS, Section};
 use choreo_measure::picture::Moment;
 use choreo_measure::timing::{Case, Clock, interleaved};
 use choreo_motion::Time;
-use choreo_plugin::{Effect, Exposure, Frame, Registry};
+use choreo_plugin::{Effect, Exposure, Frame, Hook, Registry};
 use choreo_render::compare::compare;
 use choreo_render::exposure::{plan_at, times};
 use choreo_render::flip::flip;
@@ -24,7 +24,7 @@ const ROUNDS: usize = 5;
 const TOLERANCE: u8 = 8;
 
 pub fn section() -> Result<Section, String> {
-    let registry = registry();
+    let registry = choreo::registry();
     Ok(Section {
         title: "Effects",
         text: "What an effect costs is what its frame takes beyond that of the same scene without it. Effects on surfaces cost what their \
@@ -39,25 +39,6 @@ pub fn section() -> Result<Section, String> {
             "FXAA is an effect that a script asks for: it also softens what is sharp within a texture, which no mean over edges shows.",
         )],
     })
-}
-
-/// All that the program has.
-fn registry() -> Registry {
-    let mut registry = scenes::registry();
-    registry.add_effect(effect_tonemap::Tonemap);
-    registry.add_effect(effect_outline::Outline);
-    registry.add_effect(effect_fog::Fog);
-    registry.add_effect(effect_toon::Toon);
-    registry.add_effect(effect_views::Views);
-    registry.add_effect(effect_xray::Xray);
-    registry.add_effect(effect_wireframe::Wireframe);
-    registry.add_effect(effect_fxaa::Fxaa);
-    registry.add_effect(effect_bloom::Bloom);
-    registry.add_effect(effect_skeleton::Skeleton);
-    registry.add_effect(effect_grid::Grid);
-    registry.add_effect(effect_shadow_catcher::ShadowCatcher);
-    registry.add_effect(effect_motion_blur::MotionBlur);
-    registry
 }
 
 /// A lit walker with a shadow on a floor, and an effect.
@@ -122,6 +103,12 @@ const EFFECTS: [(&str, &str); 15] = [
 
 fn costs(registry: &Registry) -> Result<Table, String> {
     let effects = registry.effects();
+    for effect in effects.iter().filter(|e| e.hook() != Hook::Exposure) {
+        let name = &effect.manifest().name;
+        if !EFFECTS.iter().any(|(_, script)| script.contains(&format!("\"{name}\""))) {
+            return Err(format!("effect {name} is not in the table of costs"));
+        }
+    }
     let mut cpu = CpuRenderer::new(effects);
     let mut vulkan = driver(effects);
     let title = format!(

@@ -9,7 +9,7 @@ use choreo_render::{CpuRenderer, DeviceKind, GpuOptions, Renderer, VulkanRendere
 use choreo_report::{Cell, Table, quantity};
 
 pub fn section() -> Result<Section, String> {
-    let registry = scenes::registry();
+    let registry = choreo::registry();
     let stage = scenes::script("01_first_dance.rhai", &registry)?;
     let at = Time::from_secs(5.0);
     let moment = Moment::new(&stage, at, registry.effects()).map_err(|e| e.to_string())?;

@@ -20,15 +20,6 @@ pub fn mannequin() -> Result<Asset, String> {
         .map_err(|e| e.to_string())
 }
 
-/// What the scripts of the repository use.
-pub fn registry() -> Registry {
-    let mut registry = Registry::default();
-    registry.add_importer(import_mannequin::Mannequin);
-    registry.add_effect(effect_vignette::Vignette);
-    registry.add_exporter(export_mp4::Mp4Exporter);
-    registry
-}
-
 /// A script of the repository's `scripts` folder.
 pub fn script(name: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").join(name);

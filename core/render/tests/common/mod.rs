@@ -193,14 +193,30 @@ pub fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> Ar
 }
 
 use choreo_plugin::Frame;
-use choreo_render::{CpuRenderer, Renderer};
+use choreo_render::{CpuRenderer, GpuOptions, RenderError, Renderer, VulkanRenderer};
 
-pub fn draw(scene: &Scene, options: &PlanOptions) -> Frame {
+/// With the validation layer on; `None`, with a word, where there is no Vulkan.
+pub fn vulkan(options: GpuOptions) -> Option<VulkanRenderer> {
+    match VulkanRenderer::new(GpuOptions { validation: true, ..options }) {
+        Ok(renderer) => Some(renderer),
+        Err(RenderError::NoVulkan { why }) => {
+            println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
+            None
+        }
+        Err(e) => panic!("{e}"),
+    }
+}
+
+pub fn draw_with(renderer: &mut dyn Renderer, scene: &Scene, options: &PlanOptions) -> Frame {
     let (catalog, plan) = scene.plan(options);
-    let mut renderer = CpuRenderer::new(options.effects);
     renderer.load(catalog).unwrap();
     renderer.submit(plan).unwrap();
     renderer.collect(None).unwrap()
+}
+
+/// On the CPU.
+pub fn draw(scene: &Scene, options: &PlanOptions) -> Frame {
+    draw_with(&mut CpuRenderer::new(options.effects), scene, options)
 }
 
 pub fn draw_at(scene: &Scene, size: [u32; 2], samples: u32) -> Frame {
