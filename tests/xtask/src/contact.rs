@@ -30,7 +30,7 @@ pub(crate) struct Shot {
 pub fn contact(args: &[&str]) -> Result<(), String> {
     let filter = args.first().copied().unwrap_or_default();
     let assets = assets().ok_or("the shared assets are needed; CHOREO_ASSETS names their folder")?;
-    run(cargo(&["build", "--quiet", "-p", "choreo"]), "cargo build")?;
+    run(cargo(&["build", "--quiet", "--workspace", "--bin", "choreo"]), "cargo build")?;
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
     let choreo = target.join("debug").join(format!("choreo{}", std::env::consts::EXE_SUFFIX));
     let work = target.join("contact");

@@ -14,7 +14,7 @@ const TIME: &str = "2.0";
 const TIMES: [(&str, &str); 5] = [("01", "3.2"), ("05", "2.6"), ("08", "1.0"), ("19", "1.0"), ("26", "2.6")];
 
 pub fn lessons() -> Result<(), String> {
-    run(cargo(&["build", "--quiet", "-p", "choreo"]), "cargo build")?;
+    run(cargo(&["build", "--quiet", "--workspace", "--bin", "choreo"]), "cargo build")?;
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
     let choreo = target.join("debug").join(format!("choreo{}", std::env::consts::EXE_SUFFIX));
     let work = target.join("lessons");
