@@ -134,6 +134,8 @@ pub(crate) struct Faces {
     pub asked: Vec<f32>,
     pub settled: Vec<f32>,
     before: Vec<f32>,
+    /// A buffer for eyes that are turned.
+    pub below: Vec<bool>,
 }
 
 impl Faces {

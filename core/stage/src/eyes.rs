@@ -1,6 +1,12 @@
 //! How eyes follow a target: VRM 1.0, "lookAt.md", and `firstPerson` of VRM 0.x.
 
+use crate::Expression;
 use glam::{DVec3, Vec3};
+use std::f64::consts::FRAC_PI_2;
+
+/// Expressions of every character that has [`Eyes`], with no binds of their own: by them clips and scripts say where the eyes look,
+/// as a VRM animation's `lookAt` does. Seen from the head to its left, its right, up and down; 1 is a right angle.
+pub const GAZE: [&str; 4] = ["gazeLeft", "gazeRight", "gazeUp", "gazeDown"];
 
 /// A character's own word on how far its eyes turn. The direction to the target is measured as yaw and pitch from the head's
 /// forward direction at `offset_from_head`.
@@ -28,13 +34,38 @@ impl Eyes {
     /// How far an eye turns for a target in a direction seen from the head (+Z forward, +Y up, so that +X is its left): yaw to
     /// its left and pitch up, radians. For eyes that are [`EyesMovedBy::Bones`].
     pub fn turn_of(&self, left: bool, way: DVec3) -> (f64, f64) {
-        let yaw = libm::atan2(way.x, way.z);
-        let pitch = libm::atan2(way.y, libm::hypot(way.x, way.z));
+        let (yaw, pitch) = angles_of(way);
+        self.turn_by(left, yaw, pitch)
+    }
+
+    /// The same for a direction given by its angles.
+    pub fn turn_by(&self, left: bool, yaw: f64, pitch: f64) -> (f64, f64) {
         let outwards = (yaw > 0.0) == left;
         let sideways = if outwards { &self.outer } else { &self.inner };
         let upright = if pitch > 0.0 { &self.up } else { &self.down };
         (sideways.map(yaw.abs()).copysign(yaw), upright.map(pitch.abs()).copysign(pitch))
     }
+}
+
+/// Yaw to the left (+X) and pitch up, radians, of a direction seen from the head.
+pub fn angles_of(way: DVec3) -> (f64, f64) {
+    (libm::atan2(way.x, way.z), libm::atan2(way.y, libm::hypot(way.x, way.z)))
+}
+
+/// Yaw to the left and pitch up, radians, that weights of [`GAZE`] ask for; `None` where the eyes are to rest.
+pub(crate) fn asked(expressions: &[Expression], weights: &[f32]) -> Option<(f64, f64)> {
+    let (mut yaw, mut pitch) = (0.0, 0.0);
+    for (expression, weight) in expressions.iter().zip(weights).filter(|(_, weight)| **weight > 0.0) {
+        let angle = f64::from(weight.min(1.0)) * FRAC_PI_2;
+        match GAZE.iter().position(|name| *name == expression.name) {
+            Some(0) => yaw += angle,
+            Some(1) => yaw -= angle,
+            Some(2) => pitch += angle,
+            Some(3) => pitch -= angle,
+            _ => {}
+        }
+    }
+    (yaw != 0.0 || pitch != 0.0).then_some((yaw, pitch))
 }
 
 impl RangeMap {

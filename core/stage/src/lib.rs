@@ -48,7 +48,7 @@ pub use derived::Derived;
 pub use effects::{EffectEdit, EffectState, EffectTarget, EffectUse};
 pub use evaluate::Evaluator;
 pub use expression::{ColorBind, Expression, ExpressionGroup, MaterialColor, MorphBind, Override, UvBind};
-pub use eyes::{Eyes, EyesMovedBy, RangeMap};
+pub use eyes::{Eyes, EyesMovedBy, GAZE, RangeMap};
 pub use flat::{Align, Fit, Flat, FlatContent, FlatEdit, FlatState, Font};
 pub use goals::{ActorSprings, AimGoal, Goal, GoalKind, Leg, Plant, Reach, find_legs};
 pub use hash::ContentHash;

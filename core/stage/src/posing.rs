@@ -3,8 +3,9 @@
 use crate::carry::Motions;
 use crate::evaluate::Need;
 use crate::expression::Faces;
+use crate::goals::gaze;
 use crate::pose::{self, PoseScratch};
-use crate::{Actor, ActorEdit, ActorState, EyesMovedBy};
+use crate::{Actor, ActorEdit, ActorState};
 use choreo_motion::Time;
 use rayon::prelude::*;
 
@@ -24,7 +25,7 @@ pub(crate) struct Posing<'a> {
 
 impl Posing<'_> {
     /// Poses whom anything needs, and says how many they are. `scratch` grows to one for each part that a thread takes.
-    /// `faces`: one an actor, filled for those whose eyes are moved by expressions.
+    /// `faces`: one an actor, filled for those whose file says how their eyes move.
     pub fn run(
         &self,
         actors: &[Actor],
@@ -78,7 +79,7 @@ impl Posing<'_> {
             let edits = edits.map(|(_, place)| &self.edits[*place]);
             let (joints, weights) = (&mut state.model_from_joint, &mut state.morph_weights);
             pose::pose_actor(actor, self.time, self.motions.of(index), edits, scratch, joints, weights);
-            if actor.asset.eyes.is_some_and(|eyes| eyes.moved_by == EyesMovedBy::Expressions) {
+            if actor.asset.eyes.is_some() {
                 faces.asked.clear();
                 faces.asked.extend_from_slice(scratch.asked());
                 faces.settled.clear();
@@ -86,6 +87,7 @@ impl Posing<'_> {
             }
             crate::properties::base_colors(actor, self.time, &mut state.base_colors);
             crate::material_changes::at(actor, scratch.expressions(), self.time, &mut state.materials);
+            gaze::as_asked(actor, self.time, state, faces);
         }
     }
 }

@@ -1,9 +1,9 @@
 //! VRM animations: `VRMC_vrm_animation` 1.0. Human bones as in `VRMC_vrm`, expressions and gaze as nodes that move.
 
 use crate::json::At;
-use crate::{about, human};
+use crate::{about, gaze, human};
 use choreo_import::{Problem, Result};
-use choreo_motion::{Clip, ExpressionCurve, Path};
+use choreo_motion::{Clip, Curve, ExpressionCurve, Path};
 use choreo_stage::asset::Asset;
 use import_gltf::profile::Document;
 use std::collections::BTreeMap;
@@ -14,20 +14,33 @@ pub fn read(document: &Document<'_>, vrma: &At<'_>, asset: &mut Asset) -> Result
     about::read_animation(document, asset);
     human::read(document, vrma, asset)?;
     let names = expression_nodes(document, vrma)?;
+    let gaze = gaze_joint(document, vrma)?;
     for (index, clip) in asset.clips.iter_mut().enumerate() {
-        *clip = Arc::new(with_expressions(clip, &names, index)?);
+        let looks = match gaze {
+            Some(joint) => gaze::curves(clip, joint).map_err(|e| Problem::new(place(index), e))?,
+            None => Vec::new(),
+        };
+        *clip = Arc::new(with_expressions(clip, &names, gaze, looks, index)?);
     }
-    if let Some(gaze) = vrma.get("lookAt") {
-        let node = gaze.needed_index("node")?;
-        if let Some(joint) = document.joint(node, &|| gaze.place_of("node"))? {
-            let name = &asset.skeleton.names()[joint as usize];
-            let name: String = name.chars().filter(|c| !c.is_control()).take(80).collect();
-            let what = "says what is looked at by a node that moves; it is a joint of the clip, and no eyes follow it";
-            document.warn(gaze.place(), what);
-            asset.origin.about.push(("gaze".into(), format!("what is looked at is the joint \"{name}\"")));
-        }
+    if gaze.is_some() {
+        asset.origin.about.push(("gaze".into(), "the eyes look where the clip says".into()));
     }
     Ok(())
+}
+
+/// The node whose rotation says where the eyes look, if one does.
+fn gaze_joint(document: &Document<'_>, vrma: &At<'_>) -> Result<Option<u32>> {
+    let Some(look) = vrma.get("lookAt") else { return Ok(None) };
+    let Some(node) = look.index("node")? else { return Ok(None) };
+    let joint = document.joint(node, &|| look.place_of("node"))?;
+    if joint.is_none() {
+        document.warn(look.place(), format!("nodes[{node}] is not in the scene; no eyes follow it"));
+    }
+    Ok(joint)
+}
+
+fn place(index: usize) -> String {
+    format!("animations[{index}]")
 }
 
 /// Name of the expression that each joint stands for.
@@ -52,11 +65,17 @@ fn expression_nodes(document: &Document<'_>, vrma: &At<'_>) -> Result<BTreeMap<u
 }
 
 /// The x of such a node's place is the expression's weight.
-fn with_expressions(clip: &Clip, names: &BTreeMap<u32, String>, index: usize) -> Result<Clip> {
-    let (faces, moves): (Vec<_>, Vec<_>) =
-        clip.curves().iter().cloned().partition(|c| names.contains_key(&c.joint));
-    let faces = faces.into_iter().filter(|c| c.path == Path::Translation);
-    let faces: Vec<ExpressionCurve> = faces
+fn with_expressions(
+    clip: &Clip,
+    names: &BTreeMap<u32, String>,
+    gaze: Option<u32>,
+    looks: Vec<ExpressionCurve>,
+    index: usize,
+) -> Result<Clip> {
+    let of_the_face = |c: &Curve| names.contains_key(&c.joint) || Some(c.joint) == gaze;
+    let (faces, moves): (Vec<_>, Vec<_>) = clip.curves().iter().cloned().partition(of_the_face);
+    let faces = faces.into_iter().filter(|c| c.path == Path::Translation && names.contains_key(&c.joint));
+    let mut faces: Vec<ExpressionCurve> = faces
         .map(|c| ExpressionCurve {
             name: names[&c.joint].clone(),
             interpolation: c.interpolation,
@@ -64,9 +83,11 @@ fn with_expressions(clip: &Clip, names: &BTreeMap<u32, String>, index: usize) ->
             times: c.times,
         })
         .collect();
-    let place = || format!("animations[{index}]");
+    // An expression of the file's own by such a name has the word.
+    let own: Vec<String> = faces.iter().map(|f| f.name.clone()).collect();
+    faces.extend(looks.into_iter().filter(|look| !own.contains(&look.name)));
     Clip::new(clip.name.clone(), clip.joint_count(), moves)
-        .map_err(|e| Problem::new(place(), e.to_string()))?
+        .map_err(|e| Problem::new(place(index), e.to_string()))?
         .with_expressions(faces)
-        .map_err(|e| Problem::new(place(), e.to_string()))
+        .map_err(|e| Problem::new(place(index), e.to_string()))
 }

@@ -5,7 +5,9 @@ use choreo_import::color::linear_from_srgb;
 use choreo_import::{Problem, Result};
 use choreo_plugin::Needs;
 use choreo_stage::asset::Asset;
-use choreo_stage::{ColorBind, Expression, ExpressionGroup, MaterialColor, MorphBind, Override, UvBind};
+use choreo_stage::{
+    ColorBind, Expression, ExpressionGroup, GAZE, MaterialColor, MorphBind, Override, UvBind,
+};
 use glam::{Vec2, Vec4};
 use import_gltf::profile::Document;
 
@@ -58,6 +60,19 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Ass
     }
     faces.finish(expressions.place());
     Ok(())
+}
+
+/// A character whose file says how its eyes move can be told where they look: see [`GAZE`].
+pub fn add_gaze(asset: &mut Asset) {
+    if asset.eyes.is_none() {
+        return;
+    }
+    for name in GAZE {
+        if asset.expressions.iter().all(|e| e.name != name) {
+            let (name, group) = (name.to_string(), ExpressionGroup::Gaze);
+            asset.expressions.push(Expression { name, group, ..Expression::default() });
+        }
+    }
 }
 
 /// VRM 0.x, "Morph setting": binds name meshes, weights go to 100.

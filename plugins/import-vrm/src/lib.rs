@@ -5,6 +5,7 @@ mod animation;
 mod expressions;
 mod eyes;
 mod facing;
+mod gaze;
 mod human;
 mod json;
 mod mtoon;
@@ -133,6 +134,7 @@ fn character(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut As
     human::read(document, vrm, asset)?;
     expressions::read(document, vrm, needs, asset)?;
     asset.eyes = eyes::read(vrm)?;
+    expressions::add_gaze(asset);
     if let Some(springs) = document.extension("VRMC_springBone") {
         let springs = At::new(springs, "extensions.VRMC_springBone".into());
         asset.springs = springs::read(document, &springs, asset)?;
@@ -146,6 +148,7 @@ fn character_v0(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut
     human::read_v0(document, vrm, asset)?;
     expressions::read_v0(document, vrm, needs, asset)?;
     asset.eyes = eyes::read_v0(vrm)?;
+    expressions::add_gaze(asset);
     asset.springs = springs_v0::read(document, vrm, asset)?;
     facing::turn(asset)?;
     checked(asset)

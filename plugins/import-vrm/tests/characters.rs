@@ -7,7 +7,7 @@ use choreo_motion::spring::parameters::ColliderShape;
 use choreo_motion::{HumanBone, Time, bind_clip};
 use choreo_plugin::{Claim, Importer, Needs};
 use choreo_stage::{Asset, Cue, EyesMovedBy, Repeat, Stage, posed_meshes};
-use common::{Version, animation, character, edited, glb, glb_of};
+use common::{Version, animation, character, edited, floats, glb, glb_of};
 use glam::{DVec3, Vec3};
 use import_gltf::GltfImporter;
 use import_vrm::VrmImporter;
@@ -87,7 +87,11 @@ fn human_bones_have_one_name_in_both() {
 fn expressions_are_those_of_1_0() {
     for (version, over) in [(Version::V0, 0.0), (Version::V1, 1.0)] {
         let asset = read(version);
-        let mut faces: Vec<_> = asset.expressions.iter().collect();
+        // The last four tell the eyes where to look.
+        let (gaze, faces): (Vec<_>, Vec<_>) =
+            asset.expressions.iter().partition(|e| choreo_stage::GAZE.contains(&e.name.as_str()));
+        assert!(gaze.len() == 4 && gaze.iter().all(|e| e.morphs.is_empty()));
+        let mut faces = faces;
         faces.sort_by(|a, b| a.name.cmp(&b.name));
         let names: Vec<&str> = faces.iter().map(|e| e.name.as_str()).collect();
         assert_eq!(names, ["blink", "happy", "liar"]);
@@ -240,6 +244,101 @@ fn painted_eyes_follow_what_is_looked_at() {
             "{version:?}: {long} {red}"
         );
     }
+}
+
+/// `yes` with a gaze that goes from straight ahead to 45° to the left and 30° up.
+fn looking_aside() -> (serde_json::Value, Vec<u8>) {
+    use serde_json::json;
+    let (mut json, mut bin) = animation();
+    let at = bin.len();
+    let aside =
+        glam::Quat::from_rotation_y(45f32.to_radians()) * glam::Quat::from_rotation_x(-30f32.to_radians());
+    // A roll about the way that is looked changes nothing.
+    let aside = aside * glam::Quat::from_rotation_z(1.0);
+    floats(&mut bin, &[0.0, 0.0, 0.0, 1.0]);
+    floats(&mut bin, &aside.to_array());
+    json["buffers"][0]["byteLength"] = json!(bin.len());
+    let list = |json: &mut serde_json::Value, value| json.as_array_mut().unwrap().push(value);
+    list(&mut json["bufferViews"], json!({ "buffer": 0, "byteOffset": at, "byteLength": 32 }));
+    let accessor = json["accessors"].as_array().unwrap().len();
+    let view = json["bufferViews"].as_array().unwrap().len() - 1;
+    list(
+        &mut json["accessors"],
+        json!({ "bufferView": view, "componentType": 5126, "count": 2, "type": "VEC4" }),
+    );
+    let animation = &mut json["animations"][0];
+    list(&mut animation["samplers"], json!({ "input": 0, "output": accessor }));
+    list(&mut animation["channels"], json!({ "sampler": 3, "target": { "node": 4, "path": "rotation" } }));
+    (json, bin)
+}
+
+/// VRMC_vrm_animation's `lookAt`: the angles go through the character's own range maps, whatever moves its eyes.
+#[test]
+fn eyes_look_where_an_animation_says() {
+    use serde_json::json;
+    let (json, bin) = looking_aside();
+    let vrma = import_bytes(&VrmImporter, "aside.vrma", glb_of(&json, &bin)).unwrap();
+    assert_eq!(warnings(&vrma), Vec::<String>::new());
+    let clip = &vrma.clips[0];
+    assert_eq!(clip.expressions().len(), 5, "happy and four ways");
+    assert!(clip.curves().iter().all(|c| vrma.skeleton.names()[c.joint as usize] != "gaze"));
+    let at = |name: &str, seconds: f64| {
+        f64::from(clip.sample_expression(name, Time::from_secs(seconds)).unwrap()) * 90.0
+    };
+    assert!((at("gazeLeft", 1.0) - 45.0).abs() < 1e-3 && (at("gazeUp", 1.0) - 30.0).abs() < 1e-3);
+    assert_eq!((at("gazeRight", 1.0), at("gazeDown", 1.0)), (0.0, 0.0));
+    // Between the keys as slerp turns, to a hundredth of a degree.
+    let far = glam::DQuat::from_rotation_y(45f64.to_radians())
+        * glam::DQuat::from_rotation_x(-30f64.to_radians())
+        * glam::DQuat::from_rotation_z(1.0);
+    for t in [0.1, 0.37, 0.5, 0.93] {
+        let way = glam::DQuat::IDENTITY.slerp(far, t) * DVec3::Z;
+        let (yaw, pitch) = choreo_stage::eyes::angles_of(way);
+        let found = (at("gazeLeft", t) - at("gazeRight", t), at("gazeUp", t) - at("gazeDown", t));
+        let off = (found.0 - yaw.to_degrees()).hypot(found.1 - pitch.to_degrees());
+        assert!(off < 0.01, "{t}: {off}");
+    }
+    let playing = |asset: Arc<Asset>, seconds: f64| {
+        let (clip, _) = bind_clip(clip, &vrma.skeleton, &asset.skeleton);
+        let mut stage = Stage::default();
+        let actor = stage.cast("a", asset);
+        stage.play(actor, Cue { repeat: Repeat::Once, ..Cue::new(Arc::new(clip)) });
+        let snapshot = stage.at(Time::from_secs(seconds)).unwrap();
+        snapshot.actors[0].clone()
+    };
+    for version in [Version::V0, Version::V1] {
+        let asset = read(version);
+        let find = |name: &str| asset.skeleton.names().iter().position(|n| n == name).unwrap();
+        let humanoid = asset.skeleton.humanoid().unwrap();
+        let eye = humanoid.joint(HumanBone::LeftEye).unwrap() as usize;
+        let state = playing(asset.clone(), 1.0);
+        let turned = |joint: usize| {
+            let rotation = |m: &glam::Affine3A| m.to_scale_rotation_translation().1.as_dquat();
+            rotation(&state.model_from_joint[joint])
+                * rotation(&asset.rest_model_from_joint()[joint]).inverse()
+        };
+        // Both maps give a ninth of the angle: 45° to the left are 5°, 30° up are 3 1/3°.
+        let (yaw, pitch) = (5f64.to_radians(), (10.0f64 / 3.0).to_radians());
+        let own = glam::DQuat::from_rotation_y(yaw) * glam::DQuat::from_rotation_x(-pitch);
+        let off = turned(eye).angle_between(turned(find("head")) * own).to_degrees();
+        assert!(off < 0.01, "{version:?}: {off}");
+        // Eyes that rested with the head would be off by all of it.
+        assert!(turned(eye).angle_between(turned(find("head"))).to_degrees() > 5.0);
+    }
+    let painted = |over: &str| {
+        let (mut json, bin) = character(Version::V1);
+        let vrm = &mut json["extensions"]["VRMC_vrm"];
+        vrm["lookAt"] = json!({ "type": "expression",
+            "rangeMapHorizontalOuter": { "inputMaxValue": 60.0, "outputScale": 1.0 } });
+        let presets = &mut vrm["expressions"]["preset"];
+        presets["lookLeft"] = json!({ "morphTargetBinds": [{ "node": 10, "index": 0, "weight": 1.0 }] });
+        presets["happy"]["overrideLookAt"] = json!(over);
+        let asset = import_bytes(&VrmImporter, "eyes.vrm", glb_of(&json, &bin)).unwrap();
+        playing(Arc::new(asset), 1.0).morph_weights[FACE][0]
+    };
+    assert!((painted("none") - 0.75).abs() < 1e-3, "{}", painted("none"));
+    // The clip smiles, and such a smile holds the gaze down.
+    assert_eq!(painted("block"), 0.0);
 }
 
 #[test]

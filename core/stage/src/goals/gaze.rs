@@ -2,6 +2,7 @@
 
 use super::body::{Body, rotation_of};
 use crate::expression::Faces;
+use crate::eyes::{angles_of, asked};
 use crate::{Actor, ActorState, Expression, Eyes, EyesMovedBy, material_changes};
 use choreo_motion::ik::share_of;
 use choreo_motion::{HumanBone, Time};
@@ -43,23 +44,64 @@ impl Gaze<'_> {
         if !way.is_finite() || way.length_squared() == 0.0 {
             return;
         }
+        let (yaw, pitch) = angles_of(way);
+        Turn { actor, eyes, turned, yaw, pitch, share, time: self.time }.apply(aimed, state, below, faces);
+    }
+}
+
+/// What expressions ask of the eyes (see [`GAZE`](crate::eyes::GAZE)), in a body that its clips have posed.
+/// `faces.asked` and `.settled` are this actor's.
+pub(crate) fn as_asked(actor: &Actor, time: Time, state: &mut ActorState, faces: &mut Faces) {
+    let asset = &*actor.asset;
+    let Some(eyes) = &asset.eyes else { return };
+    // What is drawn on the face is held down by others when it is settled.
+    let weights = if eyes.moved_by == EyesMovedBy::Bones { &faces.settled } else { &faces.asked };
+    let Some((yaw, pitch)) = asked(&asset.expressions, weights) else { return };
+    let head = asset.skeleton.humanoid().and_then(|h| h.joint(HumanBone::Head));
+    let Some(head) = head.map(|joint| joint as usize) else { return };
+    let now = rotation_of(&state.model_from_joint[head]);
+    let turned = (now * rotation_of(&asset.rest_model_from_joint()[head]).inverse()).normalize();
+    let mut below = std::mem::take(&mut faces.below);
+    Turn { actor, eyes, turned, yaw, pitch, share: 1.0, time }.apply(|_| false, state, &mut below, faces);
+    faces.below = below;
+}
+
+/// Eyes on their way to a direction seen from the head.
+struct Turn<'a> {
+    actor: &'a Actor,
+    eyes: &'a Eyes,
+    /// How the head is turned since it rested, when its axes were the model's.
+    turned: DQuat,
+    yaw: f64,
+    pitch: f64,
+    share: f64,
+    time: Time,
+}
+
+impl Turn<'_> {
+    fn apply(
+        &self,
+        aimed: impl Fn(u32) -> bool,
+        state: &mut ActorState,
+        below: &mut Vec<bool>,
+        faces: &mut Faces,
+    ) {
+        let Turn { actor, eyes, turned, yaw, pitch, share, .. } = *self;
+        let asset = &*actor.asset;
         match eyes.moved_by {
             EyesMovedBy::Bones => {
+                let Some(humanoid) = asset.skeleton.humanoid() else { return };
                 let mut body =
                     Body { skeleton: &asset.skeleton, model_from_joint: &mut state.model_from_joint, below };
                 for (bone, left) in [(HumanBone::LeftEye, true), (HumanBone::RightEye, false)] {
-                    let Some(eye) = human(bone).filter(|eye| (*eye as usize) < rest.len() && !aimed(*eye))
-                    else {
-                        continue;
-                    };
-                    let (yaw, pitch) = eyes.turn_of(left, way);
+                    let there = |eye: &u32| (*eye as usize) < body.model_from_joint.len() && !aimed(*eye);
+                    let Some(eye) = humanoid.joint(bone).filter(there) else { continue };
+                    let (yaw, pitch) = eyes.turn_by(left, yaw, pitch);
                     let turn = DQuat::from_rotation_y(yaw) * DQuat::from_rotation_x(-pitch);
                     body.turn(eye, share_of(turned * turn * turned.inverse(), share));
                 }
             }
             EyesMovedBy::Expressions => {
-                let yaw = libm::atan2(way.x, way.z);
-                let pitch = libm::atan2(way.y, libm::hypot(way.x, way.z));
                 for (asked, expression) in faces.asked.iter_mut().zip(&asset.expressions) {
                     *asked += (weight(eyes, &expression.name, yaw, pitch) * share) as f32;
                 }

@@ -8,7 +8,7 @@
 
 mod body;
 pub(crate) mod check;
-mod gaze;
+pub(crate) mod gaze;
 pub(crate) mod ground;
 mod legs;
 pub(crate) mod order;

@@ -30,7 +30,7 @@ pub fn node(name: &str) -> usize {
     NODES.iter().position(|n| *n == name).unwrap()
 }
 
-fn floats(out: &mut Vec<u8>, values: &[f32]) {
+pub fn floats(out: &mut Vec<u8>, values: &[f32]) {
     values.iter().for_each(|v| out.extend(v.to_le_bytes()));
 }
 
