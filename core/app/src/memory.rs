@@ -4,33 +4,60 @@
 use crate::failure::Failure;
 use crate::part;
 use choreo_script::memory::in_use;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 /// How long the interpreter has to say it better.
 const PATIENCE: Duration = Duration::from_secs(2);
 const EVERY: Duration = Duration::from_millis(10);
 
-/// Ends the program with a message once it holds more than `limit` bytes.
+/// One thread for the whole program, which sleeps while nothing is at work: `render --watch` lives for days.
+static GUARD: OnceLock<Option<Thread>> = OnceLock::new();
+static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
+static AWAKE: AtomicBool = AtomicBool::new(false);
+
+/// From now on, ends the program with a message once it holds more than `limit` bytes.
 pub fn guard(limit: u64) {
     if in_use() == 0 {
         return;
     }
-    // Where no thread can be had, the interpreter's own check is left.
-    let _ = std::thread::Builder::new().name("memory guard".into()).stack_size(256 << 10).spawn(move || {
-        let mut since = None;
-        loop {
-            std::thread::sleep(EVERY);
-            let now = in_use();
-            if now <= limit {
-                since = None;
-                continue;
-            }
-            let since = *since.get_or_insert_with(Instant::now);
-            if since.elapsed() > PATIENCE || now / 3 * 2 > limit {
-                end(now, limit);
-            }
-        }
+    LIMIT.store(limit, Ordering::SeqCst);
+    AWAKE.store(true, Ordering::SeqCst);
+    let guard = GUARD.get_or_init(|| {
+        // Where no thread can be had, the interpreter's own check is left.
+        let started =
+            std::thread::Builder::new().name("memory guard".into()).stack_size(256 << 10).spawn(watch);
+        started.ok().map(|handle| handle.thread().clone())
     });
+    guard.iter().for_each(Thread::unpark);
+}
+
+/// Until the next [`guard`] there is nothing to watch.
+pub fn rest() {
+    AWAKE.store(false, Ordering::SeqCst);
+}
+
+fn watch() {
+    let mut since = None;
+    loop {
+        if !AWAKE.load(Ordering::SeqCst) {
+            since = None;
+            std::thread::park();
+            continue;
+        }
+        std::thread::sleep(EVERY);
+        let (now, limit) = (in_use(), LIMIT.load(Ordering::SeqCst));
+        if now <= limit {
+            since = None;
+            continue;
+        }
+        let since = *since.get_or_insert_with(Instant::now);
+        if since.elapsed() > PATIENCE || now / 3 * 2 > limit {
+            end(now, limit);
+        }
+    }
 }
 
 fn end(now: u64, limit: u64) -> ! {

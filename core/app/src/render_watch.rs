@@ -5,7 +5,7 @@ use crate::failure::{Failure, print};
 use crate::output::Target;
 use crate::remember::Remembering;
 use crate::scene::Keep;
-use crate::{device, draw, interrupt, plugin_files, ranges, render, summary};
+use crate::{device, draw, interrupt, memory, plugin_files, ranges, render, summary};
 use choreo_live::plugin_files::ENDINGS;
 use choreo_live::{Interest, Waited, Watch};
 use choreo_plugin::Registry;
@@ -46,6 +46,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             Err(failure) => failure.lines().iter().for_each(|line| eprintln!("{line}")),
         }
         watch.set(interest(args, &keep));
+        memory::rest();
         let changed = loop {
             match watch.wait(Some(Duration::from_millis(200))).map_err(failed)? {
                 Waited::Changed(files) => break files,

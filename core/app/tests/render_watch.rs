@@ -88,6 +88,42 @@ fn only_the_frames_that_a_save_touches_are_drawn() {
     }
 }
 
+/// Clock ticks of the processor that a process and its threads have taken (`man proc_pid_stat`, fields 14 and 15), and its threads.
+#[cfg(target_os = "linux")]
+fn taken(process: u32) -> (u64, u64) {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
+    // The name may hold blanks; it ends with the last parenthesis.
+    let fields: Vec<u64> =
+        stat.rsplit(')').next().unwrap().split_whitespace().map(|f| f.parse().unwrap_or(0)).collect();
+    (fields[11] + fields[12], fields[17])
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn between_saves_it_sleeps_and_each_save_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    save(folder.path(), SCRIPT);
+    let watching = Watching::new(folder.path(), "out/%02d.png");
+    watching.says("8 frames");
+    save(folder.path(), &format!("// 0\n{SCRIPT}"));
+    watching.says("8 frames");
+    let threads = || {
+        std::thread::sleep(Duration::from_millis(600));
+        taken(watching.child.id()).1
+    };
+    let before = threads();
+    for round in 1..6 {
+        save(folder.path(), &format!("// {round}\n{SCRIPT}"));
+        watching.says("8 frames");
+    }
+    assert!(threads() <= before, "{} threads after five more saves, {before} before", threads());
+    // A thread that looks every 10 ms alone takes more: 1 % of a core is one tick of 100 a second.
+    let start = taken(watching.child.id()).0;
+    std::thread::sleep(Duration::from_secs(3));
+    let ticks = taken(watching.child.id()).0 - start;
+    assert!(ticks <= 3, "{ticks} ticks of the processor in 3 s of rest");
+}
+
 #[test]
 fn standard_output_keeps_nothing() {
     let folder = tempfile::tempdir().unwrap();

@@ -20,7 +20,7 @@ mod watch;
 
 pub use eye::{Eye, Marks};
 pub use live::Live;
-pub use painter::{Asked, Painted, Painter, StartRenderer};
+pub use painter::{Asked, Painted, Painter, Shown, StartRenderer};
 pub use recipe::Recipe;
 pub use session::{Problem, Scene, Session, Version, Work};
 pub use watch::{Interest, Waited, Waker, Watch, WatchError};

@@ -58,10 +58,7 @@ impl Asked {
 pub struct Painted {
     pub ticket: u64,
     pub view: u32,
-    /// Of the scene's version.
-    pub number: u64,
-    pub time: Time,
-    pub result: Result<Picture, String>,
+    pub result: Result<(Frame, Shown), String>,
     /// What the renderer has made so far.
     pub work: Work,
     /// What it has on its device now.
@@ -70,9 +67,15 @@ pub struct Painted {
     pub notes: Vec<String>,
 }
 
-pub struct Picture {
-    pub frame: Frame,
+/// What is known of a frame beside its pixels.
+pub struct Shown {
+    /// Of the scene's version.
+    pub number: u64,
+    pub time: Time,
+    /// Pixels.
+    pub size: [u32; 2],
     pub snapshot: Snapshot,
+    /// What it did without, and why.
     pub left_out: Vec<(String, String)>,
     pub draws: usize,
     pub triangles: u64,
@@ -206,8 +209,8 @@ impl Easel {
             notes.extend(renderer.take_notes());
             (work, held) = (renderer.work(), renderer.held());
         }
-        let Asked { ticket, view, time, .. } = *asked;
-        Painted { ticket, view, number: asked.scene.number, time, result, work, held, notes }
+        let Asked { ticket, view, .. } = *asked;
+        Painted { ticket, view, result, work, held, notes }
     }
 
     fn picture(
@@ -216,7 +219,7 @@ impl Easel {
         shaders: bool,
         spare: Option<Frame>,
         notes: &mut Vec<String>,
-    ) -> Result<Picture, String> {
+    ) -> Result<(Frame, Shown), String> {
         let renderer = self.renderer.as_mut().map_err(|why| why.clone())?;
         let failed = |e: choreo_render::RenderError| e.to_string();
         if shaders && let Err(error) = renderer.reload_shaders() {
@@ -258,8 +261,10 @@ impl Easel {
         let frame = renderer.collect(spare).map_err(failed)?;
         let drawn_in = start.elapsed() - evaluated_in - planned_in;
         let device = renderer.device().clone();
-        Ok(Picture {
-            frame,
+        let shown = Shown {
+            number: scene.number,
+            time: asked.time,
+            size: [frame.width, frame.height],
             snapshot,
             left_out,
             draws,
@@ -268,7 +273,8 @@ impl Easel {
             evaluated_in,
             planned_in,
             drawn_in,
-        })
+        };
+        Ok((frame, shown))
     }
 }
 

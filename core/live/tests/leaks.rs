@@ -88,7 +88,7 @@ impl Bench {
         self.painter.ask(Asked::new(scene, Time::from_secs(1.0), 4, 0));
         let painted = self.painted.recv_timeout(Duration::from_secs(60)).unwrap();
         let held = painted.held;
-        self.painter.give_back(painted.result.unwrap().frame);
+        self.painter.give_back(painted.result.unwrap().0);
         held
     }
 

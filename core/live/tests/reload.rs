@@ -220,7 +220,7 @@ impl Studio {
 }
 
 fn frame(painted: &Painted) -> &Frame {
-    &painted.result.as_ref().unwrap_or_else(|e| panic!("{e}")).frame
+    &painted.result.as_ref().unwrap_or_else(|e| panic!("{e}")).0
 }
 
 /// What `render` draws.
@@ -241,7 +241,8 @@ fn the_painter_draws_what_render_draws_and_the_newest_wish_wins() {
     let scene = good(place.session.build(BTreeSet::new()));
     let studio = Studio::new(|| Ok(Box::new(CpuRenderer::new(&[]))));
     let painted = studio.paint(&scene, 1.0);
-    assert_eq!((painted.ticket, painted.number, painted.time), (7, 1, Time::from_secs(1.0)));
+    let shown = &painted.result.as_ref().unwrap().1;
+    assert_eq!((painted.ticket, shown.number, shown.time), (7, 1, Time::from_secs(1.0)));
     let expected = rendered(&scene, 1.0, &mut CpuRenderer::new(&[]));
     assert!(frame(&painted).rgba == expected.rgba);
     assert!(frame(&studio.paint(&scene, 0.7)).rgba != expected.rgba, "another time is another picture");

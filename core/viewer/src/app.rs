@@ -10,9 +10,9 @@ use crate::playhead::Playhead;
 use crate::selection::{self, Selected};
 use crate::span::Span;
 use crate::timeline::Timeline;
-pub use crate::view::{MOST_VIEWS, Overlays, Resolution, Shown, View, ViewCamera};
+pub use crate::view::{MOST_VIEWS, Overlays, Resolution, View, ViewCamera};
 use crate::view::{Wish, fitted};
-use choreo_live::{Asked, Marks, Painted, Problem, Scene, Version, Work};
+use choreo_live::{Asked, Marks, Painted, Problem, Scene, Shown, Version, Work};
 use choreo_motion::Time;
 use choreo_plugin::Frame;
 use choreo_render::{Held, renderer};
@@ -172,22 +172,10 @@ impl Viewer {
         self.held = painted.held;
         self.trouble = painted.notes;
         match painted.result {
-            Ok(picture) => {
-                let size = [picture.frame.width, picture.frame.height];
-                self.performance.add(picture.evaluated_in, picture.planned_in, picture.drawn_in);
-                view.shown = Some(Shown {
-                    time: painted.time,
-                    size,
-                    snapshot: picture.snapshot,
-                    left_out: picture.left_out,
-                    draws: picture.draws,
-                    triangles: picture.triangles,
-                    device: picture.device,
-                    evaluated_in: picture.evaluated_in,
-                    planned_in: picture.planned_in,
-                    drawn_in: picture.drawn_in,
-                });
-                Some((index, picture.frame))
+            Ok((frame, shown)) => {
+                self.performance.add(shown.evaluated_in, shown.planned_in, shown.drawn_in);
+                view.shown = Some(shown);
+                Some((index, frame))
             }
             Err(text) => {
                 self.trouble.push(text);

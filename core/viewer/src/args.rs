@@ -41,6 +41,9 @@ struct Args {
     /// For tests: at these frames of the window its device is lost; repeatable
     #[arg(long = "lose-device-at", value_name = "FRAME", hide = true)]
     lose: Vec<u64>,
+    /// For tests and measurements: what has been done and shown, and when, on standard output
+    #[arg(long, hide = true)]
+    tell: bool,
 }
 
 /// What the user asks for.
@@ -50,6 +53,8 @@ pub struct Asked {
     pub play: bool,
     /// Frames of the window at which its device is as good as lost.
     pub lose: Vec<u64>,
+    /// Lines on standard output tell what has been shown.
+    pub tell: bool,
 }
 
 pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Asked, ExitCode> {
@@ -86,5 +91,5 @@ pub fn parse(args: impl IntoIterator<Item = OsString>) -> Result<Asked, ExitCode
         shaders: args.shaders,
         ..Recipe::new(args.input)
     };
-    Ok(Asked { recipe, at: args.at, play: args.play, lose: args.lose })
+    Ok(Asked { recipe, at: args.at, play: args.play, lose: args.lose, tell: args.tell })
 }

@@ -4,11 +4,10 @@
 
 use crate::app::Viewer;
 use crate::difference;
-use crate::gizmo::Change;
+use crate::placing::Wanted;
 use crate::selection::{Selected, actor};
 use choreo_live::edit::{Edit, Object, Part, Refused, marker, set_time};
 use choreo_script::Place;
-use glam::{DQuat, DVec3};
 use std::path::{Path, PathBuf};
 
 /// Changes that can be taken back and made again, the newest last.
@@ -17,7 +16,7 @@ pub struct History {
     done: Vec<Done>,
     undone: Vec<Done>,
     /// What the next version must show, if the change did what was meant.
-    wanted: Option<Wanted>,
+    pub(crate) wanted: Option<Wanted>,
 }
 
 struct Done {
@@ -25,13 +24,6 @@ struct Done {
     back: Edit,
     /// The text that it takes back from.
     text: String,
-}
-
-struct Wanted {
-    actor: String,
-    at: DVec3,
-    rotation: DQuat,
-    line: usize,
 }
 
 /// A change that is made if the user agrees.
@@ -77,71 +69,6 @@ impl Viewer {
         let scene = self.scene.as_ref().ok_or("there is nothing to change yet")?;
         let place = Place { file: scene.places.main.clone(), line: 1, ..Place::default() };
         self.change(&place, 1, |text| marker(text, name, secs))
-    }
-
-    /// Moves, turns or scales an actor as it was dragged.
-    pub fn change_actor(&mut self, name: &str, change: Change) -> Result<(), String> {
-        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
-        let index = actor(&scene.stage, name).ok_or("it is no longer there")?;
-        let found = &scene.stage.actors[index];
-        let place = scene.places.actors.get(index).cloned().unwrap_or_default();
-        let twins = scene.places.actors.iter().filter(|p| **p == place).count();
-        let keyed = |property| found.channels.iter().any(|c| c.property == property);
-        use choreo_stage::Property::{Rotation, Scale, Translation};
-        let (is_keyed, what) = match change {
-            Change::Move(_) => (keyed(Translation), "position"),
-            Change::Turn(_) => (keyed(Rotation), "rotation"),
-            Change::Scale(_) => (keyed(Scale), "scale"),
-        };
-        if is_keyed {
-            return Err(format!("{}:{}: its {what} has keys; change them there", place.file, place.line));
-        }
-        if found.parent.is_some() {
-            return Err(format!("{}:{}: it is attached to another actor", place.file, place.line));
-        }
-        if found.face.is_some() && matches!(change, Change::Turn(_)) {
-            return Err(format!("{}:{}: it faces another actor", place.file, place.line));
-        }
-        let old = found.transform;
-        let (mut at, mut rotation) = (old.translation, old.rotation);
-        self.change(&place, twins, |text| {
-            let object = Object::at(text, place.line, place.column)?;
-            match change {
-                Change::Move(by) => {
-                    at += by;
-                    object.move_by(by, at)
-                }
-                Change::Turn(by) => {
-                    rotation = by * rotation;
-                    Ok(object.turn_by(by))
-                }
-                Change::Scale(by) => {
-                    let to = old.scale * by;
-                    let even = (to - to.x).abs().max_element() < 1e-9;
-                    let all = to.to_array();
-                    object.set("scale", &all[..if even { 1 } else { 3 }])
-                }
-            }
-        })?;
-        self.history.wanted = Some(Wanted { actor: name.to_string(), at, rotation, line: place.line });
-        Ok(())
-    }
-
-    /// A parameter of an effect, or an option of a light; `value` as it is written.
-    pub fn set_value(&mut self, what: &Selected, name: &str, value: &str) -> Result<(), String> {
-        let scene = self.scene.as_ref().ok_or("there is nothing to change yet")?;
-        let (places, index) = match what {
-            Selected::Effect(index) => (&scene.places.effects, *index),
-            Selected::Light(index) => (&scene.places.lights, *index),
-            _ => return Err("it has no such value".into()),
-        };
-        let place = places.get(index).cloned().unwrap_or_default();
-        let twins = places.iter().filter(|p| **p == place).count();
-        let is_light = matches!(what, Selected::Light(_));
-        self.change(&place, twins, |text| {
-            let object = Object::at(text, place.line, place.column)?;
-            if is_light { object.option(name, value) } else { object.parameter(name, value) }
-        })
     }
 
     /// Lets an actor play a clip of its file from a time on.
@@ -194,7 +121,7 @@ impl Viewer {
     }
 
     /// `twins`: how many things come from this place.
-    fn change(
+    pub(crate) fn change(
         &mut self,
         place: &Place,
         twins: usize,
@@ -231,12 +158,12 @@ impl Viewer {
         }
         match made {
             Ok(edit) => self.write_edit(&path, &text, edit),
-            Err(Refused { why, over }) => {
+            Err(Refused { why, over, agree }) => {
                 let why = format!("{}: {why}", places.main);
                 if let Some(edit) = over {
                     let difference = difference::lines(&text, &edit.apply(&text));
-                    let agree = "Add the line".to_string();
-                    self.offer = Some(Offer { why: why.clone(), agree, difference, edit, text });
+                    self.offer =
+                        Some(Offer { why: why.clone(), agree: agree.into(), difference, edit, text });
                 }
                 Err(why)
             }
@@ -298,26 +225,6 @@ impl Viewer {
         let after = back.apply(&now);
         write(&path, &after)?;
         Ok(Done { back: back.inverse(&now), text: after })
-    }
-
-    /// Says where the script sets again what has just been written.
-    pub(crate) fn check_wanted(&mut self) {
-        let Some(wanted) = self.history.wanted.take() else { return };
-        let scene = self.scene.as_ref();
-        let Some((scene, index)) = scene.and_then(|s| Some((s, actor(&s.stage, &wanted.actor)?))) else {
-            return;
-        };
-        let now = scene.stage.actors[index].transform;
-        // Written to the thousandth.
-        let there =
-            (now.translation - wanted.at).length() < 0.01 && now.rotation.dot(wanted.rotation).abs() > 0.9999;
-        self.said = (!there).then(|| {
-            let line = wanted.line;
-            format!(
-                "line {line}: it was written, but another line places \"{}\" anew; Ctrl Z takes it back",
-                wanted.actor
-            )
-        });
     }
 }
 

@@ -18,6 +18,7 @@ pub mod orbit;
 pub mod panels;
 pub mod performance;
 pub mod pick;
+pub mod placing;
 pub mod playhead;
 pub mod selection;
 pub mod settings;

@@ -1,12 +1,10 @@
 //! One viewport: from where it looks, what is laid over the picture, and which frame it shows and wishes for.
 
 use crate::orbit::Orbit;
-use choreo_live::{Eye, Marks};
+use choreo_live::{Eye, Marks, Shown};
 use choreo_motion::Time;
-use choreo_render::DeviceInfo;
 use choreo_stage::{CameraState, Snapshot, Stage};
 use glam::DVec3;
-use std::time::Duration;
 
 /// Viewports at once.
 pub const MOST_VIEWS: usize = 4;
@@ -44,20 +42,6 @@ pub struct Overlays {
     pub safe: bool,
 }
 
-/// What is known of the picture on the screen.
-pub struct Shown {
-    pub time: Time,
-    pub size: [u32; 2],
-    pub snapshot: Snapshot,
-    pub left_out: Vec<(String, String)>,
-    pub draws: usize,
-    pub triangles: u64,
-    pub device: DeviceInfo,
-    pub evaluated_in: Duration,
-    pub planned_in: Duration,
-    pub drawn_in: Duration,
-}
-
 /// What a wish is for: an equal one has been drawn or is being drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wish {
@@ -75,6 +59,7 @@ pub struct View {
     pub camera: ViewCamera,
     pub resolution: Resolution,
     pub overlays: Overlays,
+    /// Of the picture on the screen.
     pub shown: Option<Shown>,
     /// Pixels that there is room for, as the panel had it last.
     pub room: [u32; 2],

@@ -1,6 +1,7 @@
 //! Changes of a script's text at one place: a bar that was dragged rewrites the number that it came from. All else of the text
 //! stays, comments and spaces too. What a number was computed from is never guessed: then the change is refused, with the line.
 
+mod keys;
 mod object;
 mod scan;
 mod times;
@@ -8,6 +9,7 @@ mod values;
 
 use std::ops::Range;
 
+pub use keys::{Value, When};
 pub use object::{Object, Refused, marker, set_call};
 pub use times::{Part, set_time};
 pub use values::plain;

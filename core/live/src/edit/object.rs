@@ -2,9 +2,9 @@
 //! is one edit of one call; where the value is computed, a line is offered that says it anew.
 
 use super::scan::{
-    Call, byte_at, call_from, chain_after, chains_of, past_quiet, skip, statement_end, value_end,
+    Call, byte_at, call_from, chain_after, chains_of, depth_to, past_quiet, skip, statement_end, value_end,
 };
-use super::values::{literal, literals, plain, rewritten, set_option};
+use super::values::{literal, literals, option_of, plain, rewritten, set_option};
 use super::{Edit, seconds};
 use glam::{DMat3, DQuat, DVec3};
 
@@ -12,24 +12,29 @@ use glam::{DMat3, DQuat, DVec3};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refused {
     pub why: String,
-    /// Adds a line that holds over what is computed.
+    /// Adds a line that holds over what is computed, or takes the place of what is in the way.
     pub over: Option<Edit>,
+    /// Of `over`, for a button.
+    pub agree: &'static str,
 }
+
+/// Of a line that is added.
+const ADD: &str = "Add the line";
 
 impl From<String> for Refused {
     fn from(why: String) -> Refused {
-        Refused { why, over: None }
+        Refused { why, over: None, agree: ADD }
     }
 }
 
 pub struct Object<'a> {
-    text: &'a str,
-    line: usize,
+    pub(super) text: &'a str,
+    pub(super) line: usize,
     made: Call,
     /// What the script calls it.
     pub variable: Option<String>,
     /// Of itself, in the order of the text; the last of a name counts.
-    calls: Vec<Call>,
+    pub(super) calls: Vec<Call>,
     /// Where it is spoken of last.
     last_at: usize,
 }
@@ -53,11 +58,16 @@ impl<'a> Object<'a> {
         Ok(Object { text, line, made, variable, calls, last_at })
     }
 
+    /// The line of the last call of a method, where there is one.
+    pub fn line_of_call(&self, name: &str) -> Option<usize> {
+        self.last(&[name]).map(|call| self.line_of(call.name.start))
+    }
+
     fn last(&self, names: &[&str]) -> Option<&Call> {
         self.calls.iter().rev().find(|call| names.contains(&&self.text[call.name.clone()]))
     }
 
-    fn line_of(&self, byte: usize) -> usize {
+    pub(super) fn line_of(&self, byte: usize) -> usize {
         self.text[..byte].matches('\n').count() + 1
     }
 
@@ -69,6 +79,7 @@ impl<'a> Object<'a> {
                 "line {line}: .{name}({inside}) is computed; change it there, or say it anew in a line of its own"
             ),
             over: self.variable.as_ref().and_then(|_| self.new_line(over)),
+            agree: ADD,
         }
     }
 
@@ -148,6 +159,16 @@ impl<'a> Object<'a> {
         if let Some(call) = self.last(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
         }
+        // A light has one or the other.
+        if let (Some(old), "color") = (option_of(self.text, &self.made, "kelvin"), name) {
+            let line = self.line_of(old.start);
+            let why = format!(
+                "line {line}: {} says its color; a color would take its place",
+                &self.text[old.clone()]
+            );
+            let over = Some(Edit { range: old, text: format!("color: {value}") });
+            return Err(Refused { why, over, agree: "Write the color" });
+        }
         Ok(set_option(self.text, &self.made, self.line, name, value)?)
     }
 
@@ -181,6 +202,14 @@ impl<'a> Object<'a> {
         let first = value_end(self.text, inside.start, inside.end);
         let asset = self.text.get(first + 1..inside.end).map(str::trim).filter(|a| !a.is_empty());
         let asset = asset.ok_or_else(|| format!("line {}: it is not cast from a file", self.line))?;
+        // By the name that the script has for the same file, where it has one.
+        let named = call_from(self.text, first + 1).filter(|load| self.text[load.name.clone()] == *"load");
+        let named = named.and_then(|load| {
+            let file =
+                &self.text[load.inside.start..value_end(self.text, load.inside.start, load.inside.end)];
+            loaded_as(self.text, file.trim(), self.made.name.start)
+        });
+        let asset = named.as_deref().unwrap_or(asset);
         let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), seconds(from));
         if let Some(line) = self.new_line(&call) {
             // After what it plays already, so that the cues stand in their order.
@@ -240,7 +269,7 @@ pub fn marker(text: &str, name: &str, secs: f64) -> Result<Edit, Refused> {
     Ok(Edit { range, text: seconds(secs) })
 }
 
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
@@ -258,12 +287,37 @@ fn variable_before(text: &str, at: usize) -> Option<String> {
     (is_name && declares).then(|| name.to_string())
 }
 
+/// What the script calls a file that it has loaded before a byte: `let NAME = load("FILE" …)`; `file` with its quotes.
+fn loaded_as(text: &str, file: &str, before: usize) -> Option<String> {
+    let mut at = 0;
+    while at < before {
+        let past = past_quiet(text, at);
+        if past > at {
+            at = past;
+            continue;
+        }
+        if text[at..].starts_with("load")
+            && file.starts_with('"')
+            && depth_to(text, at) == 0
+            && let Some(call) = call_from(text, at)
+            && text[call.name.clone()] == *"load"
+            && text[call.inside.start..value_end(text, call.inside.start, call.inside.end)].trim() == file
+            && text[skip(text, call.end)..].starts_with(';')
+            && let Some(name) = variable_before(text, at)
+        {
+            return Some(name);
+        }
+        at += text[at..].chars().next().map_or(1, char::len_utf8);
+    }
+    None
+}
+
 fn wrapped(degrees: f64) -> f64 {
     if degrees.abs() <= 360.0 { degrees } else { degrees % 360.0 }
 }
 
 /// About x, then y, then z (fixed axes), as scripts say it, degrees.
-fn rotation(degrees: DVec3) -> DQuat {
+pub(super) fn rotation(degrees: DVec3) -> DQuat {
     let about = |axis: DVec3, degrees: f64| {
         let (sin, cos) = libm::sincos(degrees.to_radians() / 2.0);
         DQuat::from_xyzw(axis.x * sin, axis.y * sin, axis.z * sin, cos)
@@ -272,7 +326,7 @@ fn rotation(degrees: DVec3) -> DQuat {
 }
 
 /// The other way; where y is ±90°, z is 0.
-fn euler_degrees(q: DQuat) -> DVec3 {
+pub(super) fn euler_degrees(q: DQuat) -> DVec3 {
     let m = DMat3::from_quat(q.normalize());
     let y = libm::asin((-m.x_axis.z).clamp(-1.0, 1.0));
     let (x, z) = match m.x_axis.z.abs() < 1.0 - 1e-12 {

@@ -27,9 +27,8 @@ pub(super) fn chain_after(text: &str, mut at: usize) -> Vec<Call> {
     }
 }
 
-/// Every call of a variable's methods that stands as deep in brackets as the byte `like`: `name.a(…).b(…)`, as chains in order, each with where it
-/// begins. Deeper
-/// ones hold for one round of a loop, or one frame.
+/// Every call of a variable's methods that stands as deep in brackets as the byte `like`: `name.a(…).b(…)`, as chains in
+/// order, each with where it begins. Deeper ones hold for one round of a loop, or one frame.
 pub(super) fn chains_of(text: &str, name: &str, like: usize) -> Vec<(usize, Vec<Call>)> {
     let depth_at = |end: usize| depth_to(text, end);
     let wanted = depth_at(like);
@@ -61,7 +60,7 @@ pub(super) fn chains_of(text: &str, name: &str, like: usize) -> Vec<(usize, Vec<
 }
 
 /// How many brackets are open before a byte.
-fn depth_to(text: &str, end: usize) -> usize {
+pub(super) fn depth_to(text: &str, end: usize) -> usize {
     let (mut at, mut depth) = (0, 0usize);
     while at < end {
         let past = past_quiet(text, at);
@@ -187,6 +186,25 @@ pub(super) fn skip(text: &str, mut at: usize) -> usize {
         }
         at = past_quiet(text, at);
     }
+}
+
+/// Without the blanks and comments around it.
+pub(super) fn trimmed(text: &str, bytes: &Range<usize>) -> Range<usize> {
+    let start = skip(text, bytes.start).min(bytes.end);
+    let (mut at, mut end) = (start, start);
+    while at < bytes.end {
+        let comment = text[at..].starts_with("//") || text[at..].starts_with("/*");
+        let past = past_quiet(text, at);
+        if past > at {
+            at = past.min(bytes.end);
+            end = if comment { end } else { at };
+            continue;
+        }
+        let Some(c) = text[at..].chars().next() else { break };
+        at += c.len_utf8();
+        end = if c.is_whitespace() { end } else { at };
+    }
+    start..end
 }
 
 /// The inside of the `#{ … }` that is the last argument.

@@ -1,7 +1,7 @@
 //! Values in a text: number literals, lists of them, and options of calls.
 
 use super::Edit;
-use super::scan::{Call, map_in, skip, top_level_arguments, value_end};
+use super::scan::{Call, map_in, skip, top_level_arguments, trimmed, value_end};
 use std::ops::Range;
 
 /// As a person would write it: to the thousandth, smaller ones to six digits; always with a point, so that it stays a float.
@@ -64,7 +64,7 @@ pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option
 }
 
 /// A number, a list of numbers or a text literal: what may be overwritten.
-fn is_plain(text: &str, bytes: &Range<usize>) -> bool {
+pub fn is_plain(text: &str, bytes: &Range<usize>) -> bool {
     let inside = text[bytes.clone()].trim();
     let quoted =
         inside.len() >= 2 && inside.starts_with('"') && inside[1..].find('"') == Some(inside.len() - 2);
@@ -96,6 +96,13 @@ pub fn set_option(text: &str, call: &Call, line: usize, name: &str, value: &str)
     let last = map.start + text[map.clone()].trim_end().len();
     let blank = if last == map.end { " " } else { "" };
     Ok(Edit { range: last..last, text: format!("{comma}{new}{blank}") })
+}
+
+/// `name: value` among the options of a call.
+pub fn option_of(text: &str, call: &Call, name: &str) -> Option<Range<usize>> {
+    let value = option_in(text, &map_in(text, &call.inside)?, name)?;
+    let start = text[..value.start].rfind(name)?;
+    Some(start..trimmed(text, &value).end)
 }
 
 /// The bytes of an option's value, in the inside of a `#{ … }`.

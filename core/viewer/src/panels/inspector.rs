@@ -3,6 +3,7 @@
 use super::values;
 use crate::app::Viewer;
 use crate::gizmo::Change;
+use crate::placing::{light_at, placement};
 use crate::selection::{Selected, actor};
 use choreo_live::Scene;
 use choreo_live::edit::plain;
@@ -55,8 +56,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let mut wanted = None;
     match &selection {
-        Selected::Actor(name) => wanted = transform(ui, &scene.stage, name),
-        Selected::Light(index) => wanted = light(ui, &scene.stage, *index),
+        Selected::Actor(name) => wanted = transform(ui, viewer, &scene.stage, name),
+        Selected::Light(index) => wanted = light(ui, viewer, &scene.stage, *index),
         Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index),
         _ => {}
     }
@@ -80,7 +81,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let change = match wanted {
         None => return,
         Some(Wanted::Actor(change)) => {
-            selection.actor().map_or(Ok(()), |name| viewer.change_actor(name, change))
+            selection.actor().map_or(Ok(()), |name| viewer.place_actor(name, change))
         }
         Some(Wanted::Value(name, value)) => viewer.set_value(&selection, name, &value),
         Some(Wanted::Parameter(name, value)) => viewer.set_value(&selection, &name, &value),
@@ -91,9 +92,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     viewer.said = change.err();
 }
 
-/// As the script places it.
-fn transform(ui: &mut Ui, stage: &Stage, name: &str) -> Option<Wanted> {
-    let placed = stage.actors.get(actor(stage, name)?)?.transform;
+/// As the script places it, in what it is attached to, at the playhead where it is keyed.
+fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str) -> Option<Wanted> {
+    let placed = placement(stage.actors.get(actor(stage, name)?)?, viewer.playhead.time());
     let mut wanted = None;
     Grid::new("transform").num_columns(4).show(ui, |ui| {
         ui.label("placed at");
@@ -126,8 +127,9 @@ fn srgb(linear: Vec3) -> [u8; 3] {
     linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)))
 }
 
-fn light(ui: &mut Ui, stage: &Stage, index: usize) -> Option<Wanted> {
-    let light = stage.lights.get(index)?;
+/// As it shines at the playhead.
+fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize) -> Option<Wanted> {
+    let light = light_at(stage.lights.get(index)?, viewer.playhead.time());
     let mut wanted = None;
     Grid::new("light").num_columns(4).show(ui, |ui| {
         ui.label("intensity");

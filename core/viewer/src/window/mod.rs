@@ -1,12 +1,14 @@
 //! The window: events in, frames out. It sleeps unless something has happened.
 
 mod choose;
+mod device;
 mod gpu;
 mod gpu_error;
 mod picture;
 mod shot;
 mod start;
 mod swapchain;
+mod tell;
 
 use crate::app::Viewer;
 use crate::args::Asked;
@@ -19,6 +21,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use tell::Tell;
 use winit::application::ApplicationHandler;
 use winit::dpi::LogicalSize;
 use winit::event::{StartCause, WindowEvent};
@@ -39,7 +42,9 @@ const OWN: u64 = 0;
 
 /// Opens the window and stays until it is closed. The text says what is missing.
 pub fn run(asked: Asked) -> Result<(), String> {
+    let tell = Tell::new(asked.tell);
     let events = start::event_loop()?;
+    tell.done("event loop");
     let proxy = events.create_proxy();
     let registry = choreo::registry();
     let shaders = asked.recipe.shaders.clone();
@@ -47,7 +52,7 @@ pub fn run(asked: Asked) -> Result<(), String> {
         let proxy = proxy.clone();
         // A window that has gone needs no picture; here and below.
         let told = move |painted| drop(proxy.send_event(News::Painted(Box::new(painted))));
-        Painter::start(start::renderer(registry.effects().to_vec(), shaders), told)
+        Painter::start(start::renderer(registry.effects().to_vec(), shaders, tell), told)
     };
     let painter = painter.map_err(|e| format!("cannot start a thread: {e}"))?;
     let path = asked.recipe.is_script().then(|| asked.recipe.input.clone());
@@ -79,6 +84,7 @@ pub fn run(asked: Asked) -> Result<(), String> {
         wake_at: None,
         drawn: 0,
         lose: asked.lose,
+        tell,
         failures: 0,
         failed: None,
     };
@@ -127,6 +133,7 @@ struct App {
     /// Frames of the window so far.
     drawn: u64,
     lose: Vec<u64>,
+    tell: Tell,
     /// In a row.
     failures: u32,
     failed: Option<String>,
@@ -238,12 +245,17 @@ impl App {
         self.drawn += 1;
         let lost =
             self.lose.contains(&self.drawn).then(|| "the device was lost, as the test has it".to_string());
+        let lost = lost.map_or(Ok(()), Err);
         let delay = output.viewport_output.get(&egui::ViewportId::ROOT).map(|v| v.repaint_delay);
-        match drawn.map_err(|e| e.to_string()).and(lost.map_or(Ok(()), Err)) {
-            Ok(()) => {
+        match drawn.map_err(|e| e.to_string()).and_then(|drawn| lost.map(|()| drawn)) {
+            Ok(false) => {}
+            Ok(true) => {
                 self.failures = 0;
-                for frame in std::mem::take(&mut self.frames).into_values() {
+                for (view, frame) in std::mem::take(&mut self.frames) {
                     self.painter.give_back(frame);
+                    if let Some(shown) = self.viewer.views.get(view).and_then(|v| v.shown.as_ref()) {
+                        self.tell.shown(view, shown, &self.viewer.held);
+                    }
                 }
                 if open.gpu.pictures() != textures {
                     // The panels did not know it yet.
@@ -298,6 +310,7 @@ impl App {
         } else if whose != self.guests {
             return;
         }
+        self.tell.done("scene");
         self.viewer.take_version(version);
         if self.viewer.scene.is_some()
             && let Some((at, play)) = self.begin.take()
@@ -364,8 +377,10 @@ impl ApplicationHandler<News> for App {
             .with_inner_size(LogicalSize::new(1280.0, 860.0))
             .with_min_inner_size(LogicalSize::new(320.0, 200.0));
         let window = events.create_window(attributes).map_err(|e| format!("no window: {e}"));
+        self.tell.done("window");
         match window.and_then(|window| Open::new(Arc::new(window), &self.proxy)) {
             Ok(open) => {
+                self.tell.done("device of the window");
                 self.open = Some(open);
                 self.redraw();
             }

@@ -1,6 +1,7 @@
 //! What can be missing when a window is to be opened, said with the package that has it.
 
-use crate::window::News;
+use super::News;
+use super::tell::Tell;
 use choreo_live::StartRenderer;
 use choreo_plugin::Effect;
 use choreo_render::gpu::{GpuOptions, SteadyRenderer};
@@ -50,7 +51,7 @@ fn no_window(why: &str) -> String {
 }
 
 /// As `choreo render` has it: Vulkan where a driver works, else our own renderer.
-pub fn renderer(effects: Vec<Arc<dyn Effect>>, shaders: Option<PathBuf>) -> StartRenderer {
+pub fn renderer(effects: Vec<Arc<dyn Effect>>, shaders: Option<PathBuf>, tell: Tell) -> StartRenderer {
     Box::new(move || {
         let cache_dir = choreo::cache_dir();
         let options =
@@ -62,6 +63,7 @@ pub fn renderer(effects: Vec<Arc<dyn Effect>>, shaders: Option<PathBuf>) -> Star
                 (Box::new(CpuRenderer::new(&effects)), Some(note))
             }
         };
+        tell.done("renderer");
         Ok(renderer)
     })
 }

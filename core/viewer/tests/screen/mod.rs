@@ -1,6 +1,8 @@
 //! A display without a screen, and hands for it.
 #![allow(dead_code)]
 
+pub mod told;
+
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -65,11 +67,17 @@ impl Screen {
         String::from_utf8_lossy(&output.stdout).trim().to_string()
     }
 
-    /// What it says goes into a file; its settings lie in a folder of their own.
-    pub fn view(&self, args: &[&str], folder: &Path) -> Running {
+    /// The viewer on this display; its settings lie in a folder of their own.
+    pub fn command(&self, args: &[&str], folder: &Path) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_choreo-view"));
         command.args(args).env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
         command.env("XDG_STATE_HOME", folder.join("state"));
+        command
+    }
+
+    /// What it says goes into a file.
+    pub fn view(&self, args: &[&str], folder: &Path) -> Running {
+        let mut command = self.command(args, folder);
         if validated() {
             command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
         }

@@ -1,0 +1,233 @@
+//! Keys of a property, `.key("position", [[time, value], …])`: the one at a time is changed, or one is added there as the others
+//! are written.
+
+use super::object::{Object, Refused, euler_degrees, quoted, rotation};
+use super::scan::{call_from, skip, trimmed, value_end};
+use super::values::{is_plain, literal, literals, plain, rewritten};
+use super::{Edit, seconds};
+use glam::{DQuat, DVec3};
+use std::ops::Range;
+
+/// Where a key is to be: on a frame of the stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct When {
+    pub secs: f64,
+    /// Frames a second: keys at `f(12)` are at frame 12, and half a frame tells two keys apart.
+    pub fps: f64,
+}
+
+/// A value of a key, to be written as its neighbours are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Value<'v> {
+    /// `[x, y, z]`
+    Point(DVec3),
+    /// Degrees about y, `[x, y, z]` in degrees, or a quaternion.
+    Turn(DQuat),
+    /// A factor, or one an axis.
+    Scale(DVec3),
+    /// As it is written.
+    Text(&'v str),
+}
+
+/// One of the keys in the text.
+struct Key {
+    all: Range<usize>,
+    secs: f64,
+    /// Its time is written as `f(12)`.
+    in_frames: bool,
+    value: Range<usize>,
+}
+
+impl Object<'_> {
+    /// Changes the key of a property at a time, or adds one.
+    ///
+    /// # Errors
+    /// The keys are computed, or stand elsewhere.
+    pub fn set_key(&self, property: &str, when: When, value: Value) -> Result<Edit, Refused> {
+        let name = quoted(property);
+        let is_it = |call: &&super::scan::Call| {
+            self.text[call.name.clone()] == *"key"
+                && self.text[call.inside.clone()].trim_start().starts_with(&name)
+        };
+        let Some(call) = self.calls.iter().rev().find(is_it) else {
+            let why = format!(
+                "line {}: its {property} has keys that are not written with it; change them there",
+                self.line
+            );
+            return Err(why.into());
+        };
+        let line = self.line_of(call.name.start);
+        let computed = || {
+            Refused::from(format!(
+                "line {line}: its {property} has keys that are computed; change them there"
+            ))
+        };
+        let start = (value_end(self.text, call.inside.start, call.inside.end) + 1).min(call.inside.end);
+        let keys = keys_in(self.text, start..value_end(self.text, start, call.inside.end), when.fps);
+        let keys = keys.ok_or_else(computed)?;
+        if let Some(key) = keys.iter().find(|key| (key.secs - when.secs).abs() < 0.5 / when.fps) {
+            let range = trimmed(self.text, &key.value);
+            return over(self.text, &range, &value).ok_or_else(computed);
+        }
+        let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
+        let time = match keys.iter().all(|key| key.in_frames) {
+            true => format!("f({})", libm::round(when.secs * when.fps)),
+            false => seconds(when.secs),
+        };
+        let near = near(self.text, &keys, next, when.secs);
+        let key = format!("[{time}, {}]", written_like(&near, &value));
+        Ok(inserted(self.text, &keys, next, &key))
+    }
+}
+
+/// `None` where anything of them but the values is computed.
+fn keys_in(text: &str, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
+    let array = trimmed(text, &bytes);
+    let inside = text[array.clone()].strip_prefix('[')?.strip_suffix(']')?;
+    let mut keys: Vec<Key> = Vec::new();
+    for part in parts(text, array.start + 1, array.start + 1 + inside.len()) {
+        let all = trimmed(text, &part);
+        let pair = text[all.clone()].strip_prefix('[')?.strip_suffix(']')?;
+        let parts: Vec<Range<usize>> = parts(text, all.start + 1, all.start + 1 + pair.len()).collect();
+        let [time, value, ..] = parts.as_slice() else { return None };
+        let (secs, in_frames) = time_at(text, time, fps)?;
+        if keys.last().is_some_and(|before| before.secs >= secs) {
+            return None;
+        }
+        keys.push(Key { all, secs, in_frames, value: value.clone() });
+    }
+    (!keys.is_empty()).then_some(keys)
+}
+
+/// Between commas; nothing behind a last one.
+fn parts(text: &str, start: usize, end: usize) -> impl Iterator<Item = Range<usize>> {
+    let mut at = start;
+    std::iter::from_fn(move || {
+        if skip(text, at) >= end {
+            return None;
+        }
+        let to = value_end(text, at, end);
+        let part = at..to;
+        at = to + 1;
+        Some(part)
+    })
+}
+
+/// A number of seconds, or `f(12)`.
+fn time_at(text: &str, bytes: &Range<usize>, fps: f64) -> Option<(f64, bool)> {
+    if let Some((_, secs)) = literal(text, bytes) {
+        return Some((secs, false));
+    }
+    let range = trimmed(text, bytes);
+    let call = call_from(text, range.start)
+        .filter(|call| call.end == range.end && text[call.name.clone()] == *"f")?;
+    let (_, frame) = literal(text, &call.inside)?;
+    Some((frame / fps, true))
+}
+
+/// In place of a value. `None` where that is computed.
+fn over(text: &str, bytes: &Range<usize>, value: &Value) -> Option<Edit> {
+    if let Value::Text(new) = value {
+        return is_plain(text, bytes).then(|| Edit { range: bytes.clone(), text: new.to_string() });
+    }
+    let old = literals(text, bytes).filter(|old| !old.is_empty())?;
+    let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
+    let new = numbers_like(&values, value);
+    match new.len() == old.len() {
+        // What is between the numbers stays, too.
+        true => rewritten(text, &old, &new),
+        false => Some(Edit { range: bytes.clone(), text: list(&new) }),
+    }
+}
+
+/// The numbers that keys have at a time before the key `next`: between its neighbours, as if they were linear; none where those
+/// are computed.
+fn near(text: &str, keys: &[Key], next: usize, secs: f64) -> Vec<f64> {
+    let of = |key: Option<&Key>| -> Option<(f64, Vec<f64>)> {
+        let numbers = literals(text, &key?.value)?;
+        Some((key?.secs, numbers.iter().map(|(_, v)| *v).collect()))
+    };
+    let before = next.checked_sub(1).and_then(|n| of(keys.get(n)));
+    match (before, of(keys.get(next))) {
+        (Some((from, a)), Some((to, b))) if a.len() == b.len() => {
+            let part = (secs - from) / (to - from);
+            a.iter().zip(&b).map(|(a, b)| a + (b - a) * part).collect()
+        }
+        (Some((_, values)), _) | (None, Some((_, values))) => values,
+        (None, None) => Vec::new(),
+    }
+}
+
+fn written_like(near: &[f64], value: &Value) -> String {
+    match value {
+        Value::Text(new) => new.to_string(),
+        _ => list(&numbers_like(near, value)),
+    }
+}
+
+fn list(values: &[f64]) -> String {
+    let all: Vec<String> = values.iter().map(|v| plain(*v)).collect();
+    if let [one] = all.as_slice() { one.clone() } else { format!("[{}]", all.join(", ")) }
+}
+
+/// As many numbers as a key near it has, where they can say it; angles as near to its as they can be.
+fn numbers_like(near: &[f64], value: &Value) -> Vec<f64> {
+    match *value {
+        Value::Point(p) => p.to_array().to_vec(),
+        Value::Scale(s) if near.len() != 3 && (s - DVec3::splat(s.x)).abs().max_element() < 1e-9 => vec![s.x],
+        Value::Scale(s) => s.to_array().to_vec(),
+        Value::Turn(q) => match near {
+            [x, y, z, w] => {
+                let sign = if q.dot(DQuat::from_xyzw(*x, *y, *z, *w)) < 0.0 { -1.0 } else { 1.0 };
+                q.to_array().map(|v| v * sign).to_vec()
+            }
+            [x, y, z] => nearest(q, DVec3::new(*x, *y, *z)).to_array().to_vec(),
+            _ if q.x.abs() < 1e-9 && q.z.abs() < 1e-9 => {
+                let degrees = 2.0 * libm::atan2(q.y, q.w).to_degrees();
+                vec![turns(degrees, near.first().copied().unwrap_or(0.0))]
+            }
+            _ => nearest(q, DVec3::new(0.0, near.first().copied().unwrap_or(0.0), 0.0)).to_array().to_vec(),
+        },
+        Value::Text(_) => Vec::new(),
+    }
+}
+
+/// The same angle, within half a turn of another.
+fn turns(degrees: f64, near: f64) -> f64 {
+    degrees + 360.0 * libm::round((near - degrees) / 360.0)
+}
+
+/// Of the angles that say a rotation, those nearest to others: keys go from angle to angle, not the shortest way.
+fn nearest(q: DQuat, near: DVec3) -> DVec3 {
+    let one = euler_degrees(q);
+    let other = DVec3::new(one.x + 180.0, 180.0 - one.y, one.z + 180.0);
+    let all = [one, other].map(|e| DVec3::new(turns(e.x, near.x), turns(e.y, near.y), turns(e.z, near.z)));
+    debug_assert!(all.iter().all(|e| rotation(*e).dot(q).abs() > 1.0 - 1e-6));
+    if (all[1] - near).length() < (all[0] - near).length() - 1e-6 { all[1] } else { all[0] }
+}
+
+/// Before the key `next`, or behind the last: on a line of its own where the others are.
+fn inserted(text: &str, keys: &[Key], next: usize, key: &str) -> Edit {
+    // What stands before a key: a new line with its blanks, or a space.
+    let before = |at: usize| {
+        let line = text[..at].rfind('\n').map_or(0, |n| n + 1);
+        let blanks = &text[line..at];
+        let alone = line > 0 && blanks.chars().all(char::is_whitespace);
+        if alone { format!("\n{blanks}") } else { " ".to_string() }
+    };
+    if let Some(after) = keys.get(next) {
+        let at = after.all.start;
+        return Edit { range: at..at, text: format!("{key},{}", before(at)) };
+    }
+    let last = &keys[keys.len() - 1];
+    let at = last.all.end;
+    let gap = before(last.all.start);
+    let rest = &text[at..text[at..].find('\n').map_or(text.len(), |n| at + n)];
+    let remark = rest.trim_start().trim_start_matches(',').trim_start().starts_with("//");
+    if gap.starts_with('\n') && remark {
+        // Behind the remark on the last one, which needs a comma then.
+        let comma = if rest.trim_start().starts_with(',') { "" } else { "," };
+        return Edit { range: at..at + rest.len(), text: format!("{comma}{rest}{gap}{key}") };
+    }
+    Edit { range: at..at, text: format!(",{gap}{key}") }
+}

@@ -1,0 +1,338 @@
+//! What is made from the window's Vulkan device, and how a frame of the window is recorded. One frame in flight: what is drawn is a
+//! few thousand triangles and one texture a view, and waiting for the last of them costs less than keeping everything twice.
+
+use super::gpu_error::{GpuError, Named};
+use super::picture::{Picture, whole};
+use super::swapchain::Swapchain;
+use ash::{khr, vk};
+use choreo_plugin::Frame;
+use egui::{ClippedPrimitive, TextureId, TexturesDelta};
+use egui_ash_renderer::allocator::GpuAllocator;
+use egui_ash_renderer::vulkan::create_vulkan_descriptor_set_layout;
+use egui_ash_renderer::{DynamicRendering, Options, RenderMode, Renderer};
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// A driver that hangs must not hang the program.
+const TIMEOUT_NS: u64 = 60_000_000_000;
+const VIEWS: u32 = crate::view::MOST_VIEWS as u32;
+
+/// Everything made from the device, in one place so that it goes in order.
+pub struct Device {
+    raw: ash::Device,
+    pub queue: vk::Queue,
+    swapchains: khr::swapchain::Device,
+    pub format: vk::SurfaceFormatKHR,
+    pub swapchain: Option<Swapchain>,
+    pool: vk::CommandPool,
+    commands: vk::CommandBuffer,
+    /// Signalled when the last frame is done.
+    done: vk::Fence,
+    pub acquired: vk::Semaphore,
+    sampler: vk::Sampler,
+    set_layout: vk::DescriptorSetLayout,
+    sets: vk::DescriptorPool,
+    allocator: Option<Arc<Mutex<Allocator>>>,
+    egui: Option<Renderer<GpuAllocator>>,
+    /// By view.
+    pub pictures: Vec<Slot>,
+    /// Textures that the frame in flight may still use.
+    to_free: Vec<TextureId>,
+    pub largest_texture: usize,
+}
+
+/// A view's picture, once there was one, and what egui calls it.
+pub struct Slot {
+    set: vk::DescriptorSet,
+    picture: Option<Picture>,
+    pub id: Option<TextureId>,
+}
+
+impl Device {
+    /// With nothing made from it yet.
+    pub fn new(
+        instance: &ash::Instance,
+        raw: ash::Device,
+        queue: vk::Queue,
+        largest_texture: usize,
+    ) -> Device {
+        Device {
+            swapchains: khr::swapchain::Device::new(instance, &raw),
+            raw,
+            queue,
+            format: vk::SurfaceFormatKHR::default(),
+            swapchain: None,
+            pool: vk::CommandPool::null(),
+            commands: vk::CommandBuffer::null(),
+            done: vk::Fence::null(),
+            acquired: vk::Semaphore::null(),
+            sampler: vk::Sampler::null(),
+            set_layout: vk::DescriptorSetLayout::null(),
+            sets: vk::DescriptorPool::null(),
+            allocator: None,
+            egui: None,
+            pictures: Vec::new(),
+            to_free: Vec::new(),
+            largest_texture,
+        }
+    }
+
+    pub fn make(
+        &mut self,
+        instance: &ash::Instance,
+        physical: vk::PhysicalDevice,
+        family: u32,
+    ) -> Result<(), GpuError> {
+        let raw = &self.raw;
+        let pool = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(family)
+            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
+        let fence = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
+        let sampler = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::LINEAR)
+            .min_filter(vk::Filter::LINEAR)
+            .address_mode_u(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE);
+        let sizes = [vk::DescriptorPoolSize {
+            ty: vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+            descriptor_count: VIEWS,
+        }];
+        let sets = vk::DescriptorPoolCreateInfo::default().max_sets(VIEWS).pool_sizes(&sizes);
+        // SAFETY: the device is alive; what is made is destroyed by `drop`.
+        unsafe {
+            self.pool = raw.create_command_pool(&pool, None).named("command pool")?;
+            let info =
+                vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
+            self.commands = raw.allocate_command_buffers(&info).named("commands")?[0];
+            self.done = raw.create_fence(&fence, None).named("fence")?;
+            let semaphore = raw.create_semaphore(&vk::SemaphoreCreateInfo::default(), None);
+            self.acquired = semaphore.named("semaphore")?;
+            self.sampler = raw.create_sampler(&sampler, None).named("sampler")?;
+            self.sets = raw.create_descriptor_pool(&sets, None).named("descriptor pool")?;
+        }
+        self.set_layout = create_vulkan_descriptor_set_layout(raw).named("descriptor layout")?;
+        let layouts = [self.set_layout; VIEWS as usize];
+        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.sets).set_layouts(&layouts);
+        // SAFETY: as above.
+        let sets = unsafe { raw.allocate_descriptor_sets(&info) }.named("descriptor sets")?;
+        self.pictures = sets.into_iter().map(|set| Slot { set, picture: None, id: None }).collect();
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.clone(),
+            device: raw.clone(),
+            physical_device: physical,
+            debug_settings: Default::default(),
+            buffer_device_address: false,
+            allocation_sizes: Default::default(),
+        });
+        let allocator = Arc::new(Mutex::new(allocator.named("allocator")?));
+        let mode = RenderMode::DynamicRendering(DynamicRendering {
+            color_attachment_format: self.format.format,
+            depth_attachment_format: None,
+            stencil_attachment_format: None,
+        });
+        let srgb_framebuffer = matches!(
+            self.format.format,
+            vk::Format::B8G8R8A8_SRGB | vk::Format::R8G8B8A8_SRGB | vk::Format::A8B8G8R8_SRGB_PACK32
+        );
+        let options = Options { in_flight_frames: 1, srgb_framebuffer, ..Options::default() };
+        let egui = Renderer::with_gpu_allocator(allocator.clone(), raw.clone(), mode, options);
+        self.allocator = Some(allocator);
+        self.egui = Some(egui.named("renderer of the panels")?);
+        Ok(())
+    }
+
+    /// For the last frame.
+    pub fn wait(&mut self) -> Result<(), GpuError> {
+        // SAFETY: the fence is alive; it is signalled at first.
+        unsafe { self.raw.wait_for_fences(&[self.done], true, TIMEOUT_NS) }.named("last frame")?;
+        for id in std::mem::take(&mut self.to_free) {
+            if let Some(egui) = &mut self.egui {
+                egui.free_texture(id).named("texture")?;
+            }
+        }
+        Ok(())
+    }
+
+    pub fn textures(&mut self, mut textures: TexturesDelta) -> Result<(), GpuError> {
+        // Emptied at once: egui takes it for a fault if one is dropped with something left in it.
+        let set = std::mem::take(&mut textures.set);
+        self.to_free.extend(std::mem::take(&mut textures.free));
+        let Some(egui) = &mut self.egui else { return Ok(()) };
+        for (id, deltas) in &set {
+            for delta in deltas {
+                egui.set_texture(self.queue, self.pool, *id, delta).named("texture of the panels")?;
+            }
+        }
+        Ok(())
+    }
+
+    pub fn prepare_picture(&mut self, view: usize, size: [u32; 2]) -> Result<(), GpuError> {
+        let (Some(slot), Some(allocator)) = (self.pictures.get_mut(view), self.allocator.clone()) else {
+            return Ok(());
+        };
+        if slot.picture.as_ref().is_some_and(|p| p.size == size) {
+            return Ok(());
+        }
+        let mut allocator = locked(&allocator);
+        if let Some(mut old) = slot.picture.take() {
+            old.destroy(&self.raw, &mut allocator);
+        }
+        let picture = Picture::new(&self.raw, &mut allocator, size)?;
+        let image = [vk::DescriptorImageInfo::default()
+            .sampler(self.sampler)
+            .image_view(picture.view())
+            .image_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)];
+        let write = [vk::WriteDescriptorSet::default()
+            .dst_set(slot.set)
+            .descriptor_type(vk::DescriptorType::COMBINED_IMAGE_SAMPLER)
+            .image_info(&image)];
+        // SAFETY: no frame in flight uses the set.
+        unsafe { self.raw.update_descriptor_sets(&write, &[]) };
+        slot.picture = Some(picture);
+        slot.id = slot.id.or_else(|| self.egui.as_mut().map(|egui| egui.add_user_texture(slot.set)));
+        Ok(())
+    }
+
+    pub fn new_swapchain(
+        &mut self,
+        surface: vk::SurfaceKHR,
+        capabilities: &vk::SurfaceCapabilitiesKHR,
+        window: [u32; 2],
+    ) -> Result<(), GpuError> {
+        self.drop_swapchain()?;
+        let made =
+            Swapchain::new(&self.raw, self.swapchains.clone(), surface, capabilities, self.format, window);
+        self.swapchain = Some(made?);
+        Ok(())
+    }
+
+    pub fn drop_swapchain(&mut self) -> Result<(), GpuError> {
+        if let Some(mut old) = self.swapchain.take() {
+            // SAFETY: the queue is only used on this thread.
+            unsafe { self.raw.device_wait_idle() }.named("device")?;
+            old.destroy(&self.raw);
+        }
+        Ok(())
+    }
+
+    pub fn record(
+        &mut self,
+        index: u32,
+        primitives: &[ClippedPrimitive],
+        pixels_per_point: f32,
+        frames: &BTreeMap<usize, Frame>,
+    ) -> Result<(), GpuError> {
+        let (Some(swapchain), Some(egui)) = (&self.swapchain, &mut self.egui) else { return Ok(()) };
+        let (raw, commands, extent) = (&self.raw, self.commands, swapchain.extent);
+        let (image, view) = (swapchain.images[index as usize], swapchain.views[index as usize]);
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the last frame is done, so its commands are not pending.
+        unsafe {
+            raw.reset_command_buffer(commands, vk::CommandBufferResetFlags::empty()).named("commands")?;
+            raw.begin_command_buffer(commands, &begin).named("commands")?;
+        }
+        for (view, frame) in frames {
+            if let Some(picture) = self.pictures.get_mut(*view).and_then(|slot| slot.picture.as_mut()) {
+                picture.upload(raw, commands, frame);
+            }
+        }
+        use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};
+        let barrier = |from, to, access: (vk::AccessFlags2, vk::AccessFlags2), after| {
+            [vk::ImageMemoryBarrier2::default()
+                .image(image)
+                .subresource_range(whole())
+                .old_layout(from)
+                .new_layout(to)
+                .src_stage_mask(S::COLOR_ATTACHMENT_OUTPUT)
+                .src_access_mask(access.0)
+                .dst_stage_mask(after)
+                .dst_access_mask(access.1)
+                .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+                .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)]
+        };
+        let write = A::COLOR_ATTACHMENT_WRITE | A::COLOR_ATTACHMENT_READ;
+        let to_draw =
+            barrier(L::UNDEFINED, L::COLOR_ATTACHMENT_OPTIMAL, (A::NONE, write), S::COLOR_ATTACHMENT_OUTPUT);
+        let to_show = barrier(L::COLOR_ATTACHMENT_OPTIMAL, L::PRESENT_SRC_KHR, (write, A::NONE), S::NONE);
+        let color = [vk::RenderingAttachmentInfo::default()
+            .image_view(view)
+            .image_layout(L::COLOR_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::CLEAR)
+            .store_op(vk::AttachmentStoreOp::STORE)];
+        let info = vk::RenderingInfo::default()
+            .render_area(vk::Rect2D { offset: vk::Offset2D::default(), extent })
+            .layer_count(1)
+            .color_attachments(&color);
+        // SAFETY: commands are being recorded; the image was acquired; all pointers live until each call returns.
+        unsafe {
+            raw.cmd_pipeline_barrier2(
+                commands,
+                &vk::DependencyInfo::default().image_memory_barriers(&to_draw),
+            );
+            raw.cmd_begin_rendering(commands, &info);
+        }
+        let drawn = egui.cmd_draw(commands, extent, pixels_per_point, primitives);
+        // SAFETY: as above.
+        unsafe {
+            raw.cmd_end_rendering(commands);
+            raw.cmd_pipeline_barrier2(
+                commands,
+                &vk::DependencyInfo::default().image_memory_barriers(&to_show),
+            );
+            raw.end_command_buffer(commands).named("commands")?;
+        }
+        drawn.named("panels")
+    }
+
+    pub fn submit(&self, index: u32) -> Result<(), GpuError> {
+        let Some(swapchain) = &self.swapchain else { return Ok(()) };
+        let stage = vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT;
+        let wait = [vk::SemaphoreSubmitInfo::default().semaphore(self.acquired).stage_mask(stage)];
+        let signal = [vk::SemaphoreSubmitInfo::default()
+            .semaphore(swapchain.drawn[index as usize])
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(self.commands)];
+        let submit = [vk::SubmitInfo2::default()
+            .wait_semaphore_infos(&wait)
+            .signal_semaphore_infos(&signal)
+            .command_buffer_infos(&commands)];
+        // SAFETY: fence and semaphores are free: the last frame is done and the image was just acquired.
+        unsafe {
+            self.raw.reset_fences(&[self.done]).named("fence")?;
+            self.raw.queue_submit2(self.queue, &submit, self.done).named("frame of the window")
+        }
+    }
+}
+
+fn locked(allocator: &Mutex<Allocator>) -> MutexGuard<'_, Allocator> {
+    allocator.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // SAFETY: nothing else submits; an error (device lost) means that nothing runs any more.
+        let _ = unsafe { self.raw.device_wait_idle() };
+        if let Some(mut swapchain) = self.swapchain.take() {
+            swapchain.destroy(&self.raw);
+        }
+        for slot in &mut self.pictures {
+            if let (Some(mut picture), Some(allocator)) = (slot.picture.take(), &self.allocator) {
+                picture.destroy(&self.raw, &mut locked(allocator));
+            }
+        }
+        // Its buffers before the allocator, that before the device.
+        self.egui = None;
+        self.allocator = None;
+        // SAFETY: made from this device, no longer used; null handles are ignored.
+        unsafe {
+            self.raw.destroy_descriptor_pool(self.sets, None);
+            self.raw.destroy_descriptor_set_layout(self.set_layout, None);
+            self.raw.destroy_sampler(self.sampler, None);
+            self.raw.destroy_semaphore(self.acquired, None);
+            self.raw.destroy_fence(self.done, None);
+            self.raw.destroy_command_pool(self.pool, None);
+            self.raw.destroy_device(None);
+        }
+    }
+}

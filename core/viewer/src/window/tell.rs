@@ -1,0 +1,52 @@
+//! For tests and measurements: what the window has done and when, a line of JSON each on standard output. Hidden behind
+//! `--tell`, since nobody who works with the viewer reads it.
+
+use choreo_live::Shown;
+use choreo_render::Held;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::time::Instant;
+
+/// Says nothing unless asked to.
+#[derive(Clone, Copy)]
+pub struct Tell {
+    since: Option<Instant>,
+}
+
+impl Tell {
+    pub fn new(on: bool) -> Tell {
+        Tell { since: on.then(Instant::now) }
+    }
+
+    /// Something that is done once, as the program starts.
+    pub fn done(&self, what: &str) {
+        self.say(|| json!({ "told": what }));
+    }
+
+    /// A picture that has gone to the screen, with what its frame took and what the renderer holds.
+    pub fn shown(&self, view: usize, shown: &Shown, held: &Held) {
+        let frame = shown.evaluated_in + shown.planned_in + shown.drawn_in;
+        self.say(|| {
+            json!({
+                "told": "shown",
+                "view": view,
+                "version": shown.number,
+                "frame_ms": frame.as_secs_f64() * 1e3,
+                "pipelines": held.pipelines,
+                "objects": held.memory_objects,
+                "blocks": held.memory_blocks,
+                "bytes": held.bytes,
+                "device": shown.device.name,
+            })
+        });
+    }
+
+    fn say(&self, line: impl FnOnce() -> Value) {
+        let Some(since) = self.since else { return };
+        let mut line = line();
+        line["ms"] = json!(since.elapsed().as_secs_f64() * 1e3);
+        let mut out = std::io::stdout().lock();
+        // Nobody listens any more: nothing to be done.
+        let _ = writeln!(out, "{line}").and_then(|()| out.flush());
+    }
+}

@@ -1,0 +1,255 @@
+//! What the viewer takes, measured on a real window without a screen: `cargo test --release -p choreo -p choreo-viewer --test figures --
+//! --ignored --nocapture`. Lines for the README; the device and the machine's load are part of them.
+
+#![cfg(target_os = "linux")]
+
+mod screen;
+
+use screen::Screen;
+use screen::told::Told;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Of fifteen lines.
+const SHORT: &str = r##"stage(#{ size: [1280, 720], fps: 30, length: 4.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", load("choreo:mannequin", #{ color: "coral" }));
+ada.at(-0.6, 0.0, 0.0);
+ada.play(moves.clip("Walk")).until(2.0)
+    .then(moves.clip("Wave"), #{ fade: 0.5 });
+let bob = cast("bob", load("choreo:mannequin", #{ color: "teal" }));
+bob.at(0.6, 0.0, 0.0);
+bob.play(moves.clip("Dance_Groove"));
+let floor = cast("floor", shape("plane", #{ size: [8.0, 8.0] }));
+floor.at(0.0, 0.0, 0.0);
+camera("wide").at(0.0, 1.4, 5.0).look_at([0.0, 0.9, 0.0]);
+sun(#{ direction: [-0.6, -1.0, -0.9], shadow: true });
+ambient("white", 0.4);
+marker("hello", 2.0);
+"##;
+
+const SCRIPT: &str = r##"stage(#{ size: [640, 360], fps: 30, length: 4.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", load("choreo:mannequin", #{ color: "coral" })).at(-0.6, 0.0, 0.0);
+ada.play(moves.clip("Walk")).until(2.0)
+    .then(moves.clip("Wave"), #{ fade: 0.5 });
+let bob = cast("bob", load("choreo:mannequin", #{ color: "teal" })).at(0.6, 0.0, 0.0);
+bob.play(moves.clip("Dance_Groove"));
+cast("hill", load("hill.glb")).at(0.0, -0.1, 0.0);
+camera("wide").at(0.0, 1.4, FAR).look_at([0.0, 0.9, 0.0]);
+sun(#{ direction: [-0.6, -1.0, -0.9] });
+ambient("white", 0.4);
+effect("glow", #{ amount: 0.2 });
+// COMMENT
+"##;
+
+const GLOW: &str = "// effect: glow\n// about: brighter\n// version: 1\n// param amount = 0.5 in 0..1: how much\n\
+    fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    return color * (1.0 + BY * p[amount]);\n}\n";
+
+const EDITS: usize = 200;
+
+fn part(sorted: &[f64], percent: usize) -> f64 {
+    sorted[(sorted.len() - 1) * percent / 100]
+}
+
+fn median(mut all: Vec<f64>) -> f64 {
+    all.sort_by(f64::total_cmp);
+    part(&all, 50)
+}
+
+fn load() -> String {
+    let text = fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    text.split_whitespace().next().unwrap_or("?").to_string()
+}
+
+#[test]
+#[ignore = "takes half a minute, and is a measurement"]
+fn start_rest_and_memory() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let script = folder.path().join("a.rhai");
+    fs::write(&script, SHORT).unwrap();
+    let start = || {
+        let mut command = screen.command(&[script.to_str().unwrap()], folder.path());
+        command.env("XDG_CACHE_HOME", folder.path().join("cache"));
+        let begin = Instant::now();
+        let told = Told::start(command);
+        let (end, last) = told.shown(1);
+        ((end - begin).as_secs_f64() * 1e3, told, last)
+    };
+    let (cold, told, _) = start();
+    drop(told);
+    const PARTS: [&str; 7] = [
+        "event loop",
+        "renderer",
+        "scene",
+        "window",
+        "device of the window",
+        "colors and fonts",
+        "picture drawn",
+    ];
+    let mut all = Vec::new();
+    let mut parts: Vec<Vec<f64>> = vec![Vec::new(); PARTS.len() + 1];
+    let mut frames = Vec::new();
+    for _ in 0..15 {
+        let mut command = screen.command(&[script.to_str().unwrap()], folder.path());
+        command.env("XDG_CACHE_HOME", folder.path().join("cache"));
+        let begin = Instant::now();
+        let told = Told::start(command);
+        let mut last;
+        loop {
+            last = told.next();
+            let at = PARTS.iter().position(|p| last.1["told"] == *p).unwrap_or(PARTS.len());
+            parts[at].push(last.1["ms"].as_f64().unwrap());
+            if last.1["told"] == "shown" {
+                break;
+            }
+        }
+        all.push((last.0 - begin).as_secs_f64() * 1e3);
+        frames.push(last.1["frame_ms"].as_f64().unwrap());
+    }
+    all.sort_by(f64::total_cmp);
+    println!("| start of a script of 15 lines, 1280×720 | ms |\n|---|---|");
+    println!("| first time, without a cache on the disk | {cold:.0} |");
+    println!("| picture on the screen, median of 15 | {:.0} |", part(&all, 50));
+    println!("| worst of 15 | {:.0} |", part(&all, 100));
+    for (name, times) in PARTS.iter().zip(parts) {
+        if !times.is_empty() {
+            println!("| … {name} at | {:.0} |", median(times));
+        }
+    }
+    println!("| … of it the frame | {:.0} |", median(frames));
+    let (_, told, last) = start();
+    std::thread::sleep(Duration::from_secs(2));
+    let before = told.processor_secs();
+    std::thread::sleep(Duration::from_secs(10));
+    println!("\nat rest {:.2} % of a core", (told.processor_secs() - before) * 10.0);
+    println!(
+        "memory {:.0} MB, of it {:.0} MB in files that are mapped (programs, drivers); on the device {:.1} MB",
+        told.status("VmRSS") as f64 / 1e3,
+        told.status("RssFile") as f64 / 1e3,
+        last["bytes"].as_f64().unwrap() / 1e6
+    );
+    println!("on {}, load {}", last["device"], load());
+}
+
+/// A field of 322 × 322 vertices with normals, 5 MB, `height` metres high.
+fn hill(height: f32) -> Vec<u8> {
+    const SIDE: u32 = 322;
+    let at = |i: u32| (i as f32 / (SIDE - 1) as f32 - 0.5) * 8.0;
+    let (mut positions, mut normals) = (Vec::new(), Vec::new());
+    let mut indices: Vec<u8> = Vec::new();
+    for row in 0..SIDE {
+        for column in 0..SIDE {
+            let (x, z) = (at(column), at(row));
+            let round = 1.0 + x * x + z * z;
+            let y = height / round - height;
+            // The gradient of y, as a unit vector across the surface.
+            let slope = 2.0 * height / (round * round);
+            let length = (1.0 + slope * slope * (x * x + z * z)).sqrt();
+            let across = [slope * x / length, 1.0 / length, slope * z / length];
+            normals.extend(across.into_iter().flat_map(f32::to_le_bytes));
+            positions.extend([x, y, z].into_iter().flat_map(f32::to_le_bytes));
+        }
+    }
+    for row in 0..SIDE - 1 {
+        for column in 0..SIDE - 1 {
+            let a = row * SIDE + column;
+            let corners = [a, a + SIDE, a + 1, a + 1, a + SIDE, a + SIDE + 1];
+            indices.extend(corners.into_iter().flat_map(u32::to_le_bytes));
+        }
+    }
+    let (first, second, vertices) = (positions.len(), indices.len(), SIDE * SIDE);
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"name":"hill"}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"NORMAL":2}},"indices":1}}]}}],"buffers":[{{"byteLength":{}}}],
+        "bufferViews":[{{"buffer":0,"byteLength":{first}}},{{"buffer":0,"byteOffset":{first},"byteLength":{second}}},
+        {{"buffer":0,"byteOffset":{},"byteLength":{first}}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":{vertices},"type":"VEC3","min":[-4,{},-4],"max":[4,0,4]}},
+        {{"bufferView":1,"componentType":5125,"count":{},"type":"SCALAR"}},
+        {{"bufferView":2,"componentType":5126,"count":{vertices},"type":"VEC3"}}]}}"#,
+        first + second + first,
+        first + second,
+        -height,
+        second / 4,
+    );
+    let mut text = json.into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let mut out = b"glTF".to_vec();
+    let total = 12 + 8 + text.len() + 8 + first + second + first;
+    for word in [2, total as u32, text.len() as u32, 0x4E4F_534A] {
+        out.extend(word.to_le_bytes());
+    }
+    out.extend(&text);
+    out.extend(((first + second + first) as u32).to_le_bytes());
+    out.extend(0x004E_4942u32.to_le_bytes());
+    out.extend(positions);
+    out.extend(indices);
+    out.extend(normals);
+    out
+}
+
+/// From right before a file is written until the window shows the new version, less what the same frame takes once more where
+/// nothing has changed but a comment: that is drawn after each edit, so that a busy machine slows both.
+#[test]
+#[ignore = "takes some minutes, and is a measurement"]
+fn from_save_to_pixel() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let shaders = at("shaders");
+    fs::create_dir(&shaders).unwrap();
+    for file in fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders")).unwrap() {
+        let file = file.unwrap();
+        fs::copy(file.path(), shaders.join(file.file_name())).unwrap();
+    }
+    let own = fs::read_to_string(shaders.join("scene.wgsl")).unwrap();
+    let script = |far: usize| SCRIPT.replace("FAR", &format!("{:.3}", 5.0 + far as f64 * 0.001));
+    fs::write(at("a.rhai"), script(0)).unwrap();
+    fs::write(at("glow.wgsl"), GLOW.replace("BY", "1.0")).unwrap();
+    fs::write(at("hill.glb"), hill(0.5)).unwrap();
+    let arguments = [at("a.rhai"), "--shaders".into(), shaders.clone()];
+    let arguments: Vec<&str> = arguments.iter().map(|a| a.to_str().unwrap()).collect();
+    let told = Told::start(screen.command(&arguments, folder.path()));
+    let (_, first) = told.shown(1);
+    type Edit<'a> = &'a dyn Fn(usize) -> (PathBuf, Vec<u8>);
+    let edits: [(&str, f64, Edit); 4] = [
+        ("a number of the script", 50.0, &|n| (at("a.rhai"), script(n).into_bytes())),
+        ("an effect in WGSL", 150.0, &|n| {
+            (at("glow.wgsl"), GLOW.replace("BY", &format!("{:.3}", 1.0 + n as f64 * 0.001)).into_bytes())
+        }),
+        ("the renderer's own scene.wgsl", 150.0, &|n| {
+            (shaders.join("scene.wgsl"), format!("{own}\n// {n}\n").into_bytes())
+        }),
+        ("a GLB of 5 MB", 300.0, &|n| (at("hill.glb"), hill(0.5 + n as f32 * 0.001))),
+    ];
+    println!(
+        "| edit | median ms | p95 ms | worst ms | wanted p95 | the frame alone, ms |\n|---|---|---|---|---|---|"
+    );
+    let mut version = 1;
+    for (name, wanted, edit) in edits {
+        let (mut beyond, mut frames) = (Vec::new(), Vec::new());
+        for n in 1..=EDITS {
+            let (path, bytes) = edit(n);
+            let mut write = |path: &Path, bytes: &[u8]| {
+                version += 1;
+                let begin = Instant::now();
+                fs::write(path, bytes).unwrap();
+                let (end, shown) = told.shown(version);
+                // A file that is written in two steps can be seen in two.
+                version = shown["version"].as_u64().unwrap();
+                ((end - begin).as_secs_f64() * 1e3, shown["frame_ms"].as_f64().unwrap())
+            };
+            let (all, own) = write(&path, &bytes);
+            let text = fs::read_to_string(at("a.rhai")).unwrap();
+            let (_, frame) = write(&at("a.rhai"), format!("{text}// {n}\n").as_bytes());
+            beyond.push(all - frame.min(own));
+            frames.push(frame);
+        }
+        beyond.sort_by(f64::total_cmp);
+        let [middle, high, worst] = [50, 95, 100].map(|percent| part(&beyond, percent));
+        println!("| {name} | {middle:.1} | {high:.1} | {worst:.1} | {wanted:.0} | {:.1} |", median(frames));
+    }
+    println!("\n{EDITS} edits each, 640×360, 4 samples, on {}, load {}", first["device"], load());
+}

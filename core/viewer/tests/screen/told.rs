@@ -1,0 +1,72 @@
+//! A viewer that tells what it has shown (`--tell`), and what the system tells of its process.
+
+use super::Running;
+use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+const PATIENCE: Duration = Duration::from_secs(90);
+
+pub struct Told {
+    pub viewer: Running,
+    lines: Receiver<(Instant, Value)>,
+}
+
+impl Told {
+    /// `command` without `--tell`.
+    pub fn start(mut command: Command) -> Told {
+        let mut child = command.arg("--tell").stdout(Stdio::piped()).spawn().unwrap();
+        let (to, lines) = channel();
+        let from = BufReader::new(child.stdout.take().unwrap());
+        std::thread::spawn(move || {
+            let lines = from.lines().map_while(Result::ok);
+            let values = lines.filter_map(|line| serde_json::from_str::<Value>(&line).ok());
+            values.map(|value| (Instant::now(), value)).try_for_each(|told| to.send(told))
+        });
+        Told { viewer: Running(child), lines }
+    }
+
+    /// The next line, and when it came.
+    pub fn next(&self) -> (Instant, Value) {
+        self.lines.recv_timeout(PATIENCE).unwrap_or_else(|e| panic!("the viewer tells nothing: {e}"))
+    }
+
+    /// The next picture of this version or a later one on the screen.
+    pub fn shown(&self, version: u64) -> (Instant, Value) {
+        loop {
+            let (when, value) = self.next();
+            if value["told"] == "shown" && value["version"].as_u64() >= Some(version) {
+                return (when, value);
+            }
+        }
+    }
+
+    /// All that has been told by now.
+    pub fn so_far(&self) -> Vec<Value> {
+        self.lines.try_iter().map(|(_, value)| value).collect()
+    }
+
+    /// Seconds of the processor that its threads have taken together (`man proc_pid_stat`, fields 14 and 15).
+    pub fn processor_secs(&self) -> f64 {
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.viewer.0.id())).unwrap();
+        // The name may hold blanks; it ends with the last parenthesis.
+        let fields: Vec<f64> =
+            stat.rsplit(')').next().unwrap().split_whitespace().map(|f| f.parse().unwrap_or(0.0)).collect();
+        // Of Linux on every machine that this runs on: `getconf CLK_TCK`.
+        (fields[11] + fields[12]) / 100.0
+    }
+
+    /// Of `/proc/PID/status`: kB, or a count.
+    pub fn status(&self, name: &str) -> u64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.viewer.0.id())).unwrap();
+        let line = status.lines().find_map(|l| l.strip_prefix(name)?.strip_prefix(':'));
+        line.and_then(|l| l.split_whitespace().next()?.parse().ok()).unwrap_or_else(|| panic!("no {name}"))
+    }
+
+    /// Open files, sockets and pipes.
+    pub fn files(&self) -> usize {
+        std::fs::read_dir(format!("/proc/{}/fd", self.viewer.0.id())).unwrap().count()
+    }
+}
