@@ -107,17 +107,67 @@ fn a_device_that_is_lost_each_time_ends_with_a_message() {
 
 #[test]
 fn a_display_that_goes_ends_it_without_a_panic() {
-    let Some(mut screen) = Screen::new() else { return };
+    // At whatever it is doing: several times.
+    for wait in [0, 3, 17, 40] {
+        let Some(mut screen) = Screen::new() else { return };
+        let folder = tempfile::tempdir().unwrap();
+        let path = script(folder.path());
+        let mut viewer = screen.view(&[&path, "--play"], folder.path());
+        let window = screen.window();
+        picture(&screen, &window);
+        std::thread::sleep(Duration::from_millis(wait));
+        screen.server.0.kill().unwrap();
+        let status = until("the end", || viewer.0.try_wait().unwrap());
+        assert!(status.code().is_some_and(|code| code != 0), "{status:?}");
+        assert_quiet(folder.path());
+        // The script is as it was.
+        assert_eq!(fs::read_to_string(&path).unwrap(), SCRIPT);
+    }
+}
+
+#[test]
+fn a_window_that_was_hidden_shows_what_has_changed_meanwhile() {
+    let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let path = script(folder.path());
-    let mut viewer = screen.view(&[&path, "--play"], folder.path());
+    let mut viewer = screen.view(&[&path], folder.path());
     let window = screen.window();
     picture(&screen, &window);
-    screen.server.0.kill().unwrap();
-    let status = until("the end", || viewer.0.try_wait().unwrap());
-    assert!(status.code().is_some_and(|code| code != 0), "{status:?}");
+    screen.xdotool(&["windowunmap", "--sync", &window]);
+    fs::write(&path, SCRIPT.replace("#204060", "#602040")).unwrap();
+    std::thread::sleep(Duration::from_millis(800));
+    screen.xdotool(&["windowmap", "--sync", &window]);
+    until("the new picture", || (screen.shot(&window).count([0x60, 0x20, 0x40]) > 3_000).then_some(()));
+    ends_well(&screen, &window, &mut viewer);
     assert_quiet(folder.path());
-    // The script is as it was.
-    assert_eq!(fs::read_to_string(&path).unwrap(), SCRIPT);
-    std::thread::sleep(Duration::from_millis(10));
+}
+
+/// As on a screen with small pixels: everything is twice as large, and the picture has as many pixels as it is drawn with.
+#[test]
+fn on_a_screen_of_twice_the_scale_the_picture_is_pixel_on_pixel() {
+    let Some(screen) = Screen::new() else { return };
+    if !screen::there("xprop") {
+        println!("SKIP 1: xprop is not installed");
+        return;
+    }
+    let set = ["-root", "-f", "RESOURCE_MANAGER", "8s", "-set", "RESOURCE_MANAGER", "Xft.dpi:\t192\n"];
+    assert!(screen.run("xprop", &set).status.success());
+    let folder = tempfile::tempdir().unwrap();
+    let path = script(folder.path());
+    let mut viewer = screen.view(&[&path], folder.path());
+    let window = screen.window();
+    picture(&screen, &window);
+    let size = screen.xdotool(&["getwindowgeometry", "--shell", &window]);
+    assert!(size.contains("WIDTH=2560") && size.contains("HEIGHT=1720"), "{size}");
+    // On the screen, which is smaller, so that it can be seen whole.
+    screen.xdotool(&["windowsize", "--sync", &window, "1400", "1000"]);
+    let shot = until("the window in its new size", || Some(screen.shot(&window)).filter(|s| s.width == 1400));
+    until("the picture of its own size", || {
+        let [left, top, right, bottom] = screen.shot(&window).bounds(BACKGROUND);
+        (left < right && [right - left, bottom - top] == [160, 90]).then_some(())
+    });
+    assert!(shot.height == 1000);
+    screen.save(&window, "twice.png");
+    ends_well(&screen, &window, &mut viewer);
+    assert_quiet(folder.path());
 }

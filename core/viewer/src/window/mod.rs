@@ -88,8 +88,13 @@ pub fn run(asked: Asked) -> Result<(), String> {
         failures: 0,
         failed: None,
     };
-    events.run_app(&mut app).map_err(|e| format!("the window system failed: {e}"))?;
+    let ran = start::run(events, &mut app);
     app.remember();
+    if let Err(error) = ran {
+        // What belongs to the window system can no longer be given back to it.
+        std::mem::forget(app);
+        return Err(error);
+    }
     app.failed.take().map_or(Ok(()), Err)
 }
 

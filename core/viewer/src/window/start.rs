@@ -6,9 +6,12 @@ use choreo_live::StartRenderer;
 use choreo_plugin::Effect;
 use choreo_render::gpu::{GpuOptions, SteadyRenderer};
 use choreo_render::{CpuRenderer, Renderer};
-use std::panic::{catch_unwind, set_hook, take_hook};
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind, set_hook, take_hook};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use winit::application::ApplicationHandler;
 use winit::event_loop::EventLoop;
 
 /// (part of the system's words, Debian and Ubuntu packages)
@@ -36,12 +39,37 @@ pub fn event_loop() -> Result<EventLoop<News>, String> {
     match made {
         Ok(Ok(events)) => Ok(events),
         Ok(Err(error)) => Err(no_window(&error.to_string())),
-        Err(panic) => {
-            let text = panic.downcast_ref::<String>().map(String::as_str);
-            let text = text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("a library is missing");
-            Err(no_window(text))
-        }
+        Err(panic) => Err(no_window(said(&*panic))),
     }
+}
+
+/// Runs the window. A display that goes away is a panic inside winit (its X11 window unwraps every answer of the server); here it is
+/// an error, whose text says what was asked for in vain.
+pub fn run(events: EventLoop<News>, app: &mut impl ApplicationHandler<News>) -> Result<(), String> {
+    let gone = Arc::new(AtomicBool::new(false));
+    let usual = take_hook();
+    let (seen, thread) = (gone.clone(), std::thread::current().id());
+    set_hook(Box::new(move |panic| {
+        let winit = panic.location().is_some_and(|place| place.file().contains("winit"));
+        match winit && std::thread::current().id() == thread {
+            true => seen.store(true, Ordering::SeqCst),
+            false => usual(panic),
+        }
+    }));
+    let ran = catch_unwind(AssertUnwindSafe(|| events.run_app(app)));
+    drop(take_hook());
+    match ran {
+        Ok(ran) => ran.map_err(|e| format!("the window system failed: {e}")),
+        Err(panic) if gone.load(Ordering::SeqCst) => {
+            Err(format!("the window system has gone: {}", said(&*panic)))
+        }
+        Err(panic) => resume_unwind(panic),
+    }
+}
+
+fn said(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("a library is missing")
 }
 
 fn no_window(why: &str) -> String {

@@ -17,6 +17,20 @@ impl Drop for Running {
     }
 }
 
+/// Asked to end, so that it takes its lock on the number away with it.
+impl Drop for Screen {
+    fn drop(&mut self) {
+        let asked = Command::new("kill").arg(self.server.0.id().to_string()).status();
+        let end = Instant::now() + Duration::from_secs(5);
+        while asked.as_ref().is_ok_and(|s| s.success()) && Instant::now() < end {
+            match self.server.0.try_wait() {
+                Ok(None) => std::thread::sleep(Duration::from_millis(10)),
+                _ => return,
+            }
+        }
+    }
+}
+
 pub struct Screen {
     pub server: Running,
     pub display: String,
@@ -35,7 +49,7 @@ pub fn assert_quiet(folder: &Path) {
     }
 }
 
-fn there(program: &str) -> bool {
+pub fn there(program: &str) -> bool {
     std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).any(|p| p.join(program).is_file())
 }
 
@@ -48,9 +62,12 @@ impl Screen {
                 return None;
             }
         }
-        // The server picks a free number and tells it.
+        // The server picks a free number and tells it; two at once could take the same.
+        static ONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
+        let _one = ONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let mut server = Command::new("Xvfb");
-        server.args(["-displayfd", "1", "-screen", "0", "1400x1000x24", "-nolisten", "tcp"]);
+        // Else it begins anew when its last client goes, under the feet of one that comes.
+        server.args(["-noreset", "-displayfd", "1", "-screen", "0", "1400x1000x24", "-nolisten", "tcp"]);
         let mut child = server.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let mut line = String::new();
         let out = child.stdout.take().unwrap();
