@@ -126,6 +126,8 @@ fn the_sources_hold_nothing_that_differs_between_machines() {
         ".mul_add(",
     ];
     const TYPES: &[&str] = &["SystemTime", "thread_rng", "RandomState"];
+    // One rounding on every machine: an instruction on 64-bit ARM, and made of f64 arithmetic elsewhere.
+    const FUSED: &[&str] = &["core/motion/src/simd/fused.rs"];
     // Asks only whether a file was written while tests ran, to run them again.
     const CLOCKS: &[&str] = &["core/app/src/test/watch.rs"];
     let mut read = 0;
@@ -140,7 +142,10 @@ fn the_sources_hold_nothing_that_differs_between_machines() {
             } else if name.ends_with(".rs") {
                 read += 1;
                 let types = if CLOCKS.iter().any(|c| entry.ends_with(c)) { &TYPES[1..] } else { TYPES };
-                found.extend(differing(&entry, METHODS, types));
+                let fused = FUSED.iter().any(|f| entry.ends_with(f));
+                let methods: Vec<&str> =
+                    METHODS.iter().copied().filter(|m| !(fused && *m == ".mul_add(")).collect();
+                found.extend(differing(&entry, &methods, types));
             }
         }
     }

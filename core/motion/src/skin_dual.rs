@@ -165,7 +165,7 @@ impl<F: Vertices> Motion<F> {
         let zero = F::splat(0.0);
         let fours = summed::<F, N>(motions, block);
         let [[x, y, z, w], [dx, dy, dz, dw]] = F::halves(fours);
-        let square = x.mul(x).add(y.mul(y)).add(z.mul(z).add(w.mul(w)));
+        let square = x.fused_add(x, y.fused_add(y, z.fused_add(z, w.mul(w))));
         let some = F::splat(0.0).less(square);
         let scale = F::select(some, F::splat(2.0).div(square), zero);
         // The vector part of 2 dual · conjugate(real) / |real|².
@@ -174,7 +174,7 @@ impl<F: Vertices> Motion<F> {
         let across = cross(&vector, &dual);
         let mut translation = across;
         for i in 0..3 {
-            translation[i] = w.mul(dual[i]).sub(dw.mul(vector[i])).add(across[i]).mul(scale);
+            translation[i] = w.fused_add(dual[i], across[i].sub(dw.mul(vector[i]))).mul(scale);
         }
         Motion { vector, w, scale, translation }
     }
@@ -184,12 +184,12 @@ impl<F: Vertices> Motion<F> {
     fn turned(&self, v: [F; 3]) -> [F; 3] {
         let mut inner = cross(&self.vector, &v);
         for i in 0..3 {
-            inner[i] = inner[i].add(self.w.mul(v[i]));
+            inner[i] = self.w.fused_add(v[i], inner[i]);
         }
         let outer = cross(&self.vector, &inner);
         let mut out = v;
         for i in 0..3 {
-            out[i] = v[i].add(self.scale.mul(outer[i]));
+            out[i] = self.scale.fused_add(outer[i], v[i]);
         }
         out
     }
@@ -257,7 +257,7 @@ fn weighted<F: F8>(motions: &[DualQuaternion], joints: &[u16], weights: &[f32]) 
     for (joint, weight) in joints.iter().zip(weights) {
         let motion = &motions[usize::from(*joint)].0;
         let [weight, ..] = F::sided([&motion[0]; 4], pivot, &[*weight; 4]);
-        sum = sum.add(F::load_halves(motion).mul(F::splat(weight)));
+        sum = F::load_halves(motion).fused_add(F::splat(weight), sum);
     }
     sum
 }
@@ -276,7 +276,7 @@ fn weighted_by<F: F8, const N: usize>(
         let reals = [&motions[0].0[0], &motions[1].0[0], &motions[2].0[0], &motions[3].0[0]];
         let weights = F::sided(reals, pivot, weights);
         for j in 0..4 {
-            sum = sum.add(F::load_halves(&motions[j].0).mul(F::splat(weights[j])));
+            sum = F::load_halves(&motions[j].0).fused_add(F::splat(weights[j]), sum);
         }
     }
     sum

@@ -28,6 +28,15 @@ impl Lanes for Avx {
     fn mul(self, b: Self) -> Self {
         Avx(unsafe { _mm256_mul_ps(self.0, b.0) })
     }
+    // Only what skins vertices fuses, and that is entered after asking for FMA too.
+    #[inline(always)]
+    fn fused_add(self, b: Self, c: Self) -> Self {
+        Avx(unsafe { _mm256_fmadd_ps(self.0, b.0, c.0) })
+    }
+    #[inline(always)]
+    fn fused_sub(self, b: Self, c: Self) -> Self {
+        Avx(unsafe { _mm256_fmsub_ps(self.0, b.0, c.0) })
+    }
     #[inline(always)]
     fn div(self, b: Self) -> Self {
         Avx(unsafe { _mm256_div_ps(self.0, b.0) })
@@ -47,6 +56,10 @@ impl Lanes for Avx {
     #[inline(always)]
     fn and(self, b: Self) -> Self {
         Avx(unsafe { _mm256_and_ps(self.0, b.0) })
+    }
+    #[inline(always)]
+    fn all(mask: Self) -> bool {
+        unsafe { _mm256_movemask_ps(mask.0) == 0xFF }
     }
     #[inline(always)]
     fn select(mask: Self, yes: Self, no: Self) -> Self {

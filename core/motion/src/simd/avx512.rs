@@ -32,6 +32,14 @@ impl Lanes for Avx512 {
         Avx512(unsafe { _mm512_mul_ps(self.0, b.0) })
     }
     #[inline(always)]
+    fn fused_add(self, b: Self, c: Self) -> Self {
+        Avx512(unsafe { _mm512_fmadd_ps(self.0, b.0, c.0) })
+    }
+    #[inline(always)]
+    fn fused_sub(self, b: Self, c: Self) -> Self {
+        Avx512(unsafe { _mm512_fmsub_ps(self.0, b.0, c.0) })
+    }
+    #[inline(always)]
     fn div(self, b: Self) -> Self {
         Avx512(unsafe { _mm512_div_ps(self.0, b.0) })
     }
@@ -54,6 +62,10 @@ impl Lanes for Avx512 {
         Avx512(unsafe { _mm512_and_ps(self.0, b.0) })
     }
     #[inline(always)]
+    fn all(mask: Self) -> bool {
+        unsafe { _mm512_movepi32_mask(_mm512_castps_si512(mask.0)) == 0xFFFF }
+    }
+    #[inline(always)]
     fn select(mask: Self, yes: Self, no: Self) -> Self {
         Avx512(unsafe {
             _mm512_mask_blend_ps(_mm512_movepi32_mask(_mm512_castps_si512(mask.0)), no.0, yes.0)
@@ -72,13 +84,11 @@ impl Vertices for Avx512 {
     }
     #[inline(always)]
     fn weighted(matrix: &Affine3A, weight: f32) -> Self {
-        // On x86-64 a `Vec3A` is an SSE register: four floats, none of them padding, and an `Affine3A` four of them.
-        let from: *const f32 = std::ptr::from_ref(matrix).cast();
-        Avx512(unsafe { _mm512_loadu_ps(from) }).mul(Avx512::splat(weight))
+        Avx512::of_matrix(matrix).mul(Avx512::splat(weight))
     }
     #[inline(always)]
-    fn sum(a: Self, b: Self) -> Self {
-        a.add(b)
+    fn with_weighted(sum: Self, matrix: &Affine3A, weight: f32) -> Self {
+        Avx512::of_matrix(matrix).fused_add(Avx512::splat(weight), sum)
     }
     #[inline(always)]
     fn four([a, b, c, d]: [Self; 4]) -> [Self; 3] {
@@ -128,6 +138,15 @@ impl Vertices for Avx512 {
     #[inline(always)]
     fn put_points(rows: [Self; 3], points: &mut [[f32; 3]]) {
         store_points(rows, points.first_chunk_mut().expect(BLOCK));
+    }
+}
+
+impl Avx512 {
+    #[inline(always)]
+    fn of_matrix(matrix: &Affine3A) -> Self {
+        // On x86-64 a `Vec3A` is an SSE register: four floats, none of them padding, and an `Affine3A` four of them.
+        let from: *const f32 = std::ptr::from_ref(matrix).cast();
+        Avx512(unsafe { _mm512_loadu_ps(from) })
     }
 }
 

@@ -1,6 +1,6 @@
 //! Eight floats in an array, on any processor.
 
-use super::{Bits, F8, Lanes};
+use super::{Bits, F8, Lanes, fused::fused};
 use crate::{LANES, Lane};
 use glam::{Affine3A, Vec3A};
 
@@ -38,6 +38,14 @@ impl Lanes for Array {
         self.map2(b, |a, b| a * b)
     }
     #[inline(always)]
+    fn fused_add(self, b: Self, c: Self) -> Self {
+        Array(std::array::from_fn(|i| fused(self.0[i], b.0[i], c.0[i])))
+    }
+    #[inline(always)]
+    fn fused_sub(self, b: Self, c: Self) -> Self {
+        Array(std::array::from_fn(|i| fused(self.0[i], b.0[i], -c.0[i])))
+    }
+    #[inline(always)]
     fn div(self, b: Self) -> Self {
         self.map2(b, |a, b| a / b)
     }
@@ -56,6 +64,10 @@ impl Lanes for Array {
     #[inline(always)]
     fn and(self, b: Self) -> Self {
         self.map2(b, |a, b| f32::from_bits(a.to_bits() & b.to_bits()))
+    }
+    #[inline(always)]
+    fn all(mask: Self) -> bool {
+        mask.0.iter().all(|m| m.is_sign_negative())
     }
     #[inline(always)]
     fn select(mask: Self, yes: Self, no: Self) -> Self {

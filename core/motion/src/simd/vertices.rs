@@ -10,6 +10,10 @@ pub(crate) trait Lanes: Copy {
     fn add(self, b: Self) -> Self;
     fn sub(self, b: Self) -> Self;
     fn mul(self, b: Self) -> Self;
+    /// `self * b + c`, rounded once.
+    fn fused_add(self, b: Self, c: Self) -> Self;
+    /// `self * b - c`, rounded once.
+    fn fused_sub(self, b: Self, c: Self) -> Self;
     fn div(self, b: Self) -> Self;
     fn sqrt(self) -> Self;
     /// `-self` in the lanes where `by` has its sign bit set.
@@ -18,6 +22,8 @@ pub(crate) trait Lanes: Copy {
     fn less(self, b: Self) -> Self;
     /// Of two masks, the lanes in both.
     fn and(self, b: Self) -> Self;
+    /// Whether a mask is set in all lanes.
+    fn all(mask: Self) -> bool;
     /// `yes` in the lanes where the mask has its sign bit set.
     fn select(mask: Self, yes: Self, no: Self) -> Self;
 }
@@ -37,7 +43,8 @@ pub(crate) trait Vertices: Lanes {
     fn no_matrix() -> Self::Matrix;
     /// The matrix, weighted.
     fn weighted(matrix: &Affine3A, weight: f32) -> Self::Matrix;
-    fn sum(a: Self::Matrix, b: Self::Matrix) -> Self::Matrix;
+    /// The sum and the matrix, weighted, rounded once.
+    fn with_weighted(sum: Self::Matrix, matrix: &Affine3A, weight: f32) -> Self::Matrix;
     fn four(matrices: [Self::Matrix; 4]) -> Self::Four;
     /// Of as many fours as there are; the rest is not read.
     fn columns(fours: [Self::Four; 4]) -> Rows<Self>;
@@ -64,8 +71,9 @@ impl<F: F8> Vertices for F {
         [x.mul(weight), y.mul(weight)]
     }
     #[inline(always)]
-    fn sum(a: [F; 2], b: [F; 2]) -> [F; 2] {
-        [a[0].add(b[0]), a[1].add(b[1])]
+    fn with_weighted(sum: [F; 2], matrix: &Affine3A, weight: f32) -> [F; 2] {
+        let ([x, y], weight) = (F::of_matrix(matrix), F::splat(weight));
+        [x.fused_add(weight, sum[0]), y.fused_add(weight, sum[1])]
     }
     #[inline(always)]
     fn four([a, b, c, d]: [[F; 2]; 4]) -> [[F; 3]; 2] {
@@ -102,12 +110,14 @@ pub(crate) trait VertexKernel {
 pub(crate) fn dispatch_vertices<K: VertexKernel>(level: Level, kernel: K) {
     #[cfg(target_arch = "x86_64")]
     {
-        if level == Level::Avx512 && super::has_avx512() && std::arch::is_x86_feature_detected!("avx2") {
+        let has_fma =
+            std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma");
+        if level == Level::Avx512 && super::has_avx512() && has_fma {
             // SAFETY: the processor has what the function is compiled for, as just asked.
             return unsafe { run_avx512(kernel) };
         }
-        if level != Level::Portable && std::arch::is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has AVX2, as just asked.
+        if level != Level::Portable && has_fma {
+            // SAFETY: as above.
             return unsafe { run_avx2(kernel) };
         }
     }
@@ -116,13 +126,13 @@ pub(crate) fn dispatch_vertices<K: VertexKernel>(level: Level, kernel: K) {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
+#[target_feature(enable = "avx2,fma")]
 fn run_avx2<K: VertexKernel>(kernel: K) {
     kernel.run::<super::avx::Avx>();
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,avx512f,avx512dq")]
+#[target_feature(enable = "avx2,fma,avx512f,avx512dq")]
 fn run_avx512<K: VertexKernel>(kernel: K) {
     kernel.run::<super::avx512::Avx512>();
 }
