@@ -265,7 +265,8 @@ fn weighted_by<F: Vertices, const N: usize>(
         let matrices = matrices.four(first + i);
         for j in 0..4 {
             let (matrix, weight) = (matrices[j], weights[j]);
-            sum = if i + j == 0 { F::weighted(matrix, weight) } else { F::with_weighted(sum, matrix, weight) };
+            sum =
+                if i + j == 0 { F::weighted(matrix, weight) } else { F::with_weighted(sum, matrix, weight) };
         }
     }
     sum

@@ -152,7 +152,8 @@ mod tests {
         let mut bits = 1u64;
         for i in 0..200_000 {
             bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            let [a, b] = [(bits >> 40) as u32, (bits >> 16) as u32].map(|m| f32::from_bits(0x3F80_0000 | m >> 1 & 0x7F_FFFF));
+            let [a, b] = [(bits >> 40) as u32, (bits >> 16) as u32]
+                .map(|m| f32::from_bits(0x3F80_0000 | m >> 1 & 0x7F_FFFF));
             let exponent = (bits >> 8) as u32 % 60;
             let c = f32::from_bits((0x3F80_0000 - (30 << 23)) + (exponent << 23) + (i % 3));
             for c in [c, -c] {
