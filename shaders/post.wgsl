@@ -12,6 +12,7 @@ struct Post {
 @group(0) @binding(0) var<uniform> post: Post;
 @group(0) @binding(1) var post_input: texture_2d<f32>;
 @if(PICTURE) @group(0) @binding(2) var post_original: texture_2d<f32>;
+@if(TEXTURES) @group(0) @binding(3) var<storage, read> effect_texels: array<vec2<u32>>;
 
 struct PostOut {
     @builtin(position) position: vec4<f32>,
@@ -25,6 +26,11 @@ fn post_vs(@builtin(vertex_index) index: u32) -> PostOut {
 }
 
 @if(PICTURE)
+// In pixels.
+fn picture_size() -> vec2<i32> {
+    return vec2<i32>(post.size);
+}
+
 // Beyond the border the nearest pixel counts.
 fn picture(at: vec2<i32>) -> vec4<f32> {
     return textureLoad(post_input, clamp(at, vec2(0), vec2<i32>(post.size) - 1), 0);

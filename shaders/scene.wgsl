@@ -207,10 +207,11 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
         light_whole += falling;
         light_lost += falling * (1.0 - share);
         @end
+        @if(LIGHTING) let arrived = light_color;
         @if(SHADOW && !TOON) light_color *= share;
         // Behind the surface nl is 0, and everything it is multiplied with is finite.
         let nl = clamp(dot(n, l), 0.0, 1.0);
-        @if(METALLIC_ROUGHNESS) color += reflect_light(s, n, v, l, nv, nl) * light_color * nl;
+        @if(METALLIC_ROUGHNESS) let lit = reflect_light(s, n, v, l, nv, nl) * light_color * nl;
         @if(DIFFUSE_TRANSMISSION) color += behind_color * light_color * clamp(-dot(n, l), 0.0, 1.0);
         @if(TOON && !SHADOW) color += mix(specular_color, base.rgb, toon_lit(dot(n, l), shift)) * light_color;
         @if(TOON && SHADOW) color += mix(specular_color, base.rgb, toon_lit(dot(n, l), shift) * share) * light_color;
@@ -218,7 +219,10 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
         @if(SHEEN) sheen += sheen_lobe(sheen_roughness, n, v, l, nv, max(nl, 0.001)) * light_color * nl;
         @if(CLEARCOAT) let coat_nl = clamp(dot(coat_n, l), 0.0, 1.0);
         @if(CLEARCOAT) coat += coat_lobe(coat_roughness, coat_n, v, l, coat_nv, coat_nl) * light_color * coat_nl;
-        @if(BLINN_PHONG) color += reflect_light(base.rgb, specular_color, n, v, l) * light_color * nl;
+        @if(BLINN_PHONG) let lit = reflect_light(base.rgb, specular_color, n, v, l) * light_color * nl;
+        @if(!TOON && !LIGHTING) color += lit;
+        @if(LIGHTING && SHADOW) color += light_effects(Falling(dot(n, l), share, arrived, base.rgb, n, v, l, lit));
+        @if(LIGHTING && !SHADOW) color += light_effects(Falling(dot(n, l), 1.0, arrived, base.rgb, n, v, l, lit));
     }
     @end
 

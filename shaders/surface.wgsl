@@ -1,4 +1,5 @@
-// Effects on surfaces: what they see of a place. Their functions, and `surface_effects`, which calls them, are appended.
+// Effects on surfaces: what they see of a place and of light. Their functions, and `surface_effects` and `light_effects`,
+// which call them, are appended.
 // Twin: `Seen` of core/plugin/src/effect.rs, filled in core/render/src/cpu/seen.rs.
 
 @if(SURFACE)
@@ -13,9 +14,26 @@ struct Seen {
     shadow: f32,
     viewer: vec3<f32>,
 }
+@end
 
-// Of up to eight effects.
-@group(0) @binding(6) var<uniform> surface_parameters: array<vec4<f32>, 16>;
+@if(LIGHTING)
+struct Falling {
+    cosine: f32,
+    share: f32,
+    color: vec3<f32>,
+    base: vec3<f32>,
+    normal: vec3<f32>,
+    viewer: vec3<f32>,
+    light: vec3<f32>,
+    lit: vec3<f32>,
+}
+@end
+
+@if(TEXTURES) @group(0) @binding(8) var<storage, read> effect_texels: array<vec2<u32>>;
+
+@if(EFFECTS)
+// Of up to eight effects; then how far each moves anything at most.
+@group(0) @binding(6) var<uniform> surface_parameters: array<vec4<f32>, 18>;
 
 fn surface_parameters_of(index: u32) -> array<f32, 8> {
     let a = surface_parameters[2u * index];

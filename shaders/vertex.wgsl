@@ -162,7 +162,17 @@ fn vs(in: VertexIn) -> VertexOut {
     let cofactor_z = cross(m.x.xyz, m.y.xyz);
     let handedness = select(1.0, -1.0, dot(m.x.xyz, cofactor_x) < 0.0);
     let turned = vec3(dot(cofactor_x, normal), dot(cofactor_y, normal), dot(cofactor_z, normal));
-    let unit_normal = unit(turned * handedness);
+    var unit_normal = unit(turned * handedness);
+    @end
+    @if(DISPLACED)
+    var place: Place;
+    place.world = relative + frame.camera.xyz;
+    place.model = position;
+    @if(NORMAL) place.normal = unit_normal;
+    @if(UV0) place.uv = in.uv0;
+    let moved = vertex_effects(place, m);
+    @if(NORMAL) unit_normal = displaced_normal(place, m, moved);
+    relative += moved;
     @end
     @if(SHELL)
     var width = material.outline_width;

@@ -333,6 +333,9 @@ pub struct NewArgs {
     /// One file that needs nothing but this program: NAME.importer.rhai or NAME.wgsl
     #[arg(long)]
     pub single: bool,
+    /// Of a single effect: where it takes hold (default: pixel)
+    #[arg(long, value_enum, requires = "single")]
+    pub hook: Option<HookArg>,
     /// The folder to write into (default: this one)
     #[arg(long, value_name = "DIR")]
     pub into: Option<PathBuf>,
@@ -345,6 +348,20 @@ pub struct NewArgs {
 pub enum Kind {
     Importer,
     Effect,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HookArg {
+    /// One pixel of the picture
+    Pixel,
+    /// A pixel and those around it, and frames before
+    Picture,
+    /// A place on a surface
+    Surface,
+    /// A corner of a surface, which it moves
+    Vertex,
+    /// A light on a surface
+    Lighting,
 }
 
 impl Command {

@@ -201,6 +201,8 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         background_effects,
         overlay,
         exposed,
+        before,
+        reaches,
         linear,
         left_out: _,
     } = plan;
@@ -234,10 +236,13 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         add(format!("{pass:?}").as_bytes());
         let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
         add(effect.map_or("", |e| e.wgsl()).as_bytes());
+        let halves = effect.iter().flat_map(|e| e.textures()).map(|t| &t.halves);
+        halves.for_each(|halves| add(bytemuck::cast_slice(halves)));
     }
     add(bytemuck::cast_slice(&overlay.vertices));
-    add(format!("{:?} {linear} {background_effects}", overlay.parts).as_bytes());
-    exposed.iter().for_each(|part| add(&key(part, catalog, effects)));
+    add(format!("{:?} {linear} {background_effects} {reaches:?}", overlay.parts).as_bytes());
+    add(format!("{} {}", exposed.len(), before.len()).as_bytes());
+    exposed.iter().chain(before).for_each(|part| add(&key(part, catalog, effects)));
     *hasher.finalize().as_bytes()
 }
 

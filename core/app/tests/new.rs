@@ -19,6 +19,19 @@ fn single_files_work_as_they_are() {
     std::fs::write(dir.path().join("s.rhai"), "effect(\"old_photo\", #{ amount: 0.5 });\n").unwrap();
     let run = choreo(dir.path(), &["check", "s.rhai"]);
     assert_eq!(run.code, 0, "{}", run.err);
+    for hook in ["pixel", "picture", "surface", "vertex", "lighting"] {
+        let run = choreo(dir.path(), &["new", "effect", &format!("of_{hook}"), "--single", "--hook", hook]);
+        assert_eq!(run.code, 0, "{}", run.err);
+        let script = format!(
+            "cast(\"a\", shape(\"box\"));\nsun();\nambient(\"grey\");\ncamera(\"c\").frame();\neffect(\"of_{hook}\");\n"
+        );
+        std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+        let run = choreo(dir.path(), &["render", "s.rhai", "--size", "32x18", "--at", "0", "-o", "a.png"]);
+        assert_eq!(run.code, 0, "{hook}: {}", run.err);
+        std::fs::remove_file(dir.path().join("a.png")).unwrap();
+    }
+    let run = choreo(dir.path(), &["new", "importer", "c", "--single", "--hook", "vertex"]);
+    assert!(run.code != 0 && run.err.contains("--hook is of effects"), "{}", run.err);
     // A folder that is not there yet is made.
     let run = choreo(dir.path(), &["new", "effect", "b", "--single", "--into", "looks/mine"]);
     assert_eq!(run.code, 0, "{}", run.err);

@@ -3,9 +3,11 @@
 //! Beside a script there can be WGSL of any kind: only what begins as an effect is taken for one.
 
 use choreo_dropin::RhaiImporter;
-use choreo_look::WgslEffect;
-use choreo_plugin::{PluginFile, Registry};
-use std::path::{Path, PathBuf};
+use choreo_import::pictures::{Encoded, Formats};
+use choreo_look::{Picture, WgslEffect};
+use choreo_plugin::{BesideFile, PluginFile, Registry};
+use std::path::{Component, Path, PathBuf};
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Folders named as the system's PATH is.
@@ -19,6 +21,8 @@ pub const ENDINGS: [&str; 2] = [choreo_dropin::ENDING, choreo_look::ENDING];
 /// Bytes of a plugin's text, and files looked at in one folder.
 const MOST_BYTES: u64 = 4 << 20;
 const MOST_FILES: usize = 10_000;
+/// Bytes of a file that a plugin reads.
+const MOST_BESIDE: u64 = 32 << 20;
 
 /// A folder that cannot be used at all.
 #[derive(Debug, Error)]
@@ -168,12 +172,58 @@ fn read_one(path: &Path) -> Result<PluginFile, String> {
     let bytes = std::fs::read(path).map_err(failed)?;
     let text = String::from_utf8(bytes)
         .map_err(|e| format!("{shown}: byte {} is no UTF-8 text", e.utf8_error().valid_up_to()))?;
-    Ok(PluginFile { path: path.canonicalize().map_err(failed)?, text })
+    let path = path.canonicalize().map_err(failed)?;
+    let named = if path.to_string_lossy().ends_with(choreo_look::ENDING) {
+        choreo_look::files(&text)
+    } else {
+        Vec::new()
+    };
+    let beside = named.into_iter().map(|name| beside(&path, name)).collect();
+    Ok(PluginFile { path, text, beside })
+}
+
+/// A file in the folder of a plugin's own or below it.
+fn beside(plugin: &Path, name: String) -> BesideFile {
+    let folder = plugin.parent().unwrap_or(Path::new(""));
+    let path = folder.join(&name);
+    let bytes = (|| {
+        let inside = Path::new(&name).components().all(|c| matches!(c, Component::Normal(_)));
+        if !inside {
+            return Err("a plugin reads files of its own folder only".to_string());
+        }
+        let found = path.canonicalize().map_err(|e| reason(&e))?;
+        if !found.starts_with(folder) {
+            return Err("a plugin reads files of its own folder only".to_string());
+        }
+        let length = std::fs::metadata(&found).map_err(|e| reason(&e))?.len();
+        if length > MOST_BESIDE {
+            return Err(format!("{length} bytes, at most {MOST_BESIDE}"));
+        }
+        std::fs::read(&found).map(Arc::from).map_err(|e| reason(&e))
+    })();
+    BesideFile { name, path, bytes }
+}
+
+/// Pixels of a file that an effect names.
+fn picture(file: &PluginFile, name: &str) -> Result<Picture, String> {
+    let found = file.beside.iter().find(|b| b.name == name);
+    let found = found.ok_or_else(|| "it was not read".to_string())?;
+    let bytes = found.bytes.clone()?;
+    let place = found.path.display().to_string();
+    let decoded = Encoded::examine(place, name.to_string(), bytes, Formats::All)
+        .and_then(|encoded| encoded.decode())
+        .map_err(|problem| problem.what)?;
+    Ok(Picture {
+        size: [decoded.width, decoded.height],
+        rgba: decoded.rgba.clone(),
+        file: Some(found.path.clone()),
+    })
 }
 
 fn compile(registry: &mut Registry, shown: &str, file: &PluginFile) -> Result<(), String> {
     if shown.ends_with(choreo_look::ENDING) {
-        let effect = WgslEffect::from_text(shown, &file.text).map_err(|e| e.to_string())?;
+        let effect = WgslEffect::with_pictures(shown, &file.text, |name| picture(file, name))
+            .map_err(|e| e.to_string())?;
         registry.add_effect(effect.with_file(file.clone()));
     } else {
         let importer = RhaiImporter::from_text(shown, &file.text).map_err(|e| e.to_string())?;

@@ -210,6 +210,10 @@ impl Session {
         for file in &listing.files {
             let hash = *blake3::hash(file.text.as_bytes()).as_bytes();
             interest.files.insert(file.path.clone(), Some(hash));
+            for beside in &file.beside {
+                let hash = beside.bytes.as_ref().ok().map(|bytes| *blake3::hash(bytes).as_bytes());
+                interest.files.insert(beside.path.clone(), hash);
+            }
         }
         if let Some((files, registry)) = &self.files
             && *files == listing.files

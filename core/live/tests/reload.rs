@@ -200,6 +200,38 @@ fn plugin_files_come_change_and_break() {
     good(version);
 }
 
+/// One texel, red 127, green 64, blue `blue`: type 2, 1 × 1, 32 bits from the top.
+fn tga(blue: u8) -> String {
+    String::from_utf8(
+        [&[0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 32, 0x28][..], &[blue, 64, 127, 127]].concat(),
+    )
+    .unwrap()
+}
+
+#[test]
+fn a_texture_of_an_effect_is_watched_as_its_text_is() {
+    let inked = GLOW.replace("// version", "// texture ink = ink.tga as data: t\n// version");
+    let inked = inked.replace("(1.0 +", "ink(uv) * (1.0 +");
+    let mut place = Place::new(|_| ());
+    place.write("a.rhai", &format!("{SCRIPT}\neffect(\"glow\");\n"));
+    place.write("plugins/glow.wgsl", &inked);
+    let error = first_error(&place.session.build(BTreeSet::new()));
+    assert!(error.contains("glow.wgsl:3:1: texture ink: \"ink.tga\": no such file or folder"), "{error}");
+    place.write("plugins/ink.tga", &tga(0));
+    let texel = |scene: &Scene| scene.registry.effect("glow").unwrap().textures()[0].halves[0][2];
+    let first = good(place.next());
+    assert_eq!(texel(&first), 0);
+    place.write("plugins/ink.tga", &tga(127));
+    assert!(texel(&good(place.next())) > 0);
+    place.write("plugins/ink.tga", "no picture");
+    let error = first_error(&place.next());
+    assert!(error.contains("glow.wgsl:3:1: texture ink: \"ink.tga\":"), "{error}");
+    // Nothing outside the effect's own folder is read.
+    place.write("plugins/glow.wgsl", &inked.replace("ink.tga", "../box.obj"));
+    let error = first_error(&place.next());
+    assert!(error.contains("a plugin reads files of its own folder only"), "{error}");
+}
+
 struct Studio {
     painter: Painter,
     painted: Receiver<Painted>,

@@ -10,7 +10,11 @@
 //! // param amount = 0.1 in 0..1: how strong it is
 //! // param coloured = false: another grain for each colour
 //! // param curve = soft of soft|hard: how it fades in the lights
+//! // texture paper = paper.png: what it is printed on
+//! // texture bumps = bumps.png as data: heights
 //! ```
+//!
+//! Of `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`, of `hook: picture` `passes: 2` and `history: 3`.
 
 use choreo_plugin::{Hook, Manifest};
 
@@ -19,50 +23,192 @@ pub type HeadError = (usize, String);
 
 /// As many as the shader's array of parameters holds.
 const MOST: usize = 8;
+pub const MOST_TEXTURES: usize = 4;
+const MOST_PASSES: u32 = 16;
+/// Frames back; each is one more to draw for every frame.
+const MOST_HISTORY: u32 = 16;
 
-/// Where it takes hold, and whether a surface makes alpha; of one pixel where the head says nothing.
-pub fn hook(text: &str) -> Result<(Hook, bool), HeadError> {
-    let (mut hook, mut see_through) = (Hook::Pixel, None);
-    for (i, line) in comment(text) {
-        let line = line.trim().trim_start_matches('/').trim();
-        if let Some(word) = line.strip_prefix("hook:") {
-            hook = match word.trim() {
-                "pixel" => Hook::Pixel,
-                "surface" => Hook::Surface,
-                other => {
-                    return Err((
-                        i + 1,
-                        format!("hook is pixel or surface, not \"{other}\" (others need a crate)"),
-                    ));
-                }
-            };
-        } else if let Some(word) = line.strip_prefix("see_through:") {
-            let flag = word.trim().parse::<bool>();
-            let flag = flag.map_err(|_| (i + 1, "see_through is true or false".to_string()))?;
-            see_through = Some((i + 1, flag));
+/// Where the effect takes hold, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Head {
+    pub hook: Hook,
+    /// A surface makes alpha.
+    pub see_through: bool,
+    /// An effect on surfaces changes the background too.
+    pub background: bool,
+    /// Corners are moved along the mesh's own axes.
+    pub along_model: bool,
+    pub reach: Reach,
+    pub passes: u32,
+    pub history: u32,
+    pub textures: Vec<TextureLine>,
+}
+
+/// How far corners are moved at most.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reach {
+    Metres(f32),
+    /// As a parameter says, by its place.
+    Parameter(usize),
+}
+
+/// A picture that the functions read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TextureLine {
+    pub name: String,
+    /// Beside the effect's own file.
+    pub file: String,
+    /// Its numbers are colors, encoded as sRGB.
+    pub srgb: bool,
+    /// From 1.
+    pub line: usize,
+}
+
+/// What comes after the name of a field, by line.
+fn fields(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
+    comment(text).filter_map(|(i, line)| {
+        let (name, value) = line.trim().trim_start_matches('/').trim().split_once(':')?;
+        Some((i + 1, name.trim(), value.trim()))
+    })
+}
+
+/// Files that the head names, whatever else is wrong with it.
+pub fn files(text: &str) -> Vec<String> {
+    let lines = comment(text).filter_map(|(_, line)| {
+        let rest = line.trim().trim_start_matches('/').trim().strip_prefix("texture ")?;
+        let (file, _) = rest.split_once('=')?.1.split_once(':')?;
+        let file = file.trim();
+        Some(file.strip_suffix(" as data").unwrap_or(file).trim().to_string())
+    });
+    lines.take(MOST_TEXTURES).collect()
+}
+
+pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
+    let mut head = Head {
+        hook: Hook::Pixel,
+        see_through: false,
+        background: false,
+        along_model: false,
+        reach: Reach::Metres(0.0),
+        passes: 1,
+        history: 0,
+        textures: textures(text, manifest)?,
+    };
+    let mut hook_line = 1;
+    for (line, name, value) in fields(text).filter(|(_, name, _)| *name == "hook") {
+        hook_line = line;
+        head.hook = match value {
+            "pixel" => Hook::Pixel,
+            "picture" => Hook::Picture,
+            "surface" => Hook::Surface,
+            "vertex" => Hook::Vertex,
+            "lighting" => Hook::Lighting,
+            other => {
+                let known = "pixel, picture, surface, vertex or lighting";
+                return Err((line, format!("{name} is {known}, not \"{other}\" (others need a crate)")));
+            }
+        };
+    }
+    let mut reaches = false;
+    for (line, name, value) in fields(text) {
+        let flag = || value.parse::<bool>().map_err(|_| (line, format!("{name} is true or false")));
+        let count = |most: u32| {
+            let number = value.parse().ok().filter(|n| (1..=most).contains(n));
+            number.ok_or_else(|| (line, format!("{name} is a whole number from 1 to {most}")))
+        };
+        let of = match name {
+            "see_through" => {
+                head.see_through = flag()?;
+                Hook::Surface
+            }
+            "background" => {
+                head.background = flag()?;
+                Hook::Surface
+            }
+            "space" => {
+                head.along_model = match value {
+                    "world" => false,
+                    "model" => true,
+                    _ => return Err((line, "space is world or model".into())),
+                };
+                Hook::Vertex
+            }
+            "reach" => {
+                reaches = true;
+                head.reach = reach(value, manifest).map_err(|message| (line, message))?;
+                Hook::Vertex
+            }
+            "passes" => {
+                head.passes = count(MOST_PASSES)?;
+                Hook::Picture
+            }
+            "history" => {
+                head.history = count(MOST_HISTORY)?;
+                Hook::Picture
+            }
+            _ => continue,
+        };
+        if head.hook != of {
+            return Err((line, format!("{name} is of effects with hook: {}", named(of))));
         }
     }
-    match see_through {
-        Some((line, _)) if hook != Hook::Surface => {
-            Err((line, "see_through is of effects with hook: surface".into()))
-        }
-        _ => Ok((hook, see_through.is_some_and(|(_, flag)| flag))),
+    match head.hook {
+        Hook::Vertex if !reaches => Err((
+            hook_line,
+            "an effect that moves surfaces says how far at most: // reach: METRES, or the name of a parameter".into(),
+        )),
+        _ => Ok(head),
     }
 }
 
-/// Whether an effect on surfaces changes the background too.
-pub fn background(text: &str, hook: Hook) -> Result<bool, HeadError> {
-    let mut on = false;
+fn named(hook: Hook) -> &'static str {
+    match hook {
+        Hook::Surface => "surface",
+        Hook::Vertex => "vertex",
+        Hook::Picture => "picture",
+        _ => "pixel",
+    }
+}
+
+fn reach(value: &str, manifest: &Manifest) -> Result<Reach, String> {
+    if let Some(place) = manifest.options.iter().position(|o| o.name == value) {
+        return Ok(Reach::Parameter(place));
+    }
+    let metres = value.parse::<f32>().ok().filter(|m| (0.0..=1e6).contains(m));
+    metres
+        .map(Reach::Metres)
+        .ok_or_else(|| format!("reach is metres, 0 to 1000000, or the name of a parameter, not \"{value}\""))
+}
+
+/// `// texture paper = paper.png as data: what it is printed on`
+fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadError> {
+    const FORM: &str = "write // texture NAME = FILE: ABOUT, or = FILE as data: ABOUT";
+    let mut all: Vec<TextureLine> = Vec::new();
     for (i, line) in comment(text) {
         let line = line.trim().trim_start_matches('/').trim();
-        let Some(word) = line.strip_prefix("background:") else { continue };
-        let flag = word.trim().parse::<bool>();
-        on = flag.map_err(|_| (i + 1, "background is true or false".to_string()))?;
-        if hook != Hook::Surface {
-            return Err((i + 1, "background is of effects with hook: surface".into()));
+        let Some(rest) = line.strip_prefix("texture ") else { continue };
+        let at = |message: String| (i + 1, message);
+        let form = || at(FORM.to_string());
+        let (name, rest) = rest.split_once('=').ok_or_else(form)?;
+        let name = identifier(name.trim()).map_err(at)?;
+        // The about is for who reads the file.
+        let (file, _) = rest.split_once(':').ok_or_else(form)?;
+        let (file, srgb) = match file.trim().strip_suffix(" as data") {
+            Some(file) => (file.trim(), false),
+            None => (file.trim(), true),
+        };
+        if file.is_empty() {
+            return Err(form());
         }
+        if all.iter().any(|t| t.name == name) || manifest.options.iter().any(|o| o.name == name) {
+            return Err(at(format!("{name} is declared twice")));
+        }
+        if all.len() == MOST_TEXTURES {
+            return Err(at(format!("an effect has at most {MOST_TEXTURES} textures")));
+        }
+        all.push(TextureLine { name: name.into(), file: file.into(), srgb, line: i + 1 });
     }
-    Ok(on)
+    Ok(all)
 }
 
 /// Its lines, from 0.
@@ -160,24 +306,62 @@ mod tests {
         assert_eq!(m, expected);
     }
 
-    #[test]
-    fn hooks_have_names() {
-        assert_eq!(hook("// effect: a"), Ok((Hook::Pixel, false)));
-        assert_eq!(hook("// effect: a\n// hook: surface\n// see_through: true"), Ok((Hook::Surface, true)));
-        let error = |text: &str| hook(text).unwrap_err();
-        let unknown = "hook is pixel or surface, not \"vertex\" (others need a crate)";
-        assert_eq!(error("// effect: a\n// hook: vertex"), (2, unknown.into()));
-        assert_eq!(error("// see_through: true").1, "see_through is of effects with hook: surface");
-        assert_eq!(error("// hook: surface\n// see_through: much").0, 2);
+    fn head_of(text: &str) -> Result<Head, HeadError> {
+        head(text, &manifest(&format!("// effect: a\n// param high = 0.5 in 0..2: y\n{text}")).unwrap())
     }
 
     #[test]
-    fn the_background_is_for_surfaces() {
-        assert_eq!(background("// effect: a\n// background: true", Hook::Surface), Ok(true));
-        assert_eq!(background("// effect: a", Hook::Surface), Ok(false));
-        let error = (1, "background is of effects with hook: surface".to_string());
-        assert_eq!(background("// background: true", Hook::Pixel), Err(error));
-        assert_eq!(background("// effect: a\n// background: much", Hook::Surface).unwrap_err().0, 2);
+    fn hooks_have_names() {
+        let hook = |text: &str| head_of(text).map(|h| (h.hook, h.see_through, h.background));
+        assert_eq!(hook("// effect: a"), Ok((Hook::Pixel, false, false)));
+        assert_eq!(hook("// hook: surface\n// see_through: true"), Ok((Hook::Surface, true, false)));
+        assert_eq!(hook("// background: true\n// hook: surface"), Ok((Hook::Surface, false, true)));
+        assert_eq!(hook("// hook: lighting"), Ok((Hook::Lighting, false, false)));
+        let error = |text: &str| head_of(text).unwrap_err();
+        let unknown =
+            "hook is pixel, picture, surface, vertex or lighting, not \"shell\" (others need a crate)";
+        assert_eq!(error("// effect: a\n// hook: shell"), (2, unknown.into()));
+        assert_eq!(error("// see_through: true").1, "see_through is of effects with hook: surface");
+        assert_eq!(error("// background: true").1, "background is of effects with hook: surface");
+        assert_eq!(error("// hook: surface\n// see_through: much").0, 2);
+        assert_eq!(error("// hook: surface\n// background: much").1, "background is true or false");
+    }
+
+    #[test]
+    fn what_moves_surfaces_says_how_far() {
+        let reach =
+            |text: &str| head_of(&format!("// hook: vertex\n{text}")).map(|h| (h.reach, h.along_model));
+        assert_eq!(reach("// reach: 0.25\n// space: model"), Ok((Reach::Metres(0.25), true)));
+        assert_eq!(reach("// reach: high"), Ok((Reach::Parameter(0), false)));
+        assert!(reach("").unwrap_err().1.starts_with("an effect that moves surfaces says how far at most"));
+        assert_eq!(reach("// reach: low").unwrap_err().0, 2);
+        assert_eq!(reach("// reach: -1").unwrap_err().0, 2);
+        assert_eq!(reach("// reach: 1\n// space: joint").unwrap_err(), (3, "space is world or model".into()));
+    }
+
+    #[test]
+    fn pictures_have_passes_a_history_and_textures() {
+        let made = head_of(
+            "// hook: picture\n// passes: 2\n// history: 3\n// texture paper = a b.png: rough: very\n\
+             // texture bumps = bumps.png as data: heights",
+        )
+        .unwrap();
+        assert_eq!((made.passes, made.history), (2, 3));
+        let texture = |name: &str, file: &str, srgb, line| TextureLine {
+            name: name.into(),
+            file: file.into(),
+            srgb,
+            line,
+        };
+        let files = [texture("paper", "a b.png", true, 4), texture("bumps", "bumps.png", false, 5)];
+        assert_eq!(made.textures, files);
+        let error = |text: &str| head_of(text).unwrap_err();
+        assert_eq!(error("// history: 1"), (1, "history is of effects with hook: picture".into()));
+        assert_eq!(error("// hook: picture\n// history: 17").1, "history is a whole number from 1 to 16");
+        assert_eq!(error("// texture high = x.png: y"), (1, "high is declared twice".into()));
+        assert!(error("// texture paper").1.starts_with("write // texture NAME"));
+        let many: String = (0..5).map(|i| format!("// texture t{i} = x.png: y\n")).collect();
+        assert_eq!(error(&many), (5, "an effect has at most 4 textures".into()));
     }
 
     #[test]

@@ -1,15 +1,18 @@
-//! Effects in one file: `NAME.wgsl`, a function of one pixel with its manifest in the head comment.
+//! Effects in one file: `NAME.wgsl`, a function of a pixel, a place, a corner or a light, with its manifest in the head comment.
 //!
 //! ```text
 //! head comment ─► Manifest          ┌► the renderer's template ─► SPIR-V (Vulkan)
 //! text ─► naga: parse, validate ────┴► Program: the same module, evaluated a pixel at a time (CPU)
 //! ```
 
+mod around;
 mod effect;
+mod forms;
 mod head;
 mod maths;
 mod prepare;
 mod program;
 mod shape;
 
-pub use effect::{ENDING, LookError, WgslEffect};
+pub use effect::{ENDING, LookError, Picture, WgslEffect};
+pub use head::files;

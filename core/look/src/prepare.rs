@@ -80,7 +80,7 @@ fn unknown(expression: &Expression) -> Option<&'static str> {
         }
         Expression::Derivative { .. } => Some("a derivative: an effect is a function of one pixel"),
         Expression::ImageSample { .. } | Expression::ImageLoad { .. } | Expression::ImageQuery { .. } => {
-            Some("a texture: an effect is a function of one pixel")
+            Some("a texture of its own; name its file in the head comment: // texture NAME = FILE: ABOUT")
         }
         Expression::Override(_) => Some("an override; write const, or a parameter in the head comment"),
         Expression::Literal(_)

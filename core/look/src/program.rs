@@ -2,6 +2,7 @@
 //!
 //! A plain walk over naga's expressions. What it does not know is refused when the effect is loaded, with its line.
 
+use crate::forms::Host;
 use crate::maths;
 use crate::prepare::{Code, code};
 use crate::shape::{self, MOST, Value};
@@ -23,7 +24,14 @@ pub struct Program {
     module: Module,
     entry: Handle<Function>,
     functions: Vec<Code>,
+    /// By the place of a function: what runs in its stead.
+    hosts: Vec<Option<Host>>,
     globals: Vec<Value>,
+}
+
+/// What runs in place of functions of the shader around the effect's.
+pub trait Around {
+    fn call(&self, host: Host, arguments: &[Value]) -> Value;
 }
 
 struct Frame<'a> {
@@ -44,8 +52,20 @@ enum Flow {
 /// The step limit was reached.
 struct TooLong;
 
+/// One run of the entry function.
+struct Run<'a> {
+    around: &'a dyn Around,
+    steps: u32,
+}
+
 impl Program {
-    pub fn new(module: Module, info: &ModuleInfo, entry: Handle<Function>) -> Result<Program, Unsupported> {
+    /// `host`: what runs in place of a function of a name.
+    pub fn new(
+        module: Module,
+        info: &ModuleInfo,
+        entry: Handle<Function>,
+        host: impl Fn(&str) -> Option<Host>,
+    ) -> Result<Program, Unsupported> {
         if let Some((_, variable)) = module.global_variables.iter().next() {
             let name = variable.name.clone().unwrap_or_default();
             let span = module
@@ -62,7 +82,8 @@ impl Program {
         }
         let functions =
             module.functions.iter().map(|(h, f)| code(&module, info, h, f)).collect::<Result<_, _>>()?;
-        let mut program = Program { module, entry, functions, globals: Vec::new() };
+        let hosts = module.functions.iter().map(|(_, f)| f.name.as_deref().and_then(&host)).collect();
+        let mut program = Program { module, entry, functions, hosts, globals: Vec::new() };
         for (handle, expression) in program.module.global_expressions.iter() {
             let value = program.global(expression).ok_or_else(|| Unsupported {
                 what: "this constant".into(),
@@ -74,11 +95,9 @@ impl Program {
     }
 
     /// `None`: more than [`MOST_STEPS`].
-    /// `at`: the components of the second argument, one after the other.
-    pub fn run(&self, color: [f32; 4], at: &[f32], p: &[f32; 8]) -> Option<[f32; 4]> {
-        let arguments = vec![Value::floats(&color), Value::floats(at), Value::floats(p)];
-        let mut steps = 0;
-        let out = self.call(self.entry, arguments, &mut steps).ok()?;
+    pub fn run(&self, arguments: Vec<Value>, around: &dyn Around) -> Option<[f32; 4]> {
+        let mut run = Run { around, steps: 0 };
+        let out = self.call(self.entry, arguments, &mut run).ok()?;
         Some(std::array::from_fn(|i| out.f(i)))
     }
 
@@ -122,8 +141,11 @@ impl Program {
         &self,
         function: Handle<Function>,
         arguments: Vec<Value>,
-        steps: &mut u32,
+        run: &mut Run<'_>,
     ) -> Result<Value, TooLong> {
+        if let Some(host) = self.hosts[function.index()] {
+            return Ok(run.around.call(host, &arguments));
+        }
         let code = &self.functions[function.index()];
         let function = &self.module.functions[function];
         let mut frame = Frame {
@@ -140,19 +162,19 @@ impl Program {
                 frame.memory[at..at + size].copy_from_slice(&value.0[..size]);
             }
         }
-        match self.block(&mut frame, &function.body, steps)? {
+        match self.block(&mut frame, &function.body, run)? {
             Flow::Return(value) => Ok(value),
             _ => Ok(Value::default()),
         }
     }
 
-    fn block(&self, frame: &mut Frame<'_>, block: &Block, steps: &mut u32) -> Result<Flow, TooLong> {
+    fn block(&self, frame: &mut Frame<'_>, block: &Block, run: &mut Run<'_>) -> Result<Flow, TooLong> {
         for statement in block.iter() {
-            *steps += 1;
-            if *steps > MOST_STEPS {
+            run.steps += 1;
+            if run.steps > MOST_STEPS {
                 return Err(TooLong);
             }
-            let flow = self.statement(frame, statement, steps)?;
+            let flow = self.statement(frame, statement, run)?;
             if !matches!(flow, Flow::Next) {
                 return Ok(flow);
             }
@@ -164,7 +186,7 @@ impl Program {
         &self,
         frame: &mut Frame<'_>,
         statement: &Statement,
-        steps: &mut u32,
+        run: &mut Run<'_>,
     ) -> Result<Flow, TooLong> {
         match statement {
             Statement::Emit(range) => {
@@ -172,10 +194,10 @@ impl Program {
                     frame.slots[handle.index()] = self.evaluate(frame, handle);
                 }
             }
-            Statement::Block(block) => return self.block(frame, block, steps),
+            Statement::Block(block) => return self.block(frame, block, run),
             Statement::If { condition, accept, reject } => {
                 let truth = self.read(frame, *condition).0[0] != 0;
-                return self.block(frame, if truth { accept } else { reject }, steps);
+                return self.block(frame, if truth { accept } else { reject }, run);
             }
             Statement::Switch { selector, cases } => {
                 let value = self.read(frame, *selector).0[0];
@@ -187,7 +209,7 @@ impl Program {
                 let default = |c: &naga::SwitchCase| c.value == SwitchValue::Default;
                 let start = cases.iter().position(hit).or_else(|| cases.iter().position(default));
                 for case in cases.iter().skip(start.unwrap_or(cases.len())) {
-                    match self.block(frame, &case.body, steps)? {
+                    match self.block(frame, &case.body, run)? {
                         Flow::Next if case.fall_through => {}
                         Flow::Next | Flow::Break => break,
                         other => return Ok(other),
@@ -195,16 +217,16 @@ impl Program {
                 }
             }
             Statement::Loop { body, continuing, break_if } => loop {
-                *steps += 1;
-                if *steps > MOST_STEPS {
+                run.steps += 1;
+                if run.steps > MOST_STEPS {
                     return Err(TooLong);
                 }
-                match self.block(frame, body, steps)? {
+                match self.block(frame, body, run)? {
                     Flow::Break => break,
                     Flow::Return(value) => return Ok(Flow::Return(value)),
                     Flow::Next | Flow::Continue => {}
                 }
-                self.block(frame, continuing, steps)?;
+                self.block(frame, continuing, run)?;
                 if let Some(condition) = break_if
                     && self.read(frame, *condition).0[0] != 0
                 {
@@ -225,7 +247,7 @@ impl Program {
             }
             Statement::Call { function, arguments, result } => {
                 let arguments = arguments.iter().map(|a| self.read(frame, *a)).collect();
-                let value = self.call(*function, arguments, steps)?;
+                let value = self.call(*function, arguments, run)?;
                 if let Some(result) = result {
                     frame.slots[result.index()] = value;
                 }

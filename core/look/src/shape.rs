@@ -12,6 +12,16 @@ impl Value {
     pub fn f(self, i: usize) -> f32 {
         f32::from_bits(self.0[i])
     }
+    pub fn ints(values: [i32; 2]) -> Value {
+        let mut all = Value::default();
+        (all.0[0], all.0[1]) = (values[0] as u32, values[1] as u32);
+        all
+    }
+    pub fn uint(value: u32) -> Value {
+        let mut all = Value::default();
+        all.0[0] = value;
+        all
+    }
     pub fn floats(values: &[f32]) -> Value {
         let mut all = Value::default();
         for (slot, v) in all.0.iter_mut().zip(values) {

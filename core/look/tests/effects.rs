@@ -1,7 +1,7 @@
 //! Effects in WGSL: what a pixel becomes, against closed forms and a twin written in Rust, and what is refused.
 
 use choreo_look::WgslEffect;
-use choreo_plugin::{Effect, Hook, Seen, SurfaceNeeds};
+use choreo_plugin::{Effect, Falling, Hook, Pictures, Pixels, Place, Seen, SurfaceNeeds};
 use effect_fog::Fog;
 use effect_vignette::Vignette;
 use glam::{Vec2, Vec3, Vec4};
@@ -96,6 +96,83 @@ fn every_part_of_a_surface_is_where_its_name_says() {
         "{}",
         error(wrong)
     );
+}
+
+/// What each hook's function is given is where its name says, and it gives what it says.
+#[test]
+fn corners_lights_and_pictures_are_where_their_names_say() {
+    let p = [2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let vertex = |part: &str| {
+        effect(&format!(
+            "// effect: v\n// hook: vertex\n// reach: k\n// param k = 2 in 0..4: times\n\
+             fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> {{ return p[k] * vec3<f32>({part}); }}"
+        ))
+    };
+    let place = Place {
+        world: Vec3::new(1.0, 2.0, 3.0),
+        normal: Vec3::new(4.0, 5.0, 6.0),
+        uv: Vec2::new(7.0, 8.0),
+        model: Vec3::new(9.0, 10.0, 11.0),
+    };
+    let parts = ["place.world", "place.normal", "place.uv, 0.0", "place.model"];
+    let expected = [[2.0, 4.0, 6.0], [8.0, 10.0, 12.0], [14.0, 16.0, 0.0], [18.0, 20.0, 22.0]];
+    for (part, expected) in parts.iter().zip(expected) {
+        assert_eq!(vertex(part).cpu_vertex(&place, &p).to_array(), expected, "{part}");
+    }
+    let made = vertex("place.uv, 0.0");
+    let needs = made.surface_needs(&p);
+    assert_eq!((made.reach(&p), made.along_model(), needs.uvs, needs.normals), (2.0, false, true, false));
+
+    let lighting = |part: &str| {
+        let text = format!(
+            "// effect: l\n// hook: lighting\nfn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32> {{ return vec3<f32>({part}); }}"
+        );
+        let v = |x: f32| Vec3::new(x, x + 1.0, x + 2.0);
+        let falling = Falling {
+            cosine: 1.0,
+            share: 2.0,
+            color: v(3.0),
+            base: v(6.0),
+            normal: v(9.0),
+            viewer: v(12.0),
+            light: v(15.0),
+            lit: v(18.0),
+        };
+        effect(&text).cpu_lighting(&falling, &p).to_array()
+    };
+    assert_eq!(lighting("falling.cosine, falling.share, 0.0"), [1.0, 2.0, 0.0]);
+    for (name, x) in
+        [("color", 3.0), ("base", 6.0), ("normal", 9.0), ("viewer", 12.0), ("light", 15.0), ("lit", 18.0)]
+    {
+        assert_eq!(lighting(&format!("falling.{name}")), [x, x + 1.0, x + 2.0], "{name}");
+    }
+
+    let made = effect(
+        "// effect: w\n// hook: picture\n// passes: 3\n// history: 2\n\
+         fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {\n\
+         return vec4(picture(at + vec2(1, 0)).x, original(vec2(-9, 9)).x, previous(2u, at).x, f32(pass_number) + 10.0 * f32(picture_size().x)) + previous(9u, at) * 0.0; }",
+    );
+    assert_eq!((made.passes(), made.history(&p)), (3, 2));
+    let rows = |x: f32| (0..4).map(|i| Vec4::splat(x + i as f32)).collect::<Vec<_>>();
+    let all = [rows(0.0), rows(10.0), rows(20.0), rows(30.0)];
+    let [now, original, one, two] = std::array::from_fn(|i| Pixels { size: [2, 2], rgba: &all[i] });
+    let pictures = Pictures { now, original, before: &[one, two] };
+    // The border's nearest counts: of the original its lower left.
+    assert_eq!(made.cpu_picture(&pictures, [0, 1], 2, &p), Vec4::new(3.0, 12.0, 32.0, 22.0));
+}
+
+#[test]
+fn names_of_the_program_are_not_declared_again() {
+    let text = "// effect: w\n// hook: picture\nfn picture(at: vec2<i32>) -> vec4<f32> { return vec4(0.0); }\n\
+         fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> { return picture(at); }";
+    let expected = "my.wgsl:3:1: picture is a function that the program declares; take another name";
+    assert_eq!(error(text), expected);
+    let text = "// effect: w\n// texture ink = ink.png: t\n\
+         fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return ink(uv); }";
+    assert_eq!(error(text), "my.wgsl:2:1: texture ink: \"ink.png\": a text alone has no files beside it");
+    let text = "// effect: w\n// hook: vertex\n// reach: 1\n\
+         fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }";
+    assert!(error(text).contains("effect must be fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>"));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Looks: what an effect changes is named by its [`Hook`]; it does so on the GPU in WGSL and on the CPU in Rust.
 
-use crate::{Manifest, Overlay, PluginFile, Scene};
+use crate::{EffectTexture, Manifest, Overlay, PluginFile, Scene};
 use glam::{Vec2, Vec3, Vec4};
 
 /// Where an effect takes hold of a frame.
@@ -13,6 +13,11 @@ pub enum Hook {
     Picture,
     /// A function of one place on a surface, after light has fallen on it: [`Effect::wgsl`] and [`Effect::cpu_surface`].
     Surface,
+    /// A function of one corner of a surface, which says how far it is moved: [`Effect::wgsl`] and [`Effect::cpu_vertex`].
+    Vertex,
+    /// A function of one light at one place on a surface, which says what comes of it: [`Effect::wgsl`] and
+    /// [`Effect::cpu_lighting`].
+    Lighting,
     /// Geometry of its own around or on surfaces: [`Effect::shell`], [`Effect::edges`].
     Shell,
     /// Lines, points and lattices of its own: [`Effect::overlay`].
@@ -24,7 +29,12 @@ pub enum Hook {
 impl Hook {
     /// Whether single actors can have it.
     pub fn of_actors(self) -> bool {
-        matches!(self, Hook::Shell | Hook::Surface | Hook::Overlay)
+        matches!(self, Hook::Shell | Hook::Overlay) || self.is_in_scene()
+    }
+
+    /// Whether its function is a part of the shaders that draw the scene.
+    pub fn is_in_scene(self) -> bool {
+        matches!(self, Hook::Surface | Hook::Vertex | Hook::Lighting)
     }
 }
 
@@ -74,6 +84,39 @@ pub struct Seen {
     pub viewer: Vec3,
 }
 
+/// One corner of a surface as a [`Hook::Vertex`] sees it. Laid out as the struct `Place` of the shaders.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Place {
+    /// Where in the world as posed, metres; exact to f32 only, so fine near the origin.
+    pub world: Vec3,
+    /// Unit, in the world; zero of meshes without, and where [`SurfaceNeeds::normals`] asks for none and nothing is lit.
+    pub normal: Vec3,
+    /// With [`SurfaceNeeds::uvs`]; zero of meshes without.
+    pub uv: Vec2,
+    /// In the mesh's own space, morph targets counted, bones not: a pattern by it moves with the body.
+    pub model: Vec3,
+}
+
+/// One light at one place on a surface as a [`Hook::Lighting`] sees it. Laid out as the struct `Falling` of the shaders.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Falling {
+    /// Between the normal and the way to the light, −1 to 1.
+    pub cosine: f32,
+    /// Of the light what shadows let through, 0 to 1.
+    pub share: f32,
+    /// Of the light as it arrives, by distance and cone, linear, without [`Falling::share`].
+    pub color: Vec3,
+    /// Of the surface, linear.
+    pub base: Vec3,
+    /// Unit, in the world, by the normal map where there is one.
+    pub normal: Vec3,
+    /// Unit, to the viewer and to the light.
+    pub viewer: Vec3,
+    pub light: Vec3,
+    /// What the surface's own model makes of it: to be added to, or to be replaced.
+    pub lit: Vec3,
+}
+
 /// Metres to the background: as good as without end, and finite.
 pub const BACKGROUND_DISTANCE: f32 = 1e9;
 
@@ -104,6 +147,18 @@ impl Pixels<'_> {
     }
 }
 
+/// What a [`Hook::Picture`] reads.
+#[derive(Clone, Copy, Debug)]
+pub struct Pictures<'a> {
+    /// What the pass before gave.
+    pub now: Pixels<'a>,
+    /// What the effect's first pass got.
+    pub original: Pixels<'a>,
+    /// The scene a frame ago, two frames ago and so on, as it was drawn before any effect over the picture; as many as
+    /// [`Effect::history`] asks for, or more.
+    pub before: &'a [Pixels<'a>],
+}
+
 pub trait Effect: Send + Sync {
     fn manifest(&self) -> &Manifest;
 
@@ -124,8 +179,13 @@ pub trait Effect: Send + Sync {
     /// WGSL source of a function `effect`; `p` holds the parameters in manifest order, colours are linear.
     /// - [`Hook::Pixel`]: `fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>`, `uv` 0..1 from the top left.
     /// - [`Hook::Surface`]: `fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>`.
+    /// - [`Hook::Vertex`]: `fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>`, how far it is moved.
+    /// - [`Hook::Lighting`]: `fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>`, what comes to the viewer.
     /// - [`Hook::Picture`]: `fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>`, which may call
-    ///   `picture(at)`, what the pass before gave, and `original(at)`, what the first pass got.
+    ///   `picture(at)`, what the pass before gave, `original(at)`, what the first pass got, and `picture_size()`, in pixels;
+    ///   with a history `previous(frames, at)`, which is only ever run by its twin.
+    ///
+    /// Each may call `NAME(uv)` of its [`Effect::textures`].
     fn wgsl(&self) -> &str {
         ""
     }
@@ -140,6 +200,28 @@ pub trait Effect: Send + Sync {
         color
     }
 
+    /// Of a [`Hook::Vertex`]: the same function, the specification of the WGSL. Metres in the world, or with
+    /// [`Effect::along_model`] lengths along the mesh's own axes. Normals follow what it does with the place.
+    fn cpu_vertex(&self, _place: &Place, _parameters: &[f32; 8]) -> Vec3 {
+        Vec3::ZERO
+    }
+
+    /// Of a [`Hook::Vertex`]: how far it moves anything at most, metres; what would go farther is cut off there.
+    fn reach(&self, _parameters: &[f32; 8]) -> f32 {
+        0.0
+    }
+
+    /// Of a [`Hook::Vertex`]: whether it moves along the axes of the mesh, turned and stretched as the mesh is.
+    fn along_model(&self) -> bool {
+        false
+    }
+
+    /// Of a [`Hook::Lighting`]: the same function, the specification of the WGSL.
+    fn cpu_lighting(&self, falling: &Falling, _parameters: &[f32; 8]) -> Vec3 {
+        falling.lit
+    }
+
+    /// What of a surface a function of the scene reads.
     fn surface_needs(&self, _parameters: &[f32; 8]) -> SurfaceNeeds {
         SurfaceNeeds::default()
     }
@@ -155,16 +237,20 @@ pub trait Effect: Send + Sync {
         1
     }
 
+    /// Of a [`Hook::Picture`]: how many frames back it looks. They are drawn for each frame, so that a frame is the same
+    /// whether those before it were rendered or not; before the first stands the first.
+    fn history(&self, _parameters: &[f32; 8]) -> u32 {
+        0
+    }
+
+    /// Pictures that its functions read.
+    fn textures(&self) -> &[EffectTexture] {
+        &[]
+    }
+
     /// Of a [`Hook::Picture`]: the same function, the specification of the WGSL.
-    fn cpu_picture(
-        &self,
-        picture: &Pixels,
-        _original: &Pixels,
-        at: [i32; 2],
-        _pass_number: u32,
-        _parameters: &[f32; 8],
-    ) -> Vec4 {
-        picture.at(at[0], at[1])
+    fn cpu_picture(&self, pictures: &Pictures, at: [i32; 2], _pass_number: u32, _p: &[f32; 8]) -> Vec4 {
+        pictures.now.at(at[0], at[1])
     }
 
     /// Of a [`Hook::Shell`]: the colour of lines along the edges of triangles, linear.

@@ -2,6 +2,7 @@
 
 pub mod build;
 pub mod effect;
+pub mod effect_texture;
 pub mod exporter;
 pub mod importer;
 pub mod manifest;
@@ -11,11 +12,14 @@ pub mod suggest;
 pub mod yuv;
 
 pub use build::{AssetBuilder, BuildError, MeshData};
-pub use effect::{BACKGROUND_DISTANCE, Effect, Exposure, Hook, Pixels, Seen, Shell, SurfaceNeeds};
+pub use effect::{
+    BACKGROUND_DISTANCE, Effect, Exposure, Falling, Hook, Pictures, Pixels, Place, Seen, Shell, SurfaceNeeds,
+};
+pub use effect_texture::EffectTexture;
 pub use exporter::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
 pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source,
 };
-pub use manifest::{Manifest, OptionError, OptionKind, OptionSpec, PluginFile};
+pub use manifest::{BesideFile, Manifest, OptionError, OptionKind, OptionSpec, PluginFile};
 pub use overlay::{Lattice, Overlay, Scene, Stroke};
 pub use registry::Registry;

@@ -40,6 +40,18 @@ pub struct PluginFile {
     /// Canonical.
     pub path: std::path::PathBuf,
     pub text: String,
+    /// Files that it reads, in its own folder.
+    pub beside: Vec<BesideFile>,
+}
+
+/// A file that a plugin's own file names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BesideFile {
+    /// As the plugin's file names it.
+    pub name: String,
+    pub path: std::path::PathBuf,
+    /// Or why it could not be read.
+    pub bytes: Result<std::sync::Arc<[u8]>, String>,
 }
 
 /// One option or effect parameter.

@@ -243,7 +243,7 @@ impl Parts<'_> {
     fn surface_effects(&mut self) {
         for (bit, used) in self.plan.surface.iter().enumerate() {
             let mut askers =
-                self.askers(self.plan.draws.iter().filter(|d| d.pipeline.surface >> bit & 1 == 1));
+                self.askers(self.plan.draws.iter().filter(|d| d.pipeline.effects() >> bit & 1 == 1));
             askers.effects.insert(used.effect.clone());
             self.add(Kind::Feature, format!("effect {} on surfaces", used.effect), None, askers);
             let mut askers = Askers::default();

@@ -1,7 +1,8 @@
 //! Motion blur by accumulation: a frame as the mean, in linear light, of frames at several exact times while the shutter is
 //! open (Haeberli and Akeley, "The Accumulation Buffer", SIGGRAPH 1990, §3.2). Effects over the picture come after the mean.
+//! And the frames before, where an effect reads them: each at its own time alone, without motion blur.
 
-use crate::planner_effects::exposure_of;
+use crate::planner_effects::{exposure_of, history_of};
 use crate::{Catalog, Plan, PlanOptions};
 use choreo_motion::Time;
 use choreo_plugin::Exposure;
@@ -39,6 +40,18 @@ pub fn plan_with<E>(
         for time in times(stage, time, &exposure) {
             let part = Plan::new(catalog, stage, &at(time)?, options);
             plan.exposed.push(Plan { post: Vec::new(), linear: true, over: None, ..part });
+        }
+    }
+    let back = history_of(stage, &snapshot, options.effects);
+    if back > 0 {
+        let alone = |plan: Plan| Plan { post: Vec::new(), linear: true, over: None, ..plan };
+        if plan.exposed.is_empty() {
+            plan.exposed.push(alone(Plan::new(catalog, stage, &snapshot, options)));
+        }
+        for frames in 1..=i64::from(back) {
+            // Before the first frame stands the first.
+            let then = (time - stage.settings.fps.time_of(frames)).max(Time(0).min(time));
+            plan.before.push(alone(Plan::new(catalog, stage, &at(then)?, options)));
         }
     }
     Ok((snapshot, plan))

@@ -42,8 +42,10 @@ pub struct Plan {
     pub shadows: Option<Shadows>,
     /// A copy of the picture, made before the first glass that bends light is drawn, to be seen through it; `None` without such glass.
     pub behind: Option<Behind>,
-    /// Effects on surfaces; a bit each in [`PipelineKey::surface`].
+    /// Effects that are part of the scene's shaders; a bit each in [`PipelineKey::surface`], `displaced` and `lighting`.
     pub surface: Vec<PostPass>,
+    /// Of each of them that moves surfaces: how far at most, metres.
+    pub reaches: [f32; 8],
     /// Which of them change the background too; a bit each.
     pub background_effects: u8,
     /// Full-screen passes in order.
@@ -53,6 +55,8 @@ pub struct Plan {
     /// Where there are any, the frame is their mean in linear light, and this plan only says how the stage is at the frame's
     /// own time and what comes over the picture. See [`crate::exposure`].
     pub exposed: Vec<Plan>,
+    /// The scene a frame ago, two frames ago and so on, as effects with a history read it; then `exposed` is never empty.
+    pub before: Vec<Plan>,
     /// The picture stays linear, to be added to others.
     pub linear: bool,
     pub left_out: Vec<LeftOut>,
@@ -91,6 +95,11 @@ pub struct OverlayVertex {
 }
 
 impl Plan {
+    /// Every plan that is drawn for this one.
+    pub fn parts(&self) -> impl Iterator<Item = &Plan> {
+        self.exposed.iter().chain(&self.before)
+    }
+
     /// Of all shadow maps.
     pub fn shadow_draws(&self) -> impl Iterator<Item = &Draw> {
         self.shadows.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws)
@@ -208,12 +217,27 @@ pub struct PipelineKey {
     pub glass: Glass,
     /// Which of `Plan::surface` change what is seen.
     pub surface: u8,
+    /// Which of them move its corners.
+    pub displaced: u8,
+    /// Which of them say what light does on it.
+    pub lighting: u8,
 }
 
 impl PipelineKey {
     /// Drawn back to front after everything opaque.
     pub fn is_see_through(&self) -> bool {
         self.blend || self.glass != Glass::No
+    }
+
+    /// Without what only light needs where none counts: MToon has its own.
+    pub fn of_lit(self) -> PipelineKey {
+        let lit = self.features.is_lit() && !self.features.has(Features::TOON);
+        PipelineKey { lighting: if lit { self.lighting } else { 0 }, ..self }
+    }
+
+    /// All of `Plan::surface` that its shader calls.
+    pub fn effects(&self) -> u8 {
+        self.surface | self.displaced | self.lighting
     }
 
     /// What is mixed with what is behind it leaves the depth as it is.

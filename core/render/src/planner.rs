@@ -6,12 +6,11 @@ use crate::flat::flats;
 use crate::needs::{DrawNeeds, Facts, features, left_out, shell_features};
 use crate::plan::*;
 use crate::plan_options::PlanOptions;
-use crate::planner_effects::{Line, background_effects, post_passes, shells, surface_effects};
+use crate::planner_effects::{Line, SceneUse, background_effects, post_passes, shells, surface_effects};
 use crate::planner_lights::{plan_lights, plan_sky};
 use crate::planner_overlay::overlays;
 use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, dual_rows};
-use choreo_plugin::SurfaceNeeds;
 use choreo_stage::{ActorState, AlphaMode, Asset, EffectTarget, MeshInstance, Shadow, Snapshot, Stage};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
@@ -99,8 +98,8 @@ pub(crate) struct Planner<'a> {
     pub casters: Vec<Caster>,
     /// Outlines by effects, and what has them (empty: all).
     pub shells: Vec<(Line, Vec<EffectTarget>)>,
-    /// Effects on surfaces, what they need, and what has them (empty: all).
-    pub surface: Vec<(PostPass, SurfaceNeeds, Vec<EffectTarget>)>,
+    /// Effects that are part of the scene's shaders.
+    pub surface: Vec<SceneUse>,
     /// Place in `materials` of each that was made.
     pub shell_materials: Vec<(ShellKey, u32)>,
     /// Boxes of what is lit and in view; only where some light casts.
@@ -192,7 +191,8 @@ impl Planner<'_> {
                 polynomial: self.polynomial,
             };
             let mut features = features(primitive, material, needs, self.options.force_all);
-            let (surface, seen) = self.surface_of(index, entry.of_asset);
+            let effects = self.effects_of(index, entry.of_asset);
+            let seen = effects.needs;
             let has = |on: bool, there: bool, bit| if on && there { bit } else { Features::default() };
             let shape = primitive.primitive();
             features = features
@@ -200,6 +200,8 @@ impl Planner<'_> {
                 .with(has(seen.uvs, !shape.uvs[0].is_empty(), Features::UV0))
                 .with(has(seen.joints, needs.skinned && !needs.dual, Features::SEEN_JOINTS))
                 .with(has(seen.shadow, is_lit(material.material.shading), Features::SEEN_SHADOW));
+            let of_corners = has(effects.corners.normals, !shape.normals.is_empty(), Features::SEEN_NORMALS)
+                .with(has(effects.corners.uvs, !shape.uvs[0].is_empty(), Features::UV0));
             for copy in instance.joint_from_copies() {
                 let relative_from_mesh = match instance.copies.is_empty() {
                     true => relative_from_joint,
@@ -216,6 +218,8 @@ impl Planner<'_> {
                     Some(s) => info.skinned(&s.rows, offset),
                     None => info.posed(&rigid, offset),
                 };
+                let moved = Vec3::splat(effects.reach);
+                let bounds = Aabb { min: bounds.min - moved, max: bounds.max + moved };
                 let (metres, share) = self.reach(entry, changed, index);
                 let margin = Vec2::new(share * size[1] as f32 / size[0].max(1) as f32, share) * 2.0;
                 let around = Vec3::splat(metres);
@@ -246,8 +250,11 @@ impl Planner<'_> {
                         || state.tint.w < 1.0
                         || seen.see_through,
                     glass: Glass::No,
-                    surface,
-                };
+                    surface: effects.surface,
+                    displaced: effects.displaced,
+                    lighting: effects.lighting,
+                }
+                .of_lit();
                 let glass = key.features.has(Features::TRANSMISSION);
                 let casts = self.casting && key.topology == TopologyKey::Triangles && !key.blend && !glass;
                 if unseen && !casts {
@@ -276,7 +283,12 @@ impl Planner<'_> {
                     planned.morph_count = count.min(morph_count as u32);
                 }
                 if casts {
-                    let key = PipelineKey { features: features.of_depth(), surface: 0, ..key };
+                    let key = PipelineKey {
+                        features: features.of_depth().with(of_corners),
+                        surface: 0,
+                        lighting: 0,
+                        ..key
+                    };
                     self.casters.push(Caster {
                         entry: *entry,
                         changed,
@@ -325,7 +337,9 @@ impl Planner<'_> {
                             false => shell_features(key.features, primitive, of, key.blend),
                         };
                         let topology = if edges { TopologyKey::Lines } else { key.topology };
-                        let pipeline = PipelineKey { features, topology, double_sided: edges, ..key };
+                        let features = features.with(of_corners);
+                        let pipeline =
+                            PipelineKey { features, topology, double_sided: edges, ..key }.of_lit();
                         let entry = *entry;
                         let nearest = depth;
                         // Of what is seen through, a hull shows itself around the surface and not before it.
@@ -466,10 +480,12 @@ impl Planner<'_> {
             shadows,
             behind,
             background_effects: background_effects(&self.surface, self.options),
-            surface: self.surface.into_iter().map(|(used, ..)| used).collect(),
+            reaches: std::array::from_fn(|i| self.surface.get(i).map_or(0.0, |e| e.reach)),
+            surface: self.surface.into_iter().map(|e| e.used).collect(),
             post,
             overlay,
             exposed: Vec::new(),
+            before: Vec::new(),
             linear: false,
             left_out,
         }

@@ -11,20 +11,30 @@ use std::sync::Arc;
 
 impl Planner<'_> {
     /// Which effects an actor's surfaces of a material of its asset have, and what they need together.
-    pub fn surface_of(&self, actor: usize, material: Option<u32>) -> (u8, SurfaceNeeds) {
-        let mut bits = 0;
-        let mut all = SurfaceNeeds::default();
-        for (i, (_, needs, on)) in self.surface.iter().enumerate() {
-            if EffectTarget::among(on, actor, material) {
-                bits |= 1 << i;
-                all.normals |= needs.normals;
-                all.uvs |= needs.uvs;
-                all.joints |= needs.joints;
-                all.shadow |= needs.shadow;
-                all.see_through |= needs.see_through;
+    pub fn effects_of(&self, actor: usize, material: Option<u32>) -> OnSurface {
+        let mut all = OnSurface::default();
+        for (i, effect) in self.surface.iter().enumerate() {
+            if !EffectTarget::among(&effect.on, actor, material) {
+                continue;
             }
+            let needs = &effect.needs;
+            match effect.hook {
+                Hook::Vertex => {
+                    all.displaced |= 1 << i;
+                    all.reach += effect.reach;
+                    all.corners.normals |= needs.normals;
+                    all.corners.uvs |= needs.uvs;
+                }
+                Hook::Lighting => all.lighting |= 1 << i,
+                _ => all.surface |= 1 << i,
+            }
+            all.needs.normals |= needs.normals;
+            all.needs.uvs |= needs.uvs;
+            all.needs.joints |= needs.joints;
+            all.needs.shadow |= needs.shadow;
+            all.needs.see_through |= needs.see_through;
         }
-        (bits, all)
+        all
     }
 
     /// How far outlines reach beyond a primitive of an actor: metres, and a share of the picture's height.
@@ -142,6 +152,16 @@ pub fn exposure_of(stage: &Stage, snapshot: &Snapshot, effects: &[Arc<dyn Effect
     exposures.last().filter(|e| e.samples > 1 && e.open > 0.0)
 }
 
+/// How many frames back the effects that are on look.
+pub fn history_of(stage: &Stage, snapshot: &Snapshot, effects: &[Arc<dyn Effect>]) -> u32 {
+    let frames = uses(stage, snapshot).filter_map(|(used, state)| {
+        let effect = effects.iter().find(|e| e.manifest().name == used.plugin)?;
+        let effect = Some(effect).filter(|e| e.hook() == Hook::Picture)?;
+        Some(effect.history(&effect_parameters(effect.as_ref(), &state.parameters)))
+    });
+    frames.max().unwrap_or(0)
+}
+
 /// Those that are on.
 pub fn uses<'a>(
     stage: &'a Stage,
@@ -175,30 +195,52 @@ pub fn shells(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<
 /// As many as there are bits for; further ones are said in `left_out`.
 pub const MOST_SURFACE_EFFECTS: usize = 8;
 
-pub fn surface_effects(
-    stage: &Stage,
-    snapshot: &Snapshot,
-    options: &PlanOptions,
-) -> Vec<(PostPass, SurfaceNeeds, Vec<EffectTarget>)> {
+/// An effect that is part of the scene's shaders, with what has it (empty: all).
+pub struct SceneUse {
+    pub used: PostPass,
+    pub hook: Hook,
+    pub needs: SurfaceNeeds,
+    /// How far it moves anything at most, metres.
+    pub reach: f32,
+    pub on: Vec<EffectTarget>,
+}
+
+/// The effects of one surface, a bit each, and what they need together.
+#[derive(Default)]
+pub struct OnSurface {
+    pub surface: u8,
+    pub displaced: u8,
+    pub lighting: u8,
+    pub needs: SurfaceNeeds,
+    /// What those that move it need, seen from a light too.
+    pub corners: SurfaceNeeds,
+    /// How far it is moved at most, metres.
+    pub reach: f32,
+}
+
+pub fn surface_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<SceneUse> {
     let on_surface = |(used, state): (&EffectUse, &EffectState)| {
         let effect = options.effects.iter().find(|e| e.manifest().name == used.plugin)?;
-        (effect.hook() == Hook::Surface).then(|| {
+        effect.hook().is_in_scene().then(|| {
             let parameters = effect_parameters(effect.as_ref(), &state.parameters);
-            let needs = effect.surface_needs(&parameters);
-            (PostPass { effect: used.plugin.clone(), parameters, number: 0 }, needs, used.on.clone())
+            let reach = effect.reach(&parameters);
+            SceneUse {
+                used: PostPass { effect: used.plugin.clone(), parameters, number: 0 },
+                hook: effect.hook(),
+                needs: effect.surface_needs(&parameters),
+                reach: if reach.is_finite() { reach.max(0.0) } else { 0.0 },
+                on: used.on.clone(),
+            }
         })
     };
     uses(stage, snapshot).filter_map(on_surface).take(MOST_SURFACE_EFFECTS).collect()
 }
 
 /// Those of the effects on surfaces that are on everything and change the background, a bit each.
-pub fn background_effects(
-    surface: &[(PostPass, SurfaceNeeds, Vec<EffectTarget>)],
-    options: &PlanOptions,
-) -> u8 {
-    let changes = |(used, _, on): &(PostPass, SurfaceNeeds, Vec<EffectTarget>)| {
+pub fn background_effects(surface: &[SceneUse], options: &PlanOptions) -> u8 {
+    let changes = |SceneUse { used, hook, on, .. }: &SceneUse| {
         let effect = options.effects.iter().find(|e| e.manifest().name == used.effect);
-        on.is_empty() && effect.is_some_and(|e| e.of_background(&used.parameters))
+        *hook == Hook::Surface && on.is_empty() && effect.is_some_and(|e| e.of_background(&used.parameters))
     };
     surface.iter().enumerate().map(|(i, used)| u8::from(changes(used)) << i).sum()
 }
@@ -218,8 +260,8 @@ pub fn post_passes(
             unknown.push(LeftOut { what: format!("effect \"{}\"", used.plugin), why });
             continue;
         };
-        surfaces += usize::from(effect.hook() == Hook::Surface);
-        if effect.hook() == Hook::Surface && surfaces > MOST_SURFACE_EFFECTS {
+        surfaces += usize::from(effect.hook().is_in_scene());
+        if effect.hook().is_in_scene() && surfaces > MOST_SURFACE_EFFECTS {
             let why = format!("at most {MOST_SURFACE_EFFECTS} effects on surfaces are on at once");
             unknown.push(LeftOut { what: format!("effect \"{}\"", used.plugin), why });
         }

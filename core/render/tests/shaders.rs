@@ -1,6 +1,7 @@
 //! Shaders without a GPU: every combination of features that a plan can ask for compiles, layouts equal the Rust
 //! structs field by field, mistakes point at the user's line.
 
+use choreo_plugin::Hook;
 use choreo_render::RenderError;
 use choreo_render::gpu_types::{
     FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform, SkyUniform, UvTransform,
@@ -23,6 +24,8 @@ fn key(features: Features) -> PipelineKey {
         blend: false,
         glass: Glass::No,
         surface: 0,
+        displaced: 0,
+        lighting: 0,
     }
 }
 
@@ -293,31 +296,69 @@ fn every_combination_compiles() {
              return color * part(seen.distance) + vec4<f32>(seen.normal + seen.joints + seen.background, seen.uv.x * p[0]); }}"
         )
     };
-    let two = [(0u8, "a".to_string(), text("0.5")), (3, "b".to_string(), text("2.0"))];
-    let files: Vec<_> = sources().files(&SCENE).unwrap().into_iter().chain(surface_files(&two)).collect();
+    let vertex = "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> {\n\
+                  return place.normal * place.world.x + place.model + vec3(place.uv, paper(place.uv).x); }\n\
+                  fn paper(uv: vec2<f32>) -> vec4<f32> { return effect_texture(0u, vec2(2u, 2u), uv); }";
+    let lighting = "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32> {\n\
+                    return falling.lit + falling.cosine * falling.share * falling.color * falling.base * falling.light; }";
+    let hooked = |bit: u8, hook: Hook, wgsl: &str| SceneEffect {
+        bit,
+        name: format!("e{bit}"),
+        wgsl: wgsl.into(),
+        hook,
+        along_model: bit == 4,
+    };
+    let files = |key: &PipelineKey| {
+        let all = [
+            hooked(0, Hook::Surface, &text("0.5")),
+            hooked(1, Hook::Vertex, vertex),
+            hooked(2, Hook::Lighting, lighting),
+            hooked(3, Hook::Surface, &text("2.0")),
+            hooked(4, Hook::Vertex, vertex),
+        ];
+        let used: Vec<SceneEffect> = all.into_iter().filter(|e| key.effects() >> e.bit & 1 == 1).collect();
+        let mut files = sources().files(&SCENE).unwrap();
+        files.push(sources().file("textures.wgsl").unwrap());
+        files.extend(surface_files(&used));
+        files
+    };
     for shading in [Features(0), Features::METALLIC_ROUGHNESS, Features::TOON, Features::BLINN_PHONG] {
-        for bits in 0..32u32 {
+        for bits in 0..64u32 {
             let on = |bit: u32, f: Features| if bits >> bit & 1 == 1 { f } else { Features(0) };
             let features = shading
                 .with(on(0, Features::SEEN_NORMALS))
                 .with(on(1, Features::SKIN.with(Features::SEEN_JOINTS)))
                 .with(on(2, Features::UV0))
                 .with(on(3, Features::EDGES));
+            let (displaced, lighting) = if bits & 32 != 0 { (18, 4) } else { (0, 0) };
             let key = PipelineKey {
-                surface: 9,
+                surface: if bits & 33 == 33 { 0 } else { 9 },
+                displaced,
+                lighting,
                 blend: bits & 16 != 0,
                 double_sided: bits & 1 == 0,
                 ..key(features)
-            };
+            }
+            .of_lit();
             let v = SceneVariant {
                 key,
                 tint: false,
                 joints_uniform: false,
-                one_light: false,
+                one_light: bits & 3 == 1,
                 shadow_pass: false,
             };
-            compile(&files, &switches(&v), &stages, false)
-                .unwrap_or_else(|e| panic!("{:?}: {e}", switches(&v)));
+            let mut on = switches(&v);
+            on.push("TEXTURES");
+            compile(&files(&key), &on, &stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
+            // Seen from a light it is moved as it is in the picture.
+            if displaced != 0 {
+                let features = features.of_depth().with(on_corners(bits));
+                let key = PipelineKey { features, surface: 0, lighting: 0, ..key };
+                let v = SceneVariant { key, shadow_pass: true, one_light: false, ..v };
+                let mut on = switches(&v);
+                on.push("TEXTURES");
+                compile(&files(&key), &on, &stages[..1], false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
+            }
         }
     }
     let glass = Features::METALLIC_ROUGHNESS.with(Features::LAYERS).with(Features::TRANSMISSION);
@@ -325,12 +366,20 @@ fn every_combination_compiles() {
         let key = PipelineKey { surface: 9, glass: glass_pass, ..key(glass) };
         let v =
             SceneVariant { key, tint: false, joints_uniform: false, one_light: false, shadow_pass: false };
-        compile(&files, &switches(&v), &stages, false).unwrap();
+        let mut on = switches(&v);
+        on.push("TEXTURES");
+        compile(&files(&key), &on, &stages, false).unwrap();
     }
     let files = sources().files(&BACKGROUND).unwrap();
     parse(&files, &[]).unwrap();
     parse(&sources().files(&UNDER).unwrap(), &[]).unwrap();
     parse(&sources().files(&SKY).unwrap(), &["SKY_BACKGROUND"]).unwrap();
+}
+
+/// What effects that move corners read beside places.
+fn on_corners(bits: u32) -> Features {
+    let normals = if bits & 1 != 0 { Features::SEEN_NORMALS } else { Features(0) };
+    normals.with(if bits & 4 != 0 { Features::UV0 } else { Features(0) })
 }
 
 /// Byte offsets of a WGSL struct's members and its size.
@@ -397,7 +446,7 @@ fn layouts_equal_the_rust_structs() {
 
     let effect =
         "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * p[0]; }";
-    let (m, _) = parse(&sources().post("test", effect).unwrap(), &[]).unwrap();
+    let (m, _) = parse(&sources().post("test", effect, false).unwrap(), &[]).unwrap();
     compare(&m, "Post", size_of::<PostUniform>(), fields!(PostUniform: parameters, size, number, pad));
 }
 
@@ -419,10 +468,11 @@ fn a_moved_field_is_found() {
 
 #[test]
 fn mistakes_point_at_the_users_line() {
-    let message = |effect: &str| match parse(&sources().post("blur", effect).unwrap(), &[]).unwrap_err() {
-        RenderError::Shader { file, text } => format!("{file}: {text}"),
-        e => panic!("{e}"),
-    };
+    let message =
+        |effect: &str| match parse(&sources().post("blur", effect, false).unwrap(), &[]).unwrap_err() {
+            RenderError::Shader { file, text } => format!("{file}: {text}"),
+            e => panic!("{e}"),
+        };
     // In the template's wrapper nothing is wrong; the third line of the effect is.
     let m = message(
         "// blur\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    return colour;\n}\n",

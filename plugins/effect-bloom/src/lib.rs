@@ -1,6 +1,6 @@
 //! Light that spills over around what is bright, as in a lens.
 
-use choreo_plugin::{Effect, Hook, Manifest, Pixels};
+use choreo_plugin::{Effect, Hook, Manifest, Pictures};
 use glam::{Vec3, Vec4};
 use std::sync::LazyLock;
 
@@ -42,14 +42,8 @@ impl Effect for Bloom {
     }
 
     /// A Gaussian across of what is bright, then one down, added to the picture.
-    fn cpu_picture(
-        &self,
-        picture: &Pixels,
-        original: &Pixels,
-        [x, y]: [i32; 2],
-        pass: u32,
-        p: &[f32; 8],
-    ) -> Vec4 {
+    fn cpu_picture(&self, pictures: &Pictures, [x, y]: [i32; 2], pass: u32, p: &[f32; 8]) -> Vec4 {
+        let Pictures { now: picture, original, .. } = pictures;
         // Three standard deviations fit the taps; whole pixels apart.
         let step = (p[2] * picture.size[1] as f32 / TAPS as f32).max(1.0);
         let mut sum = Vec3::ZERO;
@@ -77,13 +71,15 @@ impl Effect for Bloom {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use choreo_plugin::Pixels;
 
     fn run(rgba: &[Vec4], size: [u32; 2], p: &[f32; 8]) -> Vec<Vec4> {
         let all = || (0..size[1] as i32).flat_map(move |y| (0..size[0] as i32).map(move |x| [x, y]));
         let original = Pixels { size, rgba };
-        let across: Vec<Vec4> = all().map(|at| Bloom.cpu_picture(&original, &original, at, 0, p)).collect();
-        let across = Pixels { size, rgba: &across };
-        all().map(|at| Bloom.cpu_picture(&across, &original, at, 1, p)).collect()
+        let first = Pictures { now: original, original, before: &[] };
+        let across: Vec<Vec4> = all().map(|at| Bloom.cpu_picture(&first, at, 0, p)).collect();
+        let second = Pictures { now: Pixels { size, rgba: &across }, ..first };
+        all().map(|at| Bloom.cpu_picture(&second, at, 1, p)).collect()
     }
 
     const P: [f32; 8] = [0.5, 1.0, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0];

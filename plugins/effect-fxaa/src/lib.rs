@@ -1,6 +1,6 @@
 //! Smooth edges from the finished picture alone.
 
-use choreo_plugin::{Effect, Hook, Manifest, Pixels};
+use choreo_plugin::{Effect, Hook, Manifest, Pictures, Pixels};
 use glam::{Vec3, Vec4};
 use std::sync::LazyLock;
 
@@ -47,7 +47,8 @@ impl Effect for Fxaa {
     }
 
     /// Timothy Lottes, "FXAA", NVIDIA 2009, in its first, short form: the mean of two or four samples along the edge.
-    fn cpu_picture(&self, picture: &Pixels, _: &Pixels, [x, y]: [i32; 2], _: u32, p: &[f32; 8]) -> Vec4 {
+    fn cpu_picture(&self, pictures: &Pictures, [x, y]: [i32; 2], _: u32, p: &[f32; 8]) -> Vec4 {
+        let picture = &pictures.now;
         let here = picture.at(x, y);
         let light = |dx: i32, dy: i32| brightness(picture.at(x + dx, y + dy));
         let (nw, ne, sw, se) = (light(-1, -1), light(1, -1), light(-1, 1), light(1, 1));
@@ -81,7 +82,8 @@ mod tests {
         let all = || (0..h).flat_map(move |y| (0..w).map(move |x| (x, y)));
         let rgba: Vec<Vec4> = all().map(|(x, y)| Vec3::splat(color(x, y)).extend(1.0)).collect();
         let picture = Pixels { size, rgba: &rgba };
-        all().map(|(x, y)| Fxaa.cpu_picture(&picture, &picture, [x, y], 0, &p).x).collect()
+        let pictures = Pictures { now: picture, original: picture, before: &[] };
+        all().map(|(x, y)| Fxaa.cpu_picture(&pictures, [x, y], 0, &p).x).collect()
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! `choreo new importer NAME` and `new effect NAME`: the example crates under a new name, or with `--single` one file.
 
-use crate::args::{Kind, NewArgs};
+use crate::args::{HookArg, Kind, NewArgs};
 use crate::failure::{Failure, print, reason};
 use std::path::{Path, PathBuf};
 
@@ -31,6 +31,9 @@ const NEEDS: [(&[&str], &[&str]); 2] = [(&["plugin", "stage"], &[]), (&["plugin"
 
 pub fn run(args: NewArgs) -> Result<(), Failure> {
     check_name(&args.name)?;
+    if args.hook.is_some() && args.kind == Kind::Importer {
+        return Err(Failure::Usage("--hook is of effects; an importer has none".into()));
+    }
     let into = args.into.clone().unwrap_or_default();
     if args.single { single(&args, &into) } else { whole(&args, &into) }
 }
@@ -50,6 +53,17 @@ fn check_name(name: &str) -> Result<(), Failure> {
     }
 }
 
+/// An effect of each hook, to begin with.
+fn hook_text(hook: Option<HookArg>) -> &'static str {
+    match hook.unwrap_or(HookArg::Pixel) {
+        HookArg::Pixel => include_str!("hooks/pixel.wgsl"),
+        HookArg::Picture => include_str!("hooks/picture.wgsl"),
+        HookArg::Surface => include_str!("hooks/surface.wgsl"),
+        HookArg::Vertex => include_str!("hooks/vertex.wgsl"),
+        HookArg::Lighting => include_str!("hooks/lighting.wgsl"),
+    }
+}
+
 fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     let named = |text: &str| text.replace("NAME", &args.name);
     let name = &args.name;
@@ -59,7 +73,7 @@ fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
             include_str!("single.importer.rhai"),
             Some(include_str!("single.sample")),
         ),
-        Kind::Effect => (format!("{name}.wgsl"), include_str!("single.wgsl"), None),
+        Kind::Effect => (format!("{name}.wgsl"), hook_text(args.hook), None),
     };
     let mut files = vec![(into.join(&file), named(text))];
     files.extend(sample.map(|text| (into.join(format!("sample.{name}")), named(text))));

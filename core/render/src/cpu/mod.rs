@@ -5,9 +5,11 @@
 
 mod brdf;
 mod brushed;
+mod displace;
 mod film;
 mod lanes;
 mod layers;
+mod lighting;
 mod overlay;
 pub mod picture;
 mod raster;
@@ -32,6 +34,7 @@ use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
 use crate::sky::{SkyMaps, SkyPicture};
 use choreo_plugin::{Effect, Frame, Hook};
 use choreo_stage::Background;
+use displace::Displacement;
 use glam::{Mat4, Vec4};
 use raster::{TILE_HEIGHT, TILE_WIDTH};
 use rayon::prelude::*;
@@ -116,7 +119,7 @@ impl CpuRenderer {
         for pass in plan.post.iter().chain(&plan.surface) {
             self.effect(&pass.effect)?;
         }
-        plan.exposed.iter().try_for_each(|part| self.check(part))
+        plan.parts().try_for_each(|part| self.check(part))
     }
 
     fn effect(&self, name: &str) -> Result<&Arc<dyn Effect>, RenderError> {
@@ -127,7 +130,7 @@ impl CpuRenderer {
     fn prepare_sky(&mut self, plan: &Plan) {
         let (Some(shown), Some(panorama)) = (&plan.sky, &self.catalog.sky) else { return };
         let sky = self.sky.get_or_insert_default();
-        let all = || std::iter::once(plan).chain(&plan.exposed).flat_map(|p| &p.draws);
+        let all = || std::iter::once(plan).chain(plan.parts()).flat_map(|p| &p.draws);
         if sky.maps.is_none() && all().any(|d| d.pipeline.features.has(Features::SKY)) {
             sky.maps = Some(SkyMaps::of(panorama));
         }
@@ -140,6 +143,13 @@ impl CpuRenderer {
     fn surface(&self, plan: &Plan, bits: u8) -> Vec<(Arc<dyn Effect>, [f32; 8])> {
         let on = (0..8).zip(&plan.surface).filter(|(bit, _)| bits >> bit & 1 == 1);
         on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters))).collect()
+    }
+
+    /// Of the effects that move surfaces those of a draw.
+    fn displaced(&self, plan: &Plan, bits: u8) -> Vec<Displacement> {
+        let reaches = (0..8).zip(plan.reaches).filter(|(bit, _)| bits >> bit & 1 == 1);
+        let all = self.surface(plan, bits).into_iter().zip(reaches);
+        all.map(|((effect, parameters), (_, reach))| Displacement { effect, parameters, reach }).collect()
     }
 
     /// The plan's own materials, with the textures of those that they stand for.
@@ -199,6 +209,8 @@ impl CpuRenderer {
                     clip_from_relative,
                     size,
                     hull,
+                    displaced: self.displaced(plan, draw.pipeline.displaced),
+                    camera: plan.view.position.as_vec3(),
                 }
                 .run();
                 let edges = features.has(Features::EDGES).then(|| crate::vertex::edges(&primitive.indices));
@@ -214,6 +226,7 @@ impl CpuRenderer {
                         plan,
                         sky: self.sky.as_ref().and_then(|sky| sky.maps.as_deref()),
                         surface: self.surface(plan, draw.pipeline.surface),
+                        lighting: self.surface(plan, draw.pipeline.lighting),
                         shadows,
                         behind: None,
                         features,
@@ -246,6 +259,8 @@ impl CpuRenderer {
             blend: true,
             glass: Glass::No,
             surface: 0,
+            displaced: 0,
+            lighting: 0,
         };
         let batch = |part: &OverlayPart| {
             let (first, count) = (part.first as usize, part.count as usize);
@@ -268,7 +283,11 @@ impl CpuRenderer {
             self.tiles::<Float, Vec4, S>(part, &[], &mut pixels)?;
             sum.add(pixels.iter().copied());
         }
-        picture::run(&self.passes(plan)?, plan.size, sum.mean(), &mut frame.rgba);
+        let mut before = vec![vec![Vec4::ZERO; count]; plan.before.len()];
+        for (part, pixels) in plan.before.iter().zip(&mut before) {
+            self.tiles::<Float, Vec4, S>(part, &[], pixels)?;
+        }
+        picture::run(&self.passes(plan)?, plan.size, sum.mean(), &before, &mut frame.rgba);
         Ok(())
     }
 
@@ -281,7 +300,7 @@ impl CpuRenderer {
         if post.iter().any(|p| p.effect.hook() == Hook::Picture) {
             let mut pixels = vec![Vec4::ZERO; plan.size[0] as usize * plan.size[1] as usize];
             self.tiles::<T, Vec4, S>(plan, &[], &mut pixels)?;
-            picture::run(&post, plan.size, pixels, &mut frame.rgba);
+            picture::run(&post, plan.size, pixels, &[], &mut frame.rgba);
             return Ok(());
         }
         let (pixels, _) = frame.rgba.as_chunks_mut::<4>();

@@ -3,7 +3,7 @@
 use super::target::{Float, Srgb8, Target};
 use crate::RenderError;
 use crate::plan::PostPass;
-use choreo_plugin::{Effect, Hook, Pixels};
+use choreo_plugin::{Effect, Hook, Pictures, Pixels};
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -31,8 +31,9 @@ pub fn effect<'a>(effects: &'a [Arc<dyn Effect>], name: &str) -> Result<&'a Arc<
         .ok_or_else(|| RenderError::Usage(format!("the renderer was made without the effect \"{name}\"")))
 }
 
-/// `pixels`: linear, as the scene left them. The last pass's are written as bytes.
-pub fn run(passes: &[Pass], size: [u32; 2], pixels: Vec<Vec4>, bytes: &mut [u8]) {
+/// `pixels`: linear, as the scene left them; `before`: those of the frames before. The last pass's are written as bytes.
+pub fn run(passes: &[Pass], size: [u32; 2], pixels: Vec<Vec4>, before: &[Vec<Vec4>], bytes: &mut [u8]) {
+    let before: Vec<Pixels> = before.iter().map(|rgba| Pixels { size, rgba }).collect();
     let width = size[0] as usize;
     let mut now = pixels;
     let mut original = Vec::new();
@@ -42,13 +43,14 @@ pub fn run(passes: &[Pass], size: [u32; 2], pixels: Vec<Vec4>, bytes: &mut [u8])
         }
         let picture = Pixels { size, rgba: &now };
         let first = Pixels { size, rgba: if pass.number == 0 { &now } else { &original } };
+        let pictures = Pictures { now: picture, original: first, before: &before };
         let mut next = vec![Vec4::ZERO; now.len()];
         next.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, out) in row.iter_mut().enumerate() {
                 let color = match pass.effect.hook() {
                     Hook::Picture => {
                         let at = [x as i32, y as i32];
-                        pass.effect.cpu_picture(&picture, &first, at, pass.number, &pass.parameters)
+                        pass.effect.cpu_picture(&pictures, at, pass.number, &pass.parameters)
                     }
                     _ => {
                         let at = Vec2::new(x as f32, y as f32) + 0.5;

@@ -4,6 +4,7 @@ use super::brdf::*;
 use super::film::{film_f0, film_reflectance};
 use super::lanes::{F4, V3, Weights};
 use super::layers::*;
+use super::lighting::Lit;
 use super::refraction::Behind;
 use super::shadow::ShadowMaps;
 use super::sky::Around;
@@ -37,6 +38,8 @@ pub struct Fragment<'a> {
     pub sky: Option<&'a SkyMaps>,
     /// Effects on the surface, in order.
     pub surface: Vec<(Arc<dyn Effect>, [f32; 8])>,
+    /// Effects that say what comes of light.
+    pub lighting: Vec<(Arc<dyn Effect>, [f32; 8])>,
     pub features: Features,
     pub blend: bool,
     pub glass: Glass,
@@ -315,13 +318,14 @@ impl Fragment<'_> {
                 let behind = over.from_behind * around.diffuse(-n);
                 color = (s.diffuse * around.diffuse(n) + reflected + behind) * occlusion;
             }
-            self.lights(relative, [own_n, n], &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
+            let on = Lit { relative, own_n, n, v, base };
+            self.all_lights(&on, &mut color, |l, nl| reflect_light(&s, n, v, l, nv, nl));
             if f.has(Features::DIFFUSE_TRANSMISSION) {
                 self.lights(relative, [-own_n, -n], &mut color, |_, _| over.from_behind);
             }
         } else {
             color = base * around.diffuse(n) * occlusion;
-            self.lights(relative, [own_n, n], &mut color, |l, _| {
+            self.all_lights(&Lit { relative, own_n, n, v, base }, &mut color, |l, _| {
                 reflect_light_phong(base, [specular_color, n, v, l], m.shininess, !f.has(Features::PHONG))
             });
         }
@@ -406,7 +410,7 @@ impl Fragment<'_> {
     }
 
     #[inline(always)]
-    fn lights(&self, relative: V3, [own_n, n]: [V3; 2], color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
+    pub fn lights(&self, relative: V3, [own_n, n]: [V3; 2], color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
         for light in &self.plan.lights {
             let (l, strength) = incoming(light, relative);
             let nl = n.dot(l).clamp(0.0, 1.0);

@@ -1,9 +1,11 @@
 //! Twin of vertex.wgsl: mesh space → morphs → skin or instance matrix → camera-relative space → clip space.
 
+use super::displace::{self, Displacement};
 use super::lanes::F4;
 use super::shade::ShadeMaterial;
 use crate::gpu_types::TOON_SLOT;
 use crate::plan::{ActiveMorph, Features, Instance, Rows};
+use choreo_plugin::Place;
 use choreo_stage::Primitive;
 use glam::{Mat4, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
@@ -34,6 +36,10 @@ pub struct VertexStage<'a> {
     pub size: [u32; 2],
     /// Of a hull.
     pub hull: Option<Hull<'a>>,
+    /// Effects that move it.
+    pub displaced: Vec<Displacement>,
+    /// Where in the world the camera stands.
+    pub camera: Vec3,
 }
 
 /// What pushes a hull out.
@@ -82,9 +88,6 @@ impl VertexStage<'_> {
             scale: 0.0,
             joints: self.joint_colors(i),
         };
-        if self.features.has(Features::EDGES) {
-            out.clip.z += self.nearer(out.clip.z);
-        }
         if self.features.has(Features::VOLUME) || self.features.has(Features::REFRACTION) {
             // The root mean square of the three axes.
             let [x, y, z] = rows.0.map(|r| r.truncate());
@@ -103,10 +106,33 @@ impl VertexStage<'_> {
                 out.tangent = along.extend(p.tangents[i].w * handedness);
             }
         }
+        if !self.displaced.is_empty() {
+            self.displace(i, position, &rows, &mut out);
+        }
         if let Some(hull) = &self.hull {
             self.push_out(hull, i, &mut out);
         }
+        if self.features.has(Features::EDGES) {
+            out.clip.z += self.nearer(out.clip.z);
+        }
         out
+    }
+
+    /// Where effects move it, and how that turns its normal.
+    fn displace(&self, i: usize, model: Vec3, rows: &Rows, out: &mut Vertex) {
+        let uvs = self.features.has(Features::UV0).then(|| self.primitive.uvs[0].get(i).copied()).flatten();
+        let place = Place {
+            world: out.relative + self.camera,
+            normal: out.normal,
+            uv: uvs.unwrap_or_default(),
+            model,
+        };
+        let moved = displace::offset(&self.displaced, &place, rows);
+        if self.features.has_normals() {
+            out.normal = displace::normal(&self.displaced, &place, rows, moved);
+        }
+        out.relative += moved;
+        out.clip = *self.clip_from_relative * out.relative.extend(1.0);
     }
 
     fn joint_colors(&self, i: usize) -> Vec3 {

@@ -58,14 +58,16 @@ impl Layouts {
             shadow: vk::DescriptorSetLayout::null(),
             post: vk::DescriptorSetLayout::null(),
         };
+        let both = vertex | fragment;
         let frame = super::slot::FRAME_BINDINGS.map(|(binding, kind)| {
-            let stages = [vertex | fragment, vertex, vertex, vertex, fragment, vertex, fragment, vertex];
+            let stages = [both, vertex, vertex, vertex, fragment, vertex, both, vertex, both];
             (binding, kind, stages[binding as usize])
         });
         let post = [
             (0, T::UNIFORM_BUFFER, fragment),
             (1, T::SAMPLED_IMAGE, fragment),
             (2, T::SAMPLED_IMAGE, fragment),
+            (3, T::STORAGE_BUFFER, fragment),
         ];
         let made = (|| {
             layouts.frame = create(gpu, "frame set layout", &frame)?;
@@ -194,7 +196,7 @@ impl Pools {
         // Enough of each kind for a pool full of the set that has most of it.
         let sizes = [
             size(vk::DescriptorType::UNIFORM_BUFFER, 4),
-            size(vk::DescriptorType::STORAGE_BUFFER, 3),
+            size(vk::DescriptorType::STORAGE_BUFFER, 5),
             size(vk::DescriptorType::SAMPLED_IMAGE, TEXTURE_SLOTS as u32),
             size(vk::DescriptorType::SAMPLER, TEXTURE_SLOTS as u32),
         ];

@@ -24,20 +24,30 @@ impl VulkanRenderer {
         }
         let [width, height] = plan.size;
         let mut sum = Accumulated::new(width as usize * height as usize);
-        let mut waiting: VecDeque<&Plan> = plan.exposed.iter().collect();
+        let mut before = Vec::with_capacity(plan.before.len());
+        let mut waiting: VecDeque<&Plan> = plan.parts().collect();
+        let mut done = 0;
         while !waiting.is_empty() || !self.pending.is_empty() {
             while self.pending.len() < self.slots.len()
                 && let Some(part) = waiting.pop_front()
             {
                 self.submit_now(part)?;
             }
-            self.add_oldest(&mut sum)?;
+            if done < plan.exposed.len() {
+                self.add_oldest(&mut sum)?;
+            } else {
+                // A sum of one is the picture itself.
+                let mut one = Accumulated::new(width as usize * height as usize);
+                self.add_oldest(&mut one)?;
+                before.push(one.mean());
+            }
+            done += 1;
         }
         let mut frame = reuse.unwrap_or(Frame { width, height, rgba: Vec::new() });
         (frame.width, frame.height) = (width, height);
         frame.rgba.resize(width as usize * height as usize * 4, 0);
         let passes = picture::passes(&plan.post, self.pipelines.effects())?;
-        picture::run(&passes, plan.size, sum.mean(), &mut frame.rgba);
+        picture::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
         if let Some(over) = &plan.over {
             over.over(&mut frame);
         }

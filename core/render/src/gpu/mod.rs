@@ -25,6 +25,7 @@ mod slot;
 mod state;
 mod steady;
 mod targets;
+mod texels;
 mod upload;
 
 use crate::record::{Command, MAX_LIGHTS, RecordOptions, Recording, record, texture_slots};
@@ -38,6 +39,7 @@ use descriptors::{Layouts, Pools};
 use error::Named;
 use execute::Execution;
 use faults::{FaultPlace, Faults};
+use memory::Buffer;
 use pipelines::Pipelines;
 use resources::Resources;
 use slot::Slot;
@@ -95,6 +97,8 @@ pub struct VulkanRenderer {
     pipelines: Pipelines,
     resources: Resources,
     targets: Option<Targets>,
+    /// Textures of effects.
+    texels: Option<Buffer>,
     slots: Vec<Slot>,
     /// Indices into `slots`, the oldest first.
     pending: VecDeque<usize>,
@@ -140,6 +144,7 @@ impl VulkanRenderer {
             pipelines,
             resources: Resources::default(),
             targets: None,
+            texels: None,
             slots: Vec::new(),
             pending: VecDeque::new(),
             later: VecDeque::new(),
@@ -327,7 +332,7 @@ impl VulkanRenderer {
         }
         if self.waits(plan) {
             self.check(plan)?;
-            plan.exposed.iter().try_for_each(|part| self.check(part))?;
+            plan.parts().try_for_each(|part| self.check(part))?;
             self.later.push_back(plan.clone());
             return Ok(());
         }
@@ -349,6 +354,7 @@ impl VulkanRenderer {
         });
         let ids = pipelines::ids(&recording);
         self.prepare_targets(plan, &recording)?;
+        self.prepare_texels(&recording)?;
         for command in &recording.commands {
             if let Command::BindPipeline(variant) = command {
                 self.layouts.prepare_material(&self.gpu, texture_slots(variant.key.features))?;
@@ -363,7 +369,8 @@ impl VulkanRenderer {
             .and_then(|()| {
                 let slot = &mut self.slots[index];
                 let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
-                let seen = Seen { sky: self.resources.sky.as_ref(), ..seen };
+                let (sky, texels) = (self.resources.sky.as_ref(), self.texels.as_ref());
+                let seen = Seen { sky, texels, ..seen };
                 slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, seen)
             })
             .and_then(|()| {
@@ -421,6 +428,7 @@ impl Renderer for VulkanRenderer {
 
     fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError> {
         self.wait_idle()?;
+        self.forget_texels(effects);
         self.pipelines.set_effects(&self.gpu, effects);
         self.gpu.check_messages()
     }
@@ -474,6 +482,9 @@ impl Drop for VulkanRenderer {
         }
         for slot in &mut self.slots {
             slot.destroy(&self.gpu);
+        }
+        if let Some(mut texels) = self.texels.take() {
+            texels.destroy(&self.gpu);
         }
         self.resources.destroy(&self.gpu);
         self.pipelines.destroy(&self.gpu);

@@ -55,7 +55,7 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             None
         }
         Command::BindPipeline(variant) => {
-            let surface = on_surface(recording, variant.key.surface);
+            let surface = on_surface(recording, variant.key.effects());
             Some(Id::Scene { variant: *variant, samples, float, surface })
         }
         Command::DrawBackground { surface } | Command::DrawSky { surface } => {

@@ -13,8 +13,8 @@ use crate::RenderError;
 use crate::plan::{Features, Glass, TopologyKey};
 use crate::record::texture_slots;
 use crate::shader::{
-    BACKGROUND, Entry, OVERLAY, SCENE, SKY, ShaderSources, SourceFile, UNDER, compile, surface_files,
-    switches,
+    BACKGROUND, Entry, OVERLAY, SCENE, SKY, SceneEffect, ShaderSources, SourceFile, UNDER, compile,
+    surface_files, switches, texture_functions,
 };
 use crate::vertex::VertexLayout;
 use ash::vk;
@@ -137,7 +137,10 @@ impl Pipelines {
     pub fn set_effects(&mut self, gpu: &Context, effects: &[Arc<dyn Effect>]) {
         let old = std::mem::replace(&mut self.effects, effects.to_vec());
         let text = |all: &[Arc<dyn Effect>], name: &str| {
-            all.iter().find(|e| e.manifest().name == name).map(|e| e.wgsl().to_string())
+            let effect = all.iter().find(|e| e.manifest().name == name)?;
+            // Where its textures lie is written into its functions.
+            let textures = texture_functions(all, effect.as_ref());
+            Some((effect.wgsl().to_string(), textures, effect.hook(), effect.along_model()))
         };
         self.made.retain(|id, pipeline| {
             let names: Vec<&String> = match id {
@@ -195,7 +198,9 @@ impl Pipelines {
                     (true, true) => stages("vs", "shadow_fs").to_vec(),
                     (true, false) => stages("vs", "").first().copied().into_iter().collect(),
                 };
-                let code = compile(&files, &switches(variant), &stages, points)?;
+                let mut on = switches(variant);
+                on.extend(self.reads_textures(surface).then_some("TEXTURES"));
+                let code = compile(&files, &on, &stages, points)?;
                 self.build(
                     gpu,
                     &code,
@@ -231,7 +236,8 @@ impl Pipelines {
                 let mut files = self.sources.files(files)?;
                 files.extend(self.surface_texts(surface)?);
                 let mut on = Vec::from_iter(switch);
-                on.extend((!surface.is_empty()).then_some("SURFACE"));
+                on.extend(if surface.is_empty() { &[][..] } else { &["SURFACE", "EFFECTS"] });
+                on.extend(self.reads_textures(surface).then_some("TEXTURES"));
                 let code = compile(&files, &on, &stages("background_vs", fs), false)?;
                 self.build(
                     gpu,
@@ -266,9 +272,12 @@ impl Pipelines {
             }
             Id::Post { effect, float } => {
                 let plugin = self.effect(effect)?;
-                let files = self.sources.post(effect, plugin.wgsl())?;
-                let on: &[&str] = if plugin.hook() == Hook::Picture { &["PICTURE"] } else { &[] };
-                let code = compile(&files, on, &stages("post_vs", "post_fs"), false)?;
+                let text = format!("{}{}", plugin.wgsl(), texture_functions(&self.effects, plugin.as_ref()));
+                let textures = !plugin.textures().is_empty();
+                let files = self.sources.post(effect, &text, textures)?;
+                let mut on = Vec::from_iter((plugin.hook() == Hook::Picture).then_some("PICTURE"));
+                on.extend(textures.then_some("TEXTURES"));
+                let code = compile(&files, &on, &stages("post_vs", "post_fs"), false)?;
                 self.build(
                     gpu,
                     &code,
@@ -287,10 +296,28 @@ impl Pipelines {
         if surface.is_empty() {
             return Ok(Vec::new());
         }
-        let text =
-            |(bit, name): &(u8, String)| Ok((*bit, name.clone(), self.effect(name)?.wgsl().to_string()));
-        let texts: Result<Vec<_>, RenderError> = surface.iter().map(text).collect();
-        Ok(surface_files(&texts?))
+        let used = |(bit, name): &(u8, String)| {
+            let effect = self.effect(name)?;
+            Ok(SceneEffect {
+                bit: *bit,
+                name: name.clone(),
+                wgsl: format!("{}{}", effect.wgsl(), texture_functions(&self.effects, effect.as_ref())),
+                hook: effect.hook(),
+                along_model: effect.along_model(),
+            })
+        };
+        let all: Result<Vec<_>, RenderError> = surface.iter().map(used).collect();
+        let mut files = Vec::new();
+        if self.reads_textures(surface) {
+            files.push(self.sources.file("textures.wgsl")?);
+        }
+        files.extend(surface_files(&all?));
+        Ok(files)
+    }
+
+    fn reads_textures(&self, surface: &[(u8, String)]) -> bool {
+        let reads = |name: &String| self.effect(name).is_ok_and(|e| !e.textures().is_empty());
+        surface.iter().any(|(_, name)| reads(name))
     }
 
     /// Effects that plans may name.

@@ -14,6 +14,7 @@ use crate::gpu_types::{
     FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform, SkyUniform,
 };
 use crate::plan::Rows;
+use crate::planner_effects::MOST_SURFACE_EFFECTS;
 use crate::record::{Command, MAX_LIGHTS, Recording, UNIFORM_JOINTS};
 use crate::shadows::MAX_VIEWS;
 use crate::{Plan, RenderError};
@@ -50,7 +51,7 @@ pub struct Slot {
 }
 
 /// Set 0: frame, instances, joints, morphs, lights, joints as a uniform buffer, parameters of effects on surfaces, what effects draw.
-pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 8] = [
+pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 9] = [
     (0, vk::DescriptorType::UNIFORM_BUFFER),
     (1, vk::DescriptorType::STORAGE_BUFFER),
     (2, vk::DescriptorType::STORAGE_BUFFER),
@@ -59,10 +60,12 @@ pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 8] = [
     (5, vk::DescriptorType::UNIFORM_BUFFER),
     (6, vk::DescriptorType::UNIFORM_BUFFER),
     (7, vk::DescriptorType::STORAGE_BUFFER),
+    (8, vk::DescriptorType::STORAGE_BUFFER),
 ];
 
-/// Parameters of as many effects on surfaces as there can be.
-const SURFACE_BYTES: u64 = (crate::planner_effects::MOST_SURFACE_EFFECTS * size_of::<[f32; 8]>()) as u64;
+/// Parameters of as many effects on surfaces as there can be, and how far each moves them.
+const SURFACE_BYTES: u64 = REACHES_AT + (MOST_SURFACE_EFFECTS * size_of::<f32>()) as u64;
+const REACHES_AT: u64 = (MOST_SURFACE_EFFECTS * size_of::<[f32; 8]>()) as u64;
 
 /// Byte ranges of one frame's data in its buffer.
 struct Ranges {
@@ -223,6 +226,9 @@ impl Slot {
         for (i, used) in plan.surface.iter().enumerate() {
             put(surface_at + (i * size_of::<[f32; 8]>()) as u64, bytemuck::bytes_of(&used.parameters));
         }
+        if surface_range > 0 {
+            put(surface_at + REACHES_AT, bytemuck::bytes_of(&plan.reaches));
+        }
         put(overlay_at, overlay_bytes);
         if let Some((images, sky)) = &sky {
             let maps = images.maps.as_ref().map(|(maps, _)| &**maps);
@@ -245,6 +251,8 @@ impl Slot {
             put(*at, bytemuck::bytes_of(&PostUniform { parameters, size, number: pass.number, pad: 0 }));
         }
 
+        // Of effects; the frame's own data where there are none, as above.
+        let (texels, texel_bytes) = seen.texels.map_or((raw, 16), |b| (b.raw, b.size));
         use vk::DescriptorType as T;
         let of_views = self.view_sets.iter().zip(&view_at);
         for (set, at) in std::iter::once((&self.frame_set, &frame_at)).chain(of_views) {
@@ -267,6 +275,7 @@ impl Slot {
             if !overlay_bytes.is_empty() {
                 write_buffer(gpu, set, 7, T::STORAGE_BUFFER, raw, overlay_at, overlay_bytes.len() as u64);
             }
+            write_buffer(gpu, set, 8, T::STORAGE_BUFFER, texels, 0, texel_bytes);
             if reads.lights {
                 write_buffer(gpu, set, 4, T::UNIFORM_BUFFER, raw, lights_at, lights_range);
             }
@@ -311,6 +320,7 @@ impl Slot {
         }
         for (set, at) in self.post_sets.iter().zip(&post_at) {
             write_buffer(gpu, set.raw, 0, T::UNIFORM_BUFFER, raw, *at, size_of::<PostUniform>() as u64);
+            write_buffer(gpu, set.raw, 3, T::STORAGE_BUFFER, texels, 0, texel_bytes);
         }
 
         let pixel = if plan.linear { 8 } else { 4 };

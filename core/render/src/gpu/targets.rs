@@ -90,6 +90,8 @@ pub struct Seen<'a> {
     pub shadow: Option<&'a ShadowTarget>,
     pub behind: Option<&'a BehindTarget>,
     pub sky: Option<&'a SkyImages>,
+    /// Textures of effects.
+    pub texels: Option<&'a Buffer>,
 }
 
 impl Targets {
@@ -143,7 +145,7 @@ impl Targets {
 
     /// What shaders read beside materials; the sky is among the resources.
     pub fn seen(&self) -> Seen<'_> {
-        Seen { shadow: self.shadow.as_ref(), behind: self.behind.as_ref(), sky: None }
+        Seen { shadow: self.shadow.as_ref(), behind: self.behind.as_ref(), sky: None, texels: None }
     }
 
     pub fn image(&self, target: Target) -> &Image {

@@ -4,10 +4,12 @@
 mod compile;
 mod preprocess;
 mod surface;
+mod textures;
 
 pub use compile::{Entry, compile, parse};
 pub use preprocess::{PreprocessError, preprocess};
-pub use surface::surface_files;
+pub use surface::{SceneEffect, surface_files};
+pub use textures::{texture_bytes, texture_functions};
 
 use crate::RenderError;
 use crate::plan::{Features, Glass, PipelineKey};
@@ -22,7 +24,7 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 14] = [
+const EMBEDDED: [(&str, &str); 16] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("under.wgsl", include_str!("../../../../shaders/under.wgsl")),
     ("sky.wgsl", include_str!("../../../../shaders/sky.wgsl")),
@@ -31,20 +33,23 @@ const EMBEDDED: [(&str, &str); 14] = [
     ("layers.wgsl", include_str!("../../../../shaders/layers.wgsl")),
     ("refraction.wgsl", include_str!("../../../../shaders/refraction.wgsl")),
     ("shadow.wgsl", include_str!("../../../../shaders/shadow.wgsl")),
+    ("displace.wgsl", include_str!("../../../../shaders/displace.wgsl")),
     ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
     ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
     ("surface.wgsl", include_str!("../../../../shaders/surface.wgsl")),
     ("background.wgsl", include_str!("../../../../shaders/background.wgsl")),
     ("overlay.wgsl", include_str!("../../../../shaders/overlay.wgsl")),
+    ("textures.wgsl", include_str!("../../../../shaders/textures.wgsl")),
     ("post.wgsl", include_str!("../../../../shaders/post.wgsl")),
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 10] = [
+pub const SCENE: [&str; 11] = [
     "frame.wgsl",
     "sky.wgsl",
     "brdf.wgsl",
     "toon.wgsl",
+    "displace.wgsl",
     "vertex.wgsl",
     "layers.wgsl",
     "refraction.wgsl",
@@ -104,12 +109,15 @@ impl ShaderSources {
         names.iter().map(|n| self.file(n)).collect()
     }
 
-    /// The text that a full-screen effect is compiled from: our template, then the plugin's function.
-    pub fn post(&self, effect: &str, wgsl: &str) -> Result<Vec<SourceFile>, RenderError> {
-        Ok(vec![
-            self.file("post.wgsl")?,
-            SourceFile { name: format!("effect \"{effect}\""), text: wgsl.into() },
-        ])
+    /// The text that a full-screen effect is compiled from: our template, then the plugin's function. With the switch
+    /// `TEXTURES`, where it reads any.
+    pub fn post(&self, effect: &str, wgsl: &str, textures: bool) -> Result<Vec<SourceFile>, RenderError> {
+        let mut files = vec![self.file("post.wgsl")?];
+        if textures {
+            files.push(self.file("textures.wgsl")?);
+        }
+        files.push(SourceFile { name: format!("effect \"{effect}\""), text: wgsl.into() });
+        Ok(files)
     }
 }
 
@@ -193,6 +201,9 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("NORMAL", key.features.has_normals()),
         ("TANGENT", key.features.has_tangents()),
         ("SURFACE", key.surface != 0),
+        ("DISPLACED", key.displaced != 0),
+        ("LIGHTING", key.lighting != 0),
+        ("EFFECTS", key.effects() != 0),
         ("PLACE", key.features.is_lit() || key.surface != 0),
         ("NORMAL_OUT", key.features.is_lit() || key.features.has(Features::SEEN_NORMALS)),
         ("GLASS", matches!(key.glass, Glass::Filter | Glass::Light)),

@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 71] = [
+pub const SWITCHES: [&str; 75] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -60,6 +60,10 @@ pub const SWITCHES: [&str; 71] = [
     "SEEN_JOINTS",
     "SEEN_SHADOW",
     "SURFACE",
+    "DISPLACED",
+    "LIGHTING",
+    "EFFECTS",
+    "TEXTURES",
     "PLACE",
     "NORMAL_OUT",
     "PICTURE",

@@ -1,21 +1,70 @@
-//! Effects on surfaces as part of a scene shader: each plugin's text with names of its own, and what calls them in order.
+//! Effects as part of a scene shader: each plugin's text with names of its own, and what calls them in order.
 
 use super::SourceFile;
+use choreo_plugin::Hook;
 
-/// The texts of the effects whose functions a shader calls: (its bit in `PipelineKey::surface`, plugin, WGSL).
-pub fn surface_files(effects: &[(u8, String, String)]) -> Vec<SourceFile> {
-    let mut calls =
-        String::from("fn surface_effects(color: vec4<f32>, seen: Seen) -> vec4<f32> {\n    var c = color;\n");
-    let mut files = Vec::new();
-    for (bit, name, wgsl) in effects {
-        calls += &format!("    c = effect_s{bit}(c, seen, surface_parameters_of({bit}u));\n");
+/// An effect whose function a shader calls.
+pub struct SceneEffect {
+    /// Its bit in [`crate::plan::PipelineKey::effects`].
+    pub bit: u8,
+    /// Plugin name.
+    pub name: String,
+    pub wgsl: String,
+    pub hook: Hook,
+    pub along_model: bool,
+}
+
+/// What a call of an effect's function is given, and what becomes of its value.
+fn call(effect: &SceneEffect) -> String {
+    let bit = effect.bit;
+    let p = format!("surface_parameters_of({bit}u)");
+    match effect.hook {
+        Hook::Vertex => {
+            let offset = format!("effect_s{bit}(place, {p})");
+            let offset = if effect.along_model { format!("turned_by(m, {offset})") } else { offset };
+            format!("    sum += within_reach({offset}, {bit}u);\n")
+        }
+        Hook::Lighting => format!("    f.lit = effect_s{bit}(f, {p});\n"),
+        _ => format!("    c = effect_s{bit}(c, seen, {p});\n"),
+    }
+}
+
+/// The texts of the effects whose functions a shader calls.
+pub fn surface_files(effects: &[SceneEffect]) -> Vec<SourceFile> {
+    // A shader without light calls none of those that speak of it: their texts would not compile there.
+    let calls_of = |hook: Hook| effects.iter().filter(|e| e.hook == hook).map(call).collect::<String>();
+    let functions = [
+        (
+            Hook::Surface,
+            "fn surface_effects(color: vec4<f32>, seen: Seen) -> vec4<f32> {\n    var c = color;\n",
+            "    return c;\n}\n",
+        ),
+        (
+            Hook::Vertex,
+            "fn vertex_effects(place: Place, m: Rows) -> vec3<f32> {\n    var sum = vec3(0.0);\n",
+            "    return sum;\n}\n",
+        ),
+        (
+            Hook::Lighting,
+            "fn light_effects(falling: Falling) -> vec3<f32> {\n    var f = falling;\n",
+            "    return f.lit;\n}\n",
+        ),
+    ];
+    let mut files: Vec<SourceFile> = Vec::new();
+    for effect in effects {
         files.push(SourceFile {
-            name: format!("effect \"{name}\""),
-            text: renamed(wgsl, &format!("_s{bit}")),
+            name: format!("effect \"{}\"", effect.name),
+            text: renamed(&effect.wgsl, &format!("_s{}", effect.bit)),
         });
     }
-    calls += "    return c;\n}\n";
-    files.push(SourceFile { name: "calls of effects on surfaces".into(), text: calls });
+    let mut text = String::new();
+    for (hook, head, end) in functions {
+        let calls = calls_of(hook);
+        if !calls.is_empty() {
+            text += &format!("{head}{calls}{end}");
+        }
+    }
+    files.push(SourceFile { name: "calls of effects on surfaces".into(), text });
     files
 }
 

@@ -52,6 +52,11 @@ fn effect(c: &mut Call) -> Reply {
     };
     if let Some(file) = plugin.file() {
         c.shared.loader.note_used(&file.path, file.text.as_bytes());
+        for beside in &file.beside {
+            if let Ok(bytes) = &beside.bytes {
+                c.shared.loader.note_used(&beside.path, bytes);
+            }
+        }
     }
     let mut used = EffectUse { plugin: name.clone(), ..EffectUse::default() };
     let mut names: Vec<&str> = plugin.manifest().options.iter().map(|o| o.name.as_str()).collect();

@@ -1,0 +1,61 @@
+//! The functions of the shader around an effect's, on the CPU.
+
+use crate::forms::Host;
+use crate::program::Around;
+use crate::shape::Value;
+use choreo_plugin::{EffectTexture, Pictures};
+use glam::{Vec2, Vec4};
+
+/// Colours from the arguments: for trials, before there is anything to see.
+pub struct Plain;
+
+impl Around for Plain {
+    fn call(&self, host: Host, arguments: &[Value]) -> Value {
+        match host {
+            Host::PictureSize => Value::ints([1280, 720]),
+            _ => {
+                let bits = arguments.last().map_or(0, |v| v.0[0]);
+                Value::floats(&[f32::from((bits & 255) as u8) / 255.0, 0.5, 0.25, 1.0])
+            }
+        }
+    }
+}
+
+/// An effect's textures.
+pub struct Textured<'a>(pub &'a [EffectTexture]);
+
+impl Around for Textured<'_> {
+    fn call(&self, host: Host, arguments: &[Value]) -> Value {
+        let (Host::Texture(i), [uv]) = (host, arguments) else { return Value::default() };
+        let texel = self.0.get(i).map_or(Vec4::ZERO, |t| t.sample(Vec2::new(uv.f(0), uv.f(1))));
+        Value::floats(&texel.to_array())
+    }
+}
+
+/// The pictures of a pass, and textures.
+pub struct Seeing<'a> {
+    pub pictures: &'a Pictures<'a>,
+    pub textures: &'a [EffectTexture],
+    /// Frames back that it may ask for.
+    pub history: u32,
+}
+
+impl Around for Seeing<'_> {
+    fn call(&self, host: Host, arguments: &[Value]) -> Value {
+        let at = arguments.last().map_or([0, 0], |v| [v.0[0] as i32, v.0[1] as i32]);
+        let pixel = match host {
+            Host::Texture(_) => return Textured(self.textures).call(host, arguments),
+            Host::PictureSize => return Value::ints(self.pictures.now.size.map(|s| s as i32)),
+            Host::Picture => self.pictures.now.at(at[0], at[1]),
+            Host::Original => self.pictures.original.at(at[0], at[1]),
+            Host::Previous => {
+                // Farther back than the head says stands the farthest.
+                let frames = arguments.first().map_or(1, |v| v.0[0]).clamp(1, self.history.max(1));
+                let before = self.pictures.before;
+                let picture = before.get(frames as usize - 1).or(before.last());
+                picture.map_or(Vec4::ZERO, |p| p.at(at[0], at[1]))
+            }
+        };
+        Value::floats(&pixel.to_array())
+    }
+}

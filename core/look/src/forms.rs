@@ -1,0 +1,130 @@
+//! What the function of each hook is given and gives, in WGSL and as components.
+
+use naga::{Module, ScalarKind, TypeInner, VectorSize};
+
+/// A parameter of an effect's function.
+#[derive(Clone, Copy)]
+enum Part {
+    Scalar(ScalarKind),
+    Vector(ScalarKind, VectorSize),
+    /// Of this name.
+    Struct(&'static str),
+    /// `array<f32, 8>`.
+    Parameters,
+}
+
+pub struct Form {
+    pub signature: &'static str,
+    parts: &'static [Part],
+    gives: VectorSize,
+    /// Declared by the shader that calls the function; appended below the author's text, so that lines stay.
+    pub declared: &'static str,
+    /// Functions of the shader that it may call, as [`Host`] lists them. Their bodies are never run.
+    pub functions: &'static [(&'static str, &'static str, Host)],
+}
+
+/// A function of the shader that calls the effect's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Host {
+    Picture,
+    Original,
+    PictureSize,
+    Previous,
+    /// Of the effect's textures.
+    Texture(usize),
+}
+
+const F: ScalarKind = ScalarKind::Float;
+const I: ScalarKind = ScalarKind::Sint;
+const U: ScalarKind = ScalarKind::Uint;
+
+const PIXEL: Form = Form {
+    signature: "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>",
+    parts: &[Part::Vector(F, VectorSize::Quad), Part::Vector(F, VectorSize::Bi), Part::Parameters],
+    gives: VectorSize::Quad,
+    declared: "",
+    functions: &[],
+};
+
+/// As in shaders/surface.wgsl, and `choreo_plugin::Seen` in this order.
+const SURFACE: Form = Form {
+    signature: "fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>",
+    parts: &[Part::Vector(F, VectorSize::Quad), Part::Struct("Seen"), Part::Parameters],
+    gives: VectorSize::Quad,
+    declared: "struct Seen { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
+        joints: vec3<f32>, uv: vec2<f32>, shadow: f32, viewer: vec3<f32> }\n",
+    functions: &[],
+};
+
+/// As in shaders/displace.wgsl, and `choreo_plugin::Place` in this order.
+const VERTEX: Form = Form {
+    signature: "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>",
+    parts: &[Part::Struct("Place"), Part::Parameters],
+    gives: VectorSize::Tri,
+    declared: "struct Place { world: vec3<f32>, normal: vec3<f32>, uv: vec2<f32>, model: vec3<f32> }\n",
+    functions: &[],
+};
+
+/// As in shaders/surface.wgsl, and `choreo_plugin::Falling` in this order.
+const LIGHTING: Form = Form {
+    signature: "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>",
+    parts: &[Part::Struct("Falling"), Part::Parameters],
+    gives: VectorSize::Tri,
+    declared: "struct Falling { cosine: f32, share: f32, color: vec3<f32>, base: vec3<f32>, normal: vec3<f32>, \
+        viewer: vec3<f32>, light: vec3<f32>, lit: vec3<f32> }\n",
+    functions: &[],
+};
+
+/// As in shaders/post.wgsl.
+const PICTURE: Form = Form {
+    signature: "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>",
+    parts: &[Part::Vector(I, VectorSize::Bi), Part::Scalar(U), Part::Parameters],
+    gives: VectorSize::Quad,
+    declared: "",
+    functions: &[
+        ("picture", "fn picture(at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x)); }\n", Host::Picture),
+        ("original", "fn original(at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x)); }\n", Host::Original),
+        ("picture_size", "fn picture_size() -> vec2<i32> { return vec2(1); }\n", Host::PictureSize),
+    ],
+};
+
+/// Beside those of [`PICTURE`], where the head asks for a history.
+pub const PREVIOUS: (&str, &str, Host) = (
+    "previous",
+    "fn previous(frames: u32, at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x) + f32(frames)); }\n",
+    Host::Previous,
+);
+
+pub fn form(hook: choreo_plugin::Hook) -> &'static Form {
+    use choreo_plugin::Hook;
+    match hook {
+        Hook::Surface => &SURFACE,
+        Hook::Vertex => &VERTEX,
+        Hook::Lighting => &LIGHTING,
+        Hook::Picture => &PICTURE,
+        _ => &PIXEL,
+    }
+}
+
+impl Form {
+    /// Whether a function is of this form.
+    pub fn fits(&self, module: &Module, function: &naga::Function) -> bool {
+        let types = &module.types;
+        let is = |part: &Part, ty: naga::Handle<naga::Type>| match (part, &types[ty].inner) {
+            (Part::Scalar(kind), TypeInner::Scalar(s)) => s.kind == *kind && s.width == 4,
+            (Part::Vector(kind, n), TypeInner::Vector { size, scalar: s }) => {
+                size == n && s.kind == *kind && s.width == 4
+            }
+            (Part::Struct(name), TypeInner::Struct { .. }) => types[ty].name.as_deref() == Some(name),
+            (Part::Parameters, TypeInner::Array { base, size: naga::ArraySize::Constant(n), .. }) => {
+                n.get() == 8 && types[*base].inner == TypeInner::Scalar(naga::Scalar::F32)
+            }
+            _ => false,
+        };
+        let arguments = &function.arguments;
+        let gives = function.result.as_ref().is_some_and(|r| is(&Part::Vector(F, self.gives), r.ty));
+        gives
+            && arguments.len() == self.parts.len()
+            && arguments.iter().zip(self.parts).all(|(argument, part)| is(part, argument.ty))
+    }
+}

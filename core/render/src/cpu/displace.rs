@@ -1,0 +1,59 @@
+//! Twin of displace.wgsl: effects that move the corners of surfaces.
+
+use crate::plan::Rows;
+use choreo_plugin::{Effect, Place};
+use glam::{Vec3, Vec4Swizzles};
+use std::sync::Arc;
+
+/// An effect with its parameters and how far it moves anything at most, metres.
+pub struct Displacement {
+    pub effect: Arc<dyn Effect>,
+    pub parameters: [f32; 8],
+    pub reach: f32,
+}
+
+/// A power of two, so that adding it rounds little.
+const STEP: f32 = 0.003_906_25;
+
+/// How far all of them together move a corner, metres in the world. `rows`: what brought it there.
+pub fn offset(effects: &[Displacement], place: &Place, rows: &Rows) -> Vec3 {
+    effects.iter().fold(Vec3::ZERO, |sum, d| {
+        let mut offset = d.effect.cpu_vertex(place, &d.parameters);
+        if d.effect.along_model() {
+            offset = rows.transform_vector(offset);
+        }
+        sum + offset * (d.reach / offset.length().max(1e-20)).min(1.0)
+    })
+}
+
+/// Of the moved surface: what a step along two tangents becomes.
+pub fn normal(effects: &[Displacement], place: &Place, rows: &Rows, moved: Vec3) -> Vec3 {
+    // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
+    let n = place.normal;
+    let s = if n.z >= 0.0 { 1.0 } else { -1.0 };
+    let a = -1.0 / (s + n.z);
+    let b = n.x * n.y * a;
+    let t = Vec3::new(1.0 + s * n.x * n.x * a, s * b, -s * n.x);
+    let u = Vec3::new(b, s + n.y * n.y * a, -n.y);
+    let step = |way: Vec3| way * STEP + (offset(effects, &shifted(place, rows, way), rows) - moved);
+    // Of unit length, so that the product of two small steps does not vanish.
+    unit(unit(step(t)).cross(unit(step(u))))
+}
+
+fn shifted(place: &Place, rows: &Rows, way: Vec3) -> Place {
+    let mut there = *place;
+    there.world += way * STEP;
+    // The inverse by cofactors.
+    let [x, y, z] = rows.0.map(|r| r.xyz());
+    let cofactors = [y.cross(z), z.cross(x), x.cross(y)];
+    let determinant = x.dot(cofactors[0]);
+    if determinant.abs() > 1e-30 {
+        let back = cofactors[0] * way.x + cofactors[1] * way.y + cofactors[2] * way.z;
+        there.model += back * (STEP / determinant);
+    }
+    there
+}
+
+fn unit(v: Vec3) -> Vec3 {
+    v * (1.0 / v.dot(v).max(1e-20).sqrt())
+}

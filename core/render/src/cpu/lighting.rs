@@ -1,0 +1,63 @@
+//! Effects that say what comes of a light on a surface, in place of its own model. Twin: `light_effects` in scene.wgsl.
+
+use super::brdf::incoming;
+use super::lanes::{F4, V3};
+use super::shade::Fragment;
+use choreo_plugin::Falling;
+use glam::Vec3;
+
+/// What the lights fall on.
+pub struct Lit {
+    pub relative: V3,
+    /// Without and with the normal map.
+    pub own_n: V3,
+    pub n: V3,
+    /// Unit, to the viewer.
+    pub v: V3,
+    pub base: V3,
+}
+
+impl Fragment<'_> {
+    /// As [`Fragment::lights`], by the effects where there are any.
+    #[inline(always)]
+    pub fn all_lights(&self, on: &Lit, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
+        match self.lighting.is_empty() {
+            true => self.lights(on.relative, [on.own_n, on.n], color, reflect),
+            false => self.lights_by_effects(on, color, reflect),
+        }
+    }
+
+    /// Each light's part handed to the effects.
+    fn lights_by_effects(&self, on: &Lit, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
+        for light in &self.plan.lights {
+            let (l, strength) = incoming(light, on.relative);
+            let cosine = on.n.dot(l);
+            let nl = cosine.clamp(0.0, 1.0);
+            let share = self.share(light, on.relative, on.own_n, l);
+            let arriving = V3::splat(light.color.truncate()) * strength;
+            let lit = reflect(l, nl) * arriving * (nl * share);
+            let mut out = [F4::ZERO; 3];
+            for i in 0..4 {
+                let lane = |v: &V3| Vec3::new(v.x.0[i], v.y.0[i], v.z.0[i]);
+                let mut falling = Falling {
+                    cosine: cosine.0[i],
+                    share: share.0[i],
+                    color: lane(&arriving),
+                    base: lane(&on.base),
+                    normal: lane(&on.n),
+                    viewer: lane(&on.v),
+                    light: lane(&l),
+                    // Where the light is behind the surface the division by NL in V means nothing.
+                    lit: if nl.0[i] > 0.0 { lane(&lit) } else { Vec3::ZERO },
+                };
+                for (effect, parameters) in &self.lighting {
+                    falling.lit = effect.cpu_lighting(&falling, parameters);
+                }
+                for (out, c) in out.iter_mut().zip(falling.lit.to_array()) {
+                    out.0[i] = c;
+                }
+            }
+            *color = *color + V3 { x: out[0], y: out[1], z: out[2] };
+        }
+    }
+}

@@ -1,0 +1,23 @@
+// effect: waves
+// about: a surface that rises and falls in three trains of waves
+// version: 1
+// hook: vertex
+// reach: height
+// param height = 0.12 in 0..2: metres from rest to the highest crest
+// param length = 1.6 in 0.1..100: metres from crest to crest
+// param phase = 0 in -1000..1000: how many waves of the first train have gone by
+//
+// How far each corner moves, metres in the world; shadows and normals follow.
+const TURN = 6.2831853;
+
+fn wave(place: vec3<f32>, way: vec2<f32>, phase: f32) -> f32 {
+    return sin(TURN * (dot(place.xz, way) - phase));
+}
+
+fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> {
+    let k = 1.0 / p[length];
+    let rise = 0.5 * wave(place.world, k * vec2(0.8, 0.6), p[phase])
+        + 0.3 * wave(place.world, 1.7 * k * vec2(-0.3, 0.95), 1.3 * p[phase])
+        + 0.2 * wave(place.world, 2.9 * k * vec2(1.0, -0.1), 1.7 * p[phase]);
+    return vec3(0.0, p[height] * rise, 0.0);
+}

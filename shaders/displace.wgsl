@@ -1,0 +1,56 @@
+// Effects that move the corners of surfaces. Their functions, and `vertex_effects`, which calls them, are appended.
+// Twin: core/render/src/cpu/displace.rs.
+
+@if(DISPLACED)
+struct Place {
+    world: vec3<f32>,
+    normal: vec3<f32>,
+    uv: vec2<f32>,
+    model: vec3<f32>,
+}
+
+// A way along the mesh's own axes, in the world.
+fn turned_by(m: Rows, way: vec3<f32>) -> vec3<f32> {
+    return vec3(dot(m.x.xyz, way), dot(m.y.xyz, way), dot(m.z.xyz, way));
+}
+
+// Cut off where the effect's reach of an index ends.
+fn within_reach(offset: vec3<f32>, index: u32) -> vec3<f32> {
+    let reach = surface_parameters[16u + index / 4u][index % 4u];
+    return offset * min(1.0, reach / max(length(offset), 1e-20));
+}
+@end
+
+@if(DISPLACED && NORMAL)
+// A power of two, so that adding it rounds little.
+const DISPLACED_STEP: f32 = 0.00390625;
+
+fn shifted(place: Place, m: Rows, way: vec3<f32>) -> Place {
+    var there = place;
+    there.world += way * DISPLACED_STEP;
+    // The inverse by cofactors.
+    let x = cross(m.y.xyz, m.z.xyz);
+    let y = cross(m.z.xyz, m.x.xyz);
+    let z = cross(m.x.xyz, m.y.xyz);
+    let determinant = dot(m.x.xyz, x);
+    if (abs(determinant) > 1e-30) {
+        there.model += (x * way.x + y * way.y + z * way.z) * (DISPLACED_STEP / determinant);
+    }
+    return there;
+}
+
+// Of the moved surface: what a step along two tangents becomes.
+fn displaced_normal(place: Place, m: Rows, offset: vec3<f32>) -> vec3<f32> {
+    // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
+    let n = place.normal;
+    let s = select(-1.0, 1.0, n.z >= 0.0);
+    let a = -1.0 / (s + n.z);
+    let b = n.x * n.y * a;
+    let t = vec3(1.0 + s * n.x * n.x * a, s * b, -s * n.x);
+    let u = vec3(b, s + n.y * n.y * a, -n.y);
+    let along = t * DISPLACED_STEP + (vertex_effects(shifted(place, m, t), m) - offset);
+    let across = u * DISPLACED_STEP + (vertex_effects(shifted(place, m, u), m) - offset);
+    // Of unit length, so that the product of two small steps does not vanish.
+    return unit(cross(unit(along), unit(across)));
+}
+@end
