@@ -6,9 +6,10 @@ use crate::app::Viewer;
 use crate::difference;
 use crate::placing::Wanted;
 use crate::selection::{Selected, actor};
-use choreo_live::edit::{Edit, Object, Part, Refused, marker, set_time};
+use choreo_live::edit::{Edit, Object, Part, Refused, follows, marker, set_time};
 use choreo_script::Place;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Changes that can be taken back and made again, the newest last.
 #[derive(Default)]
@@ -46,6 +47,14 @@ impl Viewer {
     pub fn set_cue(&mut self, what: &Selected, part: Part, secs: f64) -> Result<(), String> {
         let bars = || self.timeline.rows.iter().flat_map(|row| &row.bars);
         let place = bars().find(|bar| bar.what == *what).ok_or("it is no longer there")?.place.clone();
+        if let (Selected::Cue { actor, layer, cue: 1.. }, Part::Start) = (what, part)
+            && self.known().is_some_and(|text| follows(&text, place.line, place.column))
+            && let Selected::Cue { cue, .. } = what
+        {
+            // Where two clips meet is written as the end of the first.
+            let before = Selected::Cue { actor: actor.clone(), layer: *layer, cue: cue - 1 };
+            return self.set_cue(&before, Part::End, secs);
+        }
         let twins = bars().filter(|b| b.place == place).count();
         self.change(&place, twins, |text| match (what, part) {
             (Selected::Effect(_), Part::Start) => {
@@ -54,6 +63,12 @@ impl Viewer {
             (Selected::Effect(_), _) => Object::at(text, place.line, place.column)?.time("until", secs),
             _ => Ok(set_time(text, place.line, place.column, part, secs)?),
         })
+    }
+
+    /// The script's text as it was when what is shown was made.
+    fn known(&self) -> Option<Arc<str>> {
+        let places = &self.scene.as_ref()?.places;
+        places.sources.get(&places.main).cloned()
     }
 
     /// Moves a cut; `index` of the stage's cuts.

@@ -13,6 +13,8 @@ pub struct Bar {
     pub what: Selected,
     pub start: Time,
     pub end: Time,
+    /// Where what follows begins, under whose fade it goes on; else its end. What a mouse takes hold of.
+    pub until: Time,
     pub fade_in: Time,
     pub fade_out: Time,
     /// Where a clip that is played once has come to its end; its last pose is held from there on.
@@ -76,6 +78,7 @@ impl Timeline {
                 what: Selected::Effect(index),
                 start: e.start,
                 end: e.end.unwrap_or(length),
+                until: e.end.unwrap_or(length),
                 fade_in: Time::ZERO,
                 fade_out: Time::ZERO,
                 holds_from: None,
@@ -114,6 +117,7 @@ fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place
         _ => cue.end.unwrap_or(length),
     };
     let end = end.min(length).max(cue.start);
+    let until = layer.cues.get(at + 1).map_or(end, |next| next.start).max(cue.start).min(end);
     let holds_from = match cue.repeat {
         Repeat::Once => cue.played_through().filter(|t| *t < end),
         _ => None,
@@ -123,6 +127,7 @@ fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place
         what,
         start: cue.start,
         end,
+        until,
         fade_in: if cue.inertial > Time::ZERO { cue.inertial } else { cue.fade_in },
         fade_out: cue.fade_out,
         holds_from,
@@ -147,6 +152,7 @@ fn cameras(scene: &Scene) -> Vec<Bar> {
         what: Selected::Camera(stage.cameras.get(camera).map_or_else(String::new, |c| c.name.clone())),
         start,
         end,
+        until: end,
         fade_in: Time::ZERO,
         fade_out: Time::ZERO,
         holds_from: None,

@@ -2,9 +2,7 @@
 
 mod place;
 
-use choreo_live::{Asked, Painter};
 use choreo_motion::Time;
-use choreo_render::{CpuRenderer, Renderer};
 use choreo_viewer::gizmo::Change;
 use choreo_viewer::placing::placement;
 use choreo_viewer::selection::Selected;
@@ -12,7 +10,6 @@ use egui::vec2;
 use egui_kittest::kittest::Queryable;
 use glam::{DQuat, DVec3};
 use place::Place;
-use std::sync::mpsc::channel;
 
 const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 6.0 });
 let moves = load("choreo:mannequin");
@@ -28,19 +25,6 @@ camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
 spot(#{ position: [0.0, 3.0, 0.0], look_at: [0, 0, 0], kelvin: 3200 });
 point(#{ position: [1.0, 2.0, 0.0] }).key("intensity", [[0.0, 0], [2.0, 20]]);
 "##;
-
-/// Draws the frame at the playhead, so that the viewer knows where everything stands.
-fn paint(place: &mut Place) {
-    let (to, painted) = channel();
-    let start = Box::new(|| {
-        let renderer: Box<dyn Renderer> = Box::new(CpuRenderer::new(&[]));
-        Ok((renderer, None))
-    });
-    let painter = Painter::start(start, move |p| drop(to.send(p))).unwrap();
-    let asked: Asked = place.viewer.wish().expect("there is something to draw");
-    painter.ask(asked);
-    assert!(place.viewer.take_painted(painted.recv().unwrap()).is_some());
-}
 
 fn assert_ends(text: &str, end: &str) {
     assert!(text.ends_with(end), "{text}");
@@ -116,7 +100,7 @@ fn computed_keys_are_refused_with_their_line() {
 fn what_is_attached_is_moved_in_its_parent() {
     let mut place = Place::new(SCRIPT);
     for name in ["hat", "ring"] {
-        paint(&mut place);
+        place.paint();
         let before = world(&place, name);
         let by = DVec3::new(0.2, 0.1, -0.3);
         place.viewer.change_actor(name, Change::Move(by)).unwrap();

@@ -46,6 +46,15 @@ fn a_session_at_the_window() {
         (screen.shot(&window).count(BACKGROUND) == first.count(BACKGROUND)).then_some(())
     });
 
+    // The picture as a file beside the script, as render would write it.
+    screen.key(&window, "p");
+    let saved = folder.path().join("a_0.png");
+    until("the saved picture", || saved.is_file().then_some(()));
+    let saved = screen.run("convert", &[saved.to_str().unwrap(), "-depth", "8", "ppm:-"]);
+    let saved = Shot::read(&saved.stdout).unwrap();
+    assert_eq!([saved.width, saved.height], [320, 180]);
+    assert!(saved.count(BACKGROUND) == first.count(BACKGROUND), "the same picture");
+
     // Play: it moves by itself, and pauses.
     screen.key(&window, "space");
     let a = screen.shot(&window);

@@ -10,8 +10,8 @@ mod values;
 use std::ops::Range;
 
 pub use keys::{Value, When};
-pub use object::{Object, Refused, marker, set_call};
-pub use times::{Part, set_time};
+pub use object::{Object, Refused, euler_degrees, marker, set_call};
+pub use times::{Part, follows, set_time};
 pub use values::plain;
 
 /// These bytes of the text become this.

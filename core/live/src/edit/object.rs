@@ -325,8 +325,8 @@ pub(super) fn rotation(degrees: DVec3) -> DQuat {
     about(DVec3::Z, degrees.z) * about(DVec3::Y, degrees.y) * about(DVec3::X, degrees.x)
 }
 
-/// The other way; where y is ±90°, z is 0.
-pub(super) fn euler_degrees(q: DQuat) -> DVec3 {
+/// The angles about x, then y, then z (fixed axes) of a rotation, as scripts say them, degrees; where y is ±90°, z is 0.
+pub fn euler_degrees(q: DQuat) -> DVec3 {
     let m = DMat3::from_quat(q.normalize());
     let y = libm::asin((-m.x_axis.z).clamp(-1.0, 1.0));
     let (x, z) = match m.x_axis.z.abs() < 1.0 - 1e-12 {

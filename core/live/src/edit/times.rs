@@ -44,6 +44,14 @@ pub fn set_time(text: &str, line: usize, column: usize, part: Part, secs: f64) -
     Ok(Edit { range: call.end..call.end, text: format!(".{name}({})", seconds(secs)) })
 }
 
+/// Whether the call at a place is a `then` that begins where the clip before it ends.
+pub fn follows(text: &str, line: usize, column: usize) -> bool {
+    let call = byte_at(text, line, column).and_then(|at| call_from(text, at));
+    call.is_some_and(|call| {
+        text[call.name.clone()] == *"then" && find(&chain_after(text, call.end), text, "from").is_none()
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

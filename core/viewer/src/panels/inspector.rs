@@ -8,7 +8,7 @@ use crate::selection::{Selected, actor};
 use choreo_live::Scene;
 use choreo_live::edit::plain;
 use choreo_plugin::OptionKind;
-use choreo_stage::{ActorState, Asset, Light, LightKind, Stage};
+use choreo_stage::{ActorState, Asset, Heard, Light, LightKind, Stage};
 use egui::{Grid, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
 use std::ops::RangeInclusive;
@@ -352,13 +352,22 @@ fn of_cue(
     row("trim", format!("{} to {} s", played.trim.0.as_secs(), played.trim.1.as_secs()));
     row("weight", played.weight.to_string());
     let heard = found.heard(viewer.playhead.time());
-    match heard.iter().find(|h| (h.layer, h.cue) == (layer, cue)) {
-        Some(heard) => row(
-            "now",
-            format!("{:.0} % at {:.3} s of the clip", heard.weight * 100.0, heard.clip_time.as_secs()),
-        ),
+    match shares(&heard, layer).find(|(h, _)| h.cue == cue) {
+        Some((heard, share)) => {
+            row("now", format!("{:.0} % at {:.3} s of the clip", share * 100.0, heard.clip_time.as_secs()))
+        }
         None => row("now", "not heard".into()),
     }
+}
+
+/// What each cue of a layer makes of its pose: those above leave it the rest. The last first.
+fn shares(heard: &[Heard], layer: usize) -> impl Iterator<Item = (&Heard, f32)> {
+    let of_layer = heard.iter().filter(move |h| h.layer == layer).rev();
+    of_layer.scan(1.0, |rest, h| {
+        let share = if h.additive { h.weight } else { *rest * h.weight };
+        *rest -= if h.additive { 0.0 } else { share };
+        Some((h, share))
+    })
 }
 
 fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&str, String)) {
@@ -371,7 +380,8 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
         row("visible", state.visible.to_string());
         row("stands at", point(state.world_from_model.translation));
         let (scale, rotation, _) = state.world_from_model.to_scale_rotation_translation();
-        row("rotation", format!("{:.3} {:.3} {:.3} {:.3}", rotation.x, rotation.y, rotation.z, rotation.w));
+        let degrees = choreo_live::edit::euler_degrees(rotation);
+        row("turned x, y, z", format!("{:.1}° {:.1}° {:.1}°", degrees.x, degrees.y, degrees.z));
         row("scale", point(scale));
     }
     if let Some(parent) = found.parent {
@@ -380,10 +390,10 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
     let heard = found.heard(viewer.playhead.time());
     for (number, layer) in found.layers.iter().enumerate() {
         let layer_name = if number == 0 { "base layer".to_string() } else { format!("layer {number}") };
-        let voices: Vec<String> = heard
-            .iter()
-            .filter(|h| h.layer == number)
-            .filter_map(|h| Some(format!("{:3.0} % {}", h.weight * 100.0, layer.cues.get(h.cue)?.clip.name)))
+        let voices: Vec<String> = shares(&heard, number)
+            .filter_map(|(h, share)| {
+                Some(format!("{:3.0} % {}", share * 100.0, layer.cues.get(h.cue)?.clip.name))
+            })
             .collect();
         row(&layer_name, if voices.is_empty() { "—".into() } else { voices.join("\n") });
     }

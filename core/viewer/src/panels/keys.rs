@@ -32,7 +32,7 @@ pub fn pressed(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) 
     if with(Modifiers::NONE, Key::F1) {
         panels.help = !panels.help;
     }
-    if ui.ctx().egui_wants_keyboard_input() {
+    if ui.ctx().text_edit_focused() {
         return;
     }
     let with = |modifiers, key| ui.input_mut(|i| i.consume_key(modifiers, key));
@@ -43,9 +43,15 @@ pub fn pressed(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) 
         viewer.said = viewer.undo().err();
     }
     for (key, frames) in [(Key::ArrowRight, 1), (Key::ArrowLeft, -1)] {
-        if with(Modifiers::ALT, key) {
-            nudge(viewer, frames);
+        if with(Modifiers::ALT | Modifiers::SHIFT, key) {
+            nudge(viewer, Part::End, frames);
+        } else if with(Modifiers::ALT, key) {
+            nudge(viewer, Part::Start, frames);
         }
+    }
+    // Those without Ctrl or Alt belong to the button or bar that has the focus.
+    if ui.ctx().egui_wants_keyboard_input() {
+        return;
     }
     let pressed = |key| ui.input_mut(|i| i.consume_key(Modifiers::NONE, key));
     if pressed(Key::Space) {
@@ -103,14 +109,19 @@ pub fn pressed(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) 
     }
 }
 
-/// The selected cue or effect begins so many frames later.
-fn nudge(viewer: &mut Viewer, frames: i64) {
+/// The selected cue, effect or cut begins, or ends, so many frames later.
+fn nudge(viewer: &mut Viewer, part: Part, frames: i64) {
     let Some(what) = viewer.selection.clone() else { return };
     let bar = viewer.timeline.rows.iter().flat_map(|r| &r.bars).find(|b| b.what == what);
-    let Some(start) = bar.map(|b| b.start) else { return };
+    let Some((time, cut)) = bar.map(|b| (if part == Part::End { b.until } else { b.start }, b.cut)) else {
+        return;
+    };
     let fps = viewer.playhead.fps();
-    let secs = fps.time_of((fps.frames_in(start) + frames).max(0)).as_secs();
-    viewer.said = viewer.set_cue(&what, Part::Start, secs).err();
+    let secs = fps.time_of((fps.frames_in(time) + frames).max(0)).as_secs();
+    viewer.said = match (cut, part) {
+        (Some(cut), Part::Start) => viewer.set_cut(cut, secs).err(),
+        _ => viewer.set_cue(&what, part, secs).err(),
+    };
 }
 
 /// The part that is played begins or ends here; pressed again there, it is the whole once more.
@@ -165,7 +176,7 @@ const KEYS: [(&str, &str); 33] = [
     ("L", "again and again, or once"),
     ("T", "times as seconds or frames"),
     ("N", "dragged times snap to frames"),
-    ("Alt ← →", "the selected bar begins a frame earlier, later"),
+    ("Alt ← →", "the selected bar begins a frame earlier, later; with Shift: ends"),
     ("PgUp PgDn", "select the last, the next"),
     ("Esc", "select nothing; close a question"),
     ("G R B", "move, turn, make bigger"),

@@ -259,11 +259,11 @@ fn handles(bar: &Bar) -> Vec<(Part, Time)> {
     match bar.what {
         Selected::Cue { .. } => {
             let fade = (bar.start + bar.fade_in).min(bar.end);
-            let mut all = vec![(Part::Start, bar.start), (Part::End, bar.end)];
+            let mut all = vec![(Part::Start, bar.start), (Part::End, bar.until)];
             all.extend((bar.fade_in > Time::ZERO).then_some((Part::FadeIn, fade)));
             all
         }
-        Selected::Effect(_) => vec![(Part::Start, bar.start), (Part::End, bar.end)],
+        Selected::Effect(_) => vec![(Part::Start, bar.start), (Part::End, bar.until)],
         _ if bar.cut.is_some() => vec![(Part::Start, bar.start)],
         _ => Vec::new(),
     }

@@ -1,35 +1,82 @@
 //! A script in a folder of its own and the viewer that shows it, without a window of the system.
+#![allow(dead_code)]
 
-use choreo_live::{Recipe, Session};
+use choreo_live::{Painted, Painter, Recipe, Session};
+use choreo_plugin::Frame;
+use choreo_render::{CpuRenderer, Renderer};
 use choreo_viewer::app::Viewer;
 use choreo_viewer::panels::Panels;
-use egui::Vec2;
+use egui::{TextureId, Vec2};
 use egui_kittest::Harness;
 use std::collections::BTreeSet;
 use std::fs;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
 
 pub struct Place {
     pub folder: tempfile::TempDir,
     pub session: Session,
     pub viewer: Viewer,
     pub panels: Panels,
+    /// Made when something is drawn first.
+    painter: Option<(Painter, Receiver<Painted>)>,
 }
 
 impl Place {
     pub fn new(script: &str) -> Place {
-        let folder = tempfile::tempdir().unwrap();
+        Place::within(tempfile::tempdir().unwrap(), script)
+    }
+
+    /// In a folder with files of its own.
+    pub fn within(folder: tempfile::TempDir, script: &str) -> Place {
         let path = folder.path().join("a.rhai");
         fs::write(&path, script).unwrap();
         let session = Session::new(Recipe::new(&path), &choreo::registry(), false).unwrap();
-        let mut place = Place { folder, session, viewer: Viewer::new("a.rhai"), panels: Panels::default() };
+        let mut place = Place {
+            folder,
+            session,
+            viewer: Viewer::new("a.rhai"),
+            panels: Panels::default(),
+            painter: None,
+        };
         place.viewer.path = Some(path);
         place.reload();
         place
     }
 
+    pub fn reload_with(&mut self, text: &str) {
+        self.write(text);
+        self.reload();
+    }
+
     pub fn reload(&mut self) {
         let version = self.session.build(BTreeSet::new());
         assert!(version.scene.is_some(), "{:?}", version.problems);
+        self.viewer.take_version(version);
+    }
+
+    /// Draws the next frame that is wished for, so that the viewer knows where everything stands.
+    pub fn paint(&mut self) -> Option<Frame> {
+        let asked = self.viewer.wish()?;
+        let (painter, painted) = self.painter.get_or_insert_with(|| {
+            let (to, painted) = channel();
+            let start = Box::new(|| {
+                let renderer: Box<dyn Renderer> = Box::new(CpuRenderer::new(&[]));
+                Ok((renderer, None))
+            });
+            (Painter::start(start, move |p| drop(to.send(p))).unwrap(), painted)
+        });
+        painter.ask(asked);
+        let painted = painted.recv_timeout(Duration::from_secs(100)).unwrap();
+        let taken = self.viewer.take_painted(painted);
+        Some(taken.unwrap_or_else(|| panic!("{:?}", self.viewer.trouble)).1)
+    }
+
+    /// A version that is not good.
+    pub fn spoil(&mut self, text: &str) {
+        self.write(text);
+        let version = self.session.build(BTreeSet::new());
+        assert!(version.scene.is_none(), "it was to be faulty");
         self.viewer.take_version(version);
     }
 
@@ -44,7 +91,7 @@ impl Place {
     /// All panels, in a window of so many points.
     pub fn harness(self, size: Vec2) -> Harness<'static, Place> {
         let ui = |ui: &mut egui::Ui, place: &mut Place| {
-            place.panels.show(ui, &mut place.viewer, &[], 0.0);
+            place.panels.show(ui, &mut place.viewer, &[Some(TextureId::User(0)); 4], 0.0);
         };
         let mut harness = Harness::builder().with_size(size).build_ui_state(ui, self);
         harness.run();

@@ -43,9 +43,17 @@ impl Told {
         }
     }
 
-    /// All that has been told by now.
-    pub fn so_far(&self) -> Vec<Value> {
-        self.lines.try_iter().map(|(_, value)| value).collect()
+    /// The last picture that was shown, once nothing has been told for so long; `None` where it goes on for more than `most`.
+    pub fn settled(&self, quiet: Duration, most: Duration) -> Option<Option<Value>> {
+        let end = Instant::now() + most;
+        let mut last = None;
+        while Instant::now() < end {
+            match self.lines.recv_timeout(quiet) {
+                Ok((_, value)) => last = Some(value).filter(|v| v["told"] == "shown").or(last),
+                Err(_) => return Some(last),
+            }
+        }
+        None
     }
 
     /// Seconds of the processor that its threads have taken together (`man proc_pid_stat`, fields 14 and 15).
