@@ -146,8 +146,9 @@ impl Drawing<'_> {
         let failed = crate::pipeline::render_failure;
         renderer.set_effects(self.registry.effects()).map_err(failed)?;
         renderer.load(catalog.clone()).map_err(failed)?;
-        let mut evaluator = Evaluator::new(self.job.scene.stage.clone());
         let size = self.job.settings.size;
+        let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
+        let mut evaluator = Evaluator::new(self.job.scene.stage.clone()).for_pictures(aspect);
         let options =
             PlanOptions { effects: self.registry.effects(), ..PlanOptions::new(size, self.samples) };
         let (started, limit) = (Instant::now(), self.job.scene.limits.render_seconds);

@@ -300,9 +300,7 @@ pub(crate) fn transformed_normals<F: Lanes>([c0, c1, c2, _]: &Rows<F>, normals: 
     // The inverse transpose is cofactors / determinant: a mirroring matrix turns the cofactors round.
     let determinant = dot3(c0, &a);
     let k = F::splat(1.0).div(square.sqrt()).flipped_by(determinant);
-    for i in 0..3 {
-        n[i] = n[i].mul(k);
-    }
+    n = [n[0].mul(k), n[1].mul(k), n[2].mul(k)];
     let good = F::splat(0.0).less(square).and(square.less(F::splat(f32::MAX)));
     if !F::all(good) {
         for i in 0..3 {

@@ -137,6 +137,8 @@ pub struct Facts {
     pub copies: usize,
     pub culled: usize,
     pub hidden_actors: usize,
+    /// Out of the view beyond doubt, with their shadows, and so not even posed.
+    pub unposed_actors: usize,
     pub draws: usize,
     pub drawn_copies: usize,
     pub samples: u32,
@@ -163,6 +165,13 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     let nothing_drawn_uses = |thing: &str| format!("no drawn material has {thing}");
     if facts.hidden_actors > 0 {
         say(true, "hidden actors", format!("{} set invisible", facts.hidden_actors));
+    }
+    if facts.unposed_actors > 0 {
+        let why = format!(
+            "{} are nowhere near the view in any pose of their clips, nor are their shadows: neither posed nor drawn",
+            facts.unposed_actors
+        );
+        say(true, "actors outside the view", why);
     }
     if facts.culled > 0 {
         say(

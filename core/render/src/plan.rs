@@ -432,6 +432,7 @@ pub struct PostPass {
 /// Every `LeftOut::what`, but for effects without a plugin, which are told by their names.
 pub const LEFT_OUT: &[&str] = &[
     "hidden actors",
+    "actors outside the view",
     "primitives outside the view",
     "triangles too small to see",
     "skinning",

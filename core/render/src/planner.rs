@@ -113,6 +113,10 @@ impl Planner<'_> {
             self.facts.hidden_actors += 1;
             return;
         }
+        if state.out_of_view {
+            self.facts.unposed_actors += 1;
+            return;
+        }
         // The only place where world coordinates are subtracted.
         let relative_from_model = DAffine3 {
             translation: state.world_from_model.translation - self.view.position,

@@ -1,7 +1,7 @@
 //! Which camera is on, where it stands and what it sees.
 
 use crate::channels::{keyed, vec3};
-use crate::evaluate::{rotation_of, target_position, world_from_attachment};
+use crate::evaluate::{target_position, world_from_attachment};
 use crate::framing::Framings;
 use crate::*;
 use choreo_motion::{PropertyTarget, Time};
@@ -30,46 +30,18 @@ pub(crate) fn evaluate(
         let (azimuth, elevation) = crate::framing::DEFAULT_VIEW;
         return framings.camera(stage, None, azimuth, elevation, Projection::default());
     };
+    if let Some(state) = by_places(stage, edits, time, Some(index), actors) {
+        return Ok(state);
+    }
     let projection = keyed_projection(camera, time);
-    let moved_to = edits.cameras.iter().rev().find(|(c, _)| *c == index).map(|(_, position)| *position);
-    let keyed_position = keyed(&camera.channels, Property::Translation, time).map(vec3);
-    let target = |target: &Target| target_position(stage, actors, target).unwrap_or(DVec3::ZERO);
+    let moved_to = moved_to(edits, index);
     let state = |position: DVec3, rotation: DQuat, projection: Projection| CameraState {
         camera: Some(index),
         world_from_view: DAffine3::from_rotation_translation(rotation, position),
         projection,
     };
-    let looking = |position: DVec3, at: DVec3, fallback: DQuat| {
-        let rotation = look_rotation(at - position).unwrap_or(fallback);
-        state(position, rotation, near_limited(projection, (at - position).length()))
-    };
     Ok(match &camera.rig {
-        Rig::Fixed { position, rotation, look_at } => {
-            let position = moved_to.or(keyed_position).unwrap_or(*position);
-            let keyed_rotation = keyed(&camera.channels, Property::Rotation, time).map(DQuat::from_array);
-            let rotation = keyed_rotation.unwrap_or(*rotation).normalize();
-            match look_at {
-                Some(look_at) => looking(position, target(look_at), rotation),
-                None => state(position, rotation, projection),
-            }
-        }
-        Rig::Follow { target: followed, offset } => {
-            let at = target(followed);
-            let position = moved_to.unwrap_or(at + keyed_position.unwrap_or(*offset));
-            looking(position, at, DQuat::IDENTITY)
-        }
-        Rig::Orbit { target: center, distance, elevation, azimuth, speed } => {
-            let at = target(center);
-            let rotation = orbit_rotation(azimuth + speed * time.as_secs(), *elevation);
-            match moved_to {
-                Some(position) => looking(position, at, rotation),
-                None => state(
-                    at + rotation * DVec3::new(0.0, 0.0, *distance),
-                    rotation,
-                    near_limited(projection, *distance),
-                ),
-            }
-        }
+        Rig::Fixed { .. } | Rig::Follow { .. } | Rig::Orbit { .. } => CameraState::default(),
         Rig::File { actor, camera } => {
             let of_file = stage.actors.get(*actor).and_then(|a| a.asset.cameras.get(*camera as usize));
             let Some(of_file) = of_file else {
@@ -102,6 +74,73 @@ pub(crate) fn evaluate(
             framed
         }
     })
+}
+
+/// Where callbacks put a camera.
+fn moved_to(edits: &FrameEdits, index: usize) -> Option<DVec3> {
+    edits.cameras.iter().rev().find(|(c, _)| *c == index).map(|(_, position)| *position)
+}
+
+/// A camera that needs to know no more than where its target is; `None` for others.
+pub(crate) fn by_places(
+    stage: &Stage,
+    edits: &FrameEdits,
+    time: Time,
+    index: Option<usize>,
+    actors: &[ActorState],
+) -> Option<CameraState> {
+    let (index, camera) = index.and_then(|i| Some((i, stage.cameras.get(i)?)))?;
+    let projection = keyed_projection(camera, time);
+    let moved_to = moved_to(edits, index);
+    let keyed_position = keyed(&camera.channels, Property::Translation, time).map(vec3);
+    let target = |target: &Target| target_position(stage, actors, target).unwrap_or(DVec3::ZERO);
+    let state = |position: DVec3, rotation: DQuat, projection: Projection| CameraState {
+        camera: Some(index),
+        world_from_view: DAffine3::from_rotation_translation(rotation, position),
+        projection,
+    };
+    let looking = |position: DVec3, at: DVec3, fallback: DQuat| {
+        let rotation = look_rotation(at - position).unwrap_or(fallback);
+        state(position, rotation, near_limited(projection, (at - position).length()))
+    };
+    Some(match &camera.rig {
+        Rig::Fixed { position, rotation, look_at } => {
+            let position = moved_to.or(keyed_position).unwrap_or(*position);
+            let keyed_rotation = keyed(&camera.channels, Property::Rotation, time).map(DQuat::from_array);
+            let rotation = keyed_rotation.unwrap_or(*rotation).normalize();
+            match look_at {
+                Some(look_at) => looking(position, target(look_at), rotation),
+                None => state(position, rotation, projection),
+            }
+        }
+        Rig::Follow { target: followed, offset } => {
+            let at = target(followed);
+            let position = moved_to.unwrap_or(at + keyed_position.unwrap_or(*offset));
+            looking(position, at, DQuat::IDENTITY)
+        }
+        Rig::Orbit { target: center, distance, elevation, azimuth, speed } => {
+            let at = target(center);
+            let rotation = orbit_rotation(azimuth + speed * time.as_secs(), *elevation);
+            match moved_to {
+                Some(position) => looking(position, at, rotation),
+                None => state(
+                    at + rotation * DVec3::new(0.0, 0.0, *distance),
+                    rotation,
+                    near_limited(projection, *distance),
+                ),
+            }
+        }
+        Rig::File { .. } | Rig::Frame { .. } => return None,
+    })
+}
+
+/// The rotation of an affine map without its scale and shear: −Z is kept, then +Y as well as can be. Finite for any map.
+pub(crate) fn rotation_of(matrix: &DMat3) -> DQuat {
+    let back = matrix.z_axis.try_normalize().unwrap_or(DVec3::Z);
+    let up = matrix.y_axis;
+    let right = up.cross(back).try_normalize().unwrap_or_else(|| back.any_orthonormal_vector());
+    // A mirrored map shows a mirrored world to a camera; the camera itself cannot mirror.
+    DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize()
 }
 
 /// A file's camera as its actor's clips have it, within what has a matrix: splines overshoot.

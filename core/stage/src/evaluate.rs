@@ -9,12 +9,13 @@ use crate::goals::plant::Plants;
 use crate::goals::solve::{self, GoalScratch};
 use crate::goals::springs::{self, Kept, Simulation};
 use crate::order::{self, Order, Step};
+use crate::out_of_view::{OutOfView, Reaches, stands_without_poses};
 use crate::pose::PoseScratch;
 use crate::posing::Posing;
 use crate::*;
-use choreo_motion::{Skinning, Time};
-use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Vec3, Vec4};
-use std::sync::Arc;
+use choreo_motion::Time;
+use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3, Vec3};
+use std::sync::{Arc, OnceLock};
 
 impl Stage {
     /// Everything at a time. A stage with no camera is framed as `Rig::Frame`; one with no light of
@@ -53,11 +54,13 @@ struct Memory {
     framings: Framings,
     plants: Plants,
     springs: Kept,
+    reaches: OnceLock<Reaches>,
 }
 
 impl Memory {
     fn new(stage: &Stage) -> Memory {
-        Memory { framings: Framings::new(stage), plants: Plants::default(), springs: Kept::default() }
+        let (plants, springs) = (Plants::default(), Kept::default());
+        Memory { framings: Framings::new(stage), plants, springs, reaches: OnceLock::new() }
     }
 }
 
@@ -68,6 +71,8 @@ pub(crate) enum Evaluation<'a> {
     Clips,
     /// With their goals, without springs.
     Goals(&'a Plants),
+    /// The same, for a picture: who is surely not in it is left out.
+    Seen(&'a Plants, &'a Reaches),
 }
 
 impl Evaluator {
@@ -96,6 +101,13 @@ impl Evaluator {
     /// Hidden actors are posed too: for tools that look at joints and not at pictures. What is seen does not change by it.
     pub fn posing_hidden(mut self) -> Evaluator {
         self.scratch.pose_hidden = true;
+        self
+    }
+
+    /// For pictures of the stage's own camera, so many times as wide as high: who is surely neither seen in them nor shades
+    /// what is seen is not posed, and marked as [`ActorState::out_of_view`]. What is seen does not change by it.
+    pub fn for_pictures(mut self, aspect: f64) -> Evaluator {
+        self.scratch.aspect = Some(aspect);
         self
     }
 
@@ -140,6 +152,10 @@ pub(crate) struct Scratch {
     pose_hidden: bool,
     /// The camera whose targets must be known.
     seen_by: Option<usize>,
+    /// Of the pictures that are drawn and nothing else is asked for.
+    aspect: Option<f64>,
+    /// By actor.
+    out_of_view: Vec<bool>,
     /// Where given, nobody else is posed but who these hang on.
     only: Option<Vec<usize>>,
 }
@@ -181,9 +197,13 @@ fn evaluate(
     out: &mut Snapshot,
 ) -> Result<(), StageError> {
     let camera = camera::on_at(stage, time);
-    let Memory { framings, plants, springs } = memory;
+    let Memory { framings, plants, springs, reaches } = memory;
     scratch.seen_by = camera;
-    evaluate_actors(stage, scratch, time, Evaluation::Goals(plants), out)?;
+    let how = match scratch.aspect.is_some() && stands_without_poses(stage, camera) {
+        true => Evaluation::Seen(plants, reaches.get_or_init(|| Reaches::new(stage))),
+        false => Evaluation::Goals(plants),
+    };
+    evaluate_actors(stage, scratch, time, how, out)?;
     swing(stage, plants, springs, scratch, time, &mut out.actors)?;
     out.time = time;
     out.background = stage.settings.background;
@@ -251,13 +271,14 @@ pub(crate) fn evaluate_actors(
             out.actors[a].visible &= out.actors.get(parent.actor).is_none_or(|p| p.visible);
         }
     }
+    find_out_of_view(stage, scratch, time, how, &mut out.actors);
     find_needs(stage, scratch, time, &out.actors);
     let Scratch { pose, needs, pose_edits, edits, goals, .. } = scratch;
     let posing = Posing { time, motions: &motions, needs, pose_edits, edits: &edits.actors };
     scratch.poses = posing.run(&stage.actors, &mut out.actors, pose, &mut goals.faces);
     scratch.all_poses += scratch.poses;
     place_actors(stage, scratch, &mut out.actors);
-    if let Evaluation::Goals(plants) = how {
+    if let Evaluation::Goals(plants) | Evaluation::Seen(plants, _) = how {
         let mut goals = std::mem::take(&mut scratch.goals);
         let place = |actors: &mut [ActorState]| place_actors(stage, scratch, actors);
         let done = solve::run(stage, plants, time, &mut goals, &mut out.actors, place);
@@ -309,6 +330,28 @@ fn run_hooks(
     Ok(())
 }
 
+fn find_out_of_view(
+    stage: &Stage,
+    scratch: &mut Scratch,
+    time: Time,
+    how: Evaluation,
+    actors: &mut [ActorState],
+) {
+    let mut out = std::mem::take(&mut scratch.out_of_view);
+    out.clear();
+    if let (Evaluation::Seen(_, reaches), Some(aspect)) = (how, scratch.aspect) {
+        // What hangs on joints is not asked for; the others are where they will be.
+        place_actors(stage, scratch, actors);
+        let Scratch { edits, order, seen_by, .. } = &*scratch;
+        let camera = camera::by_places(stage, edits, time, *seen_by, actors);
+        OutOfView { stage, reaches, camera, aspect, edits, time, order: &order.steps, actors }.run(&mut out);
+    }
+    for (index, state) in actors.iter_mut().enumerate() {
+        state.out_of_view = out.get(index).is_some_and(|out| *out);
+    }
+    scratch.out_of_view = out;
+}
+
 /// An invisible actor is posed only where something visible, the camera, a light or a look-at hangs on one of its joints,
 /// or where all are asked for.
 fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorState]) {
@@ -335,7 +378,7 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
         only.iter().for_each(|actor| want(work, *actor, true));
     } else {
         for (index, state) in actors.iter().enumerate() {
-            if state.visible || scratch.pose_hidden {
+            if (state.visible && !state.out_of_view) || scratch.pose_hidden {
                 want(work, index, true);
             }
         }
@@ -450,46 +493,4 @@ pub(crate) fn target_position(stage: &Stage, actors: &[ActorState], target: &Tar
         }
     };
     at.is_finite().then_some(at)
-}
-
-/// The rotation of an affine map without its scale and shear: −Z is kept, then +Y as well as can be. Finite for any map.
-pub(crate) fn rotation_of(matrix: &DMat3) -> DQuat {
-    let back = matrix.z_axis.try_normalize().unwrap_or(DVec3::Z);
-    let up = matrix.y_axis;
-    let right = up.cross(back).try_normalize().unwrap_or_else(|| back.any_orthonormal_vector());
-    // A mirrored map shows a mirrored world to a camera; the camera itself cannot mirror.
-    DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize()
-}
-
-impl ActorEdit {
-    /// The actor that is changed.
-    pub fn actor(&self) -> usize {
-        match *self {
-            ActorEdit::MoveTo { actor, .. }
-            | ActorEdit::MoveBy { actor, .. }
-            | ActorEdit::Turn { actor, .. }
-            | ActorEdit::Scale { actor, .. }
-            | ActorEdit::Visible { actor, .. }
-            | ActorEdit::Tint { actor, .. }
-            | ActorEdit::Morph { actor, .. }
-            | ActorEdit::Expression { actor, .. }
-            | ActorEdit::TurnJoint { actor, .. }
-            | ActorEdit::Wind { actor, .. } => actor,
-        }
-    }
-}
-
-impl Default for ActorState {
-    fn default() -> Self {
-        ActorState {
-            visible: false,
-            world_from_model: DAffine3::IDENTITY,
-            model_from_joint: Vec::new(),
-            morph_weights: Vec::new(),
-            tint: Vec4::ONE,
-            base_colors: Vec::new(),
-            skinning: Skinning::default(),
-            materials: Vec::new(),
-        }
-    }
 }

@@ -27,6 +27,7 @@ mod material_changes;
 mod material_layers;
 pub mod mirroring;
 mod order;
+mod out_of_view;
 pub mod path;
 pub mod playing;
 mod pose;

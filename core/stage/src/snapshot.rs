@@ -39,6 +39,25 @@ pub struct ActorState {
     pub skinning: Skinning,
     /// Materials of which clips, expressions or they themselves change more than that, in the asset's order.
     pub materials: Vec<ChangedMaterial>,
+    /// Neither it nor its shadow is in the picture that the snapshot is for, so that it is not posed for its own sake; see
+    /// [`Evaluator::for_pictures`](crate::Evaluator::for_pictures).
+    pub out_of_view: bool,
+}
+
+impl Default for ActorState {
+    fn default() -> Self {
+        ActorState {
+            visible: false,
+            world_from_model: DAffine3::IDENTITY,
+            model_from_joint: Vec::new(),
+            morph_weights: Vec::new(),
+            tint: Vec4::ONE,
+            base_colors: Vec::new(),
+            skinning: Skinning::default(),
+            materials: Vec::new(),
+            out_of_view: false,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -453,3 +453,21 @@ pub enum StageError {
     #[error("{place}: {what}")]
     Bad { place: String, what: String },
 }
+
+impl ActorEdit {
+    /// The actor that is changed.
+    pub fn actor(&self) -> usize {
+        match *self {
+            ActorEdit::MoveTo { actor, .. }
+            | ActorEdit::MoveBy { actor, .. }
+            | ActorEdit::Turn { actor, .. }
+            | ActorEdit::Scale { actor, .. }
+            | ActorEdit::Visible { actor, .. }
+            | ActorEdit::Tint { actor, .. }
+            | ActorEdit::Morph { actor, .. }
+            | ActorEdit::Expression { actor, .. }
+            | ActorEdit::TurnJoint { actor, .. }
+            | ActorEdit::Wind { actor, .. } => actor,
+        }
+    }
+}

@@ -30,7 +30,9 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let size = size.unwrap_or(stage.settings.size);
     let samples = samples.or(stage.settings.samples).unwrap_or(4);
     let catalog = Catalog::new(stage);
-    let snapshot = Evaluator::new(stage.clone()).at(at).map_err(|e| Failure::input(e.to_string()))?;
+    let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
+    let mut evaluator = Evaluator::new(stage.clone()).for_pictures(aspect);
+    let snapshot = evaluator.at(at).map_err(|e| Failure::input(e.to_string()))?;
     let options = PlanOptions { effects: registry.effects(), ..PlanOptions::new(size, samples) };
     let plan = Plan::new(&catalog, stage, &snapshot, &options);
     let triangles = |p: u32| catalog.primitives[p as usize].primitive().indices.len() / 3;

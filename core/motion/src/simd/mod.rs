@@ -28,7 +28,7 @@ use portable::Array;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
     Portable,
-    /// Falls back to `Portable` where the processor lacks it.
+    /// Falls back to `Portable` where the processor lacks it, or in skinning FMA.
     Avx2,
     /// Sixteen vertices at a time in skinning, `Avx2` in all else; falls back to that where the processor lacks it.
     Avx512,

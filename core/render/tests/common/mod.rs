@@ -71,6 +71,7 @@ impl Scene {
             base_colors: Vec::new(),
             skinning: Default::default(),
             materials: Vec::new(),
+            out_of_view: false,
         });
         self.stage.actors.len() - 1
     }

@@ -187,6 +187,8 @@ impl Snapshot {
                     base_colors,
                     skinning,
                     materials,
+                    // Of a picture, not of the stage.
+                    out_of_view: _,
                 } = actor;
                 w.flag(*visible);
                 world_from_model.to_cols_array().into_iter().for_each(|v| w.f64(v));

@@ -1,0 +1,143 @@
+//! Who is not in the picture is not posed, and nothing that is seen changes by it.
+
+use choreo_motion::Time;
+use choreo_plugin::Registry;
+use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_script::{ScriptOptions, run_text};
+use choreo_stage::{Evaluator, Stage};
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [160, 90];
+
+fn stage(script: &str) -> Arc<Stage> {
+    let mut registry = Registry::default();
+    registry.add_importer(import_mannequin::Mannequin);
+    let here = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    match run_text("test.rhai", script, here, &registry, &ScriptOptions::default()) {
+        Ok(script) => Arc::new(script.stage),
+        Err(errors) => panic!("{errors:?}"),
+    }
+}
+
+fn picture(catalog: &Arc<Catalog>, evaluator: &mut Evaluator, secs: f64) -> (Vec<u8>, Plan) {
+    let snapshot = evaluator.at(Time::from_secs(secs)).unwrap();
+    let plan = Plan::new(catalog, evaluator.stage(), &snapshot, &PlanOptions::new(SIZE, 1));
+    let mut renderer = CpuRenderer::new(&[]);
+    renderer.load(catalog.clone()).unwrap();
+    renderer.submit(plan.clone()).unwrap();
+    (renderer.collect(None).unwrap().rgba, plan)
+}
+
+/// Pictures at some times with and without the short cut are the same; how many poses either took.
+fn poses(script: &str) -> [usize; 2] {
+    let stage = stage(script);
+    let catalog = Arc::new(Catalog::new(&stage));
+    let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
+    let mut all = Evaluator::new(stage.clone());
+    let mut seen = Evaluator::new(stage).for_pictures(aspect);
+    for i in 0..8 {
+        let secs = 0.37 * f64::from(i);
+        let (expected, _) = picture(&catalog, &mut all, secs);
+        let (got, plan) = picture(&catalog, &mut seen, secs);
+        let differ = expected.iter().zip(&got).filter(|(a, b)| a != b).count();
+        assert_eq!(differ, 0, "bytes of the picture at {secs} s");
+        let told = plan.left_out.iter().any(|l| l.what == "actors outside the view");
+        assert_eq!(told, seen.poses() < all.poses(), "at {secs} s");
+    }
+    [all.poses_in_all(), seen.poses_in_all()]
+}
+
+/// A row of eleven that walk by, two metres apart, of whom the middle three are about the picture; a sword in every hand.
+const ROW: &str = r#"
+    stage(#{ size: [160, 90], length: 3.0 });
+    let figure = load("choreo:mannequin");
+    for i in 0..11 {
+        let who = cast("walker " + i, figure).at(4.0 * (i - 5), 0.0, 0.0).turn(90);
+        who.root_motion();
+        who.play(figure.clip("Walk"));
+        cast("sword " + i, shape("box", #{ size: [0.03, 0.9, 0.03], color: "gold" })).attach(who.joint("RightHand"));
+    }
+    cast("floor", shape("plane", #{ size: 60.0, color: "gray" }));
+    camera("c").at(0.0, 1.4, 6.0).look_at([0.0, 0.9, 0.0]);
+"#;
+
+#[test]
+fn who_is_out_of_view_is_not_posed() {
+    let [all, seen] = poses(ROW);
+    assert!(3 * seen <= 2 * all, "{seen} of {all} poses");
+}
+
+#[test]
+fn whose_shadow_reaches_the_picture_casts_it() {
+    // From the right and low: all who stand on that side may shade what is seen, the others not.
+    let low = format!("{ROW} sun(#{{ direction: [-1.0, -0.25, 0.0], shadow: true }});");
+    let [all, seen] = poses(&low);
+    assert!(5 * seen <= 4 * all && 2 * seen > all, "{seen} of {all} poses");
+    let lamp = format!("{ROW} point(#{{ position: [0.0, 2.5, 1.0], intensity: 60, shadow: true }});");
+    let [all, seen] = poses(&lamp);
+    assert!(3 * seen <= 2 * all, "{seen} of {all} poses");
+    // One who is seen by no more than her shadow: without her the picture is another.
+    let alone = r#"
+        stage(#{ size: [160, 90], length: 3.0 });
+        let figure = load("choreo:mannequin");
+        let who = cast("who", figure).at(6.0, 0.0, 0.0);
+        who.play(figure.clip("Wave"));
+        cast("floor", shape("plane", #{ size: 60.0, color: "gray" }));
+        camera("c").at(0.0, 1.2, 3.0).look_at([0.0, 0.3, 0.0]).fov(30);
+        sun(#{ direction: [-1.0, -0.25, 0.0], shadow: true });
+    "#;
+    let [all, seen] = poses(alone);
+    assert_eq!(seen, all, "her shadow is in view");
+    let with = picture_of(alone);
+    assert_ne!(with, picture_of(&format!("{alone} who.hide();")), "it shows");
+    assert_eq!(poses(&alone.replace("[-1.0, -0.25, 0.0]", "[1.0, -0.25, 0.0]"))[1], 8, "the floor alone");
+}
+
+fn picture_of(script: &str) -> Vec<u8> {
+    let stage = stage(script);
+    let catalog = Arc::new(Catalog::new(&stage));
+    picture(&catalog, &mut Evaluator::new(stage), 1.0).0
+}
+
+#[test]
+fn turning_and_moving_cameras_see_whom_they_see() {
+    for camera in [
+        r#"camera("o").orbit([0.0, 1.0, 0.0], #{ distance: 5.0, elevation: 20, azimuth: 0, speed: 60 }).cut(0.0);"#,
+        r#"camera("k").look_at([0.0, 1.0, 0.0]).key("position", [[0.0, [-20.0, 2.0, 6.0]], [3.0, [20.0, 2.0, 6.0]]]).cut(0.0);"#,
+        r#"camera("f").ortho(3.0).at(0.0, 1.0, 9.0).look_at([0.0, 1.0, 0.0]).cut(0.0);"#,
+        r#"let p = camera("p").at(0.0, 1.4, 6.0).cut(0.0); on_frame(|t| p.at(8.0 * sin(t), 1.4, 6.0));"#,
+    ] {
+        let [all, seen] = poses(&format!("{ROW} {camera}"));
+        assert!(4 * seen <= 3 * all, "{camera}: {seen} of {all} poses");
+    }
+    // One that hangs on a joint, or frames all: everybody is posed.
+    for camera in [
+        r#"camera("j").follow(actor("walker 5").joint("Head"), [0.0, 0.2, 2.0]).cut(0.0);"#,
+        r#"camera("all").cut(0.0);"#,
+    ] {
+        let camera = camera.replace(r#"actor("walker 5")"#, r#"cast("extra", figure)"#);
+        let [all, seen] = poses(&format!("{ROW} {camera}"));
+        assert_eq!(seen, all, "{camera}");
+    }
+}
+
+/// Whom others aim at, hold or stand on is posed wherever it is.
+#[test]
+fn who_is_needed_is_posed() {
+    let script = r#"
+        stage(#{ size: [160, 90], length: 3.0 });
+        let figure = load("choreo:mannequin");
+        let far = cast("far", figure).at(40.0, 0.0, 0.0);
+        far.play(figure.clip("Wave"));
+        let here = cast("here", figure);
+        here.play(figure.clip("Idle"));
+        here.look_at(far.joint("RightHand"));
+        camera("c").at(0.0, 1.4, 6.0).look_at([0.0, 0.9, 0.0]);
+    "#;
+    let stage = stage(script);
+    let mut seen = Evaluator::new(stage.clone()).for_pictures(16.0 / 9.0);
+    let snapshot = seen.at(Time::from_secs(1.0)).unwrap();
+    assert!(snapshot.actors[0].out_of_view && !snapshot.actors[0].model_from_joint.is_empty());
+    let whole = Evaluator::new(stage).at(Time::from_secs(1.0)).unwrap();
+    assert_eq!(snapshot.actors[1].model_from_joint, whole.actors[1].model_from_joint);
+}
