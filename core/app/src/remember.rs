@@ -205,6 +205,8 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         reaches,
         linear,
         left_out: _,
+        // Says no more than the instances.
+        area: _,
     } = plan;
     // Numbers are printed so that no two that differ look alike: the shortest text that reads as the same number.
     add(format!("{size:?} {samples} {view:?} {background:?} {ambient_up:?} {ambient_down:?}").as_bytes());

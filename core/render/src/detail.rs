@@ -18,11 +18,13 @@ pub const CROWD: usize = 64;
 /// What a coarser version may be off, in pixels.
 pub const TOLERANCE: f32 = 1.0;
 /// One in so many triangles is left at each level.
-const SHARES: [usize; 3] = [4, 16, 64];
+const SHARES: [usize; 6] = [2, 4, 8, 16, 32, 64];
 /// How much farther a surface may be off than meshoptimizer says, which takes means of distances to planes: 1.6 times, found on balls.
 const SLACK: f32 = 2.0;
+/// How much farther off a surface with its seams may be than one without.
+const DEARER: f32 = 1.5;
 /// Fewer triangles are not worth a draw of their own.
-const LEAST: usize = 24;
+const LEAST: usize = 12;
 
 /// A coarser version in the catalogue.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,26 +53,18 @@ pub(crate) fn coarser(primitive: &Primitive) -> Vec<(Primitive, f32)> {
             break;
         }
         let options = SimplifyOptions::ErrorAbsolute | SimplifyOptions::Prune;
-        let mut best = (Vec::new(), f32::INFINITY);
-        // Seams of normals and texture coordinates are kept where that leaves few enough.
-        for options in [options, options | SimplifyOptions::Permissive] {
-            let mut error = 0.0;
-            let indices = meshopt::simplify(
-                &primitive.indices,
-                &vertices,
-                3 * wanted,
-                f32::MAX,
-                options,
-                Some(&mut error),
-            );
-            best = (indices, error);
-            if best.0.len() <= 6 * wanted {
-                break;
-            }
-        }
-        let (indices, error) = best;
+        let simplified = |options| {
+            let (indices, mut error) = (&primitive.indices, 0.0);
+            let left = meshopt::simplify(indices, &vertices, 3 * wanted, f32::MAX, options, Some(&mut error));
+            (left, error)
+        };
+        // Seams of normals and texture coordinates are kept where the surface keeps its shape with them: of what has a seam at
+        // every edge nothing good is left.
+        let (kept, free) = (simplified(options), simplified(options | SimplifyOptions::Permissive));
+        let keeps = kept.0.len() <= 4 * wanted && kept.1 <= DEARER * free.1;
+        let (indices, error) = if keeps { kept } else { free };
         let left = indices.len() / 3;
-        if left == 0 || 2 * left > before || !error.is_finite() {
+        if left == 0 || 4 * left > 3 * before || !error.is_finite() {
             continue;
         }
         before = left;

@@ -127,15 +127,18 @@ impl Parts<'_> {
         let stage = |other| Askers { other: Some(other), ..Askers::default() };
         for command in &recording.commands {
             match command {
-                Command::BeginPass { target, samples, depth, part, .. } => {
+                Command::BeginPass { target, samples, depth, part, area, .. } => {
                     let depth = if *depth { ", depth" } else { "" };
                     let plural = if *samples == 1 { "" } else { "s" };
                     let part = match part {
                         PassPart::Whole | PassPart::UntilCopy => "",
                         PassPart::AfterCopy => ", the rest after the copy behind glass",
                     };
-                    let what =
-                        format!("scene → {}, {samples} sample{plural} a pixel{depth}{part}", name(*target));
+                    let area = area.map_or(String::new(), |[_, _, w, h]| format!(", {w}×{h} of it"));
+                    let what = format!(
+                        "scene → {}, {samples} sample{plural} a pixel{depth}{part}{area}",
+                        name(*target)
+                    );
                     let askers = match self.plan.draws.is_empty() {
                         true => stage("the stage's background: nothing else is in view"),
                         false => self.actors(self.plan.draws.iter()),
@@ -170,7 +173,7 @@ impl Parts<'_> {
                 Command::CopyBackground => {
                     self.add(
                         Kind::Pass,
-                        "copy of the gradient".into(),
+                        "copy of the background".into(),
                         None,
                         stage("the stage's background"),
                     );

@@ -1,6 +1,7 @@
 //! Plan → recording → frame. The plan says what a frame needs and what was left out; the Vulkan renderer
 //! (`gpu`, the only place that knows ash) and its CPU twin (`cpu`, the specification of each shader) draw the same plan.
 
+pub mod area;
 pub mod bounds;
 pub mod catalog;
 pub mod compare;

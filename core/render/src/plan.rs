@@ -2,6 +2,7 @@
 //!
 //! All positions are camera-relative: world axes, origin at the camera. They are computed in f64 and handed over as f32.
 
+use crate::area::Area;
 use crate::catalog::CatalogMaterial;
 use crate::flat::FlatPicture;
 use choreo_stage::{AlphaMode, Background, Shading, Topology};
@@ -48,6 +49,8 @@ pub struct Plan {
     pub reaches: [f32; 8],
     /// Which of them change the background too; a bit each.
     pub background_effects: u8,
+    /// Part of the picture that anything is drawn into.
+    pub area: Area,
     /// Full-screen passes in order.
     pub post: Vec<PostPass>,
     /// Lines, points and lattices of effects, over the scene and below the passes.

@@ -1,5 +1,6 @@
 //! Snapshot → plan: what is in view, which pipelines and matrices it needs, in which order it is drawn.
 
+use crate::area::Area;
 use crate::bounds::{Aabb, outside};
 use crate::catalog::{Catalog, CatalogMaterial, PrimitiveEntry};
 use crate::flat::flats;
@@ -38,6 +39,7 @@ impl Plan {
             shells: shells(stage, snapshot, options),
             surface: surface_effects(stage, snapshot, options),
             shell_materials: Vec::new(),
+            area: Area::NOTHING,
             facts: Facts {
                 lights_exist: !lights.is_empty(),
                 sky_exists: snapshot.sky.is_some(),
@@ -104,6 +106,8 @@ pub(crate) struct Planner<'a> {
     pub shell_materials: Vec<(ShellKey, u32)>,
     /// Boxes of what is lit and in view; only where some light casts.
     pub receivers: Vec<Aabb>,
+    /// What of the picture they reach.
+    area: Area,
     pub facts: Facts,
 }
 
@@ -306,6 +310,7 @@ impl Planner<'_> {
                 if unseen {
                     continue;
                 }
+                self.area.add(reached, &self.view.clip_from_relative, size, share * size[1] as f32);
                 let lit = key.features.is_lit();
                 self.facts.lit_drawn |= lit;
                 if lit && self.casting && bounds.min.is_finite() && bounds.max.is_finite() {
@@ -486,6 +491,7 @@ impl Planner<'_> {
             background_effects: background_effects(&self.surface, self.options),
             reaches: std::array::from_fn(|i| self.surface.get(i).map_or(0.0, |e| e.reach)),
             surface: self.surface.into_iter().map(|e| e.used).collect(),
+            area: self.area,
             post,
             overlay,
             exposed: Vec::new(),

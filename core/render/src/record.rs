@@ -35,7 +35,7 @@ pub enum Command {
         at: [u32; 2],
         size: [u32; 2],
     },
-    /// The gradient, computed on the host, into the picture before the pass that loads it.
+    /// The gradient or the one colour, computed on the host, into the picture before the pass that loads it or draws into a part.
     CopyBackground,
     /// Starts from the clear colour, or (without one) from what is in the target.
     BeginPass {
@@ -44,6 +44,8 @@ pub enum Command {
         clear: Option<Vec4>,
         depth: bool,
         part: Part,
+        /// Left, top, width and height of what of the picture is drawn, over the copied background; `None`: all.
+        area: Option<[u32; 4]>,
     },
     /// The picture so far, once more, with so many levels, for glass that bends light.
     CopyBehind {
@@ -209,6 +211,12 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     let surface = plan.background_effects;
     let copied =
         gradient && surface == 0 && options.cpu_device && plan.samples == 1 && scene == Target::Picture;
+    let samples = plan.samples > 1 && scene == Target::Picture && plan.behind.is_none();
+    let nothing_else = !sky && surface == 0 && plan.under.is_none() && plan.overlay.parts.is_empty();
+    let area = match options.cpu_device && samples && nothing_else {
+        true => plan.area.part_of(plan.size),
+        false => None,
+    };
     let clear = match plan.background {
         _ if sky => Some(Vec4::ZERO),
         Background::Color(c) => Some(c),
@@ -216,10 +224,13 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     };
     // Without draws the gradient needs no depth to be tested against.
     let depth = !plan.draws.is_empty() || !plan.overlay.parts.is_empty();
-    if copied {
+    if copied || area.is_some() {
         commands.push(Command::CopyBackground);
     }
-    let begin = |clear, part| Command::BeginPass { target: scene, samples: plan.samples, clear, depth, part };
+    let begin = |clear, part| {
+        let (target, samples) = (scene, plan.samples);
+        Command::BeginPass { target, samples, clear, depth, part, area }
+    };
     let first_part = if plan.behind.is_some() { Part::UntilCopy } else { Part::Whole };
     commands.push(begin(clear, first_part));
     let mut state = DrawState::new(plan, commands, false, most);

@@ -20,10 +20,11 @@ impl fmt::Display for Recording {
                 Command::DrawSky { .. } => writeln!(f, "  draw sky")?,
                 Command::DrawUnder => writeln!(f, "  draw layers under the scene")?,
                 Command::SetCull(cull) => writeln!(f, "  cull {cull:?}")?,
-                Command::BeginPass { target, samples, clear, depth, .. } => {
+                Command::BeginPass { target, samples, clear, depth, area, .. } => {
                     let clear = clear.map_or("load".into(), |c| format!("clear {c}"));
                     let depth = if *depth { ", depth" } else { "" };
-                    writeln!(f, "begin {target:?}, {samples} samples, {clear}{depth}")?
+                    let area = area.map_or(String::new(), |[x, y, w, h]| format!(", {w}×{h} at {x}, {y}"));
+                    writeln!(f, "begin {target:?}, {samples} samples, {clear}{depth}{area}")?
                 }
                 Command::BindPipeline(v) => {
                     writeln!(f, "  pipeline {:?} {}", v.key.topology, crate::shader::switches(v).join(" "))?

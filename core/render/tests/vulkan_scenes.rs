@@ -279,8 +279,44 @@ fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
     );
     // Small triangles: the second run of the vertex shader costs more than it saves.
     assert!(!text(1, true, 4000).contains("cull Front"));
-    // Copies cannot write samples.
-    assert!(text(4, true, 2).contains("  background\n"));
+    // Copies cannot write samples: around what is drawn they are the picture, and the rest is resolved into it.
+    let samples = text(4, true, 2);
+    assert!(samples.contains("copy background\nbegin Picture, 4 samples, clear"), "{samples}");
+    assert!(samples.contains(", 40×40 at 12, 12\n") && samples.contains("  background\n"), "{samples}");
+    assert!(!text(4, false, 2).contains(" at 12, 12\n"));
+    // What covers most of the picture is drawn whole.
+    scene.at(&asset(vec![quad(1.9, 1.9)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
+    let (_, plan) = scene.plan(&PlanOptions::new([64, 64], 4));
+    let cpu = RecordOptions { cpu_device: true, ..RecordOptions::default() };
+    let whole = choreo_render::record::record(&plan, cpu, |_| 2).to_string();
+    assert!(!whole.contains("copy background") && whole.contains("  background\n"), "{whole}");
+}
+
+#[test]
+fn a_part_drawn_with_samples_is_as_if_all_were() {
+    let mut guard = vulkan!();
+    let r = guard.as_mut().unwrap();
+    let gradient = Background::Gradient { top: Vec3::new(0.1, 0.3, 0.9), bottom: Vec3::new(0.8, 0.5, 0.1) };
+    for background in [gradient, Background::Color(Vec4::new(0.2, 0.4, 0.1, 1.0))] {
+        let mut scene = Scene::ortho(2.0);
+        scene.snapshot.background = background;
+        let leaf = triangle(Vec3::new(-0.5, -0.4, 0.0), Vec3::new(0.6, -0.1, 0.0), Vec3::new(0.0, 0.7, 0.0));
+        scene.at(&asset(vec![leaf], vec![unlit(Vec4::ONE)], vec![]), 0.3, 0.2, 0.0);
+        let (catalog, plan) = scene.plan(&PlanOptions::new([120, 90], 4));
+        r.load(catalog).unwrap();
+        let mut frame = |plan: Plan| {
+            r.submit(plan).unwrap();
+            r.collect(None).unwrap()
+        };
+        let part = frame(plan.clone());
+        let whole = frame(Plan { area: choreo_render::area::Area::EVERYTHING, ..plan.clone() });
+        let c = compare(&part, &whole, 1).unwrap();
+        println!("{}", c.worst);
+        assert!(c.worst <= 1, "{c:?}");
+        // What is said to be elsewhere is cut off.
+        let wrong = frame(Plan { area: choreo_render::area::Area::NOTHING, ..plan });
+        assert!(compare(&wrong, &whole, 1).unwrap().worst > 50);
+    }
 }
 
 #[test]

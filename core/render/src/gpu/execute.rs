@@ -44,8 +44,8 @@ impl Execution<'_> {
                     self.bind_set(self.pipelines.layout, 0, set.raw);
                 }
                 Command::CopyBehind { from, .. } => self.copy_behind(*from)?,
-                Command::BeginPass { target, clear, part, .. } => {
-                    self.begin_scene(*target, *clear, *part);
+                Command::BeginPass { target, clear, part, area, .. } => {
+                    self.begin_scene(*target, *clear, *part, *area);
                     self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
                     if let Some((set, _)) = &self.slot.light_set {
                         self.bind_set(self.pipelines.layout, 2, set.raw);
@@ -206,7 +206,7 @@ impl Execution<'_> {
         }
     }
 
-    fn begin_scene(&self, target: Target, clear: Option<Vec4>, part: Part) {
+    fn begin_scene(&self, target: Target, clear: Option<Vec4>, part: Part, area: Option<[u32; 4]>) {
         let resolved = self.targets.image(target);
         let multisampled = self.targets.multisampled.as_ref();
         let kept = part != Part::Whole;
@@ -214,8 +214,9 @@ impl Execution<'_> {
         let mut barriers = vec![match clear {
             // The copy left the picture to be drawn into; with several samples it is only resolved into.
             _ if resumed => again(to_color(resolved), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
-            Some(_) => to_color(resolved),
-            None => color_barrier(resolved)
+            Some(_) if area.is_none() => to_color(resolved),
+            // As the background's copy left it: all of it, or what lies around the area.
+            _ => color_barrier(resolved)
                 .src_stage_mask(vk::PipelineStageFlags2::COPY)
                 .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
                 .dst_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
@@ -265,16 +266,19 @@ impl Execution<'_> {
                 .store_op(if kept { vk::AttachmentStoreOp::STORE } else { vk::AttachmentStoreOp::DONT_CARE })
                 .clear_value(vk::ClearValue { depth_stencil: far })
         });
-        self.begin(&color, depth.as_ref());
+        self.begin(&color, depth.as_ref(), area);
     }
 
     fn begin(
         &self,
         color: &vk::RenderingAttachmentInfo<'_>,
         depth: Option<&vk::RenderingAttachmentInfo<'_>>,
+        part: Option<[u32; 4]>,
     ) {
         let [width, height] = self.targets.needs.size;
-        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let [x, y, w, h] = part.unwrap_or([0, 0, width, height]);
+        let offset = vk::Offset2D { x: x as i32, y: y as i32 };
+        let area = vk::Rect2D { offset, extent: vk::Extent2D { width: w, height: h } };
         let colors = [*color];
         let mut info =
             vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
@@ -284,6 +288,8 @@ impl Execution<'_> {
         // SAFETY: the command buffer is being recorded, outside a pass; the attachments are in the layouts named.
         unsafe { self.gpu.device.cmd_begin_rendering(self.slot.commands, &info) };
         self.set_area([0; 2], [width, height]);
+        // SAFETY: the command buffer is being recorded; every pipeline has this state dynamic.
+        unsafe { self.gpu.device.cmd_set_scissor(self.slot.commands, 0, &[area]) };
     }
 
     fn post(&self, pipeline: vk::Pipeline, index: usize, from: Target, original: Target, to: Target) {
@@ -310,7 +316,7 @@ impl Execution<'_> {
             .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
             .load_op(vk::AttachmentLoadOp::DONT_CARE)
             .store_op(vk::AttachmentStoreOp::STORE);
-        self.begin(&color, None);
+        self.begin(&color, None, None);
         self.set_cull(Cull::None);
         self.bind_pipeline(pipeline);
         self.bind_set(self.pipelines.post_layout, 0, set);

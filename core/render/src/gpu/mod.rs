@@ -248,9 +248,11 @@ impl VulkanRenderer {
             self.targets = Some(Targets::new(&self.gpu, needs)?);
         }
         let copied = recording.commands.contains(&Command::CopyBackground);
-        if let (true, Background::Gradient { top, bottom }) = (copied, plan.background)
-            && self.targets.as_ref().is_some_and(|t| !t.has_background(top, bottom))
-        {
+        let (top, bottom) = match plan.background {
+            Background::Gradient { top, bottom } => (top.extend(1.0), bottom.extend(1.0)),
+            Background::Color(color) => (color, color),
+        };
+        if copied && self.targets.as_ref().is_some_and(|t| !t.has_background(top, bottom)) {
             // Rows are shared by the frames in flight: a gradient that changes with time waits for them.
             self.wait_idle()?;
             if let Some(targets) = &mut self.targets {

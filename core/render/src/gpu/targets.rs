@@ -9,7 +9,7 @@ use crate::RenderError;
 use crate::mip::linear_to_srgb8;
 use crate::record::{Command, Recording, Target};
 use ash::vk;
-use glam::Vec3;
+use glam::Vec4;
 use gpu_allocator::MemoryLocation;
 
 pub const PICTURE: vk::Format = vk::Format::R8G8B8A8_SRGB;
@@ -80,8 +80,8 @@ pub struct Targets {
     pub multisampled: Option<Image>,
     pub shadow: Option<ShadowTarget>,
     pub behind: Option<BehindTarget>,
-    /// The gradient's rows as encoded bytes, and what they were made from.
-    background: Option<(Buffer, [Vec3; 2])>,
+    /// The background's rows as encoded bytes, and what they were made from.
+    background: Option<(Buffer, [Vec4; 2])>,
 }
 
 /// Images of this frame that shaders of the scene read.
@@ -156,13 +156,13 @@ impl Targets {
         }
     }
 
-    /// Whether the gradient's rows are there and are these.
-    pub fn has_background(&self, top: Vec3, bottom: Vec3) -> bool {
+    /// Whether the background's rows are there and are these.
+    pub fn has_background(&self, top: Vec4, bottom: Vec4) -> bool {
         self.background.as_ref().is_some_and(|(_, colors)| *colors == [top, bottom])
     }
 
     /// Twin of background.wgsl, encoded: mix(top, bottom, (y + ½) / height). No frame may be in flight.
-    pub fn set_background(&mut self, gpu: &Context, top: Vec3, bottom: Vec3) -> Result<(), RenderError> {
+    pub fn set_background(&mut self, gpu: &Context, top: Vec4, bottom: Vec4) -> Result<(), RenderError> {
         let [width, height] = self.needs.size;
         let row_bytes = width as usize * 4;
         let mut buffer = match self.background.take() {
@@ -177,8 +177,9 @@ impl Targets {
         for (y, row) in rows.enumerate() {
             let t = (y as f32 + 0.5) / height as f32;
             let color = top * (1.0 - t) + bottom * t;
-            let [r, g, b] = color.to_array().map(linear_to_srgb8);
-            row.as_chunks_mut::<4>().0.fill([r, g, b, 255]);
+            let [r, g, b] = color.truncate().to_array().map(linear_to_srgb8);
+            let alpha = (color.w.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+            row.as_chunks_mut::<4>().0.fill([r, g, b, alpha]);
         }
         self.background = Some((buffer, [top, bottom]));
         Ok(())
