@@ -138,6 +138,8 @@ struct ShadowView {
 @if(MORPH) @group(0) @binding(3) var<storage, read> active_morphs: array<ActiveMorph>;
 @if(LIT) @group(0) @binding(4) var<uniform> lights: array<Light, 256>;
 
+@if(LIT && LIGHT_LISTS) @group(0) @binding(9) var<storage, read> light_lists: array<u32>;
+
 @group(3) @binding(0) var<uniform> material: Material;
 @if(BASE_COLOR_TEXTURE) @group(3) @binding(1) var base_color_texture: texture_2d<f32>;
 @if(BASE_COLOR_TEXTURE) @group(3) @binding(2) var base_color_sampler: sampler;

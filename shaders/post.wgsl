@@ -2,11 +2,15 @@
 
 struct Post {
     parameters: array<vec4<f32>, 2>,
-    // Pixels.
+    // Pixels of what it makes.
     size: vec2<f32>,
     // How often the effect has run.
     number: u32,
-    pad: u32,
+    // How many times smaller than the whole what it reads or what it makes is, whichever is smaller.
+    shrink: u32,
+    // Pixels of what the pass before made, and of the whole.
+    input: vec2<f32>,
+    whole: vec2<f32>,
 }
 
 @group(0) @binding(0) var<uniform> post: Post;
@@ -33,11 +37,11 @@ fn picture_size() -> vec2<i32> {
 
 // Beyond the border the nearest pixel counts.
 fn picture(at: vec2<i32>) -> vec4<f32> {
-    return textureLoad(post_input, clamp(at, vec2(0), vec2<i32>(post.size) - 1), 0);
+    return textureLoad(post_input, clamp(at, vec2(0), vec2<i32>(post.input) - 1), 0);
 }
 
 fn original(at: vec2<i32>) -> vec4<f32> {
-    return textureLoad(post_original, clamp(at, vec2(0), vec2<i32>(post.size) - 1), 0);
+    return textureLoad(post_original, clamp(at, vec2(0), vec2<i32>(post.whole) - 1), 0);
 }
 @end
 

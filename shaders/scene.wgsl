@@ -28,6 +28,18 @@ fn read_uv_mask(in: VertexOut) {
 }
 @end
 
+@if(LIT && LIGHT_LISTS)
+// Where the lights that may reach a place are listed, beside those that reach everywhere: from, to. Twin: `LightLists::of`.
+fn light_list(pixel: vec2<f32>, relative: vec3<f32>) -> vec2<u32> {
+    let depth = (frame.clip_from_relative * vec4(relative, 1.0)).w;
+    let scale = bitcast<f32>(light_lists[4]);
+    let slice = u32(clamp(floor(log2(max(depth, 1e-6)) * scale + bitcast<f32>(light_lists[5])), 0.0, f32(light_lists[2] - 1u)));
+    let square = min(vec2<u32>(pixel) / 64u, vec2(light_lists[0] - 1u, light_lists[1] - 1u));
+    let cell = 8u + (slice * light_lists[1] + square.y) * light_lists[0] + square.x;
+    return vec2(light_lists[cell], light_lists[cell + 1u]);
+}
+@end
+
 @fragment
 fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
     @if(UV_MASK) read_uv_mask(in);
@@ -184,7 +196,15 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
 
     @if(SEEN_SHADOW && SHADOW) light_whole = luminance(ambient(own_n));
 
-    @if(LIT && !ONE_LIGHT)
+    @if(LIT && LIGHT_LISTS)
+    let listed = light_list(in.position.xy, in.relative);
+    let everywhere = light_lists[3];
+    for (var i = 0u; i < everywhere + listed.y - listed.x; i++) {
+        var index = i;
+        if (i >= everywhere) { index = light_lists[listed.x + i - everywhere]; }
+        let light = lights[index];
+    @end
+    @if(LIT && !ONE_LIGHT && !LIGHT_LISTS)
     for (var i = 0u; i < frame.light_count; i++) {
         let light = lights[i];
     @end

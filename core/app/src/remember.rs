@@ -205,8 +205,9 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         reaches,
         linear,
         left_out: _,
-        // Says no more than the instances.
+        // They say no more than instances and lights.
         area: _,
+        light_lists: _,
     } = plan;
     // Numbers are printed so that no two that differ look alike: the shortest text that reads as the same number.
     add(format!("{size:?} {samples} {view:?} {background:?} {ambient_up:?} {ambient_down:?}").as_bytes());

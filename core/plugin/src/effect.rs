@@ -248,6 +248,13 @@ pub trait Effect: Send + Sync {
         &[]
     }
 
+    /// Of a [`Hook::Picture`]: how many times smaller, each way, the picture is that a pass makes; 1 or more. The last pass makes
+    /// the whole, of this size. `at` counts the pixels that a pass makes, `picture(at)` those of the pass before, `original(at)`
+    /// those of the whole.
+    fn shrink(&self, _pass_number: u32, _size: [u32; 2], _parameters: &[f32; 8]) -> u32 {
+        1
+    }
+
     /// Of a [`Hook::Picture`]: the same function, the specification of the WGSL.
     fn cpu_picture(&self, pictures: &Pictures, at: [i32; 2], _pass_number: u32, _p: &[f32; 8]) -> Vec4 {
         pictures.now.at(at[0], at[1])

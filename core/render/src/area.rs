@@ -64,6 +64,16 @@ impl Area {
         let share = (width as f32 * height as f32) / (size[0] as f32 * size[1] as f32);
         (share <= MOST).then_some([x, y, width, height])
     }
+
+    /// First and last column, first and last row of so large squares; `None` where nothing of it is in the picture.
+    pub fn squares(&self, size: [u32; 2], side: u32) -> Option<[[u32; 2]; 2]> {
+        let ends = |i: usize| {
+            let last = size[i] as f32;
+            let seen = self.to[i] >= 0.0 && self.from[i] < last;
+            seen.then(|| [self.from[i], self.to[i]].map(|v| v.clamp(0.0, last - 1.0) as u32 / side))
+        };
+        Some([ends(0)?, ends(1)?])
+    }
 }
 
 #[cfg(test)]

@@ -158,10 +158,10 @@ impl Parts<'_> {
                     let what = format!("in the scene: {} triangles of {effect}", count / 3);
                     self.add(Kind::Pass, what, None, askers);
                 }
-                Command::PostPass { effect, from, to, .. } => {
+                Command::PostPass { effect, from, to, size: [w, h], .. } => {
                     let mut askers = Askers::default();
                     askers.effects.insert(effect.clone());
-                    let what = format!("effect {effect}: {} → {}", name(*from), name(*to));
+                    let what = format!("effect {effect}: {} → {}, {w}×{h}", name(*from), name(*to));
                     self.add(Kind::Pass, what, None, askers);
                 }
                 Command::CopyBehind { from, levels } => {

@@ -1,7 +1,7 @@
 //! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shaders.rs` compares every field's offset.
 
 use crate::catalog::{CatalogMaterial, CatalogTextureRef};
-use crate::plan::{PlanSky, ShadowView, View};
+use crate::plan::{PlanSky, PostPass, ShadowView, View};
 use crate::sky::{MAX_LEVELS, SkyMaps};
 use choreo_stage::{AlphaMode, Shading, Toon};
 use glam::{Mat4, Vec2, Vec3, Vec4};
@@ -231,11 +231,31 @@ fn uv_transform(t: &CatalogTextureRef) -> UvTransform {
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct PostUniform {
     pub parameters: [Vec4; 2],
-    /// Pixels.
+    /// Pixels of what it makes.
     pub size: Vec2,
     /// Of an effect that runs more than once: how often it has run.
     pub number: u32,
-    pub pad: u32,
+    /// How many times smaller than the whole what it reads or what it makes is, whichever is smaller.
+    pub shrink: u32,
+    /// Pixels of what the pass before made, and of the whole.
+    pub input: Vec2,
+    pub whole: Vec2,
+}
+
+impl PostUniform {
+    /// `before`: how many times smaller the picture is that it reads.
+    pub fn new(pass: &PostPass, before: u32, whole: [u32; 2]) -> PostUniform {
+        let p = &pass.parameters;
+        let vec2 = |size: [u32; 2]| Vec2::new(size[0] as f32, size[1] as f32);
+        PostUniform {
+            parameters: [Vec4::new(p[0], p[1], p[2], p[3]), Vec4::new(p[4], p[5], p[6], p[7])],
+            size: vec2(pass.size(whole)),
+            number: pass.number,
+            shrink: pass.shrink.max(before),
+            input: vec2(whole.map(|s| s.div_ceil(before.max(1)))),
+            whole: vec2(whole),
+        }
+    }
 }
 
 impl MaterialUniform {

@@ -14,6 +14,7 @@ pub mod flat;
 pub mod flip;
 pub mod gpu;
 pub mod gpu_types;
+pub mod light_lists;
 pub mod mip;
 mod needs;
 mod needs_layers;

@@ -150,6 +150,8 @@ pub struct Facts {
     pub shadow_views: usize,
     pub overlays: usize,
     pub shadows_beyond: usize,
+    /// Enough lamps have a range to list where they reach.
+    pub many_lights: bool,
     /// Copies of crowds that are drawn coarser, in view or casting.
     pub coarse: usize,
 }
@@ -216,6 +218,11 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
         facts.lit_drawn && facts.lights_exist && !all.has(Features::LOCAL_LIGHTS),
         "distance and cone attenuation",
         "no point or spot light shines".into(),
+    );
+    say(
+        facts.lit_drawn && all.has(Features::LOCAL_LIGHTS) && !facts.many_lights,
+        "lists of lights",
+        format!("fewer than {} point and spot lights have a range", crate::light_lists::MANY),
     );
     say(facts.flats == 0, "flat layers", "no text, picture, panel or letterbox is seen".into());
     let no_sky = if facts.sky_exists { "its strength is zero" } else { "the stage has no sky" };

@@ -5,6 +5,7 @@
 use crate::area::Area;
 use crate::catalog::CatalogMaterial;
 use crate::flat::FlatPicture;
+use crate::light_lists::LightLists;
 use choreo_stage::{AlphaMode, Background, Shading, Topology};
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
@@ -22,6 +23,8 @@ pub struct Plan {
     pub ambient_down: Vec3,
     /// Empty where no lit draw is in.
     pub lights: Vec<PlanLight>,
+    /// Which of them reach where; `None` where too few have a range. See [`crate::light_lists`].
+    pub light_lists: Option<LightLists>,
     /// `None` where the stage has none, or nothing shows its light.
     pub sky: Option<PlanSky>,
     /// Layers behind the scene, over its background, and those over the finished frame.
@@ -430,6 +433,15 @@ pub struct PostPass {
     pub parameters: [f32; 8],
     /// Of an effect that runs more than once: how often it has run.
     pub number: u32,
+    /// How many times smaller, each way, the picture is that it makes.
+    pub shrink: u32,
+}
+
+impl PostPass {
+    /// Pixels of what it makes of a picture.
+    pub fn size(&self, whole: [u32; 2]) -> [u32; 2] {
+        whole.map(|s| s.div_ceil(self.shrink.max(1)))
+    }
 }
 
 /// Every `LeftOut::what`, but for effects without a plugin, which are told by their names.
@@ -446,6 +458,7 @@ pub const LEFT_OUT: &[&str] = &[
     "lights",
     "dark lights",
     "distance and cone attenuation",
+    "lists of lights",
     "image-based light",
     "flat layers",
     "vertex colours",

@@ -20,6 +20,8 @@ pub struct PlanOptions<'a> {
     pub no_instancing: bool,
     /// Copies of crowds are drawn as finely as their files say, however small they are.
     pub full_detail: bool,
+    /// Every light at every pixel, however many there are.
+    pub no_light_lists: bool,
 }
 
 impl PlanOptions<'_> {
@@ -32,6 +34,7 @@ impl PlanOptions<'_> {
             no_culling: false,
             no_instancing: false,
             full_detail: false,
+            no_light_lists: false,
         }
     }
 }

@@ -4,6 +4,7 @@ use crate::area::Area;
 use crate::bounds::{Aabb, outside};
 use crate::catalog::{Catalog, CatalogMaterial, PrimitiveEntry};
 use crate::flat::flats;
+use crate::light_lists::{self, LightLists};
 use crate::needs::{DrawNeeds, Facts, features, left_out, shell_features};
 use crate::plan::*;
 use crate::plan_options::PlanOptions;
@@ -20,7 +21,8 @@ impl Plan {
     /// The same input gives the same plan, bit for bit.
     pub fn new(catalog: &Catalog, stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Plan {
         let view = View::new(&snapshot.camera, options.size);
-        let (lights, shadows, dark_lights) = plan_lights(&snapshot.lights, &view);
+        let (mut lights, mut shadows, dark_lights) = plan_lights(&snapshot.lights, &view);
+        let many_lights = light_lists::sort(&mut lights, &mut shadows);
         let mut planner = Planner {
             catalog,
             options,
@@ -44,6 +46,7 @@ impl Plan {
                 lights_exist: !lights.is_empty(),
                 sky_exists: snapshot.sky.is_some(),
                 dark_lights,
+                many_lights,
                 ..Facts::default()
             },
             view,
@@ -455,7 +458,7 @@ impl Planner<'_> {
         let (overlay, beyond) = overlays(stage, snapshot, &self.view, self.options);
         let [under, over] = flats(stage, snapshot, self.options.size);
         self.facts.flats = usize::from(under.is_some()) + usize::from(over.is_some());
-        let (post, unknown) = post_passes(stage, snapshot, self.options.effects);
+        let (post, unknown) = post_passes(stage, snapshot, self.options.effects, self.options.size);
         let lit = self.facts.lit_drawn || self.options.force_all;
         self.facts.blended = self.items.len() - first_blended;
         self.facts.draws = draws.len();
@@ -476,6 +479,8 @@ impl Planner<'_> {
             background: snapshot.background,
             ambient_up: if lit { snapshot.ambient_up } else { Vec3::ZERO },
             ambient_down: if lit { snapshot.ambient_down } else { Vec3::ZERO },
+            light_lists: (lit && self.facts.many_lights && !self.options.no_light_lists)
+                .then(|| LightLists::new(&lights, &self.view, self.options.size)),
             lights: if lit { lights } else { Vec::new() },
             under,
             over,

@@ -225,7 +225,7 @@ pub fn surface_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions
             let parameters = effect_parameters(effect.as_ref(), &state.parameters);
             let reach = effect.reach(&parameters);
             SceneUse {
-                used: PostPass { effect: used.plugin.clone(), parameters, number: 0 },
+                used: PostPass { effect: used.plugin.clone(), parameters, number: 0, shrink: 1 },
                 hook: effect.hook(),
                 needs: effect.surface_needs(&parameters),
                 reach: if reach.is_finite() { reach.max(0.0) } else { 0.0 },
@@ -250,6 +250,7 @@ pub fn post_passes(
     stage: &Stage,
     snapshot: &Snapshot,
     effects: &[Arc<dyn Effect>],
+    size: [u32; 2],
 ) -> (Vec<PostPass>, Vec<LeftOut>) {
     let mut passes = Vec::new();
     let mut unknown = Vec::new();
@@ -270,7 +271,11 @@ pub fn post_passes(
         }
         let parameters = effect_parameters(effect.as_ref(), &state.parameters);
         let times = if effect.hook() == Hook::Picture { effect.passes() } else { 1 };
-        passes.extend((0..times).map(|number| PostPass { effect: used.plugin.clone(), parameters, number }));
+        passes.extend((0..times).map(|number| {
+            let smaller = effect.hook() == Hook::Picture && number + 1 < times;
+            let shrink = if smaller { effect.shrink(number, size, &parameters).max(1) } else { 1 };
+            PostPass { effect: used.plugin.clone(), parameters, number, shrink }
+        }));
     }
     (passes, unknown)
 }

@@ -5,7 +5,7 @@ use crate::Plan;
 use crate::catalog::CatalogMaterial;
 use crate::gpu_types::{BASE_SLOTS, TOON_SLOTS};
 use crate::plan::{Draw, Features, Glass, TopologyKey};
-use crate::shader::SceneVariant;
+use crate::shader::{LightLoop, SceneVariant};
 use crate::vertex::VertexLayout;
 use choreo_stage::Background;
 use glam::Vec4;
@@ -99,6 +99,8 @@ pub enum Command {
         /// What the effect's first pass got.
         original: Target,
         to: Target,
+        /// Pixels of what it makes.
+        size: [u32; 2],
     },
     ReadBack,
     /// The first float picture as it is.
@@ -294,7 +296,8 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
             true => Target::Picture,
             false => free.unwrap_or(Target::Float(2)),
         };
-        commands.push(Command::PostPass { index, effect: pass.effect.clone(), from, original, to });
+        let (effect, size) = (pass.effect.clone(), pass.size(plan.size));
+        commands.push(Command::PostPass { index, effect, from, original, to, size });
         from = to;
     }
     commands.push(if plan.linear { Command::ReadBackLinear } else { Command::ReadBack });
@@ -442,7 +445,13 @@ impl DrawState<'_> {
             key,
             tint: drawn.iter().any(|i| i.tint != Vec4::ONE),
             joints_uniform: key.features.has(Features::SKIN) && plan.joint_matrices.len() <= UNIFORM_JOINTS,
-            one_light: key.features.is_lit() && plan.lights.len() == 1,
+            lights: match &plan.light_lists {
+                _ if !key.features.is_lit() => LightLoop::All,
+                // An effect on light may make something of lamps that do not reach.
+                Some(_) if key.lighting == 0 => LightLoop::Lists,
+                _ if plan.lights.len() == 1 => LightLoop::One,
+                _ => LightLoop::All,
+            },
             shadow_pass: self.shadow_pass,
         }
     }

@@ -39,7 +39,11 @@ impl fmt::Display for Recording {
                 Command::CopyBehind { levels, .. } => writeln!(f, "copy behind glass, {levels} levels")?,
                 Command::DrawBackground { .. } => writeln!(f, "  background")?,
                 Command::EndPass => writeln!(f, "end")?,
-                Command::PostPass { effect, from, to, .. } => writeln!(f, "post {effect} {from:?} → {to:?}")?,
+                Command::PostPass { effect, from, to, size, .. } => {
+                    let [w, h] = *size;
+                    let size = if *size == self.size { String::new() } else { format!(", {w}×{h}") };
+                    writeln!(f, "post {effect} {from:?} → {to:?}{size}")?
+                }
                 Command::DrawOverlay { effect, over, count, .. } => {
                     let over = if *over { ", over everything" } else { "" };
                     writeln!(f, "  {} triangles of {effect}{over}", count / 3)?

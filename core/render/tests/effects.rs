@@ -142,7 +142,7 @@ fn who_has_no_effect_pays_for_none() {
     assert_eq!(views, [(none, 0, 1, triangles), (Features::SEEN_NORMALS, 1, 1, triangles)]);
     let lines = keys(&[("wireframe", &[0])]);
     assert!(lines.0.contains(&(Features::EDGES, 0, 1, TopologyKey::Lines)) && !lines.2, "{lines:?}");
-    assert_eq!(keys(&[("bloom", &[]), ("fxaa", &[])]).3, 3, "bloom runs twice");
+    assert_eq!(keys(&[("bloom", &[]), ("fxaa", &[])]).3, 5, "bloom runs four times");
 }
 
 #[test]

@@ -29,6 +29,11 @@ fn key(features: Features) -> PipelineKey {
     }
 }
 
+/// Which lights a variant asks.
+fn loop_of(one: bool) -> LightLoop {
+    if one { LightLoop::One } else { LightLoop::All }
+}
+
 /// Everything that vertex and fragment shader can be asked for, without repeating combinations of switches that
 /// never meet in one expression: all vertex inputs × shading, and all subsets of textures × shading.
 fn variants() -> Vec<SceneVariant> {
@@ -76,7 +81,7 @@ fn variants() -> Vec<SceneVariant> {
                     },
                     tint: subset % 5 == 2,
                     joints_uniform: false,
-                    one_light: subset % 2 == 0,
+                    lights: loop_of(subset % 2 == 0),
                     shadow_pass: false,
                 });
             }
@@ -101,7 +106,7 @@ fn variants() -> Vec<SceneVariant> {
                     key: key(features),
                     tint: on(3),
                     joints_uniform: on(4) && v.has(Features::SKIN),
-                    one_light: on(3),
+                    lights: loop_of(on(3)),
                     shadow_pass: false,
                 });
             }
@@ -155,7 +160,7 @@ fn layer_variants() -> Vec<SceneVariant> {
                 },
                 tint: subset % 7 == 0,
                 joints_uniform: false,
-                one_light: subset % 2 == 1,
+                lights: loop_of(subset % 2 == 1),
                 shadow_pass: false,
             }));
             if features.has(Features::TRANSMISSION) {
@@ -187,7 +192,7 @@ fn shadow_variants() -> Vec<SceneVariant> {
         },
         tint: bits & 4 != 0 && !shadow_pass,
         joints_uniform: bits & 8 != 0 && features.has(Features::SKIN),
-        one_light: bits & 16 != 0,
+        lights: loop_of(bits & 16 != 0),
         shadow_pass,
     };
     let shadings = [Features::METALLIC_ROUGHNESS, Features::BLINN_PHONG, Features::TOON];
@@ -205,6 +210,8 @@ fn shadow_variants() -> Vec<SceneVariant> {
             list.push(variant(shading.with(Features::SKY), false, bits));
             let local = Features::LOCAL_LIGHTS.with(Features::POLYNOMIAL);
             list.push(variant(shading.with(local), false, bits));
+            let listed = variant(shading.with(local).with(Features::SHADOW), false, bits);
+            list.push(SceneVariant { lights: LightLoop::Lists, ..listed });
             list.push(variant(
                 shading.with(Features::SKY).with(Features::SHADOW).with(normal_map),
                 false,
@@ -251,7 +258,7 @@ fn outline_variants() -> Vec<SceneVariant> {
                     key: key(features),
                     tint: bits % 2 == 0,
                     joints_uniform: false,
-                    one_light: bits % 3 == 0,
+                    lights: loop_of(bits % 3 == 0),
                     shadow_pass: false,
                 });
             }
@@ -285,8 +292,13 @@ fn every_combination_compiles() {
         compile(&files, &on, stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
     }
     let all = Features((1 << 54) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
-    let all =
-        SceneVariant { key: key(all), tint: true, joints_uniform: true, one_light: true, shadow_pass: false };
+    let all = SceneVariant {
+        key: key(all),
+        tint: true,
+        joints_uniform: true,
+        lights: loop_of(true),
+        shadow_pass: false,
+    };
     compile(&files, &switches(&all), &stages, true).unwrap();
     // Effects on surfaces of every kind, two of which use the same names.
     let text = |k: &str| {
@@ -344,7 +356,7 @@ fn every_combination_compiles() {
                 key,
                 tint: false,
                 joints_uniform: false,
-                one_light: bits & 3 == 1,
+                lights: loop_of(bits & 3 == 1),
                 shadow_pass: false,
             };
             let mut on = switches(&v);
@@ -354,7 +366,7 @@ fn every_combination_compiles() {
             if displaced != 0 {
                 let features = features.of_depth().with(on_corners(bits));
                 let key = PipelineKey { features, surface: 0, lighting: 0, ..key };
-                let v = SceneVariant { key, shadow_pass: true, one_light: false, ..v };
+                let v = SceneVariant { key, shadow_pass: true, lights: loop_of(false), ..v };
                 let mut on = switches(&v);
                 on.push("TEXTURES");
                 compile(&files(&key), &on, &stages[..1], false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
@@ -364,8 +376,13 @@ fn every_combination_compiles() {
     let glass = Features::METALLIC_ROUGHNESS.with(Features::LAYERS).with(Features::TRANSMISSION);
     for glass_pass in [Glass::Filter, Glass::Light] {
         let key = PipelineKey { surface: 9, glass: glass_pass, ..key(glass) };
-        let v =
-            SceneVariant { key, tint: false, joints_uniform: false, one_light: false, shadow_pass: false };
+        let v = SceneVariant {
+            key,
+            tint: false,
+            joints_uniform: false,
+            lights: loop_of(false),
+            shadow_pass: false,
+        };
         let mut on = switches(&v);
         on.push("TEXTURES");
         compile(&files(&key), &on, &stages, false).unwrap();
@@ -413,7 +430,7 @@ fn layouts_equal_the_rust_structs() {
         key: key(all),
         tint: true,
         joints_uniform: false,
-        one_light: false,
+        lights: loop_of(false),
         shadow_pass: false,
     });
     let (m, _) = parse(&sources().files(&SCENE).unwrap(), &on).unwrap();

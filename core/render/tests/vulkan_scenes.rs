@@ -387,7 +387,12 @@ fn odd_sizes_and_misuse() {
     plan.lights = vec![Default::default(); 257];
     assert_eq!(refused(&plan), "number of lights is 257, the limit of this device is 256");
     plan.lights.clear();
-    plan.post.push(choreo_render::plan::PostPass { effect: "blur".into(), parameters: [0.0; 8], number: 0 });
+    plan.post.push(choreo_render::plan::PostPass {
+        effect: "blur".into(),
+        parameters: [0.0; 8],
+        number: 0,
+        shrink: 1,
+    });
     let e = refused(&plan);
     assert_eq!(
         e,

@@ -6,22 +6,40 @@ fn bright(color: vec4<f32>, threshold: f32) -> vec3<f32> {
 }
 
 fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {
-    let step = max(p[2] * post.size.y / 16.0, 1.0);
+    let shrink = i32(post.shrink);
     var sum = vec3<f32>(0.0);
-    var weights = 0.0;
-    for (var i = -16; i <= 16; i++) {
-        let t = f32(i) * (3.0 / 16.0);
-        let weight = exp(-0.5 * t * t);
-        let away = i32(floor(f32(i) * step + 0.5));
-        if (pass_number == 0u) {
-            sum += weight * bright(picture(at + vec2<i32>(away, 0)), p[1]);
-        } else {
-            sum += weight * picture(at + vec2<i32>(0, away)).rgb;
+    if (pass_number == 0u) {
+        for (var y = 0; y < shrink; y++) {
+            for (var x = 0; x < shrink; x++) {
+                sum += bright(picture(at * shrink + vec2<i32>(x, y)), p[1]);
+            }
         }
-        weights += weight;
+        return vec4<f32>(sum / f32(shrink * shrink), 1.0);
     }
-    let blurred = sum / weights;
-    if (pass_number == 0u) { return vec4<f32>(blurred, 1.0); }
+    if (pass_number < 3u) {
+        let along = select(vec2<i32>(0, 1), vec2<i32>(1, 0), pass_number == 1u);
+        let sigma = max(p[2] * post.whole.y / (3.0 * f32(shrink)), 0.1);
+        // exp(−i² / 2σ²), each from the one before.
+        var step = exp(-0.5 / (sigma * sigma));
+        let steeper = step * step;
+        var weight = 1.0;
+        var weights = 1.0;
+        sum = picture(at).rgb;
+        for (var i = 1; i <= 8; i++) {
+            weight *= step;
+            step *= steeper;
+            sum += weight * (picture(at + i * along).rgb + picture(at - i * along).rgb);
+            weights += 2.0 * weight;
+        }
+        return vec4<f32>(sum / weights, 1.0);
+    }
     let here = original(at);
-    return vec4<f32>(here.rgb + blurred * p[0], here.a);
+    // Between the middles of four pixels of the smaller picture.
+    let place = (vec2<f32>(at) + 0.5) / f32(shrink) - 0.5;
+    let corner = floor(place);
+    let f = place - corner;
+    let c = vec2<i32>(corner);
+    let above = mix(picture(c).rgb, picture(c + vec2<i32>(1, 0)).rgb, f.x);
+    let below = mix(picture(c + vec2<i32>(0, 1)).rgb, picture(c + vec2<i32>(1, 1)).rgb, f.x);
+    return vec4<f32>(here.rgb + mix(above, below, f.y) * p[0], here.a);
 }

@@ -1,6 +1,7 @@
 //! Stiff and extreme cases: what is measured in each, and what it must not exceed. `tests/matrix.rs` runs and prints them.
 
 pub mod goals;
+pub mod pictures;
 pub mod poses;
 pub mod springs;
 
@@ -25,7 +26,7 @@ impl Case {
 }
 
 pub fn all() -> impl Iterator<Item = &'static Case> {
-    springs::CASES.iter().chain(goals::CASES).chain(poses::CASES)
+    springs::CASES.iter().chain(goals::CASES).chain(poses::CASES).chain(pictures::CASES)
 }
 
 /// 0 where a named error was given, as it must be, and 1 where not.

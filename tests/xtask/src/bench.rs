@@ -11,9 +11,9 @@ use std::time::Instant;
 
 /// One run of a program.
 #[derive(Clone, Copy, Debug)]
-struct Run {
-    cpu_secs: f64,
-    wall_secs: f64,
+pub struct Run {
+    pub cpu_secs: f64,
+    pub wall_secs: f64,
     peak_mb: f64,
 }
 
@@ -60,7 +60,7 @@ fn measure(program: &Path, args: &[String], env: &[(&str, &Path)]) -> Result<Run
     }
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
 }
@@ -73,21 +73,36 @@ fn medians(runs: &[Run]) -> Run {
     }
 }
 
-struct Bench {
+pub struct Bench {
     choreo: PathBuf,
     work: PathBuf,
     repeats: usize,
 }
 
 impl Bench {
-    /// Medians of runs of `choreo render SCRIPT -o OUT ARGS…` with warm caches.
-    fn render(&self, script: &Path, out: &str, more: &[&str]) -> Result<Run, String> {
+    /// With a folder of its own for what is written.
+    pub fn new(choreo: PathBuf, name: &str, repeats: usize) -> Result<Bench, String> {
+        let work = std::env::temp_dir().join(format!("choreo-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(work.join("frames")).map_err(|e| e.to_string())?;
+        Ok(Bench { choreo, work, repeats })
+    }
+
+    pub fn clean(&self) -> Result<(), String> {
+        std::fs::remove_dir_all(&self.work).map_err(|e| e.to_string())
+    }
+
+    /// One run of `choreo render SCRIPT -o OUT ARGS…`.
+    pub fn once(&self, script: &Path, out: &str, more: &[&str]) -> Result<Run, String> {
         let mut args = vec!["render".to_string(), script.display().to_string()];
         args.extend(["-o".to_string(), self.work.join(out).display().to_string(), "--quiet".to_string()]);
         args.extend(more.iter().map(|s| s.to_string()));
-        measure(&self.choreo, &args, &[])?;
-        let runs =
-            (0..self.repeats).map(|_| measure(&self.choreo, &args, &[])).collect::<Result<Vec<_>, _>>()?;
+        measure(&self.choreo, &args, &[])
+    }
+
+    /// Medians of several with warm caches.
+    pub fn render(&self, script: &Path, out: &str, more: &[&str]) -> Result<Run, String> {
+        self.once(script, out, more)?;
+        let runs = (0..self.repeats).map(|_| self.once(script, out, more)).collect::<Result<Vec<_>, _>>()?;
         Ok(medians(&runs))
     }
 
@@ -114,9 +129,7 @@ pub fn bench(args: &[&str]) -> Result<(), String> {
         return Err("Knight.glb is needed: put the shared assets beside the checkout, or name their folder in CHOREO_ASSETS".into());
     };
     let choreo = release_binary()?;
-    let work = std::env::temp_dir().join(format!("choreo-bench-{}", std::process::id()));
-    std::fs::create_dir_all(work.join("frames")).map_err(|e| e.to_string())?;
-    let bench = Bench { choreo, work: work.clone(), repeats };
+    let bench = Bench::new(choreo, "bench", repeats)?;
     let search = assets.join("gltf").display().to_string();
     let knight = root().join("tests/bench/knight.rhai");
     let crowd = root().join("tests/bench/knights_25.rhai");
@@ -143,5 +156,5 @@ pub fn bench(args: &[&str]) -> Result<(), String> {
     let many = bench.render(&crowd, "out.y4m", &with(&[]))?;
     let rate = 119.0 / (many.wall_secs - one.wall_secs).max(1e-3);
     row("120 frames of 25 Knights → y4m", many, format!("{rate:.1} frames/s beyond start-up"));
-    std::fs::remove_dir_all(&work).map_err(|e| e.to_string())
+    bench.clean()
 }

@@ -4,6 +4,7 @@
 //! cargo xtask test [--no-install] [FILTER]   install what the tests need, run all of them, count
 //! cargo xtask lint                           formatting and clippy
 //! cargo xtask bench [--quick]                the README's table: CPU seconds, memory, first picture
+//! cargo xtask frames [--quick] [FILTER]      frames a second of scenes, and what each effect costs
 //! cargo xtask fuzz TARGET [--seconds N]      libFuzzer on a target of tests/fuzz
 //! cargo xtask report [NAME…]                 tests/report: error against run time of the project's own choices
 //! cargo xtask contact [FILTER]               every sample file turning, its first clip playing: sheets to look at
@@ -13,6 +14,7 @@
 
 mod bench;
 mod contact;
+mod frames;
 mod fuzz;
 mod lessons;
 mod setup;
@@ -29,6 +31,7 @@ fn main() -> ExitCode {
         ["test", rest @ ..] => suite::test(rest),
         ["lint"] => suite::lint(),
         ["bench", rest @ ..] => bench::bench(rest),
+        ["frames", rest @ ..] => frames::frames(rest),
         ["measured", rest @ ..] => bench::measured(rest),
         ["fuzz", rest @ ..] => fuzz::fuzz(rest),
         ["report", rest @ ..] => report(rest),
@@ -37,7 +40,7 @@ fn main() -> ExitCode {
         ["strip"] => strip::strip(),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | strip"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | strip"
             );
             return ExitCode::from(2);
         }

@@ -104,6 +104,7 @@ impl CpuRenderer {
             let value = u64::from(plan.samples);
             return Err(RenderError::Limit { what: "samples a pixel (1 or 4)".into(), value, limit: 4 });
         }
+        crate::light_lists::check(plan)?;
         let c = &self.catalog;
         let foreign = plan.draws.iter().chain(plan.shadow_draws()).any(|d| {
             d.primitive as usize >= c.primitives.len()
@@ -292,7 +293,7 @@ impl CpuRenderer {
     }
 
     fn passes(&self, plan: &Plan) -> Result<Vec<picture::Pass>, RenderError> {
-        picture::passes(&plan.post, &self.effects)
+        picture::passes(&plan.post, plan.size, &self.effects)
     }
 
     fn draw<T: Target, const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {

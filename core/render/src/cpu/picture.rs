@@ -13,13 +13,20 @@ pub struct Pass {
     pub parameters: [f32; 8],
     /// How often the effect has run.
     pub number: u32,
+    /// Pixels of what it makes.
+    pub size: [u32; 2],
 }
 
 /// The passes of a plan, with the effects that they name.
-pub fn passes(post: &[PostPass], effects: &[Arc<dyn Effect>]) -> Result<Vec<Pass>, RenderError> {
+pub fn passes(
+    post: &[PostPass],
+    size: [u32; 2],
+    effects: &[Arc<dyn Effect>],
+) -> Result<Vec<Pass>, RenderError> {
     let pass = |pass: &PostPass| {
         let effect = effect(effects, &pass.effect)?.clone();
-        Ok(Pass { effect, parameters: pass.parameters, number: pass.number })
+        let size = pass.size(size);
+        Ok(Pass { effect, parameters: pass.parameters, number: pass.number, size })
     };
     post.iter().map(pass).collect()
 }
@@ -34,17 +41,17 @@ pub fn effect<'a>(effects: &'a [Arc<dyn Effect>], name: &str) -> Result<&'a Arc<
 /// `pixels`: linear, as the scene left them; `before`: those of the frames before. The last pass's are written as bytes.
 pub fn run(passes: &[Pass], size: [u32; 2], pixels: Vec<Vec4>, before: &[Vec<Vec4>], bytes: &mut [u8]) {
     let before: Vec<Pixels> = before.iter().map(|rgba| Pixels { size, rgba }).collect();
-    let width = size[0] as usize;
-    let mut now = pixels;
+    let (mut now, mut now_size) = (pixels, size);
     let mut original = Vec::new();
     for pass in passes {
         if pass.number == 0 && pass.effect.passes() > 1 {
             original.clone_from(&now);
         }
-        let picture = Pixels { size, rgba: &now };
+        let picture = Pixels { size: now_size, rgba: &now };
         let first = Pixels { size, rgba: if pass.number == 0 { &now } else { &original } };
         let pictures = Pictures { now: picture, original: first, before: &before };
-        let mut next = vec![Vec4::ZERO; now.len()];
+        let [width, height] = pass.size.map(|s| s as usize);
+        let mut next = vec![Vec4::ZERO; width * height];
         next.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             for (x, out) in row.iter_mut().enumerate() {
                 let color = match pass.effect.hook() {
@@ -61,7 +68,7 @@ pub fn run(passes: &[Pass], size: [u32; 2], pixels: Vec<Vec4>, before: &[Vec<Vec
                 *out = Float::encode(color).decode();
             }
         });
-        now = next;
+        (now, now_size) = (next, pass.size);
     }
     for (out, color) in bytes.chunks_exact_mut(4).zip(now) {
         out.copy_from_slice(&Srgb8::encode(color).bytes());

@@ -60,7 +60,7 @@ impl Layouts {
         };
         let both = vertex | fragment;
         let frame = super::slot::FRAME_BINDINGS.map(|(binding, kind)| {
-            let stages = [both, vertex, vertex, vertex, fragment, vertex, both, vertex, both];
+            let stages = [both, vertex, vertex, vertex, fragment, vertex, both, vertex, both, fragment];
             (binding, kind, stages[binding as usize])
         });
         let post = [

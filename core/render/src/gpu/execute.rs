@@ -92,8 +92,8 @@ impl Execution<'_> {
                     // SAFETY: `BeginPass` began it.
                     unsafe { device.cmd_end_rendering(commands) };
                 }
-                Command::PostPass { index, from, original, to, .. } => {
-                    self.post(pipeline_of(i)?, *index, *from, *original, *to);
+                Command::PostPass { index, from, original, to, size, .. } => {
+                    self.post(pipeline_of(i)?, *index, [*from, *original, *to], *size);
                 }
                 Command::DrawOverlay { first, count, .. } => {
                     self.bind_pipeline(pipeline_of(i)?);
@@ -292,7 +292,13 @@ impl Execution<'_> {
         unsafe { self.gpu.device.cmd_set_scissor(self.slot.commands, 0, &[area]) };
     }
 
-    fn post(&self, pipeline: vk::Pipeline, index: usize, from: Target, original: Target, to: Target) {
+    fn post(
+        &self,
+        pipeline: vk::Pipeline,
+        index: usize,
+        [from, original, to]: [Target; 3],
+        [w, h]: [u32; 2],
+    ) {
         let (first, from) = (original == from, self.targets.image(from));
         // An effect's later pass finds what its first one got as that left it: to be read.
         let original = if first { from } else { self.targets.image(original) };
@@ -316,7 +322,7 @@ impl Execution<'_> {
             .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
             .load_op(vk::AttachmentLoadOp::DONT_CARE)
             .store_op(vk::AttachmentStoreOp::STORE);
-        self.begin(&color, None, None);
+        self.begin(&color, None, Some([0, 0, w, h]));
         self.set_cull(Cull::None);
         self.bind_pipeline(pipeline);
         self.bind_set(self.pipelines.post_layout, 0, set);

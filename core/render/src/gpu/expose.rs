@@ -46,7 +46,7 @@ impl VulkanRenderer {
         let mut frame = reuse.unwrap_or(Frame { width, height, rgba: Vec::new() });
         (frame.width, frame.height) = (width, height);
         frame.rgba.resize(width as usize * height as usize * 4, 0);
-        let passes = picture::passes(&plan.post, self.pipelines.effects())?;
+        let passes = picture::passes(&plan.post, plan.size, self.pipelines.effects())?;
         picture::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
         if let Some(over) = &plan.over {
             over.over(&mut frame);

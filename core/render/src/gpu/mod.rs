@@ -28,7 +28,7 @@ mod targets;
 mod texels;
 mod upload;
 
-use crate::record::{Command, MAX_LIGHTS, RecordOptions, Recording, record, texture_slots};
+use crate::record::{Command, RecordOptions, Recording, record, texture_slots};
 use crate::shader::ShaderSources;
 use crate::{Catalog, DeviceInfo, DeviceKind, Held, Plan, RenderError, Renderer, Work};
 use ash::vk;
@@ -227,11 +227,7 @@ impl VulkanRenderer {
             let what = "number of samples".into();
             return Err(RenderError::Limit { what, value: plan.samples as u64, limit: 4 });
         }
-        if plan.lights.len() > MAX_LIGHTS {
-            let (value, limit) = (plan.lights.len() as u64, MAX_LIGHTS as u64);
-            return Err(RenderError::Limit { what: "number of lights".into(), value, limit });
-        }
-        Ok(())
+        crate::light_lists::check(plan)
     }
 
     fn free_slot(&self) -> Option<usize> {

@@ -20,7 +20,7 @@ use crate::shadows::MAX_VIEWS;
 use crate::{Plan, RenderError};
 use ash::vk;
 use choreo_stage::Background;
-use glam::{Vec2, Vec4};
+use glam::Vec2;
 use gpu_allocator::MemoryLocation;
 use std::sync::Arc;
 
@@ -50,8 +50,9 @@ pub struct Slot {
     pub done_at: u64,
 }
 
-/// Set 0: frame, instances, joints, morphs, lights, joints as a uniform buffer, parameters of effects on surfaces, what effects draw.
-pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 9] = [
+/// Set 0: frame, instances, joints, morphs, lights, joints as a uniform buffer, parameters of effects on surfaces, what effects draw,
+/// textures of effects, lists of lights.
+pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 10] = [
     (0, vk::DescriptorType::UNIFORM_BUFFER),
     (1, vk::DescriptorType::STORAGE_BUFFER),
     (2, vk::DescriptorType::STORAGE_BUFFER),
@@ -61,6 +62,7 @@ pub const FRAME_BINDINGS: [(u32, vk::DescriptorType); 9] = [
     (6, vk::DescriptorType::UNIFORM_BUFFER),
     (7, vk::DescriptorType::STORAGE_BUFFER),
     (8, vk::DescriptorType::STORAGE_BUFFER),
+    (9, vk::DescriptorType::STORAGE_BUFFER),
 ];
 
 /// Parameters of as many effects on surfaces as there can be, and how far each moves them.
@@ -186,6 +188,8 @@ impl Slot {
         let surface_at = ranges.take(surface_range);
         let overlay_bytes: &[u8] = bytemuck::cast_slice(&plan.overlay.vertices);
         let overlay_at = ranges.take(overlay_bytes.len() as u64);
+        let list_bytes: &[u8] = plan.light_lists.as_ref().map_or(&[], |lists| bytemuck::cast_slice(&lists.0));
+        let lists_at = ranges.take(list_bytes.len() as u64);
 
         let old_views = self.view_sets.len();
         while self.view_sets.len() < views.len() {
@@ -230,6 +234,7 @@ impl Slot {
             put(surface_at + REACHES_AT, bytemuck::bytes_of(&plan.reaches));
         }
         put(overlay_at, overlay_bytes);
+        put(lists_at, list_bytes);
         if let Some((images, sky)) = &sky {
             let maps = images.maps.as_ref().map(|(maps, _)| &**maps);
             put(sky_at, bytemuck::bytes_of(&SkyUniform::new(sky, &plan.view, maps)));
@@ -244,11 +249,10 @@ impl Slot {
                 put(*layers_at, bytemuck::bytes_of(&layers));
             }
         }
-        let size = Vec2::new(plan.size[0] as f32, plan.size[1] as f32);
+        let mut before = 1;
         for (at, pass) in post_at.iter().zip(&plan.post) {
-            let p = &pass.parameters;
-            let parameters = [Vec4::new(p[0], p[1], p[2], p[3]), Vec4::new(p[4], p[5], p[6], p[7])];
-            put(*at, bytemuck::bytes_of(&PostUniform { parameters, size, number: pass.number, pad: 0 }));
+            put(*at, bytemuck::bytes_of(&PostUniform::new(pass, before, plan.size)));
+            before = pass.shrink;
         }
 
         // Of effects; the frame's own data where there are none, as above.
@@ -276,6 +280,9 @@ impl Slot {
                 write_buffer(gpu, set, 7, T::STORAGE_BUFFER, raw, overlay_at, overlay_bytes.len() as u64);
             }
             write_buffer(gpu, set, 8, T::STORAGE_BUFFER, texels, 0, texel_bytes);
+            if !list_bytes.is_empty() {
+                write_buffer(gpu, set, 9, T::STORAGE_BUFFER, raw, lists_at, list_bytes.len() as u64);
+            }
             if reads.lights {
                 write_buffer(gpu, set, 4, T::UNIFORM_BUFFER, raw, lights_at, lights_range);
             }

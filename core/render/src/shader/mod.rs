@@ -121,6 +121,16 @@ impl ShaderSources {
     }
 }
 
+/// Which lights a lit pixel asks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum LightLoop {
+    /// The only one.
+    One,
+    All,
+    /// Those of [`crate::light_lists`].
+    Lists,
+}
+
 /// What a scene shader is compiled for: the plan's key and what the recording found out beside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct SceneVariant {
@@ -130,7 +140,7 @@ pub struct SceneVariant {
     /// All joint matrices fit a uniform buffer, which is read faster than a storage buffer.
     pub joints_uniform: bool,
     /// Exactly one light shines.
-    pub one_light: bool,
+    pub lights: LightLoop,
     /// Depth alone, into a shadow map.
     pub shadow_pass: bool,
 }
@@ -214,7 +224,8 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("TINT", variant.tint),
         ("JOINTS_UNIFORM", variant.joints_uniform),
         ("SHADOW_PASS", variant.shadow_pass),
-        ("ONE_LIGHT", variant.one_light && key.features.is_lit()),
+        ("ONE_LIGHT", variant.lights == LightLoop::One && key.features.is_lit()),
+        ("LIGHT_LISTS", variant.lights == LightLoop::Lists && key.features.is_lit()),
     ];
     on.extend(extra.iter().filter(|(_, is_on)| *is_on).map(|(n, _)| *n));
     on

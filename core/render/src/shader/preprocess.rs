@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 75] = [
+pub const SWITCHES: [&str; 76] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -88,6 +88,7 @@ pub const SWITCHES: [&str; 75] = [
     "TINT",
     "JOINTS_UNIFORM",
     "ONE_LIGHT",
+    "LIGHT_LISTS",
 ];
 
 pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {

@@ -1,0 +1,268 @@
+//! What is drawn at the ends of what can be drawn; by the CPU renderer, which every driver is held to.
+
+use crate::{Case, refused};
+use choreo_motion::{Skeleton, Time, Transform};
+use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_stage::{
+    Asset, Background, Camera, Image, Light, LightKind, Material, Mesh, MeshInstance, Placement, Primitive,
+    Projection, Rig, Sampler, Shading, Stage, StageLight, TextureRef,
+};
+use glam::{Affine2, Affine3A, DQuat, DVec3, Vec2, Vec3, Vec4};
+use std::sync::Arc;
+
+pub const CASES: &[Case] = &[
+    Case::new("1 mm apart, 1 m away", "share of pixels of the farther", 0.0, || apart(1.0)),
+    Case::new("1 mm apart, 100 m away", "share of pixels of the farther", 0.0, || apart(100.0)),
+    Case::new("1 mm apart, 1 km away", "share of pixels of the farther", 0.0, || apart(1e3)),
+    Case::new("1 mm apart, 10 km away", "share of pixels of the farther", 0.0, || apart(1e4)),
+    Case::new("near plane at 0.1 mm, a wall at 0.2 mm", "share of pixels it misses", 0.0, || {
+        wall(2e-4, 1e-4)
+    }),
+    Case::new("near plane at 0.1 mm, a wall at 10,000 km", "share of pixels it misses", 0.0, || {
+        wall(1e7, 1e-4)
+    }),
+    Case::new("10,000 km from the origin", "steps of 255 off the same at the origin", 0.0, far_away),
+    Case::new("normals of zero", "steps of 255 off ambient light alone", 1.0, || normals(Vec3::ZERO)),
+    Case::new("normals that point away", "steps of 255 off ambient light alone", 1.0, || normals(-Vec3::Z)),
+    Case::new("a mirrored relief", "steps of 255 off the mirrored picture", 1.0, mirrored_relief),
+    Case::new("a vertex that is not a number", "pixels drawn of its mesh", 0.0, || broken(Vec3::NAN)),
+    Case::new("a vertex at infinity", "pixels drawn of its mesh", 0.0, || broken(Vec3::INFINITY)),
+    Case::new("triangles without an area", "pixels drawn", 0.0, no_area),
+    Case::new("a texture of no pixels", "steps of 255 off none", 0.0, || textured([0, 0])),
+    Case::new("a texture of 16,384 × 4 pixels", "steps of 255 off its colour", 1.0, || textured([16384, 4])),
+    Case::new("100,000 copies", "draws", 1.0, || copies(100_000)),
+    Case::new("a picture of one pixel", "steps of 255 off its colour", 1.0, || sized([1, 1])),
+    Case::new("a picture 16,384 wide", "steps of 255 off its colour", 1.0, || sized([16384, 16])),
+    Case::new("a picture 16,385 wide", "named error (0) or not (1)", 0.0, || {
+        refused(draw(&facing(), [16385, 16]).map(|_| ()), "16385")
+    }),
+    Case::new("a picture of no height", "named error (0) or not (1)", 0.0, || {
+        refused(draw(&facing(), [16, 0]).map(|_| ()), "height")
+    }),
+];
+
+const SIZE: [u32; 2] = [32, 32];
+
+fn quad(half: f32) -> Primitive {
+    let at = [Vec2::new(-1.0, -1.0), Vec2::new(1.0, -1.0), Vec2::ONE, Vec2::new(-1.0, 1.0)];
+    Primitive {
+        indices: vec![0, 1, 2, 0, 2, 3],
+        positions: at.iter().map(|p| (*p * half).extend(0.0)).collect(),
+        normals: vec![Vec3::Z; 4],
+        uvs: [at.iter().map(|p| Vec2::new(p.x, -p.y) * 0.5 + 0.5).collect(), vec![]],
+        material: Some(0),
+        ..Primitive::default()
+    }
+}
+
+fn unlit(color: Vec4) -> Material {
+    Material { shading: Shading::Unlit, base_color: color, ..Material::default() }
+}
+
+fn matte() -> Material {
+    Material { metallic: 0.0, ..Material::default() }
+}
+
+const GREEN: Vec4 = Vec4::new(0.0, 1.0, 0.0, 1.0);
+
+fn asset(primitive: Primitive, material: Material) -> Asset {
+    let joint = Skeleton::new(vec!["root".into()], vec![None], vec![Transform::IDENTITY]);
+    Asset {
+        skeleton: joint.map(Arc::new).unwrap_or_default(),
+        meshes: vec![Arc::new(Mesh { primitives: vec![primitive], ..Mesh::default() })],
+        instances: vec![MeshInstance::default()],
+        materials: vec![material],
+        ..Asset::default()
+    }
+}
+
+/// A camera at `position` that looks along −Z, black all around, no light.
+fn stage(position: DVec3, near: f32) -> Stage {
+    let mut stage = Stage::default();
+    stage.settings.background = Background::Color(Vec4::W);
+    (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::ZERO, Vec3::ZERO);
+    let rig = Rig::Fixed { position, rotation: DQuat::IDENTITY, look_at: None };
+    let projection = Projection::Perspective { yfov: 0.8, near, far: None };
+    stage.shoot(Camera { projection, ..Camera::new("camera", rig) });
+    stage
+}
+
+fn put(stage: &mut Stage, asset: Asset, at: Placement) {
+    let actor = stage.cast(&format!("actor {}", stage.actors.len()), Arc::new(asset));
+    stage.actors[actor].transform = at;
+}
+
+fn draw(stage: &Stage, size: [u32; 2]) -> Result<Vec<u8>, String> {
+    let snapshot = stage.at(Time::ZERO).map_err(|e| e.to_string())?;
+    let catalog = Arc::new(Catalog::new(stage));
+    let plan = Plan::new(&catalog, stage, &snapshot, &PlanOptions::new(size, 1));
+    let mut renderer = CpuRenderer::new(&[]);
+    renderer.load(catalog).map_err(|e| e.to_string())?;
+    renderer.submit(plan).map_err(|e| e.to_string())?;
+    Ok(renderer.collect(None).map_err(|e| e.to_string())?.rgba)
+}
+
+/// Share of pixels for which something holds; NaN without a picture.
+fn share(stage: &Stage, holds: impl Fn([u8; 4]) -> bool) -> f64 {
+    let Ok(rgba) = draw(stage, SIZE) else { return f64::NAN };
+    let pixels = rgba.as_chunks::<4>().0;
+    pixels.iter().filter(|p| holds(**p)).count() as f64 / pixels.len() as f64
+}
+
+/// The largest difference of two pictures, in steps of 255.
+fn off(a: &Result<Vec<u8>, String>, b: &Result<Vec<u8>, String>) -> f64 {
+    match (a, b) {
+        (Ok(a), Ok(b)) if a.len() == b.len() => {
+            a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b))).fold(0.0, f64::max)
+        }
+        _ => f64::NAN,
+    }
+}
+
+/// A red wall a millimetre before a green one, drawn before and after it.
+fn apart(metres: f64) -> f64 {
+    let wall = |color| asset(quad(metres as f32), unlit(color));
+    let worst = [false, true].map(|near_first| {
+        let mut stage = stage(DVec3::new(0.0, 0.0, metres), 0.1);
+        let mut walls = [(0.001, Vec4::new(1.0, 0.0, 0.0, 1.0)), (0.0, GREEN)];
+        if !near_first {
+            walls.reverse();
+        }
+        for (z, color) in walls {
+            put(&mut stage, wall(color), Placement::at(0.0, 0.0, z));
+        }
+        share(&stage, |p| p[0] != 255)
+    });
+    worst[0].max(worst[1])
+}
+
+fn wall(metres: f64, near: f32) -> f64 {
+    let mut stage = stage(DVec3::ZERO, near);
+    put(&mut stage, asset(quad(metres as f32), unlit(GREEN)), Placement::at(0.0, 0.0, -metres));
+    share(&stage, |p| p[1] != 255)
+}
+
+fn sun() -> StageLight {
+    StageLight::sun("sun", Vec3::new(-0.4, -0.3, -0.8).normalize(), 1.0)
+}
+
+fn far_away() -> f64 {
+    let at = |origin: DVec3| {
+        let mut stage = stage(origin + DVec3::new(0.3, 0.2, 4.0), 0.1);
+        stage.lights.push(sun());
+        let lamp = Light { kind: LightKind::Point, color: Vec3::X, intensity: 3.0, range: Some(9.0) };
+        stage.lights.push(StageLight { light: lamp, position: origin + DVec3::Z, ..sun() });
+        let place = Placement { translation: origin, ..Placement::default() }.turned(0.4);
+        put(&mut stage, asset(quad(1.0), matte()), place);
+        draw(&stage, SIZE)
+    };
+    off(&at(DVec3::ZERO), &at(DVec3::new(1e7, -1e7, 1e7)))
+}
+
+fn normals(normal: Vec3) -> f64 {
+    let with = |normal, light: bool| {
+        let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
+        (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::splat(0.3), Vec3::splat(0.3));
+        if light {
+            stage.lights.push(StageLight::sun("sun", Vec3::NEG_Z, 1.0));
+        } else {
+            // Something shines, or there would be a sun.
+            stage.lights.push(StageLight::sun("none", Vec3::NEG_Z, 0.0));
+        }
+        let normals = vec![normal; 4];
+        put(&mut stage, asset(Primitive { normals, ..quad(1.0) }, matte()), Placement::default());
+        draw(&stage, SIZE)
+    };
+    off(&with(normal, true), &with(normal, false))
+}
+
+/// A relief seen in a mirror is the mirrored picture of it, where its light is mirrored too.
+fn mirrored_relief() -> f64 {
+    let relief = |x: u32, y: u32| {
+        if (x / 4 + y / 4).is_multiple_of(2) { [180, 150, 220, 255] } else { [90, 110, 220, 255] }
+    };
+    let with = |mirror: f64| {
+        let mut stage = stage(DVec3::new(0.0, 0.0, 3.0), 0.1);
+        let direction = Vec3::new(-0.5 * mirror as f32, -0.3, -0.8).normalize();
+        stage.lights.push(StageLight::sun("sun", direction, 1.0));
+        let primitive = Primitive { tangents: vec![Vec3::X.extend(1.0); 4], ..quad(1.0) };
+        let normal_texture = Some(texture());
+        let mut asset = asset(primitive, Material { normal_texture, ..matte() });
+        asset.images = vec![image([16, 16], relief)];
+        put(&mut stage, asset, Placement { scale: DVec3::new(mirror, 1.0, 1.0), ..Placement::default() });
+        draw(&stage, SIZE)
+    };
+    let flipped = with(-1.0).map(|rgba| {
+        let rows = rgba.chunks(4 * SIZE[0] as usize);
+        rows.flat_map(|row| row.as_chunks::<4>().0.iter().rev().flatten().copied()).collect::<Vec<u8>>()
+    });
+    off(&with(1.0), &flipped)
+}
+
+fn broken(at: Vec3) -> f64 {
+    let mut primitive = quad(1.0);
+    primitive.positions[2] = at;
+    let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
+    put(&mut stage, asset(primitive, unlit(GREEN)), Placement::default());
+    // What stands beside it is seen.
+    put(&mut stage, asset(quad(0.1), unlit(Vec4::ONE)), Placement::default());
+    let white = share(&stage, |p| p == [255; 4]);
+    if white == 0.0 { f64::NAN } else { share(&stage, |p| p[1] == 255 && p[0] == 0) * 1024.0 }
+}
+
+fn no_area() -> f64 {
+    let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
+    let mut line = quad(1.0);
+    line.positions.iter_mut().for_each(|p| p.y = 0.013);
+    let point = Primitive { positions: vec![Vec3::ZERO; 4], ..quad(1.0) };
+    put(&mut stage, asset(line, unlit(GREEN)), Placement::default());
+    put(&mut stage, asset(point, unlit(GREEN)), Placement::default());
+    share(&stage, |p| p[1] != 0) * 1024.0
+}
+
+fn texture() -> TextureRef {
+    TextureRef { image: 0, sampler: Sampler::default(), uv_set: 0, uv_transform: Affine2::IDENTITY }
+}
+
+fn image([width, height]: [u32; 2], texel: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Image> {
+    let rgba = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| texel(x, y));
+    Arc::new(Image { name: String::new(), width, height, rgba: rgba.collect() })
+}
+
+/// A wall with a texture of one colour, against the same without.
+fn textured(size: [u32; 2]) -> f64 {
+    let with = |there: bool| {
+        let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
+        let base_color_texture = there.then(texture);
+        let mut asset = asset(quad(1.0), Material { base_color_texture, ..unlit(Vec4::ONE) });
+        asset.images = vec![image(size, |_, _| [255; 4])];
+        put(&mut stage, asset, Placement::default());
+        draw(&stage, SIZE)
+    };
+    off(&with(true), &with(false))
+}
+
+/// So many in one place, as one actor.
+fn copies(count: usize) -> f64 {
+    let mut stage = stage(DVec3::new(0.0, 0.0, 40.0), 0.1);
+    let mut field = asset(quad(0.03), unlit(GREEN));
+    let at = |i: usize| Vec3::new((i % 400) as f32 - 200.0, (i / 400) as f32 - 125.0, 0.0) * 0.05;
+    field.instances[0].copies = (0..count).map(|i| Affine3A::from_translation(at(i))).collect();
+    put(&mut stage, field, Placement::default());
+    let Ok(snapshot) = stage.at(Time::ZERO) else { return f64::NAN };
+    let catalog = Arc::new(Catalog::new(&stage));
+    let plan = Plan::new(&catalog, &stage, &snapshot, &PlanOptions::new(SIZE, 1));
+    let seen = share(&stage, |p| p[1] > 0);
+    if plan.instances.len() == count && seen > 0.1 { plan.draws.len() as f64 } else { f64::NAN }
+}
+
+fn facing() -> Stage {
+    let mut stage = stage(DVec3::new(0.0, 0.0, 1.0), 0.1);
+    put(&mut stage, asset(quad(1e4), unlit(GREEN)), Placement::default());
+    stage
+}
+
+fn sized(size: [u32; 2]) -> f64 {
+    let count = size[0] as usize * size[1] as usize;
+    off(&draw(&facing(), size), &Ok([0, 255, 0, 255].repeat(count)))
+}
