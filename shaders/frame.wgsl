@@ -76,7 +76,7 @@ struct Material {
     matcap: vec4<f32>,
     // Outline's colour, and how much the surface's light counts
     outline: vec4<f32>,
-    // How far a masked motion has come: textures, radians
+    // How far a masked motion has come: textures, radians; w = how deep heights go, in textures
     uv_moved: vec4<f32>,
     // base colour, metallic-roughness, normal, occlusion, emissive, specular, specular colour, outline width, mask of what moves
     uv: array<UvTransform, 9>,

@@ -103,10 +103,10 @@ fn layer_uv(in: VertexOut, slot: u32) -> vec2<f32> {
     @if(UV0 && !UV1) let uv = in.uv0;
     @if(UV1 && !UV0) let uv = in.uv1;
     @if(UV0 && UV1) let uv = select(in.uv0, in.uv1, layers.uv[slot].x.w > 0.5);
-    @if(!UV_TRANSFORM) return uv;
-    @if(UV_TRANSFORM)
-    let t = layers.uv[slot];
-    return vec2(dot(t.x.xy, uv) + t.x.z, dot(t.y.xy, uv) + t.y.z);
-    @end
+    @if(!UV_TRANSFORM) let placed = uv;
+    @if(UV_TRANSFORM) let t = layers.uv[slot];
+    @if(UV_TRANSFORM) let placed = vec2(dot(t.x.xy, uv) + t.x.z, dot(t.y.xy, uv) + t.y.z);
+    @if(!RELIEF) return placed;
+    @if(RELIEF) return placed + relief;
 }
 @end

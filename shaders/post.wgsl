@@ -43,6 +43,11 @@ fn picture(at: vec2<i32>) -> vec4<f32> {
 fn original(at: vec2<i32>) -> vec4<f32> {
     return textureLoad(post_original, clamp(at, vec2(0), vec2<i32>(post.whole) - 1), 0);
 }
+
+// Frames with a history are put together on the host. A plan of one time alone has none: the picture stands for them.
+fn previous(frames: u32, at: vec2<i32>) -> vec4<f32> {
+    return original(at);
+}
 @end
 
 @fragment

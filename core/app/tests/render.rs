@@ -242,3 +242,25 @@ fn a_model_is_framed_whole_in_a_high_picture() {
     }
     assert!(drawn > 30 * 50, "{drawn}: it is drawn, and large");
 }
+
+/// What a rasterizer does, a picture a stage; a file's name is none of a folder.
+#[test]
+fn stages_are_six_pictures_in_a_folder() {
+    let dir = folder();
+    let d = dir.path();
+    let run = choreo(d, &["render", "tri.gltf", "--stages", "-o", "steps", "--size", "96x54"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let all = ["1_model.png", "2_view.png", "3_clip.png", "4_raster.png", "5_depth.png", "6_shade.png"];
+    assert_eq!(names(&d.join("steps")), all);
+    let pictures = all.map(|name| read(d, &format!("steps/{name}")));
+    for (i, a) in pictures.iter().enumerate() {
+        assert!(a.starts_with(b"\x89PNG"));
+        assert!(pictures[..i].iter().all(|b| a != b), "{} shows what another does", all[i]);
+    }
+    let run = choreo(d, &["render", "tri.gltf", "--stages", "-o", "steps.png"]);
+    assert!(
+        run.code != 0 && run.err.contains("--stages writes a picture a stage into a folder"),
+        "{}",
+        run.err
+    );
+}

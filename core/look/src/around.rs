@@ -53,7 +53,8 @@ impl Around for Seeing<'_> {
                 let frames = arguments.first().map_or(1, |v| v.0[0]).clamp(1, self.history.max(1));
                 let before = self.pictures.before;
                 let picture = before.get(frames as usize - 1).or(before.last());
-                picture.map_or(Vec4::ZERO, |p| p.at(at[0], at[1]))
+                // A plan of one time alone has none: the picture stands for them.
+                picture.unwrap_or(&self.pictures.original).at(at[0], at[1])
             }
         };
         Value::floats(&pixel.to_array())

@@ -42,7 +42,16 @@ fn hash_with(m: &CatalogMaterial, texture_id: &dyn Fn(u32) -> Vec<u8>) -> [u8; 1
     array(&mut h, &[f.base_color, vec4(f.emissive), vec4(f.specular_color)]);
     array(
         &mut h,
-        &[cutoff, f.metallic, f.roughness, f.normal_scale, f.occlusion_strength, f.specular, f.shininess],
+        &[
+            cutoff,
+            f.metallic,
+            f.roughness,
+            f.normal_scale,
+            f.occlusion_strength,
+            f.specular,
+            f.shininess,
+            f.relief,
+        ],
     );
     if let Some(t) = f.toon.as_deref().filter(|_| f.shading == Shading::Toon) {
         let colors = [

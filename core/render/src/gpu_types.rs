@@ -91,7 +91,7 @@ pub struct MaterialUniform {
     pub matcap: Vec4,
     /// Outline's colour, and how much the surface's light counts.
     pub outline: Vec4,
-    /// Toon: how far a masked motion has come.
+    /// Toon: how far a masked motion has come. And how deep heights go, in textures.
     pub uv_moved: Vec4,
     pub uv: [UvTransform; BASE_SLOTS + TOON_SLOTS],
 }
@@ -297,7 +297,7 @@ impl MaterialUniform {
             outline_width: toon.outline.as_ref().map_or(0.0, |o| o.width),
             outline_on_screen: toon.outline.as_ref().map_or(0.0, |o| f32::from(u8::from(o.on_screen))),
             outline: toon.outline.as_ref().map_or(Vec4::ZERO, |o| o.color.extend(o.lighting_mix)),
-            uv_moved: toon.uv_moved.extend(0.0),
+            uv_moved: toon.uv_moved.extend(catalog.material.relief),
             uv,
         }
     }

@@ -90,6 +90,8 @@ pub fn features(
     set(metallic_roughness, Features::METALLIC_ROUGHNESS);
     set(lit && matches!(m.shading, Shading::BlinnPhong | Shading::Phong), Features::BLINN_PHONG);
     set(lit && m.shading == Shading::Phong, Features::PHONG);
+    let relief = reads_normal_map(primitive, material) && m.relief > 0.0;
+    set(lit && !toon && relief, Features::RELIEF);
     set(toon, Features::TOON);
     set(lit && (m.emissive != Vec3::ZERO || force_all), Features::EMISSIVE);
     set(matches!(m.alpha_mode, AlphaMode::Mask(_)) || force_all, Features::ALPHA_MASK);
@@ -97,6 +99,12 @@ pub fn features(
     set(lit && needs.sky, Features::SKY);
     set(lit && needs.polynomial, Features::POLYNOMIAL);
     f
+}
+
+/// Whether its normal map can be read.
+fn reads_normal_map(primitive: &CatalogPrimitive, material: &CatalogMaterial) -> bool {
+    let p = primitive.primitive();
+    !p.tangents.is_empty() && material.normal.is_some_and(|t| !p.uvs[t.uv_set as usize].is_empty())
 }
 
 /// Of the hull around a surface with these features: where the light on the surface does not count, its shape alone.

@@ -368,6 +368,8 @@ impl Features {
     pub const REFRACTION: Features = Features(1 << 52);
     /// Each colour is bent by an index of its own.
     pub const DISPERSION: Features = Features(1 << 53);
+    /// Textures are shifted by the heights in the normal texture's alpha. Never forced in: other files keep other things there.
+    pub const RELIEF: Features = Features(1 << 54);
     /// A sky's maps light it. Another light rather than more of one: never forced in.
     pub const SKY: Features = Features(1 << 60);
     /// Highlights of Phong in place of Blinn's. Never forced in.

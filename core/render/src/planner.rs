@@ -211,8 +211,7 @@ impl Planner<'_> {
                 .with(has(seen.uvs, !shape.uvs[0].is_empty(), Features::UV0))
                 .with(has(seen.joints, needs.skinned && !needs.dual, Features::SEEN_JOINTS))
                 .with(has(seen.shadow, is_lit(material.material.shading), Features::SEEN_SHADOW));
-            let of_corners = has(effects.corners.normals, !shape.normals.is_empty(), Features::SEEN_NORMALS)
-                .with(has(effects.corners.uvs, !shape.uvs[0].is_empty(), Features::UV0));
+            let of_corners = effects.of_corners(shape);
             for copy in instance.joint_from_copies() {
                 let relative_from_mesh = match instance.copies.is_empty() {
                     true => relative_from_joint,

@@ -1,11 +1,11 @@
 //! Effects in a plan: passes over the picture, functions on surfaces, geometry of their own.
 
 use crate::catalog::{CatalogMaterial, PrimitiveEntry};
-use crate::plan::{LeftOut, PostPass};
+use crate::plan::{Features, LeftOut, PostPass};
 use crate::plan_options::PlanOptions;
 use crate::planner::Planner;
 use choreo_plugin::{Effect, Exposure, Hook, OptionKind, SurfaceNeeds};
-use choreo_stage::{EffectState, EffectTarget, EffectUse, Outline, Shading, Snapshot, Stage};
+use choreo_stage::{EffectState, EffectTarget, EffectUse, Outline, Primitive, Shading, Snapshot, Stage};
 use glam::Vec3;
 use std::sync::Arc;
 
@@ -216,6 +216,18 @@ pub struct OnSurface {
     pub corners: SurfaceNeeds,
     /// How far it is moved at most, metres.
     pub reach: f32,
+}
+
+impl OnSurface {
+    /// What a shader that moves the corners of a shape reads of them, seen from a light too.
+    pub fn of_corners(&self, shape: &Primitive) -> Features {
+        let has = |on: bool, there: bool, bit| if on && there { bit } else { Features::default() };
+        has(self.corners.normals, !shape.normals.is_empty(), Features::SEEN_NORMALS).with(has(
+            self.corners.uvs,
+            !shape.uvs[0].is_empty(),
+            Features::UV0,
+        ))
+    }
 }
 
 pub fn surface_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<SceneUse> {

@@ -183,6 +183,50 @@ fn a_texture_is_where_its_place_says() {
     }
 }
 
+/// A square whose picture tells its place, turned about both axes; its heights lie all at a share of `relief`.
+fn deep(relief: f32, behind: f64) -> Scene {
+    let turned = DQuat::from_rotation_y(0.6) * DQuat::from_rotation_x(-0.4);
+    let mut primitive = quad(0.5, 0.5);
+    primitive.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); 4];
+    let colors = image(64, 64, |x, y| [40 + 3 * x as u8, 20 + 3 * y as u8, 90, 255]);
+    let level = image(1, 1, |_, _| [128, 128, 255, 102]);
+    let material = Material {
+        base_color_texture: Some(texture(0)),
+        normal_texture: Some(texture(1)),
+        relief,
+        ..matte(Vec4::ONE)
+    };
+    let asset = asset(vec![primitive], vec![material], vec![colors, level]);
+    let mut scene = Scene::ortho(1.2);
+    scene.sun(Vec3::new(0.0, 0.0, -1.0), Vec3::ONE, 1.0);
+    let at = turned * DVec3::new(0.0, 0.0, -behind);
+    scene.add(&asset, DAffine3::from_rotation_translation(turned, at));
+    scene
+}
+
+/// Heights that lie 0.6 of 0.2 m deep show what a square that much farther back shows, in both renderers.
+#[test]
+fn what_lies_deep_is_seen_where_it_would_be() {
+    let effects = all();
+    let at = |relief: f32, behind: f64| draw(&deep(relief, behind), &options(&effects, 1));
+    let (shifted, back, flat) = (at(0.2, 0.0), at(0.0, 0.12), at(0.0, 0.0));
+    let mut apart = 0;
+    for (x, y) in [(100, 75), (80, 60), (115, 95), (90, 85)] {
+        let (a, b, c) = (pixel(&shifted, x, y), pixel(&back, x, y), pixel(&flat, x, y));
+        for channel in 0..2 {
+            assert!(a[channel].abs_diff(b[channel]) <= 2, "{x} {y}: {a:?} {b:?}");
+            apart += u32::from(c[channel].abs_diff(b[channel]));
+        }
+    }
+    assert!(apart > 60, "it can fail: {apart}");
+    let Some(mut renderer) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) else {
+        return;
+    };
+    let gpu = draw_with(&mut renderer, &deep(0.2, 0.0), &options(&effects, 1));
+    let c = compare(&gpu, &shifted, 3).unwrap();
+    assert!(c.mean < 0.35 && c.share_beyond < 0.01, "{c}");
+}
+
 /// A square that goes from left to right.
 fn passing(time: Time) -> Scene {
     let mut scene = wall(DQuat::IDENTITY);

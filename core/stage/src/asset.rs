@@ -3,9 +3,9 @@
 //! Everything is in choreo's convention: metres, +Y up, right-handed, counter-clockwise front faces,
 //! texture v pointing down (glTF). Colours are linear unless a field says sRGB.
 
-use crate::{Expression, Eyes, MaterialLayers, Toon};
+use crate::{Expression, Eyes, MaterialLayers, Toon, UvMotion};
 use choreo_motion::spring::parameters::Springs;
-use choreo_motion::{Clip, Skeleton};
+use choreo_motion::{Clip, Skeleton, Time};
 use glam::{Affine2, Affine3A, Mat4, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -239,6 +239,8 @@ pub struct Material {
     pub metallic_roughness_texture: Option<TextureRef>,
     pub normal_texture: Option<TextureRef>,
     pub normal_scale: f32,
+    /// How deep the surface lies where the normal texture's alpha is 0, in widths of the texture; 0: that alpha means nothing.
+    pub relief: f32,
     /// R, linear.
     pub occlusion_texture: Option<TextureRef>,
     pub occlusion_strength: f32,
@@ -259,8 +261,37 @@ pub struct Material {
     pub toon: Option<Arc<Toon>>,
     pub alpha_mode: AlphaMode,
     pub double_sided: bool,
+    /// All its textures move, of every shading but [`Shading::Toon`], which has a motion of its own.
+    pub uv_motion: Option<UvMotion>,
+    /// All its textures are frames side by side, of which one is seen at a time.
+    pub strip: Option<FrameStrip>,
     /// Clearcoat, sheen, transmission; of metallic-roughness surfaces only.
     pub layers: Option<Box<MaterialLayers>>,
+}
+
+/// Frames of a texture in columns and rows, from the top left, row by row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameStrip {
+    pub columns: u32,
+    pub rows: u32,
+    /// How many of them there are; at most columns · rows.
+    pub count: u32,
+    /// Frames a second; after the last comes the first.
+    pub fps: f32,
+}
+
+impl FrameStrip {
+    /// What of the texture is seen at a time, over its whole.
+    pub fn cell(&self, time: Time) -> Affine2 {
+        let (columns, rows) = (self.columns.max(1), self.rows.max(1));
+        let frames = time.0 as f64 * f64::from(self.fps) / Time::TICKS_PER_SECOND as f64;
+        let count = f64::from(self.count.clamp(1, columns * rows));
+        let frame = libm::floor(frames);
+        let frame = (frame - count * libm::floor(frame / count)) as u32;
+        let scale = Vec2::new(1.0 / columns as f32, 1.0 / rows as f32);
+        let at = Vec2::new((frame % columns) as f32, (frame / columns) as f32);
+        Affine2::from_scale_angle_translation(scale, 0.0, at * scale)
+    }
 }
 
 impl Default for Material {
@@ -276,6 +307,7 @@ impl Default for Material {
             metallic_roughness_texture: None,
             normal_texture: None,
             normal_scale: 1.0,
+            relief: 0.0,
             occlusion_texture: None,
             occlusion_strength: 1.0,
             emissive: Vec3::ZERO,
@@ -288,6 +320,8 @@ impl Default for Material {
             toon: None,
             alpha_mode: AlphaMode::Opaque,
             double_sided: false,
+            uv_motion: None,
+            strip: None,
             layers: None,
         }
     }

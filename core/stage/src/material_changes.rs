@@ -27,7 +27,7 @@ impl Asset {
             _ => None,
         }));
         all.extend(self.expressions.iter().flat_map(bound));
-        all.extend((0..).zip(&self.materials).filter(|(_, m)| uv_motion(m).is_some()).map(|(i, _)| i));
+        all.extend((0..).zip(&self.materials).filter(|(_, m)| moves(m)).map(|(i, _)| i));
         let mut out = Vec::new();
         for material in all.into_iter().filter(|m| (*m as usize) < self.materials.len()) {
             out.resize(self.materials.len(), false);
@@ -43,7 +43,15 @@ fn bound(expression: &Expression) -> impl Iterator<Item = u32> {
 }
 
 fn uv_motion(material: &Material) -> Option<UvMotion> {
-    material.toon.as_ref().filter(|_| material.shading == Shading::Toon)?.uv_motion
+    match material.shading {
+        Shading::Toon => material.toon.as_ref()?.uv_motion,
+        _ => material.uv_motion,
+    }
+}
+
+/// Whether its textures change by themselves.
+fn moves(material: &Material) -> bool {
+    uv_motion(material).is_some() || material.strip.is_some()
 }
 
 /// `weights`: of the asset's expressions, settled.
@@ -58,7 +66,7 @@ pub(crate) fn at(actor: &Actor, weights: &[f32], time: Time, out: &mut Vec<Chang
         })
         .collect();
     let shown = || asset.expressions.iter().zip(weights).filter(|(_, w)| **w > 0.0);
-    let moving = (0..).zip(&asset.materials).filter(|(_, m)| uv_motion(m).is_some()).map(|(i, _)| i);
+    let moving = (0..).zip(&asset.materials).filter(|(_, m)| moves(m)).map(|(i, _)| i);
     let mut all: BTreeSet<u32> = driven.iter().map(|(m, _)| *m).chain(moving).collect();
     all.extend(shown().flat_map(|(e, _)| bound(e)));
     for index in all {
@@ -72,6 +80,10 @@ pub(crate) fn at(actor: &Actor, weights: &[f32], time: Time, out: &mut Vec<Chang
         }
         if let Some(motion) = uv_motion(material) {
             by_itself(motion, time, &mut now);
+        }
+        if let Some(strip) = material.strip {
+            let cell = strip.cell(time);
+            textures(&mut now, |texture| texture.uv_transform = cell * texture.uv_transform);
         }
         out.push(ChangedMaterial { material: index, now });
     }
@@ -248,6 +260,25 @@ mod tests {
             let again = Uv::of(&whole).transform();
             assert!(whole.abs_diff_eq(again, 1e-6), "{rotation} {scale}: {again:?}");
         }
+    }
+
+    #[test]
+    fn frames_follow_each_other_from_the_top_left_and_begin_again() {
+        let strip = crate::FrameStrip { columns: 3, rows: 2, count: 5, fps: 10.0 };
+        let corner = |secs: f64| strip.cell(Time::from_secs(secs)).transform_point2(Vec2::ZERO);
+        let end = |secs: f64| strip.cell(Time::from_secs(secs)).transform_point2(Vec2::ONE);
+        let third = 1.0 / 3.0;
+        for (secs, x, y) in
+            [(0.0, 0.0, 0.0), (0.1, 1.0, 0.0), (0.29, 2.0, 0.0), (0.3, 0.0, 0.5), (0.5, 0.0, 0.0)]
+        {
+            assert!(corner(secs).abs_diff_eq(Vec2::new(x * third, y), 1e-6), "{secs}: {}", corner(secs));
+            assert!((end(secs) - corner(secs)).abs_diff_eq(Vec2::new(third, 0.5), 1e-6), "{secs}");
+        }
+        // Before the beginning, and after a hundred hours.
+        assert_eq!(corner(-0.05), corner(0.45));
+        assert_eq!(corner(360_000.2), corner(0.2));
+        let none = crate::FrameStrip { columns: 0, rows: 0, count: 0, fps: 1.0 };
+        assert_eq!(none.cell(Time::from_secs(3.0)), Affine2::IDENTITY);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Twin of displace.wgsl: effects that move the corners of surfaces.
 
-use crate::plan::Rows;
+use super::CpuRenderer;
+use crate::plan::{Plan, Rows};
 use choreo_plugin::{Effect, Place};
 use glam::{Vec3, Vec4Swizzles};
 use std::sync::Arc;
@@ -10,6 +11,15 @@ pub struct Displacement {
     pub effect: Arc<dyn Effect>,
     pub parameters: [f32; 8],
     pub reach: f32,
+}
+
+impl CpuRenderer {
+    /// Of the effects that move surfaces those of a draw.
+    pub(super) fn displaced(&self, plan: &Plan, bits: u8) -> Vec<Displacement> {
+        let reaches = (0..8).zip(plan.reaches).filter(|(bit, _)| bits >> bit & 1 == 1);
+        let all = self.surface(plan, bits).into_iter().zip(reaches);
+        all.map(|((effect, parameters), (_, reach))| Displacement { effect, parameters, reach }).collect()
+    }
 }
 
 /// A power of two, so that adding it rounds little.

@@ -14,6 +14,7 @@ mod overlay;
 pub mod picture;
 mod raster;
 mod refraction;
+mod relief;
 mod seen;
 mod setup;
 mod shade;
@@ -24,6 +25,7 @@ mod target;
 mod texture;
 mod tile;
 mod toon;
+mod uv;
 mod veil;
 mod vertex;
 
@@ -34,7 +36,6 @@ use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
 use crate::sky::{SkyMaps, SkyPicture};
 use choreo_plugin::{Effect, Frame, Hook};
 use choreo_stage::Background;
-use displace::Displacement;
 use glam::{Mat4, Vec4};
 use raster::{TILE_HEIGHT, TILE_WIDTH};
 use rayon::prelude::*;
@@ -144,13 +145,6 @@ impl CpuRenderer {
     fn surface(&self, plan: &Plan, bits: u8) -> Vec<(Arc<dyn Effect>, [f32; 8])> {
         let on = (0..8).zip(&plan.surface).filter(|(bit, _)| bits >> bit & 1 == 1);
         on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters))).collect()
-    }
-
-    /// Of the effects that move surfaces those of a draw.
-    fn displaced(&self, plan: &Plan, bits: u8) -> Vec<Displacement> {
-        let reaches = (0..8).zip(plan.reaches).filter(|(bit, _)| bits >> bit & 1 == 1);
-        let all = self.surface(plan, bits).into_iter().zip(reaches);
-        all.map(|((effect, parameters), (_, reach))| Displacement { effect, parameters, reach }).collect()
     }
 
     /// The plan's own materials, with the textures of those that they stand for.

@@ -11,13 +11,13 @@ use super::sky::Around;
 use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
 use super::vertex::Vertex;
-use crate::catalog::{CatalogMaterial, CatalogTextureRef};
-use crate::gpu_types::{BASE_SLOTS, TEXTURE_SLOTS, TOON_SLOT, film_thickness};
+use crate::catalog::CatalogMaterial;
+use crate::gpu_types::{BASE_SLOTS, TEXTURE_SLOTS, film_thickness};
 use crate::plan::{Features, Glass, Plan, PlanLight};
 use crate::sky::SkyMaps;
 use choreo_plugin::Effect;
 use choreo_stage::{AlphaMode, Primitive, Toon};
-use glam::{Affine2, Vec2, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 use std::sync::Arc;
 
 /// A material with its textures at hand.
@@ -97,9 +97,11 @@ impl Default for Over {
 
 pub struct Quad<'a> {
     pub weights: &'a Weights,
-    uvs: [[F4; 2]; 2],
+    pub uvs: [[F4; 2]; 2],
     /// How much of a motion of the textures each pixel makes, where a mask says so.
-    uv_mask: Option<F4>,
+    pub uv_mask: Option<F4>,
+    /// How far heights shift the textures.
+    pub relief: Option<[F4; 2]>,
 }
 
 impl Fragment<'_> {
@@ -120,7 +122,11 @@ impl Fragment<'_> {
         let f = self.features;
         let m = &self.material.factors.material;
         let refs = self.material.factors.texture_refs();
-        let quad = self.quad(ids, weights);
+        let mut quad = self.quad(ids, weights);
+        if f.has(Features::RELIEF) {
+            quad.relief = self.relief(vertices, ids, &quad);
+        }
+        let quad = quad;
         let texture = |slot: usize, bit: Features| {
             if !f.has(bit) {
                 return None;
@@ -465,49 +471,5 @@ impl Fragment<'_> {
             n = -n;
         }
         n
-    }
-
-    fn quad<'a>(&self, ids: [u32; 3], weights: &'a Weights) -> Quad<'a> {
-        let mut uvs = [[F4::ZERO; 2]; 2];
-        for (set, bit) in [Features::UV0, Features::UV1].into_iter().enumerate() {
-            let list = &self.primitive.uvs[set];
-            if self.features.has(bit) && !list.is_empty() {
-                uvs[set] = weights.vec2(ids.map(|i| list[i as usize]));
-            }
-        }
-        let mut quad = Quad { weights, uvs, uv_mask: None };
-        if self.features.has(Features::UV_MASK) {
-            let (mask, texture) = (&self.material.factors.toon[1], &self.material.textures[TOON_SLOT + 1]);
-            let texel = self.sample(&quad, mask.as_ref(), texture.as_deref());
-            quad.uv_mask = texel.map(|[_, _, b, _]| b);
-        }
-        quad
-    }
-
-    /// `None` where the material has no such texture: white.
-    fn sample(
-        &self,
-        quad: &Quad,
-        reference: Option<&CatalogTextureRef>,
-        texture: Option<&Texture>,
-    ) -> Option<[F4; 4]> {
-        let (r, texture) = (reference?, texture?);
-        let mut uv = quad.uvs[r.uv_set as usize & 1];
-        if self.features.has(Features::UV_TRANSFORM) && r.uv_transform != Affine2::IDENTITY {
-            let Affine2 { matrix2: m, translation: Vec2 { x, y } } = r.uv_transform;
-            let [u, v] = uv;
-            uv = [u * m.x_axis.x + v * m.y_axis.x + x, u * m.x_axis.y + v * m.y_axis.y + y];
-        }
-        if let (Some(mask), Some(toon)) = (quad.uv_mask, &self.material.factors.material.toon) {
-            // Turned about the middle, then moved, each place as much as the mask says.
-            let angle = mask * toon.uv_moved.z;
-            let (sin, cos) = (angle.map(libm::sinf), angle.map(libm::cosf));
-            let [x, y] = uv.map(|v| v - F4::splat(0.5));
-            uv = [
-                cos * x - sin * y + F4::splat(0.5) + mask * toon.uv_moved.x,
-                sin * x + cos * y + F4::splat(0.5) + mask * toon.uv_moved.y,
-            ];
-        }
-        Some(texture.sample(&r.sampler, uv))
     }
 }

@@ -147,7 +147,7 @@ pub struct SceneVariant {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 54] = [
+    let names: [(&'static str, Features); 55] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("SKIN_DUAL", Features::SKIN_DUAL),
@@ -187,6 +187,7 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("THICKNESS_TEXTURE", Features::THICKNESS_TEXTURE),
         ("REFRACTION", Features::REFRACTION),
         ("DISPERSION", Features::DISPERSION),
+        ("RELIEF", Features::RELIEF),
         ("SHELL", Features::SHELL),
         ("EDGES", Features::EDGES),
         ("SEEN_NORMALS", Features::SEEN_NORMALS),

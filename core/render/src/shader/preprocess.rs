@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 76] = [
+pub const SWITCHES: [&str; 77] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -60,6 +60,7 @@ pub const SWITCHES: [&str; 76] = [
     "SEEN_JOINTS",
     "SEEN_SHADOW",
     "SURFACE",
+    "RELIEF",
     "DISPLACED",
     "LIGHTING",
     "EFFECTS",

@@ -1,13 +1,16 @@
 //! The look of what a script makes: the options that `shape`, `mesh`, `lines` and `points` share.
 
+use super::maps;
 use super::picture::{ImageRef, srgb_byte};
 use crate::call::{ApiError, Options, rgb};
-use choreo_stage::{AlphaMode, Image, Material, MaterialLayers, Sampler, Shading, TextureRef};
+use choreo_stage::{
+    AlphaMode, FrameStrip, Image, Material, MaterialLayers, Sampler, Shading, TextureRef, UvMotion,
+};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 /// What [`material`] reads.
-pub const OPTIONS: [&str; 32] = [
+pub const OPTIONS: [&str; 41] = [
     "color",
     "image",
     "normal_map",
@@ -40,12 +43,44 @@ pub const OPTIONS: [&str; 32] = [
     "name",
     "specular_map",
     "phong",
+    "opacity_map",
+    "height_map",
+    "depth",
+    "displacement_map",
+    "displacement",
+    "frames",
+    "fps",
+    "scroll",
+    "spin",
 ];
 
 /// The material, and the pictures that it names by number.
 pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), ApiError> {
-    let image = o.image("image")?;
-    let normal_map = o.image("normal_map")?;
+    let mut given = maps::pictures(o, "image")?;
+    let sequence = given.len() > 1 || o.get("image").is_some_and(|v| v.is_array());
+    let mut cells = None;
+    let mut image = match sequence {
+        true => {
+            let (image, [columns, rows]) = maps::side_by_side(o, &given)?;
+            cells = Some([columns, rows, given.len() as u32]);
+            Some(image)
+        }
+        false => given.pop(),
+    };
+    if let Some(map) = o.image("opacity_map")? {
+        image = Some(maps::with_opacity(o, image, map)?);
+    }
+    let depth = o.number_in("depth", 0.0, 1.0)?;
+    let mut normal_map = o.image("normal_map")?;
+    let height_map = o.image("height_map")?;
+    if depth.is_some() && height_map.is_none() {
+        let text = format!("{}: depth says more of height_map, which is not given", o.function);
+        return Err(ApiError::new(text).focus("depth"));
+    }
+    let relief = height_map.as_ref().map_or(0.0, |_| depth.unwrap_or(0.05) as f32);
+    if let Some(heights) = height_map {
+        normal_map = Some(maps::with_heights(o, normal_map, heights, relief)?);
+    }
     let specular_map = o.image("specular_map")?;
     // A picture is seen in its own colors.
     let plain = if image.is_some() { Vec4::ONE } else { Vec4::new(0.6, 0.6, 0.6, 1.0) };
@@ -92,9 +127,11 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
     }
     if let Some(given) = normal_map {
         if material.shading == Shading::Unlit {
-            return fail("normal_map changes how light falls; unlit has none", "normal_map");
+            let word = if relief > 0.0 { "height_map" } else { "normal_map" };
+            return fail(&format!("{word} changes how light falls; unlit has none"), word);
         }
         material.normal_texture = Some(texture(given.image, given.sampler, scale));
+        material.relief = relief;
     }
     if let Some(given) = specular_map {
         if material.shading == Shading::Unlit {
@@ -102,6 +139,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
         }
         material.specular_color_texture = Some(texture(given.image, given.sampler, scale));
     }
+    motion(o, &mut material, cells)?;
     if base.w < 1.0 {
         material.alpha_mode = AlphaMode::Blend;
     }
@@ -112,6 +150,61 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
         None => {}
     }
     Ok((material, images))
+}
+
+/// How the textures move: `cells` are the columns, rows and count of pictures that were given one after the other.
+fn motion(o: &Options, material: &mut Material, cells: Option<[u32; 3]>) -> Result<(), ApiError> {
+    let fail = |text: &str, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
+    let fps = o.number_in("fps", 0.0, 1000.0)?;
+    let pair = |name: &str| -> Result<Option<[f64; 2]>, ApiError> {
+        let Some(value) = o.get(name) else { return Ok(None) };
+        let numbers = crate::call::numbers(&value).filter(|n| n.iter().all(|v| v.is_finite()));
+        let found = numbers.and_then(|n| <[f64; 2]>::try_from(n).ok());
+        found.map(Some).ok_or_else(|| crate::call::wrong(&value, &o.label(name), "two numbers"))
+    };
+    let whole = |v: f64| (1.0..=256.0).contains(&v) && libm::floor(v) == v;
+    let cells = match (cells, pair("frames")?) {
+        (Some(_), Some(_)) => {
+            return fail("frames are the cells of one picture; several pictures have their own", "frames");
+        }
+        (None, Some([columns, rows])) => {
+            if !whole(columns) || !whole(rows) {
+                return fail("frames must be [columns, rows], whole numbers from 1 to 256", "frames");
+            }
+            if o.get("image").is_none() {
+                return fail("frames are the cells of image, which is not given", "frames");
+            }
+            Some([columns as u32, rows as u32, columns as u32 * rows as u32])
+        }
+        (cells, None) => cells,
+    };
+    let (scroll, spin) = (pair("scroll")?, o.number_in("spin", -36_000.0, 36_000.0)?);
+    let textured = material.base_color_texture.is_some() || material.normal_texture.is_some();
+    if let Some(word) = ["scroll", "spin"].into_iter().find(|w| o.get(w).is_some()) {
+        if !textured {
+            return fail(&format!("{word} moves image, checker or normal_map, of which none is given"), word);
+        }
+        if cells.is_some() {
+            return fail(&format!("{word} would leave the frame that is seen; frames do not move"), word);
+        }
+        let [u, v] = scroll.unwrap_or_default();
+        material.uv_motion = Some(UvMotion {
+            // The picture goes that way, so the place where it is read goes the other.
+            scroll: Vec2::new(-u as f32, -v as f32),
+            rotation: spin.unwrap_or(0.0).to_radians() as f32,
+        });
+    }
+    match cells {
+        Some([columns, rows, count]) => {
+            if o.get("tiles").is_some() {
+                return fail("tiles repeats a picture, frames show a part of one; leave one out", "tiles");
+            }
+            material.strip = Some(FrameStrip { columns, rows, count, fps: fps.unwrap_or(12.0) as f32 });
+            Ok(())
+        }
+        None if fps.is_some() => fail("fps is of frames, or of several pictures as image", "fps"),
+        None => Ok(()),
+    }
 }
 
 fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
@@ -227,7 +320,7 @@ fn of_picture(image: &Image) -> AlphaMode {
 
 impl Options {
     /// A picture made with `image(…)`.
-    fn image(&self, name: &str) -> Result<Option<ImageRef>, ApiError> {
+    pub fn image(&self, name: &str) -> Result<Option<ImageRef>, ApiError> {
         let Some(value) = self.get(name) else { return Ok(None) };
         let given = value.clone().try_cast::<ImageRef>();
         given

@@ -1,8 +1,10 @@
 //! What a script makes itself: shapes, meshes, lines and points from arrays, pictures.
 
 mod arrays;
+mod maps;
 mod material;
 mod picture;
+mod relief;
 mod solids;
 
 pub use picture::{ImageRef, image};
@@ -27,7 +29,7 @@ pub struct Made {
 /// The asset of a `shape(kind, options?)` call; equal calls share one.
 pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let kind = one_of(&c.value(0), "shape: kind", solids::KINDS)?;
-    let known: Vec<&str> = material::OPTIONS.into_iter().chain(["size"]).collect();
+    let known: Vec<&str> = material::OPTIONS.into_iter().chain(["size", "projection", "detail"]).collect();
     let o = c.options(1, &known)?;
     let (material, images) = material::material(&o, "shape")?;
     let pictures: Vec<*const Image> = images.iter().map(Arc::as_ptr).collect();
@@ -40,7 +42,8 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     crate::build::room(c.build().shapes.len(), "shapes", &c.shared.limits)?;
     let size = read_size(&o, kind)?;
     let name = o.text("name")?.unwrap_or_else(|| kind.to_string());
-    let asset = asset(&format!("shape {kind}"), &name, solids::solid(kind, size), material, images)?;
+    let primitive = shaped(c, &o, solids::solid(kind, size))?;
+    let asset = asset(&format!("shape {kind}"), &name, primitive, material, images)?;
     c.build().shapes.insert(key, asset.clone());
     Ok(asset)
 }
@@ -50,7 +53,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     let mut known = vec!["positions", "indices", "colors", "color", "name"];
     match topology {
         Topology::Triangles => {
-            known.extend(["normals", "uvs"]);
+            known.extend(["normals", "uvs", "projection", "detail"]);
             known.extend(material::OPTIONS.into_iter().filter(|name| !["color", "name"].contains(name)));
         }
         Topology::Lines => known.push("strip"),
@@ -92,6 +95,14 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         let array = e.0.split(|c: char| !c.is_ascii_lowercase()).next().unwrap_or("").to_string();
         ApiError::new(format!("{function}: {e}")).focus(array)
     })?;
+    let projected = o.get("projection").is_some();
+    let relief_without_uvs = o.get("displacement_map").is_some() && primitive.uvs[0].is_empty() && !projected;
+    if relief_without_uvs {
+        let text =
+            format!("{function}: displacement_map needs uvs, where it lies on the mesh, or a projection");
+        return Err(ApiError::new(text).focus("displacement_map"));
+    }
+    let primitive = if topology == Topology::Triangles { shaped(c, &o, primitive)? } else { primitive };
     let (mut material, images) = material::material(&o, &function)?;
     // Vertex colors are multiplied with the color, so without one they are seen as they are.
     if o.get("color").is_none() && !data.colors.is_empty() {
@@ -104,9 +115,10 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         // Without faces there is nothing for light to fall on.
         material.shading = Shading::Unlit;
     }
-    if let Some(picture) = ["image", "normal_map", "specular_map", "checker", "anisotropy"]
-        .into_iter()
-        .find(|p| o.get(p).is_some())
+    if let Some(picture) =
+        ["image", "normal_map", "height_map", "opacity_map", "specular_map", "checker", "anisotropy"]
+            .into_iter()
+            .find(|p| o.get(p).is_some())
         && primitive.uvs[0].is_empty()
     {
         return Err(ApiError::new(format!("{function}: {picture} needs uvs, where it lies on the mesh"))
@@ -114,6 +126,34 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     }
     let name = o.text("name")?.unwrap_or_else(|| function.clone());
     asset(&name, &name, primitive, material, images)
+}
+
+/// With texture coordinates by a projection, and raised by a picture.
+fn shaped(c: &Call, o: &Options, mut primitive: Primitive) -> Result<Primitive, ApiError> {
+    if let Some(how) = o.one_of("projection", relief::PROJECTIONS)? {
+        relief::project(&mut primitive, how);
+    }
+    let height = o.number_in("displacement", -1000.0, 1000.0)?;
+    let detail = o.number_in("detail", 0.0, 8.0)?;
+    let Some(map) = o.image("displacement_map")? else {
+        let Some(word) = ["displacement", "detail"].into_iter().find(|w| o.get(w).is_some()) else {
+            return Ok(primitive);
+        };
+        let text = format!("{}: {word} says more of displacement_map, which is not given", o.function);
+        return Err(ApiError::new(text).focus(word));
+    };
+    for _ in 0..detail.unwrap_or(2.0) as u32 {
+        let limit = c.shared.limits.vertices;
+        // Four triangles of each, and about as many new corners as there are edges.
+        if primitive.positions.len() as u64 + primitive.indices.len() as u64 > limit {
+            let text = format!("{}: detail makes more than {limit} vertices", o.function);
+            return Err(ApiError::new(text).focus("detail").hint(raise_hint("vertices", limit)));
+        }
+        relief::subdivide(&mut primitive);
+    }
+    let tiles = o.number_in("tiles", 1.0, 4096.0)?.unwrap_or(1.0) as f32;
+    relief::displace(&mut primitive, &map.image, height.unwrap_or(0.1) as f32, tiles);
+    Ok(primitive)
 }
 
 /// One joint, one mesh, one material.

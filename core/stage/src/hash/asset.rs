@@ -95,6 +95,7 @@ impl Material {
             metallic_roughness_texture,
             normal_texture,
             normal_scale,
+            relief,
             occlusion_texture,
             occlusion_strength,
             emissive,
@@ -107,6 +108,8 @@ impl Material {
             toon,
             alpha_mode,
             double_sided,
+            uv_motion,
+            strip,
             layers,
         } = self;
         w.tag(match shading {
@@ -131,6 +134,14 @@ impl Material {
             AlphaMode::Blend => w.tag(2),
         }
         w.flag(*double_sided);
+        w.f32(*relief);
+        w.option(uv_motion, |w, motion| {
+            [motion.scroll.x, motion.scroll.y, motion.rotation].iter().for_each(|v| w.f32(*v));
+        });
+        w.option(strip, |w, strip| {
+            [strip.columns, strip.rows, strip.count].iter().for_each(|v| w.f64(f64::from(*v)));
+            w.f32(strip.fps);
+        });
         for texture in [
             base_color_texture,
             metallic_roughness_texture,

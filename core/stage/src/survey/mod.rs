@@ -146,7 +146,10 @@ fn never_used(stage: &Stage, findings: &mut Vec<Finding>) {
     let of_effects = stage.effects.iter().enumerate().flat_map(|(i, e)| {
         e.keys.iter().map(move |(_, keys)| (Subject::Effect(i), &e.plugin, std::slice::from_ref(keys)))
     });
-    for (subject, name, channels) in lists.map(|(s, n, c)| (s, n, c.as_slice())).chain(of_effects) {
+    let sky_name = "sky".to_string();
+    let of_sky = stage.sky.iter().map(|sky| (Subject::Stage, &sky_name, sky.channels.as_slice()));
+    let lists = lists.map(|(s, n, c)| (s, n, c.as_slice())).chain(of_effects).chain(of_sky);
+    for (subject, name, channels) in lists {
         if let Some(text) = late(channels) {
             findings.push(warn("keys_after_end", subject, format!("\"{name}\": {text}"), ""));
         }

@@ -1,0 +1,160 @@
+//! Pictures made of pictures: frames side by side, alpha from brightness, normals with heights.
+
+use super::picture::ImageRef;
+use crate::call::{ApiError, Options};
+use choreo_stage::Image;
+use glam::Vec3;
+use rhai::Array;
+use std::sync::Arc;
+
+/// Pictures of one size as the cells of one, from the top left, row by row: (columns, rows).
+pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32; 2]), ApiError> {
+    let Some(first) = images.first() else {
+        return Err(ApiError::new(format!("{}: image is an empty array", o.function)).focus("image"));
+    };
+    let (width, height) = (first.image.width, first.image.height);
+    if let Some(i) = images.iter().position(|i| (i.image.width, i.image.height) != (width, height)) {
+        let other = &images[i].image;
+        let text = format!(
+            "{}: pictures that follow each other have one size; the first is {width} × {height}, number {} is {} × {}",
+            o.function,
+            i + 1,
+            other.width,
+            other.height
+        );
+        return Err(ApiError::new(text).focus("image"));
+    }
+    let count = images.len() as u32;
+    let columns = (1..=count).find(|c| c * c >= count).unwrap_or(1);
+    let rows = count.div_ceil(columns);
+    let mut rgba = vec![0; (columns * width) as usize * (rows * height) as usize * 4];
+    let row_bytes = width as usize * 4;
+    for (i, given) in images.iter().enumerate() {
+        let (column, row) = (i % columns as usize, i / columns as usize);
+        for y in 0..height as usize {
+            let from = &given.image.rgba[y * row_bytes..][..row_bytes];
+            let at = ((row * height as usize + y) * columns as usize + column) * row_bytes;
+            rgba[at..at + row_bytes].copy_from_slice(from);
+        }
+    }
+    let image = Image { name: first.image.name.clone(), width: columns * width, height: rows * height, rgba };
+    Ok((ImageRef { image: Arc::new(image), ..first.clone() }, [columns, rows]))
+}
+
+/// The options' picture, or pictures.
+pub fn pictures(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
+    let Some(value) = o.get(name) else { return Ok(Vec::new()) };
+    let all: Array = match value.read_lock::<Array>() {
+        Some(array) => array.clone(),
+        None => vec![value.clone()],
+    };
+    let read = |v: &rhai::Dynamic| {
+        v.clone().try_cast::<ImageRef>().ok_or_else(|| {
+            crate::call::wrong(v, &o.label(name), "an Image, from image(…), or an array of them")
+        })
+    };
+    all.iter().map(read).collect()
+}
+
+/// A picture with the brightness of another as its alpha, times its own.
+pub fn with_opacity(o: &Options, image: Option<ImageRef>, map: ImageRef) -> Result<ImageRef, ApiError> {
+    let (width, height) = (map.image.width, map.image.height);
+    let base = image.unwrap_or_else(|| {
+        let rgba = vec![255; map.image.rgba.len()];
+        ImageRef { image: Arc::new(Image { name: "opacity".into(), width, height, rgba }), ..map.clone() }
+    });
+    same_size(o, "opacity_map", &map, "image", &base)?;
+    let mut rgba = base.image.rgba.clone();
+    for (out, m) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(map.image.rgba.as_chunks::<4>().0) {
+        out[3] = (u16::from(out[3]) * u16::from(brightness(m)) / 255) as u8;
+    }
+    let image = Image { name: base.image.name.clone(), width, height, rgba };
+    Ok(ImageRef { image: Arc::new(image), ..base })
+}
+
+/// A normal map with heights as its alpha; without one the normals are those of the heights, `depth` textures deep.
+pub fn with_heights(
+    o: &Options,
+    normals: Option<ImageRef>,
+    heights: ImageRef,
+    depth: f32,
+) -> Result<ImageRef, ApiError> {
+    let made = match normals {
+        Some(normals) => {
+            same_size(o, "height_map", &heights, "normal_map", &normals)?;
+            normals
+        }
+        None => normals_of(&heights, depth),
+    };
+    let mut rgba = made.image.rgba.clone();
+    for (out, h) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(heights.image.rgba.as_chunks::<4>().0) {
+        out[3] = brightness(h);
+    }
+    let (width, height) = (heights.image.width, heights.image.height);
+    let image = Image { name: made.image.name.clone(), width, height, rgba };
+    Ok(ImageRef { image: Arc::new(image), ..made })
+}
+
+/// Central differences; the picture repeats.
+fn normals_of(heights: &ImageRef, depth: f32) -> ImageRef {
+    let image = &heights.image;
+    let (width, height) = (image.width as usize, image.height as usize);
+    let texels = image.rgba.as_chunks::<4>().0;
+    let at = |x: usize, y: usize| f32::from(brightness(&texels[(y % height) * width + x % width])) / 255.0;
+    let mut rgba = Vec::with_capacity(image.rgba.len());
+    for y in 0..height {
+        for x in 0..width {
+            let across = (at(x + 1, y) - at(x + width - 1, y)) * 0.5 * width as f32 * depth;
+            // Rows go down, the map's second axis up.
+            let up = (at(x, y + height - 1) - at(x, y + 1)) * 0.5 * height as f32 * depth;
+            let n = Vec3::new(-across, -up, 1.0).normalize() * 127.5 + 127.5;
+            rgba.extend([n.x, n.y, n.z, 255.0].map(|v| (v + 0.5).clamp(0.0, 255.0) as u8));
+        }
+    }
+    let made = Image { name: image.name.clone(), width: image.width, height: image.height, rgba };
+    ImageRef { image: Arc::new(made), ..heights.clone() }
+}
+
+/// Grey as it is, of colors the mean.
+pub fn brightness([r, g, b, _]: &[u8; 4]) -> u8 {
+    ((u16::from(*r) + u16::from(*g) + u16::from(*b)) / 3) as u8
+}
+
+fn same_size(o: &Options, name: &str, a: &ImageRef, other: &str, b: &ImageRef) -> Result<(), ApiError> {
+    let size = |i: &ImageRef| (i.image.width, i.image.height);
+    match size(a) == size(b) {
+        true => Ok(()),
+        false => {
+            let ((w, h), (w2, h2)) = (size(a), size(b));
+            let text = format!("{}: {name} is {w} × {h}, {other} {w2} × {h2}; they share a size", o.function);
+            Err(ApiError::new(text).focus(name))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_stage::Sampler;
+
+    fn grey(width: u32, values: &[u8]) -> ImageRef {
+        let rgba = values.iter().flat_map(|v| [*v, *v, *v, 255]).collect();
+        let image = Image { name: "h".into(), width, height: values.len() as u32 / width, rgba };
+        ImageRef { image: Arc::new(image), sampler: Sampler::default(), dead: false }
+    }
+
+    #[test]
+    fn a_slope_has_the_normal_of_a_slope() {
+        // Up by 16/255 a texel of eight, three widths deep: in the middle 8 · 3 · 16/255 a width.
+        let ramp = grey(8, &[0, 16, 32, 48, 64, 80, 96, 112]);
+        let made = normals_of(&ramp, 3.0);
+        let slope = 8.0 * 3.0 * 16.0 / 255.0;
+        let expected = Vec3::new(-slope, 0.0, 1.0).normalize();
+        let texel = made.image.rgba.as_chunks::<4>().0[4];
+        let got = Vec3::new(f32::from(texel[0]), f32::from(texel[1]), f32::from(texel[2])) / 127.5 - 1.0;
+        assert!(got.distance(expected) < 0.02, "{got} {expected}");
+        // Bright rows at the top: it falls downwards, so its normals look down.
+        let rows = normals_of(&grey(1, &[120, 90, 60, 30]), 1.0);
+        assert!(rows.image.rgba[4 + 1] < 120, "{:?}", rows.image.rgba);
+    }
+}

@@ -1,0 +1,197 @@
+//! Shapes that a picture raises, and texture coordinates that a projection gives.
+
+use super::maps::brightness;
+use choreo_stage::{Image, Primitive};
+use glam::{Vec2, Vec3};
+use std::collections::BTreeMap;
+
+pub const PROJECTIONS: &[&str] = &["plane", "box", "sphere", "cylinder", "cone"];
+
+/// Texture coordinates by a projection from around the shape's middle; every triangle gets corners of its own.
+pub fn project(p: &mut Primitive, how: &str) {
+    let low = p.positions.iter().fold(Vec3::INFINITY, |a, b| a.min(*b));
+    let high = p.positions.iter().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b));
+    let (middle, size) = ((low + high) * 0.5, (high - low).max(Vec3::splat(1e-6)));
+    let old = std::mem::take(&mut p.indices);
+    let pick =
+        |list: &mut Vec<Vec3>| *list = old.iter().filter_map(|i| list.get(*i as usize).copied()).collect();
+    pick(&mut p.positions);
+    pick(&mut p.normals);
+    if !p.colors.is_empty() {
+        p.colors = old.iter().map(|i| p.colors[*i as usize]).collect();
+    }
+    p.indices = (0..old.len() as u32).collect();
+    let apex = Vec3::new(middle.x, high.y, middle.z);
+    let slant = p.positions.iter().map(|q| q.distance(apex)).fold(1e-6, f32::max);
+    let mut uvs = Vec::with_capacity(p.positions.len());
+    for corners in p.positions.as_chunks::<3>().0 {
+        let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let mut triangle = corners.map(|at| {
+            let q = at - middle;
+            match how {
+                "plane" => Vec2::new((at.x - low.x) / size.x, (at.z - low.z) / size.z),
+                "box" => of_box(q / size.max_element(), face),
+                _ => {
+                    let u = libm::atan2f(q.x, q.z) / std::f32::consts::TAU + 0.5;
+                    let v = match how {
+                        "sphere" => {
+                            libm::acosf((q.y / q.length().max(1e-12)).clamp(-1.0, 1.0)) / std::f32::consts::PI
+                        }
+                        "cylinder" => (high.y - at.y) / size.y,
+                        _ => at.distance(apex) / slant,
+                    };
+                    Vec2::new(u, v)
+                }
+            }
+        });
+        if !matches!(how, "plane" | "box") {
+            around(&mut triangle, corners.map(|at| at - middle), size);
+        }
+        uvs.extend(triangle);
+    }
+    p.uvs = [uvs, Vec::new()];
+}
+
+/// Of the side that a face looks to; u to the right as seen from there, v down.
+fn of_box(q: Vec3, face: Vec3) -> Vec2 {
+    let away = face.abs();
+    let (u, v) = if away.y >= away.x && away.y >= away.z {
+        (q.x, if face.y > 0.0 { q.z } else { -q.z })
+    } else if away.x >= away.z {
+        (if face.x > 0.0 { -q.z } else { q.z }, -q.y)
+    } else {
+        (if face.z > 0.0 { q.x } else { -q.x }, -q.y)
+    };
+    Vec2::new(u, v) + 0.5
+}
+
+/// A triangle over the seam goes on beyond 1, and a corner on the axis stands between its neighbours.
+fn around(triangle: &mut [Vec2; 3], corners: [Vec3; 3], size: Vec3) {
+    let on_axis = corners.map(|q| q.x.abs() + q.z.abs() < 1e-5 * size.max_element());
+    let others = |on: bool| (0..3).filter(move |i| on_axis[*i] == on);
+    let most = others(false).map(|i| triangle[i].x).fold(f32::NEG_INFINITY, f32::max);
+    for i in others(false) {
+        if most - triangle[i].x > 0.5 {
+            triangle[i].x += 1.0;
+        }
+    }
+    let count = others(false).count();
+    if count > 0 {
+        let mean = others(false).map(|i| triangle[i].x).sum::<f32>() / count as f32;
+        others(true).for_each(|i| triangle[i].x = mean);
+    }
+}
+
+/// Each triangle as four, by the middles of its edges.
+pub fn subdivide(p: &mut Primitive) {
+    let mut middles: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+    let mut indices = Vec::with_capacity(p.indices.len() * 4);
+    let old = std::mem::take(&mut p.indices);
+    for [a, b, c] in old.as_chunks::<3>().0 {
+        let mut middle = |a: u32, b: u32| {
+            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                let (i, j) = (a as usize, b as usize);
+                let new = p.positions.len() as u32;
+                p.positions.push((p.positions[i] + p.positions[j]) * 0.5);
+                if !p.normals.is_empty() {
+                    let n = p.normals[i] + p.normals[j];
+                    p.normals.push(n.normalize_or(p.normals[i]));
+                }
+                if !p.colors.is_empty() {
+                    p.colors.push((p.colors[i] + p.colors[j]) * 0.5);
+                }
+                for uvs in p.uvs.iter_mut().filter(|uvs| !uvs.is_empty()) {
+                    uvs.push((uvs[i] + uvs[j]) * 0.5);
+                }
+                new
+            })
+        };
+        let (ab, bc, ca) = (middle(*a, *b), middle(*b, *c), middle(*c, *a));
+        indices.extend([*a, ab, ca, ab, *b, bc, ca, bc, *c, ab, bc, ca]);
+    }
+    p.indices = indices;
+}
+
+/// Corners moved along their normals by a picture's brightness, `height` metres where it is white; `tiles`: how often it
+/// repeats. Corners that stood together with one normal get one again.
+pub fn displace(p: &mut Primitive, image: &Image, height: f32, tiles: f32) {
+    let key = |v: Vec3| v.to_array().map(|c| (c + 0.0).to_bits());
+    let groups: Vec<_> = p.positions.iter().zip(&p.normals).map(|(a, n)| (key(*a), key(*n))).collect();
+    let moved = p.positions.iter().zip(&p.normals).zip(&p.uvs[0]);
+    p.positions = moved.map(|((at, n), uv)| *at + *n * (height * sample(image, *uv * tiles))).collect();
+    let mut sums: BTreeMap<_, Vec3> = BTreeMap::new();
+    for corners in p.indices.as_chunks::<3>().0 {
+        let [a, b, c] = corners.map(|i| p.positions[i as usize]);
+        let face = (b - a).cross(c - a);
+        for i in corners {
+            *sums.entry(groups[*i as usize]).or_insert(Vec3::ZERO) += face;
+        }
+    }
+    for (normal, group) in p.normals.iter_mut().zip(&groups) {
+        *normal = sums.get(group).map_or(*normal, |sum| sum.normalize_or(*normal));
+    }
+}
+
+/// Brightness, 0 to 1, bilinear, repeated.
+fn sample(image: &Image, uv: Vec2) -> f32 {
+    let (width, height) = (image.width as usize, image.height as usize);
+    let texels = image.rgba.as_chunks::<4>().0;
+    let at = (uv - uv.floor()) * Vec2::new(width as f32, height as f32) - 0.5;
+    let corner = at.floor();
+    let f = at - corner;
+    let texel = |x: f32, y: f32| {
+        let wrap = |v: f32, n: usize| (v as i64).rem_euclid(n as i64) as usize;
+        let (x, y) = (wrap(corner.x + x, width), wrap(corner.y + y, height));
+        f32::from(brightness(&texels[y * width + x])) / 255.0
+    };
+    let row = |y: f32| texel(0.0, y) * (1.0 - f.x) + texel(1.0, y) * f.x;
+    row(0.0) * (1.0 - f.y) + row(1.0) * f.y
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::solids::solid;
+    use super::*;
+
+    #[test]
+    fn a_projected_sphere_has_the_map_of_the_globe() {
+        let mut sphere = solid("sphere", Vec3::ONE);
+        project(&mut sphere, "sphere");
+        assert_eq!(sphere.positions.len(), sphere.indices.len());
+        let middle = Vec3::new(0.0, 0.5, 0.0);
+        for (corners, uvs) in sphere.positions.as_chunks::<3>().0.iter().zip(sphere.uvs[0].as_chunks::<3>().0)
+        {
+            for (at, uv) in corners.iter().zip(uvs) {
+                let q = (*at - middle) * 2.0;
+                let (lat, lon) = (std::f32::consts::PI * uv.y, std::f32::consts::TAU * (uv.x - 0.5));
+                let ring = libm::sinf(lat);
+                let expected = Vec3::new(ring * libm::sinf(lon), libm::cosf(lat), ring * libm::cosf(lon));
+                assert!(q.distance(expected) < 1e-3, "{at} {uv}");
+            }
+            // No triangle runs back over the whole picture.
+            let us = uvs.map(|uv| uv.x);
+            assert!(us.iter().all(|u| (u - us[0]).abs() < 0.5), "{us:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_raised_evenly_is_a_larger_sphere() {
+        let white = Image { name: String::new(), width: 1, height: 1, rgba: vec![255; 4] };
+        let mut sphere = solid("sphere", Vec3::ONE);
+        let before = sphere.clone();
+        subdivide(&mut sphere);
+        assert_eq!(sphere.indices.len(), before.indices.len() * 4);
+        displace(&mut sphere, &white, 0.25, 1.0);
+        let middle = Vec3::new(0.0, 0.5, 0.0);
+        for (at, n) in sphere.positions.iter().zip(&sphere.normals) {
+            let q = *at - middle;
+            assert!((q.length() - 0.75).abs() < 4e-3, "{at}");
+            // At the poles triangles have corners in one place, whose edges have no middle of their own.
+            assert!(q.normalize().dot(*n) > 0.99, "{at} {n}");
+        }
+        let black = Image { rgba: vec![0, 0, 0, 255], ..white };
+        let mut same = before.clone();
+        displace(&mut same, &black, 0.25, 1.0);
+        assert_eq!(same.positions, before.positions);
+    }
+}
