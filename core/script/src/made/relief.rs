@@ -117,8 +117,16 @@ pub fn subdivide(p: &mut Primitive) {
 pub fn displace(p: &mut Primitive, image: &Image, height: f32, tiles: f32) {
     let key = |v: Vec3| v.to_array().map(|c| (c + 0.0).to_bits());
     let groups: Vec<_> = p.positions.iter().zip(&p.normals).map(|(a, n)| (key(*a), key(*n))).collect();
-    let moved = p.positions.iter().zip(&p.normals).zip(&p.uvs[0]);
-    p.positions = moved.map(|((at, n), uv)| *at + *n * (height * sample(image, *uv * tiles))).collect();
+    // By the mean of what they show: a seam of the texture coordinates must not tear.
+    let mut heights: BTreeMap<_, (f32, f32)> = BTreeMap::new();
+    for (group, uv) in groups.iter().zip(&p.uvs[0]) {
+        let (sum, count) = heights.entry(*group).or_default();
+        *sum += sample(image, *uv * tiles);
+        *count += 1.0;
+    }
+    let mean = |group| heights.get(group).map_or(0.0, |(sum, count)| sum / count);
+    let moved = p.positions.iter().zip(&p.normals).zip(&groups);
+    p.positions = moved.map(|((at, n), group)| *at + *n * (height * mean(group))).collect();
     let mut sums: BTreeMap<_, Vec3> = BTreeMap::new();
     for corners in p.indices.as_chunks::<3>().0 {
         let [a, b, c] = corners.map(|i| p.positions[i as usize]);
