@@ -171,12 +171,8 @@ impl Parts<'_> {
                     self.add(Kind::Pass, what, None, askers);
                 }
                 Command::CopyBackground => {
-                    self.add(
-                        Kind::Pass,
-                        "copy of the background".into(),
-                        None,
-                        stage("the stage's background"),
-                    );
+                    let what = "copy of the background".to_string();
+                    self.add(Kind::Pass, what, None, stage("the stage's background"));
                 }
                 Command::DrawUnder => {
                     let what = "pipeline of the layers under the scene".to_string();

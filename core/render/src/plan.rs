@@ -10,6 +10,8 @@ use choreo_stage::{AlphaMode, Background, Shading, Topology};
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 
+pub use crate::plan_post::PostPass;
+
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Pixels.
@@ -425,25 +427,6 @@ pub struct Draw {
     /// Range of `Plan::instances`.
     pub first_instance: u32,
     pub instance_count: u32,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-pub struct PostPass {
-    /// Plugin name.
-    pub effect: String,
-    /// In manifest order.
-    pub parameters: [f32; 8],
-    /// Of an effect that runs more than once: how often it has run.
-    pub number: u32,
-    /// How many times smaller, each way, the picture is that it makes.
-    pub shrink: u32,
-}
-
-impl PostPass {
-    /// Pixels of what it makes of a picture.
-    pub fn size(&self, whole: [u32; 2]) -> [u32; 2] {
-        whole.map(|s| s.div_ceil(self.shrink.max(1)))
-    }
 }
 
 /// Every `LeftOut::what`, but for effects without a plugin, which are told by their names.

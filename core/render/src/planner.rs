@@ -9,6 +9,7 @@ use crate::needs::{DrawNeeds, Facts, features, left_out, shell_features};
 use crate::plan::*;
 use crate::plan_options::PlanOptions;
 use crate::planner_effects::{Line, SceneUse, background_effects, post_passes, shells, surface_effects};
+use crate::planner_items::{Item, Phase};
 use crate::planner_lights::{plan_lights, plan_sky};
 use crate::planner_overlay::overlays;
 use crate::planner_shadows::Caster;
@@ -61,28 +62,6 @@ impl Plan {
 
 /// Which of the effects' lines, the catalogue's material, of the changed ones.
 type ShellKey = (usize, u32, Option<u32>);
-
-/// One copy of one primitive before sorting.
-pub(crate) struct Item {
-    phase: Phase,
-    pub pipeline: PipelineKey,
-    pub entry: PrimitiveEntry,
-    /// Of the plan's changed materials.
-    pub changed: Option<u32>,
-    /// Metres in front of the camera.
-    depth: f32,
-    /// The smallest depth among the copies that share its draw.
-    nearest: f32,
-    instance: Instance,
-    actor: u32,
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Phase {
-    Opaque,
-    Mask,
-    Blend,
-}
 
 pub(crate) struct Planner<'a> {
     pub catalog: &'a Catalog,

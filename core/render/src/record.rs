@@ -2,10 +2,10 @@
 //! The Vulkan renderer executes them one by one; tests count and print them.
 
 use crate::Plan;
-use crate::catalog::CatalogMaterial;
 use crate::gpu_types::{BASE_SLOTS, TOON_SLOTS};
 use crate::plan::{Draw, Features, Glass, TopologyKey};
 use crate::shader::{LightLoop, SceneVariant};
+pub use crate::textures_fit::{LEAST_VISIBLE, fitting, textures_beyond};
 use crate::vertex::VertexLayout;
 use choreo_stage::Background;
 use glam::Vec4;
@@ -306,7 +306,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
 }
 
 /// Those of every material, in the order of their slots.
-const BASE_TEXTURES: [Features; BASE_SLOTS] = [
+pub(crate) const BASE_TEXTURES: [Features; BASE_SLOTS] = [
     Features::BASE_COLOR_TEXTURE,
     Features::METALLIC_ROUGHNESS_TEXTURE,
     Features::NORMAL_TEXTURE,
@@ -322,43 +322,6 @@ const TOON_TEXTURES: [Features; TOON_SLOTS] = [Features::OUTLINE_WIDTH_TEXTURE, 
 pub fn texture_slots(features: Features) -> u32 {
     let all = BASE_TEXTURES.iter().chain(&crate::needs_layers::TEXTURES).chain(&TOON_TEXTURES);
     all.enumerate().map(|(i, f)| u32::from(features.has(*f)) << i).sum()
-}
-
-/// The least visible first: factors stand in for what is left out.
-pub const LEAST_VISIBLE: [(Features, &str); 12] = [
-    (Features::IRIDESCENCE_THICKNESS_TEXTURE, "thickness of the film"),
-    (Features::SHEEN_ROUGHNESS_TEXTURE, "roughness of the sheen"),
-    (Features::CLEARCOAT_ROUGHNESS_TEXTURE, "roughness of the coat"),
-    (Features::DIFFUSE_TRANSMISSION_TEXTURE, "diffuse transmission"),
-    (Features::THICKNESS_TEXTURE, "thickness"),
-    (Features::SPECULAR_TEXTURE, "specular"),
-    (Features::CLEARCOAT_NORMAL_TEXTURE, "normals of the coat"),
-    (Features::IRIDESCENCE_TEXTURE, "iridescence"),
-    (Features::ANISOTROPY_TEXTURE, "anisotropy"),
-    (Features::OCCLUSION_TEXTURE, "occlusion"),
-    (Features::SPECULAR_COLOR_TEXTURE, "specular colour"),
-    (Features::SHEEN_COLOR_TEXTURE, "sheen colour"),
-];
-
-/// The features with as few textures as a device can bind, and the names of those left out.
-pub fn fitting(features: Features, most: Option<u32>) -> (Features, Vec<&'static str>) {
-    let (mut features, mut out) = (features, Vec::new());
-    let too_many = |f: Features| most.is_some_and(|most| texture_slots(f).count_ones() > most);
-    for (bit, name) in LEAST_VISIBLE {
-        if too_many(features) && features.has(bit) {
-            features = features.without(bit);
-            out.push(name);
-        }
-    }
-    (features, out)
-}
-
-/// Names of a material's textures that a device that binds so many leaves out.
-pub fn textures_beyond(material: &CatalogMaterial, most: u32) -> Vec<&'static str> {
-    let bits = BASE_TEXTURES.iter().chain(&crate::needs_layers::TEXTURES);
-    let there = bits.zip(material.texture_refs()).filter(|(_, t)| t.is_some());
-    let features = there.fold(Features::default(), |all, (bit, _)| all.with(*bit));
-    fitting(features, Some(most)).1
 }
 
 fn cull_of(draw: &Draw) -> Cull {

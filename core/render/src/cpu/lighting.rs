@@ -3,6 +3,7 @@
 use super::brdf::incoming;
 use super::lanes::{F4, V3};
 use super::shade::Fragment;
+use crate::plan::PlanLight;
 use choreo_plugin::Falling;
 use glam::Vec3;
 
@@ -18,6 +19,20 @@ pub struct Lit {
 }
 
 impl Fragment<'_> {
+    /// The lights that may reach one of four places: where they lie in cells of different lists, all.
+    pub fn reaching(&self, relative: V3) -> impl Iterator<Item = &PlanLight> {
+        let (plan, all) = (self.plan, &self.plan.lights);
+        // An effect on light may make something of lamps that do not reach.
+        let lists = plan.light_lists.as_ref().filter(|_| self.lighting.is_empty()).and_then(|lists| {
+            let at = |i: usize| Vec3::new(relative.x.0[i], relative.y.0[i], relative.z.0[i]);
+            let list = |i| lists.of(at(i), &plan.view.clip_from_relative, plan.size);
+            let first = list(0);
+            (1..4).all(|i| std::ptr::eq(first, list(i))).then_some((lists.everywhere(), first))
+        });
+        let (first, listed) = lists.unwrap_or((all.len(), &[]));
+        all[..first].iter().chain(listed.iter().map(|i| &all[*i as usize]))
+    }
+
     /// As [`Fragment::lights`], by the effects where there are any.
     #[inline(always)]
     pub fn all_lights(&self, on: &Lit, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {

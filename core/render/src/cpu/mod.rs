@@ -105,7 +105,6 @@ impl CpuRenderer {
             let value = u64::from(plan.samples);
             return Err(RenderError::Limit { what: "samples a pixel (1 or 4)".into(), value, limit: 4 });
         }
-        crate::light_lists::check(plan)?;
         let c = &self.catalog;
         let foreign = plan.draws.iter().chain(plan.shadow_draws()).any(|d| {
             d.primitive as usize >= c.primitives.len()
@@ -465,7 +464,7 @@ impl Renderer for CpuRenderer {
         if self.submitted.len() >= self.frames_in_flight() {
             return Err(RenderError::Usage("two frames are submitted: collect one first".into()));
         }
-        self.check(&plan)?;
+        self.check(&plan).and_then(|()| crate::light_lists::check(&plan))?;
         self.submitted.push_back(plan);
         Ok(())
     }
