@@ -1,6 +1,6 @@
 //! Keys in a script's text, changed and added.
 
-use choreo_live::edit::{Object, Value, When};
+use choreo_live::edit::{Edit, Object, Value, When};
 use glam::{DQuat, DVec3};
 
 /// About x, then y, then z (fixed axes), degrees.
@@ -134,4 +134,18 @@ fn a_color_takes_the_place_of_kelvin() {
     assert_eq!(refused.why, "line 1: kelvin: 3200 says its color; a color would take its place");
     let after = refused.over.unwrap().apply(text);
     assert_eq!(after, "let l = spot(#{ inner: 10, color: \"#ffffff\" /* warm */, outer: 20 });");
+}
+
+#[test]
+fn an_edit_between_two_texts_is_the_part_that_differs() {
+    for (before, after, range) in [
+        ("aXbc", "aYbc", 1..2),
+        ("aa", "aaa", 2..2),
+        ("é1è", "é2è", 2..3),
+        ("", "x", 0..0),
+        ("same", "same", 4..4),
+    ] {
+        let edit = Edit::between(before, after);
+        assert_eq!((edit.range.clone(), edit.apply(before)), (range, after.to_string()));
+    }
 }

@@ -3,10 +3,11 @@
 
 use crate::app::Viewer;
 use crate::gizmo::Change;
+use crate::orbit::Orbit;
 use crate::selection::{Selected, actor};
-use choreo_live::edit::{Object, Refused, Value, When};
+use choreo_live::edit::{Edit, Object, Refused, Value, When};
 use choreo_motion::Time;
-use choreo_stage::{Actor, Placement, Property, StageLight};
+use choreo_stage::{Actor, Placement, Property, Rig, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
 
 /// What the next version must show.
@@ -136,6 +137,39 @@ impl Viewer {
         })?;
         self.history.wanted = Some(Wanted { actor: name.to_string(), time, at, rotation, line: place.line });
         Ok(())
+    }
+
+    /// Lets a camera of the script stand where a free one does, and look at what that turns around: `.at` and `.look_at`, as one
+    /// change; where its place is keyed, the key at the playhead.
+    ///
+    /// # Errors
+    /// As for [`Viewer::change_actor`].
+    pub fn set_camera(&mut self, name: &str, from: &Orbit) -> Result<(), String> {
+        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or("it is no longer there")?;
+        let camera = &scene.stage.cameras[index];
+        let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
+        let twins = scene.places.cameras.iter().filter(|p| **p == place).count();
+        if !matches!(camera.rig, Rig::Fixed { .. }) {
+            return Err(format!("{}:{}: it moves by itself; change that there", place.file, place.line));
+        }
+        let keyed = camera.channels.iter().any(|c| c.property == Property::Translation);
+        if camera.channels.iter().any(|c| c.property == Property::Rotation) {
+            return Err(format!("{}:{}: its rotation has keys; change them there", place.file, place.line));
+        }
+        let when = When { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
+        let (at, center) = (from.camera().world_from_view.translation, from.center);
+        self.change(&place, twins, |text| {
+            let object = Object::at(text, place.line, place.column)?;
+            let looked = object.set_point("look_at", center)?.apply(text);
+            // It begins where it did: all that was changed stands behind.
+            let object = Object::at(&looked, place.line, place.column)?;
+            let stood = match keyed {
+                true => object.set_key("position", when, Value::Point(at))?,
+                false => object.set("at", &at.to_array())?,
+            };
+            Ok(Edit::between(text, &stood.apply(&looked)))
+        })
     }
 
     /// A parameter of an effect, or an option of a light; `value` as it is written. What is keyed gets it at the playhead.

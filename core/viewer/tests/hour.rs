@@ -251,15 +251,22 @@ fn of_use_leaves_nothing() {
     let status = screen::until("the end", || told.viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
     assert_quiet(folder.path());
-    // In the first minutes everything is used once.
-    let (then, now) = (rows[rows.len().min(3) - 1], rows[rows.len() - 1]);
-    for (name, n) in [("objects", 1), ("threads", 3), ("open files", 4)] {
-        assert!(now[n] <= then[n], "{name}: {} at first, {} at last", then[n], now[n]);
+    // What was hidden or selected when it came to rest differs; what leaks grows with each of a thousand versions.
+    let (first, second) = rows.split_at(rows.len().div_ceil(2));
+    let most = |rows: &[[u64; 5]], n: usize| rows.iter().map(|row| row[n]).max().unwrap_or(0);
+    let least = |rows: &[[u64; 5]], n: usize| rows.iter().map(|row| row[n]).min().unwrap_or(0);
+    for (name, n, more) in
+        [("objects", 1, 4), ("bytes on the device", 2, 0), ("threads", 3, 1), ("open files", 4, 0)]
+    {
+        let (then, now) = (most(first, n), least(second, n));
+        assert!(
+            second.is_empty() || now <= then + more,
+            "{name}: {then} in the first half, {now} at least in the second"
+        );
     }
+    let (then, now) = (most(first, 0), least(second, 0));
     assert!(
-        now[0] <= then[0] + then[0] / 10 + 2 * minutes,
-        "memory: {} MB at first, {} at last",
-        then[0],
-        now[0]
+        second.is_empty() || now <= then + then / 10,
+        "memory: {then} MB in the first half, {now} at least in the second"
     );
 }

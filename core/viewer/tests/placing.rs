@@ -125,6 +125,46 @@ fn what_faces_something_is_moved_and_not_turned() {
 }
 
 #[test]
+fn a_camera_stands_where_the_free_one_did() {
+    let mut place = Place::new(SCRIPT);
+    place.paint();
+    let orbit = {
+        let orbit = place.viewer.free_camera(0).unwrap();
+        (orbit.center, orbit.distance) = (DVec3::new(0.5, 1.25, 0.0), 4.0);
+        (orbit.azimuth, orbit.elevation) = (core::f64::consts::FRAC_PI_2, 0.0);
+        *orbit
+    };
+    let mut harness = place.harness(vec2(1500.0, 1000.0));
+    harness.get_by_label("into the script").click();
+    harness.run();
+    harness.get_by_label("as \"wide\"").click();
+    harness.run();
+    let place = harness.state_mut();
+    assert_eq!(place.viewer.said, None);
+    let line = "camera(\"wide\").at(4.5, 1.25, 0.0).look_at([0.5, 1.25, 0.0]);";
+    assert_eq!(
+        place.text(),
+        SCRIPT.replace("camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);", line)
+    );
+    place.reload();
+    let scene = place.viewer.scene.clone().unwrap();
+    let stands = scene.evaluator.clone().at(Time::ZERO).unwrap().camera.world_from_view;
+    let wanted = orbit.camera().world_from_view;
+    assert!((stands.translation - wanted.translation).length() < 1e-9);
+    assert!((stands.matrix3.z_axis - wanted.matrix3.z_axis).length() < 1e-9);
+    // One change, taken back as one.
+    place.viewer.undo().unwrap();
+    assert_eq!(place.text(), SCRIPT);
+    place.reload();
+    // One that follows is not moved.
+    let follows = SCRIPT.replace(".at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0])", ".follow(bob, [0, 1, 3])");
+    place.write(&follows);
+    place.reload();
+    let why = place.viewer.set_camera("wide", &orbit).unwrap_err();
+    assert_ends(&why, "a.rhai:11: it moves by itself; change that there");
+}
+
+#[test]
 fn a_color_takes_the_place_of_kelvin_if_the_user_agrees_and_keys_get_numbers() {
     let mut place = Place::new(SCRIPT);
     at(&mut place, 2.0);

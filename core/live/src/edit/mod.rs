@@ -26,6 +26,16 @@ impl Edit {
         format!("{}{}{}", &text[..self.range.start], self.text, &text[self.range.end..])
     }
 
+    /// From one text to another: the least part that differs.
+    pub fn between(before: &str, after: &str) -> Edit {
+        let same = |a: &mut dyn Iterator<Item = (char, char)>| -> usize {
+            a.take_while(|(x, y)| x == y).map(|(x, _)| x.len_utf8()).sum()
+        };
+        let start = same(&mut before.chars().zip(after.chars()));
+        let end = same(&mut before[start..].chars().rev().zip(after[start..].chars().rev()));
+        Edit { range: start..before.len() - end, text: after[start..after.len() - end].to_string() }
+    }
+
     /// What takes it back, of the text before it.
     pub fn inverse(&self, before: &str) -> Edit {
         let range = self.range.start..self.range.start + self.text.len();

@@ -114,6 +114,16 @@ impl<'a> Object<'a> {
         Ok(Edit { range: call.inside.clone(), text: inside })
     }
 
+    /// `.name([x, y, z])`: the last call of this name, or a new one behind the call that made it.
+    pub fn set_point(&self, name: &str, point: DVec3) -> Result<Edit, Refused> {
+        let [x, y, z] = point.to_array().map(plain);
+        let new = format!("{name}([{x}, {y}, {z}])");
+        let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
+        let old = literals(self.text, &call.inside).filter(|old| old.len() == 3);
+        let changed = old.and_then(|old| rewritten(self.text, &old, &point.to_array()));
+        changed.ok_or_else(|| self.computed(call, &new))
+    }
+
     /// Moves it: `.at` and `.move_by`, of which the last is changed. `to`: where it then stands.
     pub fn move_by(&self, by: DVec3, to: DVec3) -> Result<Edit, Refused> {
         let Some(call) = self.last(&["at", "move_by"]) else { return self.set("at", &to.to_array()) };

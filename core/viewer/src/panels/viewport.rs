@@ -93,6 +93,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
         if ui.selectable_label(free, "free camera").clicked() && !free {
             let _ = viewer.free_camera(index);
         }
+        into_script(ui, viewer, index);
         follow(ui, viewer, index);
         ui.separator();
         let view = &mut viewer.views[index];
@@ -141,6 +142,25 @@ fn cameras(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
             }
         }
     });
+}
+
+/// One of the script's cameras can be put where the free one stands.
+fn into_script(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
+    let (ViewCamera::Free(orbit), Some(scene)) = (&viewer.views[index].camera, viewer.scene.clone()) else {
+        return;
+    };
+    if scene.stage.cameras.is_empty() || viewer.path.is_none() {
+        return;
+    }
+    let orbit = *orbit;
+    let menu = ui.menu_button("into the script", |ui| {
+        for camera in &scene.stage.cameras {
+            if ui.button(format!("as \"{}\"", camera.name)).clicked() {
+                viewer.said = viewer.set_camera(&camera.name, &orbit).err();
+            }
+        }
+    });
+    menu.response.on_hover_text("a camera of the script then stands here: .at and .look_at");
 }
 
 fn follow(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
