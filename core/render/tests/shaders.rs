@@ -464,7 +464,12 @@ fn layouts_equal_the_rust_structs() {
     let effect =
         "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * p[0]; }";
     let (m, _) = parse(&sources().post("test", effect, false).unwrap(), &[]).unwrap();
-    compare(&m, "Post", size_of::<PostUniform>(), fields!(PostUniform: parameters, size, number, pad));
+    compare(
+        &m,
+        "Post",
+        size_of::<PostUniform>(),
+        fields!(PostUniform: parameters, size, number, shrink, input, whole),
+    );
 }
 
 #[test]
