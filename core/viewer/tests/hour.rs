@@ -58,7 +58,7 @@ impl Person<'_> {
     fn save(&self, text: &str) {
         // In place, or beside it and renamed, as editors do.
         let file = self.folder.join("a.rhai");
-        if text.len() % 2 == 0 {
+        if text.len().is_multiple_of(2) {
             fs::write(self.folder.join("a.new"), text).unwrap();
             fs::rename(self.folder.join("a.new"), file).unwrap();
         } else {
