@@ -196,7 +196,7 @@ const LADDER: &[Rung] = &[
             passes: 3,
             draws: 16,
             pipelines: 7,
-            frame_bytes: 83264,
+            frame_bytes: 83280,
             resource_bytes: 773462,
             target_bytes: 4734976,
         },

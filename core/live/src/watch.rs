@@ -76,6 +76,8 @@ pub struct Watch {
     to: Sender<Signal>,
     interest: Interest,
     watched: BTreeSet<PathBuf>,
+    /// Touched when a wait ended, and not yet looked at.
+    pending: Candidates,
 }
 
 impl Watch {
@@ -91,7 +93,8 @@ impl Watch {
             // After the watch has gone nobody listens.
             let _ = events.send(signal);
         })?;
-        Ok(Watch { watcher, signals, to, interest: Interest::default(), watched: BTreeSet::new() })
+        let (interest, pending) = (Interest::default(), Candidates::default());
+        Ok(Watch { watcher, signals, to, interest, watched: BTreeSet::new(), pending })
     }
 
     pub fn waker(&self) -> Waker {
@@ -124,10 +127,11 @@ impl Watch {
         self.interest.files.insert(path, content);
     }
 
-    /// Waits until something of interest has changed, and whoever changed it is done.
+    /// Waits until something of interest has changed, and whoever changed it is done. What is touched when the time is over is told
+    /// by the next wait.
     pub fn wait(&mut self, timeout: Option<Duration>) -> Result<Waited, WatchError> {
         let until = timeout.map(|timeout| Instant::now() + timeout);
-        let mut candidates = Candidates::default();
+        let mut candidates = std::mem::take(&mut self.pending);
         loop {
             let deadline = [until, candidates.due()].into_iter().flatten().min();
             let signal = match deadline {
@@ -143,6 +147,7 @@ impl Watch {
                             }
                         }
                         if until.is_some_and(|until| until <= Instant::now()) {
+                            self.pending = candidates;
                             return Ok(Waited::TimedOut);
                         }
                         continue;
@@ -151,10 +156,7 @@ impl Watch {
             };
             match signal {
                 Signal::Wake => {
-                    // What was seen so far is looked at by the next wait.
-                    if candidates.due().is_some() {
-                        let _ = self.to.send(Signal::Lost);
-                    }
+                    self.pending = candidates;
                     return Ok(Waited::Woken);
                 }
                 Signal::Lost => {

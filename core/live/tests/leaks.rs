@@ -137,7 +137,15 @@ fn reloads(count: usize, told: bool) -> Option<f64> {
         }
     }
     let after = Process::now();
-    assert_eq!((after.threads, after.files), (process.threads, process.files));
+    // One file less than at first is none that leaks: what a start-up still had open has gone.
+    assert!(
+        after.threads <= process.threads && after.files <= process.files,
+        "{} threads and {} files, {} and {} before",
+        after.threads,
+        after.files,
+        process.threads,
+        process.files
+    );
     Some((after.anonymous as f64 - process.anonymous as f64) / (count - settled) as f64)
 }
 

@@ -154,6 +154,28 @@ fn a_waker_ends_the_wait_and_loses_no_change() {
     assert!(seen.contains(&Waited::Woken) && seen.contains(&changed(&[&file])), "{seen:?}");
 }
 
+/// Each wait is over before whoever writes can be known to be done.
+#[test]
+fn waits_that_are_too_short_lose_no_change() {
+    let folder = Folder::new();
+    let file = folder.at("a.rhai");
+    fs::write(&file, "0").unwrap();
+    let mut watch = Watch::new().unwrap();
+    watch.set(files(&[(&file, hash(b"0"))]));
+    assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
+    for round in 1..6 {
+        fs::write(&file, round.to_string()).unwrap();
+        let end = std::time::Instant::now() + std::time::Duration::from_secs(20);
+        let told = loop {
+            match watch.wait(Some(std::time::Duration::from_millis(1))).unwrap() {
+                Waited::TimedOut if std::time::Instant::now() < end => {}
+                told => break told,
+            }
+        };
+        assert_eq!(told, changed(&[&file]), "{round}");
+    }
+}
+
 #[test]
 fn a_tree_s_new_folders_are_watched_and_what_is_passed_over_is_not() {
     let folder = Folder::new();

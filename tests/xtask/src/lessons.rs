@@ -6,7 +6,7 @@ use std::io::BufWriter;
 use std::path::PathBuf;
 use std::process::Command;
 
-const SIZE: (usize, usize) = (240, 135);
+pub(crate) const SIZE: (usize, usize) = (240, 135);
 const COLUMNS: usize = 5;
 /// Seconds, where nothing else is said.
 const TIME: &str = "2.0";
@@ -61,7 +61,7 @@ fn halved(shot: &Shot) -> Shot {
 }
 
 /// From left to right, row by row, in the order of their numbers.
-fn write(path: &std::path::Path, shots: &[Shot]) -> Result<(), String> {
+pub(crate) fn write(path: &std::path::Path, shots: &[Shot]) -> Result<(), String> {
     let (width, height) = (SIZE.0 * COLUMNS, SIZE.1 * shots.len().div_ceil(COLUMNS));
     let mut rgb = vec![255; width * height * 3];
     for (index, shot) in shots.iter().enumerate() {

@@ -9,7 +9,7 @@
 //! cargo xtask report [NAME…]                 tests/report: error against run time of the project's own choices
 //! cargo xtask contact [FILTER]               every sample file turning, its first clip playing: sheets to look at
 //! cargo xtask lessons                        the README's sheet: a picture of every numbered script
-//! cargo xtask strip                          the README's picture strip of the first script
+//! cargo xtask strip [SCRIPT]                 the README's picture strips; twenty frames of a script, side by side
 //! ```
 
 mod bench;
@@ -38,9 +38,10 @@ fn main() -> ExitCode {
         ["contact", rest @ ..] => contact::contact(rest),
         ["lessons"] => lessons::lessons(),
         ["strip"] => strip::strip(),
+        ["strip", script] => strip::of(script),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | strip"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | strip [SCRIPT]"
             );
             return ExitCode::from(2);
         }

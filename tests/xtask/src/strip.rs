@@ -1,6 +1,8 @@
-//! The README's picture strips: frames of a script, side by side.
+//! The README's picture strips: frames of a script, side by side; and those of any script, to look at a motion frame by frame.
 
-use crate::{release_binary, root, run};
+use crate::contact::{finish, read};
+use crate::{lessons, release_binary, root, run};
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Script, name of the pictures, their times in seconds.
@@ -23,5 +25,48 @@ pub fn strip() -> Result<(), String> {
         }
         println!("wrote {} pictures of {script} to tests/pictures", times.len());
     }
+    Ok(())
+}
+
+/// Pictures of a script's strip, as far apart as its length makes them.
+const SHOWN: usize = 20;
+
+/// `cargo xtask strip SCRIPT`: twenty frames from the first to the last, row by row, in `target/strips/NAME.png`.
+pub fn of(script: &str) -> Result<(), String> {
+    let choreo = release_binary()?;
+    let path = Path::new(script);
+    let stem = |p: &Path| p.file_stem().map(|name| name.to_string_lossy().into_owned());
+    // A lesson in a folder of its own goes by the folder's name.
+    let name = match (stem(path), path.parent().and_then(stem)) {
+        (Some(name), Some(folder)) if name == "lesson" => folder,
+        (Some(name), _) => name,
+        _ => return Err(format!("{script}: not the name of a script")),
+    };
+    let strips = root().join("target/strips");
+    let frames = strips.join(&name);
+    let _ = std::fs::remove_dir_all(&frames);
+    std::fs::create_dir_all(&frames).map_err(|e| format!("{}: {e}", frames.display()))?;
+    let (width, height) = lessons::SIZE;
+    let mut render = Command::new(&choreo);
+    render.arg("render").arg(path).args(["--quiet", "--device", "cpu", "--samples", "4"]);
+    render.args(["--size", &format!("{width}x{height}"), "-o"]).arg(frames.join("%04d.png"));
+    finish(render, script)?;
+    let mut pictures: Vec<PathBuf> = std::fs::read_dir(&frames)
+        .map_err(|e| format!("{}: {e}", frames.display()))?
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|p| p.extension().is_some_and(|e| e == "png"))
+        .collect();
+    pictures.sort();
+    let shown = pictures.len().min(SHOWN);
+    let mut shots = Vec::new();
+    for index in 0..shown {
+        let at = index * (pictures.len() - 1) / (shown - 1).max(1);
+        println!("{:>3}  {}", index + 1, pictures[at].file_name().unwrap_or_default().to_string_lossy());
+        shots.push(read(&pictures[at])?);
+    }
+    let sheet = strips.join(format!("{name}.png"));
+    lessons::write(&sheet, &shots)?;
+    println!("{} of {} frames: {}", shown, pictures.len(), sheet.display());
     Ok(())
 }
