@@ -4,7 +4,7 @@ use choreo_live::{Interest, Waited, Watch};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const SOON: Option<Duration> = Some(Duration::from_secs(20));
 const NOTHING: Option<Duration> = Some(Duration::from_millis(300));
@@ -16,6 +16,14 @@ fn hash(bytes: &[u8]) -> Option<[u8; 32]> {
 fn files(files: &[(&Path, Option<[u8; 32]>)]) -> Interest {
     let files = files.iter().map(|(path, hash)| (path.to_path_buf(), *hash)).collect();
     Interest { files, ..Interest::default() }
+}
+
+/// A file with "0" in it that is waited for.
+fn watching(file: &Path) -> Watch {
+    fs::write(file, "0").unwrap();
+    let mut watch = Watch::new().unwrap();
+    watch.set(files(&[(file, hash(b"0"))]));
+    watch
 }
 
 fn changed(paths: &[&Path]) -> Waited {
@@ -39,9 +47,7 @@ fn each_way_to_save_a_file_is_one_change() {
     let folder = Folder::new();
     let (file, other) = (folder.at("a.rhai"), folder.at("elsewhere/a.rhai"));
     fs::create_dir(folder.at("elsewhere")).unwrap();
-    fs::write(&file, "0").unwrap();
-    let mut watch = Watch::new().unwrap();
-    watch.set(files(&[(&file, hash(b"0"))]));
+    let mut watch = watching(&file);
     let ways: [(&str, &dyn Fn()); 4] = [
         ("in place", &|| fs::write(&file, "1").unwrap()),
         ("renamed over", &|| {
@@ -68,9 +74,7 @@ fn each_way_to_save_a_file_is_one_change() {
 fn the_same_bytes_and_other_files_are_no_change() {
     let folder = Folder::new();
     let file = folder.at("a.rhai");
-    fs::write(&file, "0").unwrap();
-    let mut watch = Watch::new().unwrap();
-    watch.set(files(&[(&file, hash(b"0"))]));
+    let mut watch = watching(&file);
     fs::write(&file, "0").unwrap();
     fs::write(folder.at("b.rhai"), "1").unwrap();
     fs::read(&file).unwrap();
@@ -115,9 +119,7 @@ fn a_file_in_a_folder_that_is_not_there_is_waited_for() {
 fn a_file_taken_away_is_a_change_and_so_is_its_return() {
     let folder = Folder::new();
     let file = folder.at("a.rhai");
-    fs::write(&file, "0").unwrap();
-    let mut watch = Watch::new().unwrap();
-    watch.set(files(&[(&file, hash(b"0"))]));
+    let mut watch = watching(&file);
     fs::remove_file(&file).unwrap();
     assert_eq!(watch.wait(SOON).unwrap(), changed(&[&file]));
     fs::write(&file, "0").unwrap();
@@ -141,9 +143,7 @@ fn a_new_file_in_a_folder_of_interest_counts_by_its_ending() {
 fn a_waker_ends_the_wait_and_loses_no_change() {
     let folder = Folder::new();
     let file = folder.at("a.rhai");
-    fs::write(&file, "0").unwrap();
-    let mut watch = Watch::new().unwrap();
-    watch.set(files(&[(&file, hash(b"0"))]));
+    let mut watch = watching(&file);
     assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
     fs::write(&file, "1").unwrap();
     watch.waker().wake();
@@ -159,16 +159,14 @@ fn a_waker_ends_the_wait_and_loses_no_change() {
 fn waits_that_are_too_short_lose_no_change() {
     let folder = Folder::new();
     let file = folder.at("a.rhai");
-    fs::write(&file, "0").unwrap();
-    let mut watch = Watch::new().unwrap();
-    watch.set(files(&[(&file, hash(b"0"))]));
+    let mut watch = watching(&file);
     assert_eq!(watch.wait(NOTHING).unwrap(), Waited::TimedOut);
     for round in 1..6 {
         fs::write(&file, round.to_string()).unwrap();
-        let end = std::time::Instant::now() + std::time::Duration::from_secs(20);
+        let end = Instant::now() + Duration::from_secs(20);
         let told = loop {
-            match watch.wait(Some(std::time::Duration::from_millis(1))).unwrap() {
-                Waited::TimedOut if std::time::Instant::now() < end => {}
+            match watch.wait(Some(Duration::from_millis(1))).unwrap() {
+                Waited::TimedOut if Instant::now() < end => {}
                 told => break told,
             }
         };

@@ -75,7 +75,10 @@ pub fn show(
 
 fn told(change: &Change) -> String {
     match change {
-        Change::Move(by) => format!("{:+.3} {:+.3} {:+.3} m", by.x, by.y, by.z),
+        Change::Move(by) => {
+            let [x, y, z] = by.to_array().map(|v| super::rounded(v, 1e3));
+            format!("{x:+.3} {y:+.3} {z:+.3} m")
+        }
         Change::Turn(by) => {
             let degrees = 2.0 * libm::atan2(by.x + by.y + by.z, by.w).to_degrees();
             format!("{degrees:+.1}°")

@@ -283,7 +283,8 @@ fn joints(ui: &mut Ui, asset: &Asset, state: &ActorState) {
 }
 
 fn point(p: DVec3) -> String {
-    format!("{:.3} {:.3} {:.3}", p.x, p.y, p.z)
+    let [x, y, z] = p.to_array().map(|v| super::rounded(v, 1e3));
+    format!("{x:.3} {y:.3} {z:.3}")
 }
 
 fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, String)> {
@@ -380,8 +381,9 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
         row("visible", state.visible.to_string());
         row("stands at", point(state.world_from_model.translation));
         let (scale, rotation, _) = state.world_from_model.to_scale_rotation_translation();
-        let degrees = choreo_live::edit::euler_degrees(rotation);
-        row("turned x, y, z", format!("{:.1}° {:.1}° {:.1}°", degrees.x, degrees.y, degrees.z));
+        let degrees = choreo_live::edit::euler_degrees(rotation).to_array();
+        let [x, y, z] = degrees.map(|v| super::rounded(v, 10.0));
+        row("turned x, y, z", format!("{x:.1}° {y:.1}° {z:.1}°"));
         row("scale", point(scale));
     }
     if let Some(parent) = found.parent {

@@ -168,7 +168,7 @@ fn next_selection(viewer: &mut Viewer, back: bool) {
     viewer.selection = all.get(next).cloned();
 }
 
-const KEYS: [(&str, &str); 33] = [
+const KEYS: [(&str, &str); 34] = [
     ("Space", "play, pause"),
     ("← →", "one frame back, on"),
     ("Home End", "first, last frame"),
@@ -176,7 +176,8 @@ const KEYS: [(&str, &str); 33] = [
     ("L", "again and again, or once"),
     ("T", "times as seconds or frames"),
     ("N", "dragged times snap to frames"),
-    ("Alt ← →", "the selected bar begins a frame earlier, later; with Shift: ends"),
+    ("Alt ← →", "the selected bar begins a frame earlier, later"),
+    ("Alt Shift ← →", "the selected bar ends a frame earlier, later"),
     ("PgUp PgDn", "select the last, the next"),
     ("Esc", "select nothing; close a question"),
     ("G R B", "move, turn, make bigger"),

@@ -246,3 +246,8 @@ impl TabViewer for Tabs<'_> {
         }
     }
 }
+
+/// To so many parts of one, for display: what rounds to nothing has no sign.
+fn rounded(value: f64, parts: f64) -> f64 {
+    (value * parts).round() / parts + 0.0
+}
