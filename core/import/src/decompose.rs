@@ -24,14 +24,14 @@ pub fn decompose(m: &DMat4) -> Parts {
     let axis = |i: usize| (lengths[i] > largest * 1e-9).then(|| columns[i] * (1.0 / lengths[i]));
     let (ax, ay, az) = (axis(0), axis(1), axis(2));
     let x = ax.unwrap_or_else(|| match (ay, az) {
-        (Some(y), Some(z)) => y.cross(z).normalize_or(y.any_orthonormal_vector()),
+        (Some(y), Some(z)) => y.cross(z).try_normalize().unwrap_or_else(|| y.any_orthonormal_vector()),
         (Some(y), None) => y.any_orthonormal_vector(),
         (_, Some(z)) => z.any_orthonormal_vector(),
         _ => DVec3::X,
     });
     let y = match (ay, az) {
-        (Some(y), _) => (y - x * x.dot(y)).normalize_or(x.any_orthonormal_vector()),
-        (None, Some(z)) => z.cross(x).normalize_or(x.any_orthonormal_vector()),
+        (Some(y), _) => (y - x * x.dot(y)).try_normalize().unwrap_or_else(|| x.any_orthonormal_vector()),
+        (None, Some(z)) => z.cross(x).try_normalize().unwrap_or_else(|| x.any_orthonormal_vector()),
         _ => x.any_orthonormal_vector(),
     };
     let z = x.cross(y);
@@ -41,8 +41,8 @@ pub fn decompose(m: &DMat4) -> Parts {
         scale.x = -scale.x;
         rotation = DMat3::from_cols(-x, y, -z);
     }
-    let error =
-        (0..3).map(|c| (rotation.col(c) * scale[c] - columns[c]).length() / largest).fold(0.0, f64::max);
+    let off = (0..3).map(|c| (rotation.col(c) * scale[c] - columns[c]).length_squared()).fold(0.0, f64::max);
+    let error = off.sqrt() / largest;
     Parts { translation, rotation: DQuat::from_mat3(&rotation).normalize(), scale, error }
 }
 

@@ -65,7 +65,8 @@ fn is_space(byte: u8) -> bool {
     matches!(byte, b' ' | b'\t' | 0x0b | 0x0c)
 }
 
-const POWERS: [f64; 23] = [
+/// Not a `const`: indexed by what is not known, that would be copied for every number.
+static POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18,
     1e19, 1e20, 1e21, 1e22,
 ];
@@ -82,7 +83,7 @@ pub fn number(word: &[u8]) -> Option<f64> {
 
 /// Takes the next number off text where white space of any kind, ends of lines too, lies between numbers: faster than word by
 /// word. `Err` is a word that is none.
-#[inline]
+#[inline(always)]
 pub fn next_number<'a>(rest: &mut &'a [u8]) -> Option<Result<f64, &'a [u8]>> {
     skip_white(rest)?;
     let text = *rest;
@@ -97,7 +98,7 @@ pub fn next_number<'a>(rest: &mut &'a [u8]) -> Option<Result<f64, &'a [u8]>> {
 }
 
 /// As [`next_number`], a whole number.
-#[inline]
+#[inline(always)]
 pub fn next_integer<'a>(rest: &mut &'a [u8]) -> Option<Result<i64, &'a [u8]>> {
     skip_white(rest)?;
     let text = *rest;
@@ -213,7 +214,7 @@ fn of_library(word: &[u8]) -> Option<f64> {
 #[inline(always)]
 fn digits(text: &[u8], at: &mut usize, value: &mut u64) -> usize {
     const ZEROS: u64 = 0x3030_3030_3030_3030;
-    const TENS: [u64; 9] = [1, 10, 100, 1000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
+    static TENS: [u64; 9] = [1, 10, 100, 1000, 10_000, 100_000, 1_000_000, 10_000_000, 100_000_000];
     let from = *at;
     while let Some(eight) = text.get(*at..).and_then(|t| t.first_chunk::<8>()) {
         let bytes = u64::from_le_bytes(*eight) ^ ZEROS;

@@ -91,23 +91,25 @@ impl<'a, 'i> Xml<'a, 'i> {
 
     /// The numbers of an element's text.
     pub fn numbers(&self, node: Node<'a, 'i>) -> Result<Vec<f64>> {
-        let values = self.values(node, next_number, Some)?;
+        let values = self.values(node, |t| next_number(t), Some)?;
         values.map_err(|(index, word)| self.bad(node, index, word, "a finite number"))
     }
 
     /// The same as 32-bit floats: positions of big meshes take half.
     pub fn floats(&self, node: Node<'a, 'i>) -> Result<Vec<f32>> {
-        let values = self.values(node, next_number, |v| Some(v as f32).filter(|v| v.is_finite()))?;
+        let values = self.values(node, |t| next_number(t), |v| Some(v as f32).filter(|v| v.is_finite()))?;
         values.map_err(|(index, word)| self.bad(node, index, word, "a finite number"))
     }
 
     /// Whole numbers from −1 (which skins use) on.
     pub fn integers(&self, node: Node<'a, 'i>) -> Result<Vec<i32>> {
-        let values = self.values(node, next_integer, |v| i32::try_from(v).ok().filter(|v| *v >= -1))?;
+        let values =
+            self.values(node, |t| next_integer(t), |v| i32::try_from(v).ok().filter(|v| *v >= -1))?;
         values.map_err(|(index, word)| self.bad(node, index, word, "an index"))
     }
 
     /// Every value of an element's text, or the one that is none, with its number.
+    // The way to read is a closure: a function's name would be called through its address.
     #[inline(always)]
     fn values<V, T>(
         &self,
