@@ -154,7 +154,14 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             indices: Vec::with_capacity(corners.len()),
             ..Primitive::default()
         };
-        let mut origin = Vec::new();
+        let mut origin = Vec::with_capacity(corners.len());
+        // Room for as many vertices as there are corners, which costs nothing where it is not written to: lists that grow are
+        // copied, into memory that is touched for the first time.
+        primitive.positions.reserve_exact(corners.len());
+        if normals.is_some() {
+            primitive.normals.reserve_exact(corners.len());
+        }
+        primitive.uvs.iter_mut().take(uvs.len()).for_each(|list| list.reserve_exact(corners.len()));
         self.joined.start(all.len());
         for corner in &corners {
             let indices = &indices[*corner as usize * width..][..width];
@@ -195,6 +202,10 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         if primitive.indices.is_empty() {
             return Ok(None);
         }
+        origin.shrink_to_fit();
+        primitive.positions.shrink_to_fit();
+        primitive.normals.shrink_to_fit();
+        primitive.uvs.iter_mut().for_each(Vec::shrink_to_fit);
         repair_normals(&mut primitive);
         let symbol = self.element.attribute("material").unwrap_or_default().to_string();
         Ok(Some((Part { primitive, origin, symbol, uv_sets }, all)))

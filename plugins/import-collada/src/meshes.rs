@@ -13,6 +13,21 @@ use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 use std::sync::Arc;
 
+/// What an instance shows.
+#[derive(Clone, Copy)]
+struct Shape<'a, 'i> {
+    geometry: Node<'a, 'i>,
+    skin: Option<Node<'a, 'i>>,
+    /// With the controller's id.
+    morph: Option<(Node<'a, 'i>, NodeId)>,
+}
+
+impl<'a, 'i> Shape<'a, 'i> {
+    fn plain(geometry: Node<'a, 'i>) -> Self {
+        Shape { geometry, skin: None, morph: None }
+    }
+}
+
 pub struct Builder<'x, 'a, 'i, 'f> {
     pub xml: &'x Xml<'a, 'i>,
     pub tree: &'x Tree<'a, 'i>,
@@ -20,6 +35,8 @@ pub struct Builder<'x, 'a, 'i, 'f> {
     pub smooth_rad: f64,
     pub morphs: Vec<MorphTargets>,
     geometries: HashMap<NodeId, Rc<Geometry>>,
+    /// Instances of each geometry that are still to come: the last one takes its lists instead of copying them.
+    uses: HashMap<NodeId, usize>,
     /// Meshes by what they are made of.
     known: BTreeMap<String, (u32, Option<u32>)>,
     without_normals: usize,
@@ -39,28 +56,32 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
             smooth_rad,
             morphs: Vec::new(),
             geometries: HashMap::new(),
+            uses: HashMap::new(),
             known: BTreeMap::new(),
             without_normals: 0,
         }
     }
 
     pub fn build(&mut self, asset: &mut Asset) -> Result<()> {
+        let mut placed = Vec::new();
         for (joint, node) in (0u32..).zip(self.tree.joints.iter().map(|j| j.node)) {
             for element in node.children() {
-                match name_of(element) {
-                    "instance_geometry" => {
-                        if let Some(target) = self.target(element, "geometry")? {
-                            self.place(asset, joint, element, target, None, None)?;
-                        }
-                    }
-                    "instance_controller" => {
-                        if let Some(target) = self.target(element, "controller")? {
-                            self.controller(asset, joint, element, target)?;
-                        }
-                    }
-                    _ => {}
+                let shape = match name_of(element) {
+                    "instance_geometry" => self.target(element, "geometry")?.map(Shape::plain),
+                    "instance_controller" => match self.target(element, "controller")? {
+                        Some(controller) => self.shape_of(controller)?,
+                        None => None,
+                    },
+                    _ => None,
+                };
+                if let Some(shape) = shape {
+                    *self.uses.entry(shape.geometry.id()).or_default() += 1;
+                    placed.push((joint, element, shape));
                 }
             }
+        }
+        for (joint, element, shape) in placed {
+            self.place(asset, joint, element, shape)?;
         }
         if self.without_normals > 0 {
             let what = format!(
@@ -87,21 +108,15 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
         }
     }
 
-    fn controller(
-        &mut self,
-        asset: &mut Asset,
-        joint: u32,
-        instance: Node<'a, 'i>,
-        controller: Node<'a, 'i>,
-    ) -> Result<()> {
+    /// A skin over a morph over a geometry; no deeper.
+    fn shape_of(&self, controller: Node<'a, 'i>) -> Result<Option<Shape<'a, 'i>>> {
         let (mut skin, mut morph) = (None, None);
         let mut at = controller;
-        // A skin over a morph over a geometry; no deeper.
         for _ in 0..3 {
             let inner = at.children().find(|n| matches!(name_of(*n), "skin" | "morph"));
             let Some(inner) = inner else {
                 self.xml.warn(at, "is neither skin nor morph; it is left out");
-                return Ok(());
+                return Ok(None);
             };
             match name_of(inner) {
                 "skin" => skin = Some(inner),
@@ -111,11 +126,11 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
                 Ok(source) => source,
                 Err(problem) => {
                     self.xml.notes.warn(problem.place, format!("{}; the mesh is left out", problem.what));
-                    return Ok(());
+                    return Ok(None);
                 }
             };
             if name_of(source) == "geometry" {
-                return self.place(asset, joint, instance, source, skin, morph);
+                return Ok(Some(Shape { geometry: source, skin, morph }));
             }
             at = source;
         }
@@ -136,11 +151,13 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
         asset: &mut Asset,
         joint: u32,
         instance: Node<'a, 'i>,
-        geometry: Node<'a, 'i>,
-        skin: Option<Node<'a, 'i>>,
-        morph: Option<(Node<'a, 'i>, NodeId)>,
+        Shape { geometry, skin, morph }: Shape<'a, 'i>,
     ) -> Result<()> {
         let source = self.geometry(geometry)?;
+        let last = self.uses.get_mut(&geometry.id()).is_some_and(|uses| {
+            *uses -= 1;
+            *uses == 0
+        });
         if source.parts.is_empty() {
             return Ok(());
         }
@@ -178,7 +195,10 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
                     );
                     self.xml.warn(node, what);
                 }
-                let mesh = self.mesh(&source, geometry, &materials, skinned.as_ref(), morphed.as_ref())?;
+                if last {
+                    self.geometries.remove(&geometry.id());
+                }
+                let mesh = self.mesh(source, geometry, &materials, skinned.as_ref(), morphed.as_ref())?;
                 let skin = skinned.map(|data| {
                     asset.skins.push(data.skin);
                     asset.skins.len() as u32 - 1
@@ -207,7 +227,7 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
 
     fn mesh(
         &mut self,
-        source: &Geometry,
+        source: Rc<Geometry>,
         geometry: Node<'a, 'i>,
         materials: &[u32],
         skin: Option<&SkinData>,
@@ -219,13 +239,20 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
             morph_names: morph.map_or(Vec::new(), |m| m.names.clone()),
             ..Mesh::default()
         };
-        for (part, material) in source.parts.iter().zip(materials) {
+        let parts = match Rc::try_unwrap(source) {
+            Ok(source) => source.parts,
+            Err(shared) => shared.parts.clone(),
+        };
+        for (part, material) in parts.into_iter().zip(materials) {
             let corners = part.primitive.indices.len();
             self.xml.charge(geometry, corners, 96 + out.morph_targets * 12)?;
-            let mut primitive = part.primitive.clone();
+            let mut primitive = part.primitive;
             primitive.material = Some(*material);
             if let Some(skin) = skin {
-                primitive.influences = skin.weights.influences;
+                let influences = skin.weights.influences;
+                primitive.influences = influences;
+                primitive.joint_indices.reserve_exact(part.origin.len() * influences);
+                primitive.joint_weights.reserve_exact(part.origin.len() * influences);
                 for origin in &part.origin {
                     skin.weights.of(*origin, &mut primitive.joint_indices, &mut primitive.joint_weights);
                 }

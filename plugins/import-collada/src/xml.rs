@@ -91,31 +91,33 @@ impl<'a, 'i> Xml<'a, 'i> {
 
     /// The numbers of an element's text.
     pub fn numbers(&self, node: Node<'a, 'i>) -> Result<Vec<f64>> {
-        let values = self.values(node, |t| next_number(t), Some)?;
+        let values = self.values(node, |rest| Some(next_number(rest)?.map(Some)))?;
         values.map_err(|(index, word)| self.bad(node, index, word, "a finite number"))
     }
 
     /// The same as 32-bit floats: positions of big meshes take half.
     pub fn floats(&self, node: Node<'a, 'i>) -> Result<Vec<f32>> {
-        let values = self.values(node, |t| next_number(t), |v| Some(v as f32).filter(|v| v.is_finite()))?;
+        let values = self.values(node, |rest| {
+            Some(next_number(rest)?.map(|v| Some(v as f32).filter(|v| v.is_finite())))
+        })?;
         values.map_err(|(index, word)| self.bad(node, index, word, "a finite number"))
     }
 
     /// Whole numbers from −1 (which skins use) on.
     pub fn integers(&self, node: Node<'a, 'i>) -> Result<Vec<i32>> {
-        let values =
-            self.values(node, |t| next_integer(t), |v| i32::try_from(v).ok().filter(|v| *v >= -1))?;
+        let values = self.values(node, |rest| {
+            Some(next_integer(rest)?.map(|v| i32::try_from(v).ok().filter(|v| *v >= -1)))
+        })?;
         values.map_err(|(index, word)| self.bad(node, index, word, "an index"))
     }
 
-    /// Every value of an element's text, or the one that is none, with its number.
-    // The way to read is a closure: a function's name would be called through its address.
+    /// Every value of an element's text, or the one that is none, with its number. `next` takes one off: `None` inside is a
+    /// number that is no such value.
     #[inline(always)]
-    fn values<V, T>(
+    fn values<T>(
         &self,
         node: Node<'a, 'i>,
-        next: impl Fn(&mut &'a [u8]) -> Option<std::result::Result<V, &'a [u8]>>,
-        of: impl Fn(V) -> Option<T>,
+        next: impl Fn(&mut &'a [u8]) -> Option<std::result::Result<Option<T>, &'a [u8]>>,
     ) -> Result<Values<'a, T>> {
         // Nearly all of a file are lists like this, read about in its order.
         self.progress.reach(node.start())?;
@@ -127,10 +129,8 @@ impl<'a, 'i> Xml<'a, 'i> {
             let from = rest;
             match next(&mut rest) {
                 None => break,
-                Some(Ok(value)) => match of(value) {
-                    Some(value) => out.push(value),
-                    None => return Ok(Err((out.len(), from[..from.len() - rest.len()].trim_ascii()))),
-                },
+                Some(Ok(Some(value))) => out.push(value),
+                Some(Ok(None)) => return Ok(Err((out.len(), from[..from.len() - rest.len()].trim_ascii()))),
                 Some(Err(word)) => return Ok(Err((out.len(), word))),
             }
         }
