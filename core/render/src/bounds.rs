@@ -1,5 +1,6 @@
 //! Axis-aligned boxes of primitives and their posed, morphed, skinned copies: never too small, so that culling never shows.
 
+use crate::closed::Closed;
 use crate::plan::Rows;
 use choreo_motion::Carrier;
 pub use choreo_stage::Aabb;
@@ -35,6 +36,8 @@ pub struct PrimitiveInfo {
     pub colored: bool,
     /// By joint: those that move a vertex together with it, itself included. Found when first asked for.
     companions: OnceLock<Vec<Vec<u16>>>,
+    /// Found when first asked for; see [`crate::catalog::CatalogPrimitive::closed`].
+    pub(crate) closed: OnceLock<Closed>,
 }
 
 impl PrimitiveInfo {
@@ -61,6 +64,7 @@ impl PrimitiveInfo {
             influences: 0,
             colored: p.colors.iter().any(|&c| c != glam::Vec4::ONE),
             companions: OnceLock::new(),
+            closed: OnceLock::new(),
         };
         if !valid {
             return info;

@@ -1,9 +1,11 @@
 //! What all frames of a stage share: every distinct primitive, material and texture once, keyed by content.
 
 use crate::bounds::PrimitiveInfo;
+use crate::closed::Closed;
 use crate::content::{material_content, material_hash, short};
 use crate::detail::{CROWD, Level, coarser};
 use crate::gpu_types::{BASE_SLOTS, LAYER_SLOTS, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS};
+use crate::vertex::VertexLayout;
 use choreo_stage::{
     AlphaMode, Asset, Image, Material, MaterialLayers, Panorama, Primitive, Sampler, Shading, Stage,
     TextureRef, Toon,
@@ -55,6 +57,19 @@ impl CatalogPrimitive {
 
     pub fn primitive(&self) -> &Primitive {
         &self.mesh.primitives[self.index as usize]
+    }
+
+    /// Which of its triangles close bodies; of valid primitives.
+    pub fn closed(&self) -> &Closed {
+        self.info.closed.get_or_init(|| Closed::of(self.primitive()))
+    }
+
+    /// Its indices in the order in which a vertex buffer of this layout has them.
+    pub fn indices(&self, layout: VertexLayout) -> &[u32] {
+        match layout.0 & VertexLayout::CLOSED {
+            0 => &self.primitive().indices,
+            _ => &self.closed().indices,
+        }
     }
 }
 

@@ -328,7 +328,7 @@ impl Parts<'_> {
         }
         for (primitive, layout, morphs) in meshes {
             let entry = &self.catalog.primitives[primitive as usize];
-            let packed = pack(entry.primitive(), layout);
+            let packed = pack(entry.primitive(), entry.indices(layout), layout);
             let mut bytes = packed.vertices.len().next_multiple_of(4) + packed.indices.len();
             let mut what = format!(
                 "\"{}\" {}: {} vertices of {} bytes, {} indices",
@@ -339,7 +339,7 @@ impl Parts<'_> {
                 packed.index_count
             );
             if morphs {
-                bytes += pack_morphs(entry.primitive(), layout).len();
+                bytes += pack_morphs(entry.primitive(), entry.indices(layout), layout).len();
                 what += &format!(", {} morph targets", entry.primitive().morphs.len());
             }
             let draws: Vec<Draw> = self.all_draws().filter(|d| d.primitive == primitive).copied().collect();

@@ -4,6 +4,7 @@
 pub mod area;
 pub mod bounds;
 pub mod catalog;
+pub mod closed;
 pub mod compare;
 pub mod content;
 pub mod cpu;
@@ -19,6 +20,7 @@ pub mod mip;
 mod needs;
 mod needs_layers;
 pub mod plan;
+mod plan_draw;
 mod plan_options;
 mod plan_post;
 mod planner;

@@ -162,6 +162,8 @@ pub struct Facts {
     pub many_lights: bool,
     /// Copies of crowds that are drawn coarser, in view or casting.
     pub coarse: usize,
+    /// Triangles in view of closed surfaces of two-sided materials.
+    pub closed: usize,
 }
 
 pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
@@ -198,6 +200,13 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
             crate::detail::TOLERANCE
         );
         say(true, "triangles too small to see", why);
+    }
+    if facts.closed > 0 {
+        let why = format!(
+            "{} triangles of two-sided materials close bodies that are seen from outside",
+            facts.closed
+        );
+        say(true, "back faces of closed surfaces", why);
     }
     let skin_why = if facts.skins_exist { "no skinned mesh is in view" } else { "no mesh has a skin" };
     say(!all.has(Features::SKIN), "skinning", skin_why.into());

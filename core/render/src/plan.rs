@@ -10,6 +10,7 @@ use choreo_stage::{AlphaMode, Background, Shading, Topology};
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 
+pub use crate::plan_draw::Draw;
 pub use crate::plan_post::PostPass;
 
 #[derive(Clone, Debug)]
@@ -416,25 +417,13 @@ impl Features {
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Draw {
-    pub pipeline: PipelineKey,
-    /// Catalogue ids.
-    pub primitive: u32,
-    pub material: u32,
-    /// Index into `Plan::materials` where the material is not as in the catalogue.
-    pub changed: Option<u32>,
-    /// Range of `Plan::instances`.
-    pub first_instance: u32,
-    pub instance_count: u32,
-}
-
 /// Every `LeftOut::what`, but for effects without a plugin, which are told by their names.
 pub const LEFT_OUT: &[&str] = &[
     "hidden actors",
     "actors outside the view",
     "primitives outside the view",
     "triangles too small to see",
+    "back faces of closed surfaces",
     "skinning",
     "influences 5 to 8",
     "dual quaternions",

@@ -3,6 +3,7 @@
 use crate::area::Area;
 use crate::bounds::{Aabb, outside};
 use crate::catalog::{Catalog, CatalogMaterial, PrimitiveEntry};
+use crate::closed::is_before;
 use crate::flat::flats;
 use crate::light_lists::{self, LightLists};
 use crate::needs::{DrawNeeds, Facts, features, left_out, shell_features};
@@ -221,15 +222,7 @@ impl Planner<'_> {
                 }
 
                 let entry = &self.entry_by_size(entry, bounds, posed_skin, &rigid);
-                let determinant = match posed_skin {
-                    // Of the first joint in use that is not flat.
-                    Some(s) => {
-                        let rows = &self.skins[s].rows;
-                        let used = info.joint_bounds.iter().map(|(j, _)| rows[*j as usize].determinant());
-                        used.into_iter().find(|d| *d != 0.0).unwrap_or(1.0)
-                    }
-                    None => rigid.determinant(),
-                };
+                let (determinant, one_handed) = self.handedness(info, posed_skin, &rigid);
                 let key = PipelineKey {
                     features,
                     topology: primitive.primitive().topology.into(),
@@ -244,6 +237,7 @@ impl Planner<'_> {
                     lighting: effects.lighting,
                 }
                 .of_lit();
+                let closed = self.closed(&catalog.primitives[entry.primitive as usize], &key, one_handed);
                 let glass = key.features.has(Features::TRANSMISSION);
                 let casts = self.casting && key.topology == TopologyKey::Triangles && !key.blend && !glass;
                 if unseen && !casts {
@@ -284,6 +278,7 @@ impl Planner<'_> {
                         key,
                         instance: planned,
                         bounds,
+                        closed,
                         skin: posed_skin,
                         actor: 0,
                     });
@@ -291,6 +286,8 @@ impl Planner<'_> {
                 if unseen {
                     continue;
                 }
+                let closed = if is_before(bounds, &self.view.clip_from_relative) { closed } else { 0 };
+                self.facts.closed += closed as usize / 3;
                 self.area.add(reached, &self.view.clip_from_relative, size, share * size[1] as f32);
                 let lit = key.features.is_lit();
                 self.facts.lit_drawn |= lit;
@@ -315,6 +312,7 @@ impl Planner<'_> {
                     changed,
                     depth,
                     nearest: depth,
+                    closed,
                     instance: planned,
                     actor: 0,
                 }));
@@ -341,6 +339,7 @@ impl Planner<'_> {
                             changed,
                             depth,
                             nearest,
+                            closed: 0,
                             instance: planned,
                             actor: 0,
                         });
@@ -390,7 +389,8 @@ impl Planner<'_> {
             let lit = self.items.iter_mut().filter(|i| i.pipeline.features.is_lit());
             lit.for_each(|i| i.pipeline.features = i.pipeline.features.with(Features::SHADOW));
         }
-        let state = |i: &Item| (i.phase, i.pipeline, i.entry.material, i.changed, i.entry.primitive);
+        let state =
+            |i: &Item| (i.phase, i.pipeline, i.entry.material, i.changed, i.entry.primitive, i.closed);
         // Few state changes first; within one state near primitives before far ones and near copies before far
         // ones, so that the depth test spares the shading of what is hidden. Stable: equal keys stay in actor order.
         self.items.sort_by(|a, b| state(a).cmp(&state(b)).then(a.depth.total_cmp(&b.depth)));
@@ -404,7 +404,7 @@ impl Planner<'_> {
         let batch = |i: &Item| (i.phase, i.pipeline, i.entry.material, i.changed);
         self.items.sort_by(|a, b| {
             let same = batch(a).cmp(&batch(b)).then(a.nearest.total_cmp(&b.nearest));
-            same.then(a.entry.primitive.cmp(&b.entry.primitive))
+            same.then((a.entry.primitive, a.closed).cmp(&(b.entry.primitive, b.closed)))
         });
         let first_blended = self.items.partition_point(|i| i.phase < Phase::Blend);
         self.items[first_blended..].sort_by(|a, b| b.depth.total_cmp(&a.depth));
@@ -425,6 +425,7 @@ impl Planner<'_> {
                     primitive: item.entry.primitive,
                     material: item.entry.material,
                     changed: item.changed,
+                    closed: item.closed,
                     first_instance: instances.len() as u32,
                     instance_count: 1,
                 }),

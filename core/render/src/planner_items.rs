@@ -14,6 +14,8 @@ pub(crate) struct Item {
     pub depth: f32,
     /// The smallest depth among the copies that share its draw.
     pub nearest: f32,
+    /// As [`crate::plan::Draw::closed`].
+    pub closed: u32,
     pub instance: Instance,
     pub actor: u32,
 }

@@ -2,6 +2,7 @@
 
 use crate::bounds::Aabb;
 use crate::catalog::PrimitiveEntry;
+use crate::closed::is_before;
 use crate::plan::*;
 use crate::planner::Planner;
 use crate::shadows::{self, Fitted, MAX_VIEWS, Region};
@@ -16,6 +17,8 @@ pub(crate) struct Caster {
     pub key: PipelineKey,
     pub instance: Instance,
     pub bounds: Aabb,
+    /// Indices of closed surfaces, for a light that stands outside.
+    pub closed: u32,
     /// Of the planner's posed skins.
     pub skin: Option<usize>,
     pub actor: u32,
@@ -76,7 +79,8 @@ impl Planner<'_> {
             let state = |c: &Caster| {
                 let cut_out = c.key.features.has(Features::ALPHA_MASK);
                 let material = if cut_out { (c.entry.material, c.changed) } else { (0, None) };
-                (c.key, material, c.entry.primitive)
+                let closed = if is_before(c.bounds, &map.clip_from_relative) { c.closed } else { 0 };
+                (c.key, material, c.entry.primitive, closed)
             };
             let mut drawn: Vec<&Caster> = map.casters.iter().map(|i| &casters[*i]).collect();
             drawn.sort_by_key(|c| state(c));
@@ -92,6 +96,7 @@ impl Planner<'_> {
                         primitive: caster.entry.primitive,
                         material: state(caster).1.0,
                         changed: state(caster).1.1,
+                        closed: state(caster).3,
                         first_instance: instances.len() as u32,
                         instance_count: 1,
                     }),

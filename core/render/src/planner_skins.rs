@@ -1,7 +1,8 @@
 //! What the joints of a skin do to its vertices, as shaders read it.
 
+use crate::bounds::PrimitiveInfo;
 use crate::plan::Rows;
-use crate::planner::daffine;
+use crate::planner::{Planner, daffine};
 use choreo_motion::{Carrier, Skinning};
 use choreo_stage::{ActorState, Asset};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec4};
@@ -38,6 +39,18 @@ impl PosedSkin {
             }
         }
         posed
+    }
+}
+
+impl Planner<'_> {
+    /// The determinant by which a copy's front faces are told from its back faces, and whether all of its joints have its sign.
+    pub fn handedness(&self, info: &PrimitiveInfo, skin: Option<usize>, rigid: &Rows) -> (f32, bool) {
+        let Some(skin) = skin else { return (rigid.determinant(), rigid.determinant() != 0.0) };
+        let rows = &self.skins[skin].rows;
+        let used = || info.joint_bounds.iter().map(|(j, _)| rows[*j as usize].determinant());
+        // Of the first joint in use that is not flat.
+        let first = used().find(|d| *d != 0.0).unwrap_or(1.0);
+        (first, used().all(|d| d * first > 0.0))
     }
 }
 

@@ -71,6 +71,8 @@ pub enum Command {
     Draw {
         first_instance: u32,
         instance_count: u32,
+        /// First index and how many; `None`: all.
+        indices: Option<[u32; 2]>,
     },
     /// The gradient, or a colour that effects change, where nothing was drawn; a bit for each effect on it, of
     /// `Recording::surface`.
@@ -195,7 +197,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
 
     if let Some(shadows) = &plan.shadows {
         commands.push(Command::BeginShadows { image: shadows.image, size: shadows.size });
-        let mut state = DrawState::new(plan, commands, true, most);
+        let mut state = DrawState::new(plan, commands, true, most, &triangles);
         for (index, view) in shadows.views.iter().enumerate() {
             state.commands.push(Command::ShadowView { index, at: view.at, size: view.size });
             view.draws.iter().for_each(|draw| state.draw(draw, cull_of(draw)));
@@ -235,7 +237,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     };
     let first_part = if plan.behind.is_some() { Part::UntilCopy } else { Part::Whole };
     commands.push(begin(clear, first_part));
-    let mut state = DrawState::new(plan, commands, false, most);
+    let mut state = DrawState::new(plan, commands, false, most, &triangles);
     let first_blended =
         plan.draws.iter().position(|d| d.pipeline.is_see_through()).unwrap_or(plan.draws.len());
     let (solid, blended) = plan.draws.split_at(first_blended);
@@ -268,7 +270,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
                 Command::CopyBehind { from: scene, levels: behind.levels },
                 begin(None, Part::AfterCopy),
             ]);
-            state = DrawState::new(plan, state.commands, false, most);
+            state = DrawState::new(plan, state.commands, false, most, &triangles);
         }
         state.draw(draw, cull_of(draw));
     }
@@ -332,11 +334,12 @@ fn cull_of(draw: &Draw) -> Cull {
     }
 }
 
-/// Many pixels a triangle: shading weighs more than a second run of the vertex shader. Measured on lavapipe with one
+/// Many pixels a triangle that shows both faces: shading weighs more than a second run of the vertex shader. Measured on lavapipe with one
 /// and with 25 characters of 7,000 triangles at 1280×720: 18.3 → 13 ms, and no gain.
 fn faces_apart_pay(plan: &Plan, draws: &[Draw], triangles: impl Fn(u32) -> usize) -> bool {
     let double_sided = draws.iter().filter(|d| d.pipeline.double_sided);
-    let count: usize = double_sided.map(|d| triangles(d.primitive) * d.instance_count as usize).sum();
+    let open = |d: &Draw| triangles(d.primitive).saturating_sub(d.closed as usize / 3);
+    let count: usize = double_sided.map(|d| open(d) * d.instance_count as usize).sum();
     count > 0 && plan.size[0] as usize * plan.size[1] as usize / count >= 16
 }
 
@@ -351,10 +354,18 @@ struct DrawState<'a> {
     mesh: Option<(u32, VertexLayout, bool)>,
     /// Textures that a shader may read.
     most: Option<u32>,
+    /// Of one copy of a primitive.
+    triangles: &'a dyn Fn(u32) -> usize,
 }
 
-impl DrawState<'_> {
-    fn new(plan: &Plan, commands: Vec<Command>, shadow_pass: bool, most: Option<u32>) -> DrawState<'_> {
+impl<'a> DrawState<'a> {
+    fn new(
+        plan: &'a Plan,
+        commands: Vec<Command>,
+        shadow_pass: bool,
+        most: Option<u32>,
+        triangles: &'a dyn Fn(u32) -> usize,
+    ) -> DrawState<'a> {
         DrawState {
             plan,
             commands,
@@ -364,6 +375,7 @@ impl DrawState<'_> {
             material: None,
             mesh: None,
             most,
+            triangles,
         }
     }
 
@@ -374,7 +386,24 @@ impl DrawState<'_> {
         }
     }
 
+    /// The faces that are wanted and may be seen: of closed surfaces the front ones alone.
     fn draw(&mut self, draw: &Draw, cull: Cull) {
+        let all = 3 * (self.triangles)(draw.primitive) as u32;
+        let closed = draw.closed.min(all);
+        let parts = match cull {
+            _ if closed == 0 => [(cull, None), (cull, Some([0, 0]))],
+            Cull::None => [(Cull::Back, Some([0, closed])), (Cull::None, Some([closed, all - closed]))],
+            Cull::Back => [(Cull::Back, None), (cull, Some([0, 0]))],
+            Cull::Front => [(Cull::Front, Some([closed, all - closed])), (cull, Some([0, 0]))],
+        };
+        for (cull, indices) in parts {
+            if indices.is_none_or(|[_, count]| count > 0) {
+                self.draw_part(draw, cull, indices.filter(|i| *i != [0, all]));
+            }
+        }
+    }
+
+    fn draw_part(&mut self, draw: &Draw, cull: Cull, indices: Option<[u32; 2]>) {
         let variant = self.variant(draw);
         let features = variant.key.features;
         if self.pipeline != Some(variant) {
@@ -389,13 +418,15 @@ impl DrawState<'_> {
             self.commands.push(Command::BindMaterial { material, changed, slots });
             self.material = Some((material, changed, slots));
         }
-        let mesh = (draw.primitive, VertexLayout::of(features), features.has(Features::MORPH));
+        let order = if draw.closed > 0 { VertexLayout::CLOSED } else { 0 };
+        let layout = VertexLayout(VertexLayout::of(features).0 | order);
+        let mesh = (draw.primitive, layout, features.has(Features::MORPH));
         if self.mesh != Some(mesh) {
             self.commands.push(Command::BindMesh { primitive: mesh.0, layout: mesh.1, morphs: mesh.2 });
             self.mesh = Some(mesh);
         }
         let Draw { first_instance, instance_count, .. } = *draw;
-        self.commands.push(Command::Draw { first_instance, instance_count });
+        self.commands.push(Command::Draw { first_instance, instance_count, indices });
     }
 
     fn variant(&self, draw: &Draw) -> SceneVariant {

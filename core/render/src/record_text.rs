@@ -33,8 +33,9 @@ impl fmt::Display for Recording {
                 Command::BindMesh { primitive, morphs, .. } => {
                     writeln!(f, "  mesh {primitive}{}", if *morphs { ", morphs" } else { "" })?
                 }
-                Command::Draw { first_instance, instance_count } => {
-                    writeln!(f, "  draw {instance_count} from {first_instance}")?
+                Command::Draw { first_instance, instance_count, indices } => {
+                    let part = indices.map_or(String::new(), |[i, n]| format!(", indices {i} to {}", i + n));
+                    writeln!(f, "  draw {instance_count} from {first_instance}{part}")?
                 }
                 Command::CopyBehind { levels, .. } => writeln!(f, "copy behind glass, {levels} levels")?,
                 Command::DrawBackground { .. } => writeln!(f, "  background")?,

@@ -54,6 +54,8 @@ impl VertexLayout {
         VertexLayout(on.iter().enumerate().map(|(i, on)| (*on as u16) << i).sum::<u16>() | welded)
     }
 
+    /// Triangles of closed surfaces come first; see [`crate::closed`].
+    pub const CLOSED: u16 = 1 << 13;
     /// Indices are those of [`edges`], two a line.
     pub const EDGES: u16 = 1 << 14;
     /// Normals are those of [`welded_normals`].
@@ -112,8 +114,9 @@ fn weights16(weights: &[f32]) -> [u16; 8] {
     out
 }
 
-pub fn pack(p: &Primitive, layout: VertexLayout) -> PackedMesh {
-    let (order, indices) = first_use_order(p);
+/// `indices`: in the layout's order ([`crate::catalog::CatalogPrimitive::indices`]).
+pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh {
+    let (order, indices) = first_use_order(p, indices);
     let stride = layout.attributes().1 as usize;
     let mut bytes = Vec::with_capacity(order.len() * stride);
     let welded = if layout.0 & VertexLayout::WELDED != 0 { welded_normals(p) } else { Vec::new() };
@@ -167,8 +170,8 @@ pub fn pack(p: &Primitive, layout: VertexLayout) -> PackedMesh {
 }
 
 /// Offsets of all morph targets as morphs.wgsl reads them: a header, then per target `stride` lists of vectors.
-pub fn pack_morphs(p: &Primitive, layout: VertexLayout) -> Vec<u8> {
-    let (order, _) = first_use_order(p);
+pub fn pack_morphs(p: &Primitive, indices: &[u32], layout: VertexLayout) -> Vec<u8> {
+    let (order, _) = first_use_order(p, indices);
     let stride = 1 + layout.has(1) as u32 + layout.has(2) as u32;
     let mut out = Vec::with_capacity(16 + p.morphs.len() * stride as usize * order.len() * 16);
     out.extend_from_slice(bytemuck::cast_slice(&[order.len() as u32, stride, 0, 0]));
@@ -225,11 +228,10 @@ pub fn welded_normals(p: &Primitive) -> Vec<Vec3> {
 
 /// Vertices renumbered in the order in which the indices first use them (unused ones are dropped): fetches are
 /// sequential, and the driver's small post-transform cache hits more often.
-fn first_use_order(p: &Primitive) -> (Vec<u32>, Vec<u32>) {
+fn first_use_order(p: &Primitive, indices: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let mut new_of_old = vec![u32::MAX; p.positions.len()];
     let mut order = Vec::with_capacity(p.positions.len());
-    let indices = p
-        .indices
+    let indices = indices
         .iter()
         .map(|&i| {
             let slot = &mut new_of_old[i as usize];

@@ -77,11 +77,12 @@ impl Execution<'_> {
                         self.bind_set(self.pipelines.layout, 1, set);
                     }
                 }
-                Command::Draw { first_instance, instance_count } => {
-                    // SAFETY: pipeline, sets and mesh are bound; indices were checked when the mesh was packed.
-                    unsafe {
-                        device.cmd_draw_indexed(commands, index_count, *instance_count, 0, 0, *first_instance)
-                    };
+                Command::Draw { first_instance, instance_count, indices } => {
+                    let [first, count] = indices.unwrap_or([0, index_count]);
+                    let (copies, from) = (*instance_count, *first_instance);
+                    // SAFETY: pipeline, sets and mesh are bound; indices were checked when the mesh was packed, and the range
+                    // lies in them.
+                    unsafe { device.cmd_draw_indexed(commands, count, copies, first, 0, from) };
                 }
                 Command::DrawBackground { .. } | Command::DrawSky { .. } | Command::DrawUnder => {
                     self.bind_pipeline(pipeline_of(i)?);

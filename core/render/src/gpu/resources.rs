@@ -152,7 +152,7 @@ impl Resources {
         let key = (entry.hash, layout);
         let primitive = entry.primitive();
         if let Entry::Vacant(slot) = self.meshes.entry(key) {
-            let packed = pack(primitive, layout);
+            let packed = pack(primitive, entry.indices(layout), layout);
             let indices_at = packed.vertices.len().next_multiple_of(4) as u64;
             let mut bytes = packed.vertices;
             bytes.resize(indices_at as usize, 0);
@@ -168,7 +168,7 @@ impl Resources {
             slot.insert(Mesh { buffer, indices_at, index_count: packed.index_count, index_type });
         }
         if morphs && !self.morphs.contains_key(&key) {
-            let bytes = pack_morphs(primitive, layout);
+            let bytes = pack_morphs(primitive, entry.indices(layout), layout);
             let limit = gpu.limits().max_storage_buffer_range as u64;
             let name = format!("morph targets of mesh \"{}\" primitive {}", entry.mesh.name, entry.index);
             if bytes.len() as u64 > limit {
