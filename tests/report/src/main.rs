@@ -19,6 +19,7 @@ mod skinning;
 mod sky;
 mod springs;
 mod time;
+mod tones;
 mod video;
 mod yuv;
 
@@ -42,7 +43,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 17] = [
+const SECTIONS: [(&str, Measure); 18] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -58,6 +59,7 @@ const SECTIONS: [(&str, Measure); 17] = [
     ("sky", sky::section),
     ("samples", samples::section),
     ("effects", effects::section),
+    ("tones", tones::section),
     ("yuv", yuv::section),
     ("video", video::section),
 ];
