@@ -11,10 +11,12 @@ mod far_away;
 mod ik;
 mod mipmaps;
 mod packing;
+mod rays;
 mod reduction;
 mod rotation;
 mod samples;
 mod scenes;
+mod shadows;
 mod skinning;
 mod sky;
 mod springs;
@@ -43,7 +45,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 18] = [
+const SECTIONS: [(&str, Measure); 19] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -57,6 +59,7 @@ const SECTIONS: [(&str, Measure); 18] = [
     ("packing", packing::section),
     ("mipmaps", mipmaps::section),
     ("sky", sky::section),
+    ("shadows", shadows::section),
     ("samples", samples::section),
     ("effects", effects::section),
     ("tones", tones::section),

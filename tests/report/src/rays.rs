@@ -1,0 +1,111 @@
+//! Rays against the triangles of a stage that stands still, in f64: the truth for what maps approximate.
+
+use choreo_stage::{Snapshot, Stage, Topology};
+use glam::DVec3;
+
+pub struct Hit {
+    pub point: DVec3,
+    /// Of the triangle, to the side that the ray came from.
+    pub normal: DVec3,
+}
+
+/// One actor's triangles and the box around them.
+struct Shape {
+    min: DVec3,
+    max: DVec3,
+    triangles: Vec<[DVec3; 3]>,
+}
+
+pub struct Shapes(Vec<Shape>);
+
+impl Shapes {
+    /// All meshes without skins.
+    pub fn of(stage: &Stage, snapshot: &Snapshot) -> Shapes {
+        let mut shapes = Vec::new();
+        for (actor, state) in stage.actors.iter().zip(&snapshot.actors) {
+            let mut triangles = Vec::new();
+            for instance in actor.asset.instances.iter().filter(|i| i.skin.is_none()) {
+                let model_from_mesh = state.model_from_joint[instance.joint as usize];
+                let place = |p: glam::Vec3| {
+                    state.world_from_model.transform_point3(model_from_mesh.transform_point3(p).as_dvec3())
+                };
+                let mesh = &actor.asset.meshes[instance.mesh as usize];
+                for p in mesh.primitives.iter().filter(|p| p.topology == Topology::Triangles) {
+                    let at = |i: u32| place(p.positions[i as usize]);
+                    triangles.extend(p.indices.chunks_exact(3).map(|t| [at(t[0]), at(t[1]), at(t[2])]));
+                }
+            }
+            let corners = || triangles.iter().flatten().copied();
+            let min = corners().fold(DVec3::INFINITY, DVec3::min);
+            let max = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+            shapes.push(Shape { min, max, triangles });
+        }
+        Shapes(shapes)
+    }
+
+    /// What a ray meets first; `way` of unit length.
+    pub fn first(&self, from: DVec3, way: DVec3) -> Option<Hit> {
+        let mut nearest = f64::INFINITY;
+        let mut found = None;
+        for shape in self.0.iter().filter(|s| s.near(from, way)) {
+            for triangle in &shape.triangles {
+                if let Some(t) = meets(triangle, from, way)
+                    && t < nearest
+                {
+                    (nearest, found) = (t, Some(triangle));
+                }
+            }
+        }
+        let [a, b, c] = *found?;
+        let normal = (b - a).cross(c - a).normalize();
+        let normal = if normal.dot(way) > 0.0 { -normal } else { normal };
+        Some(Hit { point: from + way * nearest, normal })
+    }
+
+    /// Whether anything lies on the way.
+    pub fn blocked(&self, from: DVec3, way: DVec3) -> bool {
+        let near = self.0.iter().filter(|s| s.near(from, way));
+        near.flat_map(|s| &s.triangles).any(|t| meets(t, from, way).is_some())
+    }
+}
+
+impl Shape {
+    /// Whether the ray meets the box (Kay & Kajiya, slabs).
+    fn near(&self, from: DVec3, way: DVec3) -> bool {
+        let inverse = way.recip();
+        let (a, b) = ((self.min - 1e-9 - from) * inverse, (self.max + 1e-9 - from) * inverse);
+        let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
+        leave >= enter.max(0.0)
+    }
+}
+
+/// How far along (Möller & Trumbore, 1997); `None` behind, beside, along the plane.
+fn meets([a, b, c]: &[DVec3; 3], from: DVec3, way: DVec3) -> Option<f64> {
+    let (e1, e2) = (*b - *a, *c - *a);
+    let p = way.cross(e2);
+    let det = e1.dot(p);
+    if det.abs() < 1e-15 {
+        return None;
+    }
+    let s = from - *a;
+    let u = s.dot(p) / det;
+    let q = s.cross(e1);
+    let v = way.dot(q) / det;
+    let t = e2.dot(q) / det;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 1e-9).then_some(t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ray_meets_a_triangle_inside_and_not_beside_or_behind() {
+        let t = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let down = |x: f64, y: f64, z: f64| meets(&t, DVec3::new(x, y, z), DVec3::NEG_Z);
+        assert!((down(0.2, 0.3, 4.0).unwrap() - 4.0).abs() < 1e-12);
+        assert_eq!(down(0.6, 0.6, 4.0), None, "beside");
+        assert_eq!(down(0.2, 0.2, -1.0), None, "behind");
+        assert_eq!(meets(&t, DVec3::new(-1.0, 0.2, 0.0), DVec3::X), None, "along the plane");
+    }
+}

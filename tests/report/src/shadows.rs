@@ -1,0 +1,365 @@
+//! Shadow maps: how fine, and what filter, against rays.
+
+use crate::rays::{Hit, Shapes};
+use crate::{BUDGET_SECS, Random, Section};
+use choreo_measure::picture::Moment;
+use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_measure::truth::Spread;
+use choreo_motion::Time;
+use choreo_plugin::{Frame, Registry};
+use choreo_render::mip::{linear_to_srgb8, srgb_to_linear_table};
+use choreo_render::{CpuRenderer, GpuOptions, Renderer, VulkanRenderer};
+use choreo_report::{Choice, Row};
+use choreo_script::{ScriptOptions, run_text};
+use choreo_stage::{Projection, Stage};
+use glam::{DVec2, DVec3};
+use std::cell::RefCell;
+use std::hint::black_box;
+use std::path::Path;
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [640, 360];
+/// Metres from dark to light: the default.
+const SOFTNESS: f64 = 0.01;
+/// Rays a side of what is softened.
+const RAYS: usize = 6;
+
+pub fn section() -> Result<Section, String> {
+    Ok(Section {
+        title: "Shadow maps",
+        text: "A fence of bars 3 cm wide, a ball and a leaning plank under a sun: thin things, round things, a gap that closes. The truth are \
+               rays from what each pixel shows, many of them where an edge is soft. What a map is too coarse for, it blurs: bars melt \
+               together, and shadows leave the feet of what throws them."
+            .into(),
+        choices: vec![sizes()?, kernels()?],
+        tables: Vec::new(),
+        off_front: vec![(
+            "shadow_kernel",
+            "kernels of one or four comparisons are cheaper, and at the width of the edge that is asked for they show texels as stairs.",
+        )],
+    })
+}
+
+/// With what the sun says of its shadow, and how bright it is.
+fn stage(shadow: &str, intensity: f64, registry: &Registry) -> Result<Arc<Stage>, String> {
+    let text = format!(
+        r##"
+        stage(#{{ length: 1.0, background: "#8aa0b8" }});
+        cast("floor", shape("plane", #{{ size: 12.0, color: "#d8d4cc" }}));
+        let bar = shape("box", #{{ size: [0.03, 1.2, 0.03], color: "#b88a5a" }});
+        for i in 0..16 {{ cast("bar " + i, bar).at(-1.2 + i * 0.12, 0.0, -0.3); }}
+        cast("rail", shape("box", #{{ size: [2.0, 0.05, 0.04], color: "#b88a5a" }})).at(-0.3, 0.9, -0.3);
+        cast("ball", shape("sphere", #{{ size: 0.6, color: "#c04a3a" }})).at(1.2, 0.0, 0.2);
+        cast("plank", shape("box", #{{ size: [0.3, 1.4, 0.02], color: "#6a8a5a" }})).at(0.2, 0.0, 0.5).rotate(25.0, 0.0, 0.0);
+        sun(#{{ direction: [-0.5, -1.0, 0.62], intensity: {intensity}, shadow: {shadow} }});
+        camera("front").fov(34).at(0.6, 2.2, 4.8).look_at([0.1, 0.35, 0.3]);
+        "##
+    );
+    let script = run_text("shadows.rhai", &text, Path::new("."), registry, &ScriptOptions::default())
+        .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
+    Ok(Arc::new(script.stage))
+}
+
+fn moment(shadow: &str, intensity: f64, registry: &Registry) -> Result<Moment, String> {
+    let stage = stage(shadow, intensity, registry)?;
+    Moment::new(&stage, Time::ZERO, registry.effects()).map_err(|e| e.to_string())
+}
+
+fn drawn(moment: &Moment, renderer: &mut dyn Renderer) -> Result<Frame, String> {
+    renderer.load(moment.catalog.clone()).map_err(|e| e.to_string())?;
+    moment.draw(renderer, SIZE, 1).map_err(|e| e.to_string())
+}
+
+/// Unit, to the sun of the scene.
+fn to_sun() -> DVec3 {
+    -DVec3::new(-0.5, -1.0, 0.62).normalize()
+}
+
+/// Lit part of a square of the surface that is as wide as the softness, seen from the sun: rays from `side` × `side` places.
+fn lit(shapes: &Shapes, hit: &Hit, width: f64, side: usize) -> f64 {
+    let l = to_sun();
+    let nl = hit.normal.dot(l);
+    if nl <= 0.0 {
+        return 0.0;
+    }
+    let (across, up) = axes(l);
+    let mut sum = 0.0;
+    for i in 0..side * side {
+        let part = |i: usize| ((i as f64 + 0.5) / side as f64 - 0.5) * width;
+        let off = across * part(i % side) + up * part(i / side);
+        // Along the light back into the surface's plane.
+        let at = hit.point + off - l * (off.dot(hit.normal) / nl);
+        sum += f64::from(u8::from(!shapes.blocked(at + hit.normal * 1e-5, l)));
+    }
+    sum / (side * side) as f64
+}
+
+fn axes(l: DVec3) -> (DVec3, DVec3) {
+    let across = l.cross(DVec3::Y).normalize();
+    (across, across.cross(l))
+}
+
+/// What the camera sees through the middle of each pixel.
+fn seen(moment: &Moment, shapes: &Shapes) -> Vec<Option<Hit>> {
+    let camera = &moment.snapshot.camera;
+    let Projection::Perspective { yfov, .. } = camera.projection else { return Vec::new() };
+    let [width, height] = SIZE.map(f64::from);
+    let tan = libm::tan(f64::from(yfov) * 0.5);
+    let at = |i: usize| {
+        let (x, y) = ((i % SIZE[0] as usize) as f64 + 0.5, (i / SIZE[0] as usize) as f64 + 0.5);
+        let way = DVec3::new((x * 2.0 - width) / height * tan, (1.0 - y * 2.0 / height) * tan, -1.0);
+        let way = camera.world_from_view.transform_vector3(way).normalize();
+        shapes.first(camera.world_from_view.translation, way)
+    };
+    (0..(SIZE[0] * SIZE[1]) as usize).map(at).collect()
+}
+
+fn sizes() -> Result<Choice, String> {
+    let registry = choreo::registry();
+    let mut cpu = CpuRenderer::new(registry.effects());
+    let dark = moment("false", 0.0, &registry)?;
+    let shapes = Shapes::of(&dark.stage, &dark.snapshot);
+    let unlit = drawn(&dark, &mut cpu)?;
+    let bright = drawn(&moment("false", 2.0, &registry)?, &mut cpu)?;
+    let linear = srgb_to_linear_table();
+    let shares: Vec<f64> = seen(&dark, &shapes)
+        .iter()
+        .map(|h| h.as_ref().map_or(0.0, |h| lit(&shapes, h, SOFTNESS, RAYS)))
+        .collect();
+    // Between the picture without the sun and that without shadows, in linear light.
+    let truth: Vec<u8> = (0..unlit.rgba.len())
+        .map(|i| {
+            let [a, b] = [&unlit, &bright].map(|f| f64::from(linear[usize::from(f.rgba[i])]));
+            if i % 4 == 3 { 255 } else { linear_to_srgb8((a + (b - a) * shares[i / 4]) as f32) }
+        })
+        .collect();
+    let mut choice = Choice::new("shadow_size", "How many texels may a sun's shadow map have, a side?");
+    choice.error_unit = "steps of 255";
+    choice.by_mean = true;
+    choice.reference = format!(
+        "the same picture with the lit part of each pixel by {} rays, {}×{}; edges as wide as asked for, {:.0} mm",
+        RAYS * RAYS,
+        SIZE[0],
+        SIZE[1],
+        SOFTNESS * 1e3
+    );
+    let mut moments = Vec::new();
+    for (name, shadow) in [
+        ("no shadow", "false".to_string()),
+        ("256", "#{ size: 256 }".into()),
+        ("512", "#{ size: 512 }".into()),
+        ("1024", "#{ size: 1024 }".into()),
+        ("2048", "#{ size: 2048 }".into()),
+        ("4096", "#{ size: 4096 }".into()),
+    ] {
+        let moment = moment(&shadow, 2.0, &registry)?;
+        let picture = drawn(&moment, &mut cpu)?;
+        let mut error = Spread::default();
+        for (got, exact) in
+            picture.rgba.iter().zip(&truth).enumerate().filter(|(i, _)| i % 4 != 3).map(|p| p.1)
+        {
+            error.add(f64::from(got.abs_diff(*exact)));
+        }
+        let plan = moment.plan(SIZE, 1);
+        let views: Vec<String> = plan
+            .shadows
+            .iter()
+            .flat_map(|s| &s.views)
+            .map(|v| format!("{}×{} of {:.1} mm", v.size[0], v.size[1], v.texel * 1e3))
+            .collect();
+        let pixel = error.worst_at / 3;
+        choice.rows.push(
+            Row::new(name)
+                .error(error.worst, error.mean())
+                .at(format!("pixel {}, {}", pixel % SIZE[0] as usize, pixel / SIZE[0] as usize))
+                .note(views.join(", ")),
+        );
+        moments.push(moment);
+    }
+    let options = GpuOptions { effects: registry.effects().to_vec(), ..GpuOptions::default() };
+    let vulkan = VulkanRenderer::new(options).ok();
+    let (renderer, name): (Box<dyn Renderer>, _) = match vulkan {
+        Some(vulkan) => (Box::new(vulkan), "Vulkan"),
+        None => (Box::new(cpu), "the CPU renderer"),
+    };
+    choice.per = format!("picture by {name}, {}", Clock::Process.words());
+    let renderer = RefCell::new(renderer);
+    let mut cases = Vec::new();
+    for moment in &moments {
+        let renderer = &renderer;
+        cases.push(Case::new(1, move || {
+            let _ = black_box(drawn(moment, renderer.borrow_mut().as_mut()));
+        }));
+    }
+    let nanos = interleaved(Clock::Process, 6.0 * BUDGET_SECS, &mut cases);
+    drop(cases);
+    choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
+    choice.choose(
+        "2048",
+        "the default: a map is only as large as its softness needs for what is in view, and this is where more stops to be seen",
+    );
+    Ok(choice)
+}
+
+/// Depths along the sun's way of what it meets first, on a grid; nearer to the sun is greater.
+struct Map {
+    origin: DVec2,
+    texel: f64,
+    side: usize,
+    depth: Vec<f32>,
+    /// Means over 3 × 3 of the depth and its square, of which variance shadow maps are made.
+    moments: Vec<[f32; 2]>,
+}
+
+impl Map {
+    fn of(shapes: &Shapes, middle: DVec3, width: f64, texel: f64) -> Map {
+        let l = to_sun();
+        let (across, up) = axes(l);
+        let side = (width / texel).ceil() as usize;
+        let origin = DVec2::new(across.dot(middle), up.dot(middle)) - width * 0.5;
+        const FROM: f64 = 20.0;
+        let at = |i: usize| {
+            let p = origin + (DVec2::new((i % side) as f64, (i / side) as f64) + 0.5) * texel;
+            let start = across * p.x + up * p.y + l * FROM;
+            shapes.first(start, -l).map_or(-1e3, |hit| hit.point.dot(l) as f32)
+        };
+        let depth: Vec<f32> = (0..side * side).map(at).collect();
+        let mean = |i: usize| {
+            let (x, y) = ((i % side) as i64, (i / side) as i64);
+            let mut sum = [0.0; 2];
+            for (dy, dx) in (0..9).map(|k| (k / 3 - 1, k % 3 - 1)) {
+                let clamp = |v: i64| v.clamp(0, side as i64 - 1) as usize;
+                let d = depth[clamp(y + dy) * side + clamp(x + dx)];
+                sum = [sum[0] + d / 9.0, sum[1] + d * d / 9.0];
+            }
+            sum
+        };
+        let moments = (0..side * side).map(mean).collect();
+        Map { origin, texel, side, depth, moments }
+    }
+
+    /// In texels, and the depth; moved off the surface as the renderer does.
+    fn place(&self, hit: &Hit) -> [f32; 3] {
+        let l = to_sun();
+        let (across, up) = axes(l);
+        let nl = hit.normal.dot(l).clamp(0.0, 1.0);
+        let moved =
+            hit.point + hit.normal * (3.0 * (1.0 - nl * nl).sqrt() * self.texel) + l * (0.25 * self.texel);
+        let p = (DVec2::new(across.dot(moved), up.dot(moved)) - self.origin) / self.texel;
+        [p.x as f32, p.y as f32, moved.dot(l) as f32]
+    }
+
+    fn lit(&self, x: usize, y: usize, depth: f32) -> f32 {
+        f32::from(u8::from(depth >= self.depth[y * self.side + x]))
+    }
+
+    /// A box of N × N texels over the comparisons of N + 1 × N + 1.
+    fn filtered<const N: usize>(&self, [x, y, depth]: [f32; 3]) -> f32 {
+        let reach = N as f32 * 0.5;
+        let (left, top) = ((x - reach).floor(), (y - reach).floor());
+        let (fx, fy) = (x - reach - left, y - reach - top);
+        let mut sum = 0.0;
+        for j in 0..=N {
+            let wy = if j == 0 {
+                1.0 - fy
+            } else if j == N {
+                fy
+            } else {
+                1.0
+            };
+            let mut row = 0.0;
+            for i in 0..=N {
+                let wx = if i == 0 {
+                    1.0 - fx
+                } else if i == N {
+                    fx
+                } else {
+                    1.0
+                };
+                row += wx * self.lit(left as usize + i, top as usize + j, depth);
+            }
+            sum += wy * row;
+        }
+        sum / (N * N) as f32
+    }
+
+    /// Chebyshev's bound (Donnelly & Lauritzen, "Variance Shadow Maps", 2006), between four texels.
+    fn variance(&self, [x, y, depth]: [f32; 3]) -> f32 {
+        let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
+        let (fx, fy) = (x - 0.5 - left, y - 0.5 - top);
+        let at = |i: usize, j: usize| self.moments[(top as usize + j) * self.side + left as usize + i];
+        let mix = |c: usize| {
+            (at(0, 0)[c] * (1.0 - fx) + at(1, 0)[c] * fx) * (1.0 - fy)
+                + (at(0, 1)[c] * (1.0 - fx) + at(1, 1)[c] * fx) * fy
+        };
+        let (mean, square) = (mix(0), mix(1));
+        if depth >= mean {
+            return 1.0;
+        }
+        let variance = (square - mean * mean).max(1e-6);
+        let off = mean - depth;
+        variance / (variance + off * off)
+    }
+}
+
+fn kernels() -> Result<Choice, String> {
+    let registry = choreo::registry();
+    let scene = moment("false", 2.0, &registry)?;
+    let shapes = Shapes::of(&scene.stage, &scene.snapshot);
+    // Behind the fence and under the plank, away from the map's rim.
+    let (middle, reach) = (DVec3::new(-0.4, 0.0, 0.1), 0.5);
+    let mut random = Random(31);
+    let mut places = Vec::new();
+    while places.len() < 6000 {
+        let from = middle + DVec3::new(random.signed() * reach, 3.0, random.signed() * reach);
+        // Near an edge: far from it, all kernels say the same.
+        if let Some(hit) = shapes.first(from, DVec3::NEG_Y) {
+            let part = lit(&shapes, &hit, 3.0 * SOFTNESS, 4);
+            if part > 0.0 && part < 1.0 {
+                places.push((lit(&shapes, &hit, SOFTNESS, 16), hit));
+            }
+        }
+    }
+    let width = 3.2;
+    let third = Map::of(&shapes, middle, width, SOFTNESS / 3.0);
+    let fifth = Map::of(&shapes, middle, width, SOFTNESS / 5.0);
+    let whole = Map::of(&shapes, middle, width, SOFTNESS);
+    type Kernel = fn(&Map, [f32; 3]) -> f32;
+    let ways: [(&str, &Map, Kernel); 6] = [
+        ("1 texel, a third of the edge wide", &third, |m, p| m.lit(p[0] as usize, p[1] as usize, p[2])),
+        ("2 × 2, texels as wide as the edge", &whole, |m, p| m.filtered::<1>(p)),
+        ("3 × 3, a third of the edge wide", &third, |m, p| m.filtered::<2>(p)),
+        ("4 × 4, a third of the edge wide", &third, |m, p| m.filtered::<3>(p)),
+        ("6 × 6, a fifth of the edge wide", &fifth, |m, p| m.filtered::<5>(p)),
+        ("variance, a third of the edge wide", &third, |m, p| m.variance(p)),
+    ];
+    let mut choice = Choice::new("shadow_kernel", "With what kernel is a shadow map looked up?");
+    choice.error_unit = "of the light";
+    choice.by_mean = true;
+    choice.per = "lookup, without what finds the place in the map".into();
+    choice.reference = "6,000 places near the edges of shadows; the lit part of a square as wide as the edge by 256 rays; maps whose depths are \
+                        rays too"
+        .into();
+    let mut cases = Vec::new();
+    for (name, map, kernel) in ways {
+        let at: Vec<[f32; 3]> = places.iter().map(|(_, hit)| map.place(hit)).collect();
+        let mut error = Spread::default();
+        for ((exact, _), at) in places.iter().zip(&at) {
+            error.add((f64::from(kernel(map, *at)) - exact).abs());
+        }
+        choice
+            .rows
+            .push(Row::new(name).error(error.worst, error.mean()).note(format!("map of {}²", map.side)));
+        cases.push(Case::new(at.len(), move || {
+            black_box(at.iter().map(|p| kernel(map, black_box(*p))).sum::<f32>());
+        }));
+    }
+    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
+    drop(cases);
+    choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
+    choice.choose(
+        "4 × 4, a third of the edge wide",
+        "as wide as asked for at any place of the grid; a finer map costs every caster in it, more than the kernel",
+    );
+    Ok(choice)
+}
