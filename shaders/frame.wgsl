@@ -40,7 +40,8 @@ struct Instance {
     first_joint: u32,
     first_morph: u32,
     morph_count: u32,
-    pad: u32,
+    // Of lines and points: pixels, below 0: metres
+    width: f32,
 }
 
 struct ActiveMorph {

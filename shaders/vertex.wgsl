@@ -11,6 +11,8 @@ struct VertexIn {
     @if(SKIN) @location(7) weights: vec4<f32>,
     @if(SKIN_8) @location(8) joints_high: vec4<u32>,
     @if(SKIN_8) @location(9) weights_high: vec4<f32>,
+    @if(WIDE) @location(10) other: vec3<f32>,
+    @if(WIDE) @location(11) corner: vec3<f32>,
     @builtin(vertex_index) index: u32,
     @builtin(instance_index) instance: u32,
 }
@@ -180,6 +182,19 @@ fn vs(in: VertexIn) -> VertexOut {
     if (material.outline_on_screen < 0.5) { relative += unit_normal * width; }
     @end
     out.position = frame.clip_from_relative * vec4(relative, 1.0);
+    @if(WIDE)
+    let at_other = vec4(in.other, 1.0);
+    var relative_other = vec3(dot(m.x, at_other), dot(m.y, at_other), dot(m.z, at_other));
+    @end
+    @if(WIDE && DISPLACED)
+    place.world = relative_other + frame.camera.xyz;
+    place.model = in.other;
+    relative_other += vertex_effects(place, m);
+    @end
+    @if(WIDE)
+    let other = frame.clip_from_relative * vec4(relative_other, 1.0);
+    out.position = spread(out.position, other, in.corner, instances[in.instance].width);
+    @end
     @if(SHELL)
     if (material.outline_on_screen > 0.5) {
         // Where the normal goes in the picture, in pixels: d(xy/w) is proportional to this.

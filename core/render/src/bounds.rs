@@ -214,7 +214,7 @@ impl Rows {
     }
 
     pub fn from_affine3a(a: Affine3A) -> Rows {
-        Rows::from_affine(crate::planner::daffine(a))
+        Rows::from_affine(crate::planner_skins::daffine(a))
     }
 
     pub fn transform_point(&self, p: Vec3) -> Vec3 {

@@ -53,6 +53,9 @@ fn hash_with(m: &CatalogMaterial, texture_id: &dyn Fn(u32) -> Vec<u8>) -> [u8; 1
             f.relief,
         ],
     );
+    if let Some(pen) = f.pen {
+        array(&mut h, &[pen.width, f32::from(u8::from(pen.metres)), f32::from(u8::from(pen.round))]);
+    }
     if let Some(t) = f.toon.as_deref().filter(|_| f.shading == Shading::Toon) {
         let colors = [
             t.shade_color.extend(t.shading_shift),

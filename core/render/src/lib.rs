@@ -40,6 +40,7 @@ pub mod sky;
 mod textures_fit;
 pub mod vertex;
 pub mod view;
+pub mod wide;
 
 pub use catalog::Catalog;
 pub use cpu::CpuRenderer;

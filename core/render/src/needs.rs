@@ -92,6 +92,9 @@ pub fn features(
     set(lit && m.shading == Shading::Phong, Features::PHONG);
     let relief = reads_normal_map(primitive, material) && m.relief > 0.0;
     set(lit && !toon && relief, Features::RELIEF);
+    let pen = crate::wide::pen(p.topology, m).filter(|_| !needs.skinned && !needs.morphed);
+    set(pen.is_some(), Features::WIDE);
+    set(pen.is_some_and(|pen| pen.round), Features::ROUND);
     set(toon, Features::TOON);
     set(lit && (m.emissive != Vec3::ZERO || force_all), Features::EMISSIVE);
     set(matches!(m.alpha_mode, AlphaMode::Mask(_)) || force_all, Features::ALPHA_MASK);

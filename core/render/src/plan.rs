@@ -202,7 +202,8 @@ pub struct Instance {
     pub first_joint: u32,
     pub first_morph: u32,
     pub morph_count: u32,
-    pub _pad: u32,
+    /// Of lines and points: pixels; below 0: metres. See [`crate::wide`].
+    pub width: f32,
 }
 
 #[repr(C)]

@@ -14,9 +14,10 @@ use crate::planner_items::{Item, Phase};
 use crate::planner_lights::{plan_lights, plan_sky};
 use crate::planner_overlay::overlays;
 use crate::planner_shadows::Caster;
-use crate::planner_skins::{PosedSkin, dual_rows};
+use crate::planner_skins::{PosedSkin, daffine};
+use crate::wide;
 use choreo_stage::{ActorState, AlphaMode, Asset, EffectTarget, MeshInstance, Shadow, Snapshot, Stage};
-use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 impl Plan {
@@ -157,7 +158,7 @@ impl Planner<'_> {
             if !info.valid || primitive.primitive().indices.is_empty() {
                 continue;
             }
-            self.facts.copies += instance.times();
+            self.facts.copies += instance.joint_from_first(state.copies).count();
             let posed_skin = skin.filter(|s| {
                 // A joint list shorter than the vertices' indices cannot be drawn skinned.
                 info.influences > 0 && info.joint_count() <= self.skins[*s].rows.len()
@@ -192,7 +193,9 @@ impl Planner<'_> {
                 .with(has(seen.joints, needs.skinned && !needs.dual, Features::SEEN_JOINTS))
                 .with(has(seen.shadow, is_lit(material.material.shading), Features::SEEN_SHADOW));
             let of_corners = effects.of_corners(shape);
-            for copy in instance.joint_from_copies() {
+            let drawn_wide = features.has(Features::WIDE);
+            let wide = wide::pen(shape.topology, &material.material).filter(|_| drawn_wide);
+            for copy in instance.joint_from_first(state.copies) {
                 let relative_from_mesh = match instance.copies.is_empty() {
                     true => relative_from_joint,
                     false => relative_from_joint * daffine(copy),
@@ -208,9 +211,16 @@ impl Planner<'_> {
                     Some(s) => info.skinned(&s.rows, offset),
                     None => info.posed(&rigid, offset),
                 };
+                let width = wide.map_or(0.0, |pen| wide::width(pen, state.pen_width, &rigid));
+                if wide.is_some() && width == 0.0 {
+                    continue;
+                }
                 let moved = Vec3::splat(effects.reach);
                 let bounds = Aabb { min: bounds.min - moved, max: bounds.max + moved };
                 let (metres, share) = self.reach(entry, changed, index);
+                let metres = metres + (-width).max(0.0);
+                // Half of it, and no less than half a pixel to each side.
+                let share = share.max((0.5 * width + 1.0) / size[1] as f32);
                 let margin = Vec2::new(share * size[1] as f32 / size[0].max(1) as f32, share) * 2.0;
                 let around = Vec3::splat(metres);
                 let reached = Aabb { min: bounds.min - around, max: bounds.max + around };
@@ -226,7 +236,7 @@ impl Planner<'_> {
                 let key = PipelineKey {
                     features,
                     topology: primitive.primitive().topology.into(),
-                    double_sided: material.material.double_sided,
+                    double_sided: material.material.double_sided || features.has(Features::WIDE),
                     mirrored: determinant < 0.0,
                     blend: alpha_blends(material.material.alpha_mode)
                         || state.tint.w < 1.0
@@ -243,7 +253,7 @@ impl Planner<'_> {
                 if unseen && !casts {
                     continue;
                 }
-                let mut planned = Instance { relative_from_mesh: rigid, tint, ..Instance::default() };
+                let mut planned = Instance { relative_from_mesh: rigid, tint, width, ..Instance::default() };
                 if let Some(s) = posed_skin {
                     // Whoever is only a caster comes in once a map shows it.
                     if !unseen {
@@ -364,19 +374,6 @@ impl Planner<'_> {
         Some(place)
     }
 
-    /// Where the skin's matrices begin among the plan's; they come in when first asked for.
-    pub fn first_joint(&mut self, skin: usize) -> u32 {
-        let (matrices, skin) = (&mut self.joint_matrices, &mut self.skins[skin]);
-        *skin.first_joint.get_or_insert_with(|| {
-            let first = matrices.len() as u32;
-            match skin.carriers.is_empty() {
-                true => matrices.extend_from_slice(&skin.rows),
-                false => matrices.extend(skin.carriers.iter().flat_map(dual_rows)),
-            }
-            first
-        })
-    }
-
     fn finish(
         mut self,
         stage: &Stage,
@@ -483,13 +480,5 @@ impl Planner<'_> {
             linear: false,
             left_out,
         }
-    }
-}
-
-pub(crate) fn daffine(a: Affine3A) -> DAffine3 {
-    let dvec = |v: glam::Vec3A| DVec3::new(v.x.into(), v.y.into(), v.z.into());
-    DAffine3 {
-        matrix3: DMat3::from_cols(dvec(a.matrix3.x_axis), dvec(a.matrix3.y_axis), dvec(a.matrix3.z_axis)),
-        translation: dvec(a.translation),
     }
 }

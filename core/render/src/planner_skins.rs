@@ -2,7 +2,7 @@
 
 use crate::bounds::PrimitiveInfo;
 use crate::plan::Rows;
-use crate::planner::{Planner, daffine};
+use crate::planner::Planner;
 use choreo_motion::{Carrier, Skinning};
 use choreo_stage::{ActorState, Asset};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec4};
@@ -59,4 +59,27 @@ pub(crate) fn dual_rows(carrier: &Carrier) -> [Rows; 2] {
     let part = |q: glam::DQuat| glam::DVec4::from(q).as_vec4();
     let stretch = DAffine3 { matrix3: carrier.stretch, translation: DVec3::ZERO };
     [Rows([part(carrier.real), part(carrier.dual), Vec4::ZERO]), Rows::from_affine(stretch)]
+}
+
+impl Planner<'_> {
+    /// Where the skin's matrices begin among the plan's; they come in when first asked for.
+    pub fn first_joint(&mut self, skin: usize) -> u32 {
+        let (matrices, skin) = (&mut self.joint_matrices, &mut self.skins[skin]);
+        *skin.first_joint.get_or_insert_with(|| {
+            let first = matrices.len() as u32;
+            match skin.carriers.is_empty() {
+                true => matrices.extend_from_slice(&skin.rows),
+                false => matrices.extend(skin.carriers.iter().flat_map(dual_rows)),
+            }
+            first
+        })
+    }
+}
+
+pub(crate) fn daffine(a: Affine3A) -> DAffine3 {
+    let dvec = |v: glam::Vec3A| DVec3::new(v.x.into(), v.y.into(), v.z.into());
+    DAffine3 {
+        matrix3: DMat3::from_cols(dvec(a.matrix3.x_axis), dvec(a.matrix3.y_axis), dvec(a.matrix3.z_axis)),
+        translation: dvec(a.translation),
+    }
 }

@@ -4,6 +4,7 @@
 //! 0.003°), colours and weights 16-bit unsigned fractions (error ≤ 1/131070; the rounded weights of a vertex still sum to 1).
 
 use crate::plan::Features;
+use crate::wide::widened;
 use choreo_stage::Primitive;
 use glam::{Vec3, Vec4};
 
@@ -12,7 +13,7 @@ use glam::{Vec3, Vec4};
 pub struct VertexLayout(pub u16);
 
 /// (location, bytes, what) of every attribute there is.
-pub const ATTRIBUTES: [(u32, u32, Format); 10] = [
+pub const ATTRIBUTES: [(u32, u32, Format); 12] = [
     (0, 12, Format::F32x3),
     (1, 8, Format::Snorm16x4),
     (2, 8, Format::Snorm16x4),
@@ -23,6 +24,8 @@ pub const ATTRIBUTES: [(u32, u32, Format); 10] = [
     (7, 8, Format::Unorm16x4),
     (8, 8, Format::Uint16x4),
     (9, 8, Format::Unorm16x4),
+    (10, 12, Format::F32x3),
+    (11, 12, Format::F32x3),
 ];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,14 +51,20 @@ impl VertexLayout {
             features.has(Features::SKIN),
             features.has(Features::SKIN_8),
             features.has(Features::SKIN_8),
+            features.has(Features::WIDE),
+            features.has(Features::WIDE),
         ];
         let welded = if features.has(Features::SHELL) { Self::WELDED } else { 0 };
         let welded = if features.has(Features::EDGES) { welded | Self::EDGES } else { welded };
+        let wide = features.has(Features::WIDE) && features.has(Features::ROUND);
+        let welded = if wide { welded | Self::ROUND } else { welded };
         VertexLayout(on.iter().enumerate().map(|(i, on)| (*on as u16) << i).sum::<u16>() | welded)
     }
 
     /// Triangles of closed surfaces come first; see [`crate::closed`].
     pub const CLOSED: u16 = 1 << 13;
+    /// Corners are those of round lines and points ([`widened`]).
+    pub const ROUND: u16 = 1 << 12;
     /// Indices are those of [`edges`], two a line.
     pub const EDGES: u16 = 1 << 14;
     /// Normals are those of [`welded_normals`].
@@ -116,13 +125,17 @@ fn weights16(weights: &[f32]) -> [u16; 8] {
 
 /// `indices`: in the layout's order ([`crate::catalog::CatalogPrimitive::indices`]).
 pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh {
-    let (order, indices) = first_use_order(p, indices);
+    let wide = layout.has(10).then(|| widened(p, layout.0 & VertexLayout::ROUND != 0));
+    let (order, indices) = match &wide {
+        Some(wide) => (wide.of.clone(), wide.indices.clone()),
+        None => first_use_order(p, indices),
+    };
     let stride = layout.attributes().1 as usize;
     let mut bytes = Vec::with_capacity(order.len() * stride);
     let welded = if layout.0 & VertexLayout::WELDED != 0 { welded_normals(p) } else { Vec::new() };
     let normals = if welded.is_empty() { &p.normals } else { &welded };
     let snorm4 = |v: Vec4| [v.x, v.y, v.z, v.w].map(snorm16);
-    for &v in &order {
+    for (at, &v) in order.iter().enumerate() {
         let v = v as usize;
         bytes.extend_from_slice(bytemuck::bytes_of(&p.positions[v]));
         if layout.has(1) {
@@ -156,6 +169,10 @@ pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh 
                 bytes.extend_from_slice(bytemuck::cast_slice(&joints[4..]));
                 bytes.extend_from_slice(bytemuck::cast_slice(&weights[4..]));
             }
+        }
+        if let Some(wide) = &wide {
+            bytes.extend_from_slice(bytemuck::bytes_of(&p.positions[wide.other[at] as usize]));
+            bytes.extend_from_slice(bytemuck::bytes_of(&wide.corners[at]));
         }
     }
     let indices = if layout.0 & VertexLayout::EDGES != 0 { edges(&indices) } else { indices };

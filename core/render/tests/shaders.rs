@@ -453,7 +453,7 @@ fn layouts_equal_the_rust_structs() {
     compare(&m, "Rows", 48, &[("x", 0), ("y", 16), ("z", 32)]);
     let (members, span) = layout(&m, "Instance");
     let rust =
-        fields!(Instance: relative_from_mesh, tint, first_joint, first_morph, morph_count, _pad).iter();
+        fields!(Instance: relative_from_mesh, tint, first_joint, first_morph, morph_count, width).iter();
     let rust: Vec<u32> = rust.map(|(_, o)| *o as u32).collect();
     assert_eq!(members.iter().map(|(_, o)| *o).collect::<Vec<_>>(), rust);
     assert_eq!(span as usize, size_of::<Instance>());

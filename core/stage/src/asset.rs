@@ -91,6 +91,12 @@ impl MeshInstance {
         own.into_iter().chain(self.copies.iter().copied())
     }
 
+    /// The first so many of the copies, all where there is no number; without copies the one.
+    pub fn joint_from_first(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
+        let most = count.filter(|_| !self.copies.is_empty()).map_or(usize::MAX, |n| n as usize);
+        self.joint_from_copies().take(most)
+    }
+
     /// How often the mesh is drawn: 1 without copies.
     pub fn times(&self) -> usize {
         self.copies.len().max(1)
@@ -267,6 +273,19 @@ pub struct Material {
     pub strip: Option<FrameStrip>,
     /// Clearcoat, sheen, transmission; of metallic-roughness surfaces only.
     pub layers: Option<Box<MaterialLayers>>,
+    /// How wide lines and points are; `None`: a pixel. Without meaning for triangles, and for what has a skin or morphs.
+    pub pen: Option<Pen>,
+}
+
+/// What lines and points are drawn with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pen {
+    /// Across; nothing is drawn at 0, and never less than a pixel otherwise.
+    pub width: f32,
+    /// Metres of the model, else pixels at any distance.
+    pub metres: bool,
+    /// Points are discs and lines have round ends; else squares along the picture's edges, and ends that are cut off.
+    pub round: bool,
 }
 
 /// Frames of a texture in columns and rows, from the top left, row by row.
@@ -323,6 +342,7 @@ impl Default for Material {
             uv_motion: None,
             strip: None,
             layers: None,
+            pen: None,
         }
     }
 }

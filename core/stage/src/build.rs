@@ -66,6 +66,8 @@ impl Actor {
             walk: None,
             visible: true,
             tint: Vec4::ONE,
+            pen_width: None,
+            copies: None,
             morphs: Vec::new(),
             expressions: Vec::new(),
             file_lights: true,

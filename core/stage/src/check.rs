@@ -115,6 +115,10 @@ impl Checker<'_> {
             format!("rotation has length {}, must be 1", rotation.length())
         });
         self.need(actor.tint.is_finite(), &place, || format!("tint is {}, must be finite", actor.tint));
+        let width = actor.pen_width.unwrap_or_default();
+        self.need(width.is_finite() && width >= 0.0, &place, || {
+            format!("width of lines is {width}, must be a number from 0")
+        });
         if let Some(parent) = &actor.parent {
             self.attachment(&place, parent);
         }
@@ -179,7 +183,9 @@ impl Checker<'_> {
                 | Property::Rotation
                 | Property::Scale
                 | Property::Visible
-                | Property::Tint => true,
+                | Property::Tint
+                | Property::PenWidth
+                | Property::Copies => true,
                 Property::Morph { instance, target } => {
                     self.morph(&place, &actor.asset, instance, target);
                     true

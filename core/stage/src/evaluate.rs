@@ -256,9 +256,7 @@ pub(crate) fn evaluate_actors(
     out.actors.resize_with(stage.actors.len(), ActorState::default);
     scratch.placements.clear();
     for (actor, state) in stage.actors.iter().zip(&mut out.actors) {
-        let (placement, visible, tint) = pose::keyed_placement(actor, time);
-        scratch.placements.push(placement);
-        (state.visible, state.tint) = (visible, tint);
+        scratch.placements.push(pose::keyed_placement(actor, time, state));
     }
     run_hooks(stage, scratch, time, &mut out.actors)?;
     let motions = scratch.motions.get_or_insert_with(|| Arc::new(Motions::new(stage))).clone();
@@ -320,6 +318,8 @@ fn run_hooks(
             ActorEdit::Scale { factor, .. } => placement.scale *= factor,
             ActorEdit::Visible { visible, .. } => state.visible = visible,
             ActorEdit::Tint { tint, .. } => state.tint = tint,
+            ActorEdit::PenWidth { width, .. } => state.pen_width = Some(width),
+            ActorEdit::Copies { count, .. } => state.copies = Some(count),
             ActorEdit::Morph { .. } | ActorEdit::Expression { .. } | ActorEdit::TurnJoint { .. } => {
                 scratch.pose_edits.push((index, place))
             }

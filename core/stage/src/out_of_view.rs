@@ -36,6 +36,8 @@ fn reach(actor: &Actor) -> Option<Reach> {
     let asset = &actor.asset;
     let lit_by_file = actor.file_lights && !asset.lights.is_empty();
     let outlined = asset.materials.iter().any(|m| m.toon.as_ref().is_some_and(|t| t.outline.is_some()));
+    // Pixels have no metres.
+    let outlined = outlined || asset.materials.iter().any(|m| m.pen.is_some());
     let unbounded = !actor.goals.is_empty() || actor.springs.is_some();
     // Dual quaternions take vertices out of the hull of where their joints' matrices would.
     if unbounded || lit_by_file || outlined || actor.skinning != Skinning::Linear {

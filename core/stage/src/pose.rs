@@ -399,20 +399,24 @@ fn set_expressions<'e>(
     }
 }
 
-/// Placement, visibility and tint of an actor as keyed, before hooks.
-pub(crate) fn keyed_placement(actor: &Actor, time: Time) -> (crate::Placement, bool, glam::Vec4) {
+/// Placement of an actor as keyed, before hooks, and of its state what needs no pose.
+pub(crate) fn keyed_placement(actor: &Actor, time: Time, state: &mut crate::ActorState) -> crate::Placement {
     let mut placement = actor.transform;
-    let (mut visible, mut tint) = (actor.visible, actor.tint);
+    (state.visible, state.tint) = (actor.visible, actor.tint);
+    (state.pen_width, state.copies) = (actor.pen_width, actor.copies);
     for channel in &actor.channels {
         let Some(v) = channel.at(time) else { continue };
         match channel.property {
             Property::Translation => placement.translation = channels::vec3(v),
             Property::Rotation => placement.rotation = glam::DQuat::from_array(v),
             Property::Scale => placement.scale = channels::vec3(v),
-            Property::Visible => visible = v[0] >= 0.5,
-            Property::Tint => tint = glam::DVec4::from_array(v).as_vec4(),
+            Property::Visible => state.visible = v[0] >= 0.5,
+            Property::Tint => state.tint = glam::DVec4::from_array(v).as_vec4(),
+            // What is keyed from 3 to 4 is 4 at the end, whatever was rounded on the way.
+            Property::Copies => state.copies = Some((v[0] + 1e-9).max(0.0) as u32),
+            Property::PenWidth => state.pen_width = Some(v[0].max(0.0) as f32),
             _ => {}
         }
     }
-    (placement, visible, tint)
+    placement
 }

@@ -24,8 +24,9 @@ pub struct PosedPrimitive {
 
 /// All mesh instances of an actor in world space. Empty where the actor was not posed (invisible).
 pub fn posed_meshes(asset: &Asset, actor: &ActorState) -> Vec<PosedInstance> {
-    let ActorState { model_from_joint, morph_weights, world_from_model, skinning, .. } = actor;
-    posed_meshes_by(*skinning, asset, model_from_joint, morph_weights, *world_from_model)
+    let ActorState { model_from_joint, morph_weights, world_from_model, .. } = actor;
+    let how = (actor.skinning, actor.copies);
+    posed_meshes_by(how, asset, model_from_joint, morph_weights, *world_from_model)
 }
 
 /// As [`posed_meshes`] with linear skinning, moved by any map: identity gives model space.
@@ -35,11 +36,11 @@ pub fn posed_meshes_in(
     morph_weights: &[Vec<f32>],
     world_from_model: DAffine3,
 ) -> Vec<PosedInstance> {
-    posed_meshes_by(Skinning::Linear, asset, model_from_joint, morph_weights, world_from_model)
+    posed_meshes_by((Skinning::Linear, None), asset, model_from_joint, morph_weights, world_from_model)
 }
 
 fn posed_meshes_by(
-    skinning: Skinning,
+    (skinning, copies): (Skinning, Option<u32>),
     asset: &Asset,
     model_from_joint: &[Affine3A],
     morph_weights: &[Vec<f32>],
@@ -53,7 +54,7 @@ fn posed_meshes_by(
         let Some(mesh) = asset.meshes.get(instance.mesh as usize) else { continue };
         let weights = morph_weights.get(index).map_or(&[][..], Vec::as_slice);
         let at_joint = Carriers::new(skinning, asset, instance, model_from_joint);
-        for copy in instance.joint_from_copies() {
+        for copy in instance.joint_from_first(copies) {
             let carriers = at_joint.of_copy(&copy);
             let pose = |p: &Primitive| pose_primitive(p, &carriers, weights, world_from_model);
             out.push(PosedInstance {

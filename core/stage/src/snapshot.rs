@@ -33,6 +33,10 @@ pub struct ActorState {
     /// One list per mesh instance of the asset; empty lists where the mesh has no morph targets.
     pub morph_weights: Vec<Vec<f32>>,
     pub tint: Vec4,
+    /// In place of the widths of its pens.
+    pub pen_width: Option<f32>,
+    /// So many of the copies of its meshes are there, the first ones; `None`: all.
+    pub copies: Option<u32>,
     /// Linear RGBA factors of the asset's materials where its clips animate any; else empty: those of the materials.
     pub base_colors: Vec<Vec4>,
     /// How vertices follow several joints.
@@ -52,6 +56,8 @@ impl Default for ActorState {
             model_from_joint: Vec::new(),
             morph_weights: Vec::new(),
             tint: Vec4::ONE,
+            pen_width: None,
+            copies: None,
             base_colors: Vec::new(),
             skinning: Skinning::default(),
             materials: Vec::new(),

@@ -100,6 +100,10 @@ pub struct Actor {
     pub visible: bool,
     /// Multiplies every base colour, linear.
     pub tint: Vec4,
+    /// In place of the widths of its pens ([`crate::Pen`]).
+    pub pen_width: Option<f32>,
+    /// So many of the copies of its meshes are there, the first ones; `None`: all.
+    pub copies: Option<u32>,
     /// Morph weights by name or index set in the script: (mesh instance, target, weight), over the clips'.
     pub morphs: Vec<(u32, u32, f32)>,
     /// Weights of expressions set in the script: (index into `Asset::expressions`, weight), over the clips'.
@@ -223,6 +227,10 @@ pub enum Property {
     /// 0 or 1.
     Visible,
     Tint,
+    /// Of its lines and points.
+    PenWidth,
+    /// How many copies of its meshes, rounded down.
+    Copies,
     Morph {
         instance: u32,
         target: u32,
@@ -404,6 +412,14 @@ pub enum ActorEdit {
         actor: usize,
         tint: Vec4,
     },
+    PenWidth {
+        actor: usize,
+        width: f32,
+    },
+    Copies {
+        actor: usize,
+        count: u32,
+    },
     Morph {
         actor: usize,
         instance: u32,
@@ -464,6 +480,8 @@ impl ActorEdit {
             | ActorEdit::Scale { actor, .. }
             | ActorEdit::Visible { actor, .. }
             | ActorEdit::Tint { actor, .. }
+            | ActorEdit::PenWidth { actor, .. }
+            | ActorEdit::Copies { actor, .. }
             | ActorEdit::Morph { actor, .. }
             | ActorEdit::Expression { actor, .. }
             | ActorEdit::TurnJoint { actor, .. }

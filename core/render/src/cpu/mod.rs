@@ -28,6 +28,7 @@ mod toon;
 mod uv;
 mod veil;
 mod vertex;
+mod wide;
 
 use crate::catalog::{Catalog, CatalogMaterial};
 use crate::exposure::Accumulated;
@@ -207,14 +208,15 @@ impl CpuRenderer {
                     camera: plan.view.position.as_vec3(),
                 }
                 .run();
-                let edges = features.has(Features::EDGES).then(|| crate::vertex::edges(&primitive.indices));
-                let triangles = Assembly {
-                    vertices: &vertices,
-                    indices: edges.as_ref().unwrap_or(&primitive.indices),
-                    pipeline: draw.pipeline,
-                    size,
-                }
-                .run();
+                let pipeline = draw.pipeline;
+                let triangles = if features.has(Features::WIDE) {
+                    wide::triangles(primitive, &vertices, pipeline, instance.width, clip_from_relative, size)
+                } else {
+                    let edges = features.has(Features::EDGES);
+                    let edges = edges.then(|| crate::vertex::edges(&primitive.indices));
+                    let indices = edges.as_ref().unwrap_or(&primitive.indices);
+                    Assembly { vertices: &vertices, indices, pipeline, size }.run()
+                };
                 Batch {
                     paint: Paint::Surface(Fragment {
                         plan,

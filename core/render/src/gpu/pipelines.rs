@@ -187,7 +187,8 @@ impl Pipelines {
         let stages = |vs, fs| [(vs, ShaderStage::Vertex), (fs, ShaderStage::Fragment)];
         match id {
             Id::Scene { variant, samples, float, surface } => {
-                let points = variant.key.topology == TopologyKey::Points;
+                let wide = variant.key.features.has(Features::WIDE);
+                let points = variant.key.topology == TopologyKey::Points && !wide;
                 let mut files = self.sources.files(&SCENE)?;
                 files.extend(self.surface_texts(surface)?);
                 let key = &variant.key;
@@ -209,6 +210,7 @@ impl Pipelines {
                         layout: layouts.material(texture_slots(key.features))?.pipeline,
                         vertices: Some(VertexLayout::of(key.features)),
                         topology: match key.topology {
+                            _ if wide => vk::PrimitiveTopology::TRIANGLE_LIST,
                             TopologyKey::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
                             TopologyKey::Lines => vk::PrimitiveTopology::LINE_LIST,
                             TopologyKey::Points => vk::PrimitiveTopology::POINT_LIST,

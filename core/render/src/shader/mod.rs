@@ -24,7 +24,7 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 16] = [
+const EMBEDDED: [(&str, &str); 17] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("under.wgsl", include_str!("../../../../shaders/under.wgsl")),
     ("sky.wgsl", include_str!("../../../../shaders/sky.wgsl")),
@@ -34,6 +34,7 @@ const EMBEDDED: [(&str, &str); 16] = [
     ("refraction.wgsl", include_str!("../../../../shaders/refraction.wgsl")),
     ("shadow.wgsl", include_str!("../../../../shaders/shadow.wgsl")),
     ("displace.wgsl", include_str!("../../../../shaders/displace.wgsl")),
+    ("wide.wgsl", include_str!("../../../../shaders/wide.wgsl")),
     ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
     ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
     ("surface.wgsl", include_str!("../../../../shaders/surface.wgsl")),
@@ -44,12 +45,13 @@ const EMBEDDED: [(&str, &str); 16] = [
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 11] = [
+pub const SCENE: [&str; 12] = [
     "frame.wgsl",
     "sky.wgsl",
     "brdf.wgsl",
     "toon.wgsl",
     "displace.wgsl",
+    "wide.wgsl",
     "vertex.wgsl",
     "layers.wgsl",
     "refraction.wgsl",
@@ -147,7 +149,7 @@ pub struct SceneVariant {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 55] = [
+    let names: [(&'static str, Features); 56] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("SKIN_DUAL", Features::SKIN_DUAL),
@@ -190,6 +192,7 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("RELIEF", Features::RELIEF),
         ("SHELL", Features::SHELL),
         ("EDGES", Features::EDGES),
+        ("WIDE", Features::WIDE),
         ("SEEN_NORMALS", Features::SEEN_NORMALS),
         ("SEEN_JOINTS", Features::SEEN_JOINTS),
         ("SEEN_SHADOW", Features::SEEN_SHADOW),

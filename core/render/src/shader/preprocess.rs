@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 77] = [
+pub const SWITCHES: [&str; 78] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -56,6 +56,7 @@ pub const SWITCHES: [&str; 77] = [
     "DISPERSION",
     "SHELL",
     "EDGES",
+    "WIDE",
     "SEEN_NORMALS",
     "SEEN_JOINTS",
     "SEEN_SHADOW",

@@ -68,6 +68,8 @@ impl Scene {
             model_from_joint,
             morph_weights: asset.instances.iter().map(|i| i.weights.clone()).collect(),
             tint: Vec4::ONE,
+            pen_width: None,
+            copies: None,
             base_colors: Vec::new(),
             skinning: Default::default(),
             materials: Vec::new(),

@@ -4,7 +4,7 @@ pub use super::joint::find_joint;
 use super::keys;
 pub use super::look::before_start;
 use crate::build::{ActorDraft, Chain, CueDraft, room};
-use crate::call::{ApiError, Call, Def, Gives, Reply, rgb, unknown};
+use crate::call::{ApiError, Call, Def, Gives, Reply, number_in, rgb, unknown};
 use crate::hook;
 use crate::value::*;
 use choreo_stage::*;
@@ -57,6 +57,24 @@ pub const DEFS: &[Def] = &[
     Def::new(Kind::Actor, "tint", "color", THIS, "Multiplies every color of the actor.", tint).in_frames(),
     Def::new(
         Kind::Actor,
+        "count",
+        "number",
+        THIS,
+        "How many of the copies that Asset.repeat made are there, the first ones, 0 and more; keyed or in a callback they come and go.",
+        count,
+    )
+    .in_frames(),
+    Def::new(
+        Kind::Actor,
+        "width",
+        "width",
+        THIS,
+        "How wide its lines or points are, in pixels or metres as lines(…) or points(…) had it; at 0 nothing is drawn.",
+        width,
+    )
+    .in_frames(),
+    Def::new(
+        Kind::Actor,
         "morph",
         "name, weight",
         THIS,
@@ -94,7 +112,7 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, keys, how? | property, name, keys, how?",
         THIS,
-        "Keys [[time, value], …] of \"position\", \"rotation\" (degrees about y, or [x, y, z]), \"scale\", \"visible\", \"tint\", or \"morph\" or \"expression\" with its name; how: \"linear\", \"step\", \"smooth\" (rests at each key), \"cubic\" (runs through them), or an ease into every key as of a cue's fade, \"in_out_sine\" or a Bézier curve [x1, y1, x2, y2]; [time, value, ease] eases into that key alone.",
+        "Keys [[time, value], …] of \"position\", \"rotation\" (degrees about y, or [x, y, z]), \"scale\", \"visible\", \"tint\", \"width\" (of lines and points), \"count\" (of copies, rounded down), or \"morph\" or \"expression\" with its name; how: \"linear\", \"step\", \"smooth\" (rests at each key), \"cubic\" (runs through them), or an ease into every key as of a cue's fade, \"in_out_sine\" or a Bézier curve [x1, y1, x2, y2]; [time, value, ease] eases into that key alone.",
         key,
     ),
     Def::new(
@@ -286,6 +304,41 @@ fn show(c: &mut Call) -> Reply {
 fn tint(c: &mut Call) -> Reply {
     let tint = c.color(0)?;
     change(c, |actor| ActorEdit::Tint { actor, tint }, |d| d.actor.tint = tint)
+}
+
+fn width(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    has_pen(&this.asset, "width")?;
+    let width = number_in(&c.value(0), "width: width", 0.0, f64::from(MOST_WIDE))? as f32;
+    change(c, |actor| ActorEdit::PenWidth { actor, width }, |d| d.actor.pen_width = Some(width))
+}
+
+/// Wider than any picture, pixels or metres.
+pub const MOST_WIDE: f32 = 16384.0;
+
+fn count(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    has_copies(&this.asset, "count")?;
+    let count = number_in(&c.value(0), "count: number", 0.0, f64::from(u32::MAX))? as u32;
+    change(c, |actor| ActorEdit::Copies { actor, count }, |d| d.actor.copies = Some(count))
+}
+
+/// Whether it has copies to be counted.
+pub fn has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
+    if asset.instances.iter().any(|i| !i.copies.is_empty()) {
+        return Ok(());
+    }
+    let text = format!("{function}: {} is there once", asset.name);
+    Err(ApiError::new(text).hint("cast asset.repeat(places) to have it more often"))
+}
+
+/// Whether the asset has lines or points of a width.
+pub fn has_pen(asset: &Asset, function: &str) -> Result<(), ApiError> {
+    if asset.materials.iter().any(|m| m.pen.is_some()) {
+        return Ok(());
+    }
+    let text = format!("{function}: {} has no lines or points of a width", asset.name);
+    Err(ApiError::new(text).hint("give lines(…) a width, points(…) a size, or either metres"))
 }
 
 /// Every (mesh instance, target) with this name, or the one target with this number in every instance.

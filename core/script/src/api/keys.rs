@@ -1,6 +1,6 @@
 //! `.key("position", [[t, value], …], how)`: keyed properties.
 
-use super::actor::{euler, morph_targets};
+use super::actor::{MOST_WIDE, euler, has_copies, has_pen, morph_targets};
 use super::expression;
 use crate::call::{ApiError, Call, color, describe, number, number_in, numbers, one_of, rgb, wrong};
 use crate::limits::raise_hint;
@@ -29,7 +29,9 @@ type Reader<'a> = dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError> + 'a;
 /// The channels of a `.key(property, [name,] keys, how?)` call.
 pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
     let allowed: &[&'static str] = match owner {
-        Owner::Actor(_) => &["position", "rotation", "scale", "visible", "tint", "morph", "expression"],
+        Owner::Actor(_) => {
+            &["position", "rotation", "scale", "visible", "tint", "width", "count", "morph", "expression"]
+        }
         Owner::Camera => &["position", "rotation", "fov"],
         Owner::Light => &["position", "intensity", "color", "kelvin", "direction", "range", "cone"],
         Owner::Sky => &["turn", "strength"],
@@ -38,6 +40,11 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
     };
     let flat = matches!(owner, Owner::Flat);
     let name = one_of(&c.value(0), "key: property", allowed)?;
+    match (name, &owner) {
+        ("width", Owner::Actor(asset)) => has_pen(asset, "key")?,
+        ("count", Owner::Actor(asset)) => has_copies(asset, "key")?,
+        _ => {}
+    }
     let mut next = if matches!(owner, Owner::JointOfClip) { 2 } else { 1 };
     let mut targets = Vec::new();
     if let ("morph" | "expression", Owner::Actor(asset)) = (name, owner) {
@@ -76,6 +83,14 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
         "opacity" => one(Property::Opacity, values(&|v, l| Ok(vec![number_in(v, l, 0.0, 1.0)?]))?)?,
         "position" => one(Property::Translation, values(&three)?)?,
         "scale" => one(Property::Scale, values(&factors)?)?,
+        "count" => {
+            let most = f64::from(u32::MAX);
+            one(Property::Copies, values(&|v, l| Ok(vec![number_in(v, l, 0.0, most)?]))?)?
+        }
+        "width" => {
+            let most = f64::from(MOST_WIDE);
+            one(Property::PenWidth, values(&|v, l| Ok(vec![number_in(v, l, 0.0, most)?]))?)?
+        }
         "tint" => one(Property::Tint, values(&|v, l| Ok(color(v, l)?.to_array().map(f64::from).to_vec()))?)?,
         "color" => {
             one(Property::Color, values(&|v, l| Ok(rgb(color(v, l)?).to_array().map(f64::from).to_vec()))?)?

@@ -29,7 +29,7 @@ pub const DEFS: &[Def] = &[
         "lines",
         "options",
         Gives::A(Kind::Asset),
-        "Lines of one pixel, which no light changes: positions and indices (two a line) as for mesh, strip: true (one line through all), color or colors.",
+        "Lines, which no light changes: positions and indices (two a line) as for mesh, strip: true (one line through all), color or colors; width in pixels at any distance (else 1), or how many metres, never less than a pixel; round: false for ends that are cut off.",
         lines,
     ),
     Def::new(
@@ -37,8 +37,16 @@ pub const DEFS: &[Def] = &[
         "points",
         "options",
         Gives::A(Kind::Asset),
-        "Points of one pixel, which no light changes: positions as for mesh, color or colors.",
+        "Points, which no light changes: positions as for mesh, color or colors; size in pixels at any distance (else 1), or how many metres, never less than a pixel; round: false for squares.",
         points,
+    ),
+    Def::new(
+        Kind::Asset,
+        "repeat",
+        "places",
+        Gives::A(Kind::Asset),
+        "The asset so many times in one: places are points [x, y, z], or #{ at, turn (degrees, as Actor.turn, or [x, y, z] as Actor.rotate), scale }. Cast once, its copies are drawn together and each only where it is in view; Actor.count says how many are there. Not for bodies with a skin.",
+        crate::made::repeat,
     ),
     Def::new(
         Kind::None,

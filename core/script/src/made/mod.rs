@@ -5,16 +5,19 @@ mod maps;
 mod material;
 mod picture;
 mod relief;
+mod repeat;
 mod solids;
 
 pub use picture::{ImageRef, image};
+pub use repeat::repeat;
 
+use crate::api::actor::MOST_WIDE;
 use crate::call::{ApiError, Call, Options, numbers, one_of, wrong};
 use crate::limits::raise_hint;
 use choreo_import::{normals, tangents};
 use choreo_motion::{Skeleton, Transform};
 use choreo_plugin::MeshData;
-use choreo_stage::{Asset, Image, Material, Mesh, MeshInstance, Primitive, Shading, Topology};
+use choreo_stage::{Asset, Image, Material, Mesh, MeshInstance, Pen, Primitive, Shading, Topology};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
@@ -56,8 +59,8 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
             known.extend(["normals", "uvs", "projection", "detail"]);
             known.extend(material::OPTIONS.into_iter().filter(|name| !["color", "name"].contains(name)));
         }
-        Topology::Lines => known.push("strip"),
-        Topology::Points => {}
+        Topology::Lines => known.extend(["strip", "width", "metres", "round"]),
+        Topology::Points => known.extend(["size", "metres", "round"]),
     }
     let o = c.options(0, &known)?;
     let function = o.function.clone();
@@ -114,6 +117,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     if topology != Topology::Triangles {
         // Without faces there is nothing for light to fall on.
         material.shading = Shading::Unlit;
+        material.pen = pen(&o, topology)?;
     }
     if let Some(picture) =
         ["image", "normal_map", "height_map", "opacity_map", "specular_map", "checker", "anisotropy"]
@@ -126,6 +130,25 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     }
     let name = o.text("name")?.unwrap_or_else(|| function.clone());
     asset(&name, &name, primitive, material, images)
+}
+
+/// How wide lines and points are, in pixels by one word or in metres by the other.
+fn pen(o: &Options, topology: Topology) -> Result<Option<Pen>, ApiError> {
+    let pixels = if topology == Topology::Points { "size" } else { "width" };
+    let most = f64::from(MOST_WIDE);
+    let given = [o.number_in(pixels, 0.0, most)?, o.number_in("metres", 0.0, most)?];
+    let round = o.flag("round")?;
+    let fail = |text: String, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
+    match given {
+        [Some(_), Some(_)] => fail(format!("{pixels} is in pixels, metres is not; leave one out"), "metres"),
+        [None, None] if round.is_some() => fail(format!("round needs {pixels} or metres"), "round"),
+        [None, None] => Ok(None),
+        [of_pixels, of_metres] => Ok(Some(Pen {
+            width: of_pixels.or(of_metres).unwrap_or(1.0) as f32,
+            metres: of_metres.is_some(),
+            round: round.unwrap_or(true),
+        })),
+    }
 }
 
 /// With texture coordinates by a projection, and raised by a picture.

@@ -110,6 +110,7 @@ impl Material {
             double_sided,
             uv_motion,
             strip,
+            pen,
             layers,
         } = self;
         w.tag(match shading {
@@ -137,6 +138,11 @@ impl Material {
         w.f32(*relief);
         w.option(uv_motion, |w, motion| {
             [motion.scroll.x, motion.scroll.y, motion.rotation].iter().for_each(|v| w.f32(*v));
+        });
+        w.option(pen, |w, Pen { width, metres, round }| {
+            w.f32(*width);
+            w.flag(*metres);
+            w.flag(*round);
         });
         w.option(strip, |w, strip| {
             [strip.columns, strip.rows, strip.count].iter().for_each(|v| w.f64(f64::from(*v)));

@@ -34,6 +34,8 @@ impl Stage {
                     walk,
                     visible,
                     tint,
+                    pen_width,
+                    copies,
                     morphs,
                     expressions,
                     file_lights,
@@ -87,6 +89,8 @@ impl Stage {
                 });
                 w.flag(*visible);
                 w.vec4(*tint);
+                w.option(pen_width, |w, width| w.f32(*width));
+                w.option(copies, |w, copies| w.u32(*copies));
                 w.list(expressions, |w, (expression, weight)| {
                     w.u32(*expression);
                     w.f32(*weight);
@@ -184,6 +188,8 @@ impl Snapshot {
                     model_from_joint,
                     morph_weights,
                     tint,
+                    pen_width,
+                    copies,
                     base_colors,
                     skinning,
                     materials,
@@ -195,6 +201,8 @@ impl Snapshot {
                 w.list(model_from_joint, |w, m| m.to_cols_array().into_iter().for_each(|v| w.f32(v)));
                 w.list(morph_weights, |w, weights| w.f32s(weights));
                 w.vec4(*tint);
+                w.option(pen_width, |w, width| w.f32(*width));
+                w.option(copies, |w, copies| w.u32(*copies));
                 w.vec4s(base_colors);
                 w.flag(*skinning == Skinning::DualQuaternion);
                 w.list(materials, |w, ChangedMaterial { material, now }| {
@@ -397,6 +405,8 @@ impl Writer {
             Property::Opacity => self.tag(15),
             Property::Range => self.tag(16),
             Property::Cone => self.tag(17),
+            Property::PenWidth => self.tag(18),
+            Property::Copies => self.tag(19),
         }
         self.interpolation(channel.interpolation);
         self.list(&channel.times, |w, t| w.time(*t));

@@ -163,6 +163,8 @@ fn property_name(property: Property) -> &'static str {
         Property::Scale => "the scale",
         Property::Visible => "the visibility",
         Property::Tint => "the tint",
+        Property::PenWidth => "the width",
+        Property::Copies => "the count",
         Property::Morph { .. } => "a morph target",
         Property::Expression { .. } => "an expression",
         Property::FieldOfView => "the field of view",

@@ -1,0 +1,31 @@
+//! Lines and points of a width as triangles on the screen; see [`crate::wide`].
+
+use super::setup::{Assembly, Triangle};
+use super::vertex::Vertex;
+use crate::plan::{Features, PipelineKey, TopologyKey};
+use crate::wide::{Spread, widened};
+use choreo_stage::Primitive;
+use glam::Mat4;
+
+/// `vertices`: one a vertex of the primitive, which the triangles refer to.
+pub fn triangles(
+    primitive: &Primitive,
+    vertices: &[Vertex],
+    pipeline: PipelineKey,
+    width: f32,
+    clip_from_relative: &Mat4,
+    size: [u32; 2],
+) -> Vec<Triangle> {
+    let wide = widened(primitive, pipeline.features.has(Features::ROUND));
+    let spread = Spread::new(clip_from_relative, size);
+    let corner = |i: usize| {
+        let [own, other] = [wide.of[i], wide.other[i]].map(|v| &vertices[v as usize]);
+        Vertex { clip: spread.corner(own.clip, other.clip, wide.corners[i], width), ..*own }
+    };
+    let corners: Vec<Vertex> = (0..wide.of.len()).map(corner).collect();
+    let pipeline = PipelineKey { topology: TopologyKey::Triangles, ..pipeline };
+    let mut out = Assembly { vertices: &corners, indices: &wide.indices, pipeline, size }.run();
+    // What is interpolated is the same at all corners of an end.
+    out.iter_mut().for_each(|t| t.vertices = t.vertices.map(|i| wide.of[i as usize]));
+    out
+}

@@ -1,0 +1,109 @@
+//! `asset.repeat(places)`: many copies of an asset as one.
+
+use crate::api::actor::euler;
+use crate::call::{ApiError, Call, Reply, describe, numbers, wrong};
+use crate::limits::raise_hint;
+use crate::value::AssetRef;
+use choreo_stage::{Asset, MeshInstance};
+use glam::{Affine3A, DAffine3, DQuat, DVec3};
+use rhai::{Array, Dynamic, Map};
+use std::sync::Arc;
+
+pub fn repeat(c: &mut Call) -> Reply {
+    let source = c.this_asset()?;
+    let asset = &source;
+    let places = c.value(0);
+    let Some(array) = places.read_lock::<Array>() else {
+        return Err(c.wrong(0, "an array of places, like [[0, 0, 0], [1, 0, 0]]"));
+    };
+    if array.is_empty() {
+        return Err(ApiError::new("repeat: places is an empty array").hint("count(0) shows none of them"));
+    }
+    let limit = c.shared.limits.instances;
+    if array.len() as u64 > limit {
+        let text = format!("repeat: {} places", array.len());
+        return Err(ApiError::new(text).hint(raise_hint("instances", limit)));
+    }
+    if asset.instances.is_empty() {
+        return Err(ApiError::new(format!("repeat: {} has nothing to be seen", asset.name)));
+    }
+    if asset.instances.iter().any(|i| i.skin.is_some()) {
+        let text = format!("repeat: {} has a skin, whose copies need poses of their own", asset.name);
+        return Err(
+            ApiError::new(text).hint("cast it as often as it is needed; equal bodies are drawn together")
+        );
+    }
+    let model_from_copy: Vec<DAffine3> =
+        array.iter().enumerate().map(|(i, v)| place(v, i)).collect::<Result<_, _>>()?;
+    // A copy is placed in the space of its joint, as that is at rest.
+    let mut model_from_joint: Vec<DAffine3> = Vec::with_capacity(asset.skeleton.len());
+    for (parent, rest) in asset.skeleton.parents().iter().zip(asset.skeleton.rest()) {
+        let local = double(rest.to_affine());
+        model_from_joint.push(parent.map_or(local, |p| model_from_joint[p as usize] * local));
+    }
+    let instance = |i: &MeshInstance| {
+        let joint = model_from_joint.get(i.joint as usize).copied().unwrap_or(DAffine3::IDENTITY);
+        let back = joint.inverse();
+        if !back.is_finite() {
+            let text = format!("repeat: {} has a joint without size, whose copies have no place", asset.name);
+            return Err(ApiError::new(text));
+        }
+        let own: Vec<DAffine3> = i.joint_from_copies().map(double).collect();
+        let all = model_from_copy.iter().flat_map(|p| own.iter().map(move |own| back * *p * joint * *own));
+        Ok(MeshInstance { copies: all.map(single).collect(), ..i.clone() })
+    };
+    let instances = asset.instances.iter().map(instance).collect::<Result<Vec<_>, _>>()?;
+    let asset = Asset { instances, derived: Default::default(), ..Asset::clone(asset) };
+    c.build().used(&source);
+    let from = c.build().made(&Arc::new(asset), &c.place);
+    Ok(Dynamic::from(AssetRef { from, dead: false }))
+}
+
+fn place(v: &Dynamic, i: usize) -> Result<DAffine3, ApiError> {
+    let point = |v: &Dynamic| match numbers(v).as_deref() {
+        Some([x, y, z]) if [x, y, z].iter().all(|n| n.is_finite()) => Some(DVec3::new(*x, *y, *z)),
+        _ => None,
+    };
+    if let Some(at) = point(v) {
+        return Ok(DAffine3::from_translation(at));
+    }
+    let label = format!("repeat: places[{i}]");
+    let Some(map) = v.read_lock::<Map>() else {
+        return Err(wrong(v, &label, "a point [x, y, z] or #{ at, turn, scale }"));
+    };
+    let (mut at, mut turn, mut scale) = (DVec3::ZERO, DQuat::IDENTITY, DVec3::ONE);
+    for (key, value) in map.iter() {
+        let label = format!("{label}.{key}");
+        match key.as_str() {
+            "at" => at = point(value).ok_or_else(|| wrong(value, &label, "a point [x, y, z]"))?,
+            "turn" => {
+                turn = match point(value) {
+                    Some(angles) => euler(angles),
+                    None => DQuat::from_rotation_y(crate::call::number(value, &label)?.to_radians()),
+                }
+            }
+            "scale" => {
+                scale =
+                    point(value).map_or_else(|| crate::call::number(value, &label).map(DVec3::splat), Ok)?
+            }
+            _ => {
+                let text =
+                    format!("{label} is not known, got {}; a place has at, turn and scale", describe(value));
+                return Err(ApiError::new(text).focus(key.to_string()));
+            }
+        }
+    }
+    let placed = DAffine3::from_scale_rotation_translation(scale, turn, at);
+    if !placed.is_finite() {
+        return Err(ApiError::new(format!("{label} is not of finite numbers")));
+    }
+    Ok(placed)
+}
+
+fn double(a: Affine3A) -> DAffine3 {
+    DAffine3::from_cols_array(&a.to_cols_array().map(f64::from))
+}
+
+fn single(a: DAffine3) -> Affine3A {
+    Affine3A::from_cols_array(&a.to_cols_array().map(|v| v as f32))
+}
