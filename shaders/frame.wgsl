@@ -79,6 +79,8 @@ struct Material {
     outline: vec4<f32>,
     // How far a masked motion has come: textures, radians; w = how deep heights go, in textures
     uv_moved: vec4<f32>,
+    // Of textures from three sides: their middle, 1 / their width; their sharpness is uv_moved.x
+    triplanar: vec4<f32>,
     // base colour, metallic-roughness, normal, occlusion, emissive, specular, specular colour, outline width, mask of what moves
     uv: array<UvTransform, 9>,
 }

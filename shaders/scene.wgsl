@@ -67,9 +67,11 @@ fn read_relief(in: VertexOut) {
 fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
     @if(UV_MASK) read_uv_mask(in);
     @if(RELIEF) read_relief(in);
+    @if(TRIPLANAR) read_planes(in);
     var base = material.base_color;
     @if(VERTEX_COLOR || TINT) base *= in.color;
-    @if(BASE_COLOR_TEXTURE) base *= textureSample(base_color_texture, base_color_sampler, texture_uv(in, 0u));
+    @if(BASE_COLOR_TEXTURE && !TRIPLANAR) base *= textureSample(base_color_texture, base_color_sampler, texture_uv(in, 0u));
+    @if(BASE_COLOR_TEXTURE && TRIPLANAR) base *= from_three_sides(base_color_texture, base_color_sampler, 0u);
     @if(ALPHA_MASK) if (base.a < material.alpha_cutoff) { discard; }
     @if(BLEND) let alpha = base.a;
     @if(!BLEND) let alpha = 1.0;
@@ -82,7 +84,8 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @if(SHADOW) var own_n = n;
     // MikkTSpace: the interpolated vectors are not made orthogonal again.
     @if(TANGENT) let b = cross(in.normal, in.tangent.xyz) * in.tangent.w;
-    @if(NORMAL_TEXTURE)
+    @if(NORMAL_TEXTURE && TRIPLANAR) n = triplanar_normal(in);
+    @if(NORMAL_TEXTURE && !TRIPLANAR)
     var t = textureSample(normal_texture, normal_sampler, texture_uv(in, 2u)).xyz * 2.0 - 1.0;
     t = vec3(t.xy * material.normal_scale, t.z);
     n = unit(t.x * in.tangent.xyz + t.y * b + t.z * in.normal);
@@ -111,7 +114,8 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @end
     @if(LIT)
     var specular_color = material.specular_color;
-    @if(SPECULAR_COLOR_TEXTURE) specular_color *= textureSample(specular_color_texture, specular_color_sampler, texture_uv(in, 6u)).rgb;
+    @if(SPECULAR_COLOR_TEXTURE && !TRIPLANAR) specular_color *= textureSample(specular_color_texture, specular_color_sampler, texture_uv(in, 6u)).rgb;
+    @if(SPECULAR_COLOR_TEXTURE && TRIPLANAR) specular_color *= from_three_sides(specular_color_texture, specular_color_sampler, 6u).rgb;
     @end
     @if(LIT && !TOON)
     var occlusion = 1.0;

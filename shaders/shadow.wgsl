@@ -50,7 +50,9 @@ fn shadow_fs(in: VertexOut) {
     @if(UV_MASK) read_uv_mask(in);
     var alpha = material.base_color.a;
     @if(VERTEX_COLOR) alpha *= in.color.a;
-    @if(BASE_COLOR_TEXTURE) alpha *= textureSample(base_color_texture, base_color_sampler, texture_uv(in, 0u)).a;
+    @if(TRIPLANAR) read_planes(in);
+    @if(BASE_COLOR_TEXTURE && TRIPLANAR) alpha *= from_three_sides(base_color_texture, base_color_sampler, 0u).a;
+    @if(BASE_COLOR_TEXTURE && !TRIPLANAR) alpha *= textureSample(base_color_texture, base_color_sampler, texture_uv(in, 0u)).a;
     if (alpha < material.alpha_cutoff) { discard; }
 }
 @end

@@ -9,7 +9,7 @@ struct Sky {
     levels: array<vec4<f32>, 8>,
     // Cosine and sine of the turn, strength, last level
     turn: vec4<f32>,
-    // 1 / texels of the atlas
+    // xy = 1 / texels of the atlas; z = 1 where it is seen behind everything
     texel: vec4<f32>,
     // The way of a pixel's ray is x · right + y · down + ahead, x and y from −1 to 1
     right: vec4<f32>,

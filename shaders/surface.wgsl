@@ -57,6 +57,7 @@ fn seen_of(in: VertexOut, front: bool) -> Seen {
     seen.facing = dot(seen.normal, unit(frame.eye.xyz - in.relative * frame.eye.w));
     @end
     seen.background = mix(frame.background_top.xyz, frame.background_bottom.xyz, in.position.y / frame.size.y);
+    @if(SKY) if (sky.texel.z > 0.5) { seen.background = sky_mirrored(select(-frame.eye.xyz, in.relative, frame.eye.w > 0.5), 0.0); }
     @if(SEEN_JOINTS) seen.joints = in.joints;
     @if(UV0) seen.uv = in.uv0;
     @if(SEEN_SHADOW) seen.shadow = light_lost / max(light_whole, 1e-6);

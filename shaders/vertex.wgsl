@@ -28,6 +28,9 @@ struct VertexOut {
     // How much longer the mesh's metres are here.
     @if(VOLUME || REFRACTION) @location(6) scale: f32,
     @if(SEEN_JOINTS) @location(7) joints: vec3<f32>,
+    @if(TRIPLANAR) @location(8) model_at: vec3<f32>,
+    @if(TRIPLANAR) @location(9) model_normal: vec3<f32>,
+    @if(TRIPLANAR && TANGENT) @location(10) model_tangent: vec3<f32>,
 }
 
 @if(SKIN)
@@ -227,6 +230,9 @@ fn vs(in: VertexIn) -> VertexOut {
     @end
     // The root mean square of the three axes.
     @if(VOLUME || REFRACTION) out.scale = sqrt((dot(m.x.xyz, m.x.xyz) + dot(m.y.xyz, m.y.xyz) + dot(m.z.xyz, m.z.xyz)) / 3.0);
+    @if(TRIPLANAR) out.model_at = in.position;
+    @if(TRIPLANAR) out.model_normal = in.normal.xyz;
+    @if(TRIPLANAR && TANGENT) out.model_tangent = in.tangent.xyz;
     @if(UV0) out.uv0 = in.uv0;
     @if(UV1) out.uv1 = in.uv1;
     @if(VERTEX_COLOR && TINT) out.color = in.color * instances[in.instance].tint;

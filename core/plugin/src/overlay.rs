@@ -18,6 +18,7 @@ pub struct Scene<'a> {
 pub struct Overlay {
     pub strokes: Vec<Stroke>,
     pub lattices: Vec<Lattice>,
+    pub labels: Vec<Label>,
     /// Over everything that is drawn, rather than hidden by what is nearer.
     pub over: bool,
 }
@@ -30,6 +31,20 @@ pub struct Stroke {
     pub to: DVec3,
     /// Pixels of the picture, 1 to 64.
     pub width: f32,
+    /// Linear, straight alpha.
+    pub color: Vec4,
+}
+
+/// Words right of a place, over everything.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Label {
+    /// World, metres.
+    pub at: DVec3,
+    pub text: String,
+    /// Of the font, pixels.
+    pub size: f32,
+    /// How far right of the place they begin, pixels.
+    pub beside: f32,
     /// Linear, straight alpha.
     pub color: Vec4,
 }

@@ -53,6 +53,10 @@ fn hash_with(m: &CatalogMaterial, texture_id: &dyn Fn(u32) -> Vec<u8>) -> [u8; 1
             f.relief,
         ],
     );
+    if let Some(t) = f.triplanar {
+        array(&mut h, &[t.middle.extend(t.size)]);
+        array(&mut h, &[t.sharpness]);
+    }
     if let Some(pen) = f.pen {
         array(&mut h, &[pen.width, f32::from(u8::from(pen.metres)), f32::from(u8::from(pen.round))]);
     }

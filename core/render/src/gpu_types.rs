@@ -31,7 +31,7 @@ pub struct SkyUniform {
     pub levels: [Vec4; MAX_LEVELS],
     /// Cosine and sine of the turn, strength, last level.
     pub turn: Vec4,
-    /// xy: 1 / texels of the atlas.
+    /// xy: 1 / texels of the atlas; z: 1 where it is seen behind everything.
     pub texel: Vec4,
     /// See [`crate::view::rays`].
     pub right: Vec4,
@@ -52,7 +52,8 @@ impl SkyUniform {
             *out = Vec4::new(level.at[0] as f32, level.at[1] as f32, level.size as f32, 0.0);
         }
         out.turn.w = maps.levels.len().saturating_sub(1) as f32;
-        out.texel = Vec4::new(1.0 / maps.size[0] as f32, 1.0 / maps.size[1] as f32, 0.0, 0.0);
+        let seen = f32::from(u8::from(sky.background));
+        out.texel = Vec4::new(1.0 / maps.size[0] as f32, 1.0 / maps.size[1] as f32, seen, 0.0);
         out
     }
 }
@@ -93,6 +94,8 @@ pub struct MaterialUniform {
     pub outline: Vec4,
     /// Toon: how far a masked motion has come. And how deep heights go, in textures.
     pub uv_moved: Vec4,
+    /// Of textures from three sides: their middle, 1 / their width; their sharpness is `uv_moved.x`.
+    pub triplanar: Vec4,
     pub uv: [UvTransform; BASE_SLOTS + TOON_SLOTS],
 }
 
@@ -297,7 +300,11 @@ impl MaterialUniform {
             outline_width: toon.outline.as_ref().map_or(0.0, |o| o.width),
             outline_on_screen: toon.outline.as_ref().map_or(0.0, |o| f32::from(u8::from(o.on_screen))),
             outline: toon.outline.as_ref().map_or(Vec4::ZERO, |o| o.color.extend(o.lighting_mix)),
-            uv_moved: toon.uv_moved.extend(catalog.material.relief),
+            uv_moved: match m.triplanar {
+                Some(t) => Vec4::new(t.sharpness, 0.0, 0.0, m.relief),
+                None => toon.uv_moved.extend(m.relief),
+            },
+            triplanar: m.triplanar.map_or(Vec4::ZERO, |t| t.middle.extend(1.0 / t.size)),
             uv,
         }
     }

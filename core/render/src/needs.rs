@@ -1,6 +1,6 @@
 //! Which shader features a draw needs, and words for those that nothing needs.
 
-use crate::catalog::{CatalogMaterial, CatalogPrimitive};
+use crate::catalog::{CatalogMaterial, CatalogPrimitive, CatalogTextureRef};
 use crate::plan::{Features, LEFT_OUT, LeftOut, is_lit};
 use choreo_stage::{AlphaMode, Shading};
 use glam::{Affine2, Vec3};
@@ -38,6 +38,10 @@ pub fn features(
     };
     let metallic_roughness = lit && m.shading == Shading::MetallicRoughness;
     let toon = lit && m.shading == Shading::Toon;
+    // What is laid on from three sides; the other textures are not read then.
+    let triplanar = m.triplanar.is_some() && !p.normals.is_empty() && m.shading != Shading::Toon;
+    let from_sides =
+        [Features::BASE_COLOR_TEXTURE, Features::NORMAL_TEXTURE, Features::SPECULAR_COLOR_TEXTURE];
     // (texture, its bit, whether this kind of shading reads it)
     let textures = [
         (material.base_color, Features::BASE_COLOR_TEXTURE, true),
@@ -57,7 +61,8 @@ pub fn features(
             continue;
         }
         // A texture without its uvs, a normal map without tangents: out, even where everything is forced in.
-        let unusable = texture.is_some_and(|t| p.uvs[t.uv_set as usize].is_empty())
+        let unusable = texture.is_some_and(|t| p.uvs[t.uv_set as usize].is_empty() && !triplanar)
+            || (triplanar && texture.is_some() && !from_sides.contains(&bit))
             || ((bit.has_tangents() || bit == Features::ANISOTROPY_TEXTURE)
                 && texture.is_some()
                 && p.tangents.is_empty());
@@ -65,8 +70,9 @@ pub fn features(
             continue;
         }
         set(texture.is_some() || force_all, bit);
-        set(texture.is_some_and(|t| t.uv_set == 0) || force_all, Features::UV0);
-        set(texture.is_some_and(|t| t.uv_set == 1) || force_all, Features::UV1);
+        set(triplanar && texture.is_some(), Features::TRIPLANAR);
+        set(texture.is_some_and(|t| t.uv_set == 0 && !triplanar) || force_all, Features::UV0);
+        set(texture.is_some_and(|t| t.uv_set == 1 && !triplanar) || force_all, Features::UV1);
         set(
             texture.is_some_and(|t| t.uv_transform != Affine2::IDENTITY) || force_all,
             Features::UV_TRANSFORM,
@@ -107,7 +113,8 @@ pub fn features(
 /// Whether its normal map can be read.
 fn reads_normal_map(primitive: &CatalogPrimitive, material: &CatalogMaterial) -> bool {
     let p = primitive.primitive();
-    !p.tangents.is_empty() && material.normal.is_some_and(|t| !p.uvs[t.uv_set as usize].is_empty())
+    let has_uvs = |t: CatalogTextureRef| !p.uvs[t.uv_set as usize].is_empty();
+    !p.tangents.is_empty() && material.material.triplanar.is_none() && material.normal.is_some_and(has_uvs)
 }
 
 /// Of the hull around a surface with these features: where the light on the surface does not count, its shape alone.

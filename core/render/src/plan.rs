@@ -390,6 +390,7 @@ impl Features {
         let shape = Self::SKIN.0 | Self::SKIN_8.0 | Self::SKIN_DUAL.0 | Self::MORPH.0;
         let cut_out = Self::ALPHA_MASK.0
             | Self::BASE_COLOR_TEXTURE.0
+            | Self::TRIPLANAR.0
             | Self::VERTEX_COLOR.0
             | Self::UV0.0
             | Self::UV1.0
@@ -402,7 +403,7 @@ impl Features {
         self.0 & (Self::NORMAL_TEXTURE.0 | Self::CLEARCOAT_NORMAL_TEXTURE.0 | Self::ANISOTROPY.0) != 0
     }
     pub const fn has_normals(self) -> bool {
-        self.is_lit() || self.has(Self::SHELL) || self.has(Self::SEEN_NORMALS)
+        self.is_lit() || self.0 & (Self::SHELL.0 | Self::SEEN_NORMALS.0 | Self::TRIPLANAR.0) != 0
     }
     pub const fn is_lit(self) -> bool {
         self.0 & (Self::METALLIC_ROUGHNESS.0 | Self::BLINN_PHONG.0 | Self::TOON.0) != 0

@@ -32,6 +32,7 @@ impl Plan {
             local_lights: lights.iter().any(|l| l.direction.w != 0.0),
             polynomial: lights.iter().any(|l| l.position.w < 0.0),
             sky: snapshot.sky.as_ref().is_some_and(|sky| sky.strength > 0.0),
+            sky_seen: snapshot.sky.as_ref().is_some_and(|sky| sky.background),
             joint_matrices: Vec::new(),
             morphs: Vec::new(),
             items: Vec::new(),
@@ -72,6 +73,8 @@ pub(crate) struct Planner<'a> {
     local_lights: bool,
     polynomial: bool,
     sky: bool,
+    /// Behind everything.
+    sky_seen: bool,
     pub joint_matrices: Vec<Rows>,
     morphs: Vec<ActiveMorph>,
     pub items: Vec<Item>,
@@ -190,6 +193,8 @@ impl Planner<'_> {
             features = features
                 .with(has(seen.normals, !shape.normals.is_empty(), Features::SEEN_NORMALS))
                 .with(has(seen.uvs, !shape.uvs[0].is_empty(), Features::UV0))
+                // What is behind it, where an effect asks.
+                .with(has(effects.surface != 0, self.sky && self.sky_seen, Features::SKY))
                 .with(has(seen.joints, needs.skinned && !needs.dual, Features::SEEN_JOINTS))
                 .with(has(seen.shadow, is_lit(material.material.shading), Features::SEEN_SHADOW));
             let of_corners = effects.of_corners(shape);
@@ -431,8 +436,8 @@ impl Planner<'_> {
             instances.push(item.instance);
         }
 
-        let (overlay, beyond) = overlays(stage, snapshot, &self.view, self.options);
-        let [under, over] = flats(stage, snapshot, self.options.size);
+        let (overlay, labels, beyond) = overlays(stage, snapshot, &self.view, self.options);
+        let [under, over] = flats(stage, snapshot, &labels, self.options.size);
         self.facts.flats = usize::from(under.is_some()) + usize::from(over.is_some());
         let (post, unknown) = post_passes(stage, snapshot, self.options.effects, self.options.size);
         let lit = self.facts.lit_drawn || self.options.force_all;

@@ -1,23 +1,26 @@
 //! Lines, points and lattices of effects as triangles on the screen, the same for both renderers.
 
+use crate::flat::FlatLabel;
 use crate::plan::{LeftOut, PlanOverlay, View};
 use crate::plan::{OverlayPart, OverlayVertex};
 use crate::plan_options::PlanOptions;
 use crate::planner_effects::{effect_parameters, uses};
-use choreo_plugin::{Hook, Lattice, Scene, Stroke};
+use choreo_plugin::{Hook, Label, Lattice, Scene, Stroke};
 use choreo_stage::{Snapshot, Stage};
 use glam::{DVec3, Vec2, Vec4, Vec4Swizzles};
 
 /// Six corners of 64 bytes each: 38 MB.
 pub const MOST_STROKES: usize = 100_000;
+/// More could not be read.
+const MOST_LABELS: usize = 2_000;
 
 pub fn overlays(
     stage: &Stage,
     snapshot: &Snapshot,
     view: &View,
     options: &PlanOptions,
-) -> (PlanOverlay, Vec<LeftOut>) {
-    let (mut overlay, mut left_out) = (PlanOverlay::default(), Vec::new());
+) -> (PlanOverlay, Vec<FlatLabel>, Vec<LeftOut>) {
+    let (mut overlay, mut labels, mut left_out) = (PlanOverlay::default(), Vec::new(), Vec::new());
     let size = Vec2::new(options.size[0] as f32, options.size[1] as f32);
     for (used, state) in uses(stage, snapshot) {
         let effect = options.effects.iter().find(|e| e.manifest().name == used.plugin);
@@ -29,6 +32,8 @@ pub fn overlays(
             left_out.push(LeftOut { what: format!("part of effect \"{}\"", used.plugin), why });
             drawn.strokes.truncate(MOST_STROKES);
         }
+        labels
+            .extend(drawn.labels.into_iter().filter_map(|l| label(l, view)).take(MOST_LABELS - labels.len()));
         let first = overlay.vertices.len();
         drawn.lattices.iter().for_each(|l| lattice(l, view, &mut overlay.vertices));
         drawn.strokes.iter().for_each(|s| stroke(s, view, size, &mut overlay.vertices));
@@ -42,7 +47,22 @@ pub fn overlays(
             });
         }
     }
-    (overlay, left_out)
+    (overlay, labels, left_out)
+}
+
+/// Where a label stands in the picture; `None` outside of it.
+fn label(l: Label, view: &View) -> Option<FlatLabel> {
+    let clip = view.clip_from_relative * (l.at - view.position).as_vec3().extend(1.0);
+    let seen = clip.w > 1e-6 && clip.z <= clip.w && clip.x.abs() <= clip.w && clip.y.abs() <= clip.w;
+    let at = clip.xy() / clip.w * 0.5 + 0.5;
+    let good = l.size.is_finite() && l.beside.is_finite() && l.color.is_finite();
+    (seen && good && !l.text.is_empty()).then(|| FlatLabel {
+        at: at.as_dvec2(),
+        size: l.size.clamp(4.0, 256.0),
+        beside: l.beside,
+        color: l.color,
+        text: l.text,
+    })
 }
 
 /// A rectangle in the picture's plane, half a line's width and a pixel more around what is seen of it.

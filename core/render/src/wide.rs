@@ -10,6 +10,8 @@ impl Features {
     pub const WIDE: Features = Features(1 << 28);
     /// Points are discs, lines have round ends.
     pub const ROUND: Features = Features(1 << 29);
+    /// Textures come from three sides. Another way rather than more of one: never forced in.
+    pub const TRIPLANAR: Features = Features(1 << 30);
 }
 
 /// Wider is drawn as wide, pixels: a picture is no larger.

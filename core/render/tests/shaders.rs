@@ -438,7 +438,7 @@ fn layouts_equal_the_rust_structs() {
     compare(&m, "Frame", size_of::<FrameUniform>(), frame);
     let material = fields!(MaterialUniform: base_color, emissive, alpha_cutoff, specular_color, specular, metallic,
         roughness, normal_scale, occlusion_strength, shininess, rim_lighting_mix, outline_width, outline_on_screen, toon, rim,
-        matcap, outline, uv_moved, uv);
+        matcap, outline, uv_moved, triplanar, uv);
     compare(&m, "Material", size_of::<MaterialUniform>(), material);
     let layers = fields!(LayersUniform: sheen_color, sheen_roughness, extinction, thickness, clearcoat,
         clearcoat_roughness, clearcoat_normal_scale, transmission, diffuse_transmission_color, diffuse_transmission,

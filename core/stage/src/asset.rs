@@ -275,6 +275,20 @@ pub struct Material {
     pub layers: Option<Box<MaterialLayers>>,
     /// How wide lines and points are; `None`: a pixel. Without meaning for triangles, and for what has a skin or morphs.
     pub pen: Option<Pen>,
+    /// Base colour, normals and specular colour are laid on from three sides, whatever texture coordinates there are; normals
+    /// need tangents, each at a right angle to its normal.
+    pub triplanar: Option<Triplanar>,
+}
+
+/// How textures are laid on a surface from the sides along x, y and z of its mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triplanar {
+    /// Where the pictures' middles lie, mesh space.
+    pub middle: Vec3,
+    /// Metres that a picture is wide.
+    pub size: f32,
+    /// Power of the normal by which sides are mixed; the higher, the narrower the seams.
+    pub sharpness: f32,
 }
 
 /// What lines and points are drawn with.
@@ -295,8 +309,10 @@ pub struct FrameStrip {
     pub rows: u32,
     /// How many of them there are; at most columns · rows.
     pub count: u32,
-    /// Frames a second; after the last comes the first.
+    /// Frames a second; after the last comes the first,
     pub fps: f32,
+    /// or the last stays.
+    pub once: bool,
 }
 
 impl FrameStrip {
@@ -306,7 +322,10 @@ impl FrameStrip {
         let frames = time.0 as f64 * f64::from(self.fps) / Time::TICKS_PER_SECOND as f64;
         let count = f64::from(self.count.clamp(1, columns * rows));
         let frame = libm::floor(frames);
-        let frame = (frame - count * libm::floor(frame / count)) as u32;
+        let frame = match self.once {
+            true => frame.clamp(0.0, count - 1.0),
+            false => frame - count * libm::floor(frame / count),
+        } as u32;
         let scale = Vec2::new(1.0 / columns as f32, 1.0 / rows as f32);
         let at = Vec2::new((frame % columns) as f32, (frame / columns) as f32);
         Affine2::from_scale_angle_translation(scale, 0.0, at * scale)
@@ -343,6 +362,7 @@ impl Default for Material {
             strip: None,
             layers: None,
             pen: None,
+            triplanar: None,
         }
     }
 }

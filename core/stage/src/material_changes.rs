@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn frames_follow_each_other_from_the_top_left_and_begin_again() {
-        let strip = crate::FrameStrip { columns: 3, rows: 2, count: 5, fps: 10.0 };
+        let strip = crate::FrameStrip { columns: 3, rows: 2, count: 5, fps: 10.0, once: false };
         let corner = |secs: f64| strip.cell(Time::from_secs(secs)).transform_point2(Vec2::ZERO);
         let end = |secs: f64| strip.cell(Time::from_secs(secs)).transform_point2(Vec2::ONE);
         let third = 1.0 / 3.0;
@@ -277,7 +277,7 @@ mod tests {
         // Before the beginning, and after a hundred hours.
         assert_eq!(corner(-0.05), corner(0.45));
         assert_eq!(corner(360_000.2), corner(0.2));
-        let none = crate::FrameStrip { columns: 0, rows: 0, count: 0, fps: 1.0 };
+        let none = crate::FrameStrip { columns: 0, rows: 0, count: 0, fps: 1.0, once: true };
         assert_eq!(none.cell(Time::from_secs(3.0)), Affine2::IDENTITY);
     }
 

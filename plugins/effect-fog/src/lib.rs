@@ -10,7 +10,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         .number("start", "metres before the camera that are clear", 0.0, 0.0..=1e6)
         .number("height", "metres above which the fog thins", 0.0, -1e4..=1e4)
         .number("falloff", "how fast it thins with height, 1/m; 0: as thick everywhere", 0.0, 0.0..=100.0)
-        .flag("sky", "its color is the stage's background, so that things fade into it", true)
+        .flag("sky", "its color is the stage's background or sky, so that things fade into it", true)
         .color("color", "of the fog where sky is false", [0.6, 0.65, 0.7])
 });
 

@@ -1,6 +1,6 @@
 //! Bones as lines and joints as points, over the picture or hidden by what is nearer.
 
-use choreo_plugin::{Effect, Hook, Manifest, Overlay, Scene, Stroke};
+use choreo_plugin::{Effect, Hook, Label, Manifest, Overlay, Scene, Stroke};
 use choreo_stage::{ActorState, Asset, EffectTarget};
 use glam::{DVec3, Vec3A, Vec4};
 use std::sync::LazyLock;
@@ -12,6 +12,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         .color("color", "of the bones", [1.0, 0.75, 0.1])
         .number("opacity", "of all of it", 1.0, 0.0..=1.0)
         .flag("over", "over the picture, rather than hidden by what is nearer", true)
+        .flag("names", "the names of the joints beside them", false)
 });
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -27,8 +28,8 @@ impl Effect for Skeleton {
     }
 
     fn overlay(&self, scene: &Scene, p: &[f32; 8]) -> Overlay {
-        let [width, joints, r, g, b, opacity, over, _] = *p;
-        let mut strokes = Vec::new();
+        let [width, joints, r, g, b, opacity, over, names] = *p;
+        let (mut strokes, mut labels) = (Vec::new(), Vec::new());
         // Joints are darker: seen on their own bones.
         let color = Vec4::new(r, g, b, opacity);
         let dark = Vec4::new(r * 0.25, g * 0.25, b * 0.25, opacity);
@@ -47,8 +48,21 @@ impl Effect for Skeleton {
                 let points = bones.iter().filter_map(|(joint, _)| at(*joint));
                 strokes.extend(points.map(|at| Stroke { from: at, to: at, width: joints, color: dark }));
             }
+            if names > 0.5 {
+                let skeleton = &actor.asset.skeleton;
+                let name = |joint: u32| skeleton.names()[joint as usize].clone();
+                let label = |(joint, at)| Label {
+                    at,
+                    text: name(joint),
+                    size: 11.0,
+                    beside: 0.5 * joints + 2.0,
+                    color,
+                };
+                let placed = bones.iter().filter_map(|(joint, _)| Some((*joint, at(*joint)?)));
+                labels.extend(placed.map(label));
+            }
         }
-        Overlay { strokes, over: over > 0.5, ..Overlay::default() }
+        Overlay { strokes, labels, over: over > 0.5, ..Overlay::default() }
     }
 }
 

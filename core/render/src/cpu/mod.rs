@@ -25,6 +25,7 @@ mod target;
 mod texture;
 mod tile;
 mod toon;
+mod triplanar;
 mod uv;
 mod veil;
 mod vertex;

@@ -4,6 +4,7 @@ use super::brdf::incoming;
 use super::lanes::{F4, V3, Weights};
 use super::row_color;
 use super::shade::{Fragment, Shaded};
+use super::sky::behind;
 use super::vertex::Vertex;
 use crate::plan::{Features, Glass};
 use choreo_plugin::Seen;
@@ -36,6 +37,8 @@ impl Fragment<'_> {
         let uv = (has(Features::UV0) && !uvs.is_empty()).then(|| weights.vec2(ids.map(|i| uvs[i as usize])));
         let lost = has(Features::SEEN_SHADOW).then(|| self.lost_light(relative, normal));
         let view = &self.plan.view;
+        let sky = self.plan.sky.as_ref().filter(|sky| sky.background && has(Features::SKY));
+        let sky = self.sky.zip(sky);
         for i in 0..4 {
             let lane = |v: &V3| Vec3::new(v.x.0[i], v.y.0[i], v.z.0[i]);
             let (relative, normal) = (lane(&relative), lane(&normal));
@@ -50,7 +53,10 @@ impl Fragment<'_> {
                 viewer: world - relative * view.eye.w + eye * distance,
                 normal,
                 facing: normal.dot(to_eye * (1.0 / to_eye.dot(to_eye).max(1e-20).sqrt())),
-                background: row_color(self.plan, y).truncate(),
+                background: match &sky {
+                    Some((maps, sky)) => behind(maps, sky, if view.eye.w > 0.5 { relative } else { -eye }),
+                    None => row_color(self.plan, y).truncate(),
+                },
                 joints: if has(Features::SEEN_JOINTS) { lane(&joints) } else { Vec3::ZERO },
                 shadow: lost.map_or(0.0, |lost| lost.0[i]),
                 uv: uv.map_or(Vec2::ZERO, |[u, v]| Vec2::new(u.0[i], v.0[i])),

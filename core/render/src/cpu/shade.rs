@@ -10,6 +10,7 @@ use super::shadow::ShadowMaps;
 use super::sky::Around;
 use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
+use super::triplanar::Planes;
 use super::vertex::Vertex;
 use crate::catalog::CatalogMaterial;
 use crate::gpu_types::{BASE_SLOTS, TEXTURE_SLOTS, film_thickness};
@@ -102,6 +103,8 @@ pub struct Quad<'a> {
     pub uv_mask: Option<F4>,
     /// How far heights shift the textures.
     pub relief: Option<[F4; 2]>,
+    /// Where textures come from three sides.
+    pub planes: Option<Planes>,
 }
 
 impl Fragment<'_> {
@@ -163,7 +166,8 @@ impl Fragment<'_> {
 
         let base = V3 { x: rgba[0], y: rgba[1], z: rgba[2] };
         let map = texture(2, Features::NORMAL_TEXTURE).map(|t| (t, m.normal_scale));
-        let n = self.normal(vertices, ids, front, &quad, map);
+        let bent = self.triplanar_normal(vertices, ids, front, &quad);
+        let n = bent.unwrap_or_else(|| self.normal(vertices, ids, front, &quad, map));
         let [a, b, c] = ids.map(|i| vertices[i as usize].relative);
         let relative = weights.vec3([a, b, c]);
         let own_n = match f.has(Features::SHADOW) {

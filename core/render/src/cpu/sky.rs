@@ -59,6 +59,12 @@ fn turned(sky: &PlanSky, way: V3) -> V3 {
     V3 { x: way.x * c - way.z * s, y: way.y, z: way.x * s + way.z * c }
 }
 
+/// What is seen of the sky in a direction, behind a surface.
+pub fn behind(maps: &SkyMaps, sky: &PlanSky, way: Vec3) -> Vec3 {
+    let [c, s] = sky.turn;
+    maps.mirrored(Vec3::new(c * way.x - s * way.z, way.y, s * way.x + c * way.z), 0.0) * sky.strength
+}
+
 fn polynomial(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
     let c = |i: usize| V3::splat(h[i]);
     c(0) + c(1) * y

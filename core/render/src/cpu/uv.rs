@@ -17,7 +17,7 @@ impl Fragment<'_> {
                 uvs[set] = weights.vec2(ids.map(|i| list[i as usize]));
             }
         }
-        let mut quad = Quad { weights, uvs, uv_mask: None, relief: None };
+        let mut quad = Quad { weights, uvs, uv_mask: None, relief: None, planes: self.planes(ids, weights) };
         if self.features.has(Features::UV_MASK) {
             let (mask, texture) = (&self.material.factors.toon[1], &self.material.textures[TOON_SLOT + 1]);
             let texel = self.sample(&quad, mask.as_ref(), texture.as_deref());
@@ -34,6 +34,9 @@ impl Fragment<'_> {
         texture: Option<&Texture>,
     ) -> Option<[F4; 4]> {
         let (r, texture) = (reference?, texture?);
+        if let Some(planes) = &quad.planes {
+            return Some(self.sample_planes(planes, r, texture));
+        }
         let mut uv = quad.uvs[r.uv_set as usize & 1];
         if self.features.has(Features::UV_TRANSFORM) && r.uv_transform != Affine2::IDENTITY {
             let Affine2 { matrix2: m, translation: Vec2 { x, y } } = r.uv_transform;

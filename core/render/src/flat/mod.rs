@@ -4,9 +4,9 @@
 mod picture;
 
 use choreo_plugin::Frame;
-use choreo_stage::{FlatContent, FlatState, Snapshot, Stage};
+use choreo_stage::{Align, FlatContent, FlatState, Font, Snapshot, Stage};
 use choreo_text::{Coverage, Style, lay_out};
-use glam::{DVec2, Vec4};
+use glam::{DVec2, Vec2, Vec4};
 use picture::draw_picture;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -31,25 +31,53 @@ impl fmt::Debug for FlatPicture {
     }
 }
 
+/// Words of an effect, beside a place in the picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlatLabel {
+    /// Shares of the picture, from its top left.
+    pub at: DVec2,
+    pub text: String,
+    /// Of the font, and how far right of the place they begin, pixels.
+    pub size: f32,
+    pub beside: f32,
+    /// Linear, straight alpha.
+    pub color: Vec4,
+}
+
 /// Those under the scene and those over it, where there are any. Kept as long as they do not change.
-pub fn flats(stage: &Stage, snapshot: &Snapshot, size: [u32; 2]) -> [Option<Arc<FlatPicture>>; 2] {
+pub fn flats(
+    stage: &Stage,
+    snapshot: &Snapshot,
+    labels: &[FlatLabel],
+    size: [u32; 2],
+) -> [Option<Arc<FlatPicture>>; 2] {
     let [mut under, mut over] = [Vec::new(), Vec::new()];
     for state in &snapshot.flats {
         let Some(flat) = stage.flats.get(state.flat) else { continue };
         if flat.under { under.push(state) } else { over.push(state) }
     }
-    [under, over].map(|states| if states.is_empty() { None } else { flat(stage, &states, size) })
+    let flat = |states: &[&FlatState], labels: &[FlatLabel]| match states.is_empty() && labels.is_empty() {
+        true => None,
+        false => flat(stage, states, labels, size),
+    };
+    [flat(&under, &[]), flat(&over, labels)]
 }
 
-fn flat(stage: &Stage, states: &[&FlatState], size: [u32; 2]) -> Option<Arc<FlatPicture>> {
+fn flat(
+    stage: &Stage,
+    states: &[&FlatState],
+    labels: &[FlatLabel],
+    size: [u32; 2],
+) -> Option<Arc<FlatPicture>> {
     static KEPT: Mutex<Vec<Arc<FlatPicture>>> = Mutex::new(Vec::new());
     const MOST: usize = 8;
-    let hash = hash(stage, states, size);
+    let hash = hash(stage, states, labels, size);
     let kept = || KEPT.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(known) = kept().iter().find(|flat| flat.hash == hash) {
         return Some(known.clone());
     }
     let mut canvas = Canvas::new(size);
+    labels.iter().for_each(|label| canvas.label(label));
     for state in states {
         canvas.draw(&stage.flats[state.flat], state);
     }
@@ -60,13 +88,14 @@ fn flat(stage: &Stage, states: &[&FlatState], size: [u32; 2]) -> Option<Arc<Flat
     Some(made)
 }
 
-fn hash(stage: &Stage, states: &[&FlatState], size: [u32; 2]) -> [u8; 32] {
+fn hash(stage: &Stage, states: &[&FlatState], labels: &[FlatLabel], size: [u32; 2]) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
         hasher.update(bytes);
     };
     add(format!("{size:?}").as_bytes());
+    labels.iter().for_each(|label| add(format!("{label:?}").as_bytes()));
     for state in states {
         let flat = &stage.flats[state.flat];
         // Numbers are printed so that no two that differ look alike.
@@ -138,6 +167,20 @@ impl Canvas {
                 self.rectangle(DVec2::ZERO, across, *color, state.opacity);
                 self.rectangle(picture - across, across, *color, state.opacity);
             }
+        }
+    }
+
+    /// With a dark one behind it, to be read on anything.
+    fn label(&mut self, label: &FlatLabel) {
+        let font = Font::built_in();
+        let style = Style { size: label.size, width: None, align: Align::Left, line_height: 1.25 };
+        let laid = lay_out(&font, &label.text, &style);
+        let picture = DVec2::new(self.size[0].into(), self.size[1].into());
+        let at = (label.at * picture).as_vec2() + Vec2::new(label.beside, -0.5 * laid.size[1]);
+        let behind = Vec4::new(0.0, 0.0, 0.0, label.color.w * 0.75);
+        for (by, color) in [(1.0, behind), (0.0, label.color)] {
+            let coverage = laid.coverage(&font, [at.x + by, at.y + by], 1.0, self.size);
+            self.fill(&coverage, color, 1.0);
         }
     }
 

@@ -24,7 +24,7 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 17] = [
+const EMBEDDED: [(&str, &str); 18] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("under.wgsl", include_str!("../../../../shaders/under.wgsl")),
     ("sky.wgsl", include_str!("../../../../shaders/sky.wgsl")),
@@ -35,6 +35,7 @@ const EMBEDDED: [(&str, &str); 17] = [
     ("shadow.wgsl", include_str!("../../../../shaders/shadow.wgsl")),
     ("displace.wgsl", include_str!("../../../../shaders/displace.wgsl")),
     ("wide.wgsl", include_str!("../../../../shaders/wide.wgsl")),
+    ("triplanar.wgsl", include_str!("../../../../shaders/triplanar.wgsl")),
     ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
     ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
     ("surface.wgsl", include_str!("../../../../shaders/surface.wgsl")),
@@ -45,7 +46,7 @@ const EMBEDDED: [(&str, &str); 17] = [
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 12] = [
+pub const SCENE: [&str; 13] = [
     "frame.wgsl",
     "sky.wgsl",
     "brdf.wgsl",
@@ -53,6 +54,7 @@ pub const SCENE: [&str; 12] = [
     "displace.wgsl",
     "wide.wgsl",
     "vertex.wgsl",
+    "triplanar.wgsl",
     "layers.wgsl",
     "refraction.wgsl",
     "shadow.wgsl",
@@ -149,7 +151,7 @@ pub struct SceneVariant {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 56] = [
+    let names: [(&'static str, Features); 57] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("SKIN_DUAL", Features::SKIN_DUAL),
@@ -193,6 +195,7 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("SHELL", Features::SHELL),
         ("EDGES", Features::EDGES),
         ("WIDE", Features::WIDE),
+        ("TRIPLANAR", Features::TRIPLANAR),
         ("SEEN_NORMALS", Features::SEEN_NORMALS),
         ("SEEN_JOINTS", Features::SEEN_JOINTS),
         ("SEEN_SHADOW", Features::SEEN_SHADOW),

@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 78] = [
+pub const SWITCHES: [&str; 79] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -57,6 +57,7 @@ pub const SWITCHES: [&str; 78] = [
     "SHELL",
     "EDGES",
     "WIDE",
+    "TRIPLANAR",
     "SEEN_NORMALS",
     "SEEN_JOINTS",
     "SEEN_SHADOW",

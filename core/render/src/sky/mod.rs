@@ -30,7 +30,7 @@ pub struct SkyOptions {
 
 impl Default for SkyOptions {
     fn default() -> SkyOptions {
-        SkyOptions { size: 256, levels: 6, smallest: 32, samples: 64 }
+        SkyOptions { size: 256, levels: 8, smallest: 32, samples: 64 }
     }
 }
 

@@ -126,7 +126,7 @@ fn text(c: &mut Call) -> Reply {
     let words = c.text(0)?;
     let o = c.options(1, &known(&["size", "color", "font", "width", "align", "line_height"]))?;
     let font = match o.text("font")? {
-        Some(name) => Font::new(&name, read(c, &name)?)
+        Some(name) => Font::new(&name, read_file(c, &name)?)
             .map_err(|e| ApiError::new(format!("text: \"{name}\" {e}")).focus(&name))?,
         None => Font::built_in(),
     };
@@ -150,7 +150,8 @@ fn text(c: &mut Call) -> Reply {
     add(c, &o, content)
 }
 
-fn read(c: &Call, name: &str) -> Result<Vec<u8>, ApiError> {
+/// A file of the script's folder or a search path, noted for hot reload.
+pub fn read_file(c: &Call, name: &str) -> Result<Vec<u8>, ApiError> {
     let loader = &c.shared.loader;
     let start = c.shared.test().scene.as_ref().map(|scene| scene.folder.clone());
     let found = loader.find_in(loader.folders(), start.as_deref(), name);
@@ -167,7 +168,7 @@ fn picture(c: &mut Call) -> Reply {
         Some(image) => image,
         None => {
             let name = c.text(0).map_err(|_| c.wrong(0, "an Image or the name of a file"))?;
-            let bytes = read(c, &name)?;
+            let bytes = read_file(c, &name)?;
             let problem = |p: choreo_import::Problem| {
                 let error = ApiError::new(format!("picture: {}", p.what)).focus(&name);
                 match p.hint {

@@ -13,7 +13,7 @@ pub const DEFS: &[Def] = &[
         "shape",
         "kind, options?",
         Gives::A(Kind::Asset),
-        "A \"plane\", \"quad\" (upright, for pictures), \"box\", \"sphere\", \"cylinder\", \"cone\", \"capsule\" or \"torus\" on the ground: size, and a look: color, image and normal_map (from image(…)), opacity_map (bright is solid), height_map (bright is high; seen to be depth, 0.05 widths of it, deep), checker (a second color), tiles (how often either is repeated), alpha (\"opaque\", \"mask\", \"blend\"), roughness, metallic, emissive, unlit, double_sided, or shininess and specular (a color) for Blinn–Phong, with phong: true Phong's own highlight, and specular_map (an Image: where it shines, in which color); over it clearcoat and clearcoat_roughness, sheen (a color) and sheen_roughness, iridescence with film (400 nanometres), anisotropy with brushed (degrees from the u direction), and let through transmission (glass; with thickness in metres it bends light by ior, 1.5, colours apart by dispersion, and has the color attenuation after attenuation_distance, 1 m) or translucent (leaves: light from behind) with translucent_color; textures move by scroll ([right, down], pictures a second) and spin (degrees a second), or are frames ([columns, rows] of image, or an array of pictures as image) of which fps (12) are seen a second; displacement_map raises the shape itself by displacement (0.1 m where it is bright), its triangles halved detail (2) times; projection lays textures on it: \"plane\" (from above), \"box\", \"sphere\", \"cylinder\" or \"cone\"; name, of its joint.",
+        "A \"plane\", \"quad\" (upright, for pictures), \"box\", \"sphere\", \"cylinder\", \"cone\", \"capsule\" or \"torus\" on the ground: size, and a look: color, image and normal_map (from image(…)), opacity_map (bright is solid), height_map (bright is high; seen to be depth, 0.05 widths of it, deep), checker (a second color), tiles (how often either is repeated), alpha (\"opaque\", \"mask\", \"blend\"), roughness, metallic, emissive, unlit, double_sided, or shininess and specular (a color) for Blinn–Phong, with phong: true Phong's own highlight, and specular_map (an Image: where it shines, in which color); over it clearcoat and clearcoat_roughness, sheen (a color) and sheen_roughness, iridescence with film (400 nanometres), anisotropy with brushed (degrees from the u direction), and let through transmission (glass; with thickness in metres it bends light by ior, 1.5, colours apart by dispersion, and has the color attenuation after attenuation_distance, 1 m) or translucent (leaves: light from behind) with translucent_color; textures move by scroll ([right, down], pictures a second) and spin (degrees a second), or are frames ([columns, rows] of image, or an array of pictures as image) of which fps (12) are seen a second, again and again or once; displacement_map raises the shape itself by displacement (0.1 m where it is bright), its triangles halved detail (2) times; projection lays textures on it: \"plane\" (from above), \"box\", \"sphere\", \"cylinder\", \"cone\" or \"triplanar\" (from all sides at once, mixed by where the surface faces, the more by its sharpness, 4); name, of its joint.",
         shape,
     ),
     Def::new(
@@ -49,11 +49,19 @@ pub const DEFS: &[Def] = &[
         crate::made::repeat,
     ),
     Def::new(
+        Kind::Asset,
+        "texture",
+        "material, slot, image",
+        Gives::A(Kind::Asset),
+        "The asset with another picture on a material, by its name; slot: \"color\", \"normal\", \"metallic_roughness\" (green and blue), \"occlusion\", \"emissive\", \"specular\" (alpha) or \"specular_color\", as glTF has them.",
+        crate::made::texture,
+    ),
+    Def::new(
         Kind::None,
         "image",
-        "width, height, pixels, options? | options",
+        "width, height, pixels, options? | file, options? | options",
         Gives::A(Kind::Image),
-        "A picture for surfaces, rows from the top: pixels are a color each, or 1, 3 or 4 numbers from 0 to 255 each (grey, red green blue, with alpha), in an array or a blob; options: filter (\"linear\" or \"nearest\", squares), wrap (\"repeat\", \"clamp\", \"mirror\"), name.",
+        "A picture for surfaces: a PNG, JPEG, WebP, BMP or TGA file, or with # for each digit numbered ones that follow each other (\"smoke_###.png\"; first and last say which, else all from 0 or 1 on), shown as an array of pictures is. Or rows from the top: pixels are a color each, or 1, 3 or 4 numbers from 0 to 255 each (grey, red green blue, with alpha), in an array or a blob; options: filter (\"linear\" or \"nearest\", squares), wrap (\"repeat\", \"clamp\", \"mirror\", or two of them: across and down), name.",
         image,
     ),
 ];

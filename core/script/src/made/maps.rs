@@ -53,7 +53,16 @@ pub fn pictures(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
             crate::call::wrong(v, &o.label(name), "an Image, from image(…), or an array of them")
         })
     };
-    all.iter().map(read).collect()
+    let given = all.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+    let and_then = |i: ImageRef| {
+        let then: Vec<ImageRef> = i
+            .then
+            .iter()
+            .map(|image| ImageRef { image: image.clone(), then: Vec::new(), ..i.clone() })
+            .collect();
+        std::iter::once(ImageRef { then: Vec::new(), ..i }).chain(then)
+    };
+    Ok(given.into_iter().flat_map(and_then).collect())
 }
 
 /// A picture with the brightness of another as its alpha, times its own.
@@ -140,7 +149,7 @@ mod tests {
     fn grey(width: u32, values: &[u8]) -> ImageRef {
         let rgba = values.iter().flat_map(|v| [*v, *v, *v, 255]).collect();
         let image = Image { name: "h".into(), width, height: values.len() as u32 / width, rgba };
-        ImageRef { image: Arc::new(image), sampler: Sampler::default(), dead: false }
+        ImageRef { image: Arc::new(image), sampler: Sampler::default(), dead: false, then: Vec::new() }
     }
 
     #[test]

@@ -10,7 +10,7 @@ use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 /// What [`material`] reads.
-pub const OPTIONS: [&str; 41] = [
+pub const OPTIONS: [&str; 42] = [
     "color",
     "image",
     "normal_map",
@@ -52,6 +52,7 @@ pub const OPTIONS: [&str; 41] = [
     "fps",
     "scroll",
     "spin",
+    "once",
 ];
 
 /// The material, and the pictures that it names by number.
@@ -156,6 +157,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
 fn motion(o: &Options, material: &mut Material, cells: Option<[u32; 3]>) -> Result<(), ApiError> {
     let fail = |text: &str, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
     let fps = o.number_in("fps", 0.0, 1000.0)?;
+    let once = o.flag("once")?;
     let pair = |name: &str| -> Result<Option<[f64; 2]>, ApiError> {
         let Some(value) = o.get(name) else { return Ok(None) };
         let numbers = crate::call::numbers(&value).filter(|n| n.iter().all(|v| v.is_finite()));
@@ -199,9 +201,16 @@ fn motion(o: &Options, material: &mut Material, cells: Option<[u32; 3]>) -> Resu
             if o.get("tiles").is_some() {
                 return fail("tiles repeats a picture, frames show a part of one; leave one out", "tiles");
             }
-            material.strip = Some(FrameStrip { columns, rows, count, fps: fps.unwrap_or(12.0) as f32 });
+            material.strip = Some(FrameStrip {
+                columns,
+                rows,
+                count,
+                fps: fps.unwrap_or(12.0) as f32,
+                once: once.unwrap_or(false),
+            });
             Ok(())
         }
+        None if once.is_some() => fail("once is of frames, or of several pictures as image", "once"),
         None if fps.is_some() => fail("fps is of frames, or of several pictures as image", "fps"),
         None => Ok(()),
     }
@@ -307,7 +316,7 @@ fn checker(base: Vec4, second: Vec4) -> Arc<Image> {
 }
 
 /// Cut out where a picture has holes, blended where it is half transparent.
-fn of_picture(image: &Image) -> AlphaMode {
+pub fn of_picture(image: &Image) -> AlphaMode {
     let alphas = || image.rgba.iter().skip(3).step_by(4);
     if alphas().all(|a| *a == 255) {
         AlphaMode::Opaque
@@ -323,6 +332,11 @@ impl Options {
     pub fn image(&self, name: &str) -> Result<Option<ImageRef>, ApiError> {
         let Some(value) = self.get(name) else { return Ok(None) };
         let given = value.clone().try_cast::<ImageRef>();
+        if given.as_ref().is_some_and(|i| !i.then.is_empty()) {
+            let text =
+                format!("{}: {name} is one picture, not several that follow each other", self.function);
+            return Err(ApiError::new(text).focus(name));
+        }
         given
             .map(Some)
             .ok_or_else(|| crate::call::wrong(&value, &self.label(name), "an Image, from image(…)"))

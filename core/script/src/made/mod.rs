@@ -1,15 +1,18 @@
 //! What a script makes itself: shapes, meshes, lines and points from arrays, pictures.
 
 mod arrays;
+mod files;
 mod maps;
 mod material;
 mod picture;
 mod relief;
 mod repeat;
 mod solids;
+mod texture;
 
 pub use picture::{ImageRef, image};
 pub use repeat::repeat;
+pub use texture::texture;
 
 use crate::api::actor::MOST_WIDE;
 use crate::call::{ApiError, Call, Options, numbers, one_of, wrong};
@@ -17,7 +20,9 @@ use crate::limits::raise_hint;
 use choreo_import::{normals, tangents};
 use choreo_motion::{Skeleton, Transform};
 use choreo_plugin::MeshData;
-use choreo_stage::{Asset, Image, Material, Mesh, MeshInstance, Pen, Primitive, Shading, Topology};
+use choreo_stage::{
+    Asset, Image, Material, Mesh, MeshInstance, Pen, Primitive, Shading, Topology, Triplanar,
+};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
@@ -32,9 +37,10 @@ pub struct Made {
 /// The asset of a `shape(kind, options?)` call; equal calls share one.
 pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let kind = one_of(&c.value(0), "shape: kind", solids::KINDS)?;
-    let known: Vec<&str> = material::OPTIONS.into_iter().chain(["size", "projection", "detail"]).collect();
+    let known: Vec<&str> =
+        material::OPTIONS.into_iter().chain(["size", "projection", "sharpness", "detail"]).collect();
     let o = c.options(1, &known)?;
-    let (material, images) = material::material(&o, "shape")?;
+    let (mut material, images) = material::material(&o, "shape")?;
     let pictures: Vec<*const Image> = images.iter().map(Arc::as_ptr).collect();
     // A checker's picture is made anew by each call.
     let pictures = if o.get("checker").is_some() { Vec::new() } else { pictures };
@@ -46,6 +52,7 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let size = read_size(&o, kind)?;
     let name = o.text("name")?.unwrap_or_else(|| kind.to_string());
     let primitive = shaped(c, &o, solids::solid(kind, size))?;
+    material.triplanar = triplanar(&o, &primitive)?;
     let asset = asset(&format!("shape {kind}"), &name, primitive, material, images)?;
     c.build().shapes.insert(key, asset.clone());
     Ok(asset)
@@ -56,7 +63,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     let mut known = vec!["positions", "indices", "colors", "color", "name"];
     match topology {
         Topology::Triangles => {
-            known.extend(["normals", "uvs", "projection", "detail"]);
+            known.extend(["normals", "uvs", "projection", "sharpness", "detail"]);
             known.extend(material::OPTIONS.into_iter().filter(|name| !["color", "name"].contains(name)));
         }
         Topology::Lines => known.extend(["strip", "width", "metres", "round"]),
@@ -107,6 +114,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     }
     let primitive = if topology == Topology::Triangles { shaped(c, &o, primitive)? } else { primitive };
     let (mut material, images) = material::material(&o, &function)?;
+    material.triplanar = triplanar(&o, &primitive)?;
     // Vertex colors are multiplied with the color, so without one they are seen as they are.
     if o.get("color").is_none() && !data.colors.is_empty() {
         material.base_color = glam::Vec4::ONE;
@@ -124,12 +132,36 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
             .into_iter()
             .find(|p| o.get(p).is_some())
         && primitive.uvs[0].is_empty()
+        && material.triplanar.is_none()
     {
         return Err(ApiError::new(format!("{function}: {picture} needs uvs, where it lies on the mesh"))
             .focus(picture));
     }
     let name = o.text("name")?.unwrap_or_else(|| function.clone());
     asset(&name, &name, primitive, material, images)
+}
+
+/// Of projection: "triplanar": the largest side is as wide as a picture, as for a box.
+fn triplanar(o: &Options, primitive: &Primitive) -> Result<Option<Triplanar>, ApiError> {
+    let asked = o.get("projection").and_then(|v| v.into_string().ok()).is_some_and(|v| v == "triplanar");
+    let sharpness = o.number_in("sharpness", 1.0, 64.0)?;
+    let fail = |text: String, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
+    if !asked {
+        return match sharpness {
+            Some(_) => fail("sharpness says more of projection: \"triplanar\"".into(), "sharpness"),
+            None => Ok(None),
+        };
+    }
+    let needs_uvs = ["height_map", "displacement_map", "anisotropy"];
+    if let Some(word) = needs_uvs.into_iter().find(|word| o.get(word).is_some()) {
+        return fail(
+            format!("{word} needs one place in a picture, triplanar reads three; take another projection"),
+            word,
+        );
+    }
+    let [low, high] = relief::corners(primitive);
+    let size = (high - low).max_element().max(1e-6);
+    Ok(Some(Triplanar { middle: (low + high) * 0.5, size, sharpness: sharpness.unwrap_or(4.0) as f32 }))
 }
 
 /// How wide lines and points are, in pixels by one word or in metres by the other.
@@ -189,7 +221,7 @@ fn asset(
 ) -> Result<Arc<Asset>, ApiError> {
     primitive.material = Some(0);
     let brushed = material.layers.as_ref().is_some_and(|l| l.anisotropy > 0.0);
-    if material.normal_texture.is_some() || brushed {
+    if material.triplanar.is_none() && (material.normal_texture.is_some() || brushed) {
         let p = &primitive;
         let made = tangents::corner_tangents(&p.indices, &p.positions, &p.normals, &p.uvs[0]);
         normals::apply_tangents(&mut primitive, &made);

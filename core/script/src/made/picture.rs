@@ -1,6 +1,6 @@
 //! `image(width, height, pixels)`: a picture from numbers, for surfaces.
 
-use crate::call::{ApiError, Call, Options, color, describe};
+use crate::call::{ApiError, Call, Options, color, describe, one_of};
 use crate::limits::raise_hint;
 use choreo_stage::{Image, Sampler, Wrap};
 use rhai::{Array, Blob, Dynamic};
@@ -12,11 +12,18 @@ pub struct ImageRef {
     pub image: Arc<Image>,
     pub sampler: Sampler,
     pub dead: bool,
+    /// Those that follow it, of numbered files.
+    pub then: Vec<Arc<Image>>,
 }
 
 impl ImageRef {
     pub fn dead() -> ImageRef {
-        ImageRef { image: Arc::new(Image::default()), sampler: Sampler::default(), dead: true }
+        ImageRef {
+            image: Arc::new(Image::default()),
+            sampler: Sampler::default(),
+            dead: true,
+            then: Vec::new(),
+        }
     }
 }
 
@@ -26,8 +33,13 @@ const MOST_A_SIDE: f64 = 16384.0;
 pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
     let mut known = vec!["name", "filter", "wrap"];
     let sizes_apart = c.len() >= 3;
+    let of_file = !sizes_apart && c.value(0).is_string();
     let o = match sizes_apart {
         true => c.options(3, &known)?,
+        false if of_file => {
+            known.extend(["first", "last"]);
+            return super::files::from_file(c, &c.options(1, &known)?);
+        }
         false => {
             known.extend(["width", "height", "pixels"]);
             c.options(0, &known)?
@@ -43,35 +55,51 @@ pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
         })
     };
     let (width, height) = (side(0, "width")?, side(1, "height")?);
-    let count = u64::from(width) * u64::from(height);
-    {
-        let mut build = c.build();
-        build.made.texels = build.made.texels.saturating_add(count);
-        if build.made.texels > c.shared.limits.texels {
-            let error = ApiError::new(format!("image: {} pixels together", build.made.texels));
-            return Err(ApiError { fatal: true, ..error.hint(raise_hint("texels", c.shared.limits.texels)) });
-        }
-    }
+    let texels = u64::from(width) * u64::from(height);
+    count(c, texels)?;
     let pixels = match sizes_apart {
-        true => bytes(&c.value(2), count)?,
-        false => bytes(o.map.get("pixels").unwrap_or(&Dynamic::UNIT), count)?,
+        true => bytes(&c.value(2), texels)?,
+        false => bytes(o.map.get("pixels").unwrap_or(&Dynamic::UNIT), texels)?,
     };
     let name = o.text("name")?.unwrap_or_else(|| "image".into());
     let image = choreo_plugin::build::image(&name, width, height, &pixels).map_err(|e| {
         ApiError::new(format!("image: {}", e.0.split_once(": ").map_or(e.0.as_str(), |(_, e)| e)))
     })?;
-    Ok(ImageRef { image: Arc::new(image), sampler: sampler(&o)?, dead: false })
+    Ok(ImageRef { image: Arc::new(image), sampler: sampler(&o)?, dead: false, then: Vec::new() })
 }
 
-fn sampler(o: &Options) -> Result<Sampler, ApiError> {
-    let wrap = match o.one_of("wrap", &["repeat", "clamp", "mirror"])? {
-        Some("clamp") => Wrap::ClampToEdge,
-        Some("mirror") => Wrap::MirroredRepeat,
-        _ => Wrap::Repeat,
+/// So many more pixels, against the limit of all together.
+pub fn count(c: &Call, texels: u64) -> Result<(), ApiError> {
+    let mut build = c.build();
+    build.made.texels = build.made.texels.saturating_add(texels);
+    if build.made.texels > c.shared.limits.texels {
+        let error = ApiError::new(format!("image: {} pixels together", build.made.texels));
+        return Err(ApiError { fatal: true, ..error.hint(raise_hint("texels", c.shared.limits.texels)) });
+    }
+    Ok(())
+}
+
+pub fn sampler(o: &Options) -> Result<Sampler, ApiError> {
+    let pair = o.get("wrap").and_then(|v| v.read_lock::<Array>().map(|a| a.to_vec()));
+    let [wrap_u, wrap_v] = match pair.as_deref() {
+        Some([across, down]) => [wrap(across)?, wrap(down)?],
+        Some(_) => {
+            let text = "image: wrap must be one word, or two: across and down";
+            return Err(ApiError::new(text).focus("wrap"));
+        }
+        None => [o.get("wrap").map_or(Ok(Wrap::Repeat), |v| wrap(&v))?; 2],
     };
     // Squares stay squares when they are seen from near; from far they are averaged all the same.
     let mag_linear = o.one_of("filter", &["linear", "nearest"])? != Some("nearest");
-    Ok(Sampler { wrap_u: wrap, wrap_v: wrap, mag_linear, ..Sampler::default() })
+    Ok(Sampler { wrap_u, wrap_v, mag_linear, ..Sampler::default() })
+}
+
+fn wrap(v: &Dynamic) -> Result<Wrap, ApiError> {
+    Ok(match one_of(v, "image: wrap", &["repeat", "clamp", "mirror"])? {
+        "clamp" => Wrap::ClampToEdge,
+        "mirror" => Wrap::MirroredRepeat,
+        _ => Wrap::Repeat,
+    })
 }
 
 /// Bytes of `count` pixels: a blob as it is, numbers from 0 to 255, or a color for each pixel.

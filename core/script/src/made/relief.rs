@@ -2,15 +2,14 @@
 
 use super::maps::brightness;
 use choreo_stage::{Image, Primitive};
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 use std::collections::BTreeMap;
 
-pub const PROJECTIONS: &[&str] = &["plane", "box", "sphere", "cylinder", "cone"];
+pub const PROJECTIONS: &[&str] = &["plane", "box", "sphere", "cylinder", "cone", "triplanar"];
 
 /// Texture coordinates by a projection from around the shape's middle; every triangle gets corners of its own.
 pub fn project(p: &mut Primitive, how: &str) {
-    let low = p.positions.iter().fold(Vec3::INFINITY, |a, b| a.min(*b));
-    let high = p.positions.iter().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b));
+    let [low, high] = corners(p);
     let (middle, size) = ((low + high) * 0.5, (high - low).max(Vec3::splat(1e-6)));
     let old = std::mem::take(&mut p.indices);
     let pick =
@@ -21,6 +20,11 @@ pub fn project(p: &mut Primitive, how: &str) {
         p.colors = old.iter().map(|i| p.colors[*i as usize]).collect();
     }
     p.indices = (0..old.len() as u32).collect();
+    if how == "triplanar" {
+        p.uvs = [Vec::new(), Vec::new()];
+        p.tangents = across(p);
+        return;
+    }
     let apex = Vec3::new(middle.x, high.y, middle.z);
     let slant = p.positions.iter().map(|q| q.distance(apex)).fold(1e-6, f32::max);
     let mut uvs = Vec::with_capacity(p.positions.len());
@@ -50,6 +54,29 @@ pub fn project(p: &mut Primitive, how: &str) {
         uvs.extend(triangle);
     }
     p.uvs = [uvs, Vec::new()];
+}
+
+/// The least box around it.
+pub fn corners(p: &Primitive) -> [Vec3; 2] {
+    let low = p.positions.iter().fold(Vec3::INFINITY, |a, b| a.min(*b));
+    [low, p.positions.iter().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b))]
+}
+
+/// At each corner a direction at a right angle to its normal, alike all over a triangle.
+fn across(p: &Primitive) -> Vec<Vec4> {
+    let of_triangle = |n: &[Vec3; 3]| {
+        let sum = n[0] + n[1] + n[2];
+        let least = sum.abs().min_element();
+        let axis = if sum.x.abs() == least {
+            Vec3::X
+        } else if sum.y.abs() == least {
+            Vec3::Y
+        } else {
+            Vec3::Z
+        };
+        n.map(|n| axis.cross(n).normalize_or(n.any_orthonormal_vector()).extend(1.0))
+    };
+    p.normals.as_chunks::<3>().0.iter().flat_map(of_triangle).collect()
 }
 
 /// Of the side that a face looks to; u to the right as seen from there, v down.

@@ -111,6 +111,7 @@ impl Material {
             uv_motion,
             strip,
             pen,
+            triplanar,
             layers,
         } = self;
         w.tag(match shading {
@@ -139,6 +140,11 @@ impl Material {
         w.option(uv_motion, |w, motion| {
             [motion.scroll.x, motion.scroll.y, motion.rotation].iter().for_each(|v| w.f32(*v));
         });
+        w.option(triplanar, |w, Triplanar { middle, size, sharpness }| {
+            w.vec3(*middle);
+            w.f32(*size);
+            w.f32(*sharpness);
+        });
         w.option(pen, |w, Pen { width, metres, round }| {
             w.f32(*width);
             w.flag(*metres);
@@ -147,6 +153,7 @@ impl Material {
         w.option(strip, |w, strip| {
             [strip.columns, strip.rows, strip.count].iter().for_each(|v| w.f64(f64::from(*v)));
             w.f32(strip.fps);
+            w.flag(strip.once);
         });
         for texture in [
             base_color_texture,

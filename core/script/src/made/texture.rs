@@ -1,0 +1,102 @@
+//! `asset.texture(material, slot, image)`: other pictures on the materials of a file.
+
+use super::picture::ImageRef;
+use crate::call::{ApiError, Call, Reply, one_of, unknown};
+use crate::value::AssetRef;
+use choreo_import::{normals, tangents};
+use choreo_stage::{AlphaMode, Asset, Material, Mesh, Shading, TextureRef};
+use glam::Affine2;
+use rhai::Dynamic;
+use std::sync::Arc;
+
+/// By the words of glTF.
+const SLOTS: &[&str] =
+    &["color", "normal", "metallic_roughness", "occlusion", "emissive", "specular", "specular_color"];
+
+pub fn texture(c: &mut Call) -> Reply {
+    let source = c.this_asset()?;
+    let wanted = c.text(0)?;
+    let slot = one_of(&c.value(1), "texture: slot", SLOTS)?;
+    let given = c.value(2).try_cast::<ImageRef>();
+    let Some(given) = given else { return Err(c.wrong(2, "an Image, from image(…)")) };
+    if !given.then.is_empty() {
+        return Err(ApiError::new("texture: one picture, not several that follow each other"));
+    }
+    let index = source.materials.iter().position(|m| m.name == wanted).ok_or_else(|| {
+        let names = source.materials.iter().map(|m| m.name.as_str());
+        unknown("material", &wanted, &format!(" in {}", source.name), names)
+    })?;
+    let mut asset = Asset { derived: Default::default(), ..Asset::clone(&source) };
+    let image = asset.images.len() as u32;
+    asset.images.push(given.image.clone());
+    let material = &mut asset.materials[index];
+    let new = |old: &Option<TextureRef>| {
+        let (uv_set, uv_transform) =
+            old.as_ref().map_or((0, Affine2::IDENTITY), |t| (t.uv_set, t.uv_transform));
+        Some(TextureRef { image, sampler: given.sampler, uv_set, uv_transform })
+    };
+    let lit = material.shading != Shading::Unlit;
+    if !lit && slot != "color" {
+        let text = format!("texture: {wanted} is unlit, of which light does not find a {slot}");
+        return Err(ApiError::new(text).hint("its slot is \"color\""));
+    }
+    set(material, slot, new);
+    if slot == "color" && material.alpha_mode == AlphaMode::Opaque {
+        material.alpha_mode = super::material::of_picture(&given.image);
+    }
+    let uv_set = usize::from(of(material, slot).map_or(0, |t| t.uv_set));
+    let mut any = false;
+    for mesh in &mut asset.meshes {
+        if !mesh.primitives.iter().any(|p| p.material == Some(index as u32)) {
+            continue;
+        }
+        let made = Mesh::clone(mesh);
+        let mut made = Mesh { primitives: Vec::new(), ..made };
+        for p in &mesh.primitives {
+            let mut p = p.clone();
+            if p.material == Some(index as u32) {
+                any |= !p.uvs[uv_set].is_empty();
+                let plain = !p.uvs[uv_set].is_empty() && !p.normals.is_empty() && p.morphs.is_empty();
+                if slot == "normal" && p.tangents.is_empty() && plain {
+                    let found =
+                        tangents::corner_tangents(&p.indices, &p.positions, &p.normals, &p.uvs[uv_set]);
+                    normals::apply_tangents(&mut p, &found);
+                }
+            }
+            made.primitives.push(p);
+        }
+        *mesh = Arc::new(made);
+    }
+    if !any {
+        let text = format!("texture: what has the material \"{wanted}\" has no texture coordinates");
+        return Err(ApiError::new(text).focus(&wanted));
+    }
+    c.build().used(&source);
+    let from = c.build().made(&Arc::new(asset), &c.place);
+    Ok(Dynamic::from(AssetRef { from, dead: false }))
+}
+
+fn place<'a>(material: &'a mut Material, slot: &str) -> &'a mut Option<TextureRef> {
+    match slot {
+        "normal" => &mut material.normal_texture,
+        "metallic_roughness" => &mut material.metallic_roughness_texture,
+        "occlusion" => &mut material.occlusion_texture,
+        "emissive" => &mut material.emissive_texture,
+        "specular" => &mut material.specular_texture,
+        "specular_color" => &mut material.specular_color_texture,
+        _ => &mut material.base_color_texture,
+    }
+}
+
+fn of(material: &mut Material, slot: &str) -> Option<TextureRef> {
+    place(material, slot).clone()
+}
+
+fn set(material: &mut Material, slot: &str, new: impl Fn(&Option<TextureRef>) -> Option<TextureRef>) {
+    let place = place(material, slot);
+    *place = new(place);
+    // A picture that black was multiplied with would not be seen.
+    if slot == "emissive" && material.emissive == glam::Vec3::ZERO {
+        material.emissive = glam::Vec3::ONE;
+    }
+}
