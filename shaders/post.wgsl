@@ -55,7 +55,7 @@ fn post_fs(in: PostOut) -> @location(0) vec4<f32> {
     let a = post.parameters[0];
     let b = post.parameters[1];
     let p = array<f32, 8>(a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w);
-    @if(PICTURE) return effect(vec2<i32>(in.position.xy), post.number, p);
+    @if(PICTURE) return effect(vec2<i32>(in.position.xy), post_run, p);
     @if(!PICTURE) let color = textureLoad(post_input, vec2<i32>(in.position.xy), 0);
     @if(!PICTURE) return effect(color, in.position.xy / post.size, p);
 }

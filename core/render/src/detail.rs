@@ -7,6 +7,7 @@
 
 use crate::bounds::Aabb;
 use crate::catalog::PrimitiveEntry;
+use crate::deviation::{Surface, deviation};
 use crate::plan::Rows;
 use crate::planner::Planner;
 use choreo_stage::{MorphTarget, Primitive, Topology};
@@ -19,8 +20,8 @@ pub const CROWD: usize = 64;
 pub const TOLERANCE: f32 = 1.0;
 /// One in so many triangles is left at each level.
 const SHARES: [usize; 6] = [2, 4, 8, 16, 32, 64];
-/// How much farther a surface may be off than meshoptimizer says, which takes means of distances to planes: 1.6 times, found on balls.
-const SLACK: f32 = 2.0;
+/// How much farther a surface may be off than the places say that are looked at.
+const SLACK: f32 = 1.1;
 /// How much farther off a surface with its seams may be than one without.
 const DEARER: f32 = 1.5;
 /// Fewer triangles are not worth a draw of their own.
@@ -68,7 +69,10 @@ pub(crate) fn coarser(primitive: &Primitive) -> Vec<(Primitive, f32)> {
             continue;
         }
         before = left;
-        levels.push((with_triangles(primitive, indices), SLACK * error));
+        // meshoptimizer's own error is a mean of distances to planes.
+        let fine = Surface { positions: &primitive.positions, indices: &primitive.indices };
+        let off = deviation(fine, Surface { positions: &primitive.positions, indices: &indices });
+        levels.push((with_triangles(primitive, indices), SLACK * off));
     }
     levels
 }

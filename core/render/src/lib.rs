@@ -9,6 +9,7 @@ pub mod compare;
 pub mod content;
 pub mod cpu;
 pub mod detail;
+pub mod deviation;
 pub mod explain;
 pub mod exposure;
 pub mod flat;

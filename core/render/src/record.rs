@@ -97,6 +97,8 @@ pub enum Command {
     PostPass {
         index: usize,
         effect: String,
+        /// Of an effect that runs more than once: how often it has run.
+        number: u32,
         from: Target,
         /// What the effect's first pass got.
         original: Target,
@@ -298,8 +300,8 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
             true => Target::Picture,
             false => free.unwrap_or(Target::Float(2)),
         };
-        let (effect, size) = (pass.effect.clone(), pass.size(plan.size));
-        commands.push(Command::PostPass { index, effect, from, original, to, size });
+        let (effect, number, size) = (pass.effect.clone(), pass.number, pass.size(plan.size));
+        commands.push(Command::PostPass { index, effect, number, from, original, to, size });
         from = to;
     }
     commands.push(if plan.linear { Command::ReadBackLinear } else { Command::ReadBack });

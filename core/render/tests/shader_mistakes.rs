@@ -6,7 +6,7 @@ use choreo_render::shader::*;
 #[test]
 fn mistakes_point_at_the_users_line() {
     let message =
-        |effect: &str| match parse(&ShaderSources::default().post("blur", effect, false).unwrap(), &[])
+        |effect: &str| match parse(&ShaderSources::default().post("blur", effect, 0, false).unwrap(), &[])
             .unwrap_err()
         {
             RenderError::Shader { file, text } => format!("{file}: {text}"),

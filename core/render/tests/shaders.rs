@@ -462,7 +462,7 @@ fn layouts_equal_the_rust_structs() {
 
     let effect =
         "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * p[0]; }";
-    let (m, _) = parse(&sources().post("test", effect, false).unwrap(), &[]).unwrap();
+    let (m, _) = parse(&sources().post("test", effect, 0, false).unwrap(), &[]).unwrap();
     compare(
         &m,
         "Post",

@@ -6,30 +6,13 @@ use crate::shader::SceneVariant;
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Id {
     /// `surface`: the effects on it, each with its bit.
-    Scene {
-        variant: SceneVariant,
-        samples: u32,
-        float: bool,
-        surface: Vec<(u8, String)>,
-    },
+    Scene { variant: SceneVariant, samples: u32, float: bool, surface: Vec<(u8, String)> },
     /// `surface`: the effects on it, each with its bit.
-    Background {
-        samples: u32,
-        float: bool,
-        depth: bool,
-        what: Backdrop,
-        surface: Vec<(u8, String)>,
-    },
+    Background { samples: u32, float: bool, depth: bool, what: Backdrop, surface: Vec<(u8, String)> },
     /// `over`: not hidden by what is nearer.
-    Overlay {
-        samples: u32,
-        float: bool,
-        over: bool,
-    },
-    Post {
-        effect: String,
-        float: bool,
-    },
+    Overlay { samples: u32, float: bool, over: bool },
+    /// One for each run of an effect: drivers that draw on the CPU execute both sides of a branch.
+    Post { effect: String, number: u32, float: bool },
 }
 
 /// What is drawn where the scene left nothing.
@@ -68,8 +51,8 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             Some(Id::Background { samples, float, depth, what: Backdrop::Under, surface: Vec::new() })
         }
         Command::DrawOverlay { over, .. } => Some(Id::Overlay { samples, float, over: *over }),
-        Command::PostPass { effect, to, .. } => {
-            Some(Id::Post { effect: effect.clone(), float: is_float(to) })
+        Command::PostPass { effect, number, to, .. } => {
+            Some(Id::Post { effect: effect.clone(), number: *number, float: is_float(to) })
         }
         _ => None,
     };

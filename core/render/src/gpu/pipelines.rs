@@ -272,11 +272,11 @@ impl Pipelines {
                     },
                 )
             }
-            Id::Post { effect, float } => {
+            Id::Post { effect, number, float } => {
                 let plugin = self.effect(effect)?;
                 let text = format!("{}{}", plugin.wgsl(), texture_functions(&self.effects, plugin.as_ref()));
                 let textures = !plugin.textures().is_empty();
-                let files = self.sources.post(effect, &text, textures)?;
+                let files = self.sources.post(effect, &text, *number, textures)?;
                 let mut on = Vec::from_iter((plugin.hook() == Hook::Picture).then_some("PICTURE"));
                 on.extend(textures.then_some("TEXTURES"));
                 let code = compile(&files, &on, &stages("post_vs", "post_fs"), false)?;

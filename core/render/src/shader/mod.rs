@@ -115,12 +115,20 @@ impl ShaderSources {
 
     /// The text that a full-screen effect is compiled from: our template, then the plugin's function. With the switch
     /// `TEXTURES`, where it reads any.
-    pub fn post(&self, effect: &str, wgsl: &str, textures: bool) -> Result<Vec<SourceFile>, RenderError> {
+    pub fn post(
+        &self,
+        effect: &str,
+        wgsl: &str,
+        number: u32,
+        textures: bool,
+    ) -> Result<Vec<SourceFile>, RenderError> {
         let mut files = vec![self.file("post.wgsl")?];
         if textures {
             files.push(self.file("textures.wgsl")?);
         }
         files.push(SourceFile { name: format!("effect \"{effect}\""), text: wgsl.into() });
+        let run = format!("const post_run: u32 = {number}u;\n");
+        files.push(SourceFile { name: "number of the run".into(), text: run });
         Ok(files)
     }
 }
