@@ -160,6 +160,8 @@ pub struct Facts {
     pub draws: usize,
     pub drawn_copies: usize,
     pub samples: u32,
+    /// Some cut-out keeps samples.
+    pub coverage: bool,
     pub post_passes: usize,
     pub surface_effects: usize,
     pub dark_lights: usize,
@@ -290,6 +292,12 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
         "all are identity".into(),
     );
     say(!all.has(Features::ALPHA_MASK), "alpha test", nothing_drawn_uses("an alpha cutoff"));
+    let whole = if facts.samples == 1 {
+        "one sample a pixel was asked for: cut-outs keep or lose whole pixels"
+    } else {
+        "the stage's cutouts are \"hard\", or nothing is cut at an alpha above 0"
+    };
+    say(all.has(Features::ALPHA_MASK) && !facts.coverage, "alpha to coverage", whole.into());
     say(facts.blended == 0, "blending and sorting back to front", "everything drawn is opaque".into());
     say(
         facts.drawn_copies == facts.draws,

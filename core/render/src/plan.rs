@@ -224,6 +224,8 @@ pub struct PipelineKey {
     pub mirrored: bool,
     /// Mixed with what is behind by its alpha.
     pub blend: bool,
+    /// Its cut-outs keep samples instead of whole pixels (alpha to coverage).
+    pub coverage: bool,
     pub glass: Glass,
     /// Which of `Plan::surface` change what is seen.
     pub surface: u8,
@@ -462,6 +464,7 @@ pub const LEFT_OUT: &[&str] = &[
     "diffuse transmission",
     "texture transforms",
     "alpha test",
+    "alpha to coverage",
     "blending and sorting back to front",
     "instancing",
     "multisampling",

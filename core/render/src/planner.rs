@@ -16,7 +16,7 @@ use crate::planner_overlay::overlays;
 use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, daffine};
 use crate::wide;
-use choreo_stage::{ActorState, AlphaMode, Asset, EffectTarget, MeshInstance, Shadow, Snapshot, Stage};
+use choreo_stage::{ActorState, AlphaMode, Asset, Cutouts, EffectTarget, MeshInstance, Shadow, Snapshot, Stage};
 use glam::{Affine3A, DAffine3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -33,6 +33,7 @@ impl Plan {
             polynomial: lights.iter().any(|l| l.position.w < 0.0),
             sky: snapshot.sky.as_ref().is_some_and(|sky| sky.strength > 0.0),
             sky_seen: snapshot.sky.as_ref().is_some_and(|sky| sky.background),
+            smooth_cutouts: options.samples > 1 && stage.settings.cutouts == Cutouts::Smooth,
             joint_matrices: Vec::new(),
             morphs: Vec::new(),
             items: Vec::new(),
@@ -75,6 +76,8 @@ pub(crate) struct Planner<'a> {
     sky: bool,
     /// Behind everything.
     sky_seen: bool,
+    /// Cut-outs keep samples.
+    smooth_cutouts: bool,
     pub joint_matrices: Vec<Rows>,
     morphs: Vec<ActiveMorph>,
     pub items: Vec<Item>,
@@ -238,14 +241,17 @@ impl Planner<'_> {
 
                 let entry = &self.entry_by_size(entry, bounds, posed_skin, &rigid);
                 let (determinant, one_handed) = self.handedness(info, posed_skin, &rigid);
+                let blend =
+                    alpha_blends(material.material.alpha_mode) || state.tint.w < 1.0 || seen.see_through;
+                let glass = features.has(Features::TRANSMISSION);
+                let cut = matches!(material.material.alpha_mode, AlphaMode::Mask(cutoff) if cutoff > 0.0);
                 let key = PipelineKey {
                     features,
                     topology: primitive.primitive().topology.into(),
                     double_sided: material.material.double_sided || features.has(Features::WIDE),
                     mirrored: determinant < 0.0,
-                    blend: alpha_blends(material.material.alpha_mode)
-                        || state.tint.w < 1.0
-                        || seen.see_through,
+                    blend,
+                    coverage: self.smooth_cutouts && cut && !blend && !glass,
                     glass: Glass::No,
                     surface: effects.surface,
                     displaced: effects.displaced,
@@ -253,7 +259,6 @@ impl Planner<'_> {
                 }
                 .of_lit();
                 let closed = self.closed(&catalog.primitives[entry.primitive as usize], &key, one_handed);
-                let glass = key.features.has(Features::TRANSMISSION);
                 let casts = self.casting && key.topology == TopologyKey::Triangles && !key.blend && !glass;
                 if unseen && !casts {
                     continue;
@@ -283,6 +288,7 @@ impl Planner<'_> {
                 if casts {
                     let key = PipelineKey {
                         features: features.of_depth().with(of_corners),
+                        coverage: false,
                         surface: 0,
                         lighting: 0,
                         ..key
@@ -306,6 +312,7 @@ impl Planner<'_> {
                 self.area.add(reached, &self.view.clip_from_relative, size, share * size[1] as f32);
                 let lit = key.features.is_lit();
                 self.facts.lit_drawn |= lit;
+                self.facts.coverage |= key.coverage;
                 if lit && self.casting && bounds.min.is_finite() && bounds.max.is_finite() {
                     self.receivers.push(bounds);
                 }

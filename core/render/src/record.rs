@@ -136,6 +136,8 @@ pub struct RecordOptions {
     pub cpu_device: bool,
     /// Textures that a material's shader may read at once; `None`: as many as there are.
     pub textures: Option<u32>,
+    /// Cut-outs lose whole pixels: the device cannot set alpha to one once it has made samples of it.
+    pub no_coverage: bool,
 }
 
 /// Where pixels go. Float targets exist only where post passes read them.
@@ -185,7 +187,6 @@ pub struct Counts {
 
 /// `triangles`: of one copy of a catalogue's primitive.
 pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> usize) -> Recording {
-    let most = options.textures;
     let mut commands = Vec::with_capacity(plan.draws.len() * 2 + 8);
     let shadow_draws = || plan.shadows.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws);
     let any = |f: Features| plan.draws.iter().chain(shadow_draws()).any(|d| d.pipeline.features.has(f));
@@ -199,7 +200,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
 
     if let Some(shadows) = &plan.shadows {
         commands.push(Command::BeginShadows { image: shadows.image, size: shadows.size });
-        let mut state = DrawState::new(plan, commands, true, most, &triangles);
+        let mut state = DrawState::new(plan, commands, true, options, &triangles);
         for (index, view) in shadows.views.iter().enumerate() {
             state.commands.push(Command::ShadowView { index, at: view.at, size: view.size });
             view.draws.iter().for_each(|draw| state.draw(draw, cull_of(draw)));
@@ -239,7 +240,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     };
     let first_part = if plan.behind.is_some() { Part::UntilCopy } else { Part::Whole };
     commands.push(begin(clear, first_part));
-    let mut state = DrawState::new(plan, commands, false, most, &triangles);
+    let mut state = DrawState::new(plan, commands, false, options, &triangles);
     let first_blended =
         plan.draws.iter().position(|d| d.pipeline.is_see_through()).unwrap_or(plan.draws.len());
     let (solid, blended) = plan.draws.split_at(first_blended);
@@ -272,7 +273,7 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
                 Command::CopyBehind { from: scene, levels: behind.levels },
                 begin(None, Part::AfterCopy),
             ]);
-            state = DrawState::new(plan, state.commands, false, most, &triangles);
+            state = DrawState::new(plan, state.commands, false, options, &triangles);
         }
         state.draw(draw, cull_of(draw));
     }
@@ -354,8 +355,7 @@ struct DrawState<'a> {
     pipeline: Option<SceneVariant>,
     material: Option<(u32, Option<u32>, u32)>,
     mesh: Option<(u32, VertexLayout, bool)>,
-    /// Textures that a shader may read.
-    most: Option<u32>,
+    options: RecordOptions,
     /// Of one copy of a primitive.
     triangles: &'a dyn Fn(u32) -> usize,
 }
@@ -365,7 +365,7 @@ impl<'a> DrawState<'a> {
         plan: &'a Plan,
         commands: Vec<Command>,
         shadow_pass: bool,
-        most: Option<u32>,
+        options: RecordOptions,
         triangles: &'a dyn Fn(u32) -> usize,
     ) -> DrawState<'a> {
         DrawState {
@@ -376,7 +376,7 @@ impl<'a> DrawState<'a> {
             pipeline: None,
             material: None,
             mesh: None,
-            most,
+            options,
             triangles,
         }
     }
@@ -433,7 +433,8 @@ impl<'a> DrawState<'a> {
 
     fn variant(&self, draw: &Draw) -> SceneVariant {
         let (plan, mut key) = (self.plan, draw.pipeline);
-        key.features = fitting(key.features, self.most).0;
+        key.features = fitting(key.features, self.options.textures).0;
+        key.coverage &= !self.options.no_coverage;
         let first = draw.first_instance as usize;
         let end = (first + draw.instance_count as usize).min(plan.instances.len());
         let drawn = plan.instances.get(first..end).unwrap_or(&[]);

@@ -21,6 +21,7 @@ fn key(features: Features) -> PipelineKey {
         double_sided: false,
         mirrored: false,
         blend: false,
+        coverage: false,
         glass: Glass::No,
         surface: 0,
         displaced: 0,
@@ -76,6 +77,7 @@ fn variants() -> Vec<SceneVariant> {
                     key: PipelineKey {
                         double_sided: subset % 2 == 1,
                         blend: subset % 3 == 1,
+                        coverage: subset % 3 == 2 && extra == Features::ALPHA_MASK,
                         ..key(features.with(*uv).with(extra))
                     },
                     tint: subset % 5 == 2,
@@ -154,6 +156,7 @@ fn layer_variants() -> Vec<SceneVariant> {
                 key: PipelineKey {
                     double_sided: subset % 3 == 0,
                     blend: subset % 5 == 0,
+                    coverage: false,
                     glass: *glass,
                     ..key(features)
                 },
@@ -341,12 +344,15 @@ fn every_combination_compiles() {
                 .with(on(1, Features::SKIN.with(Features::SEEN_JOINTS)))
                 .with(on(2, Features::UV0))
                 .with(on(3, Features::EDGES));
+            let cut = bits & 24 == 8;
+            let features = if cut { features.with(Features::ALPHA_MASK) } else { features };
             let (displaced, lighting) = if bits & 32 != 0 { (18, 4) } else { (0, 0) };
             let key = PipelineKey {
                 surface: if bits & 33 == 33 { 0 } else { 9 },
                 displaced,
                 lighting,
                 blend: bits & 16 != 0,
+                coverage: cut,
                 double_sided: bits & 1 == 0,
                 ..key(features)
             }
@@ -364,7 +370,7 @@ fn every_combination_compiles() {
             // Seen from a light it is moved as it is in the picture.
             if displaced != 0 {
                 let features = features.of_depth().with(on_corners(bits));
-                let key = PipelineKey { features, surface: 0, lighting: 0, ..key };
+                let key = PipelineKey { features, surface: 0, lighting: 0, coverage: false, ..key };
                 let v = SceneVariant { key, shadow_pass: true, lights: loop_of(false), ..v };
                 let mut on = switches(&v);
                 on.push("TEXTURES");

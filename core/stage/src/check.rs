@@ -78,7 +78,7 @@ impl Checker<'_> {
     }
 
     fn settings(&mut self) {
-        let Settings { size, fps, length, background, ambient_up, ambient_down, samples } =
+        let Settings { size, fps, length, background, ambient_up, ambient_down, samples, .. } =
             &self.stage.settings;
         let place = "settings";
         let sizes = 1..=16384;

@@ -42,6 +42,30 @@ pub struct Settings {
     pub ambient_down: Vec3,
     /// MSAA samples, 1 or 4; `None` leaves it to the command line's default.
     pub samples: Option<u32>,
+    pub cutouts: Cutouts,
+    pub transparency: Transparency,
+}
+
+/// Edges of leaves and hair: where a material's alpha is cut off (glTF's MASK).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Cutouts {
+    /// With several samples a pixel each keeps its share of them (alpha to coverage).
+    #[default]
+    Smooth,
+    /// Whole pixels, as with one sample.
+    Hard,
+}
+
+/// In which order what is seen through is mixed (glTF's BLEND, thin glass).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Transparency {
+    /// Independent of the order where sorting fails, else sorted.
+    #[default]
+    Auto,
+    /// Meshes back to front, their triangles as they come.
+    Sorted,
+    /// Pixel by pixel back to front.
+    Independent,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,6 +96,8 @@ impl Default for Settings {
             ambient_up: Vec3::splat(0.45),
             ambient_down: Vec3::splat(0.25),
             samples: None,
+            cutouts: Cutouts::default(),
+            transparency: Transparency::default(),
         }
     }
 }

@@ -5,6 +5,7 @@
 
 mod brdf;
 mod brushed;
+mod coverage;
 mod displace;
 mod film;
 mod lanes;
@@ -228,6 +229,7 @@ impl CpuRenderer {
                         behind: None,
                         features,
                         blend: draw.pipeline.blend,
+                        coverage: draw.pipeline.coverage,
                         glass: draw.pipeline.glass,
                         double_sided: draw.pipeline.double_sided,
                         tint: instance.tint,
@@ -254,6 +256,7 @@ impl CpuRenderer {
             double_sided: true,
             mirrored: false,
             blend: true,
+            coverage: false,
             glass: Glass::No,
             surface: 0,
             displaced: 0,

@@ -1,7 +1,7 @@
 //! Twin of overlay.wgsl: how much of each pixel lines, points and lattices cover, a 2×2 quad at a time.
 
 use super::lanes::{F4, Weights};
-use super::shade::Shaded;
+use super::shade::{ALL_SAMPLES, Shaded};
 use super::vertex::Vertex;
 use crate::plan::OverlayVertex;
 use glam::{Vec3, Vec4};
@@ -38,7 +38,7 @@ pub fn shade(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Sh
         })),
     };
     let [r, g, b, alpha] = a.color.to_array().map(F4::splat);
-    Shaded { rgba: [r, g, b, alpha * cover], kept: [true; 4] }
+    Shaded { rgba: [r, g, b, alpha * cover], kept: [ALL_SAMPLES; 4] }
 }
 
 /// From pixel to pixel, right and down together, by the differences within the quad.

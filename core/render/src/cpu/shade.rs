@@ -1,6 +1,7 @@
 //! Twin of scene.wgsl: the fragment shader, a 2×2 quad at a time, linear colour out.
 
 use super::brdf::*;
+use super::coverage::covered;
 use super::film::{film_f0, film_reflectance};
 use super::lanes::{F4, V3, Weights};
 use super::layers::*;
@@ -43,6 +44,8 @@ pub struct Fragment<'a> {
     pub lighting: Vec<(Arc<dyn Effect>, [f32; 8])>,
     pub features: Features,
     pub blend: bool,
+    /// The alpha test keeps samples, not whole pixels.
+    pub coverage: bool,
     pub glass: Glass,
     pub double_sided: bool,
     pub tint: Vec4,
@@ -50,10 +53,13 @@ pub struct Fragment<'a> {
     pub material: &'a ShadeMaterial,
 }
 
-/// Linear RGBA of four pixels, and which of them the alpha test keeps.
+/// Every sample of a pixel.
+pub const ALL_SAMPLES: u8 = 0b1111;
+
+/// Linear RGBA of four pixels, and which samples of them the alpha test keeps, a bit each.
 pub struct Shaded {
     pub rgba: [F4; 4],
-    pub kept: [bool; 4],
+    pub kept: [u8; 4],
 }
 
 impl Shaded {
@@ -150,12 +156,15 @@ impl Fragment<'_> {
                 *out *= t;
             }
         }
-        let mut kept = [true; 4];
+        let mut kept = [ALL_SAMPLES; 4];
         if f.has(Features::ALPHA_MASK)
             && let AlphaMode::Mask(cutoff) = m.alpha_mode
         {
-            kept = rgba[3].0.map(|a| a >= cutoff);
-            if kept == [false; 4] {
+            kept = match self.coverage {
+                true => covered(rgba[3].0, cutoff),
+                false => rgba[3].0.map(|a| if a >= cutoff { ALL_SAMPLES } else { 0 }),
+            };
+            if kept == [0; 4] {
                 return Shaded { rgba, kept };
             }
         }

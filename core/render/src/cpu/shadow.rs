@@ -160,8 +160,8 @@ fn holes(batch: &Batch, triangle: &Triangle, at: [i32; 2], index: usize) -> [boo
         let weights = Weights(e.map(|e| e * scale));
         let shaded = fragment.shade(&batch.vertices, triangle.vertices, triangle.front, &weights);
         let row = 2 * (y % 2) as usize;
-        kept[2 * pair as usize] = shaded.kept[row];
-        kept[2 * pair as usize + 1] = shaded.kept[row + 1];
+        kept[2 * pair as usize] = shaded.kept[row] != 0;
+        kept[2 * pair as usize + 1] = shaded.kept[row + 1] != 0;
     }
     kept
 }

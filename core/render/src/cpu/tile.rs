@@ -238,9 +238,13 @@ impl Tile<'_, '_> {
                     continue;
                 }
                 let shaded = self.shade(id, qx, qy);
-                for pixel in (0..4).filter(|p| shaded.kept[*p]) {
+                for pixel in 0..4 {
+                    let mask = masks[pixel] & shaded.kept[pixel];
+                    if mask == 0 {
+                        continue;
+                    }
                     let color = shaded.pixel(pixel);
-                    for s in (0..S).filter(|s| masks[pixel] & (1 << s) != 0) {
+                    for s in (0..S).filter(|s| mask & (1 << s) != 0) {
                         let at = first[pixel] + s;
                         if blend {
                             b.color[at] = match glass {

@@ -1,5 +1,6 @@
 //! Loader, instance, validation, device, queue, allocator.
 
+use super::abilities::{Abilities, Ability};
 use super::error::Named;
 use super::faults::{FaultPlace, Faults};
 use crate::{DeviceInfo, DeviceKind, RenderError};
@@ -26,6 +27,7 @@ pub struct Context {
     pub device: ash::Device,
     pub queue: vk::Queue,
     pub queue_family: u32,
+    pub abilities: Abilities,
     /// `None` only while being dropped.
     allocator: Option<Arc<Mutex<Allocator>>>,
     pub info: DeviceInfo,
@@ -44,6 +46,8 @@ pub struct ContextOptions<'a> {
     /// Small blocks of memory: less is left over in them.
     pub frugal: bool,
     pub faults: Faults,
+    /// As if the device lacked these.
+    pub without: &'a [Ability],
 }
 
 fn no_vulkan(why: impl Into<String>) -> RenderError {
@@ -74,7 +78,8 @@ impl Context {
         let (physical, queue_family) = choose_device(&instance, options.device).map_err(destroy)?;
         let (properties, info) = describe(&instance, physical);
         options.faults.check(FaultPlace::Device).named(&format!("device {}", info.name)).map_err(destroy)?;
-        let device = create_device(&instance, physical, queue_family, &info, options).map_err(destroy)?;
+        let (device, abilities) =
+            create_device(&instance, physical, queue_family, &info, options).map_err(destroy)?;
         // SAFETY: the family and index 0 are those the device was created with.
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
         // Small blocks: memory of a driver that runs on the CPU is the machine's own.
@@ -111,6 +116,7 @@ impl Context {
             device,
             queue,
             queue_family,
+            abilities,
             allocator: Some(Arc::new(Mutex::new(allocator))),
             info,
             faults: options.faults.clone(),
@@ -379,12 +385,14 @@ fn create_device(
     queue_family: u32,
     info: &DeviceInfo,
     options: &ContextOptions<'_>,
-) -> Result<ash::Device, RenderError> {
+) -> Result<(ash::Device, Abilities), RenderError> {
     let mut has12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut has13 = vk::PhysicalDeviceVulkan13Features::default();
     let mut has = vk::PhysicalDeviceFeatures2::default().push_next(&mut has12).push_next(&mut has13);
     // SAFETY: the device belongs to the instance; the chain lives until the call returns.
     unsafe { instance.get_physical_device_features2(physical, &mut has) };
+    let abilities = Abilities::of(&has.features, options.without);
+    let optional = abilities.features();
     for (name, has) in [
         ("timelineSemaphore", has12.timeline_semaphore),
         ("dynamicRendering", has13.dynamic_rendering),
@@ -404,8 +412,10 @@ fn create_device(
     let create = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
         .enabled_extension_names(&extensions)
+        .enabled_features(&optional)
         .push_next(&mut features12)
         .push_next(&mut features13);
     // SAFETY: features were asked for above; all pointers live until the call returns.
-    unsafe { instance.create_device(physical, &create, None) }.named(&format!("device {}", info.name))
+    let device = unsafe { instance.create_device(physical, &create, None) };
+    Ok((device.named(&format!("device {}", info.name))?, abilities))
 }

@@ -5,6 +5,7 @@
 //! resources are made when a frame first draws them and kept by content; `load` waits for the device. What fails here is not
 //! tried again here: `steady` does, with a new device that is asked for less.
 
+mod abilities;
 mod behind;
 mod cache;
 mod context;
@@ -31,6 +32,7 @@ mod upload;
 use crate::record::{Command, RecordOptions, Recording, record, texture_slots};
 use crate::shader::ShaderSources;
 use crate::{Catalog, DeviceInfo, DeviceKind, Held, Plan, RenderError, Renderer, Work};
+pub use abilities::Ability;
 use ash::vk;
 use choreo_plugin::{Effect, Frame};
 use choreo_stage::Background;
@@ -70,6 +72,11 @@ pub struct GpuOptions {
     pub frugal: bool,
     /// As if the device could bind no more textures of a material at once.
     pub textures: Option<u32>,
+    /// As if the device lacked these features.
+    pub without: Vec<Ability>,
+    /// How many times as many texels are read along a slanted surface as across it, at most; 1: none more. Left out: 16 on a
+    /// GPU, 1 on a device that draws on the CPU, where a first frame with more takes seconds.
+    pub anisotropy: Option<f32>,
     /// Tests only.
     pub faults: Faults,
 }
@@ -125,6 +132,7 @@ impl VulkanRenderer {
             device_extensions: &options.device_extensions,
             frugal: options.frugal,
             faults: options.faults,
+            without: &options.without,
         })?;
         let mut layouts = Layouts::new(&gpu)?;
         let cache_dir = options.cache_dir.as_deref();
@@ -137,12 +145,15 @@ impl VulkanRenderer {
                 return Err(e);
             }
         };
+        let usual = if gpu.info.kind == DeviceKind::VulkanGpu { 16.0 } else { 1.0 };
+        let mut resources = Resources::default();
+        resources.anisotropy = options.anisotropy.unwrap_or(usual);
         let mut renderer = VulkanRenderer {
             gpu,
             layouts,
             pools: Pools::default(),
             pipelines,
-            resources: Resources::default(),
+            resources,
             targets: None,
             texels: None,
             slots: Vec::new(),
@@ -345,6 +356,7 @@ impl VulkanRenderer {
         let options = RecordOptions {
             cpu_device: self.gpu.info.kind == DeviceKind::VulkanCpu,
             textures: Some(self.textures()),
+            no_coverage: !self.gpu.abilities.has(Ability::AlphaToOne),
         };
         let recording = record(plan, options, |primitive| {
             let entry = self.catalog.primitives.get(primitive as usize);

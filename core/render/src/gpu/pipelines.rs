@@ -226,6 +226,7 @@ impl Pipelines {
                             (Glass::Filter, _) => Mix::Multiply,
                             (Glass::Light, _) => Mix::Add,
                         },
+                        coverage: key.coverage,
                     },
                 )
             }
@@ -406,7 +407,9 @@ impl Pipelines {
             })
             .line_width(1.0);
         let multisample = vk::PipelineMultisampleStateCreateInfo::default()
-            .rasterization_samples(vk::SampleCountFlags::from_raw(state.samples));
+            .rasterization_samples(vk::SampleCountFlags::from_raw(state.samples))
+            .alpha_to_coverage_enable(state.coverage)
+            .alpha_to_one_enable(state.coverage);
         let (compare, write) = state.depth.unwrap_or((vk::CompareOp::ALWAYS, false));
         let depth = vk::PipelineDepthStencilStateCreateInfo::default()
             .depth_test_enable(state.depth.is_some())

@@ -1,5 +1,6 @@
 //! Meshes, textures, samplers and materials on the device: made when a frame first needs them, kept by content.
 
+use super::abilities::Ability;
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
@@ -53,6 +54,8 @@ pub struct Resources {
     morphs: HashMap<(Hash, VertexLayout), Morphs>,
     textures: HashMap<TextureKey, Image>,
     samplers: HashMap<Sampler, vk::Sampler>,
+    /// Asked for; see `GpuOptions::anisotropy`.
+    pub anisotropy: f32,
     /// By content and which texture slots the shader reads.
     materials: HashMap<(Hash, u32), Material>,
     white: Option<Image>,
@@ -334,6 +337,12 @@ impl Resources {
             Wrap::ClampToEdge => vk::SamplerAddressMode::CLAMP_TO_EDGE,
         };
         let filter = |linear| if linear { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
+        // Only where levels are mixed: what asks for hard texels gets them.
+        let smooth = s.mag_linear && s.min_linear && s.mip_linear == Some(true);
+        let anisotropy = match smooth && gpu.abilities.has(Ability::SamplerAnisotropy) {
+            true => self.anisotropy.clamp(1.0, gpu.limits().max_sampler_anisotropy),
+            false => 1.0,
+        };
         let info = vk::SamplerCreateInfo::default()
             .address_mode_u(wrap(s.wrap_u))
             .address_mode_v(wrap(s.wrap_v))
@@ -345,8 +354,9 @@ impl Resources {
             })
             // Without mipmaps: level 0 only, and still minified where the level of detail says so
             // (Vulkan, "VkSamplerCreateInfo", the table of GL equivalents).
-            .max_lod(if s.mip_linear.is_some() { vk::LOD_CLAMP_NONE } else { 0.25 });
-        // Anisotropy stays off: the CPU twin has none, and on lavapipe a first frame with it takes seconds.
+            .max_lod(if s.mip_linear.is_some() { vk::LOD_CLAMP_NONE } else { 0.25 })
+            .anisotropy_enable(anisotropy > 1.0)
+            .max_anisotropy(anisotropy);
         // SAFETY: the device is alive; destroyed by `destroy`.
         let sampler = unsafe { gpu.device.create_sampler(&info, None) }.named("sampler")?;
         gpu.name(sampler, &format!("{s:?}"));

@@ -17,6 +17,8 @@ pub struct State {
     /// Comparison and whether it writes; `None` without a depth image.
     pub depth: Option<(vk::CompareOp, bool)>,
     pub mix: Mix,
+    /// The fragment's alpha says how many samples it keeps.
+    pub coverage: bool,
 }
 
 /// How a fragment meets what is in the picture.
@@ -56,6 +58,7 @@ impl State {
             color: Some(format(Target::Picture)),
             depth: None,
             mix: Mix::Replace,
+            coverage: false,
         }
     }
 }

@@ -235,6 +235,7 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("GLASS_FILTER", key.glass == Glass::Filter),
         ("GLASS_LIGHT", key.glass == Glass::Light),
         ("BLEND", key.blend),
+        ("COVERAGE", key.coverage),
         ("DOUBLE_SIDED", key.double_sided),
         ("TINT", variant.tint),
         ("JOINTS_UNIFORM", variant.joints_uniform),

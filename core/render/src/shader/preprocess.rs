@@ -32,6 +32,7 @@ pub const SWITCHES: [&str; 79] = [
     "SPECULAR_TEXTURE",
     "SPECULAR_COLOR_TEXTURE",
     "ALPHA_MASK",
+    "COVERAGE",
     "UV_TRANSFORM",
     "LOCAL_LIGHTS",
     "SHADOW",

@@ -6,7 +6,7 @@ use crate::hook::{HookDraft, own_captures};
 use crate::limits::raise_hint;
 use crate::value::{Kind, StageRef};
 use choreo_motion::{FrameRate, Time};
-use choreo_stage::Background;
+use choreo_stage::{Background, Cutouts, Transparency};
 use rhai::{Dynamic, FnPtr, Map};
 
 pub const DEFS: &[Def] = &[
@@ -15,7 +15,7 @@ pub const DEFS: &[Def] = &[
         "stage",
         "options | ",
         Gives::A(Kind::Stage),
-        "Sets size [width, height], fps, length, background (color or #{ top, bottom }), ambient (color, strength or #{ up, down }), samples (1 or 4). Without options, in tests: the stage, for expect.",
+        "Sets size [width, height], fps, length, background (color or #{ top, bottom }), ambient (color, strength or #{ up, down }), samples (1 or 4), cutouts (edges of leaves and hair at 4 samples: \"smooth\", or \"hard\"), transparency (\"sorted\" mesh by mesh, \"independent\" of it pixel by pixel, or \"auto\": the second where the first fails). Without options, in tests: the stage, for expect.",
         stage,
     ),
     Def::new(
@@ -53,7 +53,10 @@ fn stage(c: &mut Call) -> Reply {
         }
         return Err(ApiError::new("stage: options are missing").hint("write stage(#{ … })"));
     }
-    let o = c.options(0, &["size", "fps", "length", "background", "ambient", "samples"])?;
+    let o = c.options(
+        0,
+        &["size", "fps", "length", "background", "ambient", "samples", "cutouts", "transparency"],
+    )?;
     if let Some(before) = &c.build().settings_at {
         return Err(ApiError::new(format!("stage: already called in line {}", before.line))
             .hint("call it once, first"));
@@ -114,6 +117,19 @@ fn stage(c: &mut Call) -> Reply {
             return Err(ApiError::new(format!("stage: samples must be 1 or 4, got {samples}")));
         }
         s.samples = Some(samples as u32);
+    }
+    if let Some(how) = o.one_of("cutouts", &["smooth", "hard"])? {
+        s.cutouts = match how {
+            "hard" => Cutouts::Hard,
+            _ => Cutouts::Smooth,
+        };
+    }
+    if let Some(how) = o.one_of("transparency", &["auto", "sorted", "independent"])? {
+        s.transparency = match how {
+            "sorted" => Transparency::Sorted,
+            "independent" => Transparency::Independent,
+            _ => Transparency::Auto,
+        };
     }
     let frames = s.fps.frames_in(s.length);
     if frames > i64::try_from(c.shared.limits.frames).unwrap_or(i64::MAX) {

@@ -250,7 +250,17 @@ impl Snapshot {
 
 impl Writer {
     fn settings(&mut self, settings: &Settings) {
-        let Settings { size, fps, length, background, ambient_up, ambient_down, samples } = settings;
+        let Settings {
+            size,
+            fps,
+            length,
+            background,
+            ambient_up,
+            ambient_down,
+            samples,
+            cutouts,
+            transparency,
+        } = settings;
         for v in [size[0], size[1], fps.num, fps.den] {
             self.u32(v);
         }
@@ -259,6 +269,11 @@ impl Writer {
         self.vec3(*ambient_up);
         self.vec3(*ambient_down);
         self.option(samples, |w, n| w.u32(*n));
+        // The usual choices write nothing: the hashes of stages before there were others stay.
+        if *cutouts != Cutouts::default() || *transparency != Transparency::default() {
+            self.u32(*cutouts as u32);
+            self.u32(*transparency as u32);
+        }
     }
 
     fn background(&mut self, background: &Background) {

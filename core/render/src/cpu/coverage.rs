@@ -1,0 +1,41 @@
+//! Cut-outs with several samples a pixel: how many of them an edge of leaves or hair keeps. Twin of `COVERAGE` in scene.wgsl.
+
+use super::shade::ALL_SAMPLES;
+
+/// So many of four samples, in the order of their numbers: which ones Vulkan leaves to the device, and lavapipe takes these. As many on
+/// every device, so that a pixel of one surface resolves to the same; where an edge of the mesh or a second cut-out shares the
+/// pixel, it may be off by what a sample weighs.
+const SAMPLES: [u8; 5] = [0, 0b0001, 0b0011, 0b0111, 0b1111];
+
+/// Samples of a quad's pixels, a bit each: the cut is made one pixel wide, whatever the texture's own slope is (B. Golus,
+/// "Anti-aliased Alpha Test: The Esoteric Alpha To Coverage", 2017).
+pub fn covered(alpha: [f32; 4], cutoff: f32) -> [u8; 4] {
+    if cutoff <= 0.0 {
+        return [ALL_SAMPLES; 4];
+    }
+    std::array::from_fn(|i| {
+        let (across, down) = (alpha[i | 1] - alpha[i & !1], alpha[i | 2] - alpha[i & !2]);
+        let width = (across.abs() + down.abs()).max(1e-4);
+        let share = ((alpha[i] - cutoff) / width + 0.5).clamp(0.0, 1.0);
+        SAMPLES[(share * 4.0 + 0.5) as usize]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_edge_keeps_its_share_of_the_samples() {
+        let count = |alpha: [f32; 4]| covered(alpha, 0.5).map(u8::count_ones);
+        assert_eq!(count([1.0; 4]), [4; 4]);
+        assert_eq!(count([0.49; 4]), [0; 4]);
+        // An edge through the middle of the left pixels, a steep one and a gentle one.
+        assert_eq!(count([0.5, 1.5, 0.5, 1.5]), [2, 4, 2, 4]);
+        assert_eq!(count([0.5, 0.52, 0.5, 0.52]), [2, 4, 2, 4]);
+        // A quarter of a pixel farther.
+        assert_eq!(count([0.25, 1.25, 0.25, 1.25]), [1, 4, 1, 4]);
+        assert_eq!(covered([0.0; 4], 0.0), [ALL_SAMPLES; 4], "nothing is cut");
+        assert_eq!(covered([f32::NAN; 4], 0.5), [0; 4]);
+    }
+}

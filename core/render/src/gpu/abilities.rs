@@ -1,0 +1,71 @@
+//! Features that choreo uses where a device has them, and what it does where not.
+
+use ash::vk;
+
+/// One that a device may lack. What every Vulkan 1.3 device has, four samples a pixel among it, is not here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Ability {
+    /// `alphaToOne`. Without it cut-outs keep or lose whole pixels.
+    AlphaToOne,
+    /// `samplerAnisotropy`. Without it textures are filtered alike in both directions.
+    SamplerAnisotropy,
+    /// `sampleRateShading`. Without it what is seen through is sorted where there are several samples a pixel.
+    SampleRateShading,
+}
+
+impl Ability {
+    pub const ALL: [Ability; 3] =
+        [Ability::AlphaToOne, Ability::SamplerAnisotropy, Ability::SampleRateShading];
+
+    /// As Vulkan calls it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Ability::AlphaToOne => "alphaToOne",
+            Ability::SamplerAnisotropy => "samplerAnisotropy",
+            Ability::SampleRateShading => "sampleRateShading",
+        }
+    }
+
+    /// What a frame does without it.
+    pub fn fallback(self) -> &'static str {
+        match self {
+            Ability::AlphaToOne => "cut-outs keep or lose whole pixels",
+            Ability::SamplerAnisotropy => "textures are filtered alike in both directions",
+            Ability::SampleRateShading => {
+                "what is seen through is sorted where there are several samples a pixel"
+            }
+        }
+    }
+
+    fn is_in(self, features: &vk::PhysicalDeviceFeatures) -> bool {
+        vk::TRUE
+            == match self {
+                Ability::AlphaToOne => features.alpha_to_one,
+                Ability::SamplerAnisotropy => features.sampler_anisotropy,
+                Ability::SampleRateShading => features.sample_rate_shading,
+            }
+    }
+}
+
+/// Those that a device has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Abilities(u8);
+
+impl Abilities {
+    pub fn of(features: &vk::PhysicalDeviceFeatures, without: &[Ability]) -> Abilities {
+        let there = |a: &&Ability| a.is_in(features) && !without.contains(a);
+        Abilities(Ability::ALL.iter().filter(there).map(|a| 1 << *a as u8).sum())
+    }
+
+    pub fn has(self, ability: Ability) -> bool {
+        self.0 & (1 << ability as u8) != 0
+    }
+
+    /// What a device is made with.
+    pub fn features(self) -> vk::PhysicalDeviceFeatures {
+        vk::PhysicalDeviceFeatures::default()
+            .alpha_to_one(self.has(Ability::AlphaToOne))
+            .sampler_anisotropy(self.has(Ability::SamplerAnisotropy))
+            .sample_rate_shading(self.has(Ability::SampleRateShading))
+    }
+}
