@@ -18,7 +18,9 @@ struct VertexIn {
 }
 
 struct VertexOut {
-    @builtin(position) position: vec4<f32>,
+    @if(!PEELED) @builtin(position) position: vec4<f32>,
+    // The same depths in the pass that finds a layer and in the one that shades it.
+    @if(PEELED) @builtin(position) @invariant position: vec4<f32>,
     @if(PLACE) @location(0) relative: vec3<f32>,
     @if(NORMAL_OUT) @location(1) normal: vec3<f32>,
     @if(TANGENT) @location(2) tangent: vec4<f32>,

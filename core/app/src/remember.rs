@@ -190,6 +190,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         over,
         shadows,
         behind,
+        peel,
         instances,
         instance_actors: _,
         joint_matrices,
@@ -235,6 +236,9 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         }
     }
     add(format!("{behind:?}").as_bytes());
+    if let Some(peel) = peel {
+        add(format!("{} layers", peel.layers).as_bytes());
+    }
     for pass in surface.iter().chain(post) {
         add(format!("{pass:?}").as_bytes());
         let effect = effects.iter().find(|e| e.manifest().name == pass.effect);

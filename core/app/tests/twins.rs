@@ -29,9 +29,10 @@ struct Bounds {
 /// Textures: it weighs texels with 8 bits, and chooses mipmap levels from its own approximations.
 const BOUNDS: Bounds = Bounds { mean: 0.16, share_beyond: 0.003 };
 
-/// A picture full of hard edges inside enlarged textures shows the eight bits of their weights wherever one is.
+/// A picture full of hard edges inside enlarged textures shows the eight bits of their weights wherever one is; where alpha is
+/// cut off, as a sample more or less.
 const OF_TEXTURES: Bounds = Bounds { mean: 0.16, share_beyond: 0.01 };
-const LESSONS_OF_TEXTURES: [&str; 1] = ["35_moving_textures.rhai"];
+const LESSONS_OF_TEXTURES: [&str; 2] = ["35_moving_textures.rhai", "39_leaves_and_panes.rhai"];
 
 impl Bounds {
     /// Of a picture by the name of its scene.

@@ -7,7 +7,8 @@ use crate::gpu_types::{
 };
 use crate::mip::level_count;
 use crate::plan::{
-    ActiveMorph, Behind, Draw, Features, Glass, Instance, OverlayVertex, Plan, PlanLight, Rows, Shadows,
+    ActiveMorph, Behind, Draw, Features, Glass, Instance, OverlayVertex, PeelCause, Plan, PlanLight, Rows,
+    Shadows,
 };
 use crate::record::{Command, Part as PassPart, Recording, Target};
 use crate::shader::{SceneVariant, switches};
@@ -118,6 +119,23 @@ impl Parts<'_> {
         self.plan.draws.iter().filter(|d| d.pipeline.glass == Glass::Refract)
     }
 
+    /// Why what is seen through is not just sorted.
+    fn of_peel(&self) -> Askers {
+        let mut askers = Askers::default();
+        match self.plan.peel.map(|peel| peel.cause) {
+            Some(PeelCause::Each(a, b)) => {
+                askers.actors.extend([a, b]);
+                askers.other = Some("sorting fails: copies cross, or stand in the wrong order");
+            }
+            Some(PeelCause::Itself(actor)) => {
+                askers.actors.insert(actor);
+                askers.other = Some("sorting fails: it is bent, and seen from both sides");
+            }
+            _ => askers.other = Some("the stage's transparency \"independent\""),
+        }
+        askers
+    }
+
     /// Without materials.
     fn actors<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> Askers {
         Askers { materials: BTreeSet::new(), ..self.askers(draws) }
@@ -131,7 +149,8 @@ impl Parts<'_> {
                     let depth = if *depth { ", depth" } else { "" };
                     let plural = if *samples == 1 { "" } else { "s" };
                     let part = match part {
-                        PassPart::Whole | PassPart::UntilCopy => "",
+                        PassPart::Whole | PassPart::UntilCopy | PassPart::UntilLayers => "",
+                        PassPart::AfterLayers => ", the rest after the layers of what is seen through",
                         PassPart::AfterCopy => ", the rest after the copy behind glass",
                     };
                     let area = area.map_or(String::new(), |[_, _, w, h]| format!(", {w}×{h} of it"));
@@ -143,6 +162,19 @@ impl Parts<'_> {
                         true => stage("the stage's background: nothing else is in view"),
                         false => self.actors(self.plan.draws.iter()),
                     };
+                    self.add(Kind::Pass, what, None, askers);
+                }
+                Command::BeginPeel { layer, .. } => {
+                    let what = format!("depths of layer {} of what is seen through", layer + 1);
+                    let askers = self.of_peel();
+                    self.add(Kind::Pass, what, None, askers);
+                }
+                Command::BeginLayer { layer, rest, .. } => {
+                    let what = match rest {
+                        true => "what is nearer than all layers, sorted".to_string(),
+                        false => format!("colours of layer {} of what is seen through", layer + 1),
+                    };
+                    let askers = self.of_peel();
                     self.add(Kind::Pass, what, None, askers);
                 }
                 Command::BeginShadows { size: [w, h], .. } => {
@@ -479,6 +511,11 @@ impl Parts<'_> {
                 let what = format!("depth {size}, {samples} samples of 32-bit float");
                 let askers = self.actors(self.plan.draws.iter());
                 self.add(Kind::Target, what, Some(4 * samples * pixels), askers);
+            }
+            if recording.commands.iter().any(|c| matches!(c, Command::BeginPeel { .. })) {
+                let what = format!("depths of two layers {size}, {samples} samples of 32-bit float");
+                let askers = self.of_peel();
+                self.add(Kind::Target, what, Some(8 * samples * pixels), askers);
             }
             if samples > 1 {
                 let each = if target == Target::Picture { 4 } else { 8 };

@@ -32,6 +32,7 @@ mod planner_lights;
 mod planner_overlay;
 mod planner_shadows;
 mod planner_skins;
+mod planner_transparency;
 pub mod record;
 mod record_text;
 pub mod renderer;

@@ -49,6 +49,8 @@ pub struct Plan {
     pub shadows: Option<Shadows>,
     /// A copy of the picture, made before the first glass that bends light is drawn, to be seen through it; `None` without such glass.
     pub behind: Option<Behind>,
+    /// What is seen through is mixed pixel by pixel back to front; `None`: as `draws` are sorted.
+    pub peel: Option<Peel>,
     /// Effects that are part of the scene's shaders; a bit each in [`PipelineKey::surface`], `displaced` and `lighting`.
     pub surface: Vec<PostPass>,
     /// Of each of them that moves surfaces: how far at most, metres.
@@ -176,6 +178,26 @@ pub struct Behind {
     pub levels: u32,
 }
 
+/// Transparency that does not depend on the order of draws, by depth peeling (C. Everitt, "Interactive Order-Independent
+/// Transparency", 2001) from the back: the farthest surfaces at each sample are found, then mixed; then the next ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Peel {
+    /// So many are told apart. Nearer ones are sorted over them.
+    pub layers: u32,
+    pub cause: PeelCause,
+}
+
+/// Why sorting does not do. Indices into `Stage::actors`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PeelCause {
+    /// The stage asks for it.
+    Asked,
+    /// Copies of two actors, or of one, cross or stand in the wrong order.
+    Each(u32, u32),
+    /// It is bent, and both its faces are seen.
+    Itself(u32),
+}
+
 /// One map: what it shows and who is drawn into it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadowView {
@@ -226,6 +248,8 @@ pub struct PipelineKey {
     pub blend: bool,
     /// Its cut-outs keep samples instead of whole pixels (alpha to coverage).
     pub coverage: bool,
+    /// Mixed in its place among [`Plan::peel`]'s layers.
+    pub peeled: bool,
     pub glass: Glass,
     /// Which of `Plan::surface` change what is seen.
     pub surface: u8,
@@ -466,6 +490,7 @@ pub const LEFT_OUT: &[&str] = &[
     "alpha test",
     "alpha to coverage",
     "blending and sorting back to front",
+    "order-independent transparency",
     "instancing",
     "multisampling",
     "full-screen passes and float target",

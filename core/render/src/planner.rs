@@ -15,6 +15,7 @@ use crate::planner_lights::{plan_lights, plan_sky};
 use crate::planner_overlay::overlays;
 use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, daffine};
+use crate::planner_transparency::SeenThrough;
 use crate::wide;
 use choreo_stage::{ActorState, AlphaMode, Asset, Cutouts, EffectTarget, MeshInstance, Shadow, Snapshot, Stage};
 use glam::{Affine3A, DAffine3, Vec2, Vec3, Vec4};
@@ -34,6 +35,7 @@ impl Plan {
             sky: snapshot.sky.as_ref().is_some_and(|sky| sky.strength > 0.0),
             sky_seen: snapshot.sky.as_ref().is_some_and(|sky| sky.background),
             smooth_cutouts: options.samples > 1 && stage.settings.cutouts == Cutouts::Smooth,
+            seen_through: Vec::new(),
             joint_matrices: Vec::new(),
             morphs: Vec::new(),
             items: Vec::new(),
@@ -78,6 +80,8 @@ pub(crate) struct Planner<'a> {
     sky_seen: bool,
     /// Cut-outs keep samples.
     smooth_cutouts: bool,
+    /// Boxes of what is seen through.
+    pub seen_through: Vec<SeenThrough>,
     pub joint_matrices: Vec<Rows>,
     morphs: Vec<ActiveMorph>,
     pub items: Vec<Item>,
@@ -251,6 +255,7 @@ impl Planner<'_> {
                     double_sided: material.material.double_sided || features.has(Features::WIDE),
                     mirrored: determinant < 0.0,
                     blend,
+                    peeled: false,
                     coverage: self.smooth_cutouts && cut && !blend && !glass,
                     glass: Glass::No,
                     surface: effects.surface,
@@ -322,6 +327,13 @@ impl Planner<'_> {
                     _ => Phase::Opaque,
                 };
                 let depth = self.view.depth(bounds.center());
+                let seen_through = (phase == Phase::Blend).then(|| {
+                    let rigid_box = posed_skin.is_none() && morph_count == 0 && effects.reach == 0.0;
+                    let own = rigid_box.then_some((info.bounds, &rigid));
+                    let sides = key.double_sided;
+                    self.seen_through.push(SeenThrough::new(bounds, own, key.topology, sides, index));
+                    self.seen_through.len() as u32 - 1
+                });
                 let passes = match glass {
                     true if key.features.has(Features::REFRACTION) => &[Glass::Refract][..],
                     true => &[Glass::Filter, Glass::Light],
@@ -337,6 +349,7 @@ impl Planner<'_> {
                     closed,
                     instance: planned,
                     actor: 0,
+                    seen_through,
                 }));
                 if key.topology == TopologyKey::Triangles && !primitive.primitive().normals.is_empty() {
                     for (edges, changed) in self.hulls(entry, changed, index) {
@@ -364,6 +377,7 @@ impl Planner<'_> {
                             closed: 0,
                             instance: planned,
                             actor: 0,
+                            seen_through,
                         });
                     }
                 }
@@ -418,6 +432,10 @@ impl Planner<'_> {
         let first_blended = self.items.partition_point(|i| i.phase < Phase::Blend);
         self.items[first_blended..].sort_by(|a, b| b.depth.total_cmp(&a.depth));
 
+        let peel = self.peel(stage.settings.transparency, first_blended);
+        if peel.is_ok() {
+            self.items[first_blended..].iter_mut().for_each(|item| item.pipeline.peeled = true);
+        }
         let mut draws: Vec<Draw> = Vec::new();
         let mut instances = Vec::with_capacity(self.items.len());
         let mut instance_actors: Vec<u32> = self.items.iter().map(|item| item.actor).collect();
@@ -459,6 +477,9 @@ impl Planner<'_> {
         self.facts.overlays = overlay.parts.len();
         let shadows = self.draw_shadows(maps, &mut instances, &mut instance_actors);
         let mut left_out = left_out(all, &self.facts);
+        if let Err(why) = &peel {
+            left_out.push(LeftOut { what: "order-independent transparency".into(), why: why.clone() });
+        }
         left_out.extend(unknown.into_iter().chain(beyond));
         Plan {
             size: self.options.size,
@@ -481,6 +502,7 @@ impl Planner<'_> {
             materials: self.materials,
             shadows,
             behind,
+            peel: peel.ok(),
             background_effects: background_effects(&self.surface, self.options),
             reaches: std::array::from_fn(|i| self.surface.get(i).map_or(0.0, |e| e.reach)),
             surface: self.surface.into_iter().map(|e| e.used).collect(),

@@ -18,6 +18,8 @@ pub(crate) struct Item {
     pub closed: u32,
     pub instance: Instance,
     pub actor: u32,
+    /// Of what is seen through: place among the planner's boxes.
+    pub seen_through: Option<u32>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

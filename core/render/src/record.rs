@@ -4,7 +4,7 @@
 use crate::Plan;
 use crate::gpu_types::{BASE_SLOTS, TOON_SLOTS};
 use crate::plan::{Draw, Features, Glass, TopologyKey};
-use crate::shader::{LightLoop, SceneVariant};
+use crate::shader::{LightLoop, PeelPass, SceneVariant};
 pub use crate::textures_fit::{LEAST_VISIBLE, fitting, textures_beyond};
 use crate::vertex::VertexLayout;
 use choreo_stage::Background;
@@ -51,6 +51,20 @@ pub enum Command {
     CopyBehind {
         from: Target,
         levels: u32,
+    },
+    /// Starts the depths of a layer of what is seen through, and reads those of the layer before, or the scene's.
+    BeginPeel {
+        layer: u32,
+        samples: u32,
+        area: Option<[u32; 4]>,
+    },
+    /// Goes on with the picture: what has the depths of a layer, or (`rest`) what is nearer.
+    BeginLayer {
+        layer: u32,
+        rest: bool,
+        target: Target,
+        samples: u32,
+        area: Option<[u32; 4]>,
     },
     BindPipeline(SceneVariant),
     /// Which faces of the next draws are left out.
@@ -119,6 +133,10 @@ pub enum Part {
     UntilCopy,
     /// They are as the first part left them.
     AfterCopy,
+    /// Layers of what is seen through follow: colour, samples and depth are kept.
+    UntilLayers,
+    /// After them, with the scene's own depth.
+    AfterLayers,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -138,6 +156,8 @@ pub struct RecordOptions {
     pub textures: Option<u32>,
     /// Cut-outs lose whole pixels: the device cannot set alpha to one once it has made samples of it.
     pub no_coverage: bool,
+    /// What is seen through is sorted: the device cannot tell a pixel's samples apart.
+    pub no_layers: bool,
 }
 
 /// Where pixels go. Float targets exist only where post passes read them.
@@ -238,7 +258,12 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         let (target, samples) = (scene, plan.samples);
         Command::BeginPass { target, samples, clear, depth, part, area }
     };
-    let first_part = if plan.behind.is_some() { Part::UntilCopy } else { Part::Whole };
+    let peel = plan.peel.filter(|_| !options.no_layers);
+    let first_part = match plan.behind {
+        Some(_) => Part::UntilCopy,
+        None if peel.is_some() => Part::UntilLayers,
+        None => Part::Whole,
+    };
     commands.push(begin(clear, first_part));
     let mut state = DrawState::new(plan, commands, false, options, &triangles);
     let first_blended =
@@ -266,7 +291,8 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     }
     // What is farther than the first glass that bends light is seen through all such glass.
     let first_refracting = blended.iter().position(|d| d.pipeline.glass == Glass::Refract);
-    for (index, draw) in blended.iter().enumerate() {
+    let sorted = if peel.is_some() { &[][..] } else { blended };
+    for (index, draw) in sorted.iter().enumerate() {
         if let (Some(behind), true) = (plan.behind, Some(index) == first_refracting) {
             state.commands.extend([
                 Command::EndPass,
@@ -281,6 +307,14 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         state.set_cull(Cull::None);
     }
     let mut commands = state.commands;
+    if let Some(peel) = peel {
+        let to = (scene, area, options);
+        commands = layers(plan, commands, to, peel.layers, blended, &triangles);
+        commands.push(begin(None, Part::AfterLayers));
+        if !plan.overlay.parts.is_empty() {
+            commands.push(Command::SetCull(Cull::None));
+        }
+    }
     commands.extend(plan.overlay.parts.iter().map(|part| Command::DrawOverlay {
         effect: part.effect.clone(),
         over: part.over,
@@ -308,6 +342,33 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     commands.push(if plan.linear { Command::ReadBackLinear } else { Command::ReadBack });
     let surface = plan.surface.iter().map(|s| s.effect.clone()).collect();
     Recording { size: plan.size, surface, commands }
+}
+
+/// The picture's pass is ended; then each layer is found and mixed, and what is nearer than all of them is mixed as it is sorted.
+fn layers(
+    plan: &Plan,
+    mut commands: Vec<Command>,
+    (target, area, options): (Target, Option<[u32; 4]>, RecordOptions),
+    layers: u32,
+    draws: &[Draw],
+    triangles: &dyn Fn(u32) -> usize,
+) -> Vec<Command> {
+    let samples = plan.samples;
+    let mut pass = |begin: Command, peel: PeelPass| {
+        commands.extend([Command::EndPass, begin]);
+        let mut state = DrawState::new(plan, std::mem::take(&mut commands), false, options, triangles);
+        state.peel = peel;
+        draws.iter().for_each(|draw| state.draw(draw, cull_of(draw)));
+        commands = state.commands;
+    };
+    let peel = if samples > 1 { PeelPass::Several } else { PeelPass::One };
+    for layer in 0..layers {
+        pass(Command::BeginPeel { layer, samples, area }, peel);
+        pass(Command::BeginLayer { layer, rest: false, target, samples, area }, PeelPass::No);
+    }
+    pass(Command::BeginLayer { layer: layers - 1, rest: true, target, samples, area }, PeelPass::No);
+    commands.push(Command::EndPass);
+    commands
 }
 
 /// Those of every material, in the order of their slots.
@@ -358,6 +419,7 @@ struct DrawState<'a> {
     options: RecordOptions,
     /// Of one copy of a primitive.
     triangles: &'a dyn Fn(u32) -> usize,
+    peel: PeelPass,
 }
 
 impl<'a> DrawState<'a> {
@@ -378,6 +440,7 @@ impl<'a> DrawState<'a> {
             mesh: None,
             options,
             triangles,
+            peel: PeelPass::No,
         }
     }
 
@@ -435,6 +498,7 @@ impl<'a> DrawState<'a> {
         let (plan, mut key) = (self.plan, draw.pipeline);
         key.features = fitting(key.features, self.options.textures).0;
         key.coverage &= !self.options.no_coverage;
+        key.peeled &= !self.options.no_layers;
         let first = draw.first_instance as usize;
         let end = (first + draw.instance_count as usize).min(plan.instances.len());
         let drawn = plan.instances.get(first..end).unwrap_or(&[]);
@@ -450,6 +514,7 @@ impl<'a> DrawState<'a> {
                 _ => LightLoop::All,
             },
             shadow_pass: self.shadow_pass,
+            peel: self.peel,
         }
     }
 }
@@ -480,7 +545,10 @@ impl Recording {
         let mut variants = std::collections::BTreeSet::new();
         for command in &self.commands {
             match command {
-                Command::BeginPass { .. } | Command::BeginShadows { .. } => counts.passes += 1,
+                Command::BeginPass { .. }
+                | Command::BeginShadows { .. }
+                | Command::BeginPeel { .. }
+                | Command::BeginLayer { .. } => counts.passes += 1,
                 Command::ShadowView { .. } => counts.shadow_views += 1,
                 Command::BindPipeline(v) => {
                     counts.pipeline_binds += 1;

@@ -26,6 +26,12 @@ impl fmt::Display for Recording {
                     let area = area.map_or(String::new(), |[x, y, w, h]| format!(", {w}×{h} at {x}, {y}"));
                     writeln!(f, "begin {target:?}, {samples} samples, {clear}{depth}{area}")?
                 }
+                Command::BeginPeel { layer, .. } => writeln!(f, "begin depths of layer {layer}")?,
+                Command::BeginLayer { layer, rest, .. } => writeln!(
+                    f,
+                    "begin {} layer {layer}",
+                    if *rest { "what is nearer than" } else { "colours of" }
+                )?,
                 Command::BindPipeline(v) => {
                     writeln!(f, "  pipeline {:?} {}", v.key.topology, crate::shader::switches(v).join(" "))?
                 }

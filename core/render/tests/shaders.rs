@@ -22,6 +22,7 @@ fn key(features: Features) -> PipelineKey {
         mirrored: false,
         blend: false,
         coverage: false,
+        peeled: false,
         glass: Glass::No,
         surface: 0,
         displaced: 0,
@@ -84,6 +85,7 @@ fn variants() -> Vec<SceneVariant> {
                     joints_uniform: false,
                     lights: loop_of(subset % 2 == 0),
                     shadow_pass: false,
+                    peel: PeelPass::No,
                 });
             }
         }
@@ -109,6 +111,7 @@ fn variants() -> Vec<SceneVariant> {
                     joints_uniform: on(4) && v.has(Features::SKIN),
                     lights: loop_of(on(3)),
                     shadow_pass: false,
+                    peel: PeelPass::No,
                 });
             }
         }
@@ -164,6 +167,7 @@ fn layer_variants() -> Vec<SceneVariant> {
                 joints_uniform: false,
                 lights: loop_of(subset % 2 == 1),
                 shadow_pass: false,
+                peel: PeelPass::No,
             }));
             if features.has(Features::TRANSMISSION) {
                 // Bent, with one index or three.
@@ -196,6 +200,7 @@ fn shadow_variants() -> Vec<SceneVariant> {
         joints_uniform: bits & 8 != 0 && features.has(Features::SKIN),
         lights: loop_of(bits & 16 != 0),
         shadow_pass,
+        peel: PeelPass::No,
     };
     let shadings = [Features::METALLIC_ROUGHNESS, Features::BLINN_PHONG, Features::TOON];
     let normal_map = Features::NORMAL_TEXTURE.with(Features::UV0);
@@ -262,6 +267,7 @@ fn outline_variants() -> Vec<SceneVariant> {
                     joints_uniform: false,
                     lights: loop_of(bits % 3 == 0),
                     shadow_pass: false,
+                    peel: PeelPass::No,
                 });
             }
         }
@@ -300,6 +306,7 @@ fn every_combination_compiles() {
         joints_uniform: true,
         lights: loop_of(true),
         shadow_pass: false,
+        peel: PeelPass::No,
     };
     compile(&files, &switches(&all), &stages, true).unwrap();
     // Effects on surfaces of every kind, two of which use the same names.
@@ -363,6 +370,7 @@ fn every_combination_compiles() {
                 joints_uniform: false,
                 lights: loop_of(bits & 3 == 1),
                 shadow_pass: false,
+                peel: PeelPass::No,
             };
             let mut on = switches(&v);
             on.push("TEXTURES");
@@ -387,6 +395,7 @@ fn every_combination_compiles() {
             joints_uniform: false,
             lights: loop_of(false),
             shadow_pass: false,
+            peel: PeelPass::No,
         };
         let mut on = switches(&v);
         on.push("TEXTURES");
@@ -437,6 +446,7 @@ fn layouts_equal_the_rust_structs() {
         joints_uniform: false,
         lights: loop_of(false),
         shadow_pass: false,
+        peel: PeelPass::No,
     });
     let (m, _) = parse(&sources().files(&SCENE).unwrap(), &on).unwrap();
     let frame = fields!(FrameUniform: clip_from_relative, eye, camera, ambient_up, ambient_down, background_top,

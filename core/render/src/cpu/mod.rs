@@ -12,6 +12,7 @@ mod lanes;
 mod layers;
 mod lighting;
 mod overlay;
+mod peel;
 pub mod picture;
 mod raster;
 mod refraction;
@@ -236,6 +237,7 @@ impl CpuRenderer {
                         primitive,
                         material,
                     }),
+                    peeled: draw.pipeline.peeled,
                     phase: match draw.pipeline {
                         k if !k.writes_depth() => Phase::Blend,
                         k if k.is_see_through() || k.features.has(Features::ALPHA_MASK) => Phase::Mask,
@@ -257,6 +259,7 @@ impl CpuRenderer {
             mirrored: false,
             blend: true,
             coverage: false,
+            peeled: false,
             glass: Glass::No,
             surface: 0,
             displaced: 0,
@@ -269,7 +272,7 @@ impl CpuRenderer {
             let assembly = Assembly { vertices: &vertices, indices: &indices, pipeline, size: plan.size };
             let triangles = assembly.run();
             let paint = Paint::Overlay { vertices: drawn, over: part.over };
-            Batch { paint, phase: Phase::Blend, vertices, triangles }
+            Batch { paint, phase: Phase::Blend, peeled: false, vertices, triangles }
         };
         plan.overlay.parts.iter().map(batch).collect()
     }
@@ -396,6 +399,7 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
                     background,
                     backdrop,
                     under: plan.under.as_deref(),
+                    layers: plan.peel.map_or(0, |peel| peel.layers),
                     post,
                 };
                 tile.draw::<T, P, S>(buffers, &mut pixels[x..], width);

@@ -50,6 +50,8 @@ impl Paint<'_> {
 pub struct Batch<'a> {
     pub paint: Paint<'a>,
     pub phase: Phase,
+    /// Mixed in its place among the layers.
+    pub peeled: bool,
     pub vertices: Vec<Vertex>,
     pub triangles: Vec<Triangle>,
 }
@@ -61,6 +63,17 @@ pub enum Phase {
     Blend,
 }
 
+/// Which samples of a triangle are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Against {
+    /// Those nearer than the scene.
+    Scene,
+    /// Those of the layer.
+    Layer,
+    /// Those nearer than it.
+    Nearer,
+}
+
 /// (batch, triangle of it), in drawing order.
 pub type TriangleId = [u32; 2];
 
@@ -68,13 +81,15 @@ const NONE: u32 = u32::MAX;
 
 /// Sample arrays of one tile; reused.
 pub struct TileBuffers<T> {
-    depth: Vec<f32>,
+    pub(super) depth: Vec<f32>,
     /// Position in the tile's triangle list.
     visible: Vec<u32>,
     color: Vec<T>,
     /// Of the triangle being drawn (mask, blend): a bit a sample that passed the depth test, and its depth.
     passed: Vec<u8>,
     passed_depth: Vec<f32>,
+    /// Of what is seen through: a layer and the one before it.
+    pub(super) layers: [Vec<f32>; 2],
 }
 
 impl<T: Target> TileBuffers<T> {
@@ -85,6 +100,7 @@ impl<T: Target> TileBuffers<T> {
             color: vec![T::encode(Vec4::ZERO); TILE_PIXELS * samples],
             passed: vec![0; TILE_PIXELS],
             passed_depth: vec![0.0; TILE_PIXELS * samples],
+            layers: [Vec::new(), Vec::new()],
         }
     }
 }
@@ -103,6 +119,8 @@ pub struct Tile<'a, 'b> {
     pub backdrop: Option<&'a Veil<'a>>,
     /// Layers over either.
     pub under: Option<&'a FlatPicture>,
+    /// Of what is seen through, told apart pixel by pixel.
+    pub layers: u32,
     /// Functions of one pixel alone.
     pub post: &'a [Pass],
 }
@@ -152,14 +170,23 @@ impl Tile<'_, '_> {
                 }
                 self.shade_visible::<T, S>(b);
             }
-            for id in &self.list[opaque..] {
-                self.forward::<T, S>(b, id);
+            let mut rest = &self.list[opaque..];
+            while let Some((id, after)) = rest.split_first() {
+                let peeled = |id: &&TriangleId| self.batches[id[0] as usize].peeled;
+                let together = rest.iter().take_while(peeled).count();
+                if together > 0 {
+                    self.peel::<T, S>(b, &rest[..together]);
+                    rest = &rest[together..];
+                    continue;
+                }
+                self.forward::<T, S>(b, id, Against::Scene);
+                rest = after;
             }
         }
         self.finish::<T, P, S>(b, rows, stride);
     }
 
-    fn triangle(&self, id: &TriangleId) -> &Triangle {
+    pub(super) fn triangle(&self, id: &TriangleId) -> &Triangle {
         &self.batches[id[0] as usize].triangles[id[1] as usize]
     }
 
@@ -205,16 +232,27 @@ impl Tile<'_, '_> {
     }
 
     /// One triangle after the other: alpha test before the depth is written, or blending without writing it.
-    fn forward<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, id: &TriangleId) {
+    pub(super) fn forward<T: Target, const S: usize>(
+        &self,
+        b: &mut TileBuffers<T>,
+        id: &TriangleId,
+        against: Against,
+    ) {
         let t = self.triangle(id);
         let batch = &self.batches[id[0] as usize];
         let (blend, glass) = (batch.phase == Phase::Blend, batch.paint.glass());
         let over = batch.paint.over();
         let (depth, passed, passed_depth) = (&b.depth[..], &mut b.passed[..], &mut b.passed_depth[..]);
+        let layer = &b.layers[0][..];
         let mut any = false;
         cover::<S>(t, self.at, |index, covered, z| {
             for i in 0..4 {
-                if covered[i] && (over || z[i] > depth[index + i]) {
+                let seen = match against {
+                    Against::Scene => over || z[i] > depth[index + i],
+                    Against::Layer => z[i] == layer[index + i],
+                    Against::Nearer => z[i] > layer[index + i],
+                };
+                if covered[i] && seen {
                     any = true;
                     passed[(index + i) / S] |= 1 << ((index + i) % S);
                     passed_depth[index + i] = z[i];

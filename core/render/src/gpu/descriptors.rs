@@ -85,6 +85,8 @@ impl Layouts {
                 (8, T::SAMPLED_IMAGE, fragment),
                 // Layers under the scene.
                 (9, T::SAMPLED_IMAGE, fragment),
+                // Depths of the layer before, of what is seen through.
+                (10, T::SAMPLED_IMAGE, fragment),
             ];
             layouts.shadow = create(gpu, "shadow set layout", &shadow)?;
             layouts.post = create(gpu, "post set layout", &post)?;

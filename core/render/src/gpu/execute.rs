@@ -46,10 +46,18 @@ impl Execution<'_> {
                 Command::CopyBehind { from, .. } => self.copy_behind(*from)?,
                 Command::BeginPass { target, clear, part, area, .. } => {
                     self.begin_scene(*target, *clear, *part, *area);
+                    self.bind_scene_sets();
+                }
+                Command::BeginPeel { layer, area, .. } => {
+                    let set = self.slot.peel_sets.get(if *layer == 0 { 0 } else { 2 - *layer as usize % 2 });
+                    let set = set.ok_or_else(|| missing("a set of layers"))?;
+                    self.begin_peel(*layer, *area)?;
                     self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
-                    if let Some((set, _)) = &self.slot.light_set {
-                        self.bind_set(self.pipelines.layout, 2, set.raw);
-                    }
+                    self.bind_set(self.pipelines.layout, 2, set.raw);
+                }
+                Command::BeginLayer { layer, rest, target, area, .. } => {
+                    self.begin_layer(*layer, *rest, *target, *area)?;
+                    self.bind_scene_sets();
                 }
                 Command::BindPipeline(_) => self.bind_pipeline(pipeline_of(i)?),
                 Command::BindMaterial { material, changed, slots } => {
@@ -106,6 +114,13 @@ impl Execution<'_> {
             }
         }
         Ok(())
+    }
+
+    fn bind_scene_sets(&self) {
+        self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
+        if let Some((set, _)) = &self.slot.light_set {
+            self.bind_set(self.pipelines.layout, 2, set.raw);
+        }
     }
 
     fn set_cull(&self, cull: Cull) {
@@ -211,7 +226,8 @@ impl Execution<'_> {
         let resolved = self.targets.image(target);
         let multisampled = self.targets.multisampled.as_ref();
         let kept = part != Part::Whole;
-        let resumed = part == Part::AfterCopy;
+        let resumed = matches!(part, Part::AfterCopy | Part::AfterLayers);
+        let goes_on = matches!(part, Part::UntilCopy | Part::UntilLayers);
         let mut barriers = vec![match clear {
             // The copy left the picture to be drawn into; with several samples it is only resolved into.
             _ if resumed => again(to_color(resolved), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
@@ -248,7 +264,7 @@ impl Execution<'_> {
             .clear_value(clear);
         if multisampled.is_some() {
             color = color
-                .store_op(if part == Part::UntilCopy {
+                .store_op(if goes_on {
                     vk::AttachmentStoreOp::STORE
                 } else {
                     vk::AttachmentStoreOp::DONT_CARE
@@ -256,6 +272,9 @@ impl Execution<'_> {
                 .resolve_mode(vk::ResolveModeFlags::AVERAGE)
                 .resolve_image_view(resolved.view)
                 .resolve_image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
+            if part == Part::UntilLayers {
+                color = color.resolve_mode(vk::ResolveModeFlags::NONE);
+            }
         }
         // Reversed Z: 0 is infinitely far.
         let far = vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 };
@@ -267,12 +286,12 @@ impl Execution<'_> {
                 .store_op(if kept { vk::AttachmentStoreOp::STORE } else { vk::AttachmentStoreOp::DONT_CARE })
                 .clear_value(vk::ClearValue { depth_stencil: far })
         });
-        self.begin(&color, depth.as_ref(), area);
+        self.begin(Some(&color), depth.as_ref(), area);
     }
 
-    fn begin(
+    pub(super) fn begin(
         &self,
-        color: &vk::RenderingAttachmentInfo<'_>,
+        color: Option<&vk::RenderingAttachmentInfo<'_>>,
         depth: Option<&vk::RenderingAttachmentInfo<'_>>,
         part: Option<[u32; 4]>,
     ) {
@@ -280,7 +299,7 @@ impl Execution<'_> {
         let [x, y, w, h] = part.unwrap_or([0, 0, width, height]);
         let offset = vk::Offset2D { x: x as i32, y: y as i32 };
         let area = vk::Rect2D { offset, extent: vk::Extent2D { width: w, height: h } };
-        let colors = [*color];
+        let colors = Vec::from_iter(color.copied());
         let mut info =
             vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
         if let Some(depth) = depth {
@@ -323,7 +342,7 @@ impl Execution<'_> {
             .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
             .load_op(vk::AttachmentLoadOp::DONT_CARE)
             .store_op(vk::AttachmentStoreOp::STORE);
-        self.begin(&color, None, Some([0, 0, w, h]));
+        self.begin(Some(&color), None, Some([0, 0, w, h]));
         self.set_cull(Cull::None);
         self.bind_pipeline(pipeline);
         self.bind_set(self.pipelines.post_layout, 0, set);
@@ -370,7 +389,7 @@ pub(super) fn color_barrier(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
 }
 
 /// Contents kept, which are in this layout.
-fn again(
+pub(super) fn again(
     barrier: vk::ImageMemoryBarrier2<'static>,
     layout: vk::ImageLayout,
 ) -> vk::ImageMemoryBarrier2<'static> {
@@ -378,7 +397,7 @@ fn again(
 }
 
 /// Contents dropped; after whatever the frame before did with it.
-fn to_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+pub(super) fn to_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     color_barrier(image)
         .src_stage_mask(
             vk::PipelineStageFlags2::COPY
@@ -391,7 +410,7 @@ fn to_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
         .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
 }
 
-fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+pub(super) fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     let stages = vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS;
     vk::ImageMemoryBarrier2::default()
         .image(image.raw)
@@ -407,7 +426,7 @@ fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
 }
 
 /// Drawn; from now on shaders read it.
-fn from_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+pub(super) fn from_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     let stages = vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS;
     vk::ImageMemoryBarrier2::default()
         .image(image.raw)

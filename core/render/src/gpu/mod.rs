@@ -16,6 +16,7 @@ mod expose;
 pub mod faults;
 mod memory;
 mod parts;
+mod peel;
 mod pipeline_ids;
 mod pipelines;
 mod resources;
@@ -357,6 +358,7 @@ impl VulkanRenderer {
             cpu_device: self.gpu.info.kind == DeviceKind::VulkanCpu,
             textures: Some(self.textures()),
             no_coverage: !self.gpu.abilities.has(Ability::AlphaToOne),
+            no_layers: plan.samples > 1 && !self.gpu.abilities.has(Ability::SampleRateShading),
         };
         let recording = record(plan, options, |primitive| {
             let entry = self.catalog.primitives.get(primitive as usize);

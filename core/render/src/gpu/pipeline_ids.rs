@@ -33,6 +33,14 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             (samples, float, depth) = (*s, is_float(target), *d);
             None
         }
+        Command::BeginPeel { samples: s, .. } => {
+            samples = *s;
+            None
+        }
+        Command::BeginLayer { target, samples: s, .. } => {
+            (samples, float, depth) = (*s, is_float(target), true);
+            None
+        }
         Command::BeginShadows { .. } => {
             (samples, float) = (1, false);
             None

@@ -13,7 +13,7 @@ use crate::RenderError;
 use crate::plan::{Features, Glass, TopologyKey};
 use crate::record::texture_slots;
 use crate::shader::{
-    BACKGROUND, Entry, OVERLAY, SCENE, SKY, SceneEffect, ShaderSources, SourceFile, UNDER, compile,
+    BACKGROUND, Entry, OVERLAY, PeelPass, SCENE, SKY, SceneEffect, ShaderSources, SourceFile, UNDER, compile,
     surface_files, switches, texture_functions,
 };
 use crate::vertex::VertexLayout;
@@ -194,7 +194,9 @@ impl Pipelines {
                 let key = &variant.key;
                 // Of a shadow map only holes need a fragment shader.
                 let cut_out = key.features.has(Features::ALPHA_MASK);
+                let peel = variant.peel != PeelPass::No;
                 let stages = match (variant.shadow_pass, cut_out) {
+                    _ if peel => stages("vs", "peel_fs").to_vec(),
                     (false, _) => stages("vs", "fs").to_vec(),
                     (true, true) => stages("vs", "shadow_fs").to_vec(),
                     (true, false) => stages("vs", "").first().copied().into_iter().collect(),
@@ -217,9 +219,12 @@ impl Pipelines {
                         },
                         clockwise: key.mirrored,
                         samples: *samples,
-                        color: (!variant.shadow_pass).then(|| format_of(*float)),
-                        // Reversed Z: nearer is greater.
-                        depth: Some((vk::CompareOp::GREATER, key.writes_depth())),
+                        color: (!variant.shadow_pass && !peel).then(|| format_of(*float)),
+                        // Reversed Z: nearer is greater. Of a layer the farthest stays.
+                        depth: Some(match peel {
+                            true => (vk::CompareOp::LESS, true),
+                            false => (vk::CompareOp::GREATER, key.writes_depth()),
+                        }),
                         mix: match (key.glass, key.blend) {
                             (Glass::No | Glass::Refract, false) => Mix::Replace,
                             (Glass::No | Glass::Refract, true) => Mix::Over,
@@ -227,6 +232,7 @@ impl Pipelines {
                             (Glass::Light, _) => Mix::Add,
                         },
                         coverage: key.coverage,
+                        any_compare: key.peeled && !peel,
                     },
                 )
             }
@@ -427,7 +433,9 @@ impl Pipelines {
         }
         let attachments = Vec::from_iter(state.color.map(|_| attachment));
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
-        let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::CULL_MODE];
+        let mut dynamic =
+            vec![vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::CULL_MODE];
+        dynamic.extend(state.any_compare.then_some(vk::DynamicState::DEPTH_COMPARE_OP));
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
         let colors = Vec::from_iter(state.color);
         let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&colors);

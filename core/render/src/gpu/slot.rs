@@ -33,6 +33,8 @@ pub struct Slot {
     pub view_sets: Vec<Set>,
     /// Shadow maps, the picture behind glass and the sky, and which of them it was made for.
     pub light_set: Option<(Set, [bool; 4])>,
+    /// Of the same layout, with the depths of the scene, of even layers and of odd ones.
+    pub peel_sets: Vec<Set>,
     /// Of the frame's changed materials: where their uniforms lie, which of them with which textures, and their sets.
     changed_at: Vec<[u64; 2]>,
     /// Layers under the scene, by what they are made from.
@@ -112,6 +114,7 @@ impl Slot {
             frame_set,
             view_sets: Vec::new(),
             light_set: None,
+            peel_sets: Vec::new(),
             under: None,
             over: None,
             changed_at: Vec::new(),
@@ -321,6 +324,23 @@ impl Slot {
             write_image(gpu, set.raw, 8, T::SAMPLED_IMAGE, picture, vk::Sampler::null());
             let ([under, _], _) = of_under.unwrap_or(any);
             write_image(gpu, set.raw, 9, T::SAMPLED_IMAGE, under, vk::Sampler::null());
+            write_image(gpu, set.raw, 10, T::SAMPLED_IMAGE, under, vk::Sampler::null());
+        }
+        for (i, view) in seen.layers.iter().flat_map(|(views, _)| views).enumerate() {
+            if self.peel_sets.len() <= i {
+                self.peel_sets.push(pools.allocate(gpu, layouts.shadow, "depths of layers")?);
+            }
+            let set = self.peel_sets[i].raw;
+            for binding in [0, 5] {
+                write_buffer(gpu, set, binding, T::UNIFORM_BUFFER, raw, 0, 16);
+            }
+            for binding in [1, 3, 6, 8, 9, 10] {
+                write_image(gpu, set, binding, T::SAMPLED_IMAGE, *view, vk::Sampler::null());
+            }
+            let sampler = seen.layers.map_or(vk::Sampler::null(), |(_, sampler)| sampler);
+            for binding in [2, 4, 7] {
+                write_image(gpu, set, binding, T::SAMPLER, vk::ImageView::null(), sampler);
+            }
         }
         while self.post_sets.len() < post_at.len() {
             self.post_sets.push(pools.allocate(gpu, layouts.post, "post set")?);

@@ -19,6 +19,8 @@ pub struct State {
     pub mix: Mix,
     /// The fragment's alpha says how many samples it keeps.
     pub coverage: bool,
+    /// The comparison of depths is set when the pass begins.
+    pub any_compare: bool,
 }
 
 /// How a fragment meets what is in the picture.
@@ -59,6 +61,7 @@ impl State {
             depth: None,
             mix: Mix::Replace,
             coverage: false,
+            any_compare: false,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::behind::BehindTarget;
 use super::context::Context;
+use super::error::Named;
 use super::memory::{Buffer, Image, ImageDesc};
 use super::shadow::ShadowTarget;
 use super::sky::SkyImages;
@@ -36,6 +37,8 @@ pub struct Needs {
     pub shadow: Option<[u32; 2]>,
     /// Levels of the picture behind glass.
     pub behind: Option<u32>,
+    /// Depths of layers of what is seen through.
+    pub layers: bool,
 }
 
 impl Needs {
@@ -48,6 +51,7 @@ impl Needs {
             floats: 0,
             shadow: None,
             behind: None,
+            layers: false,
         };
         for command in &recording.commands {
             let float = |t: &Target| match t {
@@ -56,6 +60,7 @@ impl Needs {
             };
             match command {
                 Command::BeginShadows { image, .. } => needs.shadow = Some(*image),
+                Command::BeginPeel { .. } => needs.layers = true,
                 Command::CopyBehind { levels, .. } => needs.behind = Some(*levels),
                 Command::BeginPass { target, samples, depth, .. } => {
                     (needs.scene, needs.samples, needs.depth) = (*target, *samples, *depth);
@@ -76,6 +81,10 @@ pub struct Targets {
     pub picture: Image,
     pub floats: Vec<Image>,
     pub depth: Option<Image>,
+    /// Depths of two layers of what is seen through, in turns.
+    pub layers: Vec<Image>,
+    /// Reads nothing: lavapipe (22.3) follows every binding of a bound set.
+    sampler: vk::Sampler,
     /// With more than one sample: what is drawn into, resolved into the scene's target.
     pub multisampled: Option<Image>,
     pub shadow: Option<ShadowTarget>,
@@ -90,6 +99,8 @@ pub struct Seen<'a> {
     pub shadow: Option<&'a ShadowTarget>,
     pub behind: Option<&'a BehindTarget>,
     pub sky: Option<&'a SkyImages>,
+    /// Depths of the scene and of even and odd layers of what is seen through.
+    pub layers: Option<([vk::ImageView; 3], vk::Sampler)>,
     /// Textures of effects.
     pub texels: Option<&'a Buffer>,
 }
@@ -109,6 +120,8 @@ impl Targets {
             picture,
             floats: Vec::new(),
             depth: None,
+            layers: Vec::new(),
+            sampler: vk::Sampler::null(),
             multisampled: None,
             shadow: None,
             behind: None,
@@ -121,8 +134,18 @@ impl Targets {
                 targets.floats.push(image(&name, FLOAT, usage, 1)?);
             }
             if needs.depth {
-                let usage = U::DEPTH_STENCIL_ATTACHMENT;
+                let read = if needs.layers { U::SAMPLED } else { U::empty() };
+                let usage = U::DEPTH_STENCIL_ATTACHMENT | read;
                 targets.depth = Some(image("depth", DEPTH, usage, needs.samples)?);
+            }
+            if needs.layers {
+                // SAFETY: the device is alive; destroyed by `destroy`.
+                let made = unsafe { gpu.device.create_sampler(&vk::SamplerCreateInfo::default(), None) };
+                targets.sampler = made.named("sampler of layers")?;
+            }
+            for name in ["even layers", "odd layers"].into_iter().filter(|_| needs.layers) {
+                let usage = U::DEPTH_STENCIL_ATTACHMENT | U::SAMPLED;
+                targets.layers.push(image(name, DEPTH, usage, needs.samples)?);
             }
             if needs.samples > 1 {
                 let format = format(needs.scene);
@@ -145,7 +168,11 @@ impl Targets {
 
     /// What shaders read beside materials; the sky is among the resources.
     pub fn seen(&self) -> Seen<'_> {
-        Seen { shadow: self.shadow.as_ref(), behind: self.behind.as_ref(), sky: None, texels: None }
+        let layers = match (&self.depth, &self.layers[..]) {
+            (Some(depth), [even, odd]) => Some(([depth.view, even.view, odd.view], self.sampler)),
+            _ => None,
+        };
+        Seen { layers, shadow: self.shadow.as_ref(), behind: self.behind.as_ref(), sky: None, texels: None }
     }
 
     pub fn image(&self, target: Target) -> &Image {
@@ -195,9 +222,17 @@ impl Targets {
         if let Some((mut buffer, _)) = self.background.take() {
             buffer.destroy(gpu);
         }
-        for image in self.floats.iter_mut().chain(&mut self.depth).chain(&mut self.multisampled) {
+        for image in self
+            .floats
+            .iter_mut()
+            .chain(&mut self.layers)
+            .chain(&mut self.depth)
+            .chain(&mut self.multisampled)
+        {
             image.destroy(gpu);
         }
+        // SAFETY: made from this device (or null), no longer used.
+        unsafe { gpu.device.destroy_sampler(self.sampler, None) };
         if let Some(mut shadow) = self.shadow.take() {
             shadow.destroy(gpu);
         }

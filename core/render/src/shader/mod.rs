@@ -27,6 +27,7 @@ pub struct ShaderSources {
 const EMBEDDED: [(&str, &str); 18] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("under.wgsl", include_str!("../../../../shaders/under.wgsl")),
+    ("peel.wgsl", include_str!("../../../../shaders/peel.wgsl")),
     ("sky.wgsl", include_str!("../../../../shaders/sky.wgsl")),
     ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
     ("toon.wgsl", include_str!("../../../../shaders/toon.wgsl")),
@@ -58,6 +59,7 @@ pub const SCENE: [&str; 13] = [
     "layers.wgsl",
     "refraction.wgsl",
     "shadow.wgsl",
+    "peel.wgsl",
     "surface.wgsl",
     "scene.wgsl",
 ];
@@ -155,6 +157,18 @@ pub struct SceneVariant {
     pub lights: LightLoop,
     /// Depth alone, into a shadow map.
     pub shadow_pass: bool,
+    pub peel: PeelPass,
+}
+
+/// Finds the depths of a layer of what is seen through.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum PeelPass {
+    #[default]
+    No,
+    /// With one sample a pixel.
+    One,
+    /// With several: each is a fragment of its own.
+    Several,
 }
 
 /// Names of the switches that are on, as the modules write them.
@@ -240,6 +254,9 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("TINT", variant.tint),
         ("JOINTS_UNIFORM", variant.joints_uniform),
         ("SHADOW_PASS", variant.shadow_pass),
+        ("PEELED", key.peeled),
+        ("PEEL_PASS", variant.peel != PeelPass::No),
+        ("MULTISAMPLED", variant.peel == PeelPass::Several),
         ("ONE_LIGHT", variant.lights == LightLoop::One && key.features.is_lit()),
         ("LIGHT_LISTS", variant.lights == LightLoop::Lists && key.features.is_lit()),
     ];

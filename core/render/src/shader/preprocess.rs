@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 79] = [
+pub const SWITCHES: [&str; 81] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -37,6 +37,9 @@ pub const SWITCHES: [&str; 79] = [
     "LOCAL_LIGHTS",
     "SHADOW",
     "SHADOW_PASS",
+    "PEELED",
+    "PEEL_PASS",
+    "MULTISAMPLED",
     "SKY",
     "PHONG",
     "POLYNOMIAL",

@@ -1,0 +1,36 @@
+//! Twin of peel.wgsl and of the passes around it: layers of what is seen through, from the back.
+
+use super::raster::cover;
+use super::target::Target;
+use super::tile::{Against, Tile, TileBuffers, TriangleId};
+
+impl Tile<'_, '_> {
+    /// At each sample the farthest surface beyond the layer before (the first time: beyond the scene), then what has its depth is
+    /// mixed; then the next layer. What is nearer than the last one is mixed in the order in which it comes.
+    pub fn peel<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, ids: &[TriangleId]) {
+        let TileBuffers { layers: [layer, before], depth, .. } = b;
+        layer.clone_from(depth);
+        before.clone_from(depth);
+        for _ in 0..self.layers {
+            let [layer, before] = &mut b.layers;
+            std::mem::swap(layer, before);
+            layer.fill(1.0);
+            let mut any = false;
+            for id in ids {
+                cover::<S>(self.triangle(id), self.at, |index, covered, z| {
+                    for i in 0..4 {
+                        if covered[i] && z[i] > before[index + i] && z[i] < layer[index + i] {
+                            layer[index + i] = z[i];
+                            any = true;
+                        }
+                    }
+                });
+            }
+            if !any {
+                return;
+            }
+            ids.iter().for_each(|id| self.forward::<T, S>(b, id, Against::Layer));
+        }
+        ids.iter().for_each(|id| self.forward::<T, S>(b, id, Against::Nearer));
+    }
+}

@@ -1,0 +1,176 @@
+//! Whether what is seen through can be sorted: mesh by mesh back to front, or pixel by pixel.
+//!
+//! Sorted, each copy is mixed as a whole, by the depth of its box's middle. That is right wherever a plane parts two copies and the
+//! nearer side is drawn later; it fails where they cross, where a large one's middle is farther than its part in front of a
+//! small one, and within a bent surface that both faces are seen of.
+
+use crate::plan::{Glass, Peel, PeelCause, Rows, TopologyKey};
+use crate::planner::Planner;
+use choreo_stage::{Aabb, Transparency};
+use glam::{Mat4, Vec3};
+
+/// Layers that are told apart at most, the farthest first; nearer ones are sorted over them.
+pub const MOST_LAYERS: u32 = 8;
+/// Copies of which pairs are looked at.
+pub const MOST_COPIES: usize = 128;
+/// What a box that cannot be followed closely (skins, effects that move corners) may have on each other.
+const LAYERS_OF_LOOSE: u32 = 4;
+
+/// One copy that is seen through.
+pub(crate) struct SeenThrough {
+    /// Of its box, camera-relative: bits 0 to 2 of the index are x, y, z of the mesh.
+    corners: [Vec3; 8],
+    /// The box turns and stretches with the copy.
+    rigid: bool,
+    /// How often one line of sight meets it, as far as that is known.
+    layers: u32,
+    actor: u32,
+}
+
+impl SeenThrough {
+    /// `own`: the box in mesh space and the map from there, where the copy is rigid.
+    pub fn new(
+        bounds: Aabb,
+        own: Option<(Aabb, &Rows)>,
+        topology: TopologyKey,
+        double_sided: bool,
+        actor: usize,
+    ) -> SeenThrough {
+        let actor = actor as u32;
+        let Some((b, rows)) = own else {
+            return SeenThrough { corners: bounds.corners(), rigid: false, layers: LAYERS_OF_LOOSE, actor };
+        };
+        let size = b.max - b.min;
+        let flat = size.min_element() <= size.max_element() * 1e-4 || topology != TopologyKey::Triangles;
+        let corners = b.corners().map(|c| rows.transform_point(c));
+        SeenThrough { corners, rigid: true, layers: if double_sided && !flat { 2 } else { 1 }, actor }
+    }
+
+    /// Left, top, right and bottom in clip space over w; everything where a corner is not before the eye.
+    fn on_screen(&self, clip_from_relative: &Mat4) -> [f32; 4] {
+        let mut all = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
+        for corner in self.corners {
+            let c = *clip_from_relative * corner.extend(1.0);
+            if !c.is_finite() || c.w <= 1e-6 {
+                return [f32::NEG_INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::INFINITY];
+            }
+            let (x, y) = (c.x / c.w, c.y / c.w);
+            all = [all[0].min(x), all[1].min(y), all[2].max(x), all[3].max(y)];
+        }
+        all
+    }
+
+    /// Normals of the box's faces; none where it is a line or a point.
+    fn normals(&self) -> [Vec3; 3] {
+        let mut axes = [1, 2, 4].map(|axis| (self.corners[axis] - self.corners[0]).normalize_or_zero());
+        // A flat box has its third axis across the other two.
+        if let Some(flat) = axes.iter().position(|a| *a == Vec3::ZERO) {
+            axes[flat] = axes[(flat + 1) % 3].cross(axes[(flat + 2) % 3]);
+        }
+        let [x, y, z] = axes;
+        [y.cross(z), z.cross(x), x.cross(y)].map(Vec3::normalize_or_zero)
+    }
+
+    /// Smallest and largest height over a plane through the origin.
+    fn span(&self, normal: Vec3) -> [f32; 2] {
+        let heights = self.corners.map(|c| c.dot(normal));
+        [
+            heights.into_iter().fold(f32::INFINITY, f32::min),
+            heights.into_iter().fold(f32::NEG_INFINITY, f32::max),
+        ]
+    }
+}
+
+/// Whether `far` may be drawn before `near`: a plane lies between them, and the eye not on the far one's side.
+fn in_order(far: &SeenThrough, near: &SeenThrough, eye: &Eye) -> bool {
+    let faces = far.normals().into_iter().chain(near.normals());
+    faces.chain([eye.forward]).filter(|n| *n != Vec3::ZERO).any(|n| {
+        let ([far_low, far_high], [near_low, near_high]) = (far.span(n), near.span(n));
+        let slack = 1e-4 * (far_high - far_low).max(near_high - near_low).max(1e-6);
+        let eye = eye.height(n);
+        (far_high <= near_low + slack && eye.is_none_or(|eye| eye >= far_high - slack))
+            || (far_low >= near_high - slack && eye.is_none_or(|eye| eye <= far_low + slack))
+    })
+}
+
+/// Where the eye is: at the origin, or infinitely far along a direction.
+struct Eye {
+    forward: Vec3,
+    to_viewer: Option<Vec3>,
+}
+
+impl Eye {
+    /// Over a plane through the origin; `None` where it lies in every plane of that normal.
+    fn height(&self, normal: Vec3) -> Option<f32> {
+        match self.to_viewer.map(|to_viewer| to_viewer.dot(normal)) {
+            None => Some(0.0),
+            Some(side) if side.abs() < 1e-6 => None,
+            Some(side) => Some(side.signum() * f32::INFINITY),
+        }
+    }
+}
+
+impl Planner<'_> {
+    /// Layers to peel, and why; or why not. `first`: of what is seen through among the items, sorted back to front.
+    pub(crate) fn peel(&self, how: Transparency, first: usize) -> Result<Peel, String> {
+        let items = &self.items[first..];
+        if items.is_empty() {
+            return Err("everything drawn is opaque".into());
+        }
+        if how == Transparency::Sorted {
+            return Err("the stage's transparency is \"sorted\"".into());
+        }
+        if items.iter().any(|i| i.pipeline.glass == Glass::Refract) {
+            return Err("glass that bends light shows a copy of the picture, so all is sorted".into());
+        }
+        let mut order: Vec<u32> = Vec::new();
+        for item in items {
+            let id = item.seen_through.unwrap_or(0);
+            if order.last() != Some(&id) && !order.contains(&id) {
+                order.push(id);
+            }
+            if order.len() > MOST_COPIES {
+                break;
+            }
+        }
+        let asked = how == Transparency::Independent;
+        if order.len() > MOST_COPIES {
+            let many = Peel { layers: MOST_LAYERS, cause: PeelCause::Asked };
+            let why =
+                format!("more than {MOST_COPIES} copies are seen through, too many to look at pair by pair");
+            return if asked { Ok(many) } else { Err(why) };
+        }
+        let copies: Vec<&SeenThrough> = order.iter().map(|id| &self.seen_through[*id as usize]).collect();
+        let rows = self.view.view_from_relative.transpose();
+        let eye = Eye {
+            forward: -rows.z_axis.truncate(),
+            to_viewer: (self.view.eye.w == 0.0).then(|| self.view.eye.truncate()),
+        };
+        let on_screen: Vec<[f32; 4]> =
+            copies.iter().map(|c| c.on_screen(&self.view.clip_from_relative)).collect();
+        let meet = |i: usize, k: usize| {
+            let (a, b) = (on_screen[i], on_screen[k]);
+            a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+        };
+        let mut cause = asked.then_some(PeelCause::Asked);
+        let mut layers = 1;
+        for i in 0..copies.len() {
+            let over_it = (0..copies.len()).filter(|k| *k == i || meet(i, *k));
+            layers = layers.max(over_it.map(|k| copies[k].layers).sum());
+            let bent = copies[i].rigid && copies[i].layers > 1;
+            if bent && cause.is_none() {
+                cause = Some(PeelCause::Itself(copies[i].actor));
+            }
+            let fails = |k: &usize| {
+                let both = copies[i].rigid && copies[*k].rigid;
+                both && meet(i, *k) && !in_order(copies[i], copies[*k], &eye)
+            };
+            if let (None, Some(k)) = (cause, (i + 1..copies.len()).find(fails)) {
+                cause = Some(PeelCause::Each(copies[i].actor, copies[k].actor));
+            }
+        }
+        let sorted = "what is seen through can be sorted: no two copies cross or stand in the wrong order, and none folds over itself";
+        let cause = cause.ok_or(sorted)?;
+        Ok(Peel { layers: layers.min(MOST_LAYERS), cause })
+    }
+}
