@@ -115,6 +115,9 @@ pub struct RenderArgs {
     /// auto: Vulkan where a driver works, else the CPU renderer
     #[arg(long, value_enum, default_value_t = Device::Auto)]
     pub device: Device,
+    /// Part of the name of the device that Vulkan draws on (default: the best there is)
+    #[arg(long, value_name = "NAME", conflicts_with = "watch")]
+    pub gpu: Option<String>,
     /// Samples a pixel for smooth edges (default: the script's, else 4)
     #[arg(long, value_name = "1|4")]
     pub samples: Option<String>,
@@ -133,6 +136,9 @@ pub struct RenderArgs {
     /// Threads at most (default: one for each core)
     #[arg(long, value_name = "N")]
     pub jobs: Option<String>,
+    /// How long the device was busy, by its own clock, in the summary
+    #[arg(long, conflicts_with = "watch")]
+    pub timings: bool,
     /// No progress bar, no summary
     #[arg(short, long)]
     pub quiet: bool,

@@ -5,14 +5,32 @@ use crate::failure::Failure;
 use crate::pipeline::render_failure;
 use choreo_plugin::Effect;
 use choreo_render::cpu::CpuRenderer;
-use choreo_render::gpu::{GpuOptions, SteadyRenderer};
+use choreo_render::gpu::{DeviceTime, GpuOptions, SteadyRenderer};
 use choreo_render::{DeviceInfo, DeviceKind, RenderError, Renderer};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
+/// What is asked for.
+#[derive(Clone, Debug)]
+pub struct Wanted {
+    pub device: Device,
+    /// Part of the name of Vulkan's device.
+    pub gpu: Option<String>,
+    /// How long it is busy.
+    pub timings: bool,
+}
+
+impl From<Device> for Wanted {
+    fn from(device: Device) -> Wanted {
+        Wanted { device, gpu: None, timings: false }
+    }
+}
+
 pub struct Started {
     pub renderer: Box<dyn Renderer>,
+    /// Where its device's time is counted, if that was asked for and it has a clock.
+    pub time: Option<Arc<DeviceTime>>,
     /// Why it is not a faster one.
     pub note: Option<String>,
 }
@@ -20,13 +38,14 @@ pub struct Started {
 /// A renderer on its way.
 pub struct Starting(JoinHandle<Result<Started, Failure>>);
 
-pub fn start(device: Device, jobs: Option<usize>, effects: &[Arc<dyn Effect>]) -> Starting {
+pub fn start(wanted: impl Into<Wanted>, jobs: Option<usize>, effects: &[Arc<dyn Effect>]) -> Starting {
+    let wanted = wanted.into();
     if let Some(jobs) = jobs {
         // The CPU renderer's threads. Fails only where the pool runs already; it does not yet.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global();
     }
     let effects = effects.to_vec();
-    Starting(std::thread::spawn(move || open(device, effects)))
+    Starting(std::thread::spawn(move || open(wanted, effects)))
 }
 
 impl Starting {
@@ -35,15 +54,24 @@ impl Starting {
     }
 }
 
-fn open(device: Device, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failure> {
-    let cpu = |note| Ok(Started { renderer: Box::new(CpuRenderer::new(&effects)), note });
+fn open(wanted: Wanted, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failure> {
+    let device = wanted.device;
+    let cpu = |note| Ok(Started { renderer: Box::new(CpuRenderer::new(&effects)), time: None, note });
     if device == Device::Cpu {
         return cpu(None);
     }
-    let options = GpuOptions { cache_dir: cache_dir(), effects: effects.clone(), ..GpuOptions::default() };
+    let time = wanted.timings.then(Arc::<DeviceTime>::default);
+    let options = GpuOptions {
+        cache_dir: cache_dir(),
+        effects: effects.clone(),
+        device: wanted.gpu.clone(),
+        device_time: time.clone(),
+        ..GpuOptions::default()
+    };
     match SteadyRenderer::new(options) {
-        Ok(renderer) => Ok(Started { renderer: Box::new(renderer), note: None }),
-        Err(error) if device == Device::Vulkan => Err(render_failure(error)),
+        Ok(renderer) => Ok(Started { renderer: Box::new(renderer), time, note: None }),
+        // Who names a device wants that one.
+        Err(error) if device == Device::Vulkan || wanted.gpu.is_some() => Err(render_failure(error)),
         Err(RenderError::NoVulkan { why }) => cpu(Some(on_the_cpu(&why))),
         Err(error) => cpu(Some(on_the_cpu(&error.to_string()))),
     }

@@ -28,6 +28,8 @@ pub struct Drawn {
     pub samples: u32,
     /// Frames drawn in this run; the others were there.
     pub drawn: u64,
+    /// Frames that the device timed, and seconds that it was busy with them; where that was asked for and it has a clock.
+    pub device_time: Option<(u64, f64)>,
     pub provenance: Vec<(String, String)>,
 }
 
@@ -38,7 +40,7 @@ pub fn draw(
     started: device::Started,
     jobs: Option<usize>,
 ) -> Result<Drawn, Failure> {
-    let renderer = started.renderer;
+    let (renderer, time) = (started.renderer, started.time);
     let samples =
         job.samples.or(job.settings.samples).unwrap_or_else(|| device::default_samples(renderer.device()));
     let info = VideoInfo {
@@ -66,7 +68,8 @@ pub fn draw(
         made.iter().rev().for_each(|folder| drop(std::fs::remove_dir(folder)));
     }
     interrupt::watch(false);
-    result.map(|drawn| Drawn { device, samples, drawn, provenance: info.provenance })
+    let device_time = time.map(|t| t.total()).filter(|(frames, _)| *frames > 0);
+    result.map(|drawn| Drawn { device, samples, drawn, device_time, provenance: info.provenance })
 }
 
 struct Drawing<'a> {

@@ -41,12 +41,16 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
         return Err(Failure::Usage("--resume goes on with a file; standard output keeps nothing".into()));
     }
     // The driver takes as long to start as the script and its assets: side by side.
-    let starting = device::start(args.device, jobs, registry.effects());
+    let starting = device::start(wanted(&args), jobs, registry.effects());
     let prepared = prepare(&args, target, &registry, None);
     let started = starting.wait();
     let job = prepared?;
     let drawn = draw::draw(&args, &job, &registry, started?, jobs)?;
     summary::report(&args, &job, &drawn, start.elapsed().as_secs_f64())
+}
+
+fn wanted(args: &RenderArgs) -> device::Wanted {
+    device::Wanted { device: args.device, gpu: args.gpu.clone(), timings: args.timings }
 }
 
 /// Refuses what can be refused. `keep`: of earlier renders of the same.

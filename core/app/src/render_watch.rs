@@ -32,7 +32,8 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             let registry = plugin_files::registry(plugins, &args.scene.import.plugins, &[&args.scene.input])?;
             let job = render::prepare(args, target.clone(), &registry, Some(&keep))?;
             renderer.begin().map_err(crate::pipeline::render_failure)?;
-            let started = device::Started { renderer: Box::new(renderer.clone()), note: note.take() };
+            let started =
+                device::Started { renderer: Box::new(renderer.clone()), time: None, note: note.take() };
             let mut drawn = draw::draw(args, &job, &registry, started, jobs)?;
             drawn.drawn -= renderer.reused().min(drawn.drawn);
             summary::report(args, &job, &drawn, begun.elapsed().as_secs_f64())

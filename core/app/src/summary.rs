@@ -11,7 +11,7 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
     if args.json {
         let made: serde_json::Map<String, serde_json::Value> =
             drawn.provenance.iter().map(|(k, v)| (k.clone(), v.clone().into())).collect();
-        let value = serde_json::json!({
+        let mut value = serde_json::json!({
             "ok": true,
             "output": job.target.shown(),
             "frames": frames,
@@ -25,6 +25,10 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
             "warnings": job.scene.warnings,
             "provenance": made,
         });
+        if let Some((frames, secs)) = drawn.device_time {
+            value["device_frames"] = frames.into();
+            value["device_seconds"] = secs.into();
+        }
         if job.target == Target::Stdout {
             eprintln!("{value}");
             return Ok(());
@@ -44,6 +48,16 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
             drawn.device,
             job.target.shown()
         );
+        match drawn.device_time {
+            Some((frames, secs)) => {
+                eprintln!(
+                    "the device was busy for {:.3} ms a frame, by its own clock",
+                    secs * 1e3 / frames as f64
+                )
+            }
+            None if args.timings => eprintln!("no time of the device: it has no clock, or the CPU drew"),
+            None => {}
+        }
     }
     Ok(())
 }

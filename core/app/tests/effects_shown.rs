@@ -45,7 +45,8 @@ fn every_effect_has_a_readme_a_lesson_and_a_picture() {
     scripts(&root().join("tests/suite"), &mut suite);
     let registry = choreo::registry();
     // Those of the script's own folder are not the program's; the example is there to be copied.
-    let names: Vec<String> = registry.effects().iter().map(|e| e.manifest().name.clone()).filter(|n| *n != "example").collect();
+    let names: Vec<String> =
+        registry.effects().iter().map(|e| e.manifest().name.clone()).filter(|n| *n != "example").collect();
     assert!(names.len() >= 14, "{names:?}");
     for name in &names {
         assert_eq!(lacks(name, &lessons, &suite), Vec::<&str>::new(), "{name}");

@@ -11,7 +11,9 @@ use glam::{DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 
 pub use crate::plan_draw::Draw;
+pub use crate::plan_left_out::{LEFT_OUT, LeftOut};
 pub use crate::plan_post::PostPass;
+pub use crate::planner_transparency::{Peel, PeelCause};
 
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -176,26 +178,6 @@ pub struct Shadows {
 pub struct Behind {
     /// The copy itself, and below it as many halves as the roughest glass in view blurs with.
     pub levels: u32,
-}
-
-/// Transparency that does not depend on the order of draws, by depth peeling (C. Everitt, "Interactive Order-Independent
-/// Transparency", 2001) from the back: the farthest surfaces at each sample are found, then mixed; then the next ones.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Peel {
-    /// So many are told apart. Nearer ones are sorted over them.
-    pub layers: u32,
-    pub cause: PeelCause,
-}
-
-/// Why sorting does not do. Indices into `Stage::actors`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PeelCause {
-    /// The stage asks for it.
-    Asked,
-    /// Copies of two actors, or of one, cross or stand in the wrong order.
-    Each(u32, u32),
-    /// It is bent, and both its faces are seen.
-    Itself(u32),
 }
 
 /// One map: what it shows and who is drawn into it.
@@ -443,67 +425,6 @@ impl Features {
     pub const fn without(self, other: Features) -> Features {
         Features(self.0 & !other.0)
     }
-}
-
-/// Every `LeftOut::what`, but for effects without a plugin, which are told by their names.
-pub const LEFT_OUT: &[&str] = &[
-    "hidden actors",
-    "actors outside the view",
-    "primitives outside the view",
-    "triangles too small to see",
-    "back faces of closed surfaces",
-    "skinning",
-    "influences 5 to 8",
-    "dual quaternions",
-    "morph targets",
-    "normals, lights and ambient light",
-    "lights",
-    "dark lights",
-    "distance and cone attenuation",
-    "lists of lights",
-    "image-based light",
-    "flat layers",
-    "vertex colours",
-    "texture coordinates",
-    "second texture coordinates",
-    "base colour textures",
-    "metallic-roughness textures",
-    "normal maps and tangents",
-    "occlusion textures",
-    "emissive textures",
-    "specular textures",
-    "specular colour textures",
-    "emission",
-    "outlines",
-    "edges",
-    "effects on surfaces",
-    "clear coats",
-    "sheen",
-    "transmission",
-    "absorption",
-    "refraction",
-    "dispersion",
-    "iridescence",
-    "anisotropy",
-    "diffuse transmission",
-    "texture transforms",
-    "alpha test",
-    "alpha to coverage",
-    "blending and sorting back to front",
-    "order-independent transparency",
-    "instancing",
-    "multisampling",
-    "full-screen passes and float target",
-    "shadow maps",
-    "shadows beyond the limit",
-    "lines and points of effects",
-];
-
-/// "shadow map: out, no light casts".
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LeftOut {
-    pub what: String,
-    pub why: String,
 }
 
 /// Lit materials need normals and lights; the kind of a material's alpha decides order and discard.

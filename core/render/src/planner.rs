@@ -10,14 +10,16 @@ use crate::needs::{DrawNeeds, Facts, features, left_out, shell_features};
 use crate::plan::*;
 use crate::plan_options::PlanOptions;
 use crate::planner_effects::{Line, SceneUse, background_effects, post_passes, shells, surface_effects};
-use crate::planner_items::{Item, Phase};
+use crate::planner_items::{Item, Phase, sort};
 use crate::planner_lights::{plan_lights, plan_sky};
 use crate::planner_overlay::overlays;
 use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, daffine};
 use crate::planner_transparency::SeenThrough;
 use crate::wide;
-use choreo_stage::{ActorState, AlphaMode, Asset, Cutouts, EffectTarget, MeshInstance, Shadow, Snapshot, Stage};
+use choreo_stage::{
+    ActorState, AlphaMode, Asset, Cutouts, EffectTarget, MeshInstance, Shadow, Snapshot, Stage,
+};
 use glam::{Affine3A, DAffine3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -412,26 +414,7 @@ impl Planner<'_> {
             let lit = self.items.iter_mut().filter(|i| i.pipeline.features.is_lit());
             lit.for_each(|i| i.pipeline.features = i.pipeline.features.with(Features::SHADOW));
         }
-        let state =
-            |i: &Item| (i.phase, i.pipeline, i.entry.material, i.changed, i.entry.primitive, i.closed);
-        // Few state changes first; within one state near primitives before far ones and near copies before far
-        // ones, so that the depth test spares the shading of what is hidden. Stable: equal keys stay in actor order.
-        self.items.sort_by(|a, b| state(a).cmp(&state(b)).then(a.depth.total_cmp(&b.depth)));
-        let mut nearest = f32::INFINITY;
-        for i in 0..self.items.len() {
-            if i == 0 || state(&self.items[i]) != state(&self.items[i - 1]) {
-                nearest = self.items[i].depth;
-            }
-            self.items[i].nearest = nearest;
-        }
-        let batch = |i: &Item| (i.phase, i.pipeline, i.entry.material, i.changed);
-        self.items.sort_by(|a, b| {
-            let same = batch(a).cmp(&batch(b)).then(a.nearest.total_cmp(&b.nearest));
-            same.then((a.entry.primitive, a.closed).cmp(&(b.entry.primitive, b.closed)))
-        });
-        let first_blended = self.items.partition_point(|i| i.phase < Phase::Blend);
-        self.items[first_blended..].sort_by(|a, b| b.depth.total_cmp(&a.depth));
-
+        let first_blended = sort(&mut self.items);
         let peel = self.peel(stage.settings.transparency, first_blended);
         if peel.is_ok() {
             self.items[first_blended..].iter_mut().for_each(|item| item.pipeline.peeled = true);
@@ -444,7 +427,7 @@ impl Planner<'_> {
         for item in &self.items {
             all = all.with(item.pipeline.features);
             match draws.last_mut() {
-                Some(draw) if previous == Some(state(item)) && !self.options.no_instancing => {
+                Some(draw) if previous == Some(item.state()) && !self.options.no_instancing => {
                     draw.instance_count += 1;
                 }
                 _ => draws.push(Draw {
@@ -457,7 +440,7 @@ impl Planner<'_> {
                     instance_count: 1,
                 }),
             }
-            previous = Some(state(item));
+            previous = Some(item.state());
             instances.push(item.instance);
         }
 

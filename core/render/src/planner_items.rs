@@ -22,6 +22,35 @@ pub(crate) struct Item {
     pub seen_through: Option<u32>,
 }
 
+impl Item {
+    /// What one draw has in common.
+    pub fn state(&self) -> (Phase, PipelineKey, u32, Option<u32>, u32, u32) {
+        (self.phase, self.pipeline, self.entry.material, self.changed, self.entry.primitive, self.closed)
+    }
+}
+
+/// Into the order of drawing; gives where what is seen through begins.
+pub(crate) fn sort(items: &mut [Item]) -> usize {
+    // Few state changes first; within one state near primitives before far ones and near copies before far
+    // ones, so that the depth test spares the shading of what is hidden. Stable: equal keys stay in actor order.
+    items.sort_by(|a, b| a.state().cmp(&b.state()).then(a.depth.total_cmp(&b.depth)));
+    let mut nearest = f32::INFINITY;
+    for i in 0..items.len() {
+        if i == 0 || items[i].state() != items[i - 1].state() {
+            nearest = items[i].depth;
+        }
+        items[i].nearest = nearest;
+    }
+    let batch = |i: &Item| (i.phase, i.pipeline, i.entry.material, i.changed);
+    items.sort_by(|a, b| {
+        let same = batch(a).cmp(&batch(b)).then(a.nearest.total_cmp(&b.nearest));
+        same.then((a.entry.primitive, a.closed).cmp(&(b.entry.primitive, b.closed)))
+    });
+    let first_blended = items.partition_point(|i| i.phase < Phase::Blend);
+    items[first_blended..].sort_by(|a, b| b.depth.total_cmp(&a.depth));
+    first_blended
+}
+
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Phase {
     Opaque,

@@ -4,7 +4,7 @@
 //! nearer side is drawn later; it fails where they cross, where a large one's middle is farther than its part in front of a
 //! small one, and within a bent surface that both faces are seen of.
 
-use crate::plan::{Glass, Peel, PeelCause, Rows, TopologyKey};
+use crate::plan::{Glass, Rows, TopologyKey};
 use crate::planner::Planner;
 use choreo_stage::{Aabb, Transparency};
 use glam::{Mat4, Vec3};
@@ -15,6 +15,26 @@ pub const MOST_LAYERS: u32 = 8;
 pub const MOST_COPIES: usize = 128;
 /// What a box that cannot be followed closely (skins, effects that move corners) may have on each other.
 const LAYERS_OF_LOOSE: u32 = 4;
+
+/// Transparency that does not depend on the order of draws, by depth peeling (C. Everitt, "Interactive Order-Independent
+/// Transparency", 2001) from the back: the farthest surfaces at each sample are found, then mixed; then the next ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Peel {
+    /// So many are told apart. Nearer ones are sorted over them.
+    pub layers: u32,
+    pub cause: PeelCause,
+}
+
+/// Why sorting does not do. Indices into `Stage::actors`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PeelCause {
+    /// The stage asks for it.
+    Asked,
+    /// Copies of two actors, or of one, cross or stand in the wrong order.
+    Each(u32, u32),
+    /// It is bent, and both its faces are seen.
+    Itself(u32),
+}
 
 /// One copy that is seen through.
 pub(crate) struct SeenThrough {

@@ -81,7 +81,8 @@ fn each_side_shows_its_picture_upright() {
             ..Primitive::default()
         };
         let look = Material { normal_texture: None, shading: Shading::Unlit, ..material(4.0) };
-        let nearest = Sampler { mag_linear: false, min_linear: false, mip_linear: None, ..Sampler::default() };
+        let nearest =
+            Sampler { mag_linear: false, min_linear: false, mip_linear: None, ..Sampler::default() };
         let map = TextureRef { sampler: nearest, ..texture(0) };
         let look = Material { base_color_texture: Some(map), ..look };
         let mut scene = Scene::ortho(1.0);
@@ -137,7 +138,11 @@ fn a_map_of_flat_normals_changes_nothing() {
 fn only_such_materials_ask_for_three_sides() {
     let (_, plan) = scene(4.0, 1.0).plan(&PlanOptions::new([64, 64], 1));
     let features = plan.draws[0].pipeline.features;
-    assert!(features.has(Features::TRIPLANAR) && !features.has(Features::UV0) && features.has(Features::NORMAL_TEXTURE));
+    assert!(
+        features.has(Features::TRIPLANAR)
+            && !features.has(Features::UV0)
+            && features.has(Features::NORMAL_TEXTURE)
+    );
     let mut plain = quad(1.0, 1.0);
     plain.uvs[0] = vec![Vec2::ZERO; 4];
     let material = Material { base_color_texture: Some(texture(0)), ..matte(Vec4::ONE) };

@@ -1,5 +1,6 @@
 //! Stiff and extreme cases: what is measured in each, and what it must not exceed. `tests/matrix.rs` runs and prints them.
 
+pub mod devices;
 pub mod goals;
 pub mod pictures;
 pub mod poses;
@@ -26,7 +27,7 @@ impl Case {
 }
 
 pub fn all() -> impl Iterator<Item = &'static Case> {
-    springs::CASES.iter().chain(goals::CASES).chain(poses::CASES).chain(pictures::CASES)
+    springs::CASES.iter().chain(goals::CASES).chain(poses::CASES).chain(pictures::CASES).chain(devices::CASES)
 }
 
 /// 0 where a named error was given, as it must be, and 1 where not.

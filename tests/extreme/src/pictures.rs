@@ -4,8 +4,8 @@ use crate::{Case, refused};
 use choreo_motion::{Skeleton, Time, Transform};
 use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
 use choreo_stage::{
-    Asset, Background, Camera, Image, Light, LightKind, Material, Mesh, MeshInstance, Placement, Primitive,
-    Projection, Rig, Sampler, Shading, Stage, StageLight, TextureRef,
+    AlphaMode, Asset, Background, Camera, Image, Light, LightKind, Material, Mesh, MeshInstance, Placement,
+    Primitive, Projection, Rig, Sampler, Shading, Stage, StageLight, TextureRef,
 };
 use glam::{Affine2, Affine3A, DQuat, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
@@ -265,4 +265,34 @@ fn facing() -> Stage {
 fn sized(size: [u32; 2]) -> f64 {
     let count = size[0] as usize * size[1] as usize;
     off(&draw(&facing(), size), &Ok([0, 255, 0, 255].repeat(count)))
+}
+
+/// A leaf of soft alpha that is cut off, over half the picture.
+pub fn leaf() -> Stage {
+    let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
+    let texel = |i: u32| {
+        let (x, y) = (f64::from(i % 32) - 15.5, f64::from(i / 32) - 15.5);
+        [40, 160, 60, (127.5 + (11.0 - (x * x + y * y).sqrt()) * 25.0).clamp(0.0, 255.0) as u8]
+    };
+    let image =
+        Image { name: "leaf".into(), width: 32, height: 32, rgba: (0..1024).flat_map(texel).collect() };
+    let texture =
+        TextureRef { image: 0, sampler: Sampler::default(), uv_set: 0, uv_transform: Affine2::IDENTITY };
+    let material =
+        Material { base_color_texture: Some(texture), alpha_mode: AlphaMode::Mask(0.5), ..unlit(Vec4::ONE) };
+    let asset = Asset { images: vec![Arc::new(image)], ..asset(quad(0.7), material) };
+    put(&mut stage, asset, Placement::default());
+    stage
+}
+
+/// Two panes that cross.
+pub fn panes() -> Stage {
+    let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
+    for (degrees, color) in [(40.0f64, Vec4::new(0.9, 0.1, 0.1, 0.6)), (-40.0, Vec4::new(0.1, 0.2, 0.9, 0.6))]
+    {
+        let glass = Material { alpha_mode: AlphaMode::Blend, double_sided: true, ..unlit(color) };
+        let rotation = DQuat::from_rotation_y(degrees.to_radians());
+        put(&mut stage, asset(quad(0.6), glass), Placement { rotation, ..Placement::default() });
+    }
+    stage
 }

@@ -53,10 +53,18 @@ const SCENE: &str = r##"
 "##;
 
 fn stage(effect: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
-    let text = format!("{SCENE}{effect}");
-    let script = run_text("effects.rhai", &text, Path::new("."), registry, &ScriptOptions::default())
+    scripted(&format!("{SCENE}{effect}"), registry)
+}
+
+fn scripted(text: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
+    let script = run_text("report.rhai", text, Path::new("."), registry, &ScriptOptions::default())
         .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
     Ok(Arc::new(script.stage))
+}
+
+/// The stage of a script that uses no files.
+pub fn run(text: &str) -> Result<Arc<Stage>, String> {
+    scripted(text, &choreo::registry())
 }
 
 fn planned(
@@ -72,7 +80,7 @@ fn planned(
     planned.map(|(_, plan)| plan).map_err(|e| e.to_string())
 }
 
-fn drawn(renderer: &mut dyn Renderer, plan: &Plan) -> Result<Frame, String> {
+pub fn drawn(renderer: &mut dyn Renderer, plan: &Plan) -> Result<Frame, String> {
     renderer.submit(plan.clone()).map_err(|e| e.to_string())?;
     renderer.collect(None).map_err(|e| e.to_string())
 }
@@ -174,7 +182,7 @@ fn median(mut of: Vec<f64>) -> f64 {
 }
 
 /// Error of a picture against the truth, seen (ꟻLIP) too.
-fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
+pub fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
     let c = compare(frame, truth, TOLERANCE).map_err(|e| e.to_string())?;
     let seen = flip(frame, truth).map_err(|e| e.to_string())?;
     let note = format!(

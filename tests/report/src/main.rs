@@ -22,6 +22,7 @@ mod sky;
 mod springs;
 mod time;
 mod tones;
+mod transparency;
 mod video;
 mod yuv;
 
@@ -45,7 +46,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 19] = [
+const SECTIONS: [(&str, Measure); 20] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -63,6 +64,7 @@ const SECTIONS: [(&str, Measure); 19] = [
     ("samples", samples::section),
     ("effects", effects::section),
     ("tones", tones::section),
+    ("transparency", transparency::section),
     ("yuv", yuv::section),
     ("video", video::section),
 ];

@@ -27,6 +27,8 @@ pub struct Context {
     pub device: ash::Device,
     pub queue: vk::Queue,
     pub queue_family: u32,
+    /// Of the queue's clock; 0: it has none.
+    pub timestamp_bits: u32,
     pub abilities: Abilities,
     /// `None` only while being dropped.
     allocator: Option<Arc<Mutex<Allocator>>>,
@@ -80,6 +82,9 @@ impl Context {
         options.faults.check(FaultPlace::Device).named(&format!("device {}", info.name)).map_err(destroy)?;
         let (device, abilities) =
             create_device(&instance, physical, queue_family, &info, options).map_err(destroy)?;
+        // SAFETY: the device belongs to the instance; the family is one of its own.
+        let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
+        let timestamp_bits = families[queue_family as usize].timestamp_valid_bits;
         // SAFETY: the family and index 0 are those the device was created with.
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
         // Small blocks: memory of a driver that runs on the CPU is the machine's own.
@@ -116,6 +121,7 @@ impl Context {
             device,
             queue,
             queue_family,
+            timestamp_bits,
             abilities,
             allocator: Some(Arc::new(Mutex::new(allocator))),
             info,

@@ -73,6 +73,9 @@ impl VulkanRenderer {
             .ok_or_else(|| RenderError::Usage("no frame was submitted that is not yet collected".into()))?;
         self.wait_for(self.slots[index].done_at)?;
         self.pending.pop_front();
+        if let Some(clock) = &self.clock {
+            clock.read(&self.gpu, index)?;
+        }
         self.slots[index].release_staging(&self.gpu);
         if std::mem::take(&mut self.fresh) {
             context::give_back_freed_memory();

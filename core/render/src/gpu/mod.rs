@@ -8,6 +8,7 @@
 mod abilities;
 mod behind;
 mod cache;
+mod clock;
 mod context;
 mod descriptors;
 mod error;
@@ -15,6 +16,7 @@ mod execute;
 mod expose;
 pub mod faults;
 mod memory;
+mod options;
 mod parts;
 mod peel;
 mod pipeline_ids;
@@ -37,50 +39,22 @@ pub use abilities::Ability;
 use ash::vk;
 use choreo_plugin::{Effect, Frame};
 use choreo_stage::Background;
+pub use clock::DeviceTime;
 use context::{Context, ContextOptions};
 use descriptors::{Layouts, Pools};
 use error::Named;
 use execute::Execution;
-use faults::{FaultPlace, Faults};
+use faults::FaultPlace;
 use memory::Buffer;
+pub use options::GpuOptions;
 use pipelines::Pipelines;
 use resources::Resources;
 use slot::Slot;
 use std::collections::VecDeque;
-use std::ffi::CString;
-use std::path::PathBuf;
 use std::sync::Arc;
 pub use steady::SteadyRenderer;
 use targets::{Needs, Seen, Targets};
 use upload::Uploads;
-
-#[derive(Clone, Default)]
-pub struct GpuOptions {
-    /// The Khronos layer with synchronization validation; every message becomes `RenderError::Validation`.
-    pub validation: bool,
-    /// Where the pipeline cache is kept between runs.
-    pub cache_dir: Option<PathBuf>,
-    /// WGSL modules here win over those in the program.
-    pub shader_dir: Option<PathBuf>,
-    /// Full-screen effects that plans may name.
-    pub effects: Vec<Arc<dyn Effect>>,
-    /// Part of a device's name, any case. Otherwise discrete before integrated before CPU.
-    pub device: Option<String>,
-    /// What a window system asks for beside.
-    pub instance_extensions: Vec<CString>,
-    pub device_extensions: Vec<CString>,
-    /// As little memory as can be: one frame in flight, small blocks, uploads in small parts.
-    pub frugal: bool,
-    /// As if the device could bind no more textures of a material at once.
-    pub textures: Option<u32>,
-    /// As if the device lacked these features.
-    pub without: Vec<Ability>,
-    /// How many times as many texels are read along a slanted surface as across it, at most; 1: none more. Left out: 16 on a
-    /// GPU, 1 on a device that draws on the CPU, where a first frame with more takes seconds.
-    pub anisotropy: Option<f32>,
-    /// Tests only.
-    pub faults: Faults,
-}
 
 /// On a GPU a third frame hides uneven frames; a driver that draws on the CPU is busy with two, and each costs a picture's memory three times.
 fn frames_in_flight(kind: DeviceKind, frugal: bool) -> usize {
@@ -122,6 +96,7 @@ pub struct VulkanRenderer {
     /// What was left out, for the user.
     notes: Vec<String>,
     most_textures: Option<u32>,
+    clock: Option<clock::Clock>,
 }
 
 impl VulkanRenderer {
@@ -167,6 +142,7 @@ impl VulkanRenderer {
             fresh: true,
             notes: Vec::new(),
             most_textures: options.textures,
+            clock: None,
             frugal: options.frugal,
         };
         // From here on `drop` cleans up.
@@ -180,6 +156,8 @@ impl VulkanRenderer {
             let slot = Slot::new(&renderer.gpu, &renderer.layouts, &mut renderer.pools)?;
             renderer.slots.push(slot);
         }
+        let slots = renderer.slots.len() as u32;
+        renderer.clock = clock::Clock::new(&renderer.gpu, options.device_time, slots)?;
         renderer.gpu.check_messages()?;
         Ok(renderer)
     }
@@ -288,6 +266,9 @@ impl VulkanRenderer {
                 .named("command pool")?;
             gpu.device.begin_command_buffer(slot.commands, &begin).named("frame commands")?;
         }
+        if let Some(clock) = &self.clock {
+            clock.begin(gpu, slot.commands, index);
+        }
         if !uploads.is_empty() {
             slot.staging = Some(uploads.record(gpu, slot.commands)?);
         }
@@ -305,6 +286,9 @@ impl VulkanRenderer {
             slot,
         };
         execution.run(recording, ids)?;
+        if let Some(clock) = &self.clock {
+            clock.end(gpu, slot.commands, index);
+        }
         // SAFETY: recording was begun above.
         unsafe { gpu.device.end_command_buffer(slot.commands) }.named("frame commands")
     }
@@ -502,6 +486,9 @@ impl Drop for VulkanRenderer {
         self.pipelines.destroy(&self.gpu);
         self.pools.destroy(&self.gpu);
         self.layouts.destroy(&self.gpu);
+        if let Some(clock) = self.clock.take() {
+            clock.destroy(&self.gpu);
+        }
         // SAFETY: the device is idle.
         unsafe { self.gpu.device.destroy_semaphore(self.timeline, None) };
     }

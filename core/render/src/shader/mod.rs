@@ -24,7 +24,7 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 18] = [
+const EMBEDDED: [(&str, &str); 19] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("under.wgsl", include_str!("../../../../shaders/under.wgsl")),
     ("peel.wgsl", include_str!("../../../../shaders/peel.wgsl")),
@@ -47,7 +47,7 @@ const EMBEDDED: [(&str, &str); 18] = [
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 13] = [
+pub const SCENE: [&str; 14] = [
     "frame.wgsl",
     "sky.wgsl",
     "brdf.wgsl",

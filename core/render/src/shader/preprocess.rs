@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 81] = [
+pub const SWITCHES: [&str; 83] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",

@@ -1,0 +1,94 @@
+//! How long the device is busy with frames, by its own clock: timestamps at the first and at the last command of each.
+
+use super::context::Context;
+use super::error::Named;
+use crate::RenderError;
+use ash::vk;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Counts on while frames are collected; clones of the `Arc` see the same.
+#[derive(Debug, Default)]
+pub struct DeviceTime {
+    frames: AtomicU64,
+    nanos: AtomicU64,
+}
+
+impl DeviceTime {
+    /// Frames, and seconds of all of them together. A frame whose commands were sent in parts counts with its last part.
+    pub fn total(&self) -> (u64, f64) {
+        (self.frames.load(Ordering::Relaxed), self.nanos.load(Ordering::Relaxed) as f64 * 1e-9)
+    }
+
+    fn add(&self, nanos: u64) {
+        self.frames.fetch_add(1, Ordering::Relaxed);
+        self.nanos.fetch_add(nanos, Ordering::Relaxed);
+    }
+}
+
+/// Two timestamps for each frame in flight.
+pub struct Clock {
+    pool: vk::QueryPool,
+    time: Arc<DeviceTime>,
+    /// Of one tick.
+    nanos: f64,
+    /// Bits of a timestamp that count.
+    bits: u32,
+}
+
+impl Clock {
+    /// `None` where nobody asks, or the queue has no clock.
+    pub fn new(
+        gpu: &Context,
+        time: Option<Arc<DeviceTime>>,
+        slots: u32,
+    ) -> Result<Option<Clock>, RenderError> {
+        let (Some(time), bits @ 1..) = (time, gpu.timestamp_bits) else { return Ok(None) };
+        let info =
+            vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * slots);
+        // SAFETY: the device is alive; destroyed by `destroy`.
+        let pool = unsafe { gpu.device.create_query_pool(&info, None) }.named("timestamps")?;
+        gpu.name(pool, "timestamps");
+        Ok(Some(Clock { pool, time, nanos: f64::from(gpu.limits().timestamp_period), bits }))
+    }
+
+    /// Before the first command of a frame in this slot.
+    pub fn begin(&self, gpu: &Context, commands: vk::CommandBuffer, slot: usize) {
+        let first = 2 * slot as u32;
+        // SAFETY: the command buffer is being recorded, outside a pass; the slot's last frame is done.
+        unsafe {
+            gpu.device.cmd_reset_query_pool(commands, self.pool, first, 2);
+            gpu.device.cmd_write_timestamp2(commands, vk::PipelineStageFlags2::NONE, self.pool, first);
+        }
+    }
+
+    /// After the last one.
+    pub fn end(&self, gpu: &Context, commands: vk::CommandBuffer, slot: usize) {
+        let second = 2 * slot as u32 + 1;
+        // SAFETY: as above.
+        unsafe {
+            let all = vk::PipelineStageFlags2::ALL_COMMANDS;
+            gpu.device.cmd_write_timestamp2(commands, all, self.pool, second);
+        }
+    }
+
+    /// The slot's frame is done.
+    pub fn read(&self, gpu: &Context, slot: usize) -> Result<(), RenderError> {
+        let mut ticks = [0u64; 2];
+        let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+        // SAFETY: both were written by commands that are done.
+        unsafe { gpu.device.get_query_pool_results(self.pool, 2 * slot as u32, &mut ticks, flags) }
+            .named("timestamps")?;
+        // A clock of few bits starts again at 0.
+        let mask = u64::MAX >> (64 - self.bits.min(64));
+        let busy = ticks[1].wrapping_sub(ticks[0]) & mask;
+        self.time.add((busy as f64 * self.nanos) as u64);
+        Ok(())
+    }
+
+    /// No frame may be in flight.
+    pub fn destroy(&self, gpu: &Context) {
+        // SAFETY: made from this device, no longer used.
+        unsafe { gpu.device.destroy_query_pool(self.pool, None) };
+    }
+}

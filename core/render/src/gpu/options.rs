@@ -1,0 +1,38 @@
+//! What a renderer is made with.
+
+use super::faults::Faults;
+use super::{Ability, DeviceTime};
+use choreo_plugin::Effect;
+use std::ffi::CString;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+#[derive(Clone, Default)]
+pub struct GpuOptions {
+    /// The Khronos layer with synchronization validation; every message becomes `RenderError::Validation`.
+    pub validation: bool,
+    /// Where the pipeline cache is kept between runs.
+    pub cache_dir: Option<PathBuf>,
+    /// WGSL modules here win over those in the program.
+    pub shader_dir: Option<PathBuf>,
+    /// Full-screen effects that plans may name.
+    pub effects: Vec<Arc<dyn Effect>>,
+    /// Part of a device's name, any case. Otherwise discrete before integrated before CPU.
+    pub device: Option<String>,
+    /// What a window system asks for beside.
+    pub instance_extensions: Vec<CString>,
+    pub device_extensions: Vec<CString>,
+    /// As little memory as can be: one frame in flight, small blocks, uploads in small parts.
+    pub frugal: bool,
+    /// As if the device could bind no more textures of a material at once.
+    pub textures: Option<u32>,
+    /// As if the device lacked these features.
+    pub without: Vec<Ability>,
+    /// How many times as many texels are read along a slanted surface as across it, at most; 1: none more. Left out: 16 on a
+    /// GPU, 1 on a device that draws on the CPU, where a first frame with more takes seconds.
+    pub anisotropy: Option<f32>,
+    /// Where the time that the device is busy is counted, if anywhere.
+    pub device_time: Option<Arc<DeviceTime>>,
+    /// Tests only.
+    pub faults: Faults,
+}

@@ -1,0 +1,224 @@
+//! Edges that a texture cuts, and what is seen through: by discard and by coverage, sorted and told apart pixel by pixel.
+
+use crate::effects::{drawn, row, run};
+use crate::{BUDGET_SECS, Section};
+use choreo_measure::picture::Moment;
+use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_motion::Time;
+use choreo_plugin::Frame;
+use choreo_render::{Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
+use choreo_report::{Choice, Row};
+use choreo_stage::{Cutouts, Stage, Transparency};
+use std::cell::RefCell;
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [480, 272];
+
+pub fn section() -> Result<Section, String> {
+    Ok(Section {
+        title: "Cut-outs and what is seen through",
+        text: "A cut-out by `discard` keeps or loses all samples of a pixel, so that four samples smooth the edges of its mesh and not its own. \
+               With alpha to coverage it keeps as many as lie inside, for the same shading. Copies that are seen through are sorted by the middles \
+               of their boxes; where they cross no order of the copies is right, and layers are peeled from the back: each costs its surfaces once more \
+               to find and once to mix. The plan takes layers only where boxes show that sorting fails."
+            .into(),
+        choices: vec![cutouts()?, panes()?],
+        tables: Vec::new(),
+        off_front: Vec::new(),
+    })
+}
+
+/// Rows of pictures of one scene, each against the truth, and their times, in turns.
+fn measured(
+    choice: &mut Choice,
+    renderers: &mut [(&str, Box<dyn Renderer>)],
+    catalog: &Arc<Catalog>,
+    ways: &[(&str, Plan)],
+    truth: &Frame,
+) -> Result<(), String> {
+    for (renderer_name, renderer) in renderers {
+        renderer.load(catalog.clone()).map_err(|e| e.to_string())?;
+        let mut rows: Vec<Row> = Vec::new();
+        for (name, plan) in ways {
+            rows.push(row(format!("{name}, {renderer_name}"), &drawn(&mut **renderer, plan)?, truth)?);
+        }
+        let cell = RefCell::new(renderer);
+        let case = |(_, plan): &(&str, Plan)| {
+            let (cell, plan) = (&cell, plan.clone());
+            // Each was drawn above without an error.
+            Case::new(1, move || drop(drawn(&mut ***cell.borrow_mut(), &plan)))
+        };
+        let mut cases: Vec<Case> = ways.iter().map(case).collect();
+        let nanos = interleaved(Clock::Process, 2.0 * BUDGET_SECS, &mut cases);
+        for (row, nanos) in rows.iter_mut().zip(nanos) {
+            row.nanos = Some(nanos);
+        }
+        choice.rows.extend(rows);
+    }
+    choice.error_unit = "steps of 255";
+    choice.by_mean = true;
+    choice.per = format!("picture of {}×{}, {}", SIZE[0], SIZE[1], Clock::Process.words());
+    Ok(())
+}
+
+fn renderers() -> Vec<(&'static str, Box<dyn Renderer>)> {
+    let mut all: Vec<(&str, Box<dyn Renderer>)> = vec![("CPU renderer", Box::new(CpuRenderer::new(&[])))];
+    if let Ok(vulkan) = VulkanRenderer::new(GpuOptions::default()) {
+        all.push(("Vulkan", Box::new(vulkan)));
+    }
+    all
+}
+
+/// The same stage, otherwise seen through or cut out.
+fn with(stage: &Arc<Stage>, cutouts: Cutouts, transparency: Transparency) -> Arc<Stage> {
+    let mut stage = Stage::clone(stage);
+    stage.settings.cutouts = cutouts;
+    stage.settings.transparency = transparency;
+    Arc::new(stage)
+}
+
+fn plan(stage: &Arc<Stage>, catalog: &Catalog, samples: u32) -> Result<Plan, String> {
+    let snapshot = stage.at(Time::ZERO).map_err(|e| e.to_string())?;
+    Ok(Plan::new(catalog, stage, &snapshot, &PlanOptions::new(SIZE, samples)))
+}
+
+/// Leaves on cards, their edges half a texel deep in a texture of 64 texels.
+const LEAVES: &str = r##"
+    stage(#{ background: "#c9d4e0" });
+    let pixels = [];
+    for y in 0..64 {
+        for x in 0..64 {
+            let u = (x + 0.5) / 64.0;
+            let v = (y + 0.5) / 64.0;
+            let deep = 0.4 * sqrt(sin(PI * v)) - abs(u - 0.5);
+            pixels.push(50); pixels.push(110); pixels.push(40);
+            pixels.push(clamp(127.5 + deep * 64.0 * 60.0, 0.0, 255.0));
+        }
+    }
+    let leaf = shape("quad", #{ size: [0.4, 0.6], image: image(64, 64, pixels, #{ wrap: "clamp" }), alpha: "mask", unlit: true, double_sided: true });
+    for i in 0..60 {
+        cast(`leaf ${i}`, leaf).at(rand(3 * i, -1.6, 1.6), rand(3 * i + 1, -0.2, 1.5), rand(3 * i + 2, -1.0, 0.4))
+            .rotate(0, rand(900 + i, -60, 60), rand(700 + i, 0, 360));
+    }
+    camera("front").fov(30).at(0.0, 0.9, 4.6).look_at([0.0, 0.9, 0.0]);
+"##;
+
+fn cutouts() -> Result<Choice, String> {
+    let key = "cutouts";
+    let mut choice = Choice::new(key, "Which samples of a pixel does a cut-out keep? (60 leaves)");
+    choice.reference =
+        "64 samples a pixel, textures and cut included; mean over all channels of all pixels".into();
+    let stage = run(LEAVES)?;
+    let hard = with(&stage, Cutouts::Hard, Transparency::Auto);
+    let moment = Moment::new(&hard, Time::ZERO, &[]).map_err(|e| e.to_string())?;
+    let truth = moment.supersampled(SIZE).map_err(|e| e.to_string())?;
+    let catalog = Arc::new(Catalog::new(&stage));
+    let ways = [
+        ("1 sample", plan(&hard, &catalog, 1)?),
+        ("4 samples, discard", plan(&hard, &catalog, 4)?),
+        ("4 samples, coverage", plan(&stage, &catalog, 4)?),
+    ];
+    measured(&mut choice, &mut renderers(), &catalog, &ways, &truth)?;
+    choice.choose(
+        "4 samples, coverage, Vulkan",
+        "where there are several samples a pixel; discard where the device cannot set alpha to one",
+    );
+    Ok(choice)
+}
+
+/// Five panes through one line, as a revolving door: turn in degrees about y, colour, alpha.
+const PANES: [(f64, [f64; 3], f64); 5] = [
+    (17.0, [0.8, 0.1, 0.1], 0.6),
+    (53.0, [0.1, 0.3, 0.8], 0.5),
+    (89.0, [0.9, 0.7, 0.1], 0.6),
+    (125.0, [0.1, 0.6, 0.3], 0.5),
+    (161.0, [0.7, 0.2, 0.7], 0.6),
+];
+/// Half a pane's width, its height; the camera's distance, height and angle.
+const DOOR: [f64; 5] = [1.2, 1.8, 5.0, 0.9, 30.0];
+
+fn panes() -> Result<Choice, String> {
+    let mut choice =
+        Choice::new("transparency", "In which order are panes that cross mixed? (five through one line)");
+    choice.reference =
+        "rays in f64 that meet every pane, mixed by depth, 64 a pixel; mean over all channels of all pixels"
+            .into();
+    let [half, tall, distance, eye, fov] = DOOR;
+    let mut text = String::from("stage(#{ background: \"black\" });\n");
+    for (i, (turn, [r, g, b], alpha)) in PANES.iter().enumerate() {
+        let color = format!("[{}, {}, {}, {alpha:?}]", srgb(*r), srgb(*g), srgb(*b));
+        text += &format!(
+            "cast(\"pane {i}\", shape(\"quad\", #{{ size: [{:?}, {tall:?}], color: {color}, alpha: \"blend\", unlit: true, double_sided: true }})).turn({turn:?});\n",
+            2.0 * half,
+        );
+    }
+    text += &format!(
+        "camera(\"front\").fov({fov:?}).at(0.0, {eye:?}, {distance:?}).look_at([0.0, {eye:?}, 0.0]);\n"
+    );
+    let stage = run(&text)?;
+    let catalog = Arc::new(Catalog::new(&stage));
+    let of = |how| plan(&with(&stage, Cutouts::Smooth, how), &catalog, 4);
+    let mut fewer = of(Transparency::Independent)?;
+    if let Some(peel) = &mut fewer.peel {
+        peel.layers = 2;
+    }
+    let ways = [
+        ("sorted", of(Transparency::Sorted)?),
+        ("2 layers, the rest sorted", fewer),
+        ("independent", of(Transparency::Independent)?),
+    ];
+    measured(&mut choice, &mut renderers(), &catalog, &ways, &exact())?;
+    choice.choose(
+        "independent, Vulkan",
+        "where boxes cross or stand in the wrong order; sorted everywhere else",
+    );
+    Ok(choice)
+}
+
+/// IEC 61966-2-1.
+fn srgb(linear: f64) -> f64 {
+    if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 }
+}
+
+fn exact() -> Frame {
+    let [width, height] = SIZE.map(|s| s as usize);
+    let mut rgba = Vec::with_capacity(width * height * 4);
+    for y in 0..height {
+        for x in 0..width {
+            let mut sum = [0.0; 3];
+            for s in 0..64 {
+                let at = |pixel: usize, s: usize| pixel as f64 + (s as f64 + 0.5) / 8.0;
+                let mixed = ray(at(x, s % 8), at(y, s / 8));
+                sum.iter_mut().zip(mixed).for_each(|(sum, c)| *sum += c / 64.0);
+            }
+            rgba.extend(sum.map(|c| (srgb(c).clamp(0.0, 1.0) * 255.0).round() as u8));
+            rgba.push(255);
+        }
+    }
+    Frame { width: SIZE[0], height: SIZE[1], rgba }
+}
+
+/// Linear light along the ray through a place of the picture, in pixels.
+fn ray(x: f64, y: f64) -> [f64; 3] {
+    let [half, tall, distance, eye, fov] = DOOR;
+    let [width, height] = SIZE.map(f64::from);
+    let scale = libm::tan(fov.to_radians() * 0.5) * 2.0 / height;
+    let (right, up) = ((x - width * 0.5) * scale, (height * 0.5 - y) * scale);
+    // At so many distances in front of the eye the ray is at (right, up) times as many metres.
+    let mut met: Vec<(f64, usize)> = Vec::new();
+    for (i, (turn, ..)) in PANES.iter().enumerate() {
+        let (sin, cos) = libm::sincos(turn.to_radians());
+        // The pane's plane: x·sin + z·cos = 0, with z = distance − t.
+        let t = distance * cos / (cos - right * sin);
+        let across = right * t * cos - (distance - t) * sin;
+        let over = eye + up * t;
+        if t > 0.0 && across.abs() < half && (0.0..tall).contains(&over) {
+            met.push((t, i));
+        }
+    }
+    met.sort_by(|a, b| b.0.total_cmp(&a.0));
+    met.iter().fold([0.0; 3], |below, (_, i)| {
+        let (_, color, alpha) = PANES[*i];
+        std::array::from_fn(|c| below[c] * (1.0 - alpha) + color[c] * alpha)
+    })
+}
