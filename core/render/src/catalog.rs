@@ -1,14 +1,15 @@
 //! What all frames of a stage share: every distinct primitive, material and texture once, keyed by content.
 
 use crate::bounds::PrimitiveInfo;
+use crate::catalog_sequences::Streamed;
 use crate::closed::Closed;
 use crate::content::{material_content, material_hash, short};
 use crate::detail::{CROWD, Level, coarser};
 use crate::gpu_types::{BASE_SLOTS, LAYER_SLOTS, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS};
 use crate::vertex::VertexLayout;
 use choreo_stage::{
-    AlphaMode, Asset, Image, Material, MaterialLayers, Panorama, Primitive, Sampler, Shading, Stage,
-    TextureRef, Toon,
+    AlphaMode, Asset, Image, Material, MaterialLayers, Panorama, Primitive, Sampler, Sequence, Shading,
+    Stage, TextureRef, Toon,
 };
 use glam::{Affine2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -164,6 +165,8 @@ pub struct CatalogTexture {
     /// Some use of it asks for mipmaps.
     pub mipmaps: bool,
     pub hash: [u8; 16],
+    /// The image has no pixels: they are made when it is seen.
+    pub streamed: Option<Streamed>,
 }
 
 /// Catalogue ids of one asset: `primitives[instance][primitive of its mesh]`.
@@ -397,9 +400,29 @@ impl Builder {
             },
         };
         let hash = material_hash(&material);
-        *self.materials.entry(hash).or_insert_with(|| {
-            self.catalog.materials.push(material);
-            self.catalog.materials.len() as u32 - 1
+        if let Some(known) = self.materials.get(&hash) {
+            return *known;
+        }
+        let first = self.catalog.materials.len() as u32;
+        self.materials.insert(hash, first);
+        let following = material.following(|sequence, i| self.streamed(sequence, i, &material));
+        self.catalog.materials.push(material);
+        // The pictures after the first, in this order.
+        self.catalog.materials.extend(following);
+        first
+    }
+
+    fn streamed(&mut self, sequence: &Arc<Sequence>, index: usize, material: &CatalogMaterial) -> u32 {
+        let first = material.base_color.map_or(0, |t| t.texture) as usize;
+        let textures = &mut self.catalog.textures;
+        let hash = short(sequence.hashes[index]);
+        let mipmaps = textures[first].mipmaps;
+        let like = textures[first].image.clone();
+        *self.textures.entry((hash, true)).or_insert_with(|| {
+            let image = Image { name: format!("{} {index}", like.name), rgba: Vec::new(), ..*like };
+            let streamed = Some((sequence.clone(), index));
+            textures.push(CatalogTexture { image: Arc::new(image), srgb: true, mipmaps, hash, streamed });
+            textures.len() as u32 - 1
         })
     }
 
@@ -413,7 +436,13 @@ impl Builder {
             *self.image_hashes.entry(Arc::as_ptr(image)).or_insert_with(|| short(image.content_hash()));
         let textures = &mut self.catalog.textures;
         let id = *self.textures.entry((hash, srgb)).or_insert_with(|| {
-            textures.push(CatalogTexture { image: image.clone(), srgb, mipmaps: false, hash });
+            textures.push(CatalogTexture {
+                image: image.clone(),
+                srgb,
+                mipmaps: false,
+                hash,
+                streamed: None,
+            });
             textures.len() as u32 - 1
         });
         textures[id as usize].mipmaps |= t.sampler.mip_linear.is_some();

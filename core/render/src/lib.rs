@@ -4,6 +4,7 @@
 pub mod area;
 pub mod bounds;
 pub mod catalog;
+mod catalog_sequences;
 pub mod closed;
 pub mod compare;
 pub mod content;

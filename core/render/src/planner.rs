@@ -17,6 +17,7 @@ use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, daffine};
 use crate::planner_transparency::SeenThrough;
 use crate::wide;
+use choreo_motion::Time;
 use choreo_stage::{
     ActorState, AlphaMode, Asset, Cutouts, EffectTarget, MeshInstance, Shadow, Snapshot, Stage,
 };
@@ -59,6 +60,7 @@ impl Plan {
                 ..Facts::default()
             },
             view,
+            time: snapshot.time,
         };
         for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
             planner.actor(index, &actor.asset, state);
@@ -75,6 +77,7 @@ pub(crate) struct Planner<'a> {
     pub catalog: &'a Catalog,
     pub options: &'a PlanOptions<'a>,
     pub view: View,
+    time: Time,
     local_lights: bool,
     polynomial: bool,
     sky: bool,
@@ -162,6 +165,7 @@ impl Planner<'_> {
         let size = self.options.size;
         let mut morph_range = None;
         for entry in primitives {
+            let entry = &catalog.showing(entry, self.time);
             let primitive = &catalog.primitives[entry.primitive as usize];
             let info = &primitive.info;
             let changed = self.changed_material(entry, state);

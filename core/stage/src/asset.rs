@@ -3,7 +3,7 @@
 //! Everything is in choreo's convention: metres, +Y up, right-handed, counter-clockwise front faces,
 //! texture v pointing down (glTF). Colours are linear unless a field says sRGB.
 
-use crate::{Expression, Eyes, MaterialLayers, Toon, UvMotion};
+use crate::{Expression, Eyes, MaterialLayers, Sequence, Toon, UvMotion};
 use choreo_motion::spring::parameters::Springs;
 use choreo_motion::{Clip, Skeleton, Time};
 use glam::{Affine2, Affine3A, Mat4, Vec2, Vec3, Vec4};
@@ -271,6 +271,8 @@ pub struct Material {
     pub uv_motion: Option<UvMotion>,
     /// All its textures are frames side by side, of which one is seen at a time.
     pub strip: Option<FrameStrip>,
+    /// Its base colour texture is the first of pictures that follow each other.
+    pub sequence: Option<Arc<Sequence>>,
     /// Clearcoat, sheen, transmission; of metallic-roughness surfaces only.
     pub layers: Option<Box<MaterialLayers>>,
     /// How wide lines and points are; `None`: a pixel. Without meaning for triangles, and for what has a skin or morphs.
@@ -319,13 +321,8 @@ impl FrameStrip {
     /// What of the texture is seen at a time, over its whole.
     pub fn cell(&self, time: Time) -> Affine2 {
         let (columns, rows) = (self.columns.max(1), self.rows.max(1));
-        let frames = time.0 as f64 * f64::from(self.fps) / Time::TICKS_PER_SECOND as f64;
-        let count = f64::from(self.count.clamp(1, columns * rows));
-        let frame = libm::floor(frames);
-        let frame = match self.once {
-            true => frame.clamp(0.0, count - 1.0),
-            false => frame - count * libm::floor(frame / count),
-        } as u32;
+        let count = self.count.clamp(1, columns * rows) as usize;
+        let frame = crate::sequence::frame(time, self.fps, count, self.once) as u32;
         let scale = Vec2::new(1.0 / columns as f32, 1.0 / rows as f32);
         let at = Vec2::new((frame % columns) as f32, (frame / columns) as f32);
         Affine2::from_scale_angle_translation(scale, 0.0, at * scale)
@@ -360,6 +357,7 @@ impl Default for Material {
             double_sided: false,
             uv_motion: None,
             strip: None,
+            sequence: None,
             layers: None,
             pen: None,
             triplanar: None,

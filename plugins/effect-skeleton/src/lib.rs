@@ -50,7 +50,10 @@ impl Effect for Skeleton {
             }
             if names > 0.5 {
                 let skeleton = &actor.asset.skeleton;
-                let name = |joint: u32| skeleton.names()[joint as usize].clone();
+                // Without what Mixamo writes before all of them.
+                let name = |joint: u32| {
+                    skeleton.names()[joint as usize].trim_start_matches("mixamorig:").to_string()
+                };
                 let label = |(joint, at)| Label {
                     at,
                     text: name(joint),

@@ -11,6 +11,7 @@ mod far_away;
 mod ik;
 mod mipmaps;
 mod packing;
+mod parallax;
 mod rays;
 mod reduction;
 mod rotation;
@@ -60,6 +61,7 @@ const SECTIONS: [(&str, Measure); 20] = [
     ("packing", packing::section),
     ("mipmaps", mipmaps::section),
     ("sky", sky::section),
+    ("parallax", parallax::section),
     ("shadows", shadows::section),
     ("samples", samples::section),
     ("effects", effects::section),

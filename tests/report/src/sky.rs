@@ -97,7 +97,7 @@ fn mirrored() -> Choice {
     }
     let nanos = interleaved(Clock::Process, 4.0 * BUDGET_SECS, &mut cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
-    let why = "made once a sky, in a tenth of a second; sharper mirrors are seldom looked at";
+    let why = "made once a sky, in less than a fifth of a second; sharper mirrors, or more samples, are seldom looked at";
     choice.choose(&name(&SkyOptions::default()), why);
     choice
 }

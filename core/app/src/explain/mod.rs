@@ -79,6 +79,7 @@ fn facts(stage: &Stage, catalog: &Catalog, plan: &Plan, at: f64) -> Value {
         .textures
         .iter()
         // A chain of mipmaps is a third more.
+        .filter(|t| t.streamed.is_none())
         .map(|t| if t.mipmaps { t.image.rgba.len() / 3 * 4 } else { t.image.rgba.len() })
         .sum();
     json!({

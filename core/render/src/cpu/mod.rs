@@ -23,6 +23,7 @@ mod shade;
 mod shadow;
 mod sky;
 mod stages;
+mod streams;
 mod target;
 mod texture;
 mod tile;
@@ -449,20 +450,23 @@ impl Renderer for CpuRenderer {
     fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError> {
         let old = std::mem::take(&mut self.textures);
         let keys: Vec<TextureKey> = catalog.textures.iter().map(|t| (t.hash, t.srgb, t.mipmaps)).collect();
-        let textures: Vec<Arc<Texture>> = keys
+        let textures: Vec<Option<Arc<Texture>>> = keys
             .par_iter()
             .zip(&catalog.textures)
-            .map(|(key, t)| old.get(key).cloned().unwrap_or_else(|| Arc::new(Texture::new(t))))
+            .map(|(key, t)| match t.streamed {
+                Some(_) => None,
+                None => Some(old.get(key).cloned().unwrap_or_else(|| Arc::new(Texture::new(t)))),
+            })
             .collect();
         self.materials = catalog
             .materials
             .iter()
             .map(|m| ShadeMaterial {
                 factors: m.clone(),
-                textures: m.texture_refs().map(|t| t.map(|t| textures[t.texture as usize].clone())),
+                textures: m.texture_refs().map(|t| textures[t?.texture as usize].clone()),
             })
             .collect();
-        self.textures = keys.into_iter().zip(textures).collect();
+        self.textures = keys.into_iter().zip(textures).filter_map(|(key, t)| Some((key, t?))).collect();
         if catalog.sky.as_ref().map(|s| s.hash()) != self.catalog.sky.as_ref().map(|s| s.hash()) {
             self.sky = None;
         }
@@ -486,6 +490,7 @@ impl Renderer for CpuRenderer {
             .ok_or_else(|| RenderError::Usage("no frame is submitted: nothing to collect".into()))?;
         let mut frame = reuse.unwrap_or(Frame { width: 0, height: 0, rgba: Vec::new() });
         self.prepare_sky(&plan);
+        self.stream(&plan)?;
         [frame.width, frame.height] = plan.size;
         frame.rgba.resize(plan.size[0] as usize * plan.size[1] as usize * 4, 0);
         match (plan.samples, plan.post.is_empty()) {

@@ -77,7 +77,8 @@ fn flat(
         return Some(known.clone());
     }
     let mut canvas = Canvas::new(size);
-    labels.iter().for_each(|label| canvas.label(label));
+    let mut taken = Vec::new();
+    labels.iter().for_each(|label| canvas.label(label, &mut taken));
     for state in states {
         canvas.draw(&stage.flats[state.flat], state);
     }
@@ -170,13 +171,18 @@ impl Canvas {
         }
     }
 
-    /// With a dark one behind it, to be read on anything.
-    fn label(&mut self, label: &FlatLabel) {
+    /// With a dark one behind it, to be read on anything. Left out where it would lie over one that is there: none could be read.
+    fn label(&mut self, label: &FlatLabel, taken: &mut Vec<[Vec2; 2]>) {
         let font = Font::built_in();
         let style = Style { size: label.size, width: None, align: Align::Left, line_height: 1.25 };
         let laid = lay_out(&font, &label.text, &style);
         let picture = DVec2::new(self.size[0].into(), self.size[1].into());
         let at = (label.at * picture).as_vec2() + Vec2::new(label.beside, -0.5 * laid.size[1]);
+        let place = [at, at + Vec2::from(laid.size)];
+        if taken.iter().any(|[low, high]| place[0].cmplt(*high).all() && low.cmplt(place[1]).all()) {
+            return;
+        }
+        taken.push(place);
         let behind = Vec4::new(0.0, 0.0, 0.0, label.color.w * 0.75);
         for (by, color) in [(1.0, behind), (0.0, label.color)] {
             let coverage = laid.coverage(&font, [at.x + by, at.y + by], 1.0, self.size);

@@ -28,6 +28,7 @@ mod sky;
 mod slot;
 mod state;
 mod steady;
+mod streams;
 mod targets;
 mod texels;
 mod upload;

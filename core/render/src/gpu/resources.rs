@@ -6,6 +6,7 @@ use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
 use super::memory::{Buffer, Image, ImageDesc};
 use super::sky::SkyImages;
+use super::streams::Streams;
 use super::upload::Uploads;
 use crate::RenderError;
 use crate::catalog::{Catalog, CatalogPrimitive};
@@ -46,7 +47,7 @@ struct Material {
 }
 
 /// Content, sRGB, with mipmaps.
-type TextureKey = (Hash, bool, bool);
+pub(super) type TextureKey = (Hash, bool, bool);
 
 #[derive(Default)]
 pub struct Resources {
@@ -61,6 +62,7 @@ pub struct Resources {
     white: Option<Image>,
     pub sky: Option<SkyImages>,
     pools: Pools,
+    pub(super) streams: Streams,
     /// What has been made so far.
     pub work: Work,
 }
@@ -140,6 +142,7 @@ impl Resources {
         for (material, slots) in materials {
             self.prepare_material(gpu, layouts, catalog, material, slots, uploads)?;
         }
+        self.age(gpu, catalog, recording);
         Ok(())
     }
 
@@ -232,12 +235,15 @@ impl Resources {
         let chains: Vec<_> = wanted
             .par_iter()
             .map(|t| {
-                let texture = &catalog.textures[*t as usize];
-                if texture.mipmaps { mip::levels_below(&texture.image, texture.srgb) } else { Vec::new() }
+                let texture = catalog.textures[*t as usize].whole()?;
+                let chain = match texture.mipmaps {
+                    true => mip::levels_below(&texture.image, texture.srgb),
+                    false => Vec::new(),
+                };
+                Ok((texture, chain))
             })
-            .collect();
-        for (t, chain) in wanted.iter().zip(chains) {
-            let texture = &catalog.textures[*t as usize];
+            .collect::<Result<_, RenderError>>()?;
+        for (t, (texture, chain)) in wanted.iter().zip(chains) {
             let image = &texture.image;
             let name = format!("texture \"{}\"", image.name);
             let levels = 1 + chain.len() as u32;
@@ -369,6 +375,7 @@ impl Resources {
         let primitives: HashSet<Hash> = catalog.primitives.iter().map(|p| p.hash).collect();
         let textures: HashSet<TextureKey> =
             (0..catalog.textures.len() as u32).map(|t| texture_key(catalog, t)).collect();
+        self.keep_streams(|key| textures.contains(key));
         let pools = &mut self.pools;
         let materials: HashSet<Hash> = catalog.materials.iter().map(|m| m.hash).collect();
         self.materials.retain(|(hash, _), m| {
@@ -406,6 +413,26 @@ impl Resources {
         });
     }
 
+    /// No frame that uses it may be in flight.
+    pub(super) fn forget_material(&mut self, gpu: &Context, material: Hash) {
+        let pools = &mut self.pools;
+        self.materials.retain(|(hash, _), m| {
+            let keep = *hash != material;
+            if !keep {
+                m.uniform.destroy(gpu);
+                pools.free(gpu, m.set);
+            }
+            keep
+        });
+    }
+
+    /// No frame that uses it may be in flight.
+    pub(super) fn forget_texture(&mut self, gpu: &Context, key: &TextureKey) {
+        if let Some(mut image) = self.textures.remove(key) {
+            image.destroy(gpu);
+        }
+    }
+
     /// Everything that holds uploaded bytes. No frame may be in flight.
     pub fn forget(&mut self, gpu: &Context) {
         self.retain(gpu, &Catalog::default());
@@ -425,7 +452,7 @@ impl Resources {
     }
 }
 
-fn texture_key(catalog: &Catalog, texture: u32) -> TextureKey {
+pub(super) fn texture_key(catalog: &Catalog, texture: u32) -> TextureKey {
     let t = &catalog.textures[texture as usize];
     (t.hash, t.srgb, t.mipmaps)
 }

@@ -50,6 +50,14 @@ pub const DEFS: &[Def] = &[
     ),
     Def::new(
         Kind::Asset,
+        "materials",
+        "",
+        Gives::Value("array of texts"),
+        "Names of the materials.",
+        materials,
+    ),
+    Def::new(
+        Kind::Asset,
         "texture",
         "material, slot, image",
         Gives::A(Kind::Asset),
@@ -61,10 +69,15 @@ pub const DEFS: &[Def] = &[
         "image",
         "width, height, pixels, options? | file, options? | options",
         Gives::A(Kind::Image),
-        "A picture for surfaces: a PNG, JPEG, WebP, BMP or TGA file, or with # for each digit numbered ones that follow each other (\"smoke_###.png\"; first and last say which, else all from 0 or 1 on), shown as an array of pictures is. Or rows from the top: pixels are a color each, or 1, 3 or 4 numbers from 0 to 255 each (grey, red green blue, with alpha), in an array or a blob; options: filter (\"linear\" or \"nearest\", squares), wrap (\"repeat\", \"clamp\", \"mirror\", or two of them: across and down), name.",
+        "A picture for surfaces: a PNG, JPEG, WebP, BMP or TGA file, or with # for each digit numbered ones that follow each other (\"smoke_###.png\"; first and last say which, else all from 0 or 1 on), of which those that are seen are held in memory. Or rows from the top: pixels are a color each, or 1, 3 or 4 numbers from 0 to 255 each (grey, red green blue, with alpha), in an array or a blob; options: filter (\"linear\" or \"nearest\", squares), wrap (\"repeat\", \"clamp\", \"mirror\", or two of them: across and down), name.",
         image,
     ),
 ];
+
+fn materials(c: &mut Call) -> Reply {
+    let asset = c.this_asset()?;
+    Ok(asset.materials.iter().map(|m| Dynamic::from(m.name.clone())).collect::<rhai::Array>().into())
+}
 
 fn made(c: &Call, asset: Arc<Asset>) -> Reply {
     let from = c.build().made(&asset, &c.place);

@@ -1,12 +1,13 @@
 //! Pictures for surfaces from files: one, or numbered ones that follow each other.
 
+use super::material::of_picture;
 use super::picture::ImageRef;
 use crate::api::flat::read_file;
 use crate::call::{ApiError, Call, Options};
 use crate::limits::raise_hint;
 use choreo_import::Problem;
 use choreo_import::pictures::{Encoded, Formats};
-use choreo_stage::Image;
+use choreo_stage::{AlphaMode, Image, Pictures, Sequence};
 use std::sync::Arc;
 
 /// How far beyond a missing number is looked for others, to tell a gap from the end.
@@ -22,7 +23,7 @@ pub fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
             let text = format!("image: {word} is of numbered files, whose name has # for each digit");
             return Err(ApiError::new(text).focus(word));
         }
-        return Ok(ImageRef { image: one(c, &name)?, sampler, dead: false, then: Vec::new() });
+        return Ok(ImageRef { image: one(c, &name)?, sampler, dead: false, files: None });
     };
     let numbered = |n: u64| format!("{before}{n:0digits$}{after}");
     let there = |n: u64| found(c, &numbered(n));
@@ -53,9 +54,57 @@ pub fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
         let text = format!("image: {} numbered files", end - begin + 1);
         return Err(ApiError::new(text).hint(raise_hint("files", most)));
     }
-    let image = one(c, &numbered(begin))?;
-    let then = (begin + 1..=end).map(|n| one(c, &numbered(n))).collect::<Result<Vec<_>, _>>()?;
-    Ok(ImageRef { image, sampler, dead: false, then })
+    let mut files = NumberedFiles { files: Vec::new(), alpha: AlphaMode::Opaque };
+    let mut image: Option<Arc<Image>> = None;
+    for n in begin..=end {
+        let name = numbered(n);
+        let bytes = read_file(c, &name)?;
+        // Each is looked at once, so that mistakes are told here, and whether any has holes.
+        let one = decoded(&name, &bytes).map_err(|p| told(&name, p))?;
+        let first = image.get_or_insert_with(|| one.clone());
+        if (one.width, one.height) != (first.width, first.height) {
+            let text = format!(
+                "image: pictures that follow each other have one size; {} is {} × {}, {name} {} × {}",
+                numbered(begin),
+                first.width,
+                first.height,
+                one.width,
+                one.height
+            );
+            return Err(ApiError::new(text).focus(c.text(0)?));
+        }
+        files.alpha = match (files.alpha, of_picture(&one)) {
+            (AlphaMode::Blend, _) | (_, AlphaMode::Blend) => AlphaMode::Blend,
+            (AlphaMode::Opaque, mode) => mode,
+            (mode, _) => mode,
+        };
+        files.files.push((name, bytes));
+    }
+    let Some(image) = image else { return Err(ApiError::new("image: no files")) };
+    super::picture::count(c, texels(&image))?;
+    Ok(ImageRef { image, sampler, dead: false, files: Some(Arc::new(files)) })
+}
+
+/// Files of pictures that follow each other, as they are on the disk.
+#[derive(Debug)]
+pub struct NumberedFiles {
+    files: Vec<(String, Vec<u8>)>,
+    /// What all of them together need.
+    pub alpha: AlphaMode,
+}
+
+impl NumberedFiles {
+    pub fn sequence(self: &Arc<NumberedFiles>, fps: f32, once: bool) -> Sequence {
+        let hash = |(_, bytes): &(String, Vec<u8>)| *blake3::hash(bytes).as_bytes();
+        Sequence { pictures: self.clone(), hashes: self.files.iter().map(hash).collect(), fps, once }
+    }
+}
+
+impl Pictures for NumberedFiles {
+    fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
+        let (name, bytes) = self.files.get(index).ok_or_else(|| format!("there is no picture {index}"))?;
+        decoded(name, bytes).map_err(|p| format!("\"{name}\": {}", p.what))
+    }
 }
 
 /// A name with one run of `#`, as what stands before it, how many there are, and what stands after.
@@ -83,16 +132,23 @@ fn found(c: &Call, name: &str) -> bool {
 }
 
 fn one(c: &Call, name: &str) -> Result<Arc<Image>, ApiError> {
-    let bytes = read_file(c, name)?;
-    let problem = |p: Problem| {
-        let error = ApiError::new(format!("image: \"{name}\": {}", p.what)).focus(name);
-        match p.hint {
-            Some(hint) => error.hint(hint),
-            None => error,
-        }
-    };
-    let encoded = Encoded::examine(name.into(), name.into(), bytes, Formats::All).map_err(problem)?;
-    let image = encoded.decode().map_err(problem)?;
-    super::picture::count(c, u64::from(image.width) * u64::from(image.height))?;
+    let image = decoded(name, &read_file(c, name)?).map_err(|p| told(name, p))?;
+    super::picture::count(c, texels(&image))?;
     Ok(image)
+}
+
+fn decoded(name: &str, bytes: &[u8]) -> Result<Arc<Image>, Problem> {
+    Encoded::examine(name.into(), name.into(), bytes, Formats::All)?.decode()
+}
+
+fn told(name: &str, p: Problem) -> ApiError {
+    let error = ApiError::new(format!("image: \"{name}\": {}", p.what)).focus(name);
+    match p.hint {
+        Some(hint) => error.hint(hint),
+        None => error,
+    }
+}
+
+fn texels(image: &Image) -> u64 {
+    u64::from(image.width) * u64::from(image.height)
 }

@@ -9,6 +9,10 @@ use std::sync::Arc;
 
 /// Pictures of one size as the cells of one, from the top left, row by row: (columns, rows).
 pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32; 2]), ApiError> {
+    if images.iter().any(|i| i.files.is_some()) {
+        let text = format!("{}: numbered files are pictures enough; give them alone", o.function);
+        return Err(ApiError::new(text).focus("image"));
+    }
     let Some(first) = images.first() else {
         return Err(ApiError::new(format!("{}: image is an empty array", o.function)).focus("image"));
     };
@@ -53,16 +57,7 @@ pub fn pictures(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
             crate::call::wrong(v, &o.label(name), "an Image, from image(…), or an array of them")
         })
     };
-    let given = all.iter().map(read).collect::<Result<Vec<_>, _>>()?;
-    let and_then = |i: ImageRef| {
-        let then: Vec<ImageRef> = i
-            .then
-            .iter()
-            .map(|image| ImageRef { image: image.clone(), then: Vec::new(), ..i.clone() })
-            .collect();
-        std::iter::once(ImageRef { then: Vec::new(), ..i }).chain(then)
-    };
-    Ok(given.into_iter().flat_map(and_then).collect())
+    all.iter().map(read).collect()
 }
 
 /// A picture with the brightness of another as its alpha, times its own.
@@ -149,7 +144,7 @@ mod tests {
     fn grey(width: u32, values: &[u8]) -> ImageRef {
         let rgba = values.iter().flat_map(|v| [*v, *v, *v, 255]).collect();
         let image = Image { name: "h".into(), width, height: values.len() as u32 / width, rgba };
-        ImageRef { image: Arc::new(image), sampler: Sampler::default(), dead: false, then: Vec::new() }
+        ImageRef { image: Arc::new(image), sampler: Sampler::default(), dead: false, files: None }
     }
 
     #[test]

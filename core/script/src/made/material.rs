@@ -1,5 +1,6 @@
 //! The look of what a script makes: the options that `shape`, `mesh`, `lines` and `points` share.
 
+use super::files::NumberedFiles;
 use super::maps;
 use super::picture::{ImageRef, srgb_byte};
 use crate::call::{ApiError, Options, rgb};
@@ -68,6 +69,14 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
         }
         false => given.pop(),
     };
+    let files = image.as_ref().and_then(|i| i.files.clone());
+    if let (Some(map), Some(_)) = (o.get("opacity_map"), &files) {
+        return Err(crate::call::wrong(
+            &map,
+            &o.label("opacity_map"),
+            "left out where image is of numbered files",
+        ));
+    }
     if let Some(map) = o.image("opacity_map")? {
         image = Some(maps::with_opacity(o, image, map)?);
     }
@@ -112,7 +121,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
             return fail("checker makes a picture of its own; leave image or checker out", "checker");
         }
         (Some(given), None) => {
-            material.alpha_mode = of_picture(&given.image);
+            material.alpha_mode = files.as_ref().map_or_else(|| of_picture(&given.image), |f| f.alpha);
             material.base_color_texture = Some(texture(given.image, given.sampler, scale));
         }
         (None, Some(second)) => {
@@ -140,7 +149,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
         }
         material.specular_color_texture = Some(texture(given.image, given.sampler, scale));
     }
-    motion(o, &mut material, cells)?;
+    motion(o, &mut material, cells, files)?;
     if base.w < 1.0 {
         material.alpha_mode = AlphaMode::Blend;
     }
@@ -154,7 +163,12 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
 }
 
 /// How the textures move: `cells` are the columns, rows and count of pictures that were given one after the other.
-fn motion(o: &Options, material: &mut Material, cells: Option<[u32; 3]>) -> Result<(), ApiError> {
+fn motion(
+    o: &Options,
+    material: &mut Material,
+    cells: Option<[u32; 3]>,
+    files: Option<Arc<NumberedFiles>>,
+) -> Result<(), ApiError> {
     let fail = |text: &str, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
     let fps = o.number_in("fps", 0.0, 1000.0)?;
     let once = o.flag("once")?;
@@ -168,6 +182,9 @@ fn motion(o: &Options, material: &mut Material, cells: Option<[u32; 3]>) -> Resu
     let cells = match (cells, pair("frames")?) {
         (Some(_), Some(_)) => {
             return fail("frames are the cells of one picture; several pictures have their own", "frames");
+        }
+        (None, Some(_)) if files.is_some() => {
+            return fail("frames are the cells of one picture; numbered files are a picture each", "frames");
         }
         (None, Some([columns, rows])) => {
             if !whole(columns) || !whole(rows) {
@@ -195,6 +212,11 @@ fn motion(o: &Options, material: &mut Material, cells: Option<[u32; 3]>) -> Resu
             scroll: Vec2::new(-u as f32, -v as f32),
             rotation: spin.unwrap_or(0.0).to_radians() as f32,
         });
+    }
+    if let Some(files) = files {
+        let (fps, once) = (fps.unwrap_or(12.0) as f32, once.unwrap_or(false));
+        material.sequence = Some(Arc::new(files.sequence(fps, once)));
+        return Ok(());
     }
     match cells {
         Some([columns, rows, count]) => {
@@ -332,7 +354,7 @@ impl Options {
     pub fn image(&self, name: &str) -> Result<Option<ImageRef>, ApiError> {
         let Some(value) = self.get(name) else { return Ok(None) };
         let given = value.clone().try_cast::<ImageRef>();
-        if given.as_ref().is_some_and(|i| !i.then.is_empty()) {
+        if given.as_ref().is_some_and(|i| i.files.is_some()) {
             let text =
                 format!("{}: {name} is one picture, not several that follow each other", self.function);
             return Err(ApiError::new(text).focus(name));

@@ -12,18 +12,13 @@ pub struct ImageRef {
     pub image: Arc<Image>,
     pub sampler: Sampler,
     pub dead: bool,
-    /// Those that follow it, of numbered files.
-    pub then: Vec<Arc<Image>>,
+    /// Of numbered files: all of them.
+    pub files: Option<Arc<super::files::NumberedFiles>>,
 }
 
 impl ImageRef {
     pub fn dead() -> ImageRef {
-        ImageRef {
-            image: Arc::new(Image::default()),
-            sampler: Sampler::default(),
-            dead: true,
-            then: Vec::new(),
-        }
+        ImageRef { image: Arc::new(Image::default()), sampler: Sampler::default(), dead: true, files: None }
     }
 }
 
@@ -65,7 +60,7 @@ pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
     let image = choreo_plugin::build::image(&name, width, height, &pixels).map_err(|e| {
         ApiError::new(format!("image: {}", e.0.split_once(": ").map_or(e.0.as_str(), |(_, e)| e)))
     })?;
-    Ok(ImageRef { image: Arc::new(image), sampler: sampler(&o)?, dead: false, then: Vec::new() })
+    Ok(ImageRef { image: Arc::new(image), sampler: sampler(&o)?, dead: false, files: None })
 }
 
 /// So many more pixels, against the limit of all together.

@@ -19,7 +19,7 @@ pub fn texture(c: &mut Call) -> Reply {
     let slot = one_of(&c.value(1), "texture: slot", SLOTS)?;
     let given = c.value(2).try_cast::<ImageRef>();
     let Some(given) = given else { return Err(c.wrong(2, "an Image, from image(…)")) };
-    if !given.then.is_empty() {
+    if given.files.is_some() {
         return Err(ApiError::new("texture: one picture, not several that follow each other"));
     }
     let index = source.materials.iter().position(|m| m.name == wanted).ok_or_else(|| {

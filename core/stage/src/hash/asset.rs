@@ -110,6 +110,7 @@ impl Material {
             double_sided,
             uv_motion,
             strip,
+            sequence,
             pen,
             triplanar,
             layers,
@@ -139,6 +140,11 @@ impl Material {
         w.f32(*relief);
         w.option(uv_motion, |w, motion| {
             [motion.scroll.x, motion.scroll.y, motion.rotation].iter().for_each(|v| w.f32(*v));
+        });
+        w.option(sequence, |w, sequence| {
+            w.list(&sequence.hashes, |w, hash| w.bytes(hash));
+            w.f32(sequence.fps);
+            w.flag(sequence.once);
         });
         w.option(triplanar, |w, Triplanar { middle, size, sharpness }| {
             w.vec3(*middle);

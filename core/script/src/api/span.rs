@@ -1,0 +1,64 @@
+//! `actor.from(time)`, `actor.until(time)`: when it is there.
+
+use super::keys;
+use crate::call::{Call, Def, Gives, Reply};
+use crate::value::{ActorRef, Kind};
+use choreo_motion::{Interpolation, Time};
+use choreo_stage::{Channel, Property};
+
+pub const DEFS: &[Def] = &[
+    Def::new(Kind::Actor, "from", "time", Gives::Itself, "When it is first seen.", from),
+    Def::new(
+        Kind::Actor,
+        "until",
+        "time",
+        Gives::Itself,
+        "When it is gone. Who is not there costs neither pose nor draw.",
+        until,
+    ),
+];
+
+fn from(c: &mut Call) -> Reply {
+    let t = c.time(0)?;
+    change(c, |keys| {
+        keys.retain(|(at, _)| *at > t);
+        if t > Time::ZERO {
+            keys.push((Time::ZERO, false));
+        }
+        keys.push((t, true));
+    })
+}
+
+fn until(c: &mut Call) -> Reply {
+    let t = c.time(0)?;
+    change(c, |keys| {
+        if keys.is_empty() && t > Time::ZERO {
+            keys.push((Time::ZERO, true));
+        }
+        keys.retain(|(at, _)| *at < t);
+        keys.push((t, false));
+    })
+}
+
+/// The keys of whether it is seen.
+fn change(c: &Call, change: impl FnOnce(&mut Vec<(Time, bool)>)) -> Reply {
+    let this: ActorRef = c.this()?;
+    {
+        let mut build = c.build();
+        let channels = &mut build.actor(this.id)?.actor.channels;
+        let known = channels.iter().find(|channel| channel.property == Property::Visible);
+        let mut all: Vec<(Time, bool)> = known.map_or_else(Vec::new, |channel| {
+            channel.times.iter().copied().zip(channel.values.iter().map(|v| *v >= 0.5)).collect()
+        });
+        change(&mut all);
+        all.sort_by_key(|(at, _)| *at);
+        let channel = Channel {
+            property: Property::Visible,
+            interpolation: Interpolation::Step,
+            times: all.iter().map(|(at, _)| *at).collect(),
+            values: all.iter().map(|(_, on)| f64::from(u8::from(*on))).collect(),
+        };
+        keys::replace(channels, vec![channel]);
+    }
+    c.itself()
+}
