@@ -93,7 +93,7 @@ pub(crate) struct Planner<'a> {
     pub skins: Vec<PosedSkin>,
     pub materials: Vec<Arc<CatalogMaterial>>,
     /// Of the actor at hand: (its material, the catalogue's, place in `materials`).
-    changed: Vec<(u32, u32, u32)>,
+    pub changed: Vec<(u32, u32, u32)>,
     /// Some light casts shadows: those outside the view count too.
     casting: bool,
     pub casters: Vec<Caster>,
@@ -389,21 +389,6 @@ impl Planner<'_> {
                 }
             }
         }
-    }
-
-    /// The material of a primitive where it is not now as in the catalogue.
-    fn changed_material(&mut self, entry: &PrimitiveEntry, state: &ActorState) -> Option<u32> {
-        let index = entry.changes?;
-        let known = self.changed.iter().find(|(m, c, _)| (*m, *c) == (index, entry.material));
-        if let Some((_, _, place)) = known {
-            return Some(*place);
-        }
-        let now = &state.materials.iter().find(|m| m.material == index)?.now;
-        let place = self.materials.len() as u32;
-        let base = &self.catalog.materials[entry.material as usize];
-        self.materials.push(Arc::new(base.changed(now, entry.animated.is_some())));
-        self.changed.push((index, entry.material, place));
-        Some(place)
     }
 
     fn finish(

@@ -2,6 +2,9 @@
 
 use crate::catalog::PrimitiveEntry;
 use crate::plan::{Instance, PipelineKey};
+use crate::planner::Planner;
+use choreo_stage::ActorState;
+use std::sync::Arc;
 
 /// One copy of one primitive before sorting.
 pub(crate) struct Item {
@@ -56,4 +59,21 @@ pub(crate) enum Phase {
     Opaque,
     Mask,
     Blend,
+}
+
+impl Planner<'_> {
+    /// The material of a primitive where it is not now as in the catalogue.
+    pub fn changed_material(&mut self, entry: &PrimitiveEntry, state: &ActorState) -> Option<u32> {
+        let index = entry.changes?;
+        let known = self.changed.iter().find(|(m, c, _)| (*m, *c) == (index, entry.material));
+        if let Some((_, _, place)) = known {
+            return Some(*place);
+        }
+        let now = &state.materials.iter().find(|m| m.material == index)?.now;
+        let place = self.materials.len() as u32;
+        let base = &self.catalog.materials[entry.material as usize];
+        self.materials.push(Arc::new(base.changed(now, entry.animated.is_some())));
+        self.changed.push((index, entry.material, place));
+        Some(place)
+    }
 }

@@ -5,6 +5,7 @@
 
 mod brdf;
 mod brushed;
+mod changed;
 mod coverage;
 mod displace;
 mod film;
@@ -34,7 +35,7 @@ mod veil;
 mod vertex;
 mod wide;
 
-use crate::catalog::{Catalog, CatalogMaterial};
+use crate::catalog::Catalog;
 use crate::exposure::Accumulated;
 use crate::plan::{Draw, Features, Glass, OverlayPart, PipelineKey, Plan, TopologyKey};
 use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
@@ -149,23 +150,6 @@ impl CpuRenderer {
     fn surface(&self, plan: &Plan, bits: u8) -> Vec<(Arc<dyn Effect>, [f32; 8])> {
         let on = (0..8).zip(&plan.surface).filter(|(bit, _)| bits >> bit & 1 == 1);
         on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters))).collect()
-    }
-
-    /// The plan's own materials, with the textures of those that they stand for.
-    fn changed_materials(&self, plan: &Plan) -> Vec<ShadeMaterial> {
-        let draws = plan.draws.iter().chain(plan.shadow_draws());
-        let mut of: Vec<Option<u32>> = vec![None; plan.materials.len()];
-        for draw in draws {
-            if let Some(changed) = draw.changed {
-                of[changed as usize] = Some(draw.material);
-            }
-        }
-        let textures =
-            |m: Option<u32>| m.map(|m| self.materials[m as usize].textures.clone()).unwrap_or_default();
-        let pairs = plan.materials.iter().zip(of);
-        pairs
-            .map(|(now, m)| ShadeMaterial { factors: CatalogMaterial::clone(now), textures: textures(m) })
-            .collect()
     }
 
     /// All copies of the draws, seen through a matrix, on a picture of a size.

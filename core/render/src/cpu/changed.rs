@@ -1,0 +1,25 @@
+//! Materials that are not now as in the catalogue.
+
+use super::CpuRenderer;
+use super::shade::ShadeMaterial;
+use crate::catalog::CatalogMaterial;
+use crate::plan::Plan;
+
+impl CpuRenderer {
+    /// The plan's own materials, with the textures of those that they stand for.
+    pub(super) fn changed_materials(&self, plan: &Plan) -> Vec<ShadeMaterial> {
+        let draws = plan.draws.iter().chain(plan.shadow_draws());
+        let mut of: Vec<Option<u32>> = vec![None; plan.materials.len()];
+        for draw in draws {
+            if let Some(changed) = draw.changed {
+                of[changed as usize] = Some(draw.material);
+            }
+        }
+        let textures =
+            |m: Option<u32>| m.map(|m| self.materials[m as usize].textures.clone()).unwrap_or_default();
+        let pairs = plan.materials.iter().zip(of);
+        pairs
+            .map(|(now, m)| ShadeMaterial { factors: CatalogMaterial::clone(now), textures: textures(m) })
+            .collect()
+    }
+}
