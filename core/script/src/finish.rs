@@ -48,6 +48,7 @@ pub fn finish(
         let Layers { layers, places: cue_places, in_step } = layers(&build, &mut notes);
         places.cues = cue_places;
         places.markers = build.markers.clone();
+        places.clip_markers = clip_markers(&build, &layers);
         plant_in_step(&mut build, in_step);
         cycles(&build, &mut notes);
         if let Some((place, error)) = crate::totals::too_much(&build, &shared.limits) {
@@ -101,6 +102,24 @@ fn add_hooks(
         }
         stage.hooks.push(Arc::new(hook));
     }
+}
+
+/// Of the clips that are played, each once.
+fn clip_markers(build: &Build, layers: &[Vec<Layer>]) -> Vec<(Arc<Clip>, Vec<(String, Time)>)> {
+    let mut all: Vec<(Arc<Clip>, Vec<(String, Time)>)> = Vec::new();
+    if build.clip_notes.values().all(|notes| notes.markers.is_empty()) {
+        return all;
+    }
+    for cue in layers.iter().flatten().flat_map(|layer| &layer.cues) {
+        if all.iter().any(|(known, _)| Arc::ptr_eq(known, &cue.clip)) {
+            continue;
+        }
+        let markers = build.notes_of(&cue.clip).map(|notes| notes.markers.clone()).unwrap_or_default();
+        if !markers.is_empty() {
+            all.push((cue.clip.clone(), markers));
+        }
+    }
+    all
 }
 
 /// Metres a second below which nobody walks.

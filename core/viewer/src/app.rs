@@ -300,6 +300,15 @@ impl Viewer {
         (count > 0).then(|| middles().sum::<DVec3>() / count as f64)
     }
 
+    /// The playhead goes to the next thing that begins, ends or happens, or to the last one.
+    pub fn to_next(&mut self, back: bool) {
+        let next = self.timeline.next(self.playhead.time(), self.playhead.fps(), back);
+        if let Some(time) = next {
+            self.playhead.pause();
+            self.playhead.seek(time);
+        }
+    }
+
     /// A time as the user wants to read it.
     pub fn shown_time(&self, time: Time) -> String {
         match self.in_seconds {

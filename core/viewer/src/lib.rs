@@ -12,6 +12,7 @@ mod args;
 mod difference;
 pub mod editing;
 mod editor;
+pub mod events;
 pub mod gizmo;
 pub mod lens;
 pub mod orbit;

@@ -1,8 +1,9 @@
 //! The stage as rows of a sequencer: who plays what when, which camera is on.
 
+use crate::events::{self, Event, Gathered};
 use crate::selection::Selected;
 use choreo_live::{Problem, Scene};
-use choreo_motion::{Repeat, Time};
+use choreo_motion::{FrameRate, Repeat, Time};
 use choreo_script::Place;
 use choreo_stage::{Cue, Layer, Stage};
 
@@ -31,6 +32,9 @@ pub struct Row {
     pub label: String,
     pub what: Option<Selected>,
     pub bars: Vec<Bar>,
+    /// In the order of time.
+    pub events: Vec<Event>,
+    pub place: Place,
 }
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -44,35 +48,58 @@ impl Timeline {
     pub fn new(scene: &Scene) -> Timeline {
         let (stage, places) = (&scene.stage, &scene.places);
         let mut kinds: Vec<String> = Vec::new();
-        let mut rows = vec![Row { label: "camera".into(), what: None, bars: cameras(scene) }];
+        let length = stage.settings.length;
+        let plain = |label: &str, bars: Vec<Bar>, events: Vec<Event>| Row {
+            label: label.into(),
+            what: None,
+            bars,
+            events,
+            place: Place::default(),
+        };
+        let mut rows = vec![plain("camera", cameras(scene), events::of_cameras(scene))];
         for (index, actor) in stage.actors.iter().enumerate() {
             let what = Some(Selected::Actor(actor.name.clone()));
+            let place = places.actors.get(index).cloned().unwrap_or_default();
+            let mut gathered = Gathered::default();
+            gathered.actor(actor);
             if actor.layers.is_empty() {
-                rows.push(Row { label: actor.name.clone(), what, bars: Vec::new() });
+                let events = gathered.events(length, what.as_ref(), &place);
+                rows.push(Row { label: actor.name.clone(), what, bars: Vec::new(), events, place });
                 continue;
             }
             for (number, layer) in actor.layers.iter().enumerate() {
                 let of_layer = places.cues.get(index).and_then(|a| a.get(number));
                 let label =
                     if number == 0 { actor.name.clone() } else { format!("{} +{number}", actor.name) };
-                let bars = layer.cues.iter().enumerate().map(|(at, cue)| {
-                    let place = of_layer.and_then(|l| l.get(at)).cloned().unwrap_or_default();
-                    let kind = kind(&mut kinds, &cue.clip.name);
-                    bar(
-                        stage,
-                        layer,
-                        at,
-                        cue,
-                        Selected::Cue { actor: actor.name.clone(), layer: number, cue: at },
-                        place,
-                        kind,
-                    )
-                });
-                rows.push(Row { label, what: what.clone(), bars: bars.collect() });
+                let bars: Vec<Bar> = layer
+                    .cues
+                    .iter()
+                    .enumerate()
+                    .map(|(at, cue)| {
+                        let place = of_layer.and_then(|l| l.get(at)).cloned().unwrap_or_default();
+                        let kind = kind(&mut kinds, &cue.clip.name);
+                        bar(
+                            stage,
+                            layer,
+                            at,
+                            cue,
+                            Selected::Cue { actor: actor.name.clone(), layer: number, cue: at },
+                            place,
+                            kind,
+                        )
+                    })
+                    .collect();
+                if let Some(keys) = &layer.weight_keys {
+                    gathered.named_keys("layer", "weight", keys);
+                }
+                for (cue, bar) in layer.cues.iter().zip(&bars) {
+                    gathered.cue(cue, bar.end, &places.clip_markers);
+                }
+                let events = std::mem::take(&mut gathered).events(length, what.as_ref(), &place);
+                rows.push(Row { label, what: what.clone(), bars, events, place: place.clone() });
             }
         }
         if !stage.effects.is_empty() {
-            let length = stage.settings.length;
             let bars = stage.effects.iter().enumerate().map(|(index, e)| Bar {
                 label: e.plugin.clone(),
                 what: Selected::Effect(index),
@@ -86,14 +113,36 @@ impl Timeline {
                 cut: None,
                 kind: kind(&mut kinds, &e.plugin),
             });
-            rows.push(Row { label: "effects".into(), what: None, bars: bars.collect() });
+            rows.push(plain("effects", bars.collect(), events::of_effects(scene)));
         }
-        Timeline { rows, markers: places.markers.clone(), length: stage.settings.length }
+        let mut words = Gathered::default();
+        words.flats(stage);
+        let words = words.events(length, None, &Place::default());
+        for (label, events) in [("lights", events::of_lights(scene)), ("words", words)] {
+            if !events.is_empty() {
+                rows.push(plain(label, Vec::new(), events));
+            }
+        }
+        Timeline { rows, markers: places.markers.clone(), length }
     }
 
-    /// Rows and bars that problems are about, by the line of the script that made them.
-    pub fn is_marked(bar: &Bar, problems: &[Problem]) -> bool {
-        bar.place.line > 0 && problems.iter().any(|p| p.file == bar.place.file && p.line == bar.place.line)
+    /// Whether a problem is about what was made here, by the line of the script.
+    pub fn is_marked(place: &Place, problems: &[Problem]) -> bool {
+        place.line > 0 && problems.iter().any(|p| p.file == place.file && p.line == place.line)
+    }
+
+    /// The time of the next thing that begins, ends or happens after the frame at `now`, or of the last one before it.
+    pub fn next(&self, now: Time, fps: FrameRate, back: bool) -> Option<Time> {
+        let bars = self.rows.iter().flat_map(|row| &row.bars).flat_map(|bar| [bar.start, bar.until]);
+        let events = self.rows.iter().flat_map(|row| &row.events).map(|event| event.at);
+        let all = bars.chain(events).chain(self.markers.iter().map(|m| m.1)).filter(|t| *t <= self.length);
+        // The frame that is on then.
+        let of = |t: &Time| fps.frames_in(*t + Time(1)) - 1;
+        let frame = of(&now);
+        match back {
+            false => all.filter(|t| of(t) > frame).min(),
+            true => all.filter(|t| of(t) < frame).max(),
+        }
     }
 
     /// Everything that is on at a time, for the line of the script that is marked.
@@ -109,8 +158,10 @@ fn kind(kinds: &mut Vec<String>, name: &str) -> usize {
     })
 }
 
+/// `at`: index of the cue in its layer.
 fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place: Place, kind: usize) -> Bar {
     let length = stage.settings.length;
+    let is_base = matches!(what, Selected::Cue { layer: 0, .. });
     let end = match layer.cues.get(at + 1) {
         // It goes on playing while the next one fades in over it.
         Some(next) if cue.end.is_none_or(|end| end >= next.start) => next.start + next.fade_in,
@@ -129,7 +180,8 @@ fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place
         end,
         until,
         fade_in: if cue.inertial > Time::ZERO { cue.inertial } else { cue.fade_in },
-        fade_out: cue.fade_out,
+        // What lies under everything does not fade out: its last pose is held.
+        fade_out: if is_base { Time::ZERO } else { cue.fade_out },
         holds_from,
         place,
         cut: None,

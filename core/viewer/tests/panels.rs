@@ -1,5 +1,7 @@
 //! The panels without a window: found by their labels, clicked, dragged and typed at.
 
+mod place;
+
 use choreo_live::{Painted, Painter, Recipe, Session, Version};
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
@@ -264,3 +266,44 @@ fn the_tree_finds_by_name_and_panels_close_and_come_back() {
     harness.key_press_modifiers(Modifiers::NONE, Key::Escape);
     harness.run();
 }
+
+/// A window that is moved to a screen of another scale: the panels are as large as before, the picture has more pixels.
+#[test]
+fn moved_between_scales_the_picture_is_drawn_for_each() {
+    let script = SCRIPT_OF_A_LARGE_STAGE;
+    let mut harness = place::Place::new(script).harness(vec2(1200.0, 800.0));
+    let native = |harness: &mut Harness<'static, place::Place>, scale: f32| {
+        let viewport = harness.input_mut().viewports.get_mut(&egui::ViewportId::ROOT).unwrap();
+        viewport.native_pixels_per_point = Some(scale);
+        harness.run();
+        harness.run();
+        let rect = harness.get_by_label("picture").rect();
+        let viewer = &mut harness.state_mut().viewer;
+        let asked = viewer.wish();
+        viewer.views[0].waiting = false;
+        (rect, viewer.views[0].room, asked.map(|a| a.size))
+    };
+    let (first, room, size) = native(&mut harness, 1.0);
+    let size = size.unwrap();
+    for scale in [2.0, 1.0, 1.5, 1.0] {
+        let (rect, now, asked) = native(&mut harness, scale);
+        let off = (rect.min - first.min).length().max((rect.max - first.max).length());
+        assert!(off <= 1.0, "as large in points, up to a pixel: {rect:?} for {first:?}");
+        let wanted = room.map(|r| (r as f32 * scale) as i64);
+        assert!(
+            now.iter().zip(wanted).all(|(n, w)| (i64::from(*n) - w).abs() <= 1),
+            "{now:?} for {wanted:?}"
+        );
+        let asked = asked.expect("a picture of its own");
+        let wanted = size.map(|s| (s as f32 * scale) as i64);
+        assert!(
+            asked.iter().zip(wanted).all(|(n, w)| (i64::from(*n) - w).abs() <= 2),
+            "{asked:?} for {wanted:?}"
+        );
+        // What is selected and where the playhead is do not depend on it.
+        assert_eq!(harness.state().viewer.playhead.frame(), 0);
+    }
+}
+
+const SCRIPT_OF_A_LARGE_STAGE: &str =
+    "stage(#{ size: [3840, 2160], length: 1.0 });\ncast(\"ada\", load(\"choreo:mannequin\"));\n";

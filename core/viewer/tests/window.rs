@@ -155,3 +155,65 @@ fn a_display_that_does_not_answer_is_a_message() {
     assert_eq!(output.status.code(), Some(4), "{text}");
     assert!(text.starts_with("cannot open a window: "), "{text}");
 }
+
+/// What is loaded when a window is opened, and the package that has it. (libX11 is looked for by its whole path, too.)
+const LIBRARIES: [(&[&str], &str); 6] = [
+    (&["libX11-xcb.so.1", "libX11-xcb.so"], "libx11-xcb1"),
+    (&["libXcursor.so.1", "libXcursor.so"], "libxcursor1"),
+    (&["libXi.so.6", "libXi.so"], "libxi6"),
+    (&["libxkbcommon.so.0", "libxkbcommon.so"], "libxkbcommon0"),
+    (&["libxkbcommon-x11.so.0", "libxkbcommon-x11.so"], "libxkbcommon-x11-0"),
+    (&["libvulkan.so.1", "libvulkan.so"], "libvulkan1"),
+];
+
+/// Each of them made useless: an empty file of its name is found before it.
+#[test]
+fn a_library_that_is_missing_is_told_with_its_package_and_render_goes_on() {
+    let Some(screen) = Screen::new() else { return };
+    for (files, package) in LIBRARIES {
+        let folder = tempfile::tempdir().unwrap();
+        let script = folder.path().join("a.rhai");
+        fs::write(&script, SCRIPT).unwrap();
+        let hidden = folder.path().join("hidden");
+        fs::create_dir(&hidden).unwrap();
+        files.iter().for_each(|file| fs::write(hidden.join(file), "").unwrap());
+        let mut command = screen.command(&[script.to_str().unwrap()], folder.path());
+        let said = fs::File::create(folder.path().join("said.txt")).unwrap();
+        command.env("LD_LIBRARY_PATH", &hidden).stderr(said);
+        let mut viewer = screen::Running(command.spawn().unwrap());
+        let status = until("the end", || viewer.0.try_wait().unwrap());
+        let said = fs::read_to_string(folder.path().join("said.txt")).unwrap();
+        assert_eq!(status.code(), Some(4), "{package}: {said}");
+        assert!(said.contains("cannot open a window: "), "{package}: {said}");
+        let hint =
+            said.lines().find(|l| l.contains("hint: apt install ")).unwrap_or_else(|| panic!("{said}"));
+        assert!(hint.split_whitespace().any(|word| word == package), "{package}: {said}");
+        assert!(said.contains("choreo render draws the same frames without one"), "{package}: {said}");
+        assert!(!said.contains("panicked") && !said.contains(".rs:"), "{package}: {said}");
+        // The same picture is drawn without a window, where the same is missing.
+        let picture = folder.path().join("a.png");
+        let output = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", "draws_for_another_test", "--ignored"])
+            .env("LD_LIBRARY_PATH", &hidden)
+            .env("CHOREO_DRAWN", &picture)
+            .env("CHOREO_SCRIPT", &script)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{package}: {}", String::from_utf8_lossy(&output.stdout));
+        assert!(picture.is_file(), "{package}");
+    }
+}
+
+#[test]
+#[ignore = "is run by another test, where a library is missing"]
+fn draws_for_another_test() {
+    let (Some(picture), Some(script)) = (std::env::var_os("CHOREO_DRAWN"), std::env::var_os("CHOREO_SCRIPT"))
+    else {
+        return;
+    };
+    let mut args: Vec<std::ffi::OsString> =
+        ["choreo", "render", "--at", "0", "--quiet", "-o"].map(Into::into).into();
+    args.extend([picture, script]);
+    let code = choreo::run(args, &choreo::registry());
+    assert_eq!(format!("{code:?}"), format!("{:?}", std::process::ExitCode::SUCCESS));
+}

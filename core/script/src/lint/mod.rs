@@ -14,7 +14,7 @@ pub(crate) use unused::{Declared, declared};
 use crate::build::Build;
 use crate::call::Place;
 use crate::diagnostic::{Diagnostic, Severity};
-use choreo_motion::Time;
+use choreo_motion::{Clip, Time};
 use choreo_stage::{Finding, Subject};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -74,6 +74,8 @@ pub struct Places {
     pub cues: Vec<Vec<Vec<Place>>>,
     /// Named times of the stage.
     pub markers: Vec<(String, Time)>,
+    /// Clips that are played and have named times of their own, seconds of the clip.
+    pub clip_markers: Vec<(Arc<Clip>, Vec<(String, Time)>)>,
     pub lights: Vec<Place>,
     pub effects: Vec<Place>,
     /// Files of which the script uses the clips alone, so that no mesh and no picture of them was made.

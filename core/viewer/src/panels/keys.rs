@@ -64,6 +64,11 @@ pub fn pressed(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) 
             viewer.playhead.step(frames);
         }
     }
+    for (key, back) in [(Key::ArrowDown, false), (Key::ArrowUp, true)] {
+        if pressed(key) {
+            viewer.to_next(back);
+        }
+    }
     if pressed(Key::L) {
         viewer.playhead.looping = !viewer.playhead.looping;
     }
@@ -168,10 +173,11 @@ fn next_selection(viewer: &mut Viewer, back: bool) {
     viewer.selection = all.get(next).cloned();
 }
 
-const KEYS: [(&str, &str); 34] = [
+const KEYS: [(&str, &str); 36] = [
     ("Space", "play, pause"),
     ("← →", "one frame back, on"),
     ("Home End", "first, last frame"),
+    ("↑ ↓", "to the last, the next thing that begins, ends or happens"),
     ("I O", "play from here, up to here; again: all of it"),
     ("L", "again and again, or once"),
     ("T", "times as seconds or frames"),
@@ -200,6 +206,7 @@ const KEYS: [(&str, &str); 34] = [
     ("drag", "an arrow, ring or box: changes the script; with Ctrl: in steps"),
     ("drag", "a bar's end or fade, a cut, a marker: changes the script"),
     ("drag", "a clip from the inspector onto a row: adds a line"),
+    ("click", "an event or a foot's strip: the playhead goes there"),
     ("Shift drag", "ruler: the part that is played"),
     ("wheel", "viewport: nearer; sequencer: zoom, with Shift: pan"),
     ("drop", "a model or clip from a file manager: shows it"),

@@ -6,6 +6,7 @@ mod handles;
 mod inspector;
 mod keys;
 mod layout;
+mod marks;
 mod messages;
 mod overlay;
 mod performance;
@@ -156,15 +157,7 @@ impl Panels {
             .show_leaf_collapse_buttons(false)
             .show_leaf_close_all_buttons(false)
             .show_inside(ui, &mut tabs);
-        if !ui.input(|i| i.raw.hovered_files.is_empty()) {
-            let painter =
-                ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, egui::Id::new("drop")));
-            let area = ui.ctx().content_rect();
-            painter.rect_filled(area, 0.0, egui::Color32::from_black_alpha(150));
-            let font = egui::FontId::proportional(22.0);
-            let text = "a model or a clip: let go to see it";
-            painter.text(area.center(), egui::Align2::CENTER_CENTER, text, font, egui::Color32::WHITE);
-        }
+        hovering(ui);
     }
 
     fn is_open(&self, tab: Tab) -> bool {
@@ -195,6 +188,20 @@ impl Panels {
             self.dock.set_focused_node_and_surface(place.node_path());
         }
     }
+}
+
+/// What a file that is dragged over the window would do.
+fn hovering(ui: &Ui) {
+    let files = ui.input(|i| i.raw.hovered_files.clone());
+    let Some(file) = files.first() else { return };
+    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::new("drop"));
+    let painter = ui.ctx().layer_painter(layer);
+    let area = ui.ctx().content_rect();
+    painter.rect_filled(area, 0.0, egui::Color32::from_black_alpha(150));
+    let name = file.path.as_ref().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
+    let text = format!("{}: let go to see it", name.unwrap_or_else(|| "a model or a clip".into()));
+    let font = egui::FontId::proportional(22.0);
+    painter.text(area.center(), egui::Align2::CENTER_CENTER, text, font, egui::Color32::WHITE);
 }
 
 struct Tabs<'a> {

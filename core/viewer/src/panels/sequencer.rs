@@ -1,9 +1,9 @@
 //! Rows of bars over time: who plays what, which camera is on; the playhead, and how to move it.
 
 use super::inspector::ClipDrag;
-use super::strip::Strips;
+use super::marks;
 use crate::app::Viewer;
-use crate::selection::{Selected, actor};
+use crate::selection::Selected;
 use crate::span::Span;
 use crate::timeline::{Bar, Timeline};
 use choreo_live::edit::Part;
@@ -13,11 +13,11 @@ use egui::{Align2, Color32, CornerRadius, FontId, Painter, Rect, Sense, Stroke, 
 const LABELS: f32 = 120.0;
 const ROW: f32 = 22.0;
 /// Of the strip of feet at a row's bottom.
-const STRIP: f32 = 3.0;
+pub const STRIP: f32 = 3.0;
 const RULER: f32 = 22.0;
 
 /// Told apart also by eyes that do not tell red from green (after Okabe and Ito, "Color Universal Design").
-const COLORS: [[u8; 3]; 8] = [
+pub const COLORS: [[u8; 3]; 8] = [
     [0x00, 0x72, 0xb2],
     [0x00, 0x8a, 0x66],
     [0xa8, 0x5c, 0x00],
@@ -93,6 +93,12 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         if ui.button(units).on_hover_text("times as seconds or as frames (T)").clicked() {
             viewer.in_seconds = !viewer.in_seconds;
         }
+        if ui.button("◀ event").on_hover_text("to what begins, ends or happens before (↑)").clicked() {
+            viewer.to_next(true);
+        }
+        if ui.button("event ▶").on_hover_text("to what begins, ends or happens next (↓)").clicked() {
+            viewer.to_next(false);
+        }
         if ui.button("Whole").on_hover_text("show the whole scene").clicked() {
             viewer.span = Span::whole(viewer.playhead.length().as_secs());
         }
@@ -159,8 +165,9 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     if index % 2 == 1 {
         ui.painter().rect_filled(rect, 0.0, visuals.faint_bg_color);
     }
+    let mut moment = None;
     if index > 0 && !row.bars.is_empty() {
-        feet(ui, viewer, row, lane);
+        moment = marks::feet(ui, viewer, row, lane);
     }
     let mut clicked = None;
     let mut dragged = None;
@@ -171,7 +178,12 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     if response.clicked() {
         clicked = row.what.clone();
     }
-    let color = if selected_actor { visuals.strong_text_color() } else { visuals.text_color() };
+    let color = match Timeline::is_marked(&row.place, &viewer.problems) {
+        true if viewer.faulty => visuals.error_fg_color,
+        true => visuals.warn_fg_color,
+        false if selected_actor => visuals.strong_text_color(),
+        false => visuals.text_color(),
+    };
     let text = ui.painter_at(label.shrink2(vec2(4.0, 0.0)));
     let left = pos2(label.left() + 6.0, label.center().y);
     text.text(left, Align2::LEFT_CENTER, &row.label, FontId::proportional(12.0), color);
@@ -190,7 +202,7 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
             clicked = Some(bar.what.clone());
         }
         let selected = viewer.selection.as_ref() == Some(&bar.what);
-        let wrong = Timeline::is_marked(bar, &viewer.problems);
+        let wrong = Timeline::is_marked(&bar.place, &viewer.problems);
         draw(&ui.painter_at(lane), bar, place, &x, selected, wrong);
         response.on_hover_text(hover(viewer, bar));
         for (part, at) in handles(bar) {
@@ -199,7 +211,14 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
             }
         }
     }
+    if let Some((at, what)) = marks::events(ui, viewer, row, index, lane) {
+        moment = Some(at);
+        clicked = what.filter(|what| viewer.selection.as_ref() != Some(what));
+    }
     let dropped = dropped(ui, viewer, index, lane);
+    if let Some(at) = moment {
+        viewer.playhead.seek(at);
+    }
     match dragged {
         Some((_, Some(cut), _, secs)) => viewer.said = viewer.set_cut(cut, secs).err(),
         Some((what, None, part, secs)) => viewer.said = viewer.set_cue(&what, part, secs).err(),
@@ -229,29 +248,6 @@ fn dropped(ui: &Ui, viewer: &Viewer, index: usize, lane: Rect) -> Option<(ClipDr
     }
     let clip = response.dnd_release_payload::<ClipDrag>().filter(|clip| of(clip))?;
     Some(((*clip).clone(), secs))
-}
-
-/// Where feet are on the floor, a line a foot.
-fn feet(ui: &Ui, viewer: &Viewer, row: &crate::timeline::Row, lane: Rect) {
-    let (Some(scene), Some(Selected::Actor(name))) = (&viewer.scene, &row.what) else { return };
-    let is_base = row.bars.iter().any(|b| matches!(b.what, Selected::Cue { layer: 0, .. }));
-    let Some(index) = actor(&scene.stage, name).filter(|_| is_base) else { return };
-    let id = egui::Id::new("strips");
-    let mut strips: Strips = ui.data(|d| d.get_temp(id)).unwrap_or_default();
-    let found = strips.get(scene.number, &scene.stage, index);
-    ui.data_mut(|d| d.insert_temp(id, strips));
-    let Some(found) = found else { return };
-    let painter = ui.painter_at(lane);
-    let high = STRIP / found.len() as f32;
-    for (foot, spans) in found.iter().enumerate() {
-        let [r, g, b] = COLORS[foot % COLORS.len()];
-        let top = lane.bottom() - STRIP + foot as f32 * high;
-        for (from, to) in spans {
-            let x = |secs: f64| lane.left() + viewer.span.x_of(secs, lane.width());
-            let part = Rect::from_min_max(pos2(x(*from), top), pos2(x(*to), top + high));
-            painter.rect_filled(part.intersect(lane), 0.0, Color32::from_rgb(r, g, b).gamma_multiply(1.4));
-        }
-    }
 }
 
 /// What of a bar can be dragged, and where it is.
@@ -315,7 +311,7 @@ fn hover(viewer: &Viewer, bar: &Bar) -> String {
         text += &format!("\nfades in over {} s", bar.fade_in.as_secs());
     }
     if bar.place.line > 0 {
-        text += &format!("\n{}:{}", bar.place.file, bar.place.line);
+        text += &format!("\n{}", marks::told(&bar.place));
     }
     text
 }

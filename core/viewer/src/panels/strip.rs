@@ -11,8 +11,16 @@ const MOST_LOOKS: i64 = 2000;
 /// Actors whose feet are looked for.
 const MOST_ACTORS: usize = 64;
 
-/// Of one actor, by foot: from and to, seconds on stage.
-pub type Feet = Vec<Vec<(f64, f64)>>;
+/// Of one actor.
+pub type Feet = Vec<Foot>;
+
+/// When a foot is on the floor: from and to, seconds on stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Foot {
+    /// Of its joint.
+    pub name: String,
+    pub spans: Vec<(f64, f64)>,
+}
 
 /// Of one version of the scene, found out actor by actor when asked for.
 #[derive(Clone, Default)]
@@ -55,7 +63,12 @@ fn feet(stage: &Stage, actor: &Actor) -> Feet {
     let settings = &stage.settings;
     let frames = settings.fps.frames_in(settings.length).max(1);
     let stride = frames / MOST_LOOKS + 1;
-    let mut out: Feet = vec![Vec::new(); feet.len()];
+    let names = skeleton.names();
+    let name = |foot: &choreo_motion::contacts::Foot| {
+        let name = foot.joints.first().and_then(|j| names.get(*j as usize));
+        name.map_or("", |n| n.rsplit(':').next().unwrap_or(n)).to_string()
+    };
+    let mut out: Feet = feet.iter().map(|foot| Foot { name: name(foot), spans: Vec::new() }).collect();
     let mut frame = 0;
     while frame < frames {
         let (from, to) = (settings.fps.time_of(frame), settings.fps.time_of((frame + stride).min(frames)));
@@ -72,7 +85,7 @@ fn feet(stage: &Stage, actor: &Actor) -> Feet {
             continue;
         };
         let round = cue.trim.1 - cue.trim.0;
-        for (spans, stands) in out.iter_mut().zip(&contacts.stands) {
+        for (Foot { spans, .. }, stands) in out.iter_mut().zip(&contacts.stands) {
             let on = |t: Time| stands.iter().any(|s| s.from <= t && t < s.to);
             if !on(voice.clip_time) && !on(voice.clip_time + round) {
                 continue;

@@ -83,6 +83,8 @@ pub fn run(asked: Asked) -> Result<(), String> {
         last_asked: None,
         wake_at: None,
         drawn: 0,
+        pressed: false,
+        covered: false,
         lose: asked.lose,
         tell,
         failures: 0,
@@ -137,6 +139,10 @@ struct App {
     wake_at: Option<Instant>,
     /// Frames of the window so far.
     drawn: u64,
+    /// A button of the mouse went down or up since the panels were drawn last.
+    pressed: bool,
+    /// Something else covers the window.
+    covered: bool,
     lose: Vec<u64>,
     tell: Tell,
     /// In a row.
@@ -185,6 +191,12 @@ impl App {
         }
     }
 
+    /// Minimised or covered: nothing is drawn, and none is asked for, until the window is seen again.
+    fn is_hidden(&self) -> bool {
+        let minimized = |open: &Open| open.window.is_minimized() == Some(true);
+        self.covered || self.open.as_ref().is_some_and(minimized)
+    }
+
     /// Where the panels lie, for the next window.
     fn remember(&mut self) {
         let now = self.panels.settings();
@@ -198,6 +210,9 @@ impl App {
 
     /// Moves the playhead on and asks for the frames that are due.
     fn advance(&mut self) {
+        if self.is_hidden() {
+            return;
+        }
         let cap = self.viewer.performance.cap.filter(|_| self.viewer.playhead.is_playing());
         if let (Some(cap), Some(last)) = (cap, self.last_asked) {
             let wait = Duration::from_secs_f64(1.0 / f64::from(cap.max(1))).saturating_sub(last.elapsed());
@@ -229,12 +244,16 @@ impl App {
     }
 
     fn draw(&mut self, events: &ActiveEventLoop) {
+        if self.is_hidden() {
+            return;
+        }
         let now = self.now();
         let Some(open) = &mut self.open else { return };
         let size = open.window.inner_size();
         if size.width == 0 || size.height == 0 {
             return;
         }
+        self.pressed = false;
         let input = open.input.take_egui_input(&open.window);
         let textures = open.gpu.pictures();
         let (panels, viewer) = (&mut self.panels, &mut self.viewer);
@@ -315,7 +334,7 @@ impl App {
         } else if whose != self.guests {
             return;
         }
-        self.tell.done("scene");
+        self.tell.version(&version);
         self.viewer.take_version(version);
         if self.viewer.scene.is_some()
             && let Some((at, play)) = self.begin.take()
@@ -381,7 +400,7 @@ impl ApplicationHandler<News> for App {
             .with_title(format!("{} – choreo", self.viewer.name))
             .with_inner_size(LogicalSize::new(1280.0, 860.0))
             .with_min_inner_size(LogicalSize::new(320.0, 200.0));
-        let window = events.create_window(attributes).map_err(|e| format!("no window: {e}"));
+        let window = events.create_window(attributes).map_err(|e| e.to_string());
         self.tell.done("window");
         match window.and_then(|window| Open::new(Arc::new(window), &self.proxy)) {
             Ok(open) => {
@@ -390,7 +409,7 @@ impl ApplicationHandler<News> for App {
                 self.redraw();
             }
             Err(error) => {
-                self.failed = Some(error);
+                self.failed = Some(start::no_window(&error));
                 events.exit();
             }
         }
@@ -415,11 +434,27 @@ impl ApplicationHandler<News> for App {
     }
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        if let WindowEvent::MouseInput { .. } | WindowEvent::CursorMoved { .. } = event {
+            // egui asks where the mouse is at the end of a frame, not where it was when a button went down or up: on a busy machine a
+            // drag would take hold of what lies further on, or of nothing.
+            if std::mem::take(&mut self.pressed) {
+                self.draw(events);
+            }
+            self.pressed = matches!(event, WindowEvent::MouseInput { .. });
+        }
         let Some(open) = &mut self.open else { return };
+        if matches!(event, WindowEvent::CursorMoved { .. }) {
+            // While a file is dragged the mouse belongs to where it comes from, which may have ended without a word.
+            open.input.egui_input_mut().hovered_files.clear();
+        }
         let wants = open.input.on_window_event(&open.window, &event);
         match event {
             WindowEvent::CloseRequested => events.exit(),
             WindowEvent::RedrawRequested => self.draw(events),
+            WindowEvent::Occluded(covered) => {
+                self.covered = covered;
+                self.redraw();
+            }
             WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => self.redraw(),
             _ if wants.repaint => self.redraw(),
             _ => {}

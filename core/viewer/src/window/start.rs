@@ -15,13 +15,15 @@ use winit::application::ApplicationHandler;
 use winit::event_loop::EventLoop;
 
 /// (part of the system's words, Debian and Ubuntu packages)
-const PACKAGES: [(&str, &str); 7] = [
-    ("xkbcommon-x11", "libxkbcommon-x11-0"),
+const PACKAGES: [(&str, &str); 8] = [
+    ("xkbcommon-x11", "libxkbcommon-x11-0 libxkbcommon0"),
     ("xkbcommon", "libxkbcommon0 libxkbcommon-x11-0"),
     ("libXcursor", "libxcursor1"),
     ("libXi", "libxi6"),
     ("libX11-xcb", "libx11-xcb1"),
     ("libX11", "libx11-6 libx11-xcb1 libxcursor1 libxi6"),
+    // winit does not say which of them.
+    ("xlib's shared libraries", "libx11-6 libx11-xcb1 libxcursor1 libxi6"),
     ("wayland", "libwayland-client0"),
 ];
 
@@ -72,10 +74,18 @@ fn said(panic: &(dyn Any + Send)) -> &str {
     text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("a library is missing")
 }
 
-fn no_window(why: &str) -> String {
+/// `why`: in the system's words, or with a hint of its own.
+pub fn no_window(why: &str) -> String {
+    let why = without_place(why);
     let package = PACKAGES.iter().find(|(part, _)| why.contains(part));
     let package = package.map_or_else(String::new, |(_, names)| format!("\n    hint: apt install {names}"));
     format!("cannot open a window: {why}{package}\n    choreo render draws the same frames without one")
+}
+
+/// winit tells where in its own source an error was met.
+fn without_place(why: &str) -> &str {
+    let place = why.strip_prefix("os error at ").and_then(|rest| rest.split_once(".rs:"));
+    place.and_then(|(_, rest)| rest.split_once(": ")).map_or(why, |(_, words)| words)
 }
 
 /// As `choreo render` has it: Vulkan where a driver works, else our own renderer.
@@ -103,7 +113,10 @@ mod tests {
     #[test]
     fn what_is_missing_is_told_with_its_package() {
         let text = no_window("Library libxkbcommon-x11.so could not be loaded.");
-        assert!(text.contains("apt install libxkbcommon-x11-0\n"), "{text}");
+        assert!(text.contains("apt install libxkbcommon-x11-0 libxkbcommon0\n"), "{text}");
+        let text = no_window("os error at /a/b/mod.rs:788: Failed to load one of xlib's shared libraries");
+        assert!(text.starts_with("cannot open a window: Failed to load one"), "{text}");
+        assert!(text.contains("apt install libx11-6 libx11-xcb1 libxcursor1 libxi6\n"), "{text}");
         assert!(no_window("libX11.so.6: cannot open").contains("libx11-6"));
         assert!(!no_window("something else").contains("apt"));
     }

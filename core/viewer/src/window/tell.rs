@@ -1,7 +1,7 @@
 //! For tests and measurements: what the window has done and when, a line of JSON each on standard output. Hidden behind
 //! `--tell`, since nobody who works with the viewer reads it.
 
-use choreo_live::Shown;
+use choreo_live::{Shown, Version};
 use choreo_render::Held;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -21,6 +21,14 @@ impl Tell {
     /// Something that is done once, as the program starts.
     pub fn done(&self, what: &str) {
         self.say(|| json!({ "told": what }));
+    }
+
+    /// A version that is there, good or not; `problems`: errors where it is not, else warnings.
+    pub fn version(&self, version: &Version) {
+        let (number, faulty) = (version.number, version.scene.is_none());
+        self.say(|| {
+            json!({ "told": "scene", "version": number, "faulty": faulty, "problems": version.problems.len() })
+        });
     }
 
     /// A picture that has gone to the screen, with what its frame took and what the renderer holds.

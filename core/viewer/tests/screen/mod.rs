@@ -1,6 +1,8 @@
 //! A display without a screen, and hands for it.
 #![allow(dead_code)]
 
+pub mod chance;
+pub mod kept;
 pub mod told;
 
 use std::path::Path;
@@ -167,6 +169,23 @@ impl Shot {
             }
         }
         found
+    }
+
+    /// Whether a pixel is about this color: encoded by the device, a step or two off.
+    pub fn is(&self, x: usize, y: usize, color: [u8; 3]) -> bool {
+        self.pixel(x, y).iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 3)
+    }
+
+    /// The row with the most pixels of a color between two heights, and the first and last of them: a bar of the sequencer.
+    pub fn bar(&self, color: [u8; 3], [top, bottom]: [usize; 2]) -> Option<(usize, usize, usize)> {
+        let rows = (top..bottom.min(self.height)).map(|y| {
+            let mut found = (0..self.width).filter(|x| self.is(*x, y, color));
+            let first = found.next();
+            let (last, count) = found.fold((first, 0usize), |(_, n), x| (Some(x), n + 1));
+            (count, y, first, last)
+        });
+        let (count, y, first, last) = rows.max_by_key(|row| row.0)?;
+        (count > 8).then_some((first?, last?, y))
     }
 
     pub fn pixel(&self, x: usize, y: usize) -> [u8; 3] {

@@ -43,6 +43,17 @@ impl Told {
         }
     }
 
+    /// The next version that is there, later than `after`: its number, and whether it is faulty.
+    pub fn version(&self, after: u64) -> (u64, bool) {
+        loop {
+            let (_, value) = self.next();
+            if let Some(number) = value["version"].as_u64().filter(|n| value["told"] == "scene" && *n > after)
+            {
+                return (number, value["faulty"] == true);
+            }
+        }
+    }
+
     /// The last picture that was shown, once nothing has been told for so long; `None` where it goes on for more than `most`.
     pub fn settled(&self, quiet: Duration, most: Duration) -> Option<Option<Value>> {
         let end = Instant::now() + most;

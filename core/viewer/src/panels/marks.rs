@@ -1,0 +1,136 @@
+//! What is marked in a row of the sequencer beside its bars: events, and feet on the floor. A click goes there.
+
+use super::sequencer::{COLORS, STRIP};
+use super::strip::Strips;
+use crate::app::Viewer;
+use crate::events::{Event, Kind};
+use crate::selection::{Selected, actor};
+use crate::timeline::{Row, Timeline};
+use choreo_motion::Time;
+use choreo_script::Place;
+use egui::{Color32, Rect, Sense, Shape, Stroke, Ui, pos2, vec2};
+
+/// Half of a mark's width, points.
+const HALF: f32 = 4.0;
+/// Marks in one row that can be pointed at.
+const MOST: usize = 400;
+
+/// The file's name and the line: the folder is known.
+pub fn told(place: &Place) -> String {
+    let name = place.file.rsplit(['/', '\\']).next().unwrap_or(&place.file);
+    format!("{name}:{}", place.line)
+}
+
+/// Gives when one of them is that was clicked, and what it belongs to.
+pub fn events(
+    ui: &Ui,
+    viewer: &Viewer,
+    row: &Row,
+    index: usize,
+    lane: Rect,
+) -> Option<(Time, Option<Selected>)> {
+    // Above the names of bars, where there are any.
+    let y = if row.bars.is_empty() { lane.center().y } else { lane.top() + 1.0 + HALF };
+    let painter = ui.painter_at(lane);
+    let wrong = Timeline::is_marked(&row.place, &viewer.problems);
+    let mut last = f32::NEG_INFINITY;
+    let mut clicked = None;
+    let mut count = 0;
+    for event in &row.events {
+        let x = lane.left() + viewer.span.x_of(event.at.as_secs(), lane.width());
+        if !(lane.left() - HALF..=lane.right() + HALF).contains(&x) || x - last < 2.0 || count >= MOST {
+            continue;
+        }
+        last = x;
+        count += 1;
+        let place = Rect::from_center_size(pos2(x, y), vec2(2.0 * HALF + 2.0, 2.0 * HALF + 2.0));
+        let response =
+            ui.interact(place.intersect(lane), ui.id().with(("event", index, count)), Sense::click());
+        let label = format!("event {} on {}", event.label.replace('\n', ", "), row.label);
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, label.clone()));
+        let fill = match wrong {
+            true => Color32::from_rgb(0xff, 0x60, 0x50),
+            false if response.hovered() || response.has_focus() => Color32::from_rgb(0xff, 0xd2, 0x5a),
+            false => Color32::from_gray(235),
+        };
+        painter.add(shape(event.kind, place.center(), fill));
+        if response.on_hover_text(hover(viewer, event)).clicked() {
+            clicked = Some((event.at, event.what.clone()));
+        }
+    }
+    clicked
+}
+
+fn hover(viewer: &Viewer, event: &Event) -> String {
+    let mut text = format!("{}\n{}", event.label, viewer.shown_time(event.at));
+    if event.place.line > 0 {
+        text += &format!("\n{}", told(&event.place));
+    }
+    text
+}
+
+/// A key is a diamond, as everywhere; who comes or goes a circle, a body's deed a square, a named time a flag.
+fn shape(kind: Kind, at: egui::Pos2, fill: Color32) -> Shape {
+    let line = Stroke::new(1.0, Color32::from_gray(20));
+    let points = |all: &[(f32, f32)]| all.iter().map(|(x, y)| at + vec2(*x, *y) * HALF).collect();
+    match kind {
+        Kind::Key => {
+            Shape::convex_polygon(points(&[(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)]), fill, line)
+        }
+        Kind::Entrance => Shape::Vec(vec![
+            Shape::circle_filled(at, HALF - 0.5, fill),
+            Shape::circle_stroke(at, HALF - 0.5, line),
+        ]),
+        Kind::Body => {
+            Shape::convex_polygon(points(&[(-0.8, -0.8), (0.8, -0.8), (0.8, 0.8), (-0.8, 0.8)]), fill, line)
+        }
+        Kind::Mark => Shape::convex_polygon(points(&[(-1.0, -1.0), (1.0, -1.0), (0.0, 1.0)]), fill, line),
+    }
+}
+
+/// Where feet are on the floor, a line a foot. Gives when the one that was clicked comes down.
+pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
+    let (Some(scene), Some(Selected::Actor(name))) = (&viewer.scene, &row.what) else { return None };
+    let is_base = row.bars.iter().any(|b| matches!(b.what, Selected::Cue { layer: 0, .. }));
+    let index = actor(&scene.stage, name).filter(|_| is_base)?;
+    let id = egui::Id::new("strips");
+    let mut strips: Strips = ui.data(|d| d.get_temp(id)).unwrap_or_default();
+    let found = strips.get(scene.number, &scene.stage, index);
+    ui.data_mut(|d| d.insert_temp(id, strips));
+    let found = found?;
+    let painter = ui.painter_at(lane);
+    let high = STRIP / found.len() as f32;
+    for (foot, part) in found.iter().enumerate() {
+        let [r, g, b] = COLORS[foot % COLORS.len()];
+        let top = lane.bottom() - STRIP + foot as f32 * high;
+        for (from, to) in &part.spans {
+            let x = |secs: f64| lane.left() + viewer.span.x_of(secs, lane.width());
+            let part = Rect::from_min_max(pos2(x(*from), top), pos2(x(*to), top + high));
+            painter.rect_filled(part.intersect(lane), 0.0, Color32::from_rgb(r, g, b).gamma_multiply(1.4));
+        }
+    }
+    // A little higher than it is drawn, to be hit.
+    let band = Rect::from_min_max(pos2(lane.left(), lane.bottom() - STRIP - 1.0), lane.max);
+    let response = ui.interact(band, ui.id().with(("feet", index)), Sense::click());
+    let label = format!("feet of {name}");
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, label.clone()));
+    let pointer = response.hover_pos().or(response.interact_pointer_pos())?;
+    let secs = viewer.span.secs_at(pointer.x - lane.left(), lane.width());
+    let standing = found.iter().flat_map(|foot| {
+        let on = foot.spans.iter().filter(|(from, to)| *from <= secs && secs < *to);
+        on.map(|span| (&foot.name, *span))
+    });
+    let standing: Vec<(&String, (f64, f64))> = standing.collect();
+    let text = standing.iter().map(|(name, (from, to))| {
+        let [from, to] = [*from, *to].map(|t| viewer.shown_time(Time::from_secs(t)));
+        format!("{name} on the floor, {from} to {to}")
+    });
+    let text = text.collect::<Vec<_>>().join("\n");
+    // The one that came down last.
+    let down = standing.iter().map(|(_, (from, _))| *from).max_by(f64::total_cmp);
+    let clicked = response.clicked();
+    if !text.is_empty() {
+        response.on_hover_text(text);
+    }
+    down.filter(|_| clicked).map(Time::from_secs)
+}

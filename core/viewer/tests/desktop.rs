@@ -1,0 +1,210 @@
+//! The window among others: minimised and brought back, covered, moved to a screen of another scale, files dragged onto it.
+
+#![cfg(target_os = "linux")]
+
+#[path = "screen/desktop.rs"]
+mod desktop;
+mod screen;
+
+use desktop::{Drag, Manager, Settings};
+use screen::told::Told;
+use screen::{Screen, Shot, assert_quiet, until, validated};
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+const SCRIPT: &str = r##"stage(#{ size: [320, 180], fps: 30, length: 3.0, background: #{ top: "#204060", bottom: "#204060" } });
+let ada = cast("ada", load("choreo:mannequin", #{ color: "coral" }));
+ada.play(load("choreo:mannequin").clip("Dance_Groove"));
+camera("c").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+"##;
+const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
+
+fn open(screen: &Screen, folder: &Path, more: &[&str]) -> (Told, String) {
+    let script = folder.join("a.rhai");
+    fs::write(&script, SCRIPT).unwrap();
+    let args: Vec<&str> = std::iter::once(script.to_str().unwrap()).chain(more.iter().copied()).collect();
+    let mut command = screen.command(&args, folder);
+    if validated() {
+        command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
+    }
+    command.stderr(fs::File::create(folder.join("said.txt")).unwrap());
+    let told = Told::start(command);
+    let window = screen.window();
+    until("the picture", || (screen.shot(&window).count(BACKGROUND) > 20_000).then_some(()));
+    (told, window)
+}
+
+fn ends_well(screen: &Screen, window: &str, mut told: Told, folder: &Path) {
+    screen.key(window, "ctrl+q");
+    let status = until("the end", || told.viewer.0.try_wait().unwrap());
+    assert_eq!(status.code(), Some(0));
+    assert_quiet(folder);
+}
+
+#[test]
+fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
+    let Some(screen) = Screen::new() else { return };
+    let manager = Manager::start(&screen.display);
+    let folder = tempfile::tempdir().unwrap();
+    let (told, window) = open(&screen, folder.path(), &["--play"]);
+    // Shown able to see work: it plays.
+    assert!(told.settled(Duration::from_millis(500), Duration::from_secs(2)).is_none(), "it plays");
+    for round in 0..3 {
+        screen.xdotool(&["windowminimize", &window]);
+        let last = told.settled(Duration::from_millis(700), Duration::from_secs(30));
+        assert!(last.is_some(), "it goes on drawing");
+        // What was being drawn may be drawn to its end.
+        std::thread::sleep(Duration::from_millis(800));
+        let before = told.processor_secs();
+        let more = told.settled(Duration::from_secs(2), Duration::from_secs(3));
+        assert!(matches!(more, Some(None)), "a frame of a window that is not seen: {more:?}");
+        let spent = told.processor_secs() - before;
+        assert!(spent < 0.1, "{spent} s of the processor in 2 s");
+        // What is saved meanwhile is there when it comes back.
+        let color = format!("#6020{}0", round + 4);
+        fs::write(folder.path().join("a.rhai"), SCRIPT.replace("#204060", &color)).unwrap();
+        std::thread::sleep(Duration::from_millis(300));
+        screen.xdotool(&["windowmap", "--sync", &window]);
+        let wanted = [0x60, 0x20, (round + 4) * 16];
+        until("the new picture", || (screen.shot(&window).count(wanted) > 20_000).then_some(()));
+        assert!(told.settled(Duration::from_millis(500), Duration::from_secs(2)).is_none(), "it plays on");
+    }
+    ends_well(&screen, &window, told, folder.path());
+    drop(manager);
+}
+
+#[test]
+fn covered_it_does_nothing() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (told, window) = open(&screen, folder.path(), &["--play"]);
+    let other = tempfile::tempdir().unwrap();
+    let (above, cover) = {
+        let script = other.path().join("b.rhai");
+        fs::write(&script, SCRIPT).unwrap();
+        let told = Told::start(screen.command(&[script.to_str().unwrap()], other.path()));
+        told.shown(1);
+        let found = until("the other window", || {
+            let all = screen.xdotool(&["search", "--onlyvisible", "--name", "b.rhai"]);
+            all.lines().next().map(str::to_string)
+        });
+        (told, found)
+    };
+    screen.xdotool(&["windowmove", "--sync", &cover, "0", "0"]);
+    screen.xdotool(&["windowsize", "--sync", &cover, "1400", "1000"]);
+    screen.xdotool(&["windowraise", &cover]);
+    assert!(
+        told.settled(Duration::from_millis(700), Duration::from_secs(30)).is_some(),
+        "it goes on drawing"
+    );
+    screen.xdotool(&["windowunmap", "--sync", &cover]);
+    assert!(told.settled(Duration::from_millis(500), Duration::from_secs(3)).is_none(), "it plays on");
+    drop(above);
+    ends_well(&screen, &window, told, folder.path());
+}
+
+/// As when the desktop's scale is changed, or the window comes to a screen of another: the same in points, twice the pixels.
+#[test]
+fn another_scale_while_it_runs() {
+    let Some(screen) = Screen::new() else { return };
+    let settings = Settings::start(&screen.display, 96);
+    let folder = tempfile::tempdir().unwrap();
+    let (told, window) = open(&screen, folder.path(), &[]);
+    let at_first = screen.shot(&window).bounds(BACKGROUND);
+    let geometry = || screen.xdotool(&["getwindowgeometry", "--shell", &window]);
+    for (dpi, size) in [(192, [2560, 1720]), (96, [1280, 860]), (144, [1920, 1290]), (96, [1280, 860])] {
+        settings.set_dpi(dpi);
+        let [width, height] = size.map(|s: u32| s.to_string());
+        until("the window of that scale", || {
+            let now = geometry();
+            (now.contains(&format!("WIDTH={width}\n")) && now.contains(&format!("HEIGHT={height}\n")))
+                .then_some(())
+        });
+        if dpi != 96 {
+            // On the screen, which is smaller, so that it can be seen whole.
+            screen.xdotool(&["windowsize", "--sync", &window, "1400", "1000"]);
+            let [left, top, right, bottom] = until("the picture of its own size", || {
+                let bounds = screen.shot(&window).bounds(BACKGROUND);
+                let [left, top, right, bottom] = bounds;
+                (left < right && bottom - top <= 180 && right - left <= 320).then_some(bounds)
+            });
+            // In points the panels are as large as before, so that there is less room; its shape stays.
+            let shape = (right - left) as f64 / (bottom - top) as f64;
+            assert!((shape - 16.0 / 9.0).abs() < 0.02, "{left} {top} {right} {bottom}");
+            screen.save(&window, &format!("scale_{dpi}.png"));
+            screen.xdotool(&["windowsize", "--sync", &window, &width, &height]);
+        }
+    }
+    until("all as at first", || (screen.shot(&window).bounds(BACKGROUND) == at_first).then_some(()));
+    ends_well(&screen, &window, told, folder.path());
+}
+
+/// A square, as a file manager would have it: with a blank in its name.
+const SQUARE: &str = "v -1 0 0\nv 1 0 0\nv 1 2 0\nv -1 2 0\nf 1 2 3 4\n";
+
+#[test]
+fn a_file_that_is_dropped_is_shown_and_added() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (told, window) = open(&screen, folder.path(), &[]);
+    let file = folder.path().join("my square.obj");
+    fs::write(&file, SQUARE).unwrap();
+    // Over the window, and away again: nothing has happened.
+    let before = until("rest", || Some(screen.shot(&window)).filter(|s| *s == screen.shot(&window)));
+    let hovering = Drag::over(&screen.display, &window, &file);
+    let dark = until("a hint", || Some(screen.shot(&window)).filter(|s| s.count(BACKGROUND) == 0));
+    screen.save(&window, "hovering.png");
+    assert!(dark != before);
+    hovering.leave();
+    let all = before.count(BACKGROUND);
+    until("all as before", || (screen.shot(&window).count(BACKGROUND) == all).then_some(()));
+
+    // Let go: the model in place of the scene.
+    Drag::over(&screen.display, &window, &file).drop();
+    until("the model", || {
+        let shot = screen.shot(&window);
+        (shot.count(BACKGROUND) == 0
+            && told.settled(Duration::from_millis(300), Duration::from_secs(9)).is_some())
+        .then_some(())
+    });
+    screen.save(&window, "dropped.png");
+    assert_eq!(fs::read_to_string(folder.path().join("a.rhai")).unwrap(), SCRIPT);
+
+    // "Add to script" is the third button above.
+    let add = buttons(&screen.shot(&window))[2];
+    let [x, y] = [add, 12].map(|n| n.to_string());
+    screen.xdotool(&["mousemove", "--window", &window, &x, &y, "sleep", "0.2", "click", "1"]);
+    let added = until("the line", || {
+        Some(fs::read_to_string(folder.path().join("a.rhai")).unwrap()).filter(|t| t != SCRIPT)
+    });
+    assert_eq!(added, format!("{SCRIPT}let my_square = cast(\"my_square\", load(\"my square.obj\"));\n"));
+    // The script again, with the square in it.
+    until("the scene", || {
+        let count = screen.shot(&window).count(BACKGROUND);
+        (count > 5_000 && count + 500 < before.count(BACKGROUND)).then_some(())
+    });
+    screen.save(&window, "added.png");
+    // The file manager falls: the mouse is free again.
+    drop(Drag::over(&screen.display, &window, &file));
+    until("a hint", || (screen.shot(&window).count(BACKGROUND) == 0).then_some(()));
+    screen.xdotool(&["mousemove", "--window", &window, "640", "820"]);
+    until("all as before", || (screen.shot(&window).count(BACKGROUND) > 5_000).then_some(()));
+    ends_well(&screen, &window, told, folder.path());
+}
+
+/// The middles of the buttons in the bar above, by their color.
+fn buttons(shot: &Shot) -> Vec<usize> {
+    let y = 4;
+    let color = [60; 3];
+    let mut runs: Vec<[usize; 2]> = Vec::new();
+    for x in (60..shot.width).filter(|x| shot.is(*x, y, color)) {
+        match runs.last_mut().filter(|run| run[1] + 1 == x) {
+            Some(run) => run[1] = x,
+            None => runs.push([x, x]),
+        }
+    }
+    runs.retain(|[a, b]| b - a > 15);
+    assert!(runs.len() >= 4, "{runs:?}");
+    runs.iter().map(|[a, b]| (a + b) / 2).collect()
+}

@@ -1,0 +1,22 @@
+//! Chance by a seed.
+
+/// Marsaglia's xorshift (2003).
+pub struct Chance(u64);
+
+impl Chance {
+    pub fn new(seed: u64) -> Chance {
+        // It stays at nothing for ever.
+        Chance(seed.max(1))
+    }
+
+    pub fn next(&mut self, below: u64) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0 % below
+    }
+
+    pub fn one<'a>(&mut self, all: &[&'a str]) -> &'a str {
+        all[self.next(all.len() as u64) as usize]
+    }
+}

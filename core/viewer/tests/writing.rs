@@ -1,0 +1,319 @@
+//! Somebody writes `scripts/02_layers.rhai` with the viewer beside the editor: line by line from an empty file, with mistakes made and
+//! mended, saved in the three ways of editors; looks around between, drags a bar, takes it back, does it again. Once as fast as it
+//! goes; at a person's pace, with breaks, for as long as asked for:
+//! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test writing -- --ignored --nocapture`.
+
+#![cfg(target_os = "linux")]
+
+mod screen;
+
+use screen::chance::Chance;
+use screen::kept::Kept;
+use screen::told::Told;
+use screen::{Screen, Shot, assert_quiet, until, validated};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// In the sequencer: the playhead, and the bar of the second clip (`Run`).
+const PLAYHEAD: [u8; 3] = [0xff, 0x6a, 0x3d];
+const SECOND: [u8; 3] = [0x00, 0x8a, 0x66];
+/// Where the panels lie at first, in a window of 1280 × 860.
+const SEQUENCER: [usize; 2] = [600, 860];
+const PICTURE: [usize; 4] = [200, 110, 900, 540];
+
+struct Person<'a> {
+    screen: &'a Screen,
+    window: &'a str,
+    told: &'a Told,
+    file: PathBuf,
+    chance: Chance,
+    /// Seconds from one deed to the next, about.
+    pace: f64,
+    /// The newest that was told of.
+    version: u64,
+    saves: u64,
+    actions: u64,
+}
+
+impl Person<'_> {
+    /// As one breathes between two deeds.
+    fn breathe(&mut self) {
+        let part = 0.5 + self.chance.next(1000) as f64 / 1000.0;
+        std::thread::sleep(Duration::from_secs_f64(self.pace * part));
+    }
+
+    /// In place; beside it and renamed over it; the old one moved away first.
+    fn save(&mut self, text: &str) {
+        assert_ne!(text, self.text(), "there is something to save");
+        let beside = self.file.with_extension("new");
+        match self.saves % 3 {
+            0 => fs::write(&self.file, text).unwrap(),
+            1 => {
+                fs::write(&beside, text).unwrap();
+                fs::rename(&beside, &self.file).unwrap();
+            }
+            _ => {
+                fs::rename(&self.file, &beside).unwrap();
+                fs::write(&self.file, text).unwrap();
+                fs::remove_file(&beside).unwrap();
+            }
+        }
+        self.saves += 1;
+        self.actions += 1;
+    }
+
+    fn text(&self) -> String {
+        fs::read_to_string(&self.file).unwrap()
+    }
+
+    /// Waits for a version after those known, and where it is to be good for its picture.
+    fn taken(&mut self, good: bool) {
+        loop {
+            let (number, faulty) = self.told.version(self.version);
+            self.version = number;
+            if !faulty && good {
+                self.told.shown(number);
+            }
+            if !faulty || !good {
+                return;
+            }
+        }
+    }
+
+    fn keys(&mut self, keys: &[&str]) {
+        for key in keys {
+            self.screen.key(self.window, key);
+            self.actions += 1;
+        }
+    }
+
+    fn drag(&mut self, from: (usize, usize), to: (usize, usize)) {
+        let at = |x: usize, y: usize| [x.to_string(), y.to_string()];
+        let [x, y] = at(from.0, from.1);
+        self.screen.xdotool(&[
+            "mousemove",
+            "--window",
+            self.window,
+            &x,
+            &y,
+            "sleep",
+            "0.1",
+            "mousedown",
+            "1",
+        ]);
+        for step in 1..=6 {
+            let part = |a: usize, b: usize| (a * (6 - step) + b * step) / 6;
+            let [x, y] = at(part(from.0, to.0), part(from.1, to.1));
+            let pause = (0.03 + self.pace / 20.0).to_string();
+            self.screen.xdotool(&["mousemove", "--window", self.window, &x, &y, "sleep", &pause]);
+        }
+        self.screen.xdotool(&["mouseup", "1"]);
+        self.actions += 1;
+    }
+
+    /// What one mistypes: half a line, a name, a parenthesis.
+    fn mistake(&mut self, before: &str, line: &str) -> Option<String> {
+        let half = line.char_indices().nth(line.chars().count() / 2)?.0;
+        let mistyped = match self.chance.next(3) {
+            0 => line[..half].to_string(),
+            1 => line.replacen("(\"", "(\"x", 1),
+            _ => line.replacen(')', "", 1),
+        };
+        let text = format!("{before}{mistyped}\n");
+        (mistyped != line && text != self.text()).then_some(text)
+    }
+
+    /// Something that one does between two lines.
+    fn look_around(&mut self) {
+        match self.chance.next(5) {
+            0 => {
+                let to = 300 + self.chance.next(800) as usize;
+                self.scrub(to);
+            }
+            1 => {
+                self.keys(&["space"]);
+                std::thread::sleep(Duration::from_secs_f64(0.3 + 2.0 * self.pace));
+                self.keys(&["space"]);
+            }
+            2 => self.keys(&["Right", "Right", "Right", "Left", "End", "Home"]),
+            3 => {
+                self.drag((760, 200), (660, 240));
+                // Back to the script's camera.
+                self.keys(&["c"]);
+            }
+            _ => {
+                let panel = self.chance.one(&["ctrl+5", "ctrl+6", "ctrl+7", "ctrl+8"]);
+                self.keys(&[panel, "Next", "Next", "Escape", "ctrl+2", "ctrl+4"]);
+            }
+        }
+    }
+
+    fn scrub(&mut self, to: usize) {
+        self.keys(&["Home"]);
+        let ruler = || {
+            let shot = self.screen.shot(self.window);
+            let (x, y) = (0..shot.width)
+                .flat_map(|x| (SEQUENCER[0]..shot.height).map(move |y| (x, y)))
+                .find(|(x, y)| shot.is(*x, *y, PLAYHEAD))?;
+            Some((x + 2, y + 4))
+        };
+        let ruler = until("the playhead", ruler);
+        self.drag(ruler, (to, ruler.1));
+    }
+
+    fn write(&mut self, lesson: &str) {
+        let mut before = String::new();
+        for line in lesson.lines() {
+            let text = format!("{before}{line}\n");
+            // Blank lines and comments are saved with what comes after.
+            if !line.trim().is_empty() && !line.starts_with("//") {
+                if self.chance.next(3) == 0
+                    && let Some(mistaken) = self.mistake(&before, line)
+                {
+                    self.save(&mistaken);
+                    self.taken(false);
+                    self.breathe();
+                }
+                self.save(&text);
+                self.taken(true);
+                self.breathe();
+                if self.chance.next(3) == 0 {
+                    self.look_around();
+                    self.breathe();
+                }
+            }
+            before = text;
+        }
+        assert_eq!(self.text(), lesson);
+    }
+
+    /// The end of the second clip is dragged: one number of the script changes; back, again, and back.
+    fn drag_a_bar(&mut self, lesson: &str) {
+        self.keys(&["Escape", "ctrl+2", "Home"]);
+        // A drag of what is not shown yet is refused; one save can be seen as two.
+        self.told.settled(Duration::from_millis(400), Duration::from_secs(60)).expect("it comes to rest");
+        let (_, right, y) = until("the bar", || self.screen.shot(self.window).bar(SECOND, SEQUENCER));
+        let by = 20 + self.chance.next(60) as usize;
+        self.drag((right + 1, y), (right + by, y));
+        let changed = until("the change", || {
+            // It says why not, where it was refused.
+            self.screen.save(self.window, "dragged.png");
+            Some(self.text()).filter(|t| t != lesson)
+        });
+        let other: Vec<_> = lesson.lines().zip(changed.lines()).filter(|(a, b)| a != b).collect();
+        let [(_, line)] = other[..] else { panic!("{changed}") };
+        assert!(
+            line.contains("\"Run\"") && line.contains(".until(") && !line.contains("until(4.0)"),
+            "{line}"
+        );
+        self.taken(true);
+        for (key, wanted) in [("ctrl+z", lesson), ("ctrl+y", &changed), ("ctrl+z", lesson)] {
+            self.breathe();
+            self.keys(&[key]);
+            until(key, || (self.text() == wanted).then_some(()));
+            self.taken(true);
+        }
+    }
+
+    /// All as at first; what is seen then.
+    fn rest(&mut self) -> Shot {
+        self.keys(&["Escape", "ctrl+0", "ctrl+1", "ctrl+2", "ctrl+4", "Home"]);
+        // Nothing is under the mouse.
+        self.screen.xdotool(&["mousemove", "--window", self.window, "1270", "850"]);
+        self.told.settled(Duration::from_millis(700), Duration::from_secs(60)).expect("it comes to rest");
+        let shot = self.screen.shot(self.window);
+        let [left, top, right, bottom] = PICTURE;
+        let rows =
+            (top..bottom).flat_map(|y| &shot.rgb[(y * shot.width + left) * 3..(y * shot.width + right) * 3]);
+        Shot { width: right - left, height: bottom - top, rgb: rows.copied().collect() }
+    }
+}
+
+/// `None`, with a word, where there is no display.
+fn at_the_desk(seed: u64, pace: f64, mut use_it: impl FnMut(&mut Person<'_>, &str)) {
+    let Some(screen) = Screen::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let lesson = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/02_layers.rhai");
+    let lesson = fs::read_to_string(lesson).unwrap();
+    let file = folder.path().join("lesson.rhai");
+    fs::write(&file, "// Mine.\n").unwrap();
+    let mut command = screen.command(&[file.to_str().unwrap()], folder.path());
+    if validated() {
+        command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
+    }
+    command.stderr(fs::File::create(folder.path().join("said.txt")).unwrap());
+    let mut told = Told::start(command);
+    let (version, _) = told.version(0);
+    let window = screen.window();
+    let chance = Chance::new(seed);
+    let mut person = Person {
+        screen: &screen,
+        window: &window,
+        told: &told,
+        file,
+        chance,
+        pace,
+        version,
+        saves: 0,
+        actions: 0,
+    };
+    use_it(&mut person, &lesson);
+    assert_quiet(folder.path());
+    screen.key(&window, "ctrl+q");
+    let status = until("the end", || told.viewer.0.try_wait().unwrap());
+    assert_eq!(status.code(), Some(0));
+    assert_quiet(folder.path());
+}
+
+#[test]
+fn a_lesson_is_written_from_an_empty_file() {
+    at_the_desk(7, 0.0, |person, lesson| {
+        person.write(lesson);
+        person.drag_a_bar(lesson);
+        let first = person.rest();
+        // Shown able to tell: another frame is another picture.
+        person.keys(&["End"]);
+        until("another picture", || (person.screen.shot(person.window).rgb != first.rgb).then_some(()));
+        assert!(person.rest() == first, "the same picture as before");
+    });
+}
+
+#[test]
+#[ignore = "takes ten minutes, or as many as asked for"]
+fn an_hour_beside_the_editor() {
+    let number =
+        |name: &str, usual: u64| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(usual);
+    let (minutes, seed) = (number("CHOREO_MINUTES", 10), number("CHOREO_SEED", 7));
+    let pace = number("CHOREO_PACE_MS", 1000) as f64 / 1e3;
+    at_the_desk(seed, pace, |person, lesson| {
+        let start = Instant::now();
+        let mut kept = Kept::default();
+        let mut first: Option<Shot> = None;
+        let mut idle: f64 = 0.0;
+        while start.elapsed() < Duration::from_secs(minutes * 60) {
+            person.save("// Once more, from nothing.\n");
+            person.taken(true);
+            person.write(lesson);
+            for _ in 0..3 {
+                person.drag_a_bar(lesson);
+                person.look_around();
+            }
+            let seen = person.rest();
+            assert!(*first.get_or_insert_with(|| seen.clone()) == seen, "the same script, the same picture");
+            // A break: nothing is done then.
+            let before = person.told.processor_secs();
+            std::thread::sleep(Duration::from_secs(20));
+            idle = idle.max((person.told.processor_secs() - before) / 20.0);
+            // One more save, so that something is told.
+            person.save(&format!("{lesson}// {}\n", person.saves));
+            let (number, _) = person.told.version(person.version);
+            person.version = number;
+            let (_, shown) = person.told.shown(number);
+            kept.note(start.elapsed().as_secs() / 60, person.actions, person.told, &shown);
+        }
+        println!("at most {:.2} % of a core in breaks", idle * 100.0);
+        assert!(idle < 0.01, "{idle}");
+        kept.judge();
+    });
+}
