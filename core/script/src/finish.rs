@@ -6,7 +6,7 @@ use crate::build::{ActorDraft, Build, CameraDraft, RootUse, Shared};
 use crate::call::{ApiError, Place};
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::hook::{HookDraft, ScriptHook};
-use crate::lint::Places;
+use crate::lint::{ClipMarkers, Places};
 use crate::motion::{Found, in_step, root};
 use choreo_motion::{Clip, Time};
 use choreo_stage::*;
@@ -105,18 +105,18 @@ fn add_hooks(
 }
 
 /// Of the clips that are played, each once.
-fn clip_markers(build: &Build, layers: &[Vec<Layer>]) -> Vec<(Arc<Clip>, Vec<(String, Time)>)> {
-    let mut all: Vec<(Arc<Clip>, Vec<(String, Time)>)> = Vec::new();
+fn clip_markers(build: &Build, layers: &[Vec<Layer>]) -> Vec<ClipMarkers> {
+    let mut all: Vec<ClipMarkers> = Vec::new();
     if build.clip_notes.values().all(|notes| notes.markers.is_empty()) {
         return all;
     }
     for cue in layers.iter().flatten().flat_map(|layer| &layer.cues) {
-        if all.iter().any(|(known, _)| Arc::ptr_eq(known, &cue.clip)) {
+        if all.iter().any(|known| Arc::ptr_eq(&known.clip, &cue.clip)) {
             continue;
         }
         let markers = build.notes_of(&cue.clip).map(|notes| notes.markers.clone()).unwrap_or_default();
         if !markers.is_empty() {
-            all.push((cue.clip.clone(), markers));
+            all.push(ClipMarkers { clip: cue.clip.clone(), markers });
         }
     }
     all

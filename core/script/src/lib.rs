@@ -41,7 +41,7 @@ pub use diagnostic::{Diagnostic, Severity, printable};
 pub use folders::{Folders, LoadError};
 pub use import::{Import, ImportProgress, Imports, Phase};
 pub use limits::{Limits, raise_hint};
-pub use lint::Places;
+pub use lint::{ClipMarkers, Places};
 pub use loader::{BUILT_IN, ImportChoice, Loader};
 pub use reference::reference;
 pub use run::{Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};

@@ -2,8 +2,8 @@
 
 use crate::selection::Selected;
 use choreo_live::Scene;
-use choreo_motion::{Clip, Repeat, Time};
-use choreo_script::Place;
+use choreo_motion::{Repeat, Time};
+use choreo_script::{ClipMarkers, Place};
 use choreo_stage::{Actor, Channel, Cue, FlatContent, GoalKind, Property, Stage};
 use std::sync::Arc;
 
@@ -96,12 +96,11 @@ impl Gathered {
     }
 
     /// Named times of its clip, each time that it gets there until `end`.
-    pub fn cue(&mut self, cue: &Cue, end: Time, markers: &[(Arc<Clip>, Vec<(String, Time)>)]) {
+    pub fn cue(&mut self, cue: &Cue, end: Time, markers: &[ClipMarkers]) {
         let weights = cue.weight_keys.as_deref();
         weights.into_iter().for_each(|keys| self.named_keys(&cue.clip.name, "weight", keys));
-        let Some((_, markers)) = markers.iter().find(|(clip, _)| Arc::ptr_eq(clip, &cue.clip)) else {
-            return;
-        };
+        let of = markers.iter().find(|of| Arc::ptr_eq(&of.clip, &cue.clip));
+        let Some(ClipMarkers { markers, .. }) = of else { return };
         let (from, to) = cue.trim;
         let length = i128::from((to - from).0);
         for (name, at) in markers.iter().filter(|(_, at)| from <= *at && *at <= to) {
@@ -215,5 +214,7 @@ fn name(property: Property) -> &'static str {
         Property::Opacity => "opacity",
         Property::Range => "range",
         Property::Cone => "cone",
+        Property::PenWidth => "width",
+        Property::Copies => "count",
     }
 }

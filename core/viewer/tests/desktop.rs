@@ -55,12 +55,13 @@ fn minimised_it_does_nothing_and_is_back_with_what_has_changed() {
         let last = told.settled(Duration::from_millis(700), Duration::from_secs(30));
         assert!(last.is_some(), "it goes on drawing");
         // What was being drawn may be drawn to its end.
-        std::thread::sleep(Duration::from_millis(800));
-        let before = told.processor_secs();
-        let more = told.settled(Duration::from_secs(2), Duration::from_secs(3));
+        until("rest", || {
+            let before = told.processor_secs();
+            std::thread::sleep(Duration::from_secs(2));
+            (told.processor_secs() - before < 0.1).then_some(())
+        });
+        let more = told.settled(Duration::from_millis(500), Duration::from_secs(1));
         assert!(matches!(more, Some(None)), "a frame of a window that is not seen: {more:?}");
-        let spent = told.processor_secs() - before;
-        assert!(spent < 0.1, "{spent} s of the processor in 2 s");
         // What is saved meanwhile is there when it comes back.
         let color = format!("#6020{}0", round + 4);
         fs::write(folder.path().join("a.rhai"), SCRIPT.replace("#204060", &color)).unwrap();
@@ -107,11 +108,22 @@ fn covered_it_does_nothing() {
 /// As when the desktop's scale is changed, or the window comes to a screen of another: the same in points, twice the pixels.
 #[test]
 fn another_scale_while_it_runs() {
+    another_scale(false);
+}
+
+#[test]
+fn another_scale_under_a_window_manager() {
+    another_scale(true);
+}
+
+fn another_scale(managed: bool) {
     let Some(screen) = Screen::new() else { return };
+    let manager = managed.then(|| Manager::start(&screen.display));
     let settings = Settings::start(&screen.display, 96);
     let folder = tempfile::tempdir().unwrap();
     let (told, window) = open(&screen, folder.path(), &[]);
     let at_first = screen.shot(&window).bounds(BACKGROUND);
+    let button = first_button(&screen.shot(&window), 1.0).unwrap();
     let geometry = || screen.xdotool(&["getwindowgeometry", "--shell", &window]);
     for (dpi, size) in [(192, [2560, 1720]), (96, [1280, 860]), (144, [1920, 1290]), (96, [1280, 860])] {
         settings.set_dpi(dpi);
@@ -124,20 +136,31 @@ fn another_scale_while_it_runs() {
         if dpi != 96 {
             // On the screen, which is smaller, so that it can be seen whole.
             screen.xdotool(&["windowsize", "--sync", &window, "1400", "1000"]);
-            let [left, top, right, bottom] = until("the picture of its own size", || {
-                let bounds = screen.shot(&window).bounds(BACKGROUND);
-                let [left, top, right, bottom] = bounds;
-                (left < right && bottom - top <= 180 && right - left <= 320).then_some(bounds)
+            // Buttons are as much larger; pictures have as many pixels as they are drawn with.
+            let scale = dpi as usize as f64 / 96.0;
+            until("larger buttons", || {
+                let now = first_button(&screen.shot(&window), scale)?;
+                screen.save(&window, &format!("scale_{dpi}.png"));
+                ((now as f64 - button as f64 * scale).abs() <= 3.0).then_some(())
             });
-            // In points the panels are as large as before, so that there is less room; its shape stays.
+            let [left, top, right, bottom] = until("a picture", || {
+                let [left, top, right, bottom] = screen.shot(&window).bounds(BACKGROUND);
+                (left + 100 < right).then_some([left, top, right, bottom])
+            });
             let shape = (right - left) as f64 / (bottom - top) as f64;
             assert!((shape - 16.0 / 9.0).abs() < 0.02, "{left} {top} {right} {bottom}");
             screen.save(&window, &format!("scale_{dpi}.png"));
             screen.xdotool(&["windowsize", "--sync", &window, &width, &height]);
         }
     }
-    until("all as at first", || (screen.shot(&window).bounds(BACKGROUND) == at_first).then_some(()));
+    until("all as at first", || {
+        let shot = screen.shot(&window);
+        let off = shot.bounds(BACKGROUND).iter().zip(at_first).map(|(a, b)| a.abs_diff(b)).max()?;
+        // Between the panels up to a pixel was rounded.
+        (off <= 2 && first_button(&shot, 1.0) == Some(button)).then_some(())
+    });
     ends_well(&screen, &window, told, folder.path());
+    drop(manager);
 }
 
 /// A square, as a file manager would have it: with a blank in its name.
@@ -193,18 +216,28 @@ fn a_file_that_is_dropped_is_shown_and_added() {
     ends_well(&screen, &window, told, folder.path());
 }
 
-/// The middles of the buttons in the bar above, by their color.
+/// The middles of the buttons in the bar above.
 fn buttons(shot: &Shot) -> Vec<usize> {
-    let y = 4;
+    let runs = runs(shot, 4);
+    assert!(runs.len() >= 4, "{runs:?}");
+    runs.iter().map(|[a, b]| (a + b) / 2).collect()
+}
+
+/// How wide the first of them is.
+fn first_button(shot: &Shot, scale: f64) -> Option<usize> {
+    runs(shot, (4.0 * scale) as usize).first().map(|[a, b]| b - a)
+}
+
+/// Where they begin and end in a row of pixels, by their color.
+fn runs(shot: &Shot, y: usize) -> Vec<[usize; 2]> {
     let color = [60; 3];
     let mut runs: Vec<[usize; 2]> = Vec::new();
-    for x in (60..shot.width).filter(|x| shot.is(*x, y, color)) {
+    for x in (30..shot.width).filter(|x| shot.is(*x, y, color)) {
         match runs.last_mut().filter(|run| run[1] + 1 == x) {
             Some(run) => run[1] = x,
             None => runs.push([x, x]),
         }
     }
     runs.retain(|[a, b]| b - a > 15);
-    assert!(runs.len() >= 4, "{runs:?}");
-    runs.iter().map(|[a, b]| (a + b) / 2).collect()
+    runs
 }

@@ -61,6 +61,13 @@ pub(crate) fn remarks(build: &Build) -> Vec<Remark> {
     found
 }
 
+/// Named times of a clip that is played, seconds of the clip.
+#[derive(Clone, Debug)]
+pub struct ClipMarkers {
+    pub clip: Arc<Clip>,
+    pub markers: Vec<(String, Time)>,
+}
+
 /// Where in the script the things on stage were made, and the script's text.
 #[derive(Clone, Debug, Default)]
 pub struct Places {
@@ -74,8 +81,8 @@ pub struct Places {
     pub cues: Vec<Vec<Vec<Place>>>,
     /// Named times of the stage.
     pub markers: Vec<(String, Time)>,
-    /// Clips that are played and have named times of their own, seconds of the clip.
-    pub clip_markers: Vec<(Arc<Clip>, Vec<(String, Time)>)>,
+    /// Of the clips that are played and have any.
+    pub clip_markers: Vec<ClipMarkers>,
     pub lights: Vec<Place>,
     pub effects: Vec<Place>,
     /// Files of which the script uses the clips alone, so that no mesh and no picture of them was made.

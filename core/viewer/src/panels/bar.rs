@@ -51,7 +51,21 @@ fn guest(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-fn status(ui: &mut Ui, viewer: &Viewer) {
+/// What is wrong, in a line; a click goes there.
+fn first_problem(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some(first) = viewer.problems.first().filter(|_| viewer.faulty) else { return };
+    let (line, whole) = (first.line, first.to_string());
+    let said = first.message.lines().next().unwrap_or("");
+    let text = if line > 0 { format!("line {line}: {said}") } else { said.to_string() };
+    let text = RichText::new(text).color(ui.visuals().error_fg_color);
+    let label = ui.add(egui::Label::new(text).truncate().sense(egui::Sense::click()));
+    let label = label.on_hover_text(RichText::new(whole).monospace());
+    if line > 0 && label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
+        viewer.go_to = Some(line);
+    }
+}
+
+fn status(ui: &mut Ui, viewer: &mut Viewer) {
     let errors = viewer.problems.iter().filter(|p| p.severity == choreo_script::Severity::Error).count();
     let warnings = viewer.problems.len() - errors;
     if viewer.faulty {
@@ -82,6 +96,8 @@ fn status(ui: &mut Ui, viewer: &Viewer) {
         if let Some(why) = &viewer.said {
             let text = RichText::new(why).color(ui.visuals().warn_fg_color);
             ui.add(egui::Label::new(text).truncate()).on_hover_text(why);
+        } else {
+            first_problem(ui, viewer);
         }
     };
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), right);

@@ -8,6 +8,7 @@ use crate::selection::{Selected, actor};
 use choreo_live::Scene;
 use choreo_live::edit::plain;
 use choreo_plugin::OptionKind;
+use choreo_script::Place;
 use choreo_stage::{ActorState, Asset, Heard, Light, LightKind, Stage};
 use egui::{Grid, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
@@ -48,7 +49,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     };
     ui.label(RichText::new(title).heading());
     if let Some(line) = line {
-        let text = RichText::new(format!("{}:{line}", scene.places.main)).weak().monospace();
+        let place = Place { file: scene.places.main.clone(), line, ..Place::default() };
+        let text = RichText::new(super::marks::told(&place)).weak().monospace();
         let label = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
         if label.on_hover_text("a click goes there").clicked() {
             viewer.go_to = Some(line);

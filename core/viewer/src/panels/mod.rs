@@ -150,6 +150,8 @@ impl Panels {
             self.bring(Tab::Script);
         }
         viewer.views.iter_mut().for_each(|view| view.seen = false);
+        // Between the rounded corners of the panels.
+        ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
         let style = Style::from_egui(ui.style());
         let mut tabs = Tabs { viewer, pictures, now };
         DockArea::new(&mut self.dock)

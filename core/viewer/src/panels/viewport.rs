@@ -54,9 +54,11 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     painter.rect_filled(rect, 0.0, Color32::from_gray(24));
     let size = view.shown.as_ref().map(|shown| shown.size);
     let Some((texture, size)) = picture.zip(size) else {
-        let text = if viewer.faulty { "nothing to show yet: see Messages" } else { "…" };
+        let first = viewer.problems.first().filter(|_| viewer.faulty);
+        let text = first.map_or("…".to_string(), |problem| format!("nothing to show yet\n\n{problem}"));
         let font = egui::TextStyle::Body.resolve(ui.style());
-        painter.text(rect.center(), egui::Align2::CENTER_CENTER, text, font, Color32::GRAY);
+        let galley = painter.layout(text, font, Color32::from_gray(190), rect.width() - 40.0);
+        painter.galley(rect.center() - galley.size() / 2.0, galley, Color32::GRAY);
         return;
     };
     let place = placed(rect, size, pixels);

@@ -4,6 +4,7 @@ mod choose;
 mod device;
 mod gpu;
 mod gpu_error;
+mod open;
 mod picture;
 mod shot;
 mod start;
@@ -16,14 +17,14 @@ use crate::panels::Panels;
 use crate::settings::Settings;
 use choreo_live::{Live, Painted, Painter, Recipe, Version};
 use choreo_plugin::{Frame, Registry};
-use gpu::Gpu;
+use open::Open;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tell::Tell;
 use winit::application::ApplicationHandler;
-use winit::dpi::LogicalSize;
+use winit::dpi::{LogicalSize, PhysicalPosition};
 use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::window::{Window, WindowId};
@@ -150,36 +151,6 @@ struct App {
     failed: Option<String>,
 }
 
-/// The window, what translates its events, and what draws into it.
-struct Open {
-    egui: egui::Context,
-    input: egui_winit::State,
-    // Before the window, whose surface it draws on.
-    gpu: Gpu,
-    window: Arc<Window>,
-}
-
-impl Open {
-    fn new(window: Arc<Window>, proxy: &EventLoopProxy<News>) -> Result<Open, String> {
-        let gpu = Gpu::new(&window).map_err(|e| e.to_string())?;
-        let egui = egui::Context::default();
-        let proxy = std::sync::Mutex::new(proxy.clone());
-        egui.set_request_repaint_callback(move |info| {
-            let proxy = proxy.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            drop(proxy.send_event(News::Repaint(info.delay)));
-        });
-        let input = egui_winit::State::new(
-            egui.clone(),
-            egui::ViewportId::ROOT,
-            &window,
-            Some(window.scale_factor() as f32),
-            window.theme(),
-            Some(gpu.largest_texture()),
-        );
-        Ok(Open { egui, input, gpu, window })
-    }
-}
-
 impl App {
     fn now(&self) -> f64 {
         self.clock.elapsed().as_secs_f64()
@@ -254,7 +225,7 @@ impl App {
             return;
         }
         self.pressed = false;
-        let input = open.input.take_egui_input(&open.window);
+        let input = open.taken();
         let textures = open.gpu.pictures();
         let (panels, viewer) = (&mut self.panels, &mut self.viewer);
         let output = open.egui.run_ui(input, |ui| panels.show(ui, viewer, &textures, now));
@@ -433,7 +404,7 @@ impl ApplicationHandler<News> for App {
         }
     }
 
-    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, mut event: WindowEvent) {
         if let WindowEvent::MouseInput { .. } | WindowEvent::CursorMoved { .. } = event {
             // egui asks where the mouse is at the end of a frame, not where it was when a button went down or up: on a busy machine a
             // drag would take hold of what lies further on, or of nothing.
@@ -446,6 +417,16 @@ impl ApplicationHandler<News> for App {
         if matches!(event, WindowEvent::CursorMoved { .. }) {
             // While a file is dragged the mouse belongs to where it comes from, which may have ended without a word.
             open.input.egui_input_mut().hovered_files.clear();
+        }
+        match &mut event {
+            WindowEvent::ScaleFactorChanged { scale_factor, inner_size_writer } => {
+                open.rescale(*scale_factor, inner_size_writer);
+            }
+            WindowEvent::CursorMoved { position, .. } => {
+                let part = open.window.scale_factor() / open.scale;
+                *position = PhysicalPosition::new(position.x * part, position.y * part);
+            }
+            _ => {}
         }
         let wants = open.input.on_window_event(&open.window, &event);
         match event {

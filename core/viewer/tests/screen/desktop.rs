@@ -8,8 +8,9 @@ use std::time::{Duration, Instant};
 use x11rb::connection::Connection;
 use x11rb::protocol::Event;
 use x11rb::protocol::xproto::{
-    Atom, AtomEnum, ChangeWindowAttributesAux, ClientMessageEvent, ConfigureWindowAux, ConnectionExt as _,
-    CreateWindowAux, EventMask, PropMode, SELECTION_NOTIFY_EVENT, SelectionNotifyEvent, Window, WindowClass,
+    Atom, AtomEnum, CONFIGURE_NOTIFY_EVENT, ChangeWindowAttributesAux, ClientMessageEvent,
+    ConfigureNotifyEvent, ConfigureWindowAux, ConnectionExt as _, CreateWindowAux, EventMask, PropMode,
+    SELECTION_NOTIFY_EVENT, SelectionNotifyEvent, Window, WindowClass,
 };
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
@@ -71,6 +72,22 @@ fn manage(connection: &RustConnection, stop: &AtomicBool) {
             Ok(Some(Event::ConfigureRequest(asked))) => {
                 let wanted = ConfigureWindowAux::from_configure_request(&asked);
                 connection.configure_window(asked.window, &wanted).unwrap();
+                // As most do, where it is not only moved, too.
+                let place = connection.get_geometry(asked.window).unwrap().reply().unwrap();
+                let told = ConfigureNotifyEvent {
+                    response_type: CONFIGURE_NOTIFY_EVENT,
+                    sequence: 0,
+                    event: asked.window,
+                    window: asked.window,
+                    above_sibling: 0,
+                    x: place.x,
+                    y: place.y,
+                    width: place.width,
+                    height: place.height,
+                    border_width: place.border_width,
+                    override_redirect: false,
+                };
+                connection.send_event(false, asked.window, EventMask::STRUCTURE_NOTIFY, told).unwrap();
             }
             Ok(Some(Event::ClientMessage(asked))) if asked.type_ == change => {
                 said(asked.window, true);

@@ -1,0 +1,64 @@
+//! The window with what belongs to it; its scale, which can change while it is open.
+
+use super::News;
+use super::gpu::Gpu;
+use std::sync::Arc;
+use winit::event::InnerSizeWriter;
+use winit::event_loop::EventLoopProxy;
+use winit::window::Window;
+
+/// The window, what translates its events, and what draws into it.
+pub struct Open {
+    pub egui: egui::Context,
+    pub input: egui_winit::State,
+    // Before the window, whose surface it draws on.
+    pub gpu: Gpu,
+    pub window: Arc<Window>,
+    /// Pixels a point of the screen, as told last: on X11 `Window::scale_factor` may know it only after the window was moved.
+    pub scale: f64,
+}
+
+impl Open {
+    pub fn new(window: Arc<Window>, proxy: &EventLoopProxy<News>) -> Result<Open, String> {
+        let gpu = Gpu::new(&window).map_err(|e| e.to_string())?;
+        let egui = egui::Context::default();
+        let proxy = std::sync::Mutex::new(proxy.clone());
+        egui.set_request_repaint_callback(move |info| {
+            let proxy = proxy.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            drop(proxy.send_event(News::Repaint(info.delay)));
+        });
+        let input = egui_winit::State::new(
+            egui.clone(),
+            egui::ViewportId::ROOT,
+            &window,
+            Some(window.scale_factor() as f32),
+            window.theme(),
+            Some(gpu.largest_texture()),
+        );
+        let scale = window.scale_factor();
+        Ok(Open { egui, input, gpu, window, scale })
+    }
+
+    /// What has come in, in points of the scale that holds.
+    pub fn taken(&mut self) -> egui::RawInput {
+        let mut input = self.input.take_egui_input(&self.window);
+        if self.scale != self.window.scale_factor() {
+            let size =
+                self.window.inner_size().to_logical::<f32>(self.scale * f64::from(self.egui.zoom_factor()));
+            let size = egui::vec2(size.width, size.height);
+            input.screen_rect = Some(egui::Rect::from_min_size(egui::Pos2::ZERO, size));
+            let viewport = input.viewports.entry(egui::ViewportId::ROOT).or_default();
+            viewport.native_pixels_per_point = Some(self.scale as f32);
+        }
+        input
+    }
+
+    /// Takes another scale; the window keeps its size in points. X11 can tell twice of one change, and would enlarge it twice.
+    pub fn rescale(&mut self, scale: f64, size: &mut InnerSizeWriter) {
+        if scale == self.scale {
+            // One that comes too late leaves it as it is.
+            let _ = size.request_inner_size(self.window.inner_size());
+        }
+        self.scale = scale;
+    }
+}
