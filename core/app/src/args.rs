@@ -118,6 +118,9 @@ pub struct RenderArgs {
     /// Part of the name of the device that Vulkan draws on (default: the best there is)
     #[arg(long, value_name = "NAME", conflicts_with = "watch")]
     pub gpu: Option<String>,
+    /// Texels read along a slanted texture at most, 1 to 16 (default: 16 on a GPU, 1 where the CPU draws)
+    #[arg(long, value_name = "N", conflicts_with = "watch", value_parser = clap::value_parser!(u8).range(1..=16))]
+    pub anisotropy: Option<u8>,
     /// Samples a pixel for smooth edges (default: the script's, else 4)
     #[arg(long, value_name = "1|4")]
     pub samples: Option<String>,

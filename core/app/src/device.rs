@@ -19,11 +19,13 @@ pub struct Wanted {
     pub gpu: Option<String>,
     /// How long it is busy.
     pub timings: bool,
+    /// See `GpuOptions::anisotropy`.
+    pub anisotropy: Option<u8>,
 }
 
 impl From<Device> for Wanted {
     fn from(device: Device) -> Wanted {
-        Wanted { device, gpu: None, timings: false }
+        Wanted { device, gpu: None, timings: false, anisotropy: None }
     }
 }
 
@@ -66,6 +68,7 @@ fn open(wanted: Wanted, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failur
         effects: effects.clone(),
         device: wanted.gpu.clone(),
         device_time: time.clone(),
+        anisotropy: wanted.anisotropy.map(f32::from),
         ..GpuOptions::default()
     };
     match SteadyRenderer::new(options) {

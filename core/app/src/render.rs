@@ -50,7 +50,12 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
 }
 
 fn wanted(args: &RenderArgs) -> device::Wanted {
-    device::Wanted { device: args.device, gpu: args.gpu.clone(), timings: args.timings }
+    device::Wanted {
+        device: args.device,
+        gpu: args.gpu.clone(),
+        timings: args.timings,
+        anisotropy: args.anisotropy,
+    }
 }
 
 /// Refuses what can be refused. `keep`: of earlier renders of the same.

@@ -13,6 +13,7 @@ use crate::record::{Command, Part as PassPart, Recording, Target};
 use crate::shader::{SceneVariant, switches};
 use crate::sky::SkyMaps;
 use crate::vertex::{VertexLayout, pack, pack_morphs};
+use choreo_stage::Sampler;
 use std::collections::{BTreeMap, BTreeSet};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -387,11 +388,15 @@ impl Parts<'_> {
             }
         }
         let mut textures: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        let mut slanted: BTreeSet<u32> = BTreeSet::new();
         for (material, slots) in &slots_of {
             let entry = &self.catalog.materials[*material as usize];
             for (slot, texture) in entry.texture_refs().iter().enumerate() {
                 if let Some(texture) = texture.filter(|_| slots >> slot & 1 == 1) {
                     textures.entry(texture.texture).or_default().push(*material);
+                    if is_anisotropic(&texture.sampler) {
+                        slanted.insert(texture.texture);
+                    }
                 }
             }
             let draws: Vec<Draw> =
@@ -408,7 +413,9 @@ impl Parts<'_> {
             let bytes =
                 (0..levels).map(|l| 4 * u64::from((w >> l).max(1)) * u64::from((h >> l).max(1))).sum();
             let color = if entry.srgb { "colors" } else { "data" };
-            let what = format!("\"{}\": {w}×{h}, {levels} levels, {color}", entry.image.name);
+            // What the plan cannot know: the device. See `GpuOptions::anisotropy`.
+            let filter = if slanted.contains(&texture) { ", anisotropic on GPUs" } else { "" };
+            let what = format!("\"{}\": {w}×{h}, {levels} levels, {color}{filter}", entry.image.name);
             let draws = self.plan.draws.iter().filter(|d| materials.contains(&d.material));
             let askers = self.askers(draws);
             self.add(Kind::Texture, what, Some(bytes), askers);
@@ -462,4 +469,9 @@ fn name(target: Target) -> String {
         Target::Picture => "picture".into(),
         Target::Float(i) => format!("linear picture {i}"),
     }
+}
+
+/// Only where levels are mixed: what asks for hard texels gets them.
+pub(crate) fn is_anisotropic(sampler: &Sampler) -> bool {
+    sampler.mag_linear && sampler.min_linear && sampler.mip_linear == Some(true)
 }

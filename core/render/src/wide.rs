@@ -53,7 +53,7 @@ pub struct Widened {
 fn segments(elements: usize) -> usize {
     match elements {
         ..=1_000 => 16,
-        ..=20_000 => 8,
+        1_001..=20_000 => 8,
         _ => 4,
     }
 }
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn a_width_is_the_same_at_any_distance_unless_it_is_in_metres() {
-        let clip = Mat4::perspective_infinite_reverse_rh(1.0, 1.0, 0.1);
+        let clip = glam::camera::rh::proj::directx::perspective_infinite_reverse(1.0, 1.0, 0.1);
         let spread = Spread::new(&clip, [200, 200]);
         let pixels = |depth: f32, width: f32| {
             let [a, b] = [-1.0, 1.0].map(|x| clip * Vec4::new(x, 0.3, -depth, 1.0));
@@ -217,7 +217,7 @@ mod tests {
 
     #[test]
     fn ends_behind_the_eye_and_no_length_at_all_stay_finite() {
-        let clip = Mat4::perspective_infinite_reverse_rh(1.0, 1.0, 0.1);
+        let clip = glam::camera::rh::proj::directx::perspective_infinite_reverse(1.0, 1.0, 0.1);
         let spread = Spread::new(&clip, [200, 100]);
         let at = |x: f32, z: f32| clip * Vec4::new(x, -0.5, z, 1.0);
         let (front, behind) = (at(0.2, -3.0), at(0.2, 4.0));

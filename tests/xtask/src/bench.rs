@@ -15,6 +15,8 @@ pub struct Run {
     pub cpu_secs: f64,
     pub wall_secs: f64,
     peak_mb: f64,
+    /// Of all frames together, by the device's own clock; where `--timings` was given and it has one.
+    pub device_secs: Option<f64>,
 }
 
 /// `xtask measured PROGRAM ARGS…`: runs one program and prints its usage. A process of its own, because the
@@ -22,21 +24,32 @@ pub struct Run {
 pub fn measured(args: &[&str]) -> Result<(), String> {
     let (program, rest) = args.split_first().ok_or("usage: xtask measured PROGRAM [ARG…]")?;
     let start = Instant::now();
-    let status = Command::new(program)
+    let run = Command::new(program)
         .args(rest)
         .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .status()
+        .stderr(Stdio::inherit())
+        .output()
         .map_err(|e| format!("{program}: {e}"))?;
     let wall = start.elapsed().as_secs_f64();
-    if !status.success() {
-        return Err(format!("{program} {}: {status}", rest.join(" ")));
+    if !run.status.success() {
+        return Err(format!("{program} {}: {}", rest.join(" "), run.status));
     }
+    let device = json_field(&String::from_utf8_lossy(&run.stdout), "device_seconds").unwrap_or_default();
     let usage = getrusage(UsageWho::RUSAGE_CHILDREN).map_err(|e| format!("getrusage: {e}"))?;
     let secs = |t: nix::sys::time::TimeVal| t.tv_sec() as f64 + t.tv_usec() as f64 * 1e-6;
     let cpu = secs(usage.user_time()) + secs(usage.system_time());
-    println!("{cpu} {wall} {}", usage.max_rss() as f64 / 1024.0);
+    println!("{cpu} {wall} {} {device}", usage.max_rss() as f64 / 1024.0);
     Ok(())
+}
+
+/// What a flat field of a summary in JSON holds, without quotes.
+pub fn json_field(text: &str, name: &str) -> Option<String> {
+    let (_, rest) = text.split_once(&format!("\"{name}\""))?;
+    let value = rest.trim_start().strip_prefix(':')?.trim_start();
+    match value.strip_prefix('"') {
+        Some(quoted) => Some(quoted.split('"').next()?.to_string()),
+        None => Some(value.split([',', '}', '\n']).next()?.trim().to_string()),
+    }
 }
 
 fn measure(program: &Path, args: &[String], env: &[(&str, &Path)]) -> Result<Run, String> {
@@ -53,9 +66,12 @@ fn measure(program: &Path, args: &[String], env: &[(&str, &Path)]) -> Result<Run
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let numbers: Vec<f64> = text.split_whitespace().filter_map(|w| w.parse().ok()).collect();
     match numbers.as_slice() {
-        [cpu_secs, wall_secs, peak_mb] => {
-            Ok(Run { cpu_secs: *cpu_secs, wall_secs: *wall_secs, peak_mb: *peak_mb })
-        }
+        [cpu_secs, wall_secs, peak_mb, device @ ..] => Ok(Run {
+            cpu_secs: *cpu_secs,
+            wall_secs: *wall_secs,
+            peak_mb: *peak_mb,
+            device_secs: device.first().copied(),
+        }),
         _ => Err(format!("unexpected output of the measured run: {text}")),
     }
 }
@@ -70,6 +86,7 @@ fn medians(runs: &[Run]) -> Run {
         cpu_secs: median(runs.iter().map(|r| r.cpu_secs).collect()),
         wall_secs: median(runs.iter().map(|r| r.wall_secs).collect()),
         peak_mb: median(runs.iter().map(|r| r.peak_mb).collect()),
+        device_secs: None,
     }
 }
 
@@ -97,6 +114,17 @@ impl Bench {
         args.extend(["-o".to_string(), self.work.join(out).display().to_string(), "--quiet".to_string()]);
         args.extend(more.iter().map(|s| s.to_string()));
         measure(&self.choreo, &args, &[])
+    }
+
+    /// The device that frames are drawn on.
+    pub fn device(&self, script: &Path, search: &str, gpu: Option<&str>) -> Result<String, String> {
+        let mut command = Command::new(&self.choreo);
+        command.arg("render").arg(script).arg("-o").arg(self.work.join("device.png"));
+        command.args(["--search", search, "--at", "0", "--json"]).current_dir(root());
+        command.args(gpu.iter().flat_map(|name| ["--gpu", name]));
+        let output = command.stderr(Stdio::inherit()).output().map_err(|e| e.to_string())?;
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        json_field(&text, "device").filter(|_| output.status.success()).ok_or(text)
     }
 
     /// Medians of several with warm caches.
@@ -157,4 +185,19 @@ pub fn bench(args: &[&str]) -> Result<(), String> {
     let rate = 119.0 / (many.wall_secs - one.wall_secs).max(1e-3);
     row("120 frames of 25 Knights → y4m", many, format!("{rate:.1} frames/s beyond start-up"));
     bench.clean()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::json_field;
+
+    #[test]
+    fn fields_of_a_summary() {
+        let text =
+            "{\n  \"device\": \"llvmpipe (LLVM, 256 bits)\",\n  \"device_seconds\": 0.25,\n  \"ok\":true}";
+        assert_eq!(json_field(text, "device").as_deref(), Some("llvmpipe (LLVM, 256 bits)"));
+        assert_eq!(json_field(text, "device_seconds").as_deref(), Some("0.25"));
+        assert_eq!(json_field(text, "ok").as_deref(), Some("true"));
+        assert_eq!(json_field(text, "seconds"), None);
+    }
 }

@@ -1,5 +1,6 @@
-//! `cargo xtask frames [--quick] [FILTER]`: frames a second of scenes as users have them, and what each effect costs, as Markdown
-//! tables.
+//! `cargo xtask frames [--quick] [--gpu NAME] [FILTER]`: frames a second of scenes as users have them, and what each effect costs, as
+//! Markdown tables. On the best device that Vulkan has, or the one named; beside the clock's time and the CPU's that of the device,
+//! by its own timestamps.
 //!
 //! A frame's cost is the difference of two runs of the release binary, one of few and one of more frames, divided by how many
 //! more: without start, loading and first frame. Pictures are written as y4m: their conversion is included, no video codec is,
@@ -17,6 +18,8 @@ struct Job {
     frames: usize,
     out: &'static str,
     asked: Option<f64>,
+    /// Pixels in place of the script's.
+    size: Option<&'static str>,
 }
 
 /// Frames of the shorter run: the first ones make pipelines and textures.
@@ -47,6 +50,7 @@ fn jobs() -> Vec<Job> {
         frames,
         out,
         asked,
+        size: None,
     };
     let knight = "frames_knight.rhai";
     vec![
@@ -65,6 +69,18 @@ fn jobs() -> Vec<Job> {
             Some(10.0),
         ),
         job("1,000 Knights, 640×360, 1 sample", "frames_1000.rhai", &[], 1, 10, "out.y4m", Some(5.0)),
+        Job {
+            size: Some("1920x1080"),
+            ..job(
+                "1,000 Knights with shadows, 1920×1080, 4 samples",
+                "frames_1000.rhai",
+                &["shadow=true"],
+                4,
+                10,
+                "out.y4m",
+                None,
+            )
+        },
     ]
 }
 
@@ -77,6 +93,7 @@ fn looks() -> Vec<Job> {
         frames: 34,
         out: "out.y4m",
         asked: None,
+        size: None,
     };
     let mut all = vec![knight("none", Vec::new())];
     all.extend(LOOKS.iter().map(|look| knight(look, vec![format!("look={look}")])));
@@ -88,64 +105,100 @@ fn looks() -> Vec<Job> {
 struct Cost {
     wall: f64,
     cpu: f64,
+    /// By the device's own clock; NaN where it has none.
+    device: f64,
+}
+
+/// What is drawn on, and with what.
+struct Setting<'a> {
+    bench: &'a Bench,
+    search: &'a str,
+    gpu: Option<&'a str>,
 }
 
 impl Job {
-    fn run(&self, bench: &Bench, search: &str, frames: usize) -> Result<Run, String> {
+    fn run(&self, setting: &Setting, frames: usize) -> Result<Run, String> {
         let (samples, frames) = (self.samples.to_string(), format!("0..{frames}"));
-        let mut more = vec!["--search", search, "--samples", &samples, "--frames", &frames];
+        let mut more = vec!["--search", setting.search, "--samples", &samples, "--frames", &frames];
+        more.extend(["--json", "--timings"]);
+        more.extend(setting.gpu.iter().flat_map(|name| ["--gpu", name]));
+        more.extend(self.size.iter().flat_map(|size| ["--size", size]));
         more.extend(self.set.iter().flat_map(|set| ["--set", set]));
-        bench.once(&root().join("tests/bench").join(self.script), self.out, &more)
+        setting.bench.once(&root().join("tests/bench").join(self.script), self.out, &more)
     }
 
-    fn round(&self, bench: &Bench, search: &str) -> Result<Cost, String> {
-        let few = self.run(bench, search, FEW)?;
-        let many = self.run(bench, search, self.frames)?;
+    fn round(&self, setting: &Setting) -> Result<Cost, String> {
+        let few = self.run(setting, FEW)?;
+        let many = self.run(setting, self.frames)?;
         let frames = (self.frames - FEW) as f64;
         Ok(Cost {
             wall: (many.wall_secs - few.wall_secs) / frames,
             cpu: (many.cpu_secs - few.cpu_secs) / frames,
+            device: match (few.device_secs, many.device_secs) {
+                (Some(few), Some(many)) => (many - few) / frames,
+                _ => f64::NAN,
+            },
         })
     }
 }
 
 /// Medians of each job, in rounds of all.
-fn measure(jobs: &[Job], bench: &Bench, search: &str, rounds: usize) -> Result<Vec<Cost>, String> {
+fn measure(jobs: &[Job], setting: &Setting, rounds: usize) -> Result<Vec<Cost>, String> {
     let mut all: Vec<Vec<Cost>> = jobs.iter().map(|_| Vec::new()).collect();
     for round in 0..rounds {
         for (job, costs) in jobs.iter().zip(&mut all) {
             eprintln!("round {} of {rounds}: {}", round + 1, job.name);
-            costs.push(job.round(bench, search)?);
+            costs.push(job.round(setting)?);
         }
     }
     let of = |costs: &Vec<Cost>, what: fn(&Cost) -> f64| median(costs.iter().map(what).collect());
-    Ok(all.iter().map(|costs| Cost { wall: of(costs, |c| c.wall), cpu: of(costs, |c| c.cpu) }).collect())
+    let cost = |costs| Cost {
+        wall: of(costs, |c| c.wall),
+        cpu: of(costs, |c| c.cpu),
+        device: of(costs, |c| c.device),
+    };
+    Ok(all.iter().map(cost).collect())
 }
 
 pub fn frames(args: &[&str]) -> Result<(), String> {
     let rounds = if args.contains(&"--quick") { 1 } else { 5 };
-    let filter = args.iter().find(|a| !a.starts_with("--")).copied().unwrap_or_default();
+    let gpu = args.iter().position(|a| *a == "--gpu").map(|i| args.get(i + 1).copied());
+    if gpu == Some(None) {
+        return Err("--gpu: part of a device's name is missing".into());
+    }
+    let gpu = gpu.flatten();
+    let filters = args.iter().enumerate().filter(|(i, _)| *i == 0 || args[i - 1] != "--gpu");
+    let filter = filters.map(|(_, a)| *a).find(|a| !a.starts_with("--")).unwrap_or_default();
     let assets =
         assets().ok_or("Knight.glb is needed; CHOREO_ASSETS names the folder of the shared assets")?;
     let search = assets.join("gltf").display().to_string();
     let bench = Bench::new(release_binary()?, "frames", rounds)?;
-    let wanted = |job: &Job| job.name.contains(filter);
+    let setting = Setting { bench: &bench, search: &search, gpu };
+    let device = bench.device(&root().join("tests/bench/frames_knight.rhai"), &search, gpu)?;
+    println!("On {device}.\n");
+    // Half a minute a frame where the CPU draws: only where it is asked for.
+    let gpu_alone = |job: &Job| job.size.is_some() && filter.is_empty();
+    let by_cpu = device.contains("llvmpipe") || device.contains("choreo CPU renderer");
+    let wanted = |job: &Job| job.name.contains(filter) && !(by_cpu && gpu_alone(job));
     let jobs: Vec<Job> = jobs().into_iter().filter(wanted).collect();
     if !jobs.is_empty() {
-        let costs = measure(&jobs, &bench, &search, rounds)?;
-        println!("| scene | frames/s | ms a frame | CPU-ms a frame | asked for |");
-        println!("|---|---|---|---|---|");
+        let costs = measure(&jobs, &setting, rounds)?;
+        println!("| scene | frames/s | ms a frame | CPU-ms a frame | device-ms a frame | asked for |");
+        println!("|---|---|---|---|---|---|");
         for (job, cost) in jobs.iter().zip(costs) {
             let asked = job.asked.map_or(String::new(), |rate| format!("≥ {rate} frames/s"));
             let (wall, cpu) = (cost.wall * 1e3, cost.cpu * 1e3);
-            println!("| {} | {:.1} | {wall:.1} | {cpu:.1} | {asked} |", job.name, 1.0 / cost.wall.max(1e-9));
+            let device =
+                if cost.device.is_nan() { "–".into() } else { format!("{:.2}", cost.device * 1e3) };
+            let rate = 1.0 / cost.wall.max(1e-9);
+            println!("| {} | {rate:.1} | {wall:.1} | {cpu:.1} | {device} | {asked} |", job.name);
         }
         println!();
     }
     // Beside what they are added to.
     let looks: Vec<Job> = looks().into_iter().filter(|job| job.name == "none" || wanted(job)).collect();
     if looks.len() > 1 {
-        let costs = measure(&looks, &bench, &search, rounds)?;
+        let costs = measure(&looks, &setting, rounds)?;
         let none = costs[0];
         println!(
             "| effect on one Knight, 1280×720, 1 sample ({:.1} ms without) | ms more | CPU-ms more |",

@@ -4,7 +4,7 @@
 //! cargo xtask test [--no-install] [FILTER]   install what the tests need, run all of them, count
 //! cargo xtask lint                           formatting and clippy
 //! cargo xtask bench [--quick]                the README's table: CPU seconds, memory, first picture
-//! cargo xtask frames [--quick] [FILTER]      frames a second of scenes, and what each effect costs
+//! cargo xtask frames [--quick] [--gpu NAME] [FILTER]  frames a second of scenes, and what each effect costs
 //! cargo xtask fuzz TARGET [--seconds N]      libFuzzer on a target of tests/fuzz
 //! cargo xtask report [NAME…]                 tests/report: error against run time of the project's own choices
 //! cargo xtask contact [FILTER]               every sample file turning, its first clip playing: sheets to look at
@@ -41,7 +41,7 @@ fn main() -> ExitCode {
         ["strip", script] => strip::of(script),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | strip [SCRIPT]"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | strip [SCRIPT]"
             );
             return ExitCode::from(2);
         }

@@ -273,7 +273,7 @@ mod tests {
     }
 
     fn drawn(stage: &Stage, size: [u32; 2]) -> [Option<Arc<FlatPicture>>; 2] {
-        flats(stage, &stage.at(choreo_motion::Time::ZERO).unwrap(), size)
+        flats(stage, &stage.at(choreo_motion::Time::ZERO).unwrap(), &[], size)
     }
 
     #[test]

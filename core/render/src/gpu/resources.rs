@@ -343,9 +343,8 @@ impl Resources {
             Wrap::ClampToEdge => vk::SamplerAddressMode::CLAMP_TO_EDGE,
         };
         let filter = |linear| if linear { vk::Filter::LINEAR } else { vk::Filter::NEAREST };
-        // Only where levels are mixed: what asks for hard texels gets them.
-        let smooth = s.mag_linear && s.min_linear && s.mip_linear == Some(true);
-        let anisotropy = match smooth && gpu.abilities.has(Ability::SamplerAnisotropy) {
+        let slanted = crate::explain::is_anisotropic(&s);
+        let anisotropy = match slanted && gpu.abilities.has(Ability::SamplerAnisotropy) {
             true => self.anisotropy.clamp(1.0, gpu.limits().max_sampler_anisotropy),
             false => 1.0,
         };
