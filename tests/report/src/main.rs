@@ -47,7 +47,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 20] = [
+const SECTIONS: [(&str, Measure); 21] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),

@@ -184,7 +184,7 @@ fn steps() -> Choice {
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
     choice.choose(
         "4 steps by slopes",
-        "as many samples for every pixel, without a branch; shallow heights show no more",
+        "as many samples for every pixel, without a branch to be masked; even layers are better at steep heights",
     );
     choice
 }
