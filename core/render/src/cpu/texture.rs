@@ -169,7 +169,7 @@ mod tests {
     fn ramp(width: u32, mipmaps: bool) -> Texture {
         let rgba = (0..width).flat_map(|x| [x as u8 * 10, 0, 0, 255]).collect();
         let image = Arc::new(Image { name: String::new(), width, height: 1, rgba });
-        Texture::new(&CatalogTexture { image, srgb: false, mipmaps, hash: [0; 16] })
+        Texture::new(&CatalogTexture { image, srgb: false, mipmaps, hash: [0; 16], streamed: None })
     }
 
     fn red(t: &Texture, s: &Sampler, u: f32) -> f32 {
