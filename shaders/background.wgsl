@@ -23,11 +23,16 @@ fn background_fs(in: BackgroundOut) -> @location(0) vec4<f32> {
 @if(SURFACE)
 // What effects on everything make of it. Twin: core/render/src/cpu/veil.rs.
 fn background_effects(color: vec4<f32>, pixel: vec2<f32>) -> vec4<f32> {
-    // The rows of a perspective matrix without a translation stand at right angles, so that this is its inverse.
+    // The rows of a perspective matrix without a translation stand at right angles, but for what the middle of a part of the
+    // picture lies beside the view's: without that, this is its inverse.
     let rows = transpose(frame.clip_from_relative);
-    let at = pixel / frame.size * 2.0 - 1.0;
-    let x = rows[0].xyz * (at.x / max(dot(rows[0].xyz, rows[0].xyz), 1e-20));
-    let y = rows[1].xyz * (at.y / max(dot(rows[1].xyz, rows[1].xyz), 1e-20));
+    let back = rows[3].xyz;
+    let beyond = vec2(dot(rows[0].xyz, back) + rows[0].w, dot(rows[1].xyz, back) + rows[1].w);
+    let across = rows[0].xyz - back * beyond.x;
+    let down = rows[1].xyz - back * beyond.y;
+    let at = pixel / frame.size * 2.0 - 1.0 - beyond;
+    let x = across * (at.x / max(dot(across, across), 1e-20));
+    let y = down * (at.y / max(dot(down, down), 1e-20));
     let ahead = select(-frame.eye.xyz, rows[3].xyz + x + y, frame.eye.w > 0.5);
     let beside = select(x + y, vec3<f32>(0.0), frame.eye.w > 0.5);
     let way = ahead * inverseSqrt(max(dot(ahead, ahead), 1e-20));

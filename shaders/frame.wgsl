@@ -24,6 +24,11 @@ struct Rows {
     z: vec4<f32>,
 }
 
+// How long the second row of a view's matrix is, without what the middle of a part of the picture lies beside the view's.
+fn tall(rows: mat4x4<f32>) -> f32 {
+    return length(rows[1].xyz - rows[3].xyz * dot(rows[1].xyz, rows[3].xyz));
+}
+
 struct Light {
     // xyz position, w = 1/range² or 0
     position: vec4<f32>,

@@ -213,7 +213,7 @@ fn vs(in: VertexIn) -> VertexOut {
     // An edge lies in its surface, and its line is a pixel wide: nearer by two pixels' sizes it is seen on what slopes by
     // up to two. In clip space that is a share of z where what is far is small, a distance where it is not.
     let rows = transpose(frame.clip_from_relative);
-    let pixel = 2.0 / (frame.size.y * length(rows[1].xyz));
+    let pixel = 2.0 / (frame.size.y * tall(rows));
     out.position.z += 2.0 * pixel * (abs(out.position.z) * length(rows[3].xyz) + length(rows[2].xyz));
     @end
     @if(PLACE) out.relative = relative;

@@ -20,7 +20,7 @@ fn spread(own: vec4<f32>, other: vec4<f32>, corner: vec3<f32>, width: f32) -> ve
     var radius = least * max(width, 1.0);
     if (width < 0.0) {
         let rows = transpose(frame.clip_from_relative);
-        radius = max(0.25 * -width * frame.size.y * length(rows[1].xyz), least);
+        radius = max(0.25 * -width * frame.size.y * tall(rows), least);
     }
     let off = along * corner.x + vec2(-along.y, along.x) * corner.y;
     return own + vec4(off * (2.0 * radius) / frame.size, 0.0, 0.0);

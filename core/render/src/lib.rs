@@ -44,6 +44,7 @@ pub mod shader;
 mod shadows;
 pub mod sky;
 mod textures_fit;
+pub mod tiles;
 pub mod vertex;
 pub mod view;
 pub mod wide;

@@ -83,7 +83,11 @@ pub fn rays(view: &View) -> [Vec3; 3] {
     let turn = |v: Vec3| (relative_from_view * v.extend(0.0)).truncate();
     let m = view.clip_from_view;
     match view.eye.w > 0.5 {
-        true => [turn(Vec3::X / m.x_axis.x), turn(Vec3::Y / m.y_axis.y), turn(Vec3::NEG_Z)],
+        true => {
+            // The middle of a part of a picture lies beside what is straight ahead.
+            let ahead = Vec3::new(m.z_axis.x / m.x_axis.x, m.z_axis.y / m.y_axis.y, -1.0);
+            [turn(Vec3::X / m.x_axis.x), turn(Vec3::Y / m.y_axis.y), turn(ahead)]
+        }
         false => [Vec3::ZERO, Vec3::ZERO, turn(Vec3::NEG_Z)],
     }
 }

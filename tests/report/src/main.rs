@@ -6,6 +6,7 @@
 mod baking;
 mod chains;
 mod crossfade;
+mod detail;
 mod effects;
 mod far_away;
 mod ik;
@@ -65,6 +66,7 @@ const SECTIONS: [(&str, Measure); 21] = [
     ("shadows", shadows::section),
     ("samples", samples::section),
     ("effects", effects::section),
+    ("detail", detail::section),
     ("tones", tones::section),
     ("transparency", transparency::section),
     ("yuv", yuv::section),

@@ -13,11 +13,14 @@ use std::collections::VecDeque;
 impl VulkanRenderer {
     /// In place of handing a plan to the device: one with an exposure needs all slots to itself, and who comes after it waits.
     pub(super) fn waits(&self, plan: &Plan) -> bool {
-        !plan.exposed.is_empty() || !self.later.is_empty()
+        !plan.exposed.is_empty() || self.is_tiled(plan) || !self.later.is_empty()
     }
 
     /// The oldest of the plans that wait. Nothing is in flight.
     pub(super) fn collect_later(&mut self, plan: Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
+        if self.is_tiled(&plan) {
+            return self.collect_tiled(&plan, reuse);
+        }
         if plan.exposed.is_empty() {
             self.submit_now(&plan)?;
             return self.collect_now(reuse);
@@ -66,7 +69,7 @@ impl VulkanRenderer {
     }
 
     /// The bytes of the oldest frame in flight, once it is done.
-    fn finished(&mut self, bytes_a_pixel: usize) -> Result<&[u8], RenderError> {
+    pub(super) fn finished(&mut self, bytes_a_pixel: usize) -> Result<&[u8], RenderError> {
         let index = *self
             .pending
             .front()

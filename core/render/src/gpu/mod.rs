@@ -31,6 +31,7 @@ mod steady;
 mod streams;
 mod targets;
 mod texels;
+mod tiled;
 mod upload;
 
 use crate::record::{Command, RecordOptions, Recording, record, texture_slots};
@@ -98,6 +99,7 @@ pub struct VulkanRenderer {
     notes: Vec<String>,
     most_textures: Option<u32>,
     clock: Option<clock::Clock>,
+    longest_side: u32,
 }
 
 impl VulkanRenderer {
@@ -144,6 +146,7 @@ impl VulkanRenderer {
             notes: Vec::new(),
             most_textures: options.textures,
             clock: None,
+            longest_side: options.longest_side.unwrap_or(u32::MAX).max(1),
             frugal: options.frugal,
         };
         // From here on `drop` cleans up.
@@ -202,7 +205,7 @@ impl VulkanRenderer {
     }
 
     fn check(&self, plan: &Plan) -> Result<(), RenderError> {
-        let limit = self.gpu.limits().max_image_dimension2_d.min(self.gpu.limits().max_framebuffer_width);
+        let limit = self.longest_side().max(crate::tiles::MOST);
         for (what, value) in [("picture width", plan.size[0]), ("picture height", plan.size[1])] {
             if value == 0 {
                 return Err(RenderError::Usage(format!("the {what} is 0")));

@@ -1,0 +1,92 @@
+//! Levels of detail: how far coarser versions may be off in the picture, and what that saves.
+
+use crate::effects::{drawn, row};
+use crate::{BUDGET_SECS, Section};
+use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_motion::Time;
+use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_report::Choice;
+use choreo_script::{ScriptOptions, run_text};
+use std::path::Path;
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [640, 360];
+/// Pixels; 0: as the files say.
+const TOLERANCES: [f32; 6] = [0.0, 0.5, 1.0, 2.0, 4.0, 8.0];
+
+/// Twenty rows of ten walkers that go away from the camera, each a little out of step.
+const CROWD: &str = r##"
+    stage(#{ length: 2.0, background: "#8fa0b0" });
+    let moves = load("choreo:mannequin", #{ color: "amber" });
+    for z in 0..20 {
+        for x in 0..10 {
+            let w = cast("walker " + x + " " + z, moves).at(x - 4.5, 0.0, -1.5 * z);
+            w.play(moves.clip("Walk")).from(-0.07 * (10 * z + x)).loop();
+        }
+    }
+    sun(#{ direction: [-1.0, -1.6, -0.8] });
+    camera("front").fov(40).at(0.0, 3.0, 9.0).look_at([0.0, 0.9, -4.0]);
+"##;
+
+pub fn section() -> Result<Section, String> {
+    Ok(Section {
+        title: "Levels of detail",
+        text: "Of what is on stage sixty-four times and more, small copies are drawn as coarser versions, whose distance to the surface as it is \
+               (Hausdorff's, by samples) is known in metres. A copy is drawn with the coarsest that is off by no more than the tolerance where the \
+               copy is nearest to the camera."
+            .into(),
+        choices: vec![tolerance()?],
+        tables: Vec::new(),
+        off_front: Vec::new(),
+    })
+}
+
+fn tolerance() -> Result<Choice, String> {
+    let mut choice =
+        Choice::new("detail", "How far may a coarser version be off in the picture? (200 walkers)");
+    choice.error_unit = "steps of 255";
+    choice.by_mean = true;
+    choice.reference = "every copy with all of its triangles; mean over all channels of all pixels".into();
+    choice.per = format!("picture of {}×{}, CPU renderer, {}", SIZE[0], SIZE[1], Clock::Process.words());
+    let registry = choreo::registry();
+    let script = run_text("crowd.rhai", CROWD, Path::new("."), &registry, &ScriptOptions::default())
+        .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
+    let stage = Arc::new(script.stage);
+    let catalog = Arc::new(Catalog::new(&stage));
+    let snapshot = stage.at(Time::from_secs(0.4)).map_err(|e| e.to_string())?;
+    let plan = |tolerance: f32| {
+        // The planner's tolerance is one pixel: what is off by less counts as less.
+        let mut scaled = (*catalog).clone();
+        scaled.levels.iter_mut().flatten().for_each(|level| level.error /= tolerance.max(1e-9));
+        let options = PlanOptions { full_detail: tolerance == 0.0, ..PlanOptions::new(SIZE, 4) };
+        Plan::new(&scaled, &stage, &snapshot, &options)
+    };
+    let triangles = |plan: &Plan| {
+        let of = |primitive: u32| catalog.primitives[primitive as usize].primitive().indices.len() / 3;
+        plan.draws.iter().map(|d| of(d.primitive) * d.instance_count as usize).sum::<usize>()
+    };
+    let mut renderer = CpuRenderer::new(&[]);
+    renderer.load(catalog.clone()).map_err(|e| e.to_string())?;
+    let plans: Vec<Plan> = TOLERANCES.iter().map(|t| plan(*t)).collect();
+    let truth = drawn(&mut renderer, &plans[0])?;
+    for (tolerance, plan) in TOLERANCES.iter().zip(&plans) {
+        let name = if *tolerance == 0.0 { "all triangles".into() } else { format!("{tolerance} pixels") };
+        let mut row = row(name, &drawn(&mut renderer, plan)?, &truth)?;
+        row.note = format!("{} triangles, {}", triangles(plan), row.note);
+        choice.rows.push(row);
+    }
+    let cell = std::cell::RefCell::new(renderer);
+    let case = |plan| {
+        let cell = &cell;
+        // Each was drawn above without an error.
+        Case::new(1, move || drop(drawn(&mut *cell.borrow_mut(), plan)))
+    };
+    let nanos =
+        interleaved(Clock::Process, 4.0 * BUDGET_SECS, &mut plans.iter().map(case).collect::<Vec<_>>());
+    for (row, nanos) in choice.rows.iter_mut().zip(nanos) {
+        row.nanos = Some(nanos);
+    }
+    choice
+        .choose("1 pixels", "outlines move by what samples already smooth; beyond, figures lose their shape");
+    Ok(choice)
+}
