@@ -70,7 +70,11 @@ fn tolerance() -> Result<Choice, String> {
     let plans: Vec<Plan> = TOLERANCES.iter().map(|t| plan(*t)).collect();
     let truth = drawn(&mut renderer, &plans[0])?;
     for (tolerance, plan) in TOLERANCES.iter().zip(&plans) {
-        let name = if *tolerance == 0.0 { "all triangles".into() } else { format!("{tolerance} pixels") };
+        let name = match *tolerance {
+            0.0 => "all triangles".into(),
+            1.0 => "1 pixel".into(),
+            more => format!("{more} pixels"),
+        };
         let mut row = row(name, &drawn(&mut renderer, plan)?, &truth)?;
         row.note = format!("{} triangles, {}", triangles(plan), row.note);
         choice.rows.push(row);
@@ -87,6 +91,6 @@ fn tolerance() -> Result<Choice, String> {
         row.nanos = Some(nanos);
     }
     choice
-        .choose("1 pixels", "outlines move by what samples already smooth; beyond, figures lose their shape");
+        .choose("1 pixel", "outlines move by what samples already smooth; beyond, figures lose their shape");
     Ok(choice)
 }
