@@ -160,3 +160,12 @@ fn what_is_wrong_is_marked_until_it_is_mended() {
     desk.run();
     assert_eq!(marked(&desk), (vec![], vec![]));
 }
+
+/// As at twice the scale on a small screen: buttons go into a second line before the ruler goes out of sight.
+#[test]
+fn in_a_narrow_window_the_whole_ruler_is_seen() {
+    let desk = Place::new(SCRIPT).harness(vec2(640.0, 600.0));
+    let ruler = desk.get_by_label("time").rect();
+    assert!(ruler.right() <= 640.0 && ruler.width() > 300.0, "{ruler:?}");
+    assert!(desk.get_by_label("Whole").rect().right() <= 640.0);
+}

@@ -52,7 +52,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
 }
 
 fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
-    ui.horizontal(|ui| {
+    // Else it makes the panel wider than there is room for.
+    ui.horizontal_wrapped(|ui| {
         let playhead = &mut viewer.playhead;
         if ui.button("|◀").on_hover_text("first frame (Home)").clicked() {
             playhead.step(i64::MIN / 2);
