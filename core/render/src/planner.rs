@@ -238,7 +238,8 @@ impl Planner<'_> {
                 let (metres, share) = self.reach(entry, changed, index);
                 let metres = metres + (-width).max(0.0);
                 // Half of it, and no less than half a pixel to each side.
-                let share = share.max((0.5 * width + 1.0) / size[1] as f32);
+                let pen = if wide.is_some() { (0.5 * width + 1.0) / size[1] as f32 } else { 0.0 };
+                let share = share.max(pen);
                 let margin = Vec2::new(share * size[1] as f32 / size[0].max(1) as f32, share) * 2.0;
                 let around = Vec3::splat(metres);
                 let reached = Aabb { min: bounds.min - around, max: bounds.max + around };
