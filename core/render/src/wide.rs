@@ -172,18 +172,18 @@ mod tests {
     use super::*;
     use glam::Vec3Swizzles;
 
-    fn area(w: &Widened, at: impl Fn(usize) -> Vec2) -> f32 {
+    fn area(w: &Widened, at: impl Fn(usize) -> Vec2) -> f64 {
         let corners = |t: &[u32]| [at(t[0] as usize), at(t[1] as usize), at(t[2] as usize)];
         let areas = w.indices.chunks_exact(3).map(corners);
-        areas.map(|[a, b, c]| 0.5 * (b - a).perp_dot(c - a).abs()).sum()
+        areas.map(|[a, b, c]| 0.5 * f64::from((b - a).perp_dot(c - a).abs())).sum()
     }
 
     #[test]
     fn polygons_have_the_areas_of_what_they_stand_for() {
         for (count, error) in [(1, 1e-5), (1001, 1e-5), (20_001, 1e-5)] {
             let disc = points(&vec![0; count], true);
-            let one = area(&disc, |i| disc.corners[i].xy()) / count as f32;
-            assert!((one - std::f32::consts::PI).abs() < error * 3.0, "{count}: {one}");
+            let one = area(&disc, |i| disc.corners[i].xy()) / count as f64;
+            assert!((one - std::f64::consts::PI).abs() < error * 3.0, "{count}: {one}");
         }
         let square = points(&[7], false);
         assert_eq!((area(&square, |i| square.corners[i].xy()), &square.of[..]), (4.0, &[7, 7, 7, 7][..]));
@@ -192,7 +192,7 @@ mod tests {
         let flat = lines(&[0, 1], false);
         assert_eq!(area(&flat, |i| ends(&flat, i)), 20.0);
         let round = lines(&[0, 1], true);
-        let exact = 20.0 + std::f32::consts::PI;
+        let exact = 20.0 + std::f64::consts::PI;
         let got = area(&round, |i| ends(&round, i));
         assert!(got < exact && exact - got < 0.03, "{got} {exact}");
         // One missing end is seen.

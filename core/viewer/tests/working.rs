@@ -88,6 +88,9 @@ fn the_tree_hides_shows_alone_and_locks() {
     );
     assert!(desk.query_by_label("hide ball").is_none());
     assert!(desk.state().viewer.shelf.hidden.is_empty());
+    // A field that has the keyboard asks for no picture of its own: nothing blinks.
+    let delay = desk.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
+    assert!(delay > std::time::Duration::from_secs(60), "{delay:?}");
 }
 
 #[test]

@@ -304,7 +304,9 @@ fn an_hour_beside_the_editor() {
             // A break: nothing is done then.
             let before = person.told.processor_secs();
             std::thread::sleep(Duration::from_secs(20));
-            idle = idle.max((person.told.processor_secs() - before) / 20.0);
+            let now = (person.told.processor_secs() - before) / 20.0;
+            println!("a break: {:.2} % of a core", now * 100.0);
+            idle = idle.max(now);
             // One more save, so that something is told.
             person.save(&format!("{lesson}// {}\n", person.saves));
             let (number, _) = person.told.version(person.version);

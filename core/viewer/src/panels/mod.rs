@@ -76,6 +76,8 @@ pub fn set_colors(context: &egui::Context, light: bool) {
     dark.weak_text_color = Some(egui::Color32::from_gray(140));
     dark.error_fg_color = egui::Color32::from_rgb(0xff, 0x80, 0x70);
     dark.warn_fg_color = egui::Color32::from_rgb(0xf0, 0xb0, 0x50);
+    // A cursor that blinks draws the window twice a second for as long as a field has the keyboard.
+    dark.text_cursor.blink = false;
     context.set_visuals_of(egui::Theme::Dark, dark);
     let mut bright = egui::Visuals::light();
     bright.widgets.noninteractive.fg_stroke.color = egui::Color32::from_gray(50);
@@ -83,6 +85,7 @@ pub fn set_colors(context: &egui::Context, light: bool) {
     bright.weak_text_color = Some(egui::Color32::from_gray(105));
     bright.error_fg_color = egui::Color32::from_rgb(0xb0, 0x20, 0x10);
     bright.warn_fg_color = egui::Color32::from_rgb(0x8a, 0x55, 0x00);
+    bright.text_cursor.blink = false;
     context.set_visuals_of(egui::Theme::Light, bright);
     context.set_theme(if light { egui::Theme::Light } else { egui::Theme::Dark });
 }
