@@ -18,7 +18,11 @@ pub fn section() -> Result<Section, String> {
             .into(),
         choices: vec![steps()],
         tables: Vec::new(),
-        off_front: Vec::new(),
+        off_front: vec![(
+            "parallax",
+            "8 layers and a chord cost the same on this processor and are four times nearer; the slopes' steps read as many samples for every pixel and end \
+             nowhere early, which suits devices that run pixels in step, and on one of those it has not been measured.",
+        )],
     })
 }
 
