@@ -1,13 +1,11 @@
 //! Levels of detail: how far coarser versions may be off in the picture, and what that saves.
 
-use crate::effects::{drawn, row};
+use crate::pictures::{drawn, rows, stage};
 use crate::{BUDGET_SECS, Section};
-use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_measure::timing::Clock;
 use choreo_motion::Time;
 use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
 use choreo_report::Choice;
-use choreo_script::{ScriptOptions, run_text};
-use std::path::Path;
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [640, 360];
@@ -48,10 +46,7 @@ fn tolerance() -> Result<Choice, String> {
     choice.by_mean = true;
     choice.reference = "every copy with all of its triangles; mean over all channels of all pixels".into();
     choice.per = format!("picture of {}×{}, CPU renderer, {}", SIZE[0], SIZE[1], Clock::Process.words());
-    let registry = choreo::registry();
-    let script = run_text("crowd.rhai", CROWD, Path::new("."), &registry, &ScriptOptions::default())
-        .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
-    let stage = Arc::new(script.stage);
+    let stage = stage(CROWD, &choreo::registry())?;
     let catalog = Arc::new(Catalog::new(&stage));
     let snapshot = stage.at(Time::from_secs(0.4)).map_err(|e| e.to_string())?;
     let plan = |tolerance: f32| {
@@ -67,28 +62,16 @@ fn tolerance() -> Result<Choice, String> {
     };
     let mut renderer = CpuRenderer::new(&[]);
     renderer.load(catalog.clone()).map_err(|e| e.to_string())?;
-    let plans: Vec<Plan> = TOLERANCES.iter().map(|t| plan(*t)).collect();
-    let truth = drawn(&mut renderer, &plans[0])?;
-    for (tolerance, plan) in TOLERANCES.iter().zip(&plans) {
-        let name = match *tolerance {
-            0.0 => "all triangles".into(),
-            1.0 => "1 pixel".into(),
-            more => format!("{more} pixels"),
-        };
-        let mut row = row(name, &drawn(&mut renderer, plan)?, &truth)?;
-        row.note = format!("{} triangles, {}", triangles(plan), row.note);
-        choice.rows.push(row);
-    }
-    let cell = std::cell::RefCell::new(renderer);
-    let case = |plan| {
-        let cell = &cell;
-        // Each was drawn above without an error.
-        Case::new(1, move || drop(drawn(&mut *cell.borrow_mut(), plan)))
+    let name = |tolerance: f32| match tolerance {
+        0.0 => "all triangles".into(),
+        1.0 => "1 pixel".into(),
+        more => format!("{more} pixels"),
     };
-    let nanos =
-        interleaved(Clock::Process, 4.0 * BUDGET_SECS, &mut plans.iter().map(case).collect::<Vec<_>>());
-    for (row, nanos) in choice.rows.iter_mut().zip(nanos) {
-        row.nanos = Some(nanos);
+    let ways: Vec<(String, Plan)> = TOLERANCES.iter().map(|t| (name(*t), plan(*t))).collect();
+    let truth = drawn(&mut renderer, &ways[0].1)?;
+    choice.rows = rows(&mut renderer, &ways, &truth, 4.0 * BUDGET_SECS)?;
+    for (row, (_, plan)) in choice.rows.iter_mut().zip(&ways) {
+        row.note = format!("{} triangles, {}", triangles(plan), row.note);
     }
     choice
         .choose("1 pixel", "outlines move by what samples already smooth; beyond, figures lose their shape");

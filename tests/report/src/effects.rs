@@ -1,18 +1,15 @@
 //! Effects: what each costs a frame, how many times make motion blur, and smooth edges with and without samples.
 
+use crate::pictures::{drawn, renderers, rows, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_measure::picture::Moment;
-use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_measure::timing::Clock;
 use choreo_motion::Time;
-use choreo_plugin::{Effect, Exposure, Frame, Hook, Registry};
-use choreo_render::compare::compare;
+use choreo_plugin::{Effect, Exposure, Hook, Registry};
 use choreo_render::exposure::{plan_at, times};
-use choreo_render::flip::flip;
-use choreo_render::{Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
-use choreo_report::{Cell, Choice, Row, Table, duration, quantity};
-use choreo_script::{ScriptOptions, run_text};
+use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_report::{Cell, Choice, Table, duration};
 use choreo_stage::{Evaluator, Stage};
-use std::path::Path;
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [1280, 720];
@@ -20,8 +17,6 @@ const SIZE: [u32; 2] = [1280, 720];
 const SMALL: [u32; 2] = [480, 272];
 /// All effects in turns, so many times.
 const ROUNDS: usize = 5;
-/// Differences beyond this many steps are seen side by side.
-const TOLERANCE: u8 = 8;
 
 pub fn section() -> Result<Section, String> {
     let registry = choreo::registry();
@@ -52,19 +47,8 @@ const SCENE: &str = r##"
     camera("front").fov(30).at(0.6, 1.2, 4.6).look_at([0.0, 0.9, 0.0]);
 "##;
 
-fn stage(effect: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
-    scripted(&format!("{SCENE}{effect}"), registry)
-}
-
-fn scripted(text: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
-    let script = run_text("report.rhai", text, Path::new("."), registry, &ScriptOptions::default())
-        .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
-    Ok(Arc::new(script.stage))
-}
-
-/// The stage of a script that uses no files.
-pub fn run(text: &str) -> Result<Arc<Stage>, String> {
-    scripted(text, &choreo::registry())
+fn with(effect: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
+    stage(&format!("{SCENE}{effect}"), registry)
 }
 
 fn planned(
@@ -78,17 +62,6 @@ fn planned(
     let catalog = Catalog::new(stage);
     let planned = plan_at(&catalog, &mut Evaluator::new(stage.clone()), at, &options, None);
     planned.map(|(_, plan)| plan).map_err(|e| e.to_string())
-}
-
-pub fn drawn(renderer: &mut dyn Renderer, plan: &Plan) -> Result<Frame, String> {
-    renderer.submit(plan.clone()).map_err(|e| e.to_string())?;
-    renderer.collect(None).map_err(|e| e.to_string())
-}
-
-/// One that draws without a GPU, so that its time is CPU time as the twin's.
-fn driver(effects: &[Arc<dyn Effect>]) -> Option<VulkanRenderer> {
-    let options = GpuOptions { effects: effects.to_vec(), ..GpuOptions::default() };
-    VulkanRenderer::new(options).ok()
 }
 
 const EFFECTS: [(&str, &str); 15] = [
@@ -117,8 +90,6 @@ fn costs(registry: &Registry) -> Result<Table, String> {
             return Err(format!("effect {name} is not in the table of costs"));
         }
     }
-    let mut cpu = CpuRenderer::new(effects);
-    let mut vulkan = driver(effects);
     let title = format!(
         "Cost of each effect: one lit walker with a shadow, {}×{}, 1 sample, {}",
         SIZE[0],
@@ -133,7 +104,7 @@ fn costs(registry: &Registry) -> Result<Table, String> {
         (">beyond none", "vulkan_beyond"),
     ];
     let mut table = Table::new(title, &columns);
-    let stages = EFFECTS.iter().map(|(_, text)| stage(text, registry)).collect::<Result<Vec<_>, _>>()?;
+    let stages = EFFECTS.iter().map(|(_, text)| with(text, registry)).collect::<Result<Vec<_>, _>>()?;
     // All stages have the same assets.
     let catalog = Arc::new(Catalog::new(&stages[0]));
     let plans: Result<Vec<_>, _> = stages.iter().map(|s| planned(s, effects, SIZE, 1)).collect();
@@ -154,12 +125,11 @@ fn costs(registry: &Registry) -> Result<Table, String> {
         }
         Ok(times.into_iter().map(median).collect())
     };
-    let own = time(&mut cpu)?;
-    let theirs = vulkan.as_mut().map(|v| time(v)).transpose()?;
+    let nanos = renderers(registry).iter_mut().map(|(_, r)| time(&mut **r)).collect::<Result<Vec<_>, _>>()?;
     for (i, (name, _)) in EFFECTS.iter().enumerate() {
         let mut row = vec![Cell::text(*name)];
-        for nanos in [Some(&own), theirs.as_ref()] {
-            let Some(nanos) = nanos else {
+        for renderer in 0..2 {
+            let Some(nanos) = nanos.get(renderer) else {
                 row.extend([Cell::empty(), Cell::empty()]);
                 continue;
             };
@@ -181,22 +151,6 @@ fn median(mut of: Vec<f64>) -> f64 {
     of[of.len() / 2]
 }
 
-/// Error of a picture against the truth, seen (ꟻLIP) too.
-pub fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
-    let c = compare(frame, truth, TOLERANCE).map_err(|e| e.to_string())?;
-    let seen = flip(frame, truth).map_err(|e| e.to_string())?;
-    let note = format!(
-        "{:.2} % of pixels beyond {TOLERANCE}, ꟻLIP mean {}, worst {}",
-        c.share_beyond * 100.0,
-        quantity(seen.mean),
-        quantity(seen.worst)
-    );
-    Ok(Row::new(name)
-        .error(f64::from(c.worst), c.mean)
-        .at(format!("pixel {}, {}", c.worst_at[0], c.worst_at[1]))
-        .note(note))
-}
-
 fn blur(registry: &Registry) -> Result<Choice, String> {
     let effects = registry.effects();
     let mut choice =
@@ -205,7 +159,7 @@ fn blur(registry: &Registry) -> Result<Choice, String> {
     choice.by_mean = true;
     choice.reference = "512 times; mean over all channels of all pixels".into();
     choice.per = format!("picture of {}×{}, {}", SMALL[0], SMALL[1], Clock::Process.words());
-    let plain = stage("", registry)?;
+    let plain = with("", registry)?;
     let (catalog, at) = (Arc::new(Catalog::new(&plain)), Time::from_secs(0.4));
     let options = PlanOptions { effects, ..PlanOptions::new(SMALL, 4) };
     let one = |time| {
@@ -225,22 +179,9 @@ fn blur(registry: &Registry) -> Result<Choice, String> {
     renderer.load(catalog.clone()).map_err(|e| e.to_string())?;
     let truth = drawn(&mut renderer, &plan(512)?)?;
     let counts = [1, 2, 4, 8, 16, 32, 64];
-    let plans = counts.iter().map(|n| plan(*n)).collect::<Result<Vec<_>, _>>()?;
-    for (count, plan) in counts.iter().zip(&plans) {
-        let name = if *count == 1 { "none".to_string() } else { format!("{count} times") };
-        choice.rows.push(row(name, &drawn(&mut renderer, plan)?, &truth)?);
-    }
-    let cell = std::cell::RefCell::new(renderer);
-    let case = |plan| {
-        let cell = &cell;
-        // Each was drawn above without an error.
-        Case::new(1, move || drop(drawn(&mut *cell.borrow_mut(), plan)))
-    };
-    let nanos =
-        interleaved(Clock::Process, 4.0 * BUDGET_SECS, &mut plans.iter().map(case).collect::<Vec<_>>());
-    for (row, nanos) in choice.rows.iter_mut().zip(nanos) {
-        row.nanos = Some(nanos);
-    }
+    let name = |count| if count == 1 { "none".to_string() } else { format!("{count} times") };
+    let ways = counts.iter().map(|n| Ok((name(*n), plan(*n)?))).collect::<Result<Vec<_>, String>>()?;
+    choice.rows = rows(&mut renderer, &ways, &truth, 4.0 * BUDGET_SECS)?;
     choice.choose("16 times", "steps of a limb that crosses sixteen pixels are as wide as a pixel");
     Ok(choice)
 }
@@ -253,10 +194,10 @@ fn edges(registry: &Registry) -> Result<Choice, String> {
     choice.reference = "64 samples a pixel, textures included; mean over all channels of all pixels".into();
     choice.per = format!("picture of {}×{}, {}", SMALL[0], SMALL[1], Clock::Process.words());
     let at = Time::from_secs(0.4);
-    let plain = stage("", registry)?;
+    let plain = with("", registry)?;
     let moment = Moment::new(&plain, at, effects).map_err(|e| e.to_string())?;
     let truth = moment.supersampled(SMALL).map_err(|e| e.to_string())?;
-    let smooth = stage("effect(\"fxaa\");", registry)?;
+    let smooth = with("effect(\"fxaa\");", registry)?;
     let mut renderer = CpuRenderer::new(effects);
     renderer.load(moment.catalog.clone()).map_err(|e| e.to_string())?;
     let ways = [
@@ -265,22 +206,11 @@ fn edges(registry: &Registry) -> Result<Choice, String> {
         ("4 samples", &plain, 4),
         ("4 samples, FXAA", &smooth, 4),
     ];
-    let mut plans = Vec::new();
-    for (name, stage, samples) in ways {
-        let plan = planned(stage, effects, SMALL, samples)?;
-        choice.rows.push(row(name.into(), &drawn(&mut renderer, &plan)?, &truth)?);
-        plans.push(plan);
-    }
-    let cell = std::cell::RefCell::new(renderer);
-    let case = |plan| {
-        let cell = &cell;
-        Case::new(1, move || drop(drawn(&mut *cell.borrow_mut(), plan)))
-    };
-    let nanos =
-        interleaved(Clock::Process, 3.0 * BUDGET_SECS, &mut plans.iter().map(case).collect::<Vec<_>>());
-    for (row, nanos) in choice.rows.iter_mut().zip(nanos) {
-        row.nanos = Some(nanos);
-    }
+    let planned = ways
+        .iter()
+        .map(|(name, stage, samples)| Ok((name.to_string(), planned(stage, effects, SMALL, *samples)?)))
+        .collect::<Result<Vec<_>, String>>()?;
+    choice.rows = rows(&mut renderer, &planned, &truth, 3.0 * BUDGET_SECS)?;
     choice.choose("4 samples", "the default: edges as they are, and nothing else touched");
     Ok(choice)
 }

@@ -13,6 +13,7 @@ mod ik;
 mod mipmaps;
 mod packing;
 mod parallax;
+mod pictures;
 mod rays;
 mod reduction;
 mod rotation;

@@ -1,5 +1,6 @@
 //! Shadow maps: how fine, and what filter, against rays.
 
+use crate::pictures::{renderers, stage};
 use crate::rays::{Hit, Shapes};
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_measure::picture::Moment;
@@ -8,15 +9,12 @@ use choreo_measure::truth::Spread;
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Registry};
 use choreo_render::mip::{linear_to_srgb8, srgb_to_linear_table};
-use choreo_render::{CpuRenderer, GpuOptions, Renderer, VulkanRenderer};
+use choreo_render::{CpuRenderer, Renderer};
 use choreo_report::{Choice, Row};
-use choreo_script::{ScriptOptions, run_text};
-use choreo_stage::{Projection, Stage};
+use choreo_stage::Projection;
 use glam::{DVec2, DVec3};
 use std::cell::RefCell;
 use std::hint::black_box;
-use std::path::Path;
-use std::sync::Arc;
 
 const SIZE: [u32; 2] = [640, 360];
 /// Metres from dark to light: the default.
@@ -41,7 +39,7 @@ pub fn section() -> Result<Section, String> {
 }
 
 /// With what the sun says of its shadow, and how bright it is.
-fn stage(shadow: &str, intensity: f64, registry: &Registry) -> Result<Arc<Stage>, String> {
+fn moment(shadow: &str, intensity: f64, registry: &Registry) -> Result<Moment, String> {
     let text = format!(
         r##"
         stage(#{{ length: 1.0, background: "#8aa0b8" }});
@@ -55,13 +53,7 @@ fn stage(shadow: &str, intensity: f64, registry: &Registry) -> Result<Arc<Stage>
         camera("front").fov(34).at(0.6, 2.2, 4.8).look_at([0.1, 0.35, 0.3]);
         "##
     );
-    let script = run_text("shadows.rhai", &text, Path::new("."), registry, &ScriptOptions::default())
-        .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
-    Ok(Arc::new(script.stage))
-}
-
-fn moment(shadow: &str, intensity: f64, registry: &Registry) -> Result<Moment, String> {
-    let stage = stage(shadow, intensity, registry)?;
+    let stage = stage(&text, registry)?;
     Moment::new(&stage, Time::ZERO, registry.effects()).map_err(|e| e.to_string())
 }
 
@@ -176,12 +168,7 @@ fn sizes() -> Result<Choice, String> {
         );
         moments.push(moment);
     }
-    let options = GpuOptions { effects: registry.effects().to_vec(), ..GpuOptions::default() };
-    let vulkan = VulkanRenderer::new(options).ok();
-    let (renderer, name): (Box<dyn Renderer>, _) = match vulkan {
-        Some(vulkan) => (Box::new(vulkan), "Vulkan"),
-        None => (Box::new(cpu), "the CPU renderer"),
-    };
+    let Some((name, renderer)) = renderers(&registry).pop() else { return Err("no renderer".into()) };
     choice.per = format!("picture by {name}, {}", Clock::Process.words());
     let renderer = RefCell::new(renderer);
     let mut cases = Vec::new();

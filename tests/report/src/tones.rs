@@ -1,5 +1,6 @@
 //! Tone mapping: curves fitted to the transforms of ACES and AgX, against those transforms in f64.
 
+use crate::pictures::srgb;
 use crate::{BUDGET_SECS, Section};
 use choreo_measure::timing::{Case, Clock, interleaved};
 use choreo_measure::truth::Spread;
@@ -51,8 +52,7 @@ fn lights() -> Vec<(String, Vec3)> {
 
 /// sRGB code of 0 to 255.
 fn code(linear: f64) -> f64 {
-    let v = linear.clamp(0.0, 1.0);
-    255.0 * if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * libm::pow(v, 1.0 / 2.4) - 0.055 }
+    255.0 * srgb(linear.clamp(0.0, 1.0))
 }
 
 /// Rows for ways to do one transform, their errors in codes, and what a pixel of each costs.

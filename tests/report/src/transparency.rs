@@ -1,15 +1,14 @@
 //! Edges that a texture cuts, and what is seen through: by discard and by coverage, sorted and told apart pixel by pixel.
 
-use crate::effects::{drawn, row, run};
+use crate::pictures::{renderers, rows, srgb, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_measure::picture::Moment;
-use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_measure::timing::Clock;
 use choreo_motion::Time;
 use choreo_plugin::Frame;
-use choreo_render::{Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
-use choreo_report::{Choice, Row};
+use choreo_render::{Catalog, Plan, PlanOptions};
+use choreo_report::Choice;
 use choreo_stage::{Cutouts, Stage, Transparency};
-use std::cell::RefCell;
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [480, 272];
@@ -31,42 +30,20 @@ pub fn section() -> Result<Section, String> {
 /// Rows of pictures of one scene, each against the truth, and their times, in turns.
 fn measured(
     choice: &mut Choice,
-    renderers: &mut [(&str, Box<dyn Renderer>)],
     catalog: &Arc<Catalog>,
     ways: &[(&str, Plan)],
     truth: &Frame,
 ) -> Result<(), String> {
-    for (renderer_name, renderer) in renderers {
+    for (renderer_name, mut renderer) in renderers(&choreo::registry()) {
         renderer.load(catalog.clone()).map_err(|e| e.to_string())?;
-        let mut rows: Vec<Row> = Vec::new();
-        for (name, plan) in ways {
-            rows.push(row(format!("{name}, {renderer_name}"), &drawn(&mut **renderer, plan)?, truth)?);
-        }
-        let cell = RefCell::new(renderer);
-        let case = |(_, plan): &(&str, Plan)| {
-            let (cell, plan) = (&cell, plan.clone());
-            // Each was drawn above without an error.
-            Case::new(1, move || drop(drawn(&mut ***cell.borrow_mut(), &plan)))
-        };
-        let mut cases: Vec<Case> = ways.iter().map(case).collect();
-        let nanos = interleaved(Clock::Process, 2.0 * BUDGET_SECS, &mut cases);
-        for (row, nanos) in rows.iter_mut().zip(nanos) {
-            row.nanos = Some(nanos);
-        }
-        choice.rows.extend(rows);
+        let named = |(name, plan): &(&str, Plan)| (format!("{name}, {renderer_name}"), plan.clone());
+        let ways: Vec<(String, Plan)> = ways.iter().map(named).collect();
+        choice.rows.extend(rows(&mut *renderer, &ways, truth, 2.0 * BUDGET_SECS)?);
     }
     choice.error_unit = "steps of 255";
     choice.by_mean = true;
     choice.per = format!("picture of {}×{}, {}", SIZE[0], SIZE[1], Clock::Process.words());
     Ok(())
-}
-
-fn renderers() -> Vec<(&'static str, Box<dyn Renderer>)> {
-    let mut all: Vec<(&str, Box<dyn Renderer>)> = vec![("CPU renderer", Box::new(CpuRenderer::new(&[])))];
-    if let Ok(vulkan) = VulkanRenderer::new(GpuOptions::default()) {
-        all.push(("Vulkan", Box::new(vulkan)));
-    }
-    all
 }
 
 /// The same stage, otherwise seen through or cut out.
@@ -108,7 +85,7 @@ fn cutouts() -> Result<Choice, String> {
     let mut choice = Choice::new(key, "Which samples of a pixel does a cut-out keep? (60 leaves)");
     choice.reference =
         "64 samples a pixel, textures and cut included; mean over all channels of all pixels".into();
-    let stage = run(LEAVES)?;
+    let stage = stage(LEAVES, &choreo::registry())?;
     let hard = with(&stage, Cutouts::Hard, Transparency::Auto);
     let moment = Moment::new(&hard, Time::ZERO, &[]).map_err(|e| e.to_string())?;
     let truth = moment.supersampled(SIZE).map_err(|e| e.to_string())?;
@@ -118,7 +95,7 @@ fn cutouts() -> Result<Choice, String> {
         ("4 samples, discard", plan(&hard, &catalog, 4)?),
         ("4 samples, coverage", plan(&stage, &catalog, 4)?),
     ];
-    measured(&mut choice, &mut renderers(), &catalog, &ways, &truth)?;
+    measured(&mut choice, &catalog, &ways, &truth)?;
     choice.choose(
         "4 samples, coverage, Vulkan",
         "where there are several samples a pixel; discard where the device cannot set alpha to one",
@@ -155,7 +132,7 @@ fn panes() -> Result<Choice, String> {
     text += &format!(
         "camera(\"front\").fov({fov:?}).at(0.0, {eye:?}, {distance:?}).look_at([0.0, {eye:?}, 0.0]);\n"
     );
-    let stage = run(&text)?;
+    let stage = stage(&text, &choreo::registry())?;
     let catalog = Arc::new(Catalog::new(&stage));
     let of = |how| plan(&with(&stage, Cutouts::Smooth, how), &catalog, 4);
     let mut fewer = of(Transparency::Independent)?;
@@ -167,17 +144,12 @@ fn panes() -> Result<Choice, String> {
         ("2 layers, the rest sorted", fewer),
         ("independent", of(Transparency::Independent)?),
     ];
-    measured(&mut choice, &mut renderers(), &catalog, &ways, &exact())?;
+    measured(&mut choice, &catalog, &ways, &exact())?;
     choice.choose(
         "independent, Vulkan",
         "where boxes cross or stand in the wrong order; sorted everywhere else",
     );
     Ok(choice)
-}
-
-/// IEC 61966-2-1.
-fn srgb(linear: f64) -> f64 {
-    if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 }
 }
 
 fn exact() -> Frame {

@@ -1,0 +1,88 @@
+//! What sections over pictures share: stages of a script's text, pictures of plans, their errors and their times.
+
+use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_plugin::{Frame, Registry};
+use choreo_render::compare::compare;
+use choreo_render::flip::flip;
+use choreo_render::{CpuRenderer, GpuOptions, Plan, Renderer, VulkanRenderer};
+use choreo_report::{Row, quantity};
+use choreo_script::{ScriptOptions, run_text};
+use choreo_stage::Stage;
+use std::cell::RefCell;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Differences beyond this many steps are seen side by side.
+const TOLERANCE: u8 = 8;
+
+/// The stage of a script that uses no files.
+pub fn stage(text: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
+    let script = run_text("report.rhai", text, Path::new("."), registry, &ScriptOptions::default())
+        .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
+    Ok(Arc::new(script.stage))
+}
+
+pub fn drawn(renderer: &mut dyn Renderer, plan: &Plan) -> Result<Frame, String> {
+    renderer.submit(plan.clone()).map_err(|e| e.to_string())?;
+    renderer.collect(None).map_err(|e| e.to_string())
+}
+
+/// The CPU renderer, and a driver where there is one.
+pub fn renderers(registry: &Registry) -> Vec<(&'static str, Box<dyn Renderer>)> {
+    let effects = registry.effects();
+    let mut all: Vec<(&str, Box<dyn Renderer>)> = vec![("CPU renderer", Box::new(CpuRenderer::new(effects)))];
+    let options = GpuOptions { effects: effects.to_vec(), ..GpuOptions::default() };
+    if let Ok(vulkan) = VulkanRenderer::new(options) {
+        all.push(("Vulkan", Box::new(vulkan)));
+    }
+    all
+}
+
+/// Error of a picture against the truth, seen (ꟻLIP) too.
+pub fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
+    let c = compare(frame, truth, TOLERANCE).map_err(|e| e.to_string())?;
+    let seen = flip(frame, truth).map_err(|e| e.to_string())?;
+    let note = format!(
+        "{:.2} % of pixels beyond {TOLERANCE}, ꟻLIP mean {}, worst {}",
+        c.share_beyond * 100.0,
+        quantity(seen.mean),
+        quantity(seen.worst)
+    );
+    Ok(Row::new(name)
+        .error(f64::from(c.worst), c.mean)
+        .at(format!("pixel {}, {}", c.worst_at[0], c.worst_at[1]))
+        .note(note))
+}
+
+/// A row for each of these pictures of one scene, with what it costs when all are drawn in turns. The scene is loaded.
+pub fn rows(
+    renderer: &mut dyn Renderer,
+    ways: &[(String, Plan)],
+    truth: &Frame,
+    secs: f64,
+) -> Result<Vec<Row>, String> {
+    let mut rows = Vec::new();
+    for (name, plan) in ways {
+        rows.push(row(name.clone(), &drawn(renderer, plan)?, truth)?);
+    }
+    let plans: Vec<&Plan> = ways.iter().map(|(_, plan)| plan).collect();
+    for (row, nanos) in rows.iter_mut().zip(times(renderer, &plans, secs)) {
+        row.nanos = Some(nanos);
+    }
+    Ok(rows)
+}
+
+/// Nanoseconds of the whole process for each of these, drawn in turns for so many seconds. All can be drawn.
+pub fn times(renderer: &mut dyn Renderer, plans: &[&Plan], secs: f64) -> Vec<f64> {
+    let cell = RefCell::new(renderer);
+    let case = |plan: &&Plan| {
+        let (cell, plan) = (&cell, (*plan).clone());
+        Case::new(1, move || drop(drawn(&mut **cell.borrow_mut(), &plan)))
+    };
+    interleaved(Clock::Process, secs, &mut plans.iter().map(case).collect::<Vec<_>>())
+}
+
+/// IEC 61966-2-1, of linear light from 0 to 1.
+pub fn srgb(linear: f64) -> f64 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 }
+}
