@@ -76,6 +76,8 @@ pub struct Watch {
     to: Sender<Signal>,
     interest: Interest,
     watched: BTreeSet<PathBuf>,
+    /// Every folder that leads to something of interest: what happens to other names beside them is passed over, however much it is.
+    ways: BTreeSet<PathBuf>,
     /// Touched when a wait ended, and not yet looked at.
     pending: Candidates,
 }
@@ -94,7 +96,8 @@ impl Watch {
             let _ = events.send(signal);
         })?;
         let (interest, pending) = (Interest::default(), Candidates::default());
-        Ok(Watch { watcher, signals, to, interest, watched: BTreeSet::new(), pending })
+        let (watched, ways) = (BTreeSet::new(), BTreeSet::new());
+        Ok(Watch { watcher, signals, to, interest, watched, ways, pending })
     }
 
     pub fn waker(&self) -> Waker {
@@ -124,6 +127,7 @@ impl Watch {
 
     /// From now on a file has changed where it is other than this.
     pub fn knows(&mut self, path: PathBuf, content: Option<[u8; 32]>) {
+        self.ways.extend(path.ancestors().skip(1).map(Path::to_path_buf));
         self.interest.files.insert(path, content);
     }
 
@@ -201,10 +205,6 @@ impl Watch {
             if self.is_of_interest(path) {
                 touched.insert(path.clone());
             }
-            // A folder on the way to files of interest has come, gone or been put in another's place.
-            let below: Vec<PathBuf> =
-                self.all().into_iter().filter(|f| f != path && f.starts_with(path)).collect();
-            let in_folder = self.interest.folders.iter().any(|(folder, _)| folder.starts_with(path));
             let in_tree = self.interest.trees.iter().any(|(root, _)| path.starts_with(root));
             if in_tree && !is_passed_over(path) && path.is_dir() {
                 self.grow();
@@ -212,7 +212,10 @@ impl Watch {
                 // What came with it.
                 touched.extend(self.in_folders().into_iter().filter(|file| file.starts_with(path)));
             }
-            if !below.is_empty() || in_folder {
+            // A folder on the way to what is of interest has come, gone or been put in another's place.
+            if self.ways.contains(path) {
+                let below = self.all().into_iter().filter(|f| f != path && f.starts_with(path));
+                let below: Vec<PathBuf> = below.collect();
                 let gone: Vec<PathBuf> =
                     self.watched.iter().filter(|w| w.starts_with(path)).cloned().collect();
                 for folder in gone {
@@ -265,6 +268,8 @@ impl Watch {
     fn arrange(&mut self) -> Vec<PathBuf> {
         let folders = self.interest.files.keys().filter_map(|f| f.parent());
         let folders = folders.chain(self.interest.folders.iter().map(|(folder, _)| folder.as_path()));
+        let folders: BTreeSet<&Path> = folders.collect();
+        self.ways = folders.iter().flat_map(|f| f.ancestors()).map(Path::to_path_buf).collect();
         let mut wanted = BTreeSet::new();
         for folder in folders {
             let Some(there) = folder.ancestors().find(|f| f.is_dir()) else { continue };
@@ -291,8 +296,11 @@ impl Watch {
 }
 
 fn is_in(path: &Path, (folder, ending): &(PathBuf, String)) -> bool {
-    let name = path.file_name().map(|n| n.to_string_lossy());
-    path.parent() == Some(folder) && name.is_some_and(|n| n.ends_with(ending.as_str()) && !n.starts_with('.'))
+    let is_named = |name: &std::ffi::OsStr| {
+        let name = name.to_string_lossy();
+        name.ends_with(ending.as_str()) && !name.starts_with('.')
+    };
+    path.parent() == Some(folder) && path.file_name().is_some_and(is_named)
 }
 
 fn is_passed_over(folder: &Path) -> bool {

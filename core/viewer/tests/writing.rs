@@ -1,6 +1,6 @@
 //! Somebody writes `scripts/02_layers.rhai` with the viewer beside the editor: line by line from an empty file, with mistakes made and
-//! mended, saved in the three ways of editors; looks around between, drags a bar, takes it back, does it again. Once as fast as it
-//! goes; at a person's pace, with breaks, for as long as asked for:
+//! mended, saved in the three ways of editors; looks around between, drags a bar, a clip of the inspector, the actor itself, takes it
+//! back, does it again. Once as fast as it goes; at a person's pace, with breaks, for as long as asked for:
 //! `CHOREO_MINUTES=60 cargo test -p choreo -p choreo-viewer --test writing -- --ignored --nocapture`.
 
 #![cfg(target_os = "linux")]
@@ -18,8 +18,14 @@ use std::time::{Duration, Instant};
 /// In the sequencer: the playhead, and the bar of the second clip (`Run`).
 const PLAYHEAD: [u8; 3] = [0xff, 0x6a, 0x3d];
 const SECOND: [u8; 3] = [0x00, 0x8a, 0x66];
-/// Where the panels lie at first, in a window of 1280 × 860.
+/// The gizmo's arrow along x, and its ring about y.
+const ALONG_X: [u8; 3] = [0xe0, 0x55, 0x4d];
+const ABOUT_Y: [u8; 3] = [0x6a, 0xb0, 0x3f];
+/// Buttons of the inspector.
+const BUTTON: [u8; 3] = [60; 3];
+/// Where the panels lie at first, in a window of 1280 × 860; left in the inspector, the buttons of clips alone.
 const SEQUENCER: [usize; 2] = [600, 860];
+const CLIPS: [usize; 3] = [949, 325, 560];
 const PICTURE: [usize; 4] = [200, 110, 900, 540];
 
 struct Person<'a> {
@@ -188,27 +194,37 @@ impl Person<'_> {
         assert_eq!(self.text(), lesson);
     }
 
-    /// The end of the second clip is dragged: one number of the script changes; back, again, and back.
-    fn drag_a_bar(&mut self, lesson: &str) {
-        self.keys(&["Escape", "ctrl+2", "Home"]);
-        // A drag of what is not shown yet is refused; one save can be seen as two.
+    /// Before something is dragged.
+    fn at_ease(&mut self) {
+        self.keys(&["Escape", "ctrl+2", "ctrl+4", "g", "Home"]);
+        self.settle();
+    }
+
+    /// A drag of what is not shown yet is refused; one save can be seen as two.
+    fn settle(&mut self) {
         self.told.settled(Duration::from_millis(400), Duration::from_secs(60)).expect("it comes to rest");
-        let (_, right, y) = until("the bar", || self.screen.shot(self.window).bar(SECOND, SEQUENCER));
-        let by = 20 + self.chance.next(60) as usize;
-        self.drag((right + 1, y), (right + by, y));
+    }
+
+    fn kims_bar(&self) -> (usize, usize, usize) {
+        until("the bar", || self.screen.shot(self.window).bar(SECOND, SEQUENCER))
+    }
+
+    /// The lines of the script that a drag has changed, as they were and as they are, or come.
+    fn changed(&mut self, lesson: &str) -> (String, Vec<String>) {
         let changed = until("the change", || {
             // It says why not, where it was refused.
             self.screen.save(self.window, "dragged.png");
             Some(self.text()).filter(|t| t != lesson)
         });
-        let other: Vec<_> = lesson.lines().zip(changed.lines()).filter(|(a, b)| a != b).collect();
-        let [(_, line)] = other[..] else { panic!("{changed}") };
-        assert!(
-            line.contains("\"Run\"") && line.contains(".until(") && !line.contains("until(4.0)"),
-            "{line}"
-        );
+        let come = changed.lines().filter(|line| !lesson.lines().any(|l| l == *line)).map(str::to_string);
+        let come: Vec<_> = come.collect();
+        (changed, come)
+    }
+
+    /// Taken back, made again, and taken back.
+    fn take_back(&mut self, lesson: &str, changed: &str) {
         self.taken(true);
-        for (key, wanted) in [("ctrl+z", lesson), ("ctrl+y", &changed), ("ctrl+z", lesson)] {
+        for (key, wanted) in [("ctrl+z", lesson), ("ctrl+y", changed), ("ctrl+z", lesson)] {
             self.breathe();
             self.keys(&[key]);
             until(key, || (self.text() == wanted).then_some(()));
@@ -216,12 +232,89 @@ impl Person<'_> {
         }
     }
 
+    /// The end of the second clip is dragged: one number of the script changes; back, again, and back.
+    fn drag_a_bar(&mut self, lesson: &str) {
+        self.at_ease();
+        let (_, right, y) = self.kims_bar();
+        let by = 20 + self.chance.next(60) as usize;
+        self.drag((right + 1, y), (right + by, y));
+        let (changed, come) = self.changed(lesson);
+        let [line] = &come[..] else { panic!("{changed}") };
+        assert!(
+            line.contains("\"Run\"") && line.contains(".until(") && !line.contains("until(4.0)"),
+            "{line}"
+        );
+        assert_eq!(changed.lines().count(), lesson.lines().count(), "{changed}");
+        self.take_back(lesson, &changed);
+    }
+
+    /// A click on the row selects the actor: the inspector has its clips, the viewport its gizmo.
+    fn select(&mut self) {
+        self.at_ease();
+        let y = self.kims_bar().2.to_string();
+        self.screen.xdotool(&["mousemove", "--window", self.window, "60", &y, "sleep", "0.1", "click", "1"]);
+        self.actions += 1;
+        until("the gizmo", || self.in_picture(ALONG_X).last().copied());
+        self.settle();
+    }
+
+    /// Where the picture has a color, from left to right.
+    fn in_picture(&self, color: [u8; 3]) -> Vec<(usize, usize)> {
+        let shot = self.screen.shot(self.window);
+        let [left, top, right, bottom] = PICTURE;
+        let all = (left..right).flat_map(|x| (top..bottom).map(move |y| (x, y)));
+        all.filter(|(x, y)| shot.is(*x, *y, color)).collect()
+    }
+
+    /// One of the actor's clips is let go over its row: a line comes.
+    fn drag_a_clip(&mut self, lesson: &str) {
+        self.select();
+        let shot = self.screen.shot(self.window);
+        let [x, top, bottom] = CLIPS;
+        let begins = |y: &usize| shot.is(x, *y, BUTTON) && !shot.is(x, *y - 1, BUTTON);
+        let clips: Vec<usize> = (top..bottom).filter(begins).collect();
+        assert!(clips.len() > 4, "{clips:?}");
+        let clip = clips[self.chance.next(clips.len() as u64) as usize];
+        let to = 300 + self.chance.next(800) as usize;
+        self.drag((x + 35, clip + 6), (to, self.kims_bar().2));
+        let (changed, come) = self.changed(lesson);
+        let [line] = &come[..] else { panic!("{changed}") };
+        assert!(
+            line.starts_with("kim.play(moves.clip(\"") && line.contains("#{ fade: 0.3 }).from("),
+            "{line}"
+        );
+        assert_eq!(changed.replacen(&format!("{line}\n"), "", 1), lesson);
+        self.take_back(lesson, &changed);
+    }
+
+    /// The actor is moved along x, or turned about y: its first key changes, or its angle.
+    fn drag_the_actor(&mut self, lesson: &str, turn: bool) {
+        self.select();
+        let by = 15 + self.chance.next(30) as usize;
+        if turn {
+            self.keys(&["r"]);
+            let left = until("the ring", || self.in_picture(ABOUT_Y).first().copied());
+            self.drag((left.0 + 1, left.1), (left.0 + 6, left.1 + by));
+        } else {
+            let tip = until("the arrow", || self.in_picture(ALONG_X).last().copied());
+            self.drag((tip.0 - 8, tip.1), (tip.0 - 8 + by, tip.1));
+        }
+        let (changed, come) = self.changed(lesson);
+        let [line] = &come[..] else { panic!("{changed}") };
+        let keys = ", [-4.0, 0.0, 0.0]], [2.0, [-1.6, 0.0, 0.0]], [4.0, [3.8, 0.0, 0.0]]]);";
+        let (turned, moved) = (!line.starts_with("kim.turn(90.0)."), !line.ends_with(keys));
+        assert!(line.starts_with("kim.turn(") && (turned, moved) == (turn, !turn), "{line}");
+        assert_eq!(changed.lines().count(), lesson.lines().count(), "{changed}");
+        self.take_back(lesson, &changed);
+    }
+
     /// All as at first; what is seen then.
     fn rest(&mut self) -> Shot {
-        self.keys(&["Escape", "ctrl+0", "ctrl+1", "ctrl+2", "ctrl+4", "Home"]);
+        self.keys(&["Escape", "ctrl+0", "ctrl+1", "ctrl+2", "ctrl+4", "g", "Home"]);
         // Nothing is under the mouse.
         self.screen.xdotool(&["mousemove", "--window", self.window, "1270", "850"]);
-        self.told.settled(Duration::from_millis(700), Duration::from_secs(60)).expect("it comes to rest");
+        // On a busy machine a picture can take a second.
+        self.told.settled(Duration::from_secs(2), Duration::from_secs(90)).expect("it comes to rest");
         let shot = self.screen.shot(self.window);
         let [left, top, right, bottom] = PICTURE;
         let rows =
@@ -271,6 +364,9 @@ fn a_lesson_is_written_from_an_empty_file() {
     at_the_desk(7, 0.0, |person, lesson| {
         person.write(lesson);
         person.drag_a_bar(lesson);
+        person.drag_a_clip(lesson);
+        person.drag_the_actor(lesson, false);
+        person.drag_the_actor(lesson, true);
         let first = person.rest();
         // Shown able to tell: another frame is another picture.
         person.keys(&["End"]);
@@ -295,17 +391,25 @@ fn an_hour_beside_the_editor() {
             person.save("// Once more, from nothing.\n");
             person.taken(true);
             person.write(lesson);
-            for _ in 0..3 {
-                person.drag_a_bar(lesson);
+            for deed in 0..4 {
+                match deed {
+                    0 => person.drag_a_bar(lesson),
+                    1 => person.drag_a_clip(lesson),
+                    deed => person.drag_the_actor(lesson, deed == 2),
+                }
                 person.look_around();
             }
             let seen = person.rest();
             assert!(*first.get_or_insert_with(|| seen.clone()) == seen, "the same script, the same picture");
             // A break: nothing is done then.
-            let before = person.told.processor_secs();
+            let (before, of_threads) = (person.told.processor_secs(), person.told.threads());
             std::thread::sleep(Duration::from_secs(20));
             let now = (person.told.processor_secs() - before) / 20.0;
             println!("a break: {:.2} % of a core", now * 100.0);
+            if now >= 0.01 {
+                println!("what was told: {:?}", person.told.meanwhile());
+                println!("threads before: {of_threads:?}\nand after: {:?}", person.told.threads());
+            }
             idle = idle.max(now);
             // One more save, so that something is told.
             person.save(&format!("{lesson}// {}\n", person.saves));

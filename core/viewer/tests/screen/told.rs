@@ -71,10 +71,26 @@ impl Told {
     pub fn processor_secs(&self) -> f64 {
         let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.viewer.0.id())).unwrap();
         // The name may hold blanks; it ends with the last parenthesis.
-        let fields: Vec<f64> =
-            stat.rsplit(')').next().unwrap().split_whitespace().map(|f| f.parse().unwrap_or(0.0)).collect();
         // Of Linux on every machine that this runs on: `getconf CLK_TCK`.
-        (fields[11] + fields[12]) / 100.0
+        ticks(stat.rsplit(')').next().unwrap()) / 100.0
+    }
+
+    /// What has been told by now.
+    pub fn meanwhile(&self) -> Vec<Value> {
+        self.lines.try_iter().map(|(_, value)| value).collect()
+    }
+
+    /// Each thread's name, and its seconds of the processor.
+    pub fn threads(&self) -> Vec<(String, f64)> {
+        let tasks = std::fs::read_dir(format!("/proc/{}/task", self.viewer.0.id())).unwrap();
+        let stats = tasks.flatten().filter_map(|task| std::fs::read_to_string(task.path().join("stat")).ok());
+        stats
+            .map(|stat| {
+                let (name, fields) = stat.rsplit_once(')').unwrap();
+                let name = name.split_once('(').unwrap().1.to_string();
+                (name, ticks(fields) / 100.0)
+            })
+            .collect()
     }
 
     /// Of `/proc/PID/status`: kB, or a count.
@@ -88,4 +104,9 @@ impl Told {
     pub fn files(&self) -> usize {
         std::fs::read_dir(format!("/proc/{}/fd", self.viewer.0.id())).unwrap().count()
     }
+}
+
+/// Of what follows the name.
+fn ticks(fields: &str) -> f64 {
+    fields.split_whitespace().skip(11).take(2).map(|f| f.parse().unwrap_or(0.0)).sum()
 }
