@@ -1,8 +1,9 @@
-//! A model file in place of a script: put on a stage of its own.
+//! Model files in place of a script: put on a stage of their own.
 
 use choreo_motion::{Clip, Time};
 use choreo_script::did_you_mean;
-use choreo_stage::{Asset, Cue, Repeat, Stage};
+use choreo_stage::{Aabb, Asset, Cue, Repeat, Stage};
+use std::path::Path;
 use std::sync::Arc;
 
 /// The asset alone on stage, framed and lit by the stage's defaults, playing one clip once through.
@@ -17,14 +18,60 @@ pub fn stage(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, String> {
     let mut stage = Stage::default();
     // Something that stands still is one picture.
     stage.settings.length = stage.settings.fps.time_of(1);
-    let actor = stage.cast("model", asset);
+    add(&mut stage, "model", asset, clip);
+    Ok(stage)
+}
+
+/// Each plays its first clip once through, in a row along x: the first where it is, the next to its right with a tenth of a width
+/// between. Places are whole centimetres, so that they can be written down.
+pub fn side_by_side(assets: &[(String, Arc<Asset>)]) -> Stage {
+    let mut stage = Stage::default();
+    stage.settings.length = stage.settings.fps.time_of(1);
+    // Where the one before ends, and how wide it is, metres.
+    let mut before: Option<(f64, f64)> = None;
+    for (name, asset) in assets {
+        let taken = |name: &str| stage.actors.iter().any(|a| a.name == name);
+        let mut free = (1..).map(|n| if n == 1 { name.clone() } else { format!("{name} {n}") });
+        let name = free.find(|name| !taken(name)).unwrap_or_default();
+        let actor = add(&mut stage, &name, asset.clone(), asset.clips.first().cloned());
+        let bounds = bounds(asset);
+        let (left, right) = (f64::from(bounds.min.x), f64::from(bounds.max.x));
+        let width = right - left;
+        // Up, but not for what rounding has added.
+        let whole = |metres: f64| (metres * 100.0 - 1e-6).ceil() / 100.0;
+        let x = before.map_or(0.0, |(end, other)| whole(end + width.max(other) * 0.1 - left));
+        stage.actors[actor].transform.translation.x = x;
+        before = Some((x + right, width));
+    }
+    stage
+}
+
+/// Its index. The stage is as long as the longest clip.
+fn add(stage: &mut Stage, name: &str, asset: Arc<Asset>, clip: Option<Arc<Clip>>) -> usize {
+    let actor = stage.cast(name, asset);
     if let Some(clip) = clip {
         if clip.duration > Time::ZERO {
-            stage.settings.length = clip.duration;
+            let others = if actor == 0 { Time::ZERO } else { stage.settings.length };
+            stage.settings.length = others.max(clip.duration);
         }
         stage.play(actor, Cue { repeat: Repeat::Once, ..Cue::new(clip) });
     }
-    Ok(stage)
+    actor
+}
+
+/// Of the joints where there is no mesh.
+fn bounds(asset: &Asset) -> Aabb {
+    let bounds = asset.rest_bounds();
+    if !bounds.is_empty() {
+        return bounds;
+    }
+    let joints = Aabb::of(asset.rest_model_from_joint().iter().map(|j| j.translation.into()));
+    if joints.is_empty() { Aabb::of([Default::default()]) } else { joints }
+}
+
+/// A file's name without its ending.
+pub fn name(path: &Path) -> String {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 fn find_clip<'a>(asset: &'a Asset, name: &str) -> Result<&'a Arc<Clip>, String> {

@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 pub struct Recipe {
     /// A script (`.rhai`), or a model.
     pub input: PathBuf,
+    /// Models: further ones, shown to the right of it.
+    pub beside: Vec<PathBuf>,
     /// Scripts: parameters, `name=value`.
     pub set: Vec<(String, String)>,
     /// Further folders in which assets are looked for.
@@ -30,6 +32,7 @@ impl Recipe {
     pub fn new(input: impl Into<PathBuf>) -> Recipe {
         Recipe {
             input: input.into(),
+            beside: Vec::new(),
             set: Vec::new(),
             search: Vec::new(),
             plugins: Vec::new(),
@@ -40,6 +43,23 @@ impl Recipe {
             size: None,
             shaders: None,
         }
+    }
+
+    /// Of files that were chosen together, in the way of another: models side by side, or one script. With it, what is left out, in
+    /// words. `None` for no file.
+    pub fn of_models(files: Vec<PathBuf>, like: &Recipe) -> Option<(Recipe, Option<String>)> {
+        let (scripts, models): (Vec<PathBuf>, Vec<PathBuf>) = files.into_iter().partition(|f| is_script(f));
+        let (shown, left_out) = match models.is_empty() {
+            true => scripts.split_at(scripts.len().min(1)),
+            false => (&models[..], &scripts[..]),
+        };
+        let names = left_out.iter().filter_map(|f| Some(f.file_name()?.to_string_lossy().into_owned()));
+        let names: Vec<String> = names.collect();
+        let said = (!names.is_empty()).then(|| format!("{}: a script is shown alone", names.join(", ")));
+        let (input, beside) = shown.split_first()?;
+        let (input, beside) = (input.clone(), beside.to_vec());
+        let recipe = Recipe { input, beside, set: Vec::new(), clip: None, ..like.clone() };
+        Some((recipe, said))
     }
 
     pub fn is_script(&self) -> bool {

@@ -5,8 +5,8 @@ use crate::{Interest, Recipe, Waited, Waker, Watch, WatchError, model};
 use choreo_plugin::{PluginFile, Registry};
 use choreo_render::Catalog;
 use choreo_script::{
-    AssetCache, BUILT_IN, Diagnostic, Folders, Imports, Loader, Parameter, Places, ScriptOptions, Touched,
-    run_file_touching,
+    AssetCache, BUILT_IN, Diagnostic, Folders, Imports, Loader, Parameter, Places, ScriptOptions, Severity,
+    Touched, run_file_touching,
 };
 use choreo_stage::{Asset, Evaluator, Stage};
 use std::collections::BTreeSet;
@@ -257,29 +257,49 @@ impl Session {
         })
     }
 
+    /// Of several those are shown that can be read; why the others are not is told.
     fn model(&self, registry: &Registry, touched: &mut Touched) -> Result<Built, Vec<Problem>> {
-        let path = &self.recipe.input;
-        let fail = |message: String, hint: Option<String>| {
-            let mut error = Diagnostic::error(message).in_file(path.display().to_string());
-            error.hint = hint;
-            vec![error]
+        let paths = || std::iter::once(&self.recipe.input).chain(&self.recipe.beside);
+        let (mut assets, mut failed) = (Vec::new(), Vec::new());
+        for path in paths() {
+            match self.asset(registry, path, touched) {
+                Ok(asset) => assets.push((model::name(path), asset)),
+                Err(problem) => failed.push(problem),
+            }
+        }
+        if assets.is_empty() {
+            return Err(failed);
+        }
+        let stage = match (&assets[..], paths().count()) {
+            ([(_, asset)], 1) => model::stage(asset.clone(), self.recipe.clip.as_deref())
+                .map_err(|text| vec![in_file(&self.recipe.input, text, None)])?,
+            _ => model::side_by_side(&assets),
         };
+        let mut warnings = asset_warnings(&stage);
+        warnings.extend(failed.into_iter().map(|p| Problem { severity: Severity::Warning, ..p }));
+        let (places, parameters, printed) = Default::default();
+        Ok(Built { stage, places, parameters, printed, warnings })
+    }
+
+    fn asset(&self, registry: &Registry, path: &Path, touched: &mut Touched) -> Result<Arc<Asset>, Problem> {
         let built_in = path.to_str().filter(|p| p.starts_with(BUILT_IN));
-        let base = if built_in.is_some() { Path::new("choreo.rhai") } else { path.as_path() };
+        let base = if built_in.is_some() { Path::new("choreo.rhai") } else { path };
         let folder = base.parent().unwrap_or(Path::new(""));
         let folders = Folders::new(folder, &self.recipe.search, self.recipe.limits.file);
-        let folders = folders.map_err(|e| fail(e.message, e.hint))?;
+        let folders = folders.map_err(|e| in_file(path, e.message, e.hint))?;
         let loader = Loader::new(registry, folders, self.recipe.needs);
         let loader = Arc::new(loader.with_cache(&self.assets).watched_by(&self.imports));
         let name = built_in.or_else(|| path.file_name().and_then(|n| n.to_str())).unwrap_or_default();
         let loaded = loader.load(name, &self.recipe.import);
-        *touched = Touched::by(&loader);
-        let asset = loaded.map_err(|e| fail(e.message, e.hint))?;
-        let stage = model::stage(asset, self.recipe.clip.as_deref()).map_err(|text| fail(text, None))?;
-        let warnings = asset_warnings(&stage);
-        let (places, parameters, printed) = Default::default();
-        Ok(Built { stage, places, parameters, printed, warnings })
+        let Touched { read, looked_for } = Touched::by(&loader);
+        touched.read.extend(read);
+        touched.looked_for.extend(looked_for);
+        loaded.map_err(|e| in_file(path, e.message, e.hint))
     }
+}
+
+fn in_file(path: &Path, message: String, hint: Option<String>) -> Problem {
+    Problem { hint, ..Diagnostic::error(message).in_file(path.display().to_string()) }
 }
 
 /// A path as it will be once it is there: the folder above it made canonical.

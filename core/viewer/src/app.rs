@@ -80,11 +80,11 @@ pub struct Viewer {
     pub snap: bool,
     /// The script panel goes to this line.
     pub go_to: Option<usize>,
-    /// A file that was dropped on the window, shown in place of the script.
-    pub guest: Option<PathBuf>,
-    /// Files dropped, and the guest sent away: for the window, which starts and ends what shows them.
-    pub dropped: Option<PathBuf>,
-    pub guest_leaves: bool,
+    /// Files that were dropped on the window together, shown in place of the script.
+    pub guests: Vec<PathBuf>,
+    /// Files dropped, and the guests sent away: for the window, which starts and ends what shows them.
+    pub dropped: Vec<PathBuf>,
+    pub guests_leave: bool,
     /// Where the next picture of the active viewport is written.
     pub screenshot: Option<PathBuf>,
     pub work: Work,
@@ -122,9 +122,9 @@ impl Viewer {
             in_seconds: true,
             snap: true,
             go_to: None,
-            guest: None,
-            dropped: None,
-            guest_leaves: false,
+            guests: Vec::new(),
+            dropped: Vec::new(),
+            guests_leave: false,
             screenshot: None,
             work: Work::default(),
             drawn: renderer::Work::default(),

@@ -6,8 +6,9 @@ use crate::app::Viewer;
 use crate::difference;
 use crate::placing::Wanted;
 use crate::selection::{Selected, actor};
-use choreo_live::edit::{Edit, Object, Part, Refused, follows, marker, set_time};
+use choreo_live::edit::{Edit, Object, Part, Refused, follows, marker, plain, set_time};
 use choreo_script::Place;
+use choreo_stage::Actor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -99,40 +100,43 @@ impl Viewer {
         })
     }
 
-    /// Puts a file that was dropped on stage: a line at the end of the script.
-    pub fn add_guest(&mut self) -> Result<(), String> {
-        let guest = self.guest.clone().ok_or("no file was dropped")?;
+    /// Puts files that were dropped on stage: a line each at the end of the script, as one change; several where they are shown.
+    ///
+    /// # Errors
+    /// What is not added, and why: files that cannot be read, or lie outside the script's folder; the others are.
+    pub fn add_guests(&mut self) -> Result<(), String> {
         let path = self.path.clone().ok_or("there is no script that it could be added to")?;
         let folder =
             path.canonicalize().ok().and_then(|p| Some(p.parent()?.to_path_buf())).unwrap_or_default();
-        let file = guest.canonicalize().unwrap_or(guest);
-        let inside = file.strip_prefix(&folder).map_err(|_| {
-            format!(
-                "{}: it lies outside the script's folder, where load(…) may not read; put it there first",
-                file.display()
-            )
-        })?;
-        let text = read(&path)?;
-        let stem: String = file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let mut name: String = stem
-            .chars()
-            .map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' })
-            .collect();
-        if !name.starts_with(|c: char| c.is_ascii_lowercase()) {
-            name = format!("a_{name}");
+        let mut text = read(&path)?;
+        let (before, begins) = (text.clone(), text.len());
+        if !text.is_empty() && !text.ends_with('\n') {
+            text.push('\n');
         }
-        let taken =
-            |name: &str| text.contains(&format!("\"{name}\"")) || text.contains(&format!("let {name} "));
-        let free =
-            (1..).map(|n| if n == 1 { name.clone() } else { format!("{name}_{n}") }).find(|n| !taken(n));
-        let name = free.unwrap_or(name);
-        let shown = inside.to_string_lossy().replace('\\', "/").replace('"', "\\\"");
-        let line = format!("let {name} = cast(\"{name}\", load(\"{shown}\"));\n");
-        let blank = if text.is_empty() || text.ends_with('\n') { "" } else { "\n" };
-        let edit = Edit { range: text.len()..text.len(), text: format!("{blank}{line}") };
-        self.write_edit(&path, &text, edit)?;
-        self.guest_leaves = true;
-        Ok(())
+        let scene = self.scene.clone().filter(|_| !self.faulty).ok_or("what was dropped cannot be read")?;
+        let (mut shown, mut refused) = (scene.stage.actors.iter().peekable(), Vec::new());
+        for guest in &self.guests {
+            // In the order in which they were dropped, without those that cannot be read.
+            let is_it = |actor: &&Actor| guest.file_name().is_some_and(|name| *name == *actor.asset.name);
+            let Some(actor) = shown.next_if(is_it) else {
+                refused.push(format!("{}: it cannot be read", guest.display()));
+                continue;
+            };
+            let file = guest.canonicalize().unwrap_or_else(|_| guest.clone());
+            match file.strip_prefix(&folder) {
+                Ok(inside) => text.push_str(&guest_line(inside, actor.transform.translation.x, &text)),
+                Err(_) => refused.push(format!(
+                    "{}: it lies outside the script's folder, where load(…) may not read; put it there first",
+                    file.display()
+                )),
+            }
+        }
+        if refused.len() < self.guests.len() {
+            let edit = Edit { range: begins..begins, text: text.split_off(begins) };
+            self.write_edit(&path, &before, edit)?;
+            self.guests_leave = true;
+        }
+        if refused.is_empty() { Ok(()) } else { Err(refused.join("; ")) }
     }
 
     /// `twins`: how many things come from this place.
@@ -241,6 +245,22 @@ impl Viewer {
         write(&path, &after)?;
         Ok(Done { back: back.inverse(&now), text: after })
     }
+}
+
+/// The line that casts a file of the script's folder at `x`, under a name that `text` has not yet.
+fn guest_line(file: &Path, x: f64, text: &str) -> String {
+    let stem = choreo_live::model::name(file);
+    let name = stem.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' });
+    let mut name: String = name.collect();
+    if !name.starts_with(|c: char| c.is_ascii_lowercase()) {
+        name = format!("a_{name}");
+    }
+    let taken = |name: &str| text.contains(&format!("\"{name}\"")) || text.contains(&format!("let {name} "));
+    let free = (1..).map(|n| if n == 1 { name.clone() } else { format!("{name}_{n}") }).find(|n| !taken(n));
+    let name = free.unwrap_or(name);
+    let shown = file.to_string_lossy().replace('\\', "/").replace('"', "\\\"");
+    let at = if x == 0.0 { String::new() } else { format!(".at({}, 0.0, 0.0)", plain(x)) };
+    format!("let {name} = cast(\"{name}\", load(\"{shown}\")){at};\n")
 }
 
 fn read(path: &Path) -> Result<String, String> {

@@ -175,7 +175,7 @@ fn a_file_that_is_dropped_is_shown_and_added() {
     fs::write(&file, SQUARE).unwrap();
     // Over the window, and away again: nothing has happened.
     let before = until("rest", || Some(screen.shot(&window)).filter(|s| *s == screen.shot(&window)));
-    let hovering = Drag::over(&screen.display, &window, &file);
+    let hovering = Drag::over(&screen.display, &window, &[&file]);
     let dark = until("a hint", || Some(screen.shot(&window)).filter(|s| s.count(BACKGROUND) == 0));
     screen.save(&window, "hovering.png");
     assert!(dark != before);
@@ -184,7 +184,7 @@ fn a_file_that_is_dropped_is_shown_and_added() {
     until("all as before", || (screen.shot(&window).count(BACKGROUND) == all).then_some(()));
 
     // Let go: the model in place of the scene.
-    Drag::over(&screen.display, &window, &file).drop();
+    Drag::over(&screen.display, &window, &[&file]).drop();
     until("the model", || {
         let shot = screen.shot(&window);
         (shot.count(BACKGROUND) == 0
@@ -209,10 +209,56 @@ fn a_file_that_is_dropped_is_shown_and_added() {
     });
     screen.save(&window, "added.png");
     // The file manager falls: the mouse is free again.
-    drop(Drag::over(&screen.display, &window, &file));
+    drop(Drag::over(&screen.display, &window, &[&file]));
     until("a hint", || (screen.shot(&window).count(BACKGROUND) == 0).then_some(()));
     screen.xdotool(&["mousemove", "--window", &window, "640", "820"]);
     until("all as before", || (screen.shot(&window).count(BACKGROUND) > 5_000).then_some(()));
+    ends_well(&screen, &window, told, folder.path());
+}
+
+#[test]
+fn files_that_are_dropped_together_are_all_shown_and_added() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (told, window) = open(&screen, folder.path(), &[]);
+    let files = ["left.obj", "middle one.obj", "right.obj"].map(|name| folder.path().join(name));
+    for (file, color) in files.iter().zip(["1 0 0", "0 1 0", "0 0 1"]) {
+        fs::write(file, format!("mtllib {0}.mtl\nusemtl m\n{SQUARE}", color.replace(' ', ""))).unwrap();
+        let material = format!("newmtl m\nKd 0 0 0\nKe {color}\n");
+        fs::write(folder.path().join(format!("{}.mtl", color.replace(' ', ""))), material).unwrap();
+    }
+    let paths = files.each_ref().map(|file| file.as_path());
+    Drag::over(&screen.display, &window, &paths).drop();
+    // They shine in colors of their own, from left to right.
+    let strong = [[true, false, false], [false, true, false], [false, false, true]];
+    let bounds = until("all three", || {
+        let shot = screen.shot(&window);
+        screen.save(&window, "three.png");
+        let found = strong.map(|channels| {
+            let is =
+                |p: &[u8]| p.iter().zip(channels).all(|(v, strong)| if strong { *v > 150 } else { *v < 60 });
+            let all = shot.rgb.chunks_exact(3).enumerate().filter(|(_, p)| is(p));
+            let all: Vec<usize> = all.map(|(i, _)| i % shot.width).collect();
+            Some((*all.iter().min()?, *all.iter().max()?)).filter(|_| all.len() > 2000)
+        });
+        Some([found[0]?, found[1]?, found[2]?])
+    });
+    assert!(bounds[0].1 < bounds[1].0 && bounds[1].1 < bounds[2].0, "{bounds:?}");
+    let add = buttons(&screen.shot(&window))[2];
+    let [x, y] = [add, 12].map(|n| n.to_string());
+    screen.xdotool(&["mousemove", "--window", &window, &x, &y, "sleep", "0.2", "click", "1"]);
+    let added = until("the lines", || {
+        Some(fs::read_to_string(folder.path().join("a.rhai")).unwrap()).filter(|t| t != SCRIPT)
+    });
+    let lines = "let left = cast(\"left\", load(\"left.obj\"));\n\
+                 let middle_one = cast(\"middle_one\", load(\"middle one.obj\")).at(2.2, 0.0, 0.0);\n\
+                 let right = cast(\"right\", load(\"right.obj\")).at(4.4, 0.0, 0.0);\n";
+    assert_eq!(added, format!("{SCRIPT}{lines}"));
+    until("the script", || (screen.shot(&window).count(BACKGROUND) > 5_000).then_some(()));
+    screen.key(&window, "ctrl+z");
+    until("one change", || {
+        (fs::read_to_string(folder.path().join("a.rhai")).unwrap() == SCRIPT).then_some(())
+    });
     ends_well(&screen, &window, told, folder.path());
 }
 

@@ -3,13 +3,16 @@
 
 mod place;
 
+use choreo_live::{Problem, Recipe, Session};
 use choreo_viewer::gizmo::Change;
 use choreo_viewer::selection::Selected;
 use egui::{Key, Modifiers, pos2, vec2};
 use egui_kittest::kittest::Queryable;
 use glam::{DQuat, DVec3};
 use place::Place;
+use std::collections::BTreeSet;
 use std::fs;
+use std::path::PathBuf;
 
 const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
 let moves = load("choreo:mannequin");
@@ -198,20 +201,71 @@ fn a_number_of_the_inspector_is_one_change() {
     assert_eq!(harness.state().text(), SCRIPT);
 }
 
+const TRIANGLE: &str = "v -1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+/// As the window does it: the files in place of the script.
+fn dropped(place: &mut Place, files: &[PathBuf]) {
+    let (recipe, left_out) = Recipe::of_models(files.to_vec(), place.session.recipe()).unwrap();
+    place.viewer.said = left_out;
+    place.viewer.guests = std::iter::once(&recipe.input).chain(&recipe.beside).cloned().collect();
+    let mut session = Session::new(recipe, &choreo::registry(), false).unwrap();
+    place.viewer.take_version(session.build(BTreeSet::new()));
+}
+
 #[test]
 fn a_dropped_file_is_added_as_a_line() {
     let mut place = Place::new(SCRIPT);
-    fs::write(place.folder.path().join("My Box.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-    place.viewer.guest = Some(place.folder.path().join("My Box.obj"));
-    place.viewer.add_guest().unwrap();
+    let file = place.folder.path().join("My Box.obj");
+    fs::write(&file, TRIANGLE).unwrap();
+    dropped(&mut place, std::slice::from_ref(&file));
+    place.viewer.add_guests().unwrap();
     assert_eq!(place.text(), format!("{SCRIPT}let my_box = cast(\"my_box\", load(\"My Box.obj\"));\n"));
     place.reload();
     // Once more: another name.
-    place.viewer.add_guest().unwrap();
+    dropped(&mut place, &[file]);
+    place.viewer.add_guests().unwrap();
     assert!(place.text().ends_with("let my_box_2 = cast(\"my_box_2\", load(\"My Box.obj\"));\n"));
     place.reload();
     let elsewhere = tempfile::tempdir().unwrap();
-    fs::write(elsewhere.path().join("b.obj"), "").unwrap();
-    place.viewer.guest = Some(elsewhere.path().join("b.obj"));
-    assert!(place.viewer.add_guest().unwrap_err().contains("outside the script's folder"));
+    fs::write(elsewhere.path().join("b.obj"), TRIANGLE).unwrap();
+    dropped(&mut place, &[elsewhere.path().join("b.obj")]);
+    assert!(place.viewer.add_guests().unwrap_err().contains("outside the script's folder"));
+}
+
+#[test]
+fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
+    let mut place = Place::new(SCRIPT);
+    let elsewhere = tempfile::tempdir().unwrap();
+    let at = |name: &str| place.folder.path().join(name);
+    let files =
+        [at("one.obj"), at("broken.obj"), elsewhere.path().join("one.obj"), at("two.obj"), at("a.rhai")];
+    for (file, text) in files.iter().zip([TRIANGLE, "f 1 2 9\n", TRIANGLE, TRIANGLE, SCRIPT]) {
+        fs::write(file, text).unwrap();
+    }
+    dropped(&mut place, &files);
+    assert_eq!(place.viewer.said.as_deref(), Some("a.rhai: a script is shown alone"));
+    assert!(!place.viewer.faulty, "{:?}", place.viewer.problems);
+    let told = |p: &Problem| p.file.ends_with("broken.obj") && p.severity == choreo_script::Severity::Warning;
+    assert!(place.viewer.problems.iter().any(told), "{:?}", place.viewer.problems);
+    let scene = place.viewer.scene.clone().unwrap();
+    let stand: Vec<_> =
+        scene.stage.actors.iter().map(|a| (a.name.as_str(), a.transform.translation.x)).collect();
+    // Two metres wide, and a tenth between.
+    assert_eq!(stand, [("one", 0.0), ("one 2", 2.2), ("two", 4.4)]);
+    let refused = place.viewer.add_guests().unwrap_err();
+    assert!(refused.contains("broken.obj: it cannot be read; "), "{refused}");
+    assert!(refused.contains("outside the script's folder"), "{refused}");
+    let lines = "let one = cast(\"one\", load(\"one.obj\"));\n\
+                 let two = cast(\"two\", load(\"two.obj\")).at(4.4, 0.0, 0.0);\n";
+    assert_eq!(place.text(), format!("{SCRIPT}{lines}"));
+    place.reload();
+    place.viewer.undo().unwrap();
+    assert_eq!(place.text(), SCRIPT);
+    // Nothing of it can be read: the script's scene stays, and nothing is written.
+    place.reload();
+    let broken = files[1].clone();
+    dropped(&mut place, &[broken.clone(), broken]);
+    assert!(place.viewer.faulty && place.viewer.problems.len() == 2);
+    assert!(place.viewer.add_guests().unwrap_err().contains("cannot be read"));
+    assert_eq!(place.text(), SCRIPT);
 }

@@ -251,6 +251,7 @@ impl Person<'_> {
     /// A click on the row selects the actor: the inspector has its clips, the viewport its gizmo.
     fn select(&mut self) {
         self.at_ease();
+        until("no gizmo", || self.in_picture(ALONG_X).is_empty().then_some(()));
         let y = self.kims_bar().2.to_string();
         self.screen.xdotool(&["mousemove", "--window", self.window, "60", &y, "sleep", "0.1", "click", "1"]);
         self.actions += 1;
@@ -292,8 +293,11 @@ impl Person<'_> {
         self.select();
         let by = 15 + self.chance.next(30) as usize;
         if turn {
+            let (middle, _) = until("the arrow", || self.in_picture(ALONG_X).first().copied());
             self.keys(&["r"]);
-            let left = until("the ring", || self.in_picture(ABOUT_Y).first().copied());
+            // As wide as the arrow was long; the arrow along y has its color, too.
+            let is_ring = |at: &(usize, usize)| at.0 + 40 < middle;
+            let left = until("the ring", || self.in_picture(ABOUT_Y).first().copied().filter(is_ring));
             self.drag((left.0 + 1, left.1), (left.0 + 6, left.1 + by));
         } else {
             let tip = until("the arrow", || self.in_picture(ALONG_X).last().copied());

@@ -30,24 +30,34 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
                 }
             });
             ui.toggle_value(&mut panels.help, "Keys");
-            guest(ui, viewer);
+            guests(ui, viewer);
             status(ui, viewer);
         });
     });
 }
 
-/// A file that was dropped is shown in place of the script.
-fn guest(ui: &mut Ui, viewer: &mut Viewer) {
-    let Some(guest) = viewer.guest.clone() else { return };
-    let name = guest.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+/// Files that were dropped are shown in place of the script.
+fn guests(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some(first) = viewer.guests.first() else { return };
+    let name = first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = match viewer.guests.len() {
+        1 => name,
+        more => format!("{name} and {} more", more - 1),
+    };
+    let all: Vec<String> = viewer.guests.iter().map(|guest| guest.display().to_string()).collect();
     ui.separator();
-    ui.label(RichText::new(name).color(ui.visuals().warn_fg_color).strong())
-        .on_hover_text(guest.display().to_string());
+    // The buttons beside it stay within the window however long it is.
+    let (name, room) = (RichText::new(name).color(ui.visuals().warn_fg_color).strong(), 220.0);
+    let label = |ui: &mut Ui| {
+        ui.set_max_width(room);
+        ui.add(egui::Label::new(name).truncate()).on_hover_text(all.join("\n"));
+    };
+    ui.scope(label);
     if viewer.path.is_some() && ui.button("Add to script").clicked() {
-        viewer.said = viewer.add_guest().err();
+        viewer.said = viewer.add_guests().err();
     }
     if ui.button("Back to the script").clicked() {
-        viewer.guest_leaves = true;
+        viewer.guests_leave = true;
     }
 }
 

@@ -139,9 +139,8 @@ impl Panels {
             self.applied = Some((self.light, self.scale));
         }
         for dropped in ui.input(|i| i.raw.dropped_files.clone()) {
-            viewer.dropped = Some(dropped.path().to_path_buf())
-                .filter(|p| !p.as_os_str().is_empty())
-                .or(viewer.dropped.take());
+            // Of what is no file there is no path.
+            viewer.dropped.extend(Some(dropped.path().to_path_buf()).filter(|p| !p.as_os_str().is_empty()));
         }
         keys::pressed(self, ui, viewer, now);
         bar::show(self, ui, viewer);
@@ -195,16 +194,22 @@ impl Panels {
     }
 }
 
-/// What a file that is dragged over the window would do.
+/// What files that are dragged over the window would do.
 fn hovering(ui: &Ui) {
     let files = ui.input(|i| i.raw.hovered_files.clone());
-    let Some(file) = files.first() else { return };
+    if files.is_empty() {
+        return;
+    }
     let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::new("drop"));
     let painter = ui.ctx().layer_painter(layer);
     let area = ui.ctx().content_rect();
     painter.rect_filled(area, 0.0, egui::Color32::from_black_alpha(150));
-    let name = file.path.as_ref().and_then(|p| p.file_name()).map(|n| n.to_string_lossy().into_owned());
-    let text = format!("{}: let go to see it", name.unwrap_or_else(|| "a model or a clip".into()));
+    let name =
+        |file: &egui::HoveredFile| Some(file.path.as_ref()?.file_name()?.to_string_lossy().into_owned());
+    let text = match &files[..] {
+        [file] => format!("{}: let go to see it", name(file).unwrap_or_else(|| "a model or a clip".into())),
+        files => format!("{} files: let go to see them side by side", files.len()),
+    };
     let font = egui::FontId::proportional(22.0);
     painter.text(area.center(), egui::Align2::CENTER_CENTER, text, font, egui::Color32::WHITE);
 }

@@ -143,6 +143,7 @@ fn scrub(ui: &mut Ui, viewer: &mut Viewer, ruler: Rect) {
         let x = ruler.left() + in_units.x_of(line * step, ruler.width());
         painter.vline(x, ruler.bottom() - 5.0..=ruler.bottom(), Stroke::new(1.0, visuals.weak_text_color()));
         let text = match viewer.in_seconds {
+            true if step < 0.01 => format!("{:.3}", line * step),
             true if step < 0.1 => format!("{:.2}", line * step),
             true if step < 1.0 => format!("{:.1}", line * step),
             _ => format!("{:.0}", line * step),

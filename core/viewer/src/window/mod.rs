@@ -123,7 +123,7 @@ struct App {
     recipe: Recipe,
     registry: Registry,
     _live: Live,
-    /// What shows a file that was dropped.
+    /// What shows files that were dropped.
     guest: Option<Live>,
     /// How many there were: versions of those before are late.
     guests: u64,
@@ -269,23 +269,25 @@ impl App {
         }
     }
 
-    /// Shows a file that was dropped; sends it away again.
+    /// Shows files that were dropped; sends them away again.
     fn guests(&mut self) {
-        if let Some(path) = self.viewer.dropped.take() {
+        let dropped = Recipe::of_models(std::mem::take(&mut self.viewer.dropped), &self.recipe);
+        if let Some((recipe, left_out)) = dropped {
+            self.viewer.said = left_out;
             self.guests += 1;
-            let recipe = Recipe { input: path.clone(), set: Vec::new(), clip: None, ..self.recipe.clone() };
+            let files = std::iter::once(&recipe.input).chain(&recipe.beside).cloned().collect();
             match watched(recipe, &self.registry, &self.proxy, self.guests) {
                 Ok(live) => {
                     self.guest = Some(live);
-                    self.viewer.guest = Some(path);
+                    self.viewer.guests = files;
                 }
                 Err(error) => self.viewer.said = Some(error),
             }
         }
-        if std::mem::take(&mut self.viewer.guest_leaves) {
+        if std::mem::take(&mut self.viewer.guests_leave) {
             self.guest = None;
             self.guests += 1;
-            self.viewer.guest = None;
+            self.viewer.guests.clear();
             if let Some(own) = self.own.clone() {
                 self.viewer.take_version(own);
             }
@@ -299,7 +301,7 @@ impl App {
             if version.scene.is_some() || self.own.is_none() {
                 self.own = Some(version.clone());
             }
-            if self.viewer.guest.is_some() {
+            if !self.viewer.guests.is_empty() {
                 return;
             }
         } else if whose != self.guests {

@@ -145,7 +145,7 @@ fn window(connection: &RustConnection, root: Window) -> Window {
     made
 }
 
-/// A file that is dragged over a window (XDND 5, <https://www.freedesktop.org/wiki/Specifications/XDND/>).
+/// Files that are dragged over a window (XDND 5, <https://www.freedesktop.org/wiki/Specifications/XDND/>).
 pub struct Drag {
     connection: RustConnection,
     source: Window,
@@ -153,8 +153,8 @@ pub struct Drag {
 }
 
 impl Drag {
-    /// Comes in over the middle of the window, and gives the file's name where it is asked.
-    pub fn over(display: &str, target: &str, file: &Path) -> Drag {
+    /// Comes in over the middle of the window, and gives the files' names where it is asked.
+    pub fn over(display: &str, target: &str, files: &[&Path]) -> Drag {
         let (connection, root) = connected(display);
         let source = window(&connection, root);
         let drag = Drag { connection, source, target: target.parse().unwrap() };
@@ -169,7 +169,9 @@ impl Drag {
             match drag.next() {
                 Event::SelectionRequest(asked) => {
                     // Blanks are written as in addresses.
-                    let uri = format!("file://{}\r\n", file.to_str().unwrap().replace(' ', "%20"));
+                    let uri =
+                        |file: &&Path| format!("file://{}\r\n", file.to_str().unwrap().replace(' ', "%20"));
+                    let uri: String = files.iter().map(uri).collect();
                     let mode = PropMode::REPLACE;
                     let (to, property) = (asked.requestor, asked.property);
                     drag.connection.change_property8(mode, to, property, uris, uri.as_bytes()).unwrap();
