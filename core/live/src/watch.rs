@@ -9,6 +9,7 @@ use notify::{Event, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use thiserror::Error;
 
@@ -65,9 +66,43 @@ impl Waker {
 #[derive(Debug)]
 enum Signal {
     Event(Event),
+    /// Files that were read before they were of interest.
+    Look(BTreeSet<PathBuf>),
     /// Events were lost: everything is looked at again.
     Lost,
     Wake,
+}
+
+/// What is passed on: however much happens to other names in the folders that are watched, nobody waits for it, wakes up or keeps it.
+#[derive(Default)]
+struct Heard {
+    interest: Interest,
+    /// Every folder that leads to something of interest.
+    ways: BTreeSet<PathBuf>,
+}
+
+impl Heard {
+    fn concerns(&self, event: &Event) -> bool {
+        if matches!(event.kind, EventKind::Access(kind) if kind != AccessKind::Close(AccessMode::Write)) {
+            return false;
+        }
+        let in_tree = |path: &Path| self.interest.trees.iter().any(|(root, _)| path.starts_with(root));
+        event.paths.iter().any(|path| self.ways.contains(path) || self.interest.has(path) || in_tree(path))
+    }
+}
+
+impl Interest {
+    fn has(&self, path: &Path) -> bool {
+        self.files.contains_key(path) || self.folders.iter().any(|folder| is_in(path, folder))
+    }
+
+    /// Every folder that leads to something of interest.
+    fn ways(&self) -> BTreeSet<PathBuf> {
+        let folders = self.files.keys().filter_map(|file| file.parent());
+        let folders = folders.chain(self.folders.iter().map(|(folder, _)| folder.as_path()));
+        let folders: BTreeSet<&Path> = folders.collect();
+        folders.iter().flat_map(|folder| folder.ancestors()).map(Path::to_path_buf).collect()
+    }
 }
 
 pub struct Watch {
@@ -76,8 +111,8 @@ pub struct Watch {
     to: Sender<Signal>,
     interest: Interest,
     watched: BTreeSet<PathBuf>,
-    /// Every folder that leads to something of interest: what happens to other names beside them is passed over, however much it is.
-    ways: BTreeSet<PathBuf>,
+    /// What the thread that hears the system needs to know of it.
+    heard: Arc<Mutex<Heard>>,
     /// Touched when a wait ended, and not yet looked at.
     pending: Candidates,
 }
@@ -85,10 +120,12 @@ pub struct Watch {
 impl Watch {
     pub fn new() -> Result<Watch, WatchError> {
         let (to, signals) = channel();
-        let events = to.clone();
+        let heard = Arc::new(Mutex::new(Heard::default()));
+        let (events, hears) = (to.clone(), heard.clone());
         let watcher = notify::recommended_watcher(move |event: notify::Result<Event>| {
             let signal = match event {
                 Ok(event) if event.need_rescan() => Signal::Lost,
+                Ok(event) if !lock(&hears).concerns(&event) => return,
                 Ok(event) => Signal::Event(event),
                 Err(_) => Signal::Lost,
             };
@@ -96,8 +133,7 @@ impl Watch {
             let _ = events.send(signal);
         })?;
         let (interest, pending) = (Interest::default(), Candidates::default());
-        let (watched, ways) = (BTreeSet::new(), BTreeSet::new());
-        Ok(Watch { watcher, signals, to, interest, watched, ways, pending })
+        Ok(Watch { watcher, signals, to, interest, watched: BTreeSet::new(), heard, pending })
     }
 
     pub fn waker(&self) -> Waker {
@@ -109,15 +145,20 @@ impl Watch {
         self.watched.len()
     }
 
-    /// From now on these are waited for. What changed in a folder that was not watched before, since it was read, is told by
-    /// the next [`Watch::wait`].
+    /// From now on these are waited for. What has changed since it was read, of what was not waited for before, is told by the next
+    /// [`Watch::wait`].
     pub fn set(&mut self, interest: Interest) {
-        self.interest = interest;
+        let before = std::mem::replace(&mut self.interest, interest);
         self.grow();
         let new = self.arrange();
-        if !new.is_empty() {
-            let _ = self.to.send(Signal::Lost);
-        }
+        let fresh = self.interest.files.keys().filter(|file| !before.has(file));
+        let fresh: BTreeSet<PathBuf> = fresh.cloned().collect();
+        let signal = match new.is_empty() && self.interest.folders.is_subset(&before.folders) {
+            true if fresh.is_empty() => return,
+            true => Signal::Look(fresh),
+            false => Signal::Lost,
+        };
+        let _ = self.to.send(signal);
     }
 
     /// What lies in the folders and trees of interest now.
@@ -127,7 +168,9 @@ impl Watch {
 
     /// From now on a file has changed where it is other than this.
     pub fn knows(&mut self, path: PathBuf, content: Option<[u8; 32]>) {
-        self.ways.extend(path.ancestors().skip(1).map(Path::to_path_buf));
+        let mut heard = lock(&self.heard);
+        heard.ways.extend(path.ancestors().skip(1).map(Path::to_path_buf));
+        heard.interest.files.insert(path.clone(), content);
         self.interest.files.insert(path, content);
     }
 
@@ -167,6 +210,7 @@ impl Watch {
                     let all: BTreeSet<PathBuf> = self.all();
                     candidates.add(all, WHOLE);
                 }
+                Signal::Look(files) => candidates.add(files, WHOLE),
                 Signal::Event(event) => {
                     let touched = self.touched(&event);
                     if !touched.is_empty() {
@@ -198,11 +242,8 @@ impl Watch {
     /// Of the files of interest those that an event may be about.
     fn touched(&mut self, event: &Event) -> BTreeSet<PathBuf> {
         let mut touched = BTreeSet::new();
-        if matches!(event.kind, EventKind::Access(kind) if kind != AccessKind::Close(AccessMode::Write)) {
-            return touched;
-        }
         for path in &event.paths {
-            if self.is_of_interest(path) {
+            if self.interest.has(path) {
                 touched.insert(path.clone());
             }
             let in_tree = self.interest.trees.iter().any(|(root, _)| path.starts_with(root));
@@ -213,7 +254,7 @@ impl Watch {
                 touched.extend(self.in_folders().into_iter().filter(|file| file.starts_with(path)));
             }
             // A folder on the way to what is of interest has come, gone or been put in another's place.
-            if self.ways.contains(path) {
+            if lock(&self.heard).ways.contains(path) {
                 let below = self.all().into_iter().filter(|f| f != path && f.starts_with(path));
                 let below: Vec<PathBuf> = below.collect();
                 let gone: Vec<PathBuf> =
@@ -229,10 +270,6 @@ impl Watch {
             }
         }
         touched
-    }
-
-    fn is_of_interest(&self, path: &Path) -> bool {
-        self.interest.files.contains_key(path) || self.interest.folders.iter().any(|f| is_in(path, f))
     }
 
     /// Every path of interest that is known by name.
@@ -268,8 +305,8 @@ impl Watch {
     fn arrange(&mut self) -> Vec<PathBuf> {
         let folders = self.interest.files.keys().filter_map(|f| f.parent());
         let folders = folders.chain(self.interest.folders.iter().map(|(folder, _)| folder.as_path()));
-        let folders: BTreeSet<&Path> = folders.collect();
-        self.ways = folders.iter().flat_map(|f| f.ancestors()).map(Path::to_path_buf).collect();
+        // Before anything is watched, so that nothing is missed.
+        *lock(&self.heard) = Heard { interest: self.interest.clone(), ways: self.interest.ways() };
         let mut wanted = BTreeSet::new();
         for folder in folders {
             let Some(there) = folder.ancestors().find(|f| f.is_dir()) else { continue };
@@ -293,6 +330,11 @@ impl Watch {
         }
         new
     }
+}
+
+/// What a thread that failed left there is whole.
+fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
+    heard.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 fn is_in(path: &Path, (folder, ending): &(PathBuf, String)) -> bool {
