@@ -69,6 +69,9 @@ fn motion(q: vec4<f32>, d: vec4<f32>) -> Rows {
     );
 }
 
+@end
+
+@if(SKIN_DUAL || SKIN_PLACED)
 // One row of a map after another.
 fn row_after(outer: vec4<f32>, inner: Rows) -> vec4<f32> {
     return inner.x * outer.x + inner.y * outer.y + inner.z * outer.z + vec4(0.0, 0.0, 0.0, outer.w);
@@ -155,6 +158,7 @@ fn vs(in: VertexIn) -> VertexOut {
     sum = weigh_dual(sum, pivot, first + 2u * in.joints_high.z, in.weights_high.z);
     sum = weigh_dual(sum, pivot, first + 2u * in.joints_high.w, in.weights_high.w);
     @end
+    @if(SKIN_PLACED && !SKIN_DUAL) m = after(instances[in.instance].relative_from_mesh, m);
     @if(SKIN_DUAL) let m = after(instances[in.instance].relative_from_mesh, after(motion(sum.real, sum.dual), sum.stretch));
     @if(!SKIN) let m = instances[in.instance].relative_from_mesh;
 

@@ -162,7 +162,7 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
         count(facts.triangles, "triangle", "triangles")
     );
     let copied: Vec<usize> =
-        asset.instances.iter().filter(|i| !i.copies.is_empty()).map(|i| i.times()).collect();
+        asset.instances.iter().filter(|i| !i.copies.is_empty()).map(|i| asset.times(i)).collect();
     if !copied.is_empty() {
         let copies: usize = copied.iter().sum();
         let of = count(copied.len(), "mesh", "meshes");

@@ -9,7 +9,7 @@ use glam::{Affine3A, DAffine3, Mat4, Vec2, Vec3};
 use std::sync::OnceLock;
 
 /// Box of the transformed box: centre moved, half extents by the absolute matrix.
-fn transformed(b: Aabb, rows: &Rows) -> Aabb {
+pub fn moved(b: Aabb, rows: &Rows) -> Aabb {
     if b.is_empty() {
         return Aabb::EMPTY;
     }
@@ -115,7 +115,7 @@ impl PrimitiveInfo {
 
     /// Relative-space box of a copy with one transform.
     pub fn posed(&self, relative_from_mesh: &Rows, morph_offset: Aabb) -> Aabb {
-        transformed(grown(self.bounds, morph_offset), relative_from_mesh)
+        moved(grown(self.bounds, morph_offset), relative_from_mesh)
     }
 
     /// Relative-space box of a skinned copy. A skinned vertex is a convex combination of its joints'
@@ -124,7 +124,7 @@ impl PrimitiveInfo {
         let mut all = Aabb::EMPTY;
         for (joint, b) in &self.joint_bounds {
             if let Some(rows) = joints.get(*joint as usize) {
-                all = all.union(transformed(grown(*b, morph_offset), rows));
+                all = all.union(moved(grown(*b, morph_offset), rows));
             }
         }
         all
@@ -150,10 +150,10 @@ impl PrimitiveInfo {
             let reach = grown(*b, morph_offset);
             let stretched = together().fold(Aabb::EMPTY, |sum, c| {
                 let stretch = DAffine3 { matrix3: c.stretch, translation: glam::DVec3::ZERO };
-                sum.union(transformed(reach, &Rows::from_affine(stretch)))
+                sum.union(moved(reach, &Rows::from_affine(stretch)))
             });
             let hull = together()
-                .fold(Aabb::EMPTY, |sum, c| sum.union(transformed(stretched, &Rows::from_affine(c.rigid()))));
+                .fold(Aabb::EMPTY, |sum, c| sum.union(moved(stretched, &Rows::from_affine(c.rigid()))));
             let alike = |a: &Carrier| together().map(|b| a.real.dot(b.real).abs()).fold(1.0, f64::min);
             let kappa = together().map(alike).fold(1.0, f64::min);
             let most = self.influences.min(together().count()).max(1);
@@ -164,7 +164,7 @@ impl PrimitiveInfo {
                 let radius = Vec3::splat((f64::from(radius) / shortest * (1.0 + 1e-6)) as f32);
                 bounds = Aabb { min: center - radius, max: center + radius };
             }
-            all = all.union(transformed(bounds, relative_from_model));
+            all = all.union(moved(bounds, relative_from_model));
         }
         all
     }

@@ -241,7 +241,7 @@ impl Builder {
         let mut copies = vec![0usize; self.catalog.primitives.len()];
         for (at, actor) in stage.actors.iter().enumerate() {
             for (instance, entries) in actor.asset.instances.iter().zip(&self.catalog.entry(at).primitives) {
-                entries.iter().for_each(|e| copies[e.primitive as usize] += instance.times());
+                entries.iter().for_each(|e| copies[e.primitive as usize] += actor.asset.times(instance));
             }
         }
         let catalog = &mut self.catalog;

@@ -132,7 +132,10 @@ impl Planner<'_> {
         let half = (bounds.max - bounds.min).length() * 0.5;
         let metre = self.view.pixels_per_metre(self.view.depth(bounds.center()) - half, self.options.size);
         let scale = match skin.map(|s| &self.skins[s]) {
-            Some(skin) => skin.rows.iter().map(Rows::largest_stretch).fold(0.0, f32::max),
+            Some(skin) => {
+                let place = if skin.placed { rigid.largest_stretch() } else { 1.0 };
+                skin.rows.iter().map(Rows::largest_stretch).fold(0.0, f32::max) * place
+            }
             None => rigid.largest_stretch(),
         };
         let close = |level: &&Level| level.error * scale * metre <= TOLERANCE;

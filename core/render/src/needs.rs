@@ -9,6 +9,8 @@ use glam::{Affine2, Vec3};
 #[derive(Clone, Copy, Debug)]
 pub struct DrawNeeds {
     pub skinned: bool,
+    /// Its joints lead to model space, and the copy's own map on.
+    pub placed: bool,
     /// By dual quaternions.
     pub dual: bool,
     pub morphed: bool,
@@ -91,6 +93,7 @@ pub fn features(
     set(needs.skinned || force_all, Features::SKIN);
     set((needs.skinned && primitive.info.influences == 8) || force_all, Features::SKIN_8);
     set(needs.skinned && needs.dual, Features::SKIN_DUAL);
+    set(needs.skinned && needs.placed, Features::SKIN_PLACED);
     set(needs.morphed || force_all, Features::MORPH);
     set((primitive.info.colored || force_all) && !toon, Features::VERTEX_COLOR);
     set(metallic_roughness, Features::METALLIC_ROUGHNESS);
@@ -231,6 +234,11 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
         all.has(Features::SKIN) && !all.has(Features::SKIN_DUAL),
         "dual quaternions",
         "every skin is blended linearly".into(),
+    );
+    say(
+        all.has(Features::SKIN) && !all.has(Features::SKIN_PLACED),
+        "copies of skinned bodies",
+        "every skinned body stands once".into(),
     );
     let morph_why =
         if facts.morphs_exist { "every weight in view is zero" } else { "no mesh has morph targets" };

@@ -38,7 +38,8 @@ pub struct Plan {
     pub instances: Vec<Instance>,
     /// Of each instance: index into `Stage::actors`.
     pub instance_actors: Vec<u32>,
-    /// Linear skins, one a joint in use: relative-from-mesh, `world translation − camera`, rows of a 3×4 matrix.
+    /// Linear skins, one a joint in use: relative-from-mesh, `world translation − camera`, rows of a 3×4 matrix; of bodies at
+    /// places ([`Features::SKIN_PLACED`]) model-from-mesh.
     /// Dual-quaternion skins, two a joint, model-from-mesh: real part, dual part, nothing; then the stretch before them.
     pub joint_matrices: Vec<Rows>,
     /// (target, weight) pairs with weight ≠ 0, ranges given by the instances.
@@ -199,7 +200,7 @@ pub struct ShadowView {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Instance {
-    /// relative-from-mesh; relative-from-model of dual-quaternion skins; unused by linear ones.
+    /// relative-from-mesh; relative-from-model of dual-quaternion skins and of bodies at places; unused by other skins.
     pub relative_from_mesh: Rows,
     pub tint: Vec4,
     /// First entry in `joint_matrices`.
@@ -348,6 +349,9 @@ impl Features {
     pub const EDGES: Features = Features(1 << 26);
     /// The skin's joints are dual quaternions. Another way rather than more of one: never forced in.
     pub const SKIN_DUAL: Features = Features(1 << 31);
+    /// The body is posed once, in model space, and stands at places: the joints' matrices lead to the model, the copy's on from
+    /// there, as a dual-quaternion skin's always do. Never forced in.
+    pub const SKIN_PLACED: Features = Features(1 << 55);
 
     /// Clearcoat, sheen or transmission is on: the layers' uniform is read.
     pub const LAYERS: Features = Features(1 << 32);
@@ -395,7 +399,7 @@ impl Features {
     }
     /// The same, and where it is `blended` its alpha.
     pub const fn of_alpha(self, blended: bool) -> Features {
-        let shape = Self::SKIN.0 | Self::SKIN_8.0 | Self::SKIN_DUAL.0 | Self::MORPH.0;
+        let shape = Self::SKIN.0 | Self::SKIN_8.0 | Self::SKIN_DUAL.0 | Self::SKIN_PLACED.0 | Self::MORPH.0;
         let cut_out = Self::ALPHA_MASK.0
             | Self::BASE_COLOR_TEXTURE.0
             | Self::TRIPLANAR.0

@@ -10,6 +10,7 @@ pub const LEFT_OUT: &[&str] = &[
     "skinning",
     "influences 5 to 8",
     "dual quaternions",
+    "copies of skinned bodies",
     "morph targets",
     "normals, lights and ambient light",
     "lights",

@@ -1,7 +1,7 @@
 //! Snapshot → plan: what is in view, which pipelines and matrices it needs, in which order it is drawn.
 
 use crate::area::Area;
-use crate::bounds::{Aabb, outside};
+use crate::bounds::{Aabb, moved, outside};
 use crate::catalog::{Catalog, CatalogMaterial, PrimitiveEntry};
 use crate::closed::is_before;
 use crate::flat::flats;
@@ -159,7 +159,6 @@ impl Planner<'_> {
     ) {
         let model_from_joint = state.model_from_joint.get(instance.joint as usize);
         let model_from_joint = model_from_joint.copied().unwrap_or(Affine3A::IDENTITY);
-        let relative_from_joint = relative_from_model * daffine(model_from_joint);
         let catalog = self.catalog;
         let active = |&(_, w): &(usize, &f32)| *w != 0.0 && w.is_finite();
         let size = self.options.size;
@@ -174,7 +173,7 @@ impl Planner<'_> {
             if !info.valid || primitive.primitive().indices.is_empty() {
                 continue;
             }
-            self.facts.copies += instance.joint_from_first(state.copies).count();
+            self.facts.copies += asset.standing(instance, state.copies).count();
             let posed_skin = skin.filter(|s| {
                 // A joint list shorter than the vertices' indices cannot be drawn skinned.
                 info.influences > 0 && info.joint_count() <= self.skins[*s].rows.len()
@@ -192,6 +191,7 @@ impl Planner<'_> {
             let offset = info.morph_offset(weights);
             let needs = DrawNeeds {
                 skinned: posed_skin.is_some(),
+                placed: !asset.places.is_empty(),
                 dual: posed_skin.is_some_and(|s| !self.skins[s].carriers.is_empty()),
                 morphed: morph_count > 0,
                 local_lights: self.local_lights,
@@ -213,16 +213,20 @@ impl Planner<'_> {
             let of_corners = effects.of_corners(shape);
             let drawn_wide = features.has(Features::WIDE);
             let wide = wide::pen(shape.topology, &material.material).filter(|_| drawn_wide);
-            for copy in instance.joint_from_first(state.copies) {
-                let relative_from_mesh = match instance.copies.is_empty() {
-                    true => relative_from_joint,
-                    false => relative_from_joint * daffine(copy),
+            let in_model = posed_skin.and_then(|s| self.skins[s].in_model(primitive, offset));
+            for (place, copy) in asset.standing(instance, state.copies) {
+                let after_pose = needs.skinned && (needs.dual || needs.placed);
+                let relative_from_place = match needs.placed {
+                    true => relative_from_model * daffine(place),
+                    false => relative_from_model,
                 };
-                let rigid = Rows::from_affine(match needs.dual {
-                    true => relative_from_model,
-                    false => relative_from_mesh,
+                let rigid = Rows::from_affine(match instance.copies.is_empty() {
+                    _ if after_pose => relative_from_place,
+                    true => relative_from_place * daffine(model_from_joint),
+                    false => relative_from_place * daffine(model_from_joint) * daffine(copy),
                 });
                 let bounds = match posed_skin.map(|s| &self.skins[s]) {
+                    Some(_) if let Some(in_model) = in_model => moved(in_model, &rigid),
                     Some(s) if needs.dual => {
                         info.dual_skinned(primitive.primitive(), &s.carriers, &rigid, offset)
                     }
@@ -233,8 +237,8 @@ impl Planner<'_> {
                 if wide.is_some() && width == 0.0 {
                     continue;
                 }
-                let moved = Vec3::splat(effects.reach);
-                let bounds = Aabb { min: bounds.min - moved, max: bounds.max + moved };
+                let around = Vec3::splat(effects.reach);
+                let bounds = Aabb { min: bounds.min - around, max: bounds.max + around };
                 let (metres, share) = self.reach(entry, changed, index);
                 let metres = metres + (-width).max(0.0);
                 // Half of it, and no less than half a pixel to each side.

@@ -1,6 +1,7 @@
 //! What the joints of a skin do to its vertices, as shaders read it.
 
-use crate::bounds::PrimitiveInfo;
+use crate::bounds::{Aabb, PrimitiveInfo};
+use crate::catalog::CatalogPrimitive;
 use crate::plan::Rows;
 use crate::planner::Planner;
 use choreo_motion::{Carrier, Skinning};
@@ -10,17 +11,22 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec4};
 /// Skin matrices of one (actor, skin), shared by all its primitives; in the plan only once one is in view.
 pub(crate) struct PosedSkin {
     pub skin: u32,
-    /// relative-from-mesh, one a joint.
+    /// relative-from-mesh, one a joint; model-from-mesh where placed.
     pub rows: Vec<Rows>,
     /// model-from-mesh in parts, where the skin is not linear.
     pub carriers: Vec<Carrier>,
+    /// The rows lead to model space, and each copy's own map on from there.
+    pub placed: bool,
     pub first_joint: Option<u32>,
 }
 
 impl PosedSkin {
     /// World · model-from-joint · inverse bind (glTF 2.0 §3.7.3.3), in f64.
     pub fn new(relative_from_model: DAffine3, asset: &Asset, skin: u32, state: &ActorState) -> PosedSkin {
-        let mut posed = PosedSkin { skin, rows: Vec::new(), carriers: Vec::new(), first_joint: None };
+        let placed = !asset.places.is_empty();
+        // Where it stands at places, they come after the pose.
+        let relative_from_model = if placed { DAffine3::IDENTITY } else { relative_from_model };
+        let mut posed = PosedSkin { skin, rows: Vec::new(), carriers: Vec::new(), placed, first_joint: None };
         let skin = &asset.skins[skin as usize];
         for (i, joint) in skin.joints.iter().enumerate() {
             let pose = state.model_from_joint.get(*joint as usize).copied().unwrap_or(Affine3A::IDENTITY);
@@ -40,14 +46,26 @@ impl PosedSkin {
         }
         posed
     }
+
+    /// Of a body at places: the box of one, in model space.
+    pub fn in_model(&self, primitive: &CatalogPrimitive, morph_offset: Aabb) -> Option<Aabb> {
+        let info = &primitive.info;
+        let same = || Rows::from_affine(DAffine3::IDENTITY);
+        self.placed.then(|| match self.carriers.is_empty() {
+            true => info.skinned(&self.rows, morph_offset),
+            false => info.dual_skinned(primitive.primitive(), &self.carriers, &same(), morph_offset),
+        })
+    }
 }
 
 impl Planner<'_> {
     /// The determinant by which a copy's front faces are told from its back faces, and whether all of its joints have its sign.
     pub fn handedness(&self, info: &PrimitiveInfo, skin: Option<usize>, rigid: &Rows) -> (f32, bool) {
         let Some(skin) = skin else { return (rigid.determinant(), rigid.determinant() != 0.0) };
-        let rows = &self.skins[skin].rows;
-        let used = || info.joint_bounds.iter().map(|(j, _)| rows[*j as usize].determinant());
+        let skin = &self.skins[skin];
+        // Of joints that lead to model space, the place's own counts too.
+        let place = if skin.placed { rigid.determinant() } else { 1.0 };
+        let used = || info.joint_bounds.iter().map(|(j, _)| skin.rows[*j as usize].determinant() * place);
         // Of the first joint in use that is not flat.
         let first = used().find(|d| *d != 0.0).unwrap_or(1.0);
         (first, used().all(|d| d * first > 0.0))

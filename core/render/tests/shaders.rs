@@ -48,6 +48,8 @@ fn variants() -> Vec<SceneVariant> {
         Features::SKIN.with(Features::SKIN_8),
         Features::SKIN.with(Features::SKIN_DUAL),
         Features::SKIN.with(Features::SKIN_8).with(Features::SKIN_DUAL),
+        Features::SKIN.with(Features::SKIN_PLACED),
+        Features::SKIN.with(Features::SKIN_8).with(Features::SKIN_DUAL).with(Features::SKIN_PLACED),
         Features::MORPH,
         Features::MORPH.with(Features::SKIN),
         Features::MORPH.with(Features::SKIN).with(Features::SKIN_8),

@@ -20,7 +20,7 @@ pub fn too_much(build: &Build, limits: &Limits) -> Option<(Place, ApiError)> {
         let asset = &draft.actor.asset;
         let more = [
             asset.skeleton.len() as u64,
-            asset.instances.iter().map(|i| i.times() as u64).sum(),
+            asset.instances.iter().map(|i| asset.times(i) as u64).fold(0, u64::saturating_add),
             vertices(asset),
             asset.images.iter().filter(|i| seen.insert(Arc::as_ptr(i))).map(|i| texels(i)).sum(),
         ];
@@ -55,7 +55,7 @@ fn vertices(asset: &Asset) -> u64 {
     asset
         .instances
         .iter()
-        .map(|i| of_mesh(i.mesh).saturating_mul(i.times() as u64))
+        .map(|i| of_mesh(i.mesh).saturating_mul(asset.times(i) as u64))
         .fold(0, u64::saturating_add)
 }
 

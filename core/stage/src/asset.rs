@@ -20,6 +20,8 @@ pub struct Asset {
     pub skins: Vec<Skin>,
     /// Which mesh hangs on which node, with which skin.
     pub instances: Vec<MeshInstance>,
+    /// model-from-model of every place at which the whole body stands, posed once for all of them. Empty: where it is cast.
+    pub places: Arc<[Affine3A]>,
     pub materials: Vec<Material>,
     pub images: Vec<Arc<Image>>,
     pub cameras: Vec<AssetCamera>,
@@ -80,7 +82,7 @@ pub struct MeshInstance {
     /// Morph weights where no clip drives them; length = the mesh's `morph_targets`.
     pub weights: Vec<f32>,
     /// joint-from-mesh of every copy that is drawn (EXT_mesh_gpu_instancing): a field of grass is one instance. Empty: one, at
-    /// the joint itself. Without meaning for skinned instances.
+    /// the joint itself. Without meaning for skinned instances: [`Asset::places`] has one for them.
     pub copies: Arc<[Affine3A]>,
 }
 
@@ -95,11 +97,6 @@ impl MeshInstance {
     pub fn joint_from_first(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
         let most = count.filter(|_| !self.copies.is_empty()).map_or(usize::MAX, |n| n as usize);
         self.joint_from_copies().take(most)
-    }
-
-    /// How often the mesh is drawn: 1 without copies.
-    pub fn times(&self) -> usize {
-        self.copies.len().max(1)
     }
 }
 

@@ -117,7 +117,7 @@ pub struct InstanceBounds {
     pub parts: Vec<BoundsPart>,
     /// (primitive, vertex) of the vertices that reach farthest from each joint in 14 directions: with them posed, a still
     /// picture of the instance is framed more closely than by boxes, and all but exactly. Sorted. Empty where morphs move them,
-    /// and of instances with copies.
+    /// of instances with copies, and of bodies that stand at places.
     pub outline: Vec<(u32, u32)>,
 }
 
@@ -224,7 +224,7 @@ impl InstanceBounds {
         }
         parts.retain(|part| !part.reach.is_empty());
         let mut outline: Vec<(u32, u32)> = Vec::new();
-        if mesh.morph_targets == 0 && instance.copies.is_empty() {
+        if mesh.morph_targets == 0 && instance.copies.is_empty() && asset.places.is_empty() {
             outline.extend(farthest.iter().flat_map(|f| f.0).filter_map(|(_, vertex)| vertex));
             outline.sort_unstable();
             outline.dedup();
@@ -232,8 +232,8 @@ impl InstanceBounds {
         InstanceBounds { parts, outline }
     }
 
-    /// A box in model space that holds the instance in this pose with these morph weights: conservative, never smaller
-    /// than the mesh, at a few ns a joint. Empty where the mesh has no vertices or nothing is finite.
+    /// A box in model space that holds the instance in this pose with these morph weights, where the body stands once
+    /// ([`Asset::spread`] goes on to its places): conservative, never smaller than the mesh, at a few ns a joint. Empty where the mesh has no vertices or nothing is finite.
     pub fn posed(&self, model_from_joint: &[Affine3A], morph_weights: &[f32]) -> Aabb {
         let mut bounds = Aabb::EMPTY;
         for part in &self.parts {
@@ -273,7 +273,7 @@ impl BoundsPart {
     }
 }
 
-/// Every vertex in rest pose, without morphs: tight, unlike [`InstanceBounds::posed`]. Of copies the box of the mesh counts.
+/// Every vertex in rest pose, without morphs: tight, unlike [`InstanceBounds::posed`]. Of copies and places the box of the mesh or body counts.
 pub(crate) fn rest_bounds(asset: &Asset) -> Aabb {
     let mut bounds = Aabb::EMPTY;
     for instance in &asset.instances {
@@ -295,5 +295,5 @@ pub(crate) fn rest_bounds(asset: &Asset) -> Aabb {
             }
         }
     }
-    bounds
+    asset.spread(&bounds)
 }

@@ -1,5 +1,6 @@
 //! What is computed from an asset once, when first asked for, and then shared by every actor cast from it.
 
+use crate::places::Range;
 use crate::{Aabb, Asset, InstanceBounds};
 use choreo_motion::{Pose, Skeleton};
 use glam::Affine3A;
@@ -13,7 +14,14 @@ pub struct Derived {
     rest_model_from_joint: OnceLock<Vec<Affine3A>>,
     instance_bounds: OnceLock<Vec<InstanceBounds>>,
     rest_bounds: OnceLock<Aabb>,
+    range_of_places: OnceLock<Option<Range>>,
     content_hash: OnceLock<[u8; 32]>,
+}
+
+impl Derived {
+    pub(crate) fn range_of_places(&self, find: impl FnOnce() -> Option<Range>) -> Option<Range> {
+        *self.range_of_places.get_or_init(find)
+    }
 }
 
 impl Clone for Derived {

@@ -4,9 +4,9 @@
 //! outlines of all visible actors are taken at some times of the stage, once; then a camera costs a few projected corners a frame.
 
 use crate::camera::orbit_rotation;
-use crate::evaluate::{Evaluation, Scratch, evaluate_actors, widen};
+use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
 use crate::goals::plant::Plants;
-use crate::posed_mesh::Carriers;
+use crate::posed_mesh::{Carriers, posed_body};
 use crate::*;
 use choreo_motion::{Skinning, Time};
 use glam::{DAffine3, DQuat, DVec3};
@@ -80,10 +80,10 @@ fn visible_boxes(stage: &Stage, world_from_axes: DQuat) -> Result<Vec<DAabb>, St
                     continue;
                 }
                 let weights = state.morph_weights.get(index).map_or(&[][..], Vec::as_slice);
-                for part in &reach.parts {
-                    let Some(joint) = state.model_from_joint.get(part.joint as usize) else { continue };
-                    bounds.add_box(&(axes_from_model * widen(joint)), &part.morphed(weights));
-                }
+                let add = |model_from_part: &DAffine3, part: &Aabb| {
+                    bounds.add_box(&(axes_from_model * *model_from_part), part);
+                };
+                actor.asset.posed_boxes(index, &state.model_from_joint, weights, add);
             }
             // What is beyond all numbers cannot be seen beside anything else, nor on its own.
             let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
@@ -116,9 +116,18 @@ fn add_vertices(
     axes_from_model: &DAffine3,
 ) {
     let in_model = ActorState { world_from_model: *axes_from_model, ..state.clone() };
-    for posed in posed_meshes(asset, &in_model).iter().filter(|p| p.instance == instance) {
-        posed.primitives.iter().flat_map(|p| &p.positions).for_each(|p| bounds.add(*p));
+    let add = |posed: PosedInstance, add: &mut dyn FnMut(DVec3)| {
+        posed.primitives.iter().flat_map(|p| &p.positions).for_each(|p| add(*p));
+    };
+    if asset.places.is_empty() {
+        let own = posed_meshes(asset, &in_model).into_iter().filter(|p| p.instance == instance);
+        own.for_each(|posed| add(posed, &mut |p| bounds.add(p)));
+        return;
     }
+    let mut one = Aabb::EMPTY;
+    let own = posed_body(asset, state).into_iter().filter(|p| p.instance == instance);
+    own.for_each(|posed| add(posed, &mut |p| one.add(p.as_vec3())));
+    bounds.add_box(axes_from_model, &asset.spread(&one));
 }
 
 /// The posed vertices of the outline.

@@ -76,6 +76,8 @@ fn reach(actor: &Actor) -> Option<Reach> {
         let corner = part.reach.min.abs().max(part.reach.max.abs());
         all.radius = all.radius.max(distance + scale * length(&corner.to_array()));
     }
+    let (radius, larger) = asset.farthest(all.radius);
+    (all.radius, all.scale) = (radius, all.scale * larger);
     // Rounding in f32.
     all.radius = all.radius * 1.001 + 1e-5;
     (all.radius.is_finite() && all.scale.is_finite()).then_some(all)

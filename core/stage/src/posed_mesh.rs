@@ -5,7 +5,7 @@ use crate::{ActorState, Asset, MeshInstance, Primitive};
 use choreo_motion::{Carrier, Skinning};
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec3};
 
-/// One mesh instance of an asset, or one of its copies, posed.
+/// One mesh instance of an asset, or one of its copies, posed at one of the body's places.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosedInstance {
     /// Index into `Asset::instances`.
@@ -25,8 +25,22 @@ pub struct PosedPrimitive {
 /// All mesh instances of an actor in world space. Empty where the actor was not posed (invisible).
 pub fn posed_meshes(asset: &Asset, actor: &ActorState) -> Vec<PosedInstance> {
     let ActorState { model_from_joint, morph_weights, world_from_model, .. } = actor;
-    let how = (actor.skinning, actor.copies);
+    let how = (actor.skinning, Standing::First(actor.copies));
     posed_meshes_by(how, asset, model_from_joint, morph_weights, *world_from_model)
+}
+
+/// In model space, as if the body stood once, where it is cast.
+pub(crate) fn posed_body(asset: &Asset, actor: &ActorState) -> Vec<PosedInstance> {
+    let ActorState { model_from_joint, morph_weights, .. } = actor;
+    let how = (actor.skinning, Standing::Once);
+    posed_meshes_by(how, asset, model_from_joint, morph_weights, DAffine3::IDENTITY)
+}
+
+/// Which of its places and copies.
+#[derive(Clone, Copy)]
+enum Standing {
+    First(Option<u32>),
+    Once,
 }
 
 /// As [`posed_meshes`] with linear skinning, moved by any map: identity gives model space.
@@ -36,11 +50,17 @@ pub fn posed_meshes_in(
     morph_weights: &[Vec<f32>],
     world_from_model: DAffine3,
 ) -> Vec<PosedInstance> {
-    posed_meshes_by((Skinning::Linear, None), asset, model_from_joint, morph_weights, world_from_model)
+    posed_meshes_by(
+        (Skinning::Linear, Standing::First(None)),
+        asset,
+        model_from_joint,
+        morph_weights,
+        world_from_model,
+    )
 }
 
 fn posed_meshes_by(
-    (skinning, copies): (Skinning, Option<u32>),
+    (skinning, standing): (Skinning, Standing),
     asset: &Asset,
     model_from_joint: &[Affine3A],
     morph_weights: &[Vec<f32>],
@@ -54,13 +74,19 @@ fn posed_meshes_by(
         let Some(mesh) = asset.meshes.get(instance.mesh as usize) else { continue };
         let weights = morph_weights.get(index).map_or(&[][..], Vec::as_slice);
         let at_joint = Carriers::new(skinning, asset, instance, model_from_joint);
-        for copy in instance.joint_from_first(copies) {
+        let mut add = |world_from_model: DAffine3, copy: Affine3A| {
             let carriers = at_joint.of_copy(&copy);
             let pose = |p: &Primitive| pose_primitive(p, &carriers, weights, world_from_model);
-            out.push(PosedInstance {
-                instance: index,
-                primitives: mesh.primitives.iter().map(pose).collect(),
-            });
+            let primitives = mesh.primitives.iter().map(pose).collect();
+            out.push(PosedInstance { instance: index, primitives });
+        };
+        match standing {
+            Standing::Once => {
+                instance.joint_from_copies().for_each(|copy| add(world_from_model, copy));
+            }
+            Standing::First(count) => asset.standing(instance, count).for_each(|(place, copy)| {
+                add(world_from_model * crate::evaluate::widen(&place), copy);
+            }),
         }
     }
     out

@@ -39,6 +39,7 @@ pub fn bounds(asset: &Asset, state: &ActorState) -> Option<(DVec3, DVec3)> {
             all = all.union(instance.posed(&state.model_from_joint, weights));
         }
     }
+    let all = asset.spread(&all);
     if all.is_empty() {
         return None;
     }

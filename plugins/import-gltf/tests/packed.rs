@@ -68,7 +68,7 @@ fn copies_stand_where_the_formula_says() {
     let asset = common::import_bytes("packed.glb", sample()).unwrap();
     assert_eq!(asset.instances.len(), 2, "a field is one instance, whatever it holds");
     assert!(asset.instances[0].copies.is_empty());
-    assert_eq!((asset.instances[1].copies.len(), asset.instances[1].times()), (12, 12));
+    assert_eq!((asset.instances[1].copies.len(), asset.times(&asset.instances[1])), (12, 12));
     let joints = asset.rest_model_from_joint();
     let posed = posed_meshes_in(&asset, joints, &[], DAffine3::IDENTITY);
     assert_eq!(posed.iter().map(|p| p.instance).collect::<Vec<_>>(), [vec![0], vec![1; 12]].concat());

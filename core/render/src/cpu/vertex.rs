@@ -207,7 +207,10 @@ impl VertexStage<'_> {
                 add(&mut sum, &self.joint_matrices[first + usize::from(*joint)], *weight);
             }
         }
-        sum
+        match self.features.has(Features::SKIN_PLACED) {
+            true => sum.after(&self.instance.relative_from_mesh),
+            false => sum,
+        }
     }
 
     /// Stretches blended as matrices, then motions as dual quaternions on the side of the heaviest (`choreo_motion::dual_quaternion`).

@@ -173,10 +173,11 @@ pub enum PeelPass {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 57] = [
+    let names: [(&'static str, Features); 58] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("SKIN_DUAL", Features::SKIN_DUAL),
+        ("SKIN_PLACED", Features::SKIN_PLACED),
         ("MORPH", Features::MORPH),
         ("VERTEX_COLOR", Features::VERTEX_COLOR),
         ("UV0", Features::UV0),

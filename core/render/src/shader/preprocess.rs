@@ -12,10 +12,11 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 83] = [
+pub const SWITCHES: [&str; 84] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
+    "SKIN_PLACED",
     "MORPH",
     "VERTEX_COLOR",
     "UV0",

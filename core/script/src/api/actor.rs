@@ -325,7 +325,7 @@ fn count(c: &mut Call) -> Reply {
 
 /// Whether it has copies to be counted.
 pub fn has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
-    if asset.instances.iter().any(|i| !i.copies.is_empty()) {
+    if asset.has_copies() {
         return Ok(());
     }
     let text = format!("{function}: {} is there once", asset.name);

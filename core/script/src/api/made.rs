@@ -45,7 +45,7 @@ pub const DEFS: &[Def] = &[
         "repeat",
         "places",
         Gives::A(Kind::Asset),
-        "The asset so many times in one: places are points [x, y, z], or #{ at, turn (degrees, as Actor.turn, or [x, y, z] as Actor.rotate), scale }. Cast once, its copies are drawn together and each only where it is in view; Actor.count says how many are there. Not for bodies with a skin.",
+        "The asset so many times in one: places are points [x, y, z], or #{ at, turn (degrees, as Actor.turn, or [x, y, z] as Actor.rotate), scale }. Cast once, its copies are drawn together and each only where it is in view; a body is posed once for all of them, whatever its clips do. Actor.count says how many are there.",
         crate::made::repeat,
     ),
     Def::new(

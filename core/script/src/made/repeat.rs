@@ -4,7 +4,7 @@ use crate::api::actor::euler;
 use crate::call::{ApiError, Call, Reply, describe, numbers, wrong};
 use crate::limits::raise_hint;
 use crate::value::AssetRef;
-use choreo_stage::{Asset, MeshInstance};
+use choreo_stage::Asset;
 use glam::{Affine3A, DAffine3, DQuat, DVec3};
 use rhai::{Array, Dynamic, Map};
 use std::sync::Arc;
@@ -19,41 +19,21 @@ pub fn repeat(c: &mut Call) -> Reply {
     if array.is_empty() {
         return Err(ApiError::new("repeat: places is an empty array").hint("count(0) shows none of them"));
     }
-    let limit = c.shared.limits.instances;
-    if array.len() as u64 > limit {
-        let text = format!("repeat: {} places", array.len());
-        return Err(ApiError::new(text).hint(raise_hint("instances", limit)));
-    }
     if asset.instances.is_empty() {
         return Err(ApiError::new(format!("repeat: {} has nothing to be seen", asset.name)));
     }
-    if asset.instances.iter().any(|i| i.skin.is_some()) {
-        let text = format!("repeat: {} has a skin, whose copies need poses of their own", asset.name);
-        return Err(
-            ApiError::new(text).hint("cast it as often as it is needed; equal bodies are drawn together")
-        );
+    let limit = c.shared.limits.instances;
+    let all = array.len() as u64 * asset.places.len().max(1) as u64;
+    if all > limit {
+        let text = format!("repeat: {all} places");
+        return Err(ApiError::new(text).hint(raise_hint("instances", limit)));
     }
-    let model_from_copy: Vec<DAffine3> =
+    let model_from_place: Vec<DAffine3> =
         array.iter().enumerate().map(|(i, v)| place(v, i)).collect::<Result<_, _>>()?;
-    // A copy is placed in the space of its joint, as that is at rest.
-    let mut model_from_joint: Vec<DAffine3> = Vec::with_capacity(asset.skeleton.len());
-    for (parent, rest) in asset.skeleton.parents().iter().zip(asset.skeleton.rest()) {
-        let local = double(rest.to_affine());
-        model_from_joint.push(parent.map_or(local, |p| model_from_joint[p as usize] * local));
-    }
-    let instance = |i: &MeshInstance| {
-        let joint = model_from_joint.get(i.joint as usize).copied().unwrap_or(DAffine3::IDENTITY);
-        let back = joint.inverse();
-        if !back.is_finite() {
-            let text = format!("repeat: {} has a joint without size, whose copies have no place", asset.name);
-            return Err(ApiError::new(text));
-        }
-        let own: Vec<DAffine3> = i.joint_from_copies().map(double).collect();
-        let all = model_from_copy.iter().flat_map(|p| own.iter().map(move |own| back * *p * joint * *own));
-        Ok(MeshInstance { copies: all.map(single).collect(), ..i.clone() })
-    };
-    let instances = asset.instances.iter().map(instance).collect::<Result<Vec<_>, _>>()?;
-    let asset = Asset { instances, derived: Default::default(), ..Asset::clone(asset) };
+    let own: Vec<DAffine3> = asset.first_places(None).map(double).collect();
+    let places = model_from_place.iter().flat_map(|p| own.iter().map(move |own| single(*p * *own)));
+    let places = places.collect();
+    let asset = Asset { places, derived: Default::default(), ..Asset::clone(asset) };
     c.build().used(&source);
     let from = c.build().made(&Arc::new(asset), &c.place);
     Ok(Dynamic::from(AssetRef { from, dead: false }))

@@ -382,6 +382,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
             meshes,
             skins,
             instances,
+            places,
             materials,
             images: _,
             cameras,
@@ -412,6 +413,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
             w.f32s(&instance.weights);
             w.list(&instance.copies, |w, copy| w.f32s(&copy.to_cols_array()));
         });
+        w.list(places, |w, place| w.f32s(&place.to_cols_array()));
         w.list(materials, |w, material| {
             material.write(w, &|index| images.get(index as usize).copied());
             w.text(&material.name);

@@ -266,7 +266,8 @@ impl Facts {
             let high = f64::from((bounds.max - bounds.min).max_element())
                 * actor.transform.scale.abs().max_element();
             let keyed = actor.channels.iter().any(|c| c.property == Property::Scale);
-            if bounds.is_empty() || keyed || actor.parent.is_some() || PERSON_METRES.contains(&high) {
+            let many = !actor.asset.places.is_empty();
+            if bounds.is_empty() || many || keyed || actor.parent.is_some() || PERSON_METRES.contains(&high) {
                 return found;
             }
             let digits = if high < 0.001 { 9 } else { 3 };

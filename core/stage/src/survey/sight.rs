@@ -1,6 +1,5 @@
 //! Whether a box is in a camera's picture, and how large.
 
-use crate::evaluate::widen;
 use crate::*;
 use glam::DAffine3;
 
@@ -48,12 +47,12 @@ impl Sight {
     pub fn bounds(&self, asset: &Asset, state: &ActorState) -> DAabb {
         let mut bounds = DAabb::EMPTY;
         let view_from_model = self.view_from_world * state.world_from_model;
-        for (index, instance) in asset.instance_bounds().iter().enumerate() {
+        for index in 0..asset.instances.len() {
             let weights = state.morph_weights.get(index).map_or(&[][..], Vec::as_slice);
-            for part in &instance.parts {
-                let Some(joint) = state.model_from_joint.get(part.joint as usize) else { continue };
-                bounds.add_box(&(view_from_model * widen(joint)), &part.morphed(weights));
-            }
+            let add = |model_from_part: &DAffine3, part: &Aabb| {
+                bounds.add_box(&(view_from_model * *model_from_part), part);
+            };
+            asset.posed_boxes(index, &state.model_from_joint, weights, add);
         }
         bounds
     }
