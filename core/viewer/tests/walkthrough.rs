@@ -32,7 +32,7 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     let script = folder.path().join("a.rhai");
     fs::write(&script, SCRIPT).unwrap();
     let text = || fs::read_to_string(&script).unwrap();
-    let mut viewer = screen.view(&[script.to_str().unwrap()], folder.path());
+    let mut viewer = screen.view(&["a.rhai"], folder.path());
     let window = screen.window();
     // The coral of ada.
     let is_coral = |p: &[u8]| p[0] > 150 && p[1] < 110 && p[2] < 90 && p[0] > p[1] + 70;

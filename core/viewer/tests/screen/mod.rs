@@ -94,9 +94,10 @@ impl Screen {
         command
     }
 
-    /// What it says goes into a file.
+    /// Started in that folder; what it says goes into a file.
     pub fn view(&self, args: &[&str], folder: &Path) -> Running {
         let mut command = self.command(args, folder);
+        command.current_dir(folder);
         if validated() {
             command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
         }
