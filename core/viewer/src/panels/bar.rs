@@ -8,7 +8,7 @@ use egui::{RichText, Ui};
 pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
     egui::Panel::top("bar").show(ui, |ui| {
         ui.horizontal(|ui| {
-            ui.label(RichText::new(&viewer.name).strong());
+            short(ui, RichText::new(&viewer.name).strong(), &viewer.name);
             ui.menu_button("Panels", |ui| {
                 for tab in Tab::ALL {
                     let mut open = panels.is_open(tab);
@@ -36,6 +36,15 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
     });
 }
 
+/// A name that leaves room for the buttons beside it, however long it is; `whole` where the mouse is over it.
+fn short(ui: &mut Ui, name: RichText, whole: &str) {
+    let room = (ui.ctx().content_rect().width() / 4.0).min(260.0);
+    ui.scope(|ui| {
+        ui.set_max_width(room);
+        ui.add(egui::Label::new(name).truncate().show_tooltip_when_elided(false)).on_hover_text(whole);
+    });
+}
+
 /// Files that were dropped are shown in place of the script.
 fn guests(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(first) = viewer.guests.first() else { return };
@@ -46,13 +55,7 @@ fn guests(ui: &mut Ui, viewer: &mut Viewer) {
     };
     let all: Vec<String> = viewer.guests.iter().map(|guest| guest.display().to_string()).collect();
     ui.separator();
-    // The buttons beside it stay within the window however long it is.
-    let (name, room) = (RichText::new(name).color(ui.visuals().warn_fg_color).strong(), 220.0);
-    let label = |ui: &mut Ui| {
-        ui.set_max_width(room);
-        ui.add(egui::Label::new(name).truncate()).on_hover_text(all.join("\n"));
-    };
-    ui.scope(label);
+    short(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
     if viewer.path.is_some() && ui.button("Add to script").clicked() {
         viewer.said = viewer.add_guests().err();
     }

@@ -213,9 +213,12 @@ const KEYS: [(&str, &str); 36] = [
 ];
 
 pub fn help(ui: &mut Ui, open: &mut bool) {
+    // All of them where there is room; egui would give a window 400 points.
+    let room = ui.ctx().content_rect().height() - 80.0;
     let window = egui::Window::new("Keys").open(open).resizable(false).collapsible(false);
-    window.anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]).show(ui.ctx(), |ui| {
-        egui::ScrollArea::vertical().max_height(ui.ctx().content_rect().height() - 80.0).show(ui, |ui| {
+    let window = window.default_height(room).anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]);
+    window.show(ui.ctx(), |ui| {
+        egui::ScrollArea::vertical().max_height(room).show(ui, |ui| {
             egui::Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
                 for (key, what) in KEYS {
                     ui.monospace(key);

@@ -6,6 +6,7 @@ mod handles;
 mod inspector;
 mod keys;
 mod layout;
+mod markers;
 mod marks;
 mod messages;
 mod overlay;
@@ -19,8 +20,10 @@ mod viewport;
 
 use crate::app::{MOST_VIEWS, View, Viewer};
 use crate::settings::Settings;
-use egui::{RichText, TextureId, Ui, WidgetText};
+use egui::text::{LayoutJob, TextWrapping};
+use egui::{Color32, FontId, Galley, Painter, RichText, TextureId, Ui, WidgetText};
 use egui_dock::{DockArea, DockState, NodeIndex, Style, TabViewer};
+use std::sync::Arc;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tab {
@@ -78,6 +81,7 @@ pub fn set_colors(context: &egui::Context, light: bool) {
     dark.warn_fg_color = egui::Color32::from_rgb(0xf0, 0xb0, 0x50);
     // A cursor that blinks draws the window twice a second for as long as a field has the keyboard.
     dark.text_cursor.blink = false;
+    let dark_text = dark.text_options.color_transfer_function;
     context.set_visuals_of(egui::Theme::Dark, dark);
     let mut bright = egui::Visuals::light();
     bright.widgets.noninteractive.fg_stroke.color = egui::Color32::from_gray(50);
@@ -86,6 +90,8 @@ pub fn set_colors(context: &egui::Context, light: bool) {
     bright.error_fg_color = egui::Color32::from_rgb(0xb0, 0x20, 0x10);
     bright.warn_fg_color = egui::Color32::from_rgb(0x8a, 0x55, 0x00);
     bright.text_cursor.blink = false;
+    // Mixed with light by amounts of light, thin dark strokes fade: as much stronger as egui makes light ones on dark.
+    bright.text_options.color_transfer_function = dark_text;
     context.set_visuals_of(egui::Theme::Light, bright);
     context.set_theme(if light { egui::Theme::Light } else { egui::Theme::Dark });
 }
@@ -267,4 +273,11 @@ impl TabViewer for Tabs<'_> {
 /// To so many parts of one, for display: what rounds to nothing has no sign.
 fn rounded(value: f64, parts: f64) -> f64 {
     (value * parts).round() / parts + 0.0
+}
+
+/// A line of text that ends with … where it is wider than there is room for.
+fn elided(painter: &Painter, text: &str, size: f32, color: Color32, width: f32) -> Arc<Galley> {
+    let mut job = LayoutJob::simple_singleline(text.to_string(), FontId::proportional(size), color);
+    job.wrap = TextWrapping::truncate_at_width(width.max(1.0));
+    painter.layout_job(job)
 }

@@ -1,7 +1,7 @@
 //! Rows of bars over time: who plays what, which camera is on; the playhead, and how to move it.
 
 use super::inspector::ClipDrag;
-use super::marks;
+use super::{markers, marks};
 use crate::app::Viewer;
 use crate::selection::Selected;
 use crate::span::Span;
@@ -47,7 +47,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     });
     wheel(ui, viewer, area, ruler);
     over_all(ui, viewer, area, ruler);
-    markers(ui, viewer, area, ruler);
+    markers::show(ui, viewer, area, ruler);
     wrong(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), ruler.bottom())));
 }
 
@@ -186,9 +186,8 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         false if selected_actor => visuals.strong_text_color(),
         false => visuals.text_color(),
     };
-    let text = ui.painter_at(label.shrink2(vec2(4.0, 0.0)));
-    let left = pos2(label.left() + 6.0, label.center().y);
-    text.text(left, Align2::LEFT_CENTER, &row.label, FontId::proportional(12.0), color);
+    name(ui, &row.label, label, color);
+    response.on_hover_text(&row.label);
     for (number, bar) in row.bars.iter().enumerate() {
         let x = |time: Time| lane.left() + viewer.span.x_of(time.as_secs(), lane.width());
         let bottom = lane.bottom() - STRIP - 1.0;
@@ -234,6 +233,22 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     }
 }
 
+/// The name of a row; which layer it is stays to be seen however long the actor's name is.
+fn name(ui: &Ui, name: &str, place: Rect, color: Color32) {
+    let painter = ui.painter_at(place);
+    let (name, layer) = match name.rsplit_once(" +") {
+        Some((name, layer)) if layer.bytes().all(|b| b.is_ascii_digit()) => (name, format!(" +{layer}")),
+        _ => (name, String::new()),
+    };
+    let layer = painter.layout_no_wrap(layer, FontId::proportional(12.0), color);
+    let left = place.left() + 6.0;
+    let name = super::elided(&painter, name, 12.0, color, place.right() - 4.0 - layer.size().x - left);
+    let at = |x: f32, height: f32| pos2(x, place.center().y - height / 2.0);
+    let (width, height) = (name.size().x, name.size().y);
+    painter.galley(at(left, height), name, color);
+    painter.galley(at(left + width, height), layer, color);
+}
+
 /// A clip that was let go over a lane, and when. It is played by the actor that it was dragged from.
 fn dropped(ui: &Ui, viewer: &Viewer, index: usize, lane: Rect) -> Option<(ClipDrag, f64)> {
     let response = ui.interact(lane, ui.id().with(("lane", index)), Sense::hover());
@@ -246,7 +261,7 @@ fn dropped(ui: &Ui, viewer: &Viewer, index: usize, lane: Rect) -> Option<(ClipDr
     };
     if hovering.is_some_and(|clip| of(&clip)) {
         let x = lane.left() + viewer.span.x_of(secs, lane.width());
-        ui.painter_at(lane).vline(x, lane.y_range(), Stroke::new(2.0, Color32::WHITE));
+        ui.painter_at(lane).vline(x, lane.y_range(), Stroke::new(2.0, ui.visuals().strong_text_color()));
     }
     let clip = response.dnd_release_payload::<ClipDrag>().filter(|clip| of(clip))?;
     Some(((*clip).clone(), secs))
@@ -301,7 +316,7 @@ fn handle(
     let secs = viewer.span.secs_at(pointer.x - lane.left(), lane.width());
     let secs = viewer.snapped(secs);
     let shown = lane.left() + viewer.span.x_of(secs, lane.width());
-    ui.painter_at(lane).vline(shown, lane.y_range(), Stroke::new(2.0, Color32::WHITE));
+    ui.painter_at(lane).vline(shown, lane.y_range(), Stroke::new(2.0, ui.visuals().strong_text_color()));
     let value = if part == Part::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
     response.drag_stopped().then_some(value)
 }
@@ -381,41 +396,6 @@ fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, ruler: Rect) {
     let tip =
         vec![pos2(head - 5.0, lanes.top()), pos2(head + 5.0, lanes.top()), pos2(head, lanes.top() + 8.0)];
     painter.add(egui::Shape::convex_polygon(tip, Color32::from_rgb(0xff, 0x6a, 0x3d), Stroke::NONE));
-}
-
-/// Named times: lines over all rows, with a flag that can be dragged.
-fn markers(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
-    let lanes = Rect::from_min_max(ruler.min, area.max);
-    let painter = ui.painter_at(lanes);
-    let color = ui.visuals().warn_fg_color;
-    let mut moved = None;
-    for (index, (name, time)) in viewer.timeline.markers.iter().enumerate() {
-        let x = ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());
-        // Below the rows, where no bar is in the way unless there are many.
-        let galley = painter.layout_no_wrap(name.clone(), FontId::proportional(11.5), color);
-        let at = pos2(x + 3.0, lanes.bottom() - galley.size().y - 2.0);
-        let flag = Rect::from_min_size(pos2(x - 3.0, at.y), galley.size() + vec2(6.0, 2.0)).intersect(lanes);
-        painter.vline(x, lanes.y_range(), Stroke::new(1.0, color));
-        painter.galley(at, galley, color);
-        if flag.width() <= 0.0 {
-            continue;
-        }
-        let response = ui.interact(flag, ui.id().with(("marker", index)), Sense::drag());
-        let label = format!("marker {name}");
-        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
-        let response = response.on_hover_cursor(egui::CursorIcon::ResizeHorizontal);
-        if let Some(pointer) =
-            response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped())
-        {
-            let secs = viewer.snapped(viewer.span.secs_at(pointer.x - ruler.left(), ruler.width()));
-            let to = ruler.left() + viewer.span.x_of(secs, ruler.width());
-            painter.vline(to, lanes.y_range(), Stroke::new(2.0, Color32::WHITE));
-            moved = response.drag_stopped().then(|| (name.clone(), secs)).or(moved);
-        }
-    }
-    if let Some((name, secs)) = moved {
-        viewer.said = viewer.set_marker(&name, secs).err();
-    }
 }
 
 /// How many errors and warnings there are, until they are mended; a click goes to the first.

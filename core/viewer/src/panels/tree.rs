@@ -94,7 +94,10 @@ fn section(ui: &mut Ui, name: &str, count: usize) {
 
 fn select(ui: &mut Ui, viewer: &mut Viewer, text: RichText, what: Selected) {
     let selected = viewer.selection.as_ref() == Some(&what);
-    if ui.selectable_label(selected, text).clicked() {
+    let name = text.text().to_string();
+    // What is cut off is read where the mouse is.
+    let response = ui.add(egui::Button::selectable(selected, text).truncate());
+    if response.on_hover_text(name).clicked() {
         viewer.selection = (!selected).then_some(what);
     }
 }

@@ -1,0 +1,64 @@
+//! Named times: lines over all rows of the sequencer, each with a flag that can be dragged.
+
+use crate::app::Viewer;
+use choreo_motion::Time;
+use egui::{Rect, Sense, Stroke, Ui, pos2, vec2};
+
+const SIZE: f32 = 11.5;
+/// One above the other, where their names would lie over each other.
+const LEVELS: usize = 4;
+/// Points; what is longer is read where the mouse is.
+const WIDEST: f32 = 180.0;
+
+pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
+    let lanes = Rect::from_min_max(ruler.min, area.max);
+    let painter = ui.painter_at(lanes);
+    let visuals = ui.visuals();
+    let (color, back) = (visuals.warn_fg_color, visuals.panel_fill.gamma_multiply(0.85));
+    let place = |time: Time| ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());
+    let mut in_order: Vec<usize> = (0..viewer.timeline.markers.len()).collect();
+    in_order.sort_by_key(|index| viewer.timeline.markers[*index].1);
+    // Where the names of each level end so far.
+    let mut ends = [f32::NEG_INFINITY; LEVELS];
+    let mut moved = None;
+    for index in in_order {
+        let (name, time) = &viewer.timeline.markers[index];
+        let x = place(*time);
+        // Below the ruler, whose times are read.
+        painter.vline(x, ruler.bottom()..=lanes.bottom(), Stroke::new(1.0, color));
+        // At the end a name stands before its line.
+        let galley = super::elided(&painter, name, SIZE, color, WIDEST.min(lanes.width()));
+        let size = galley.size();
+        let left = (x + 3.0).min(lanes.right() - size.x - 2.0);
+        let level = ends.iter().position(|end| *end + 4.0 < left).unwrap_or(0);
+        ends[level] = left + size.x;
+        // Below the rows, where no bar is in the way unless there are many.
+        let at = pos2(left, lanes.bottom() - (size.y + 2.0) * (level + 1) as f32);
+        let flag = Rect::from_min_size(pos2(left - 3.0, at.y), size + vec2(6.0, 2.0)).intersect(lanes);
+        if flag.width() <= 0.0 || !(lanes.left()..=lanes.right()).contains(&x) {
+            continue;
+        }
+        let response = ui.interact(flag, ui.id().with(("marker", index)), Sense::drag());
+        painter.rect_filled(flag, 2.0, back);
+        painter.galley(at, galley, color);
+        let label = format!("marker {name}");
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
+        let response = response
+            .on_hover_cursor(egui::CursorIcon::ResizeHorizontal)
+            .on_hover_text(format!("{name}\n{}", viewer.shown_time(*time)));
+        if let Some(pointer) =
+            response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped())
+        {
+            let secs = viewer.snapped(viewer.span.secs_at(pointer.x - ruler.left(), ruler.width()));
+            painter.vline(
+                place(Time::from_secs(secs)),
+                lanes.y_range(),
+                Stroke::new(2.0, visuals.strong_text_color()),
+            );
+            moved = response.drag_stopped().then(|| (name.clone(), secs)).or(moved);
+        }
+    }
+    if let Some((name, secs)) = moved {
+        viewer.said = viewer.set_marker(&name, secs).err();
+    }
+}
