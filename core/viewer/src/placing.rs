@@ -172,6 +172,26 @@ impl Viewer {
         })
     }
 
+    /// The vertical angle that a camera sees, degrees: `.fov`, or its key at the playhead.
+    ///
+    /// # Errors
+    /// As for [`Viewer::change_actor`].
+    pub fn set_field_of_view(&mut self, name: &str, degrees: f64) -> Result<(), String> {
+        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or("it is no longer there")?;
+        let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
+        let twins = scene.places.cameras.iter().filter(|p| **p == place).count();
+        let keyed = scene.stage.cameras[index].channels.iter().any(|c| c.property == Property::FieldOfView);
+        let when = When { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
+        self.change(&place, twins, |text| {
+            let object = Object::at(text, place.line, place.column)?;
+            match keyed {
+                true => object.set_key("fov", when, Value::Text(&choreo_live::edit::plain(degrees))),
+                false => object.set("fov", &[degrees]),
+            }
+        })
+    }
+
     /// A parameter of an effect, or an option of a light; `value` as it is written. What is keyed gets it at the playhead.
     pub fn set_value(&mut self, what: &Selected, name: &str, value: &str) -> Result<(), String> {
         let scene = self.scene.clone().ok_or("there is nothing to change yet")?;

@@ -94,6 +94,52 @@ fn the_tree_hides_shows_alone_and_locks() {
 }
 
 #[test]
+fn what_is_wrong_is_read_in_the_bar_and_a_click_goes_to_the_messages() {
+    let mut desk = desk();
+    desk.state_mut().spoil(&SCRIPT.replace("\"Wave\"", "\"Waev\""));
+    desk.run();
+    click(&mut desk, "faulty: the last good version is shown");
+    assert!(has(&desk, "unknown clip \"Waev\""));
+    assert!(desk.query_by_label("time").is_none(), "the messages are in front of the sequencer");
+}
+
+#[test]
+fn a_camera_s_field_of_view_is_changed_in_the_inspector() {
+    let mut desk = desk();
+    for (name, literal) in [("wide", ".fov(61.0)"), ("near", ".key(\"fov\", [[0.0, 61.0], [2.0, 50]])")] {
+        if name == "near" {
+            let text = desk
+                .state()
+                .text()
+                .replace("camera(\"near\")", "camera(\"near\").key(\"fov\", [[0.0, 40], [2.0, 50]])");
+            desk.state_mut().reload_with(&text);
+            desk.run();
+        }
+        click(&mut desk, name);
+        assert!(has(&desk, "any distance"));
+        let viewer = &mut desk.state_mut().viewer;
+        viewer.set_field_of_view(name, 61.0).unwrap();
+        desk.state_mut().reload();
+        assert!(desk.state().text().contains(literal), "{}", desk.state().text());
+    }
+    // By the mouse, as one change.
+    desk.state_mut().viewer.selection = Some(Selected::Camera("wide".into()));
+    desk.run();
+    let before = desk.state().text();
+    let field = desk.get_by_role_and_label(Role::SpinButton, "field of view").rect().center();
+    desk.drag_at(field);
+    desk.run();
+    desk.hover_at(field + vec2(40.0, 0.0));
+    desk.run();
+    assert_eq!(desk.state().text(), before, "not before it is let go");
+    desk.drop_at(field + vec2(40.0, 0.0));
+    desk.run();
+    assert_eq!(desk.state().viewer.said, None);
+    assert_ne!(desk.state().text(), before);
+    assert!(!desk.state().text().contains(".fov(61.0)"));
+}
+
+#[test]
 fn a_click_on_a_message_goes_to_its_line() {
     let mut desk = desk();
     desk.state_mut().spoil(&SCRIPT.replace("\"Wave\"", "\"Waev\""));

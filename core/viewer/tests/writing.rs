@@ -277,7 +277,10 @@ impl Person<'_> {
         assert!(clips.len() > 4, "{clips:?}");
         let clip = clips[self.chance.next(clips.len() as u64) as usize];
         let to = 300 + self.chance.next(800) as usize;
-        self.drag((x + 35, clip + 6), (to, self.kims_bar().2));
+        let row = self.kims_bar().2;
+        // Seen where the change never comes.
+        println!("a clip from {}, {} to {to}, {row}", x + 35, clip + 6);
+        self.drag((x + 35, clip + 6), (to, row));
         let (changed, come) = self.changed(lesson);
         let [line] = &come[..] else { panic!("{changed}") };
         assert!(

@@ -5,6 +5,9 @@ use crate::app::Viewer;
 use crate::settings::SCALES;
 use egui::{RichText, Ui};
 
+/// Of what is wrong, where the mouse asks; all of it is in Messages.
+const MOST_TOLD: usize = 5;
+
 pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
     egui::Panel::top("bar").show(ui, |ui| {
         ui.horizontal(|ui| {
@@ -31,7 +34,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
             });
             ui.toggle_value(&mut panels.help, "Keys");
             guests(ui, viewer);
-            status(ui, viewer);
+            status(panels, ui, viewer);
         });
     });
 }
@@ -78,20 +81,32 @@ fn first_problem(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-fn status(ui: &mut Ui, viewer: &mut Viewer) {
+fn status(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
     let errors = viewer.problems.iter().filter(|p| p.severity == choreo_script::Severity::Error).count();
     let warnings = viewer.problems.len() - errors;
-    if viewer.faulty {
+    let visuals = ui.visuals();
+    let text = if viewer.faulty {
         let text = match viewer.scene.is_some() {
             true => "faulty: the last good version is shown",
             false => "faulty: nothing to show yet",
         };
-        ui.label(RichText::new(text).color(ui.visuals().error_fg_color).strong());
+        Some(RichText::new(text).color(visuals.error_fg_color).strong())
     } else if !viewer.trouble.is_empty() {
-        ui.label(RichText::new("trouble: see Messages").color(ui.visuals().error_fg_color));
+        Some(RichText::new("trouble: see Messages").color(visuals.error_fg_color))
     } else if warnings > 0 {
         let text = if warnings == 1 { "1 warning".to_string() } else { format!("{warnings} warnings") };
-        ui.label(RichText::new(text).color(ui.visuals().warn_fg_color));
+        Some(RichText::new(text).color(visuals.warn_fg_color))
+    } else {
+        None
+    };
+    if let Some(text) = text {
+        let all = viewer.problems.iter().map(ToString::to_string).chain(viewer.trouble.iter().cloned());
+        let all: Vec<String> = all.take(MOST_TOLD).collect();
+        let label = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
+        let label = label.on_hover_text(RichText::new(all.join("\n\n")).monospace());
+        if label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
+            panels.bring(Tab::Messages);
+        }
     }
     let right = |ui: &mut Ui| {
         if let Some(shown) = viewer.shown() {

@@ -9,7 +9,7 @@ use choreo_live::Scene;
 use choreo_live::edit::plain;
 use choreo_plugin::OptionKind;
 use choreo_script::Place;
-use choreo_stage::{ActorState, Asset, Heard, Light, LightKind, Stage};
+use choreo_stage::{ActorState, Asset, Heard, Light, LightKind, Projection, Stage};
 use egui::{Grid, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
 use std::ops::RangeInclusive;
@@ -27,6 +27,8 @@ enum Wanted {
     Value(&'static str, String),
     Parameter(String, String),
     Clip(String, f64),
+    /// Degrees.
+    FieldOfView(f64),
 }
 
 const MOST_CLIPS: usize = 200;
@@ -61,7 +63,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Selected::Actor(name) => wanted = transform(ui, viewer, &scene.stage, name),
         Selected::Light(index) => wanted = light(ui, viewer, &scene.stage, *index),
         Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index),
-        _ => {}
+        Selected::Camera(name) => wanted = lens(ui, viewer, &scene.stage, name),
+        Selected::Cue { .. } => {}
     }
     Grid::new("inspector").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {
@@ -82,6 +85,10 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let change = match wanted {
         None => return,
+        Some(Wanted::FieldOfView(degrees)) => match &selection {
+            Selected::Camera(name) => viewer.set_field_of_view(name, degrees),
+            _ => Ok(()),
+        },
         Some(Wanted::Actor(change)) => {
             selection.actor().map_or(Ok(()), |name| viewer.place_actor(name, change))
         }
@@ -121,6 +128,24 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str) -> Option<
             wanted = Some(Wanted::Actor(Change::Scale(DVec3::splat(to / placed.scale.x))));
         }
         ui.end_row();
+    });
+    wanted
+}
+
+/// What a camera sees at the playhead, where it is the one that is seen through; else as it begins.
+fn projection(viewer: &Viewer, stage: &Stage, name: &str) -> Option<Projection> {
+    let index = stage.cameras.iter().position(|c| c.name == name)?;
+    let shown = viewer.shown().map(|shown| shown.snapshot.camera).filter(|c| c.camera == Some(index));
+    Some(shown.map_or(stage.cameras[index].projection, |camera| camera.projection))
+}
+
+fn lens(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str) -> Option<Wanted> {
+    let Projection::Perspective { yfov, .. } = projection(viewer, stage, name)? else { return None };
+    let mut wanted = None;
+    ui.horizontal(|ui| {
+        ui.label("field of view").on_hover_text("degrees, from the top to the bottom of the picture");
+        let degrees = f64::from(yfov).to_degrees();
+        wanted = values::number(ui, "field of view", degrees, 0.25, 1.0..=170.0).map(Wanted::FieldOfView);
     });
     wanted
 }
@@ -299,7 +324,16 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
         Selected::Camera(name) => {
             if let Some(camera) = stage.cameras.iter().find(|c| c.name == *name) {
                 row("rig", rig_name(&camera.rig).into());
-                row("projection", format!("{:?}", camera.projection));
+                let metres = |value: f32| format!("{} m", super::rounded(f64::from(value), 1e3));
+                let (near, far) = match camera.projection {
+                    Projection::Perspective { near, far, .. } => (near, far),
+                    Projection::Orthographic { height, near, far } => {
+                        row("height (orthographic)", metres(height));
+                        (near, Some(far))
+                    }
+                };
+                row("sees from", metres(near));
+                row("sees up to", far.map_or("any distance".into(), metres));
                 row("keys", camera.channels.len().to_string());
             }
             if let Some(shown) = viewer.shown()

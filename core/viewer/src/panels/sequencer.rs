@@ -71,7 +71,7 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         if ui.button("▶|").on_hover_text("last frame (End)").clicked() {
             playhead.step(i64::MAX / 2);
         }
-        ui.toggle_value(&mut playhead.looping, "Loop");
+        ui.toggle_value(&mut playhead.looping, "Loop").on_hover_text("again and again, or once (L)");
         if let Some((from, to)) = playhead.range() {
             let text = format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
             if ui.button(text).on_hover_text("the part that is played; a click: all of it").clicked() {

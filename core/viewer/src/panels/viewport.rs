@@ -5,7 +5,7 @@ use crate::app::{Resolution, ViewCamera, Viewer};
 use crate::lens::Lens;
 use crate::pick;
 use crate::selection::{Selected, actor};
-use egui::{Color32, Key, PointerButton, Rect, Sense, TextureId, Ui, Vec2, pos2};
+use egui::{Color32, Key, PointerButton, Rect, Sense, Stroke, StrokeKind, TextureId, Ui, Vec2, pos2};
 use glam::{DVec2, DVec3};
 
 /// Metres a second on foot.
@@ -64,6 +64,11 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     let place = placed(rect, size, pixels);
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     painter.image(texture, place, whole, Color32::WHITE);
+    if viewer.faulty {
+        // Seen without looking up: this is not what the script says.
+        let stroke = Stroke::new(3.0, ui.visuals().error_fg_color);
+        painter.rect_stroke(place, 0.0, stroke, StrokeKind::Outside);
+    }
     let lens = viewer.scene.clone().and_then(|scene| {
         let camera = viewer.views[index].now(&scene.stage)?;
         let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
