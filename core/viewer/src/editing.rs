@@ -139,6 +139,14 @@ impl Viewer {
         if refused.is_empty() { Ok(()) } else { Err(refused.join("; ")) }
     }
 
+    /// At the end of the script.
+    pub(crate) fn add_line(&mut self, line: &str) -> Result<(), String> {
+        let path = self.path.clone().ok_or("there is no script")?;
+        let text = read(&path)?;
+        let blank = if text.is_empty() || text.ends_with('\n') { "" } else { "\n" };
+        self.write_edit(&path, &text, Edit { range: text.len()..text.len(), text: format!("{blank}{line}") })
+    }
+
     /// `twins`: how many things come from this place.
     pub(crate) fn change(
         &mut self,

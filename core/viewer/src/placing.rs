@@ -5,7 +5,7 @@ use crate::app::Viewer;
 use crate::gizmo::Change;
 use crate::orbit::Orbit;
 use crate::selection::{Selected, actor};
-use choreo_live::edit::{Edit, Object, Refused, Value, When};
+use choreo_live::edit::{Edit, Object, Refused, Value, When, plain};
 use choreo_motion::Time;
 use choreo_stage::{Actor, Placement, Property, Rig, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
@@ -172,6 +172,21 @@ impl Viewer {
         })
     }
 
+    /// A new camera where the free one stands, as a line at the end of the script; where there are others, it is on from the playhead on.
+    ///
+    /// # Errors
+    /// As for [`Viewer::change_actor`].
+    pub fn add_camera(&mut self, from: &Orbit) -> Result<(), String> {
+        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+        let taken = |name: &str| scene.stage.cameras.iter().any(|c| c.name == name);
+        let name = (1..).map(|n| format!("view {n}")).find(|name| !taken(name)).unwrap_or_default();
+        let point = |p: DVec3| p.to_array().map(plain).join(", ");
+        let (at, center) = (point(from.camera().world_from_view.translation), point(from.center));
+        let secs = plain(self.playhead.time().as_secs());
+        let cut = if scene.stage.cameras.is_empty() { String::new() } else { format!(".cut({secs})") };
+        self.add_line(&format!("camera(\"{name}\").at({at}).look_at([{center}]){cut};\n"))
+    }
+
     /// The vertical angle that a camera sees, degrees: `.fov`, or its key at the playhead.
     ///
     /// # Errors
@@ -186,7 +201,7 @@ impl Viewer {
         self.change(&place, twins, |text| {
             let object = Object::at(text, place.line, place.column)?;
             match keyed {
-                true => object.set_key("fov", when, Value::Text(&choreo_live::edit::plain(degrees))),
+                true => object.set_key("fov", when, Value::Text(&plain(degrees))),
                 false => object.set("fov", &[degrees]),
             }
         })

@@ -165,6 +165,39 @@ fn a_camera_stands_where_the_free_one_did() {
 }
 
 #[test]
+fn a_new_camera_stands_where_the_free_one_does_from_the_playhead_on() {
+    for (script, end) in [
+        (SCRIPT.to_string(), ".cut(2.0);\n"),
+        (SCRIPT.lines().filter(|l| !l.starts_with("camera(")).map(|l| format!("{l}\n")).collect(), "]);\n"),
+    ] {
+        let mut place = Place::new(&script);
+        at(&mut place, 2.0);
+        place.paint();
+        let stood = *place.viewer.free_camera(0).unwrap();
+        let mut harness = place.harness(vec2(1500.0, 1000.0));
+        harness.get_by_label("into the script").click();
+        harness.run();
+        harness
+            .get_by_label_contains(if end.contains("cut") { "as a new camera" } else { "as a camera" })
+            .click();
+        harness.run();
+        let place = harness.state_mut();
+        assert_eq!(place.viewer.said, None);
+        let line = place.text().strip_prefix(&script).unwrap().to_string();
+        assert!(line.starts_with("camera(\"view 1\").at(") && line.ends_with(end), "{line}");
+        place.reload();
+        let scene = place.viewer.scene.clone().unwrap();
+        let camera = scene.evaluator.clone().at(Time::from_secs(2.0)).unwrap().camera.world_from_view;
+        let wanted = stood.camera().world_from_view;
+        // Written to the thousandth.
+        assert!((camera.translation - wanted.translation).length() < 2e-3, "{camera} {wanted}");
+        assert!((camera.matrix3.z_axis - wanted.matrix3.z_axis).length() < 2e-3);
+        place.viewer.undo().unwrap();
+        assert_eq!(place.text(), script);
+    }
+}
+
+#[test]
 fn a_color_takes_the_place_of_kelvin_if_the_user_agrees_and_keys_get_numbers() {
     let mut place = Place::new(SCRIPT);
     at(&mut place, 2.0);

@@ -97,7 +97,9 @@ fn select(ui: &mut Ui, viewer: &mut Viewer, text: RichText, what: Selected) {
     let name = text.text().to_string();
     // What is cut off is read where the mouse is.
     let response = ui.add(egui::Button::selectable(selected, text).truncate());
-    if response.on_hover_text(name).clicked() {
+    let is_cut = response.intrinsic_size().is_some_and(|whole| whole.x > response.rect.width() + 0.5);
+    let response = if is_cut { response.on_hover_text(name) } else { response };
+    if response.clicked() {
         viewer.selection = (!selected).then_some(what);
     }
 }

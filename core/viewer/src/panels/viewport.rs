@@ -67,7 +67,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     if viewer.faulty {
         // Seen without looking up: this is not what the script says.
         let stroke = Stroke::new(3.0, ui.visuals().error_fg_color);
-        painter.rect_stroke(place, 0.0, stroke, StrokeKind::Outside);
+        painter.rect_stroke(place, 0.0, stroke, StrokeKind::Inside);
     }
     let lens = viewer.scene.clone().and_then(|scene| {
         let camera = viewer.views[index].now(&scene.stage)?;
@@ -151,12 +151,12 @@ fn cameras(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     });
 }
 
-/// One of the script's cameras can be put where the free one stands.
+/// One of the script's cameras can be put where the free one stands, or a new one.
 fn into_script(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     let (ViewCamera::Free(orbit), Some(scene)) = (&viewer.views[index].camera, viewer.scene.clone()) else {
         return;
     };
-    if scene.stage.cameras.is_empty() || viewer.path.is_none() {
+    if viewer.path.is_none() {
         return;
     }
     let orbit = *orbit;
@@ -165,6 +165,13 @@ fn into_script(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
             if ui.button(format!("as \"{}\"", camera.name)).clicked() {
                 viewer.said = viewer.set_camera(&camera.name, &orbit).err();
             }
+        }
+        let text = match scene.stage.cameras.is_empty() {
+            true => "as a camera".to_string(),
+            false => format!("as a new camera, from {} on", viewer.shown_time(viewer.playhead.time())),
+        };
+        if ui.button(text).clicked() {
+            viewer.said = viewer.add_camera(&orbit).err();
         }
     });
     menu.response.on_hover_text("a camera of the script then stands here: .at and .look_at");
