@@ -8,8 +8,8 @@ use crate::detail::{CROWD, Level, coarser};
 use crate::gpu_types::{BASE_SLOTS, LAYER_SLOTS, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS};
 use crate::vertex::VertexLayout;
 use choreo_stage::{
-    AlphaMode, Asset, Image, Material, MaterialLayers, Panorama, Primitive, Sampler, Sequence, Shading,
-    Stage, TextureRef, Toon,
+    AlphaMode, Asset, Image, Material, MaterialLayers, Panorama, Primitive, Sampler, Shading, Stage, Stream,
+    TextureRef, Toon,
 };
 use glam::{Affine2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -405,23 +405,21 @@ impl Builder {
         }
         let first = self.catalog.materials.len() as u32;
         self.materials.insert(hash, first);
-        let following = material.following(|sequence, i| self.streamed(sequence, i, &material));
+        let following = material.following(|stream, i, first| self.streamed(stream, i, first.texture));
         self.catalog.materials.push(material);
         // The pictures after the first, in this order.
         self.catalog.materials.extend(following);
         first
     }
 
-    fn streamed(&mut self, sequence: &Arc<Sequence>, index: usize, material: &CatalogMaterial) -> u32 {
-        let first = material.base_color.map_or(0, |t| t.texture) as usize;
+    fn streamed(&mut self, stream: &Stream, index: usize, first: u32) -> u32 {
         let textures = &mut self.catalog.textures;
-        let hash = short(sequence.hashes[index]);
-        let mipmaps = textures[first].mipmaps;
-        let like = textures[first].image.clone();
-        *self.textures.entry((hash, true)).or_insert_with(|| {
+        let hash = short(stream.hashes[index]);
+        let CatalogTexture { mipmaps, image: like, srgb, .. } = textures[first as usize].clone();
+        *self.textures.entry((hash, srgb)).or_insert_with(|| {
             let image = Image { name: format!("{} {index}", like.name), rgba: Vec::new(), ..*like };
-            let streamed = Some((sequence.clone(), index));
-            textures.push(CatalogTexture { image: Arc::new(image), srgb: true, mipmaps, hash, streamed });
+            let streamed = Some((stream.pictures.clone(), index));
+            textures.push(CatalogTexture { image: Arc::new(image), srgb, mipmaps, hash, streamed });
             textures.len() as u32 - 1
         })
     }

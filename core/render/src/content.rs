@@ -54,7 +54,10 @@ fn hash_with(m: &CatalogMaterial, texture_id: &dyn Fn(u32) -> Vec<u8>) -> [u8; 1
         ],
     );
     if let Some(s) = &f.sequence {
-        s.hashes.iter().for_each(|hash| array(&mut h, hash));
+        for stream in &s.streams {
+            array(&mut h, &[stream.slot as u32]);
+            stream.hashes.iter().for_each(|hash| array(&mut h, hash));
+        }
         array(&mut h, &[s.fps, f32::from(u8::from(s.once))]);
     }
     if let Some(t) = f.triplanar {

@@ -131,6 +131,10 @@ impl Parts<'_> {
                 askers.actors.insert(actor);
                 askers.other = Some("sorting fails: it is bent, and seen from both sides");
             }
+            Some(PeelCause::AskedBy(actor)) => {
+                askers.actors.insert(actor);
+                askers.other = Some("its transparency \"independent\"");
+            }
             _ => askers.other = Some("the stage's transparency \"independent\""),
         }
         askers

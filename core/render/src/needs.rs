@@ -303,7 +303,7 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     let whole = if facts.samples == 1 {
         "one sample a pixel was asked for: cut-outs keep or lose whole pixels"
     } else {
-        "the stage's cutouts are \"hard\", or nothing is cut at an alpha above 0"
+        "all cutouts are \"hard\", or nothing is cut at an alpha above 0"
     };
     say(all.has(Features::ALPHA_MASK) && !facts.coverage, "alpha to coverage", whole.into());
     say(facts.blended == 0, "blending and sorting back to front", "everything drawn is opaque".into());

@@ -18,9 +18,7 @@ use crate::planner_skins::{PosedSkin, daffine};
 use crate::planner_transparency::SeenThrough;
 use crate::wide;
 use choreo_motion::Time;
-use choreo_stage::{
-    ActorState, AlphaMode, Asset, Cutouts, EffectTarget, MeshInstance, Shadow, Snapshot, Stage,
-};
+use choreo_stage::{ActorState, AlphaMode, Asset, EffectTarget, MeshInstance, Shadow, Snapshot, Stage};
 use glam::{Affine3A, DAffine3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -37,7 +35,7 @@ impl Plan {
             polynomial: lights.iter().any(|l| l.position.w < 0.0),
             sky: snapshot.sky.as_ref().is_some_and(|sky| sky.strength > 0.0),
             sky_seen: snapshot.sky.as_ref().is_some_and(|sky| sky.background),
-            smooth_cutouts: options.samples > 1 && stage.settings.cutouts == Cutouts::Smooth,
+            stage,
             seen_through: Vec::new(),
             joint_matrices: Vec::new(),
             morphs: Vec::new(),
@@ -83,8 +81,7 @@ pub(crate) struct Planner<'a> {
     sky: bool,
     /// Behind everything.
     sky_seen: bool,
-    /// Cut-outs keep samples.
-    smooth_cutouts: bool,
+    pub stage: &'a Stage,
     /// Boxes of what is seen through.
     pub seen_through: Vec<SeenThrough>,
     pub joint_matrices: Vec<Rows>,
@@ -214,7 +211,8 @@ impl Planner<'_> {
             let drawn_wide = features.has(Features::WIDE);
             let wide = wide::pen(shape.topology, &material.material).filter(|_| drawn_wide);
             let in_model = posed_skin.and_then(|s| self.skins[s].in_model(primitive, offset));
-            for (place, copy) in asset.standing(instance, state.copies) {
+            let smooth = self.smooth_cutouts(index, entry.of_asset);
+            for (number, (place, copy)) in asset.standing(instance, state.copies).enumerate() {
                 let after_pose = needs.skinned && (needs.dual || needs.placed);
                 let relative_from_place = match needs.placed {
                     true => relative_from_model * daffine(place),
@@ -267,7 +265,7 @@ impl Planner<'_> {
                     mirrored: determinant < 0.0,
                     blend,
                     peeled: false,
-                    coverage: self.smooth_cutouts && cut && !blend && !glass,
+                    coverage: smooth && cut && !blend && !glass,
                     glass: Glass::No,
                     surface: effects.surface,
                     displaced: effects.displaced,
@@ -341,9 +339,7 @@ impl Planner<'_> {
                 let seen_through = (phase == Phase::Blend).then(|| {
                     let rigid_box = posed_skin.is_none() && morph_count == 0 && effects.reach == 0.0;
                     let own = rigid_box.then_some((info.bounds, &rigid));
-                    let sides = key.double_sided;
-                    self.seen_through.push(SeenThrough::new(bounds, own, key.topology, sides, index));
-                    self.seen_through.len() as u32 - 1
+                    self.see_through(bounds, own, &key, ([index, number], entry.of_asset))
                 });
                 let passes = match glass {
                     true if key.features.has(Features::REFRACTION) => &[Glass::Refract][..],
@@ -409,7 +405,7 @@ impl Planner<'_> {
             lit.for_each(|i| i.pipeline.features = i.pipeline.features.with(Features::SHADOW));
         }
         let first_blended = sort(&mut self.items);
-        let peel = self.peel(stage.settings.transparency, first_blended);
+        let peel = self.peel(first_blended);
         if peel.is_ok() {
             self.items[first_blended..].iter_mut().for_each(|item| item.pipeline.peeled = true);
         }

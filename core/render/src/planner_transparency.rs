@@ -2,11 +2,13 @@
 //!
 //! Sorted, each copy is mixed as a whole, by the depth of its box's middle. That is right wherever a plane parts two copies and the
 //! nearer side is drawn later; it fails where they cross, where a large one's middle is farther than its part in front of a
-//! small one, and within a bent surface that both faces are seen of.
+//! small one, and within a bent surface that both faces are seen of. Bodies that are skinned, morphed or moved by effects count
+//! by the boxes around them as posed, body against body.
 
-use crate::plan::{Glass, Rows, TopologyKey};
+use crate::plan::{Glass, PipelineKey, Rows, TopologyKey};
 use crate::planner::Planner;
-use choreo_stage::{Aabb, Transparency};
+use crate::planner_items::Item;
+use choreo_stage::{Aabb, Cutouts, Transparency};
 use glam::{Mat4, Vec3};
 
 /// Layers that are told apart at most, the farthest first; nearer ones are sorted over them.
@@ -30,6 +32,8 @@ pub struct Peel {
 pub enum PeelCause {
     /// The stage asks for it.
     Asked,
+    /// An actor does, for itself.
+    AskedBy(u32),
     /// Copies of two actors, or of one, cross or stand in the wrong order.
     Each(u32, u32),
     /// It is bent, and both its faces are seen.
@@ -45,6 +49,9 @@ pub(crate) struct SeenThrough {
     /// How often one line of sight meets it, as far as that is known.
     layers: u32,
     actor: u32,
+    /// Which of the actor's copies.
+    copy: u32,
+    how: Transparency,
 }
 
 impl SeenThrough {
@@ -54,16 +61,18 @@ impl SeenThrough {
         own: Option<(Aabb, &Rows)>,
         topology: TopologyKey,
         double_sided: bool,
-        actor: usize,
+        [actor, copy]: [u32; 2],
+        how: Transparency,
     ) -> SeenThrough {
-        let actor = actor as u32;
         let Some((b, rows)) = own else {
-            return SeenThrough { corners: bounds.corners(), rigid: false, layers: LAYERS_OF_LOOSE, actor };
+            let (corners, layers) = (bounds.corners(), LAYERS_OF_LOOSE);
+            return SeenThrough { corners, rigid: false, layers, actor, copy, how };
         };
         let size = b.max - b.min;
         let flat = size.min_element() <= size.max_element() * 1e-4 || topology != TopologyKey::Triangles;
         let corners = b.corners().map(|c| rows.transform_point(c));
-        SeenThrough { corners, rigid: true, layers: if double_sided && !flat { 2 } else { 1 }, actor }
+        let layers = if double_sided && !flat { 2 } else { 1 };
+        SeenThrough { corners, rigid: true, layers, actor, copy, how }
     }
 
     /// Left, top, right and bottom in clip space over w; everything where a corner is not before the eye.
@@ -131,14 +140,38 @@ impl Eye {
 }
 
 impl Planner<'_> {
+    /// Whether a surface's cut-outs keep samples.
+    pub(crate) fn smooth_cutouts(&self, actor: usize, material: Option<u32>) -> bool {
+        let (actor, settings) = (&self.stage.actors[actor], &self.stage.settings);
+        self.options.samples > 1 && actor.cutouts(material, settings) == Cutouts::Smooth
+    }
+
+    /// Notes a copy of a surface; gives its place. `of`: actor and copy, the asset's material.
+    pub(crate) fn see_through(
+        &mut self,
+        bounds: Aabb,
+        own: Option<(Aabb, &Rows)>,
+        key: &PipelineKey,
+        ([actor, copy], material): ([usize; 2], Option<u32>),
+    ) -> u32 {
+        let how = self.stage.actors[actor].transparency(material, &self.stage.settings);
+        let body = [actor as u32, copy as u32];
+        self.seen_through.push(SeenThrough::new(bounds, own, key.topology, key.double_sided, body, how));
+        self.seen_through.len() as u32 - 1
+    }
+
     /// Layers to peel, and why; or why not. `first`: of what is seen through among the items, sorted back to front.
-    pub(crate) fn peel(&self, how: Transparency, first: usize) -> Result<Peel, String> {
+    pub(crate) fn peel(&self, first: usize) -> Result<Peel, String> {
         let items = &self.items[first..];
         if items.is_empty() {
             return Err("everything drawn is opaque".into());
         }
-        if how == Transparency::Sorted {
-            return Err("the stage's transparency is \"sorted\"".into());
+        let of = |item: &Item| item.seen_through.and_then(|id| self.seen_through.get(id as usize));
+        let said = |how: Transparency| items.iter().filter_map(of).find(move |s| s.how == how);
+        let of_stage = self.stage.settings.transparency;
+        if items.iter().filter_map(of).all(|s| s.how == Transparency::Sorted) {
+            let who = if of_stage == Transparency::Sorted { "the stage's" } else { "the actors'" };
+            return Err(format!("{who} transparency is \"sorted\""));
         }
         if items.iter().any(|i| i.pipeline.glass == Glass::Refract) {
             return Err("glass that bends light shows a copy of the picture, so all is sorted".into());
@@ -153,12 +186,14 @@ impl Planner<'_> {
                 break;
             }
         }
-        let asked = how == Transparency::Independent;
+        let asked = said(Transparency::Independent).map(|s| match of_stage {
+            Transparency::Independent => PeelCause::Asked,
+            _ => PeelCause::AskedBy(s.actor),
+        });
         if order.len() > MOST_COPIES {
-            let many = Peel { layers: MOST_LAYERS, cause: PeelCause::Asked };
             let why =
                 format!("more than {MOST_COPIES} copies are seen through, too many to look at pair by pair");
-            return if asked { Ok(many) } else { Err(why) };
+            return asked.map(|cause| Peel { layers: MOST_LAYERS, cause }).ok_or(why);
         }
         let copies: Vec<&SeenThrough> = order.iter().map(|id| &self.seen_through[*id as usize]).collect();
         let rows = self.view.view_from_relative.transpose();
@@ -172,18 +207,22 @@ impl Planner<'_> {
             let (a, b) = (on_screen[i], on_screen[k]);
             a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
         };
-        let mut cause = asked.then_some(PeelCause::Asked);
+        let mut cause = asked;
+        // Who is to be sorted is no reason to do more.
+        let may = |i: usize| copies[i].how != Transparency::Sorted;
         let mut layers = 1;
         for i in 0..copies.len() {
             let over_it = (0..copies.len()).filter(|k| *k == i || meet(i, *k));
             layers = layers.max(over_it.map(|k| copies[k].layers).sum());
-            let bent = copies[i].rigid && copies[i].layers > 1;
+            let bent = may(i) && copies[i].rigid && copies[i].layers > 1;
             if bent && cause.is_none() {
                 cause = Some(PeelCause::Itself(copies[i].actor));
             }
             let fails = |k: &usize| {
-                let both = copies[i].rigid && copies[*k].rigid;
-                both && meet(i, *k) && !in_order(copies[i], copies[*k], &eye)
+                // Of one body whose parts are posed, the boxes say too little.
+                let (a, b) = (copies[i], copies[*k]);
+                let apart = (a.rigid && b.rigid) || (a.actor, a.copy) != (b.actor, b.copy);
+                apart && may(i) && may(*k) && meet(i, *k) && !in_order(a, b, &eye)
             };
             if let (None, Some(k)) = (cause, (i + 1..copies.len()).find(fails)) {
                 cause = Some(PeelCause::Each(copies[i].actor, copies[k].actor));

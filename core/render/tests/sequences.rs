@@ -6,7 +6,7 @@ use choreo_motion::Time;
 use choreo_render::*;
 use choreo_stage::*;
 use common::*;
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -35,7 +35,8 @@ impl Pictures for Greys {
 
 fn scene(greys: &Arc<Greys>, once: bool) -> Scene {
     let hashes = (0..COUNT).map(|i| [i as u8; 32]).collect();
-    let sequence = Sequence { pictures: greys.clone(), hashes, fps: 10.0, once };
+    let stream = Stream { slot: TextureSlot::BaseColor, pictures: greys.clone(), hashes };
+    let sequence = Sequence { streams: vec![stream], fps: 10.0, once };
     let shown = Material {
         base_color_texture: Some(texture(0)),
         sequence: Some(Arc::new(sequence)),
@@ -104,4 +105,82 @@ fn one_that_cannot_be_made_ends_the_frame_with_its_name() {
     cpu.submit(plan).unwrap();
     let error = cpu.collect(None).unwrap_err().to_string();
     assert!(error.contains("grey_38.png"), "{error}");
+}
+
+/// Three patterns, whose channels say something in every slot.
+#[derive(Debug)]
+struct Patterns;
+
+fn pattern(index: usize) -> Arc<Image> {
+    image(8, 8, |x, y| {
+        let on = (x / 2 + y / (index as u32 + 1)) % 2 == 0;
+        // A normal that leans, a roughness, a metal, an opacity.
+        if on { [190, 90, 210, 230] } else { [70 + 40 * index as u8, 150, 250, 60] }
+    })
+}
+
+impl Pictures for Patterns {
+    fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
+        Ok(pattern(index))
+    }
+}
+
+/// A lit plate with a picture in a slot: one of a sequence as seen at its time, or alone.
+fn plate(slots: &[TextureSlot], index: usize, alone: bool) -> Scene {
+    let slot_texture = |slot| slots.iter().any(|s| *s == slot).then(|| texture(0));
+    let streams = slots.iter().map(|slot| Stream {
+        slot: *slot,
+        pictures: Arc::new(Patterns),
+        hashes: (0..3).map(|i| [i as u8 + 100; 32]).collect(),
+    });
+    let sequence = Sequence { streams: streams.collect(), fps: 10.0, once: false };
+    let material = Material {
+        base_color: Vec4::new(0.8, 0.7, 0.6, 1.0),
+        metallic: 0.6,
+        roughness: 0.7,
+        emissive: Vec3::splat(0.3),
+        base_color_texture: slot_texture(TextureSlot::BaseColor),
+        metallic_roughness_texture: slot_texture(TextureSlot::MetallicRoughness),
+        normal_texture: slot_texture(TextureSlot::Normal),
+        occlusion_texture: slot_texture(TextureSlot::Occlusion),
+        emissive_texture: slot_texture(TextureSlot::Emissive),
+        specular_texture: slot_texture(TextureSlot::Specular),
+        specular_color_texture: slot_texture(TextureSlot::SpecularColor),
+        sequence: (!alone).then(|| Arc::new(sequence)),
+        ..Material::default()
+    };
+    let mut shape = quad(1.0, 1.0);
+    shape.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); shape.positions.len()];
+    let mut scene = Scene::ortho(2.0);
+    scene.sun(Vec3::new(-0.3, -0.2, -1.0), Vec3::ONE, 1.0);
+    scene.snapshot.ambient_up = Vec3::splat(0.4);
+    scene.snapshot.ambient_down = Vec3::splat(0.4);
+    scene.snapshot.time = Time::from_secs(index as f64 * 0.1 + 0.05);
+    let first = pattern(if alone { index } else { 0 });
+    scene.at(&asset(vec![shape], vec![material], vec![first]), 0.0, 0.0, 0.0);
+    scene
+}
+
+#[test]
+fn every_slot_shows_its_picture_as_if_it_were_alone_there() {
+    use TextureSlot::*;
+    let options = PlanOptions::new([32, 32], 1);
+    let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(&[]))];
+    match vulkan(GpuOptions::default()) {
+        Some(device) => renderers.push(Box::new(device)),
+        None => println!("SKIP 7: no Vulkan"),
+    }
+    let alone = [BaseColor, MetallicRoughness, Normal, Occlusion, Emissive, Specular, SpecularColor];
+    let sets = alone.iter().map(std::slice::from_ref).chain([&alone[..]]);
+    for slots in sets {
+        for renderer in &mut renderers {
+            let mut drawn =
+                |index, single| draw_with(&mut **renderer, &plate(slots, index, single), &options);
+            let truth: Vec<_> = (0..3).map(|i| drawn(i, true)).collect();
+            assert!(truth[1].rgba != truth[2].rgba, "{slots:?}: the comparison sees another picture");
+            for index in [2, 0, 1] {
+                assert!(drawn(index, false).rgba == truth[index].rgba, "{slots:?} {index}");
+            }
+        }
+    }
 }

@@ -8,7 +8,7 @@ use choreo_render::plan::PeelCause;
 use choreo_render::*;
 use choreo_stage::*;
 use common::*;
-use glam::{DAffine3, DQuat, DVec3, DVec4, EulerRot, Vec4};
+use glam::{DAffine3, DQuat, DVec3, DVec4, EulerRot, Vec3, Vec4};
 
 const SIDE: u32 = 96;
 
@@ -202,4 +202,53 @@ fn without_sample_rate_shading_it_is_sorted() {
         let frame = draw_with(&mut gpu, &scene(&crossing(), Transparency::Auto), &options);
         assert_eq!(wrong(&frame, &crossing(), samples) > 100, fails, "{samples} samples");
     }
+}
+
+/// Two bodies that are skinned or morphed, a third of their size into each other, or `apart`.
+fn bodies(morphed: bool, apart: f64) -> Scene {
+    let mut scene = Scene::ortho(4.0);
+    let glass = Material { alpha_mode: AlphaMode::Blend, ..unlit(Vec4::splat(0.5)) };
+    let mut shape = quad(0.5, 0.5);
+    shape.positions[2].z = 0.3;
+    let mut shapes = vec![shape];
+    let made = if morphed {
+        let positions = vec![Vec3::new(0.0, 0.0, 0.1); 4];
+        shapes[0].morphs.push(MorphTarget { positions, ..MorphTarget::default() });
+        let mut made = (*asset(shapes, vec![glass], vec![])).clone();
+        made.instances[0].weights = vec![1.0];
+        made
+    } else {
+        (*skinned_asset(shapes, vec![glass])).clone()
+    };
+    let made = std::sync::Arc::new(made);
+    scene.at(&made, 0.0, 0.0, 0.0);
+    scene.at(&made, apart, 0.0, 0.1);
+    scene
+}
+
+#[test]
+fn posed_bodies_count_by_the_boxes_around_them() {
+    for morphed in [false, true] {
+        assert_eq!(cause(&bodies(morphed, 0.6)), Ok(PeelCause::Each(0, 1)), "{morphed}");
+        assert!(cause(&bodies(morphed, 1.4)).is_err_and(|why| why.contains("can be sorted")));
+    }
+}
+
+#[test]
+fn an_actors_word_goes_before_the_stages() {
+    let says = |scene: &mut Scene, actor: usize, how, material| {
+        let rule = SurfaceRule { material, cutouts: None, transparency: Some(how) };
+        scene.stage.actors[actor].surfaces.push(rule);
+    };
+    let mut one = bodies(false, 0.6);
+    says(&mut one, 1, Transparency::Sorted, None);
+    assert!(cause(&one).is_err_and(|why| why.contains("can be sorted")), "it is no reason");
+    says(&mut one, 0, Transparency::Sorted, Some(0));
+    assert!(cause(&one).is_err_and(|why| why == "the actors' transparency is \"sorted\""));
+    says(&mut one, 0, Transparency::Independent, Some(0));
+    assert_eq!(cause(&one), Ok(PeelCause::AskedBy(0)));
+    // Of another material.
+    let mut other = bodies(false, 1.4);
+    says(&mut other, 0, Transparency::Independent, Some(1));
+    assert!(cause(&other).is_err());
 }

@@ -268,7 +268,7 @@ pub struct Material {
     pub uv_motion: Option<UvMotion>,
     /// All its textures are frames side by side, of which one is seen at a time.
     pub strip: Option<FrameStrip>,
-    /// Its base colour texture is the first of pictures that follow each other.
+    /// Some of its textures are the first of pictures that follow each other.
     pub sequence: Option<Arc<Sequence>>,
     /// Clearcoat, sheen, transmission; of metallic-roughness surfaces only.
     pub layers: Option<Box<MaterialLayers>>,

@@ -72,6 +72,7 @@ impl Actor {
             expressions: Vec::new(),
             file_lights: true,
             skinning: Skinning::default(),
+            surfaces: Vec::new(),
         }
     }
 }

@@ -11,28 +11,60 @@ pub trait Pictures: Debug + Send + Sync {
     fn picture(&self, index: usize) -> Result<Arc<Image>, String>;
 }
 
-/// In place of a material's base colour texture, whose image is the first of them.
-#[derive(Clone, Debug)]
+/// In place of textures of a material, whose images are the first of each: all change together.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Sequence {
-    pub pictures: Arc<dyn Pictures>,
-    /// One a picture: equal hashes are equal pictures.
-    pub hashes: Vec<ContentHash>,
+    /// One a slot, each with as many pictures.
+    pub streams: Vec<Stream>,
     /// Frames a second; after the last comes the first,
     pub fps: f32,
     /// or the last stays.
     pub once: bool,
 }
 
-impl PartialEq for Sequence {
-    fn eq(&self, other: &Sequence) -> bool {
-        (&self.hashes, self.fps, self.once) == (&other.hashes, other.fps, other.once)
+/// The pictures of one texture.
+#[derive(Clone, Debug)]
+pub struct Stream {
+    pub slot: TextureSlot,
+    pub pictures: Arc<dyn Pictures>,
+    /// One a picture: equal hashes are equal pictures.
+    pub hashes: Vec<ContentHash>,
+}
+
+/// The textures of a material, by the words of glTF. As numbers, those of [`choreo_motion::MaterialProperty`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum TextureSlot {
+    BaseColor,
+    MetallicRoughness,
+    Normal,
+    Occlusion,
+    Emissive,
+    Specular,
+    SpecularColor,
+}
+
+impl TextureSlot {
+    /// Its colours are sRGB-encoded.
+    pub fn is_srgb(self) -> bool {
+        matches!(self, TextureSlot::BaseColor | TextureSlot::Emissive | TextureSlot::SpecularColor)
+    }
+}
+
+impl PartialEq for Stream {
+    fn eq(&self, other: &Stream) -> bool {
+        (self.slot, &self.hashes) == (other.slot, &other.hashes)
     }
 }
 
 impl Sequence {
+    /// How many pictures all of its streams have.
+    pub fn count(&self) -> usize {
+        self.streams.iter().map(|s| s.hashes.len()).min().unwrap_or(0)
+    }
+
     /// Which picture is seen at a time.
     pub fn index(&self, time: Time) -> usize {
-        frame(time, self.fps, self.hashes.len().max(1), self.once)
+        frame(time, self.fps, self.count().max(1), self.once)
     }
 }
 

@@ -1,5 +1,6 @@
 //! The stage as a script leaves it: who is there, what plays when, from where it is seen.
 
+use crate::surfaces::SurfaceRule;
 use crate::{
     ActorSprings, Asset, CueRoot, EffectUse, Flat, FrameEdits, Goal, Light, Projection, Sky, Walk, Warp,
 };
@@ -137,6 +138,8 @@ pub struct Actor {
     pub file_lights: bool,
     /// How vertices follow several joints.
     pub skinning: Skinning,
+    /// How its surfaces are cut out and mixed; of those that say the same thing the last counts.
+    pub surfaces: Vec<SurfaceRule>,
 }
 
 /// Where something stands in its parent: f64, so that 10 000 km from the origin looks as the origin does.

@@ -17,12 +17,13 @@ impl CpuRenderer {
         let shown = plans.flat_map(|p| p.draws.iter().chain(p.shadow_draws()).map(|d| d.material));
         let shown: BTreeSet<u32> = shown.collect();
         for material in 0..self.materials.len() as u32 {
-            let Some(texture) = self.catalog.streamed(material) else { continue };
-            let kept = &mut self.materials[material as usize].textures[0];
-            if !shown.contains(&material) {
-                *kept = None;
-            } else if kept.is_none() {
-                *kept = Some(Arc::new(Texture::new(&self.catalog.textures[texture as usize].whole()?)));
+            for (slot, texture) in self.catalog.streamed(material) {
+                let kept = &mut self.materials[material as usize].textures[slot];
+                if !shown.contains(&material) {
+                    *kept = None;
+                } else if kept.is_none() {
+                    *kept = Some(Arc::new(Texture::new(&self.catalog.textures[texture as usize].whole()?)));
+                }
             }
         }
         Ok(())

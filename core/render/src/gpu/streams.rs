@@ -22,11 +22,12 @@ impl Resources {
         let frame = self.streams.frame;
         for command in &recording.commands {
             let Command::BindMaterial { material, .. } = command else { continue };
-            let Some(texture) = catalog.streamed(*material) else { continue };
-            let (key, hash) = (texture_key(catalog, texture), catalog.materials[*material as usize].hash);
-            match self.streams.used.iter_mut().find(|(k, h, _)| (*k, *h) == (key, hash)) {
-                Some((.., used)) => *used = frame,
-                None => self.streams.used.push((key, hash, frame)),
+            for (_, texture) in catalog.streamed(*material) {
+                let (key, hash) = (texture_key(catalog, texture), catalog.materials[*material as usize].hash);
+                match self.streams.used.iter_mut().find(|(k, h, _)| (*k, *h) == (key, hash)) {
+                    Some((.., used)) => *used = frame,
+                    None => self.streams.used.push((key, hash, frame)),
+                }
             }
         }
         let old = |used: u64| used + KEPT < frame;

@@ -7,7 +7,7 @@ use crate::hook;
 use crate::suggest::list;
 use crate::value::*;
 use choreo_plugin::{Effect, OptionKind, OptionSpec};
-use choreo_stage::{Channel, EffectEdit, EffectTarget, EffectUse, Property};
+use choreo_stage::{Asset, Channel, EffectEdit, EffectTarget, EffectUse, Property};
 use rhai::Dynamic;
 use std::sync::Arc;
 
@@ -263,27 +263,34 @@ fn on(c: &mut Call) -> Reply {
 
 /// An actor, or those of its materials that the options name.
 fn targets_of(actor: &ActorRef, o: &Options) -> Result<Vec<EffectTarget>, ApiError> {
-    let Some(given) = o.get("material") else {
-        return Ok(vec![EffectTarget { actor: actor.id, material: None }]);
-    };
+    let target = |material| EffectTarget { actor: actor.id, material };
+    Ok(match named_materials(o, "on", &actor.asset)? {
+        None => vec![target(None)],
+        Some(materials) => materials.into_iter().map(|m| target(Some(m))).collect(),
+    })
+}
+
+/// Those of an asset's materials that the option `material` names, one or several; `None` without it.
+pub fn named_materials(o: &Options, function: &str, asset: &Asset) -> Result<Option<Vec<u32>>, ApiError> {
+    let Some(given) = o.get("material") else { return Ok(None) };
     let names: Vec<Dynamic> = match given.read_lock::<rhai::Array>() {
         Some(array) => array.iter().map(Dynamic::flatten_clone).collect(),
         None => vec![given.flatten_clone()],
     };
     if names.is_empty() {
-        return Err(ApiError::new("on: material must be a name or an array of at least one"));
+        return Err(ApiError::new(format!(
+            "{function}: material must be a name or an array of at least one"
+        )));
     }
     let mut out = Vec::new();
     for name in names {
-        let name = crate::call::text(&name, "on: material")?;
-        let materials = &actor.asset.materials;
+        let name = crate::call::text(&name, &format!("{function}: material"))?;
         let before = out.len();
-        let named = (0..).zip(materials).filter(|(_, m)| m.name == name);
-        out.extend(named.map(|(i, _)| EffectTarget { actor: actor.id, material: Some(i) }));
+        out.extend((0..).zip(&asset.materials).filter(|(_, m)| m.name == name).map(|(i, _)| i));
         if out.len() == before {
-            let place = format!(" of \"{}\"", actor.asset.name);
-            return Err(unknown("material", &name, &place, materials.iter().map(|m| m.name.as_str())));
+            let place = format!(" of \"{}\"", asset.name);
+            return Err(unknown("material", &name, &place, asset.materials.iter().map(|m| m.name.as_str())));
         }
     }
-    Ok(out)
+    Ok(Some(out))
 }

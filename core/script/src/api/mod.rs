@@ -22,6 +22,7 @@ pub mod maths;
 pub mod sky;
 mod span;
 pub mod stage;
+pub mod surfaces;
 mod swing;
 pub mod test;
 pub mod together;
@@ -37,7 +38,7 @@ pub const TABLES: &[(&str, &[&[Def]])] = &[
     ("Shapes, meshes and pictures", &[made::DEFS]),
     ("Clips made from clips", &[clip::DEFS]),
     ("Clips: editing and keys", &[clip_edit::DEFS]),
-    ("Actors", &[actor::DEFS, span::DEFS, joint::DEFS, look::DEFS]),
+    ("Actors", &[actor::DEFS, surfaces::DEFS, span::DEFS, joint::DEFS, look::DEFS]),
     ("Bodies: reaching, aiming, standing, swinging", &[body::DEFS]),
     ("Cues: what plays when", &[cue::DEFS]),
     ("Root motion and paths", &[travel::DEFS]),

@@ -6,7 +6,7 @@ use crate::hook::{HookDraft, own_captures};
 use crate::limits::raise_hint;
 use crate::value::{Kind, StageRef};
 use choreo_motion::{FrameRate, Time};
-use choreo_stage::{Background, Cutouts, Transparency};
+use choreo_stage::Background;
 use rhai::{Dynamic, FnPtr, Map};
 
 pub const DEFS: &[Def] = &[
@@ -118,19 +118,8 @@ fn stage(c: &mut Call) -> Reply {
         }
         s.samples = Some(samples as u32);
     }
-    if let Some(how) = o.one_of("cutouts", &["smooth", "hard"])? {
-        s.cutouts = match how {
-            "hard" => Cutouts::Hard,
-            _ => Cutouts::Smooth,
-        };
-    }
-    if let Some(how) = o.one_of("transparency", &["auto", "sorted", "independent"])? {
-        s.transparency = match how {
-            "sorted" => Transparency::Sorted,
-            "independent" => Transparency::Independent,
-            _ => Transparency::Auto,
-        };
-    }
+    s.cutouts = super::surfaces::cutouts(&o)?.unwrap_or(s.cutouts);
+    s.transparency = super::surfaces::transparency(&o)?.unwrap_or(s.transparency);
     let frames = s.fps.frames_in(s.length);
     if frames > i64::try_from(c.shared.limits.frames).unwrap_or(i64::MAX) {
         let (length, fps) = (s.length.as_secs(), s.fps.as_fps());

@@ -1,5 +1,6 @@
 //! Pictures for surfaces from files: one, or numbered ones that follow each other.
 
+use super::following::{Following, more_open};
 use super::material::of_picture;
 use super::picture::ImageRef;
 use crate::api::flat::read_file;
@@ -7,7 +8,7 @@ use crate::call::{ApiError, Call, Options};
 use crate::limits::raise_hint;
 use choreo_import::Problem;
 use choreo_import::pictures::{Encoded, Formats};
-use choreo_stage::{AlphaMode, Image, Pictures, Sequence};
+use choreo_stage::{AlphaMode, Image, Pictures};
 use std::sync::Arc;
 
 /// How far beyond a missing number is looked for others, to tell a gap from the end.
@@ -54,7 +55,7 @@ pub fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
         let text = format!("image: {} numbered files", end - begin + 1);
         return Err(ApiError::new(text).hint(raise_hint("files", most)));
     }
-    let mut files = NumberedFiles { files: Vec::new(), alpha: AlphaMode::Opaque };
+    let (mut files, mut alpha) = (Vec::new(), AlphaMode::Opaque);
     let mut image: Option<Arc<Image>> = None;
     for n in begin..=end {
         let name = numbered(n);
@@ -73,31 +74,20 @@ pub fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
             );
             return Err(ApiError::new(text).focus(c.text(0)?));
         }
-        files.alpha = match (files.alpha, of_picture(&one)) {
-            (AlphaMode::Blend, _) | (_, AlphaMode::Blend) => AlphaMode::Blend,
-            (AlphaMode::Opaque, mode) => mode,
-            (mode, _) => mode,
-        };
-        files.files.push((name, bytes));
+        alpha = more_open(alpha, of_picture(&one));
+        files.push((name, bytes));
     }
     let Some(image) = image else { return Err(ApiError::new("image: no files")) };
     super::picture::count(c, texels(&image))?;
-    Ok(ImageRef { image, sampler, dead: false, files: Some(Arc::new(files)) })
+    let hashes = files.iter().map(|(_, bytes)| *blake3::hash(bytes).as_bytes()).collect();
+    let files = Following { pictures: Arc::new(NumberedFiles { files }), hashes, alpha };
+    Ok(ImageRef { image, sampler, dead: false, files: Some(files) })
 }
 
 /// Files of pictures that follow each other, as they are on the disk.
 #[derive(Debug)]
-pub struct NumberedFiles {
+struct NumberedFiles {
     files: Vec<(String, Vec<u8>)>,
-    /// What all of them together need.
-    pub alpha: AlphaMode,
-}
-
-impl NumberedFiles {
-    pub fn sequence(self: &Arc<NumberedFiles>, fps: f32, once: bool) -> Sequence {
-        let hash = |(_, bytes): &(String, Vec<u8>)| *blake3::hash(bytes).as_bytes();
-        Sequence { pictures: self.clone(), hashes: self.files.iter().map(hash).collect(), fps, once }
-    }
 }
 
 impl Pictures for NumberedFiles {

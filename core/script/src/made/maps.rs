@@ -7,14 +7,14 @@ use glam::Vec3;
 use rhai::Array;
 use std::sync::Arc;
 
-/// Pictures of one size as the cells of one, from the top left, row by row: (columns, rows).
-pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32; 2]), ApiError> {
+/// The first of pictures that follow each other, which have one size.
+pub fn of_one_size<'a>(o: &Options, name: &str, images: &'a [ImageRef]) -> Result<&'a ImageRef, ApiError> {
     if images.iter().any(|i| i.files.is_some()) {
         let text = format!("{}: numbered files are pictures enough; give them alone", o.function);
-        return Err(ApiError::new(text).focus("image"));
+        return Err(ApiError::new(text).focus(name));
     }
     let Some(first) = images.first() else {
-        return Err(ApiError::new(format!("{}: image is an empty array", o.function)).focus("image"));
+        return Err(ApiError::new(format!("{}: {name} is an empty array", o.function)).focus(name));
     };
     let (width, height) = (first.image.width, first.image.height);
     if let Some(i) = images.iter().position(|i| (i.image.width, i.image.height) != (width, height)) {
@@ -26,8 +26,15 @@ pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32;
             other.width,
             other.height
         );
-        return Err(ApiError::new(text).focus("image"));
+        return Err(ApiError::new(text).focus(name));
     }
+    Ok(first)
+}
+
+/// Pictures of one size as the cells of one, from the top left, row by row: (columns, rows).
+pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32; 2]), ApiError> {
+    let first = of_one_size(o, "image", images)?;
+    let (width, height) = (first.image.width, first.image.height);
     let count = images.len() as u32;
     let columns = (1..=count).find(|c| c * c >= count).unwrap_or(1);
     let rows = count.div_ceil(columns);
@@ -60,48 +67,33 @@ pub fn pictures(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
     all.iter().map(read).collect()
 }
 
+/// A white picture, of which another is the opacity.
+pub fn white(like: &ImageRef) -> ImageRef {
+    let Image { width, height, ref rgba, .. } = *like.image;
+    let image = Image { name: "opacity".into(), width, height, rgba: vec![255; rgba.len()] };
+    ImageRef { image: Arc::new(image), files: None, ..like.clone() }
+}
+
 /// A picture with the brightness of another as its alpha, times its own.
-pub fn with_opacity(o: &Options, image: Option<ImageRef>, map: ImageRef) -> Result<ImageRef, ApiError> {
-    let (width, height) = (map.image.width, map.image.height);
-    let base = image.unwrap_or_else(|| {
-        let rgba = vec![255; map.image.rgba.len()];
-        ImageRef { image: Arc::new(Image { name: "opacity".into(), width, height, rgba }), ..map.clone() }
-    });
-    same_size(o, "opacity_map", &map, "image", &base)?;
-    let mut rgba = base.image.rgba.clone();
-    for (out, m) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(map.image.rgba.as_chunks::<4>().0) {
+pub fn with_opacity(base: &Image, map: &Image) -> Image {
+    let mut rgba = base.rgba.clone();
+    for (out, m) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(map.rgba.as_chunks::<4>().0) {
         out[3] = (u16::from(out[3]) * u16::from(brightness(m)) / 255) as u8;
     }
-    let image = Image { name: base.image.name.clone(), width, height, rgba };
-    Ok(ImageRef { image: Arc::new(image), ..base })
+    Image { rgba, name: base.name.clone(), ..*base }
 }
 
-/// A normal map with heights as its alpha; without one the normals are those of the heights, `depth` textures deep.
-pub fn with_heights(
-    o: &Options,
-    normals: Option<ImageRef>,
-    heights: ImageRef,
-    depth: f32,
-) -> Result<ImageRef, ApiError> {
-    let made = match normals {
-        Some(normals) => {
-            same_size(o, "height_map", &heights, "normal_map", &normals)?;
-            normals
-        }
-        None => normals_of(&heights, depth),
-    };
-    let mut rgba = made.image.rgba.clone();
-    for (out, h) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(heights.image.rgba.as_chunks::<4>().0) {
+/// A normal map with heights as its alpha.
+pub fn with_heights(normals: &Image, heights: &Image) -> Image {
+    let mut rgba = normals.rgba.clone();
+    for (out, h) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(heights.rgba.as_chunks::<4>().0) {
         out[3] = brightness(h);
     }
-    let (width, height) = (heights.image.width, heights.image.height);
-    let image = Image { name: made.image.name.clone(), width, height, rgba };
-    Ok(ImageRef { image: Arc::new(image), ..made })
+    Image { rgba, name: normals.name.clone(), ..*normals }
 }
 
-/// Central differences; the picture repeats.
-fn normals_of(heights: &ImageRef, depth: f32) -> ImageRef {
-    let image = &heights.image;
+/// The normal map of heights `depth` textures deep: central differences; the picture repeats.
+pub fn normals_of(image: &Image, depth: f32) -> Image {
     let (width, height) = (image.width as usize, image.height as usize);
     let texels = image.rgba.as_chunks::<4>().0;
     let at = |x: usize, y: usize| f32::from(brightness(&texels[(y % height) * width + x % width])) / 255.0;
@@ -115,8 +107,7 @@ fn normals_of(heights: &ImageRef, depth: f32) -> ImageRef {
             rgba.extend([n.x, n.y, n.z, 255.0].map(|v| (v + 0.5).clamp(0.0, 255.0) as u8));
         }
     }
-    let made = Image { name: image.name.clone(), width: image.width, height: image.height, rgba };
-    ImageRef { image: Arc::new(made), ..heights.clone() }
+    Image { rgba, name: image.name.clone(), ..*image }
 }
 
 /// Grey as it is, of colors the mean.
@@ -124,7 +115,7 @@ pub fn brightness([r, g, b, _]: &[u8; 4]) -> u8 {
     ((u16::from(*r) + u16::from(*g) + u16::from(*b)) / 3) as u8
 }
 
-fn same_size(o: &Options, name: &str, a: &ImageRef, other: &str, b: &ImageRef) -> Result<(), ApiError> {
+pub fn same_size(o: &Options, name: &str, a: &ImageRef, other: &str, b: &ImageRef) -> Result<(), ApiError> {
     let size = |i: &ImageRef| (i.image.width, i.image.height);
     match size(a) == size(b) {
         true => Ok(()),
@@ -139,12 +130,10 @@ fn same_size(o: &Options, name: &str, a: &ImageRef, other: &str, b: &ImageRef) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use choreo_stage::Sampler;
 
-    fn grey(width: u32, values: &[u8]) -> ImageRef {
+    fn grey(width: u32, values: &[u8]) -> Image {
         let rgba = values.iter().flat_map(|v| [*v, *v, *v, 255]).collect();
-        let image = Image { name: "h".into(), width, height: values.len() as u32 / width, rgba };
-        ImageRef { image: Arc::new(image), sampler: Sampler::default(), dead: false, files: None }
+        Image { name: "h".into(), width, height: values.len() as u32 / width, rgba }
     }
 
     #[test]
@@ -154,11 +143,11 @@ mod tests {
         let made = normals_of(&ramp, 3.0);
         let slope = 8.0 * 3.0 * 16.0 / 255.0;
         let expected = Vec3::new(-slope, 0.0, 1.0).normalize();
-        let texel = made.image.rgba.as_chunks::<4>().0[4];
+        let texel = made.rgba.as_chunks::<4>().0[4];
         let got = Vec3::new(f32::from(texel[0]), f32::from(texel[1]), f32::from(texel[2])) / 127.5 - 1.0;
         assert!(got.distance(expected) < 0.02, "{got} {expected}");
         // Bright rows at the top: it falls downwards, so its normals look down.
         let rows = normals_of(&grey(1, &[120, 90, 60, 30]), 1.0);
-        assert!(rows.image.rgba[4 + 1] < 120, "{:?}", rows.image.rgba);
+        assert!(rows.rgba[4 + 1] < 120, "{:?}", rows.rgba);
     }
 }

@@ -1,11 +1,12 @@
 //! The look of what a script makes: the options that `shape`, `mesh`, `lines` and `points` share.
 
-use super::files::NumberedFiles;
+use super::following::{self, Following, Rule, given, join};
 use super::maps;
 use super::picture::{ImageRef, srgb_byte};
 use crate::call::{ApiError, Options, rgb};
 use choreo_stage::{
-    AlphaMode, FrameStrip, Image, Material, MaterialLayers, Sampler, Shading, TextureRef, UvMotion,
+    AlphaMode, FrameStrip, Image, Material, MaterialLayers, Sampler, Shading, TextureRef, TextureSlot,
+    UvMotion,
 };
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
@@ -58,40 +59,49 @@ pub const OPTIONS: [&str; 42] = [
 
 /// The material, and the pictures that it names by number.
 pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), ApiError> {
-    let mut given = maps::pictures(o, "image")?;
-    let sequence = given.len() > 1 || o.get("image").is_some_and(|v| v.is_array());
+    let other_maps = ["normal_map", "opacity_map", "height_map", "specular_map"];
+    let alone = !other_maps.into_iter().any(|name| o.get(name).is_some());
     let mut cells = None;
-    let mut image = match sequence {
+    let mut image = match o.get("image").is_some_and(|v| v.is_array()) && alone {
+        // As cells of one picture, which other maps have not.
         true => {
-            let (image, [columns, rows]) = maps::side_by_side(o, &given)?;
-            cells = Some([columns, rows, given.len() as u32]);
+            let all = maps::pictures(o, "image")?;
+            let (image, [columns, rows]) = maps::side_by_side(o, &all)?;
+            cells = Some([columns, rows, all.len() as u32]);
             Some(image)
         }
-        false => given.pop(),
+        false => given(o, "image")?,
     };
-    let files = image.as_ref().and_then(|i| i.files.clone());
-    if let (Some(map), Some(_)) = (o.get("opacity_map"), &files) {
-        return Err(crate::call::wrong(
-            &map,
-            &o.label("opacity_map"),
-            "left out where image is of numbered files",
-        ));
-    }
-    if let Some(map) = o.image("opacity_map")? {
-        image = Some(maps::with_opacity(o, image, map)?);
+    if let Some(map) = given(o, "opacity_map")? {
+        let base = image.unwrap_or_else(|| maps::white(&map));
+        image = Some(join(o, ["image", "opacity_map"], &base, &map, Rule::Opacity)?);
     }
     let depth = o.number_in("depth", 0.0, 1.0)?;
-    let mut normal_map = o.image("normal_map")?;
-    let height_map = o.image("height_map")?;
+    let mut normal_map = given(o, "normal_map")?;
+    let height_map = given(o, "height_map")?;
     if depth.is_some() && height_map.is_none() {
         let text = format!("{}: depth says more of height_map, which is not given", o.function);
         return Err(ApiError::new(text).focus("depth"));
     }
     let relief = height_map.as_ref().map_or(0.0, |_| depth.unwrap_or(0.05) as f32);
     if let Some(heights) = height_map {
-        normal_map = Some(maps::with_heights(o, normal_map, heights, relief)?);
+        normal_map = Some(match normal_map {
+            Some(normals) => join(o, ["normal_map", "height_map"], &normals, &heights, Rule::Heights)?,
+            None => {
+                let alone = ImageRef { files: None, ..heights.clone() };
+                join(o, ["height_map"; 2], &alone, &heights, Rule::HeightsAlone(relief))?
+            }
+        });
     }
-    let specular_map = o.image("specular_map")?;
+    let specular_map = given(o, "specular_map")?;
+    let of = |map: &Option<ImageRef>| map.as_ref().and_then(|i| i.files.clone());
+    let normal_name = if o.get("normal_map").is_some() { "normal_map" } else { "height_map" };
+    let image_name = if o.get("image").is_some() { "image" } else { "opacity_map" };
+    let follow = [
+        (TextureSlot::BaseColor, image_name, of(&image)),
+        (TextureSlot::Normal, normal_name, of(&normal_map)),
+        (TextureSlot::SpecularColor, "specular_map", of(&specular_map)),
+    ];
     // A picture is seen in its own colors.
     let plain = if image.is_some() { Vec4::ONE } else { Vec4::new(0.6, 0.6, 0.6, 1.0) };
     let base = o.color("color")?.unwrap_or(plain);
@@ -121,7 +131,8 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
             return fail("checker makes a picture of its own; leave image or checker out", "checker");
         }
         (Some(given), None) => {
-            material.alpha_mode = files.as_ref().map_or_else(|| of_picture(&given.image), |f| f.alpha);
+            let files = given.files.as_ref();
+            material.alpha_mode = files.map_or_else(|| of_picture(&given.image), |f| f.alpha);
             material.base_color_texture = Some(texture(given.image, given.sampler, scale));
         }
         (None, Some(second)) => {
@@ -149,7 +160,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
         }
         material.specular_color_texture = Some(texture(given.image, given.sampler, scale));
     }
-    motion(o, &mut material, cells, files)?;
+    motion(o, &mut material, cells, &follow)?;
     if base.w < 1.0 {
         material.alpha_mode = AlphaMode::Blend;
     }
@@ -167,9 +178,10 @@ fn motion(
     o: &Options,
     material: &mut Material,
     cells: Option<[u32; 3]>,
-    files: Option<Arc<NumberedFiles>>,
+    follow: &[(TextureSlot, &str, Option<Following>)],
 ) -> Result<(), ApiError> {
     let fail = |text: &str, word: &str| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
+    let several = follow.iter().any(|(.., f)| f.is_some());
     let fps = o.number_in("fps", 0.0, 1000.0)?;
     let once = o.flag("once")?;
     let pair = |name: &str| -> Result<Option<[f64; 2]>, ApiError> {
@@ -183,25 +195,30 @@ fn motion(
         (Some(_), Some(_)) => {
             return fail("frames are the cells of one picture; several pictures have their own", "frames");
         }
-        (None, Some(_)) if files.is_some() => {
-            return fail("frames are the cells of one picture; numbered files are a picture each", "frames");
+        (None, Some(_)) if several => {
+            return fail(
+                "frames are the cells of one picture; those that follow each other are one each",
+                "frames",
+            );
         }
         (None, Some([columns, rows])) => {
             if !whole(columns) || !whole(rows) {
                 return fail("frames must be [columns, rows], whole numbers from 1 to 256", "frames");
             }
-            if o.get("image").is_none() {
-                return fail("frames are the cells of image, which is not given", "frames");
+            let maps = ["image", "normal_map", "opacity_map", "height_map", "specular_map"];
+            if !maps.into_iter().any(|name| o.get(name).is_some()) {
+                return fail("frames are the cells of image or a map, of which none is given", "frames");
             }
             Some([columns as u32, rows as u32, columns as u32 * rows as u32])
         }
         (cells, None) => cells,
     };
     let (scroll, spin) = (pair("scroll")?, o.number_in("spin", -36_000.0, 36_000.0)?);
-    let textured = material.base_color_texture.is_some() || material.normal_texture.is_some();
+    let maps = [&material.base_color_texture, &material.normal_texture, &material.specular_color_texture];
+    let textured = maps.into_iter().any(Option::is_some);
     if let Some(word) = ["scroll", "spin"].into_iter().find(|w| o.get(w).is_some()) {
         if !textured {
-            return fail(&format!("{word} moves image, checker or normal_map, of which none is given"), word);
+            return fail(&format!("{word} moves image, checker or a map, of which none is given"), word);
         }
         if cells.is_some() {
             return fail(&format!("{word} would leave the frame that is seen; frames do not move"), word);
@@ -213,9 +230,8 @@ fn motion(
             rotation: spin.unwrap_or(0.0).to_radians() as f32,
         });
     }
-    if let Some(files) = files {
-        let (fps, once) = (fps.unwrap_or(12.0) as f32, once.unwrap_or(false));
-        material.sequence = Some(Arc::new(files.sequence(fps, once)));
+    if several {
+        material.sequence = following::sequence(o, follow, fps, once)?;
         return Ok(());
     }
     match cells {
@@ -232,8 +248,8 @@ fn motion(
             });
             Ok(())
         }
-        None if once.is_some() => fail("once is of frames, or of several pictures as image", "once"),
-        None if fps.is_some() => fail("fps is of frames, or of several pictures as image", "fps"),
+        None if once.is_some() => fail("once is of frames, or of several pictures as image or a map", "once"),
+        None if fps.is_some() => fail("fps is of frames, or of several pictures as image or a map", "fps"),
         None => Ok(()),
     }
 }

@@ -2,6 +2,7 @@
 
 mod arrays;
 mod files;
+mod following;
 mod maps;
 mod material;
 mod picture;

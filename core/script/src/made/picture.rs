@@ -12,8 +12,8 @@ pub struct ImageRef {
     pub image: Arc<Image>,
     pub sampler: Sampler,
     pub dead: bool,
-    /// Of numbered files: all of them.
-    pub files: Option<Arc<super::files::NumberedFiles>>,
+    /// All of them, where several follow each other; `image` is the first.
+    pub files: Option<super::following::Following>,
 }
 
 impl ImageRef {

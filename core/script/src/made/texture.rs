@@ -1,12 +1,13 @@
 //! `asset.texture(material, slot, image)`: other pictures on the materials of a file.
 
+use super::following::{Following, in_order};
 use super::picture::ImageRef;
-use crate::call::{ApiError, Call, Reply, one_of, unknown};
+use crate::call::{ApiError, Call, Options, Reply, one_of, unknown};
 use crate::value::AssetRef;
 use choreo_import::{normals, tangents};
-use choreo_stage::{AlphaMode, Asset, Material, Mesh, Shading, TextureRef};
+use choreo_stage::{AlphaMode, Asset, Material, Mesh, Sequence, Shading, Stream, TextureRef, TextureSlot};
 use glam::Affine2;
-use rhai::Dynamic;
+use rhai::{Array, Dynamic};
 use std::sync::Arc;
 
 /// By the words of glTF.
@@ -17,11 +18,18 @@ pub fn texture(c: &mut Call) -> Reply {
     let source = c.this_asset()?;
     let wanted = c.text(0)?;
     let slot = one_of(&c.value(1), "texture: slot", SLOTS)?;
-    let given = c.value(2).try_cast::<ImageRef>();
-    let Some(given) = given else { return Err(c.wrong(2, "an Image, from image(…)")) };
-    if given.files.is_some() {
-        return Err(ApiError::new("texture: one picture, not several that follow each other"));
-    }
+    let o = c.options(3, &["fps", "once"])?;
+    let value = c.value(2);
+    let given = match value.read_lock::<Array>() {
+        Some(array) => {
+            let all: Option<Vec<ImageRef>> = array.iter().map(|v| v.clone().try_cast()).collect();
+            Some(all.ok_or_else(|| c.wrong(2, "an Image, from image(…), or an array of them"))?)
+                .map(|all| in_order(&o, "image", &all))
+                .transpose()?
+        }
+        None => value.clone().try_cast::<ImageRef>(),
+    };
+    let Some(given) = given else { return Err(c.wrong(2, "an Image, from image(…), or an array of them")) };
     let index = source.materials.iter().position(|m| m.name == wanted).ok_or_else(|| {
         let names = source.materials.iter().map(|m| m.name.as_str());
         unknown("material", &wanted, &format!(" in {}", source.name), names)
@@ -41,8 +49,10 @@ pub fn texture(c: &mut Call) -> Reply {
         return Err(ApiError::new(text).hint("its slot is \"color\""));
     }
     set(material, slot, new);
+    follow(&o, material, slot, given.files.as_ref())?;
     if slot == "color" && material.alpha_mode == AlphaMode::Opaque {
-        material.alpha_mode = super::material::of_picture(&given.image);
+        let one = || super::material::of_picture(&given.image);
+        material.alpha_mode = given.files.as_ref().map_or_else(one, |f| f.alpha);
     }
     let uv_set = usize::from(of(material, slot).map_or(0, |t| t.uv_set));
     let mut any = false;
@@ -99,4 +109,57 @@ fn set(material: &mut Material, slot: &str, new: impl Fn(&Option<TextureRef>) ->
     if slot == "emissive" && material.emissive == glam::Vec3::ZERO {
         material.emissive = glam::Vec3::ONE;
     }
+}
+
+/// The pictures that follow the first in a slot, beside those of other slots, which all change together.
+fn follow(
+    o: &Options,
+    material: &mut Material,
+    word: &str,
+    files: Option<&Following>,
+) -> Result<(), ApiError> {
+    let slot = match word {
+        "normal" => TextureSlot::Normal,
+        "metallic_roughness" => TextureSlot::MetallicRoughness,
+        "occlusion" => TextureSlot::Occlusion,
+        "emissive" => TextureSlot::Emissive,
+        "specular" => TextureSlot::Specular,
+        "specular_color" => TextureSlot::SpecularColor,
+        _ => TextureSlot::BaseColor,
+    };
+    let before = material.sequence.take();
+    let mut streams = before.as_ref().map_or(Vec::new(), |s| s.streams.clone());
+    streams.retain(|s| s.slot != slot);
+    let (fps, once) = (o.number_in("fps", 0.0, 1000.0)?, o.flag("once")?);
+    let word_of_time = if fps.is_some() { "fps" } else { "once" };
+    let Some(files) = files else {
+        if fps.is_some() || once.is_some() {
+            let text = format!("texture: {word_of_time} is of several pictures that follow each other");
+            return Err(ApiError::new(text).focus(word_of_time));
+        }
+        if let (false, Some(before)) = (streams.is_empty(), before) {
+            material.sequence = Some(Arc::new(Sequence { streams, ..Sequence::clone(&before) }));
+        }
+        return Ok(());
+    };
+    let others = streams.first().map(|s| s.hashes.len());
+    let before = before.filter(|_| others.is_some());
+    let of_before = before.as_ref().map_or((12.0, false), |s| (s.fps, s.once));
+    let new = (fps.map_or(of_before.0, |v| v as f32), once.unwrap_or(of_before.1));
+    if let Some(count) = others.filter(|n| *n != files.hashes.len()) {
+        let text = format!(
+            "texture: {} pictures, and {count} in another slot; what follows each other on one surface has as many",
+            files.hashes.len()
+        );
+        return Err(ApiError::new(text));
+    }
+    if others.is_some() && new != of_before {
+        let text =
+            format!("texture: {word_of_time} is not that of the other slot; all pictures change together");
+        return Err(ApiError::new(text).focus(word_of_time));
+    }
+    streams.push(Stream { slot, pictures: files.pictures.clone(), hashes: files.hashes.clone() });
+    streams.sort_by_key(|s| s.slot);
+    material.sequence = Some(Arc::new(Sequence { streams, fps: new.0, once: new.1 }));
+    Ok(())
 }

@@ -142,7 +142,10 @@ impl Material {
             [motion.scroll.x, motion.scroll.y, motion.rotation].iter().for_each(|v| w.f32(*v));
         });
         w.option(sequence, |w, sequence| {
-            w.list(&sequence.hashes, |w, hash| w.bytes(hash));
+            w.list(&sequence.streams, |w, stream| {
+                w.tag(stream.slot as u8);
+                w.list(&stream.hashes, |w, hash| w.bytes(hash));
+            });
             w.f32(sequence.fps);
             w.flag(sequence.once);
         });

@@ -40,6 +40,7 @@ impl Stage {
                     expressions,
                     file_lights,
                     skinning,
+                    surfaces,
                 } = actor;
                 w.text(name);
                 w.bytes(&asset.content_hash());
@@ -102,6 +103,11 @@ impl Stage {
                 });
                 w.flag(*file_lights);
                 w.flag(*skinning == Skinning::DualQuaternion);
+                w.list(surfaces, |w, rule| {
+                    w.option(&rule.material, |w, material| w.u32(*material));
+                    w.option(&rule.cutouts, |w, how| w.u32(*how as u32));
+                    w.option(&rule.transparency, |w, how| w.u32(*how as u32));
+                });
             });
             w.list(cameras, |w, camera| {
                 w.text(&camera.name);

@@ -1,0 +1,50 @@
+//! How an actor's surfaces are cut out and mixed: `actor.surfaces(#{ … })`; the same words of the stage.
+
+use super::effect::named_materials;
+use crate::call::{ApiError, Call, Def, Gives, Options, Reply};
+use crate::value::{ActorRef, Kind};
+use choreo_stage::{Cutouts, SurfaceRule, Transparency};
+
+pub const DEFS: &[Def] = &[Def::new(
+    Kind::Actor,
+    "surfaces",
+    "options",
+    Gives::Itself,
+    "How its surfaces are drawn, in place of what stage(…) says: cutouts (\"smooth\" or \"hard\"), transparency (\"sorted\", \"independent\" or \"auto\"; a frame is mixed pixel by pixel where any surface asks for it or needs it, and one that is \"sorted\" never does), material (a name or names: only these of it). Of several calls the last counts.",
+    surfaces,
+)];
+
+fn surfaces(c: &mut Call) -> Reply {
+    let this: ActorRef = c.this()?;
+    let o = c.options(0, &["cutouts", "transparency", "material"])?;
+    let rule = SurfaceRule { material: None, cutouts: cutouts(&o)?, transparency: transparency(&o)? };
+    if rule == SurfaceRule::default() {
+        return Err(ApiError::new("surfaces: neither cutouts nor transparency is given"));
+    }
+    let materials = named_materials(&o, "surfaces", &this.asset)?;
+    let mut build = c.build();
+    let all = &mut build.actor(this.id)?.actor.surfaces;
+    match materials {
+        None => all.push(rule),
+        Some(materials) => {
+            all.extend(materials.into_iter().map(|m| SurfaceRule { material: Some(m), ..rule }));
+        }
+    }
+    drop(build);
+    c.itself()
+}
+
+pub fn cutouts(o: &Options) -> Result<Option<Cutouts>, ApiError> {
+    Ok(o.one_of("cutouts", &["smooth", "hard"])?.map(|how| match how {
+        "hard" => Cutouts::Hard,
+        _ => Cutouts::Smooth,
+    }))
+}
+
+pub fn transparency(o: &Options) -> Result<Option<Transparency>, ApiError> {
+    Ok(o.one_of("transparency", &["auto", "sorted", "independent"])?.map(|how| match how {
+        "sorted" => Transparency::Sorted,
+        "independent" => Transparency::Independent,
+        _ => Transparency::Auto,
+    }))
+}

@@ -1,0 +1,170 @@
+//! Pictures that follow each other on any texture of a material, and pictures made of two of them.
+
+use super::maps;
+use super::material::of_picture;
+use super::picture::ImageRef;
+use crate::call::{ApiError, Options};
+use choreo_stage::{AlphaMode, ContentHash, Image, Pictures, Sequence, Stream, TextureSlot};
+use std::sync::Arc;
+
+/// Several of one size.
+#[derive(Clone, Debug)]
+pub struct Following {
+    pub pictures: Arc<dyn Pictures>,
+    pub hashes: Vec<ContentHash>,
+    /// What all of them together need.
+    pub alpha: AlphaMode,
+}
+
+/// Those of an array, which are held in memory.
+#[derive(Debug)]
+struct Held(Vec<Arc<Image>>);
+
+impl Pictures for Held {
+    fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
+        self.0.get(index).cloned().ok_or_else(|| format!("there is no picture {index}"))
+    }
+}
+
+/// How one picture is made of two.
+#[derive(Clone, Copy, Debug)]
+pub enum Rule {
+    /// The first with the brightness of the second as its alpha, times its own.
+    Opacity,
+    /// The first, a normal map, with the second's brightness as its alpha.
+    Heights,
+    /// The same with the normals of heights so many textures deep; the first is not read.
+    HeightsAlone(f32),
+}
+
+impl Rule {
+    fn make(self, a: &Image, b: &Image) -> Image {
+        match self {
+            Rule::Opacity => maps::with_opacity(a, b),
+            Rule::Heights => maps::with_heights(a, b),
+            Rule::HeightsAlone(depth) => maps::with_heights(&maps::normals_of(b, depth), b),
+        }
+    }
+}
+
+/// Made of two when it is seen; of a single one there is always the same.
+#[derive(Debug)]
+struct Joined {
+    parts: [(Arc<Image>, Option<Following>); 2],
+    rule: Rule,
+}
+
+impl Pictures for Joined {
+    fn picture(&self, index: usize) -> Result<Arc<Image>, String> {
+        let part = |(one, many): &(Arc<Image>, Option<Following>)| match many {
+            Some(many) => many.pictures.picture(index),
+            None => Ok(one.clone()),
+        };
+        Ok(Arc::new(self.rule.make(&*part(&self.parts[0])?, &*part(&self.parts[1])?)))
+    }
+}
+
+/// What is solid only where both are.
+pub fn more_open(a: AlphaMode, b: AlphaMode) -> AlphaMode {
+    match (a, b) {
+        (AlphaMode::Blend, _) | (_, AlphaMode::Blend) => AlphaMode::Blend,
+        (AlphaMode::Opaque, mode) => mode,
+        (mode, _) => mode,
+    }
+}
+
+/// One picture of two of one size, or as many as follow each other. `names`: of the options that gave them.
+pub fn join(
+    o: &Options,
+    names: [&str; 2],
+    a: &ImageRef,
+    b: &ImageRef,
+    rule: Rule,
+) -> Result<ImageRef, ApiError> {
+    maps::same_size(o, names[1], b, names[0], a)?;
+    let image = Arc::new(rule.make(&a.image, &b.image));
+    let made = ImageRef { image, files: None, ..a.clone() };
+    let parts = [a, b].map(|i| (i.image.clone(), i.files.clone()));
+    let counts = [a, b].map(|i| i.files.as_ref().map(|f| f.hashes.len()));
+    let count = match counts {
+        [None, None] => return Ok(made),
+        [Some(a), Some(b)] if a != b => return Err(unequal(o, [names[0], names[1]], [a, b])),
+        [a, b] => a.or(b).unwrap_or(1),
+    };
+    let hash_of = |part: &(Arc<Image>, Option<Following>), i: usize| match &part.1 {
+        Some(many) => many.hashes[i],
+        None => part.0.content_hash(),
+    };
+    let single = [&parts[0], &parts[1]].map(|p| if p.1.is_none() { Some(hash_of(p, 0)) } else { None });
+    let hash = |i: usize| {
+        let mut h = blake3::Hasher::new();
+        h.update(format!("{rule:?}").as_bytes());
+        for (part, single) in parts.iter().zip(&single) {
+            h.update(&single.unwrap_or_else(|| hash_of(part, i)));
+        }
+        *h.finalize().as_bytes()
+    };
+    let hashes = (0..count).map(hash).collect();
+    let joined = Joined { parts: parts.clone(), rule };
+    let mut alpha = AlphaMode::Opaque;
+    if matches!(rule, Rule::Opacity) {
+        // Looked at once, to know whether any has holes.
+        for i in 0..count {
+            let one = joined.picture(i).map_err(|e| ApiError::new(format!("{}: {e}", o.function)))?;
+            alpha = more_open(alpha, of_picture(&one));
+        }
+    }
+    Ok(ImageRef { files: Some(Following { pictures: Arc::new(joined), hashes, alpha }), ..made })
+}
+
+/// The options' picture, or those that follow each other there: numbered files, or an array.
+pub fn given(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
+    let mut all = maps::pictures(o, name)?;
+    if o.get(name).is_some_and(|v| v.is_array()) {
+        return in_order(o, name, &all).map(Some);
+    }
+    Ok(all.pop())
+}
+
+/// The pictures of an array one after the other.
+pub fn in_order(o: &Options, name: &str, all: &[ImageRef]) -> Result<ImageRef, ApiError> {
+    let first = maps::of_one_size(o, name, all)?;
+    let pictures: Vec<Arc<Image>> = all.iter().map(|i| i.image.clone()).collect();
+    let hashes = pictures.iter().map(|i| i.content_hash()).collect();
+    let alpha = pictures.iter().map(|i| of_picture(i)).fold(AlphaMode::Opaque, more_open);
+    let files = Following { pictures: Arc::new(Held(pictures)), hashes, alpha };
+    Ok(ImageRef { files: Some(files), ..first.clone() })
+}
+
+/// The sequence of what follows each other on a material: by slot, with the name of the option that gave it.
+pub fn sequence(
+    o: &Options,
+    given: &[(TextureSlot, &str, Option<Following>)],
+    fps: Option<f64>,
+    once: Option<bool>,
+) -> Result<Option<Arc<Sequence>>, ApiError> {
+    let mut all = given.iter().filter_map(|(slot, name, f)| Some((*slot, *name, f.as_ref()?)));
+    let Some((slot, name, first)) = all.next() else { return Ok(None) };
+    let stream = |slot: TextureSlot, f: &Following| Stream {
+        slot,
+        pictures: f.pictures.clone(),
+        hashes: f.hashes.clone(),
+    };
+    let mut streams = vec![stream(slot, first)];
+    for (slot, other, f) in all {
+        if f.hashes.len() != first.hashes.len() {
+            return Err(unequal(o, [name, other], [first.hashes.len(), f.hashes.len()]));
+        }
+        streams.push(stream(slot, f));
+    }
+    let (fps, once) = (fps.unwrap_or(12.0) as f32, once.unwrap_or(false));
+    Ok(Some(Arc::new(Sequence { streams, fps, once })))
+}
+
+fn unequal(o: &Options, names: [&str; 2], counts: [usize; 2]) -> ApiError {
+    let text = format!(
+        "{}: {} has {} pictures, {} {}; what follows each other on one surface has as many",
+        o.function, names[0], counts[0], names[1], counts[1]
+    );
+    ApiError::new(text).focus(names[1])
+}
