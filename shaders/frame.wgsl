@@ -148,7 +148,7 @@ struct ShadowView {
 
 @if(LIT && LIGHT_LISTS) @group(0) @binding(9) var<storage, read> light_lists: array<u32>;
 
-@group(3) @binding(0) var<uniform> material: Material;
+@if(!LIGHT_PASS) @group(3) @binding(0) var<uniform> material: Material;
 @if(BASE_COLOR_TEXTURE) @group(3) @binding(1) var base_color_texture: texture_2d<f32>;
 @if(BASE_COLOR_TEXTURE) @group(3) @binding(2) var base_color_sampler: sampler;
 @if(METALLIC_ROUGHNESS_TEXTURE) @group(3) @binding(3) var metallic_roughness_texture: texture_2d<f32>;

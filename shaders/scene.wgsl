@@ -63,8 +63,10 @@ fn read_relief(in: VertexOut) {
 }
 @end
 
+@if(!LIGHT_PASS)
 @fragment
-fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+@if(!GEOMETRY) fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
+@if(GEOMETRY) fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> Kept {
     @if(UV_MASK) read_uv_mask(in);
     @if(RELIEF) read_relief(in);
     @if(TRIPLANAR) read_planes(in);
@@ -89,7 +91,7 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @if(LIT)
     var n = unit(in.normal);
     @if(CLEARCOAT) var coat_n = n;
-    @if(SHADOW) var own_n = n;
+    @if(SHADOW || GEOMETRY) var own_n = n;
     // MikkTSpace: the interpolated vectors are not made orthogonal again.
     @if(TANGENT) let b = cross(in.normal, in.tangent.xyz) * in.tangent.w;
     @if(NORMAL_TEXTURE && TRIPLANAR) n = triplanar_normal(in);
@@ -104,7 +106,7 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     coat_n = unit(c.x * in.tangent.xyz + c.y * b + c.z * in.normal);
     @end
     @if(DOUBLE_SIDED) n = select(-n, n, front);
-    @if(DOUBLE_SIDED && SHADOW) own_n = select(-own_n, own_n, front);
+    @if(DOUBLE_SIDED && SHADOW || DOUBLE_SIDED && GEOMETRY) own_n = select(-own_n, own_n, front);
     @if(DOUBLE_SIDED && CLEARCOAT) coat_n = select(-coat_n, coat_n, front);
     let v = unit(frame.eye.xyz - in.relative * frame.eye.w);
     @end
@@ -130,8 +132,31 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @if(OCCLUSION_TEXTURE) occlusion += material.occlusion_strength * (textureSample(occlusion_texture, occlusion_sampler, texture_uv(in, 3u)).r - 1.0);
     @end
 
+    @if(METALLIC_ROUGHNESS) var s = surface_of(base.rgb, metallic, roughness, specular, specular_color);
+    @if(GEOMETRY)
+    var emitted = material.emissive;
+    @if(EMISSIVE_TEXTURE) emitted *= textureSample(emissive_texture, emissive_sampler, texture_uv(in, 4u)).rgb;
+    return keep(in.position.z, n, own_n, s, occlusion, emitted);
+}
+    @end
+    @end
+@if(LIGHT_PASS)
+// What was kept of the pixel's surface is lit by all that follows.
+@fragment
+fn fs(at: LightOut) -> @location(0) vec4<f32> {
+    let kept = kept_at(at.position);
+    let in = kept.place;
+    let front = true;
+    let n = kept.normal;
+    @if(SHADOW) let own_n = in.normal;
+    let v = unit(frame.eye.xyz - in.relative * frame.eye.w);
+    var s = kept.surface;
+    let occlusion = kept.occlusion;
+    let alpha = 1.0;
+@end
+
+    @if(!GEOMETRY)
     @if(METALLIC_ROUGHNESS)
-    var s = surface_of(base.rgb, metallic, roughness, specular, specular_color);
     let nv = clamp(dot(n, v), 0.001, 1.0);
     var sky_f0 = s.f0;
     var mirror = reflect(-v, n);
@@ -292,7 +317,8 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     @if(TRANSMISSION && !REFRACTION) color += through * blurred * mirrored(-v, s.roughness);
     @if(REFRACTION) color += through * behind;
     @if(SHEEN) color = color * below_sheen + sheen_color * sheen;
-    @if(EMISSIVE && !EMISSIVE_TEXTURE) color += material.emissive;
+    @if(EMISSIVE && LIGHT_PASS) color += kept.emitted;
+    @if(EMISSIVE && !EMISSIVE_TEXTURE && !LIGHT_PASS) color += material.emissive;
     @if(EMISSIVE_TEXTURE) color += material.emissive * textureSample(emissive_texture, emissive_sampler, texture_uv(in, 4u)).rgb;
     @if(CLEARCOAT) color = mix(color, coat, coat_weight);
     @if(SHELL || EDGES) color = material.outline.xyz * mix(vec3(1.0), color, material.outline.w);
@@ -309,3 +335,4 @@ fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f3
     return vec4(mix(vec3(1.0), through, alpha), alpha);
     @end
 }
+    @end

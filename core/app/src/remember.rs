@@ -191,6 +191,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         shadows,
         behind,
         peel,
+        deferred,
         instances,
         instance_actors: _,
         joint_matrices,
@@ -236,6 +237,8 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         }
     }
     add(format!("{behind:?}").as_bytes());
+    // Other roundings.
+    add(&[u8::from(deferred.is_some())]);
     if let Some(peel) = peel {
         add(format!("{} layers", peel.layers).as_bytes());
     }

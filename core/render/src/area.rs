@@ -8,7 +8,7 @@ const MOST: f32 = 0.7;
 /// Edges of boxes are followed to so near before the eye.
 const NEAREST: f32 = 1e-4;
 /// Pixels around what is drawn: half the width of points and lines, and rounding.
-const MARGIN: f32 = 3.0;
+pub const MARGIN: f32 = 3.0;
 /// Corners lie at multiples of so many pixels: software rasterizers work in blocks.
 const BLOCK: u32 = 4;
 
@@ -63,6 +63,13 @@ impl Area {
         let ([x, width], [y, height]) = (ends(0), ends(1));
         let share = (width as f32 * height as f32) / (size[0] as f32 * size[1] as f32);
         (share <= MOST).then_some([x, y, width, height])
+    }
+
+    /// Left, top, right and bottom of what of it lies in the picture, pixels.
+    pub fn inside(&self, size: [u32; 2]) -> Option<[Vec2; 2]> {
+        let whole = Vec2::new(size[0] as f32, size[1] as f32);
+        let (from, to) = (self.from.max(Vec2::ZERO), self.to.min(whole));
+        from.cmplt(to).all().then_some([from, to])
     }
 
     /// First and last column, first and last row of so large squares; `None` where nothing of it is in the picture.

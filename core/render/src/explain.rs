@@ -10,7 +10,7 @@ use crate::plan::{
     ActiveMorph, Draw, Features, Glass, Instance, OverlayVertex, PeelCause, Plan, PlanLight, Rows,
 };
 use crate::record::{Command, Part as PassPart, Recording, Target};
-use crate::shader::{SceneVariant, switches};
+use crate::shader::{DeferredPass, SceneVariant, switches};
 use crate::sky::SkyMaps;
 use crate::vertex::{VertexLayout, pack, pack_morphs};
 use choreo_stage::Sampler;
@@ -168,6 +168,8 @@ impl Parts<'_> {
                     };
                     self.add(Kind::Pass, what, None, askers);
                 }
+                Command::BeginGeometry => self.geometry(),
+                Command::BindPipeline(v) if v.deferred == DeferredPass::Light => self.light(v),
                 Command::BeginPeel { layer, .. } => {
                     let what = format!("depths of layer {} of what is seen through", layer + 1);
                     let askers = self.of_peel();

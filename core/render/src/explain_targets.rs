@@ -1,10 +1,50 @@
 //! Pictures and depths that a frame is drawn into, for [`crate::explain`].
 
 use crate::explain::{Askers, Kind, Parts};
-use crate::plan::{Behind, Shadows};
+use crate::gpu::deferred::{BYTES, FORMATS};
+use crate::plan::{Behind, DeferredCause, Shadows};
 use crate::record::{Command, Recording, Target};
+use crate::shader::{SceneVariant, switches};
 
 impl Parts<'_> {
+    /// Why surfaces are not lit as they are drawn.
+    fn of_deferred(&self) -> Askers {
+        let other = Some(match self.plan.deferred.as_ref().map(|d| d.cause) {
+            Some(DeferredCause::Pays { .. }) => "lights and surfaces over each other",
+            _ => "the stage's pipeline \"deferred\"",
+        });
+        let of = self.actors(self.plan.draws.iter().filter(|d| d.deferred));
+        Askers { other, ..of }
+    }
+
+    /// The pass that keeps what light needs.
+    pub fn geometry(&mut self) {
+        let deferred = self.plan.draws.iter().filter(|d| d.deferred).count();
+        let forward = self.plan.draws.len() - deferred;
+        let mut what =
+            format!("surfaces without light, depth: {deferred} draws, and {forward} lit as they are drawn");
+        if let Some(DeferredCause::Pays { lights, surfaces, in_vain }) =
+            self.plan.deferred.as_ref().map(|d| d.cause)
+        {
+            what += &format!(
+                "; about {lights:.1} lights a place, {surfaces:.1} surfaces over each other: {in_vain:.1} lights a pixel spared"
+            );
+        }
+        let askers = self.of_deferred();
+        self.add(Kind::Pass, what, None, askers);
+    }
+
+    /// What lights what was kept.
+    pub fn light(&mut self, variant: &SceneVariant) {
+        let what = format!(
+            "light on what is kept, {} lights: {}",
+            self.plan.lights.len(),
+            switches(variant).join(" ")
+        );
+        let askers = self.of_deferred();
+        self.add(Kind::Pipeline, what, None, askers);
+    }
+
     pub fn targets(&mut self, recording: &Recording) {
         let pixels = u64::from(recording.size[0]) * u64::from(recording.size[1]);
         let (mut floats, mut scene) = (0, None);
@@ -53,6 +93,14 @@ impl Parts<'_> {
         for i in 0..floats {
             let what = format!("linear picture {i} {size}, 16-bit floats");
             self.add(Kind::Target, what, Some(8 * pixels), effects.clone());
+        }
+        if recording.commands.contains(&Command::BeginGeometry) {
+            let names = ["normals and shares", "colours", "depths"];
+            for ((name, format), bytes) in names.iter().zip(FORMATS).zip(BYTES) {
+                let what = format!("kept of surfaces, {name} {size}, {format:?}");
+                let askers = self.of_deferred();
+                self.add(Kind::Target, what, Some(bytes * pixels), askers);
+            }
         }
         if let Some((target, samples, depth)) = scene {
             if depth {

@@ -22,6 +22,20 @@ pub struct FrameUniform {
     pub pad: u32,
 }
 
+/// How a place is found again from its pixel and depth; deferred.wgsl.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct RebuiltUniform {
+    pub relative_from_clip: Mat4,
+}
+
+impl RebuiltUniform {
+    pub fn new(view: &View) -> RebuiltUniform {
+        // In f64: of a far plane that is near, or a part of a large picture, little would be left.
+        RebuiltUniform { relative_from_clip: view.clip_from_relative.as_dmat4().inverse().as_mat4() }
+    }
+}
+
 /// A sky as sky.wgsl reads it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]

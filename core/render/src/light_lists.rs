@@ -16,7 +16,7 @@ pub const MANY: usize = 8;
 /// Lights of a frame at most.
 pub const MOST: usize = crate::record::MAX_LIGHTS;
 /// Pixels of a square's side.
-const SQUARE: u32 = 64;
+pub const SQUARE: u32 = 64;
 const SLICES: u32 = 16;
 /// Before the lists: squares across and down, slices, lights that reach everywhere, scale and offset of the slices, two unused.
 pub const HEADER: usize = 8;
@@ -128,7 +128,13 @@ impl LightLists {
         self.0[3] as usize
     }
 
-    fn slice(&self, depth: f32, slack: f32) -> u32 {
+    /// How many lights such a cell lists.
+    pub(crate) fn count(&self, [column, row]: [u32; 2], slice: u32) -> u32 {
+        let cell = HEADER + ((slice * self.0[1] + row) * self.0[0] + column) as usize;
+        self.0[cell + 1] - self.0[cell]
+    }
+
+    pub(crate) fn slice(&self, depth: f32, slack: f32) -> u32 {
         let [scale, offset] = [4, 5].map(|i| f32::from_bits(self.0[i]));
         let at = libm::log2f(depth.max(1e-6)) * scale + offset + slack;
         at.floor().clamp(0.0, (SLICES - 1) as f32) as u32
@@ -148,6 +154,6 @@ impl LightLists {
 }
 
 /// Metres before the eye; 1 of orthographic views.
-fn depth(clip_from_relative: &Mat4, at: Vec3) -> f32 {
+pub(crate) fn depth(clip_from_relative: &Mat4, at: Vec3) -> f32 {
     clip_from_relative.row(3).dot(at.extend(1.0))
 }

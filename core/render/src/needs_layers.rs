@@ -22,6 +22,18 @@ pub const TEXTURES: [Features; LAYER_SLOTS] = [
     Features::DIFFUSE_TRANSMISSION_COLOR_TEXTURE,
 ];
 
+/// Of all layers.
+pub const ALL: Features = Features::LAYERS
+    .with(Features::CLEARCOAT)
+    .with(Features::SHEEN)
+    .with(Features::TRANSMISSION)
+    .with(Features::VOLUME)
+    .with(Features::REFRACTION)
+    .with(Features::DISPERSION)
+    .with(Features::IRIDESCENCE)
+    .with(Features::ANISOTROPY)
+    .with(Features::DIFFUSE_TRANSMISSION);
+
 /// What a frame without them leaves out.
 pub const WORDS: &[(Features, &str, &str)] = &[
     (Features::CLEARCOAT, "clear coats", "one"),

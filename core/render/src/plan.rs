@@ -13,6 +13,7 @@ use std::sync::Arc;
 pub use crate::plan_draw::Draw;
 pub use crate::plan_left_out::{LEFT_OUT, LeftOut};
 pub use crate::plan_post::PostPass;
+pub use crate::planner_deferred::{Deferred, DeferredCause};
 pub use crate::planner_transparency::{Peel, PeelCause};
 
 #[derive(Clone, Debug)]
@@ -54,6 +55,8 @@ pub struct Plan {
     pub behind: Option<Behind>,
     /// What is seen through is mixed pixel by pixel back to front; `None`: as `draws` are sorted.
     pub peel: Option<Peel>,
+    /// Opaque surfaces are lit once a pixel, after all of them are drawn; `None`: as each is drawn.
+    pub deferred: Option<Deferred>,
     /// Effects that are part of the scene's shaders; a bit each in [`PipelineKey::surface`], `displaced` and `lighting`.
     pub surface: Vec<PostPass>,
     /// Of each of them that moves surfaces: how far at most, metres.
@@ -425,6 +428,9 @@ impl Features {
     }
     pub const fn with(self, other: Features) -> Features {
         Features(self.0 | other.0)
+    }
+    pub const fn only(self, other: Features) -> Features {
+        Features(self.0 & other.0)
     }
     pub const fn without(self, other: Features) -> Features {
         Features(self.0 & !other.0)

@@ -13,6 +13,8 @@ pub struct Draw {
     pub changed: Option<u32>,
     /// So many indices, of those that [`crate::closed`] puts first, belong to bodies whose back faces are not seen.
     pub closed: u32,
+    /// Drawn without light, and lit with all others where [`crate::Plan::deferred`] is some.
+    pub deferred: bool,
     /// Range of `Plan::instances`.
     pub first_instance: u32,
     pub instance_count: u32,

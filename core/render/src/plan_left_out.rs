@@ -47,6 +47,7 @@ pub const LEFT_OUT: &[&str] = &[
     "alpha to coverage",
     "blending and sorting back to front",
     "order-independent transparency",
+    "deferred shading",
     "instancing",
     "multisampling",
     "full-screen passes and float target",
@@ -60,4 +61,11 @@ pub const LEFT_OUT: &[&str] = &[
 pub struct LeftOut {
     pub what: String,
     pub why: String,
+}
+
+impl LeftOut {
+    /// `None` where it is in.
+    pub(crate) fn unless<T>(what: &str, made: &Result<T, String>) -> Option<LeftOut> {
+        made.as_ref().err().map(|why| LeftOut { what: what.into(), why: why.clone() })
+    }
 }

@@ -12,6 +12,7 @@ use crate::plan_options::PlanOptions;
 use crate::planner_effects::{Line, SceneUse, background_effects, post_passes, shells, surface_effects};
 use crate::planner_items::{Item, Phase, sort};
 use crate::planner_lights::{plan_lights, plan_sky};
+use crate::planner_overdraw::Overdraw;
 use crate::planner_overlay::overlays;
 use crate::planner_shadows::Caster;
 use crate::planner_skins::{PosedSkin, daffine};
@@ -46,6 +47,7 @@ impl Plan {
             casting: shadows.iter().any(Option::is_some),
             casters: Vec::new(),
             receivers: Vec::new(),
+            overdraw: Overdraw::of(stage.settings.pipeline, options),
             shells: shells(stage, snapshot, options),
             surface: surface_effects(stage, snapshot, options),
             shell_materials: Vec::new(),
@@ -92,7 +94,7 @@ pub(crate) struct Planner<'a> {
     /// Of the actor at hand: (its material, the catalogue's, place in `materials`).
     pub changed: Vec<(u32, u32, u32)>,
     /// Some light casts shadows: those outside the view count too.
-    casting: bool,
+    pub casting: bool,
     pub casters: Vec<Caster>,
     /// Outlines by effects, and what has them (empty: all).
     pub shells: Vec<(Line, Vec<EffectTarget>)>,
@@ -100,8 +102,9 @@ pub(crate) struct Planner<'a> {
     pub surface: Vec<SceneUse>,
     /// Place in `materials` of each that was made.
     pub shell_materials: Vec<(ShellKey, u32)>,
-    /// Boxes of what is lit and in view; only where some light casts.
+    /// Boxes of what is lit and in view; where some light casts, and where light could wait.
     pub receivers: Vec<Aabb>,
+    pub overdraw: Option<Overdraw>,
     /// What of the picture they reach.
     area: Area,
     pub facts: Facts,
@@ -327,9 +330,7 @@ impl Planner<'_> {
                 let lit = key.features.is_lit();
                 self.facts.lit_drawn |= lit;
                 self.facts.coverage |= key.coverage;
-                if lit && self.casting && bounds.min.is_finite() && bounds.max.is_finite() {
-                    self.receivers.push(bounds);
-                }
+                self.lit_box(bounds, &key, (entry.material, changed), glass);
                 let phase = match material.material.alpha_mode {
                     _ if key.blend || glass => Phase::Blend,
                     AlphaMode::Mask(_) => Phase::Mask,
@@ -399,6 +400,7 @@ impl Planner<'_> {
         mut lights: Vec<PlanLight>,
         shadows: &[Option<Shadow>],
     ) -> Plan {
+        let lit = self.facts.lit_drawn || self.options.force_all;
         let maps = self.fit_shadows(&mut lights, shadows);
         if !maps.is_empty() || self.options.force_all {
             let lit = self.items.iter_mut().filter(|i| i.pipeline.features.is_lit());
@@ -426,6 +428,7 @@ impl Planner<'_> {
                     material: item.entry.material,
                     changed: item.changed,
                     closed: item.closed,
+                    deferred: false,
                     first_instance: instances.len() as u32,
                     instance_count: 1,
                 }),
@@ -434,11 +437,14 @@ impl Planner<'_> {
             instances.push(item.instance);
         }
 
+        let light_lists = (lit && self.facts.many_lights && !self.options.no_light_lists)
+            .then(|| LightLists::new(&lights, &self.view, self.options.size));
+        let lamps = (lights.len(), light_lists.as_ref());
+        let deferred = self.deferred(stage.settings.pipeline, &mut draws, lamps);
         let (overlay, labels, beyond) = overlays(stage, snapshot, &self.view, self.options);
         let [under, over] = flats(stage, snapshot, &labels, self.options.size);
         self.facts.flats = usize::from(under.is_some()) + usize::from(over.is_some());
         let (post, unknown) = post_passes(stage, snapshot, self.options.effects, self.options.size);
-        let lit = self.facts.lit_drawn || self.options.force_all;
         self.facts.blended = self.items.len() - first_blended;
         self.facts.draws = draws.len();
         self.facts.drawn_copies = instances.len();
@@ -450,9 +456,8 @@ impl Planner<'_> {
         self.facts.overlays = overlay.parts.len();
         let shadows = self.draw_shadows(maps, &mut instances, &mut instance_actors);
         let mut left_out = left_out(all, &self.facts);
-        if let Err(why) = &peel {
-            left_out.push(LeftOut { what: "order-independent transparency".into(), why: why.clone() });
-        }
+        left_out.extend(LeftOut::unless("order-independent transparency", &peel));
+        left_out.extend(LeftOut::unless("deferred shading", &deferred));
         left_out.extend(unknown.into_iter().chain(beyond));
         Plan {
             size: self.options.size,
@@ -461,8 +466,7 @@ impl Planner<'_> {
             background: snapshot.background,
             ambient_up: if lit { snapshot.ambient_up } else { Vec3::ZERO },
             ambient_down: if lit { snapshot.ambient_down } else { Vec3::ZERO },
-            light_lists: (lit && self.facts.many_lights && !self.options.no_light_lists)
-                .then(|| LightLists::new(&lights, &self.view, self.options.size)),
+            light_lists,
             lights: if lit { lights } else { Vec::new() },
             under,
             over,
@@ -476,6 +480,7 @@ impl Planner<'_> {
             shadows,
             behind,
             peel: peel.ok(),
+            deferred: deferred.ok(),
             background_effects: background_effects(&self.surface, self.options),
             reaches: std::array::from_fn(|i| self.surface.get(i).map_or(0.0, |e| e.reach)),
             surface: self.surface.into_iter().map(|e| e.used).collect(),

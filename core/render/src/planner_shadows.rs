@@ -97,6 +97,7 @@ impl Planner<'_> {
                         material: state(caster).1.0,
                         changed: state(caster).1.1,
                         closed: state(caster).3,
+                        deferred: false,
                         first_instance: instances.len() as u32,
                         instance_count: 1,
                     }),

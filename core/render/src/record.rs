@@ -4,6 +4,7 @@
 use crate::Plan;
 use crate::gpu_types::{BASE_SLOTS, TOON_SLOTS};
 use crate::plan::{Draw, Features, Glass, TopologyKey};
+use crate::record_deferred::{geometry, light};
 use crate::record_draws::{DrawState, layers};
 use crate::shader::SceneVariant;
 pub use crate::textures_fit::{LEAST_VISIBLE, fitting, textures_beyond};
@@ -38,6 +39,8 @@ pub enum Command {
     },
     /// The gradient or the one colour, computed on the host, into the picture before the pass that loads it or draws into a part.
     CopyBackground,
+    /// Starts depth and what is kept of surfaces until they are lit. All of the picture.
+    BeginGeometry,
     /// Starts from the clear colour, or (without one) from what is in the target.
     BeginPass {
         target: Target,
@@ -45,6 +48,8 @@ pub enum Command {
         clear: Option<Vec4>,
         depth: bool,
         part: Part,
+        /// The depth is as the geometry pass left it.
+        kept: bool,
         /// Left, top, width and height of what of the picture is drawn, over the copied background; `None`: all.
         area: Option<[u32; 4]>,
     },
@@ -88,6 +93,10 @@ pub enum Command {
         instance_count: u32,
         /// First index and how many; `None`: all.
         indices: Option<[u32; 2]>,
+    },
+    /// Light on what was kept of surfaces, within left, top, width and height; `None`: wherever anything was drawn.
+    DrawLight {
+        area: Option<[u32; 4]>,
     },
     /// The gradient, or a colour that effects change, where nothing was drawn; a bit for each effect on it, of
     /// `Recording::surface`.
@@ -159,6 +168,8 @@ pub struct RecordOptions {
     pub no_coverage: bool,
     /// What is seen through is sorted: the device cannot tell a pixel's samples apart.
     pub no_layers: bool,
+    /// Everything is lit as it is drawn: the device cannot draw into what would be kept.
+    pub no_deferred: bool,
 }
 
 /// Where pixels go. Float targets exist only where post passes read them.
@@ -255,9 +266,10 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     if copied || area.is_some() {
         commands.push(Command::CopyBackground);
     }
+    let deferred = plan.deferred.as_ref().filter(|_| !options.no_deferred && plan.samples == 1);
     let begin = |clear, part| {
-        let (target, samples) = (scene, plan.samples);
-        Command::BeginPass { target, samples, clear, depth, part, area }
+        let (target, samples, kept) = (scene, plan.samples, deferred.is_some());
+        Command::BeginPass { target, samples, clear, depth, part, kept, area }
     };
     let peel = plan.peel.filter(|_| !options.no_layers);
     let first_part = match plan.behind {
@@ -265,17 +277,25 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
         None if peel.is_some() => Part::UntilLayers,
         None => Part::Whole,
     };
+    if deferred.is_some() {
+        commands = geometry(plan, commands, &plan.draws, options, &triangles);
+    }
     commands.push(begin(clear, first_part));
     let mut state = DrawState::new(plan, commands, false, options, &triangles);
+    if let Some(deferred) = deferred {
+        light(plan, deferred, &mut state);
+    }
     let first_blended =
         plan.draws.iter().position(|d| d.pipeline.is_see_through()).unwrap_or(plan.draws.len());
     let (solid, blended) = plan.draws.split_at(first_blended);
-    let split = options.cpu_device && faces_apart_pay(plan, solid, &triangles);
+    // What is lit already is not drawn again.
+    let solid = || solid.iter().filter(|d| deferred.is_none() || !d.deferred);
+    let split = options.cpu_device && faces_apart_pay(plan, solid(), &triangles);
     let apart = |d: &Draw| split && d.pipeline.double_sided && d.pipeline.topology == TopologyKey::Triangles;
-    for draw in solid {
+    for draw in solid() {
         state.draw(draw, if apart(draw) { Cull::Back } else { cull_of(draw) });
     }
-    for draw in solid.iter().filter(|d| apart(d)) {
+    for draw in solid().filter(|d| apart(d)) {
         state.draw(draw, Cull::Front);
     }
     // Blended surfaces mix with what is behind them, the background included.
@@ -374,8 +394,12 @@ pub(crate) fn cull_of(draw: &Draw) -> Cull {
 
 /// Many pixels a triangle that shows both faces: shading weighs more than a second run of the vertex shader. Measured on lavapipe with one
 /// and with 25 characters of 7,000 triangles at 1280×720: 18.3 → 13 ms, and no gain.
-fn faces_apart_pay(plan: &Plan, draws: &[Draw], triangles: impl Fn(u32) -> usize) -> bool {
-    let double_sided = draws.iter().filter(|d| d.pipeline.double_sided);
+fn faces_apart_pay<'a>(
+    plan: &Plan,
+    draws: impl Iterator<Item = &'a Draw>,
+    triangles: impl Fn(u32) -> usize,
+) -> bool {
+    let double_sided = draws.filter(|d| d.pipeline.double_sided);
     let open = |d: &Draw| triangles(d.primitive).saturating_sub(d.closed as usize / 3);
     let count: usize = double_sided.map(|d| open(d) * d.instance_count as usize).sum();
     count > 0 && plan.size[0] as usize * plan.size[1] as usize / count >= 16
@@ -407,7 +431,8 @@ impl Recording {
         let mut variants = std::collections::BTreeSet::new();
         for command in &self.commands {
             match command {
-                Command::BeginPass { .. }
+                Command::BeginGeometry
+                | Command::BeginPass { .. }
                 | Command::BeginShadows { .. }
                 | Command::BeginPeel { .. }
                 | Command::BeginLayer { .. } => counts.passes += 1,

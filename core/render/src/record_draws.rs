@@ -1,9 +1,10 @@
 //! Draws as commands: what is bound already is not bound again; layers of what is seen through.
 
 use crate::Plan;
-use crate::plan::{Draw, Features};
+use crate::plan::{Draw, Features, PipelineKey};
+use crate::planner_deferred::Deferred;
 use crate::record::{Command, Cull, RecordOptions, Target, UNIFORM_JOINTS, cull_of, texture_slots};
-use crate::shader::{LightLoop, PeelPass, SceneVariant};
+use crate::shader::{DeferredPass, LightLoop, PeelPass, SceneVariant};
 use crate::textures_fit::fitting;
 use crate::vertex::VertexLayout;
 use glam::Vec4;
@@ -48,6 +49,8 @@ pub struct DrawState<'a> {
     /// Of one copy of a primitive.
     triangles: &'a dyn Fn(u32) -> usize,
     peel: PeelPass,
+    /// Draws without light: what is kept of surfaces.
+    pub geometry: bool,
 }
 
 impl<'a> DrawState<'a> {
@@ -69,6 +72,7 @@ impl<'a> DrawState<'a> {
             options,
             triangles,
             peel: PeelPass::No,
+            geometry: false,
         }
     }
 
@@ -124,6 +128,9 @@ impl<'a> DrawState<'a> {
 
     fn variant(&self, draw: &Draw) -> SceneVariant {
         let (plan, mut key) = (self.plan, draw.pipeline);
+        if self.geometry {
+            key = Deferred::geometry(key);
+        }
         key.features = fitting(key.features, self.options.textures).0;
         key.coverage &= !self.options.no_coverage;
         key.peeled &= !self.options.no_layers;
@@ -134,15 +141,23 @@ impl<'a> DrawState<'a> {
             key,
             tint: drawn.iter().any(|i| i.tint != Vec4::ONE),
             joints_uniform: key.features.has(Features::SKIN) && plan.joint_matrices.len() <= UNIFORM_JOINTS,
-            lights: match &plan.light_lists {
-                _ if !key.features.is_lit() => LightLoop::All,
-                // An effect on light may make something of lamps that do not reach.
-                Some(_) if key.lighting == 0 => LightLoop::Lists,
-                _ if plan.lights.len() == 1 => LightLoop::One,
-                _ => LightLoop::All,
+            lights: match key.features.is_lit() && !self.geometry {
+                true => light_loop(plan, &key),
+                false => LightLoop::All,
             },
             shadow_pass: self.shadow_pass,
             peel: self.peel,
+            deferred: if self.geometry { DeferredPass::Geometry } else { DeferredPass::No },
         }
+    }
+}
+
+/// Which lights a lit pixel asks.
+pub fn light_loop(plan: &Plan, key: &PipelineKey) -> LightLoop {
+    match &plan.light_lists {
+        // An effect on light may make something of lamps that do not reach.
+        Some(_) if key.lighting == 0 => LightLoop::Lists,
+        _ if plan.lights.len() == 1 => LightLoop::One,
+        _ => LightLoop::All,
     }
 }

@@ -16,6 +16,11 @@ impl fmt::Display for Recording {
                 Command::ShadowView { index, at, size: [w, h] } => {
                     writeln!(f, "  view {index}: {w}×{h} at {at:?}")?
                 }
+                Command::BeginGeometry => writeln!(f, "begin what is kept of surfaces")?,
+                Command::DrawLight { area } => {
+                    let area = area.map_or(String::new(), |[x, y, w, h]| format!(", {w}×{h} at {x}, {y}"));
+                    writeln!(f, "  light{area}")?
+                }
                 Command::CopyBackground => writeln!(f, "copy background")?,
                 Command::DrawSky { .. } => writeln!(f, "  draw sky")?,
                 Command::DrawUnder => writeln!(f, "  draw layers under the scene")?,

@@ -1,7 +1,8 @@
 //! Shaders without a GPU: the layouts of their structs equal the Rust structs field by field.
 
 use choreo_render::gpu_types::{
-    FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform, SkyUniform, UvTransform,
+    FrameUniform, LayersUniform, MaterialUniform, PostUniform, RebuiltUniform, ShadowUniform, SkyUniform,
+    UvTransform,
 };
 use choreo_render::plan::{ActiveMorph, Features, Glass, Instance, PipelineKey, PlanLight, TopologyKey};
 use choreo_render::shader::*;
@@ -35,13 +36,10 @@ macro_rules! fields {
     ($t:ty: $($f:ident),*) => { &[$((stringify!($f), offset_of!($t, $f))),*] };
 }
 
-#[test]
-fn layouts_equal_the_rust_structs() {
-    let all = Features((1 << 54) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0)
-        .with(Features::SKY);
-    let on = switches(&SceneVariant {
+fn variant(features: Features) -> SceneVariant {
+    SceneVariant {
         key: PipelineKey {
-            features: all,
+            features,
             topology: TopologyKey::Triangles,
             double_sided: false,
             mirrored: false,
@@ -58,7 +56,15 @@ fn layouts_equal_the_rust_structs() {
         lights: LightLoop::All,
         shadow_pass: false,
         peel: PeelPass::No,
-    });
+        deferred: DeferredPass::No,
+    }
+}
+
+#[test]
+fn layouts_equal_the_rust_structs() {
+    let all = Features((1 << 54) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0)
+        .with(Features::SKY);
+    let on = switches(&variant(all));
     let (m, _) = parse(&sources().files(&SCENE).unwrap(), &on).unwrap();
     let frame = fields!(FrameUniform: clip_from_relative, eye, camera, ambient_up, ambient_down, background_top,
         background_bottom, size, light_count, pad);
@@ -86,6 +92,11 @@ fn layouts_equal_the_rust_structs() {
     assert_eq!(span as usize, size_of::<Instance>());
     assert_eq!(layout(&m, "ActiveMorph").1 as usize, size_of::<ActiveMorph>());
     assert_eq!(offset_of!(ActiveMorph, weight), layout(&m, "ActiveMorph").0[1].1 as usize);
+
+    let on =
+        switches(&SceneVariant { deferred: DeferredPass::Light, ..variant(Features::METALLIC_ROUGHNESS) });
+    let (m, _) = parse(&sources().files(&SCENE).unwrap(), &on).unwrap();
+    compare(&m, "Rebuilt", size_of::<RebuiltUniform>(), fields!(RebuiltUniform: relative_from_clip));
 
     let effect =
         "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * p[0]; }";

@@ -82,6 +82,7 @@ fn variants() -> Vec<SceneVariant> {
                     lights: loop_of(subset % 2 == 0),
                     shadow_pass: false,
                     peel: PeelPass::No,
+                    deferred: DeferredPass::No,
                 });
             }
         }
@@ -108,6 +109,7 @@ fn variants() -> Vec<SceneVariant> {
                     lights: loop_of(on(3)),
                     shadow_pass: false,
                     peel: PeelPass::No,
+                    deferred: DeferredPass::No,
                 });
             }
         }
@@ -164,6 +166,7 @@ fn layer_variants() -> Vec<SceneVariant> {
                 lights: loop_of(subset % 2 == 1),
                 shadow_pass: false,
                 peel: PeelPass::No,
+                deferred: DeferredPass::No,
             }));
             if features.has(Features::TRANSMISSION) {
                 // Bent, with one index or three.
@@ -197,6 +200,7 @@ fn shadow_variants() -> Vec<SceneVariant> {
         lights: loop_of(bits & 16 != 0),
         shadow_pass,
         peel: PeelPass::No,
+        deferred: DeferredPass::No,
     };
     let shadings = [Features::METALLIC_ROUGHNESS, Features::BLINN_PHONG, Features::TOON];
     let normal_map = Features::NORMAL_TEXTURE.with(Features::UV0);
@@ -264,12 +268,49 @@ fn outline_variants() -> Vec<SceneVariant> {
                     lights: loop_of(bits % 3 == 0),
                     shadow_pass: false,
                     peel: PeelPass::No,
+                    deferred: DeferredPass::No,
                 });
             }
         }
     }
     list
 }
+
+/// What is kept of every surface that can be, and light on it with all that a scene may have.
+fn deferred_variants() -> Vec<SceneVariant> {
+    let kept = |v: &SceneVariant| {
+        v.key.features.has(Features::METALLIC_ROUGHNESS) && !v.key.is_see_through() && !v.key.coverage
+    };
+    let base = variants();
+    // Each ninth: switches of shapes and of textures never meet in one expression.
+    let geometry = base.iter().filter(|v| kept(v)).step_by(9).enumerate().map(|(i, v)| {
+        let extra = [Features(0), Features::SHADOW, Features::RELIEF.with(NORMAL_MAP)][i % 3];
+        let features =
+            v.key.features.with(if v.key.features.has(Features::UV0) { extra } else { Features(0) });
+        let (key, lights) = (PipelineKey { features, ..v.key }, LightLoop::All);
+        SceneVariant { key, lights, deferred: DeferredPass::Geometry, ..*v }
+    });
+    let mut list: Vec<SceneVariant> = geometry.collect();
+    let bits = [
+        Features::SHADOW,
+        Features::SKY,
+        Features::LOCAL_LIGHTS,
+        Features::LOCAL_LIGHTS.with(Features::POLYNOMIAL),
+        Features::EMISSIVE,
+        Features::SEEN_NORMALS,
+    ];
+    for subset in 0..1u32 << bits.len() {
+        let on = bits.iter().enumerate().filter(|(i, _)| subset >> i & 1 == 1);
+        let features = on.fold(Features::METALLIC_ROUGHNESS, |all, (_, f)| all.with(*f));
+        for lights in [LightLoop::One, LightLoop::All, LightLoop::Lists] {
+            let (key, tint, deferred) = (key(features), false, DeferredPass::Light);
+            list.push(SceneVariant { key, lights, tint, joints_uniform: false, deferred, ..base[0] });
+        }
+    }
+    list
+}
+
+const NORMAL_MAP: Features = Features::NORMAL_TEXTURE.with(Features::UV0);
 
 #[test]
 fn every_combination_compiles() {
@@ -283,6 +324,12 @@ fn every_combination_compiles() {
     }
     for v in layer_variants().iter().chain(&outline_variants()) {
         let on = switches(v);
+        compile(&files, &on, &stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
+    }
+    for v in &deferred_variants() {
+        let on = switches(v);
+        let vs = if v.deferred == DeferredPass::Light { "light_vs" } else { "vs" };
+        let stages = [(vs, naga::ShaderStage::Vertex), ("fs", naga::ShaderStage::Fragment)];
         compile(&files, &on, &stages, false).unwrap_or_else(|e| panic!("{on:?}: {e}"));
     }
     for v in &shadow_variants() {
@@ -303,6 +350,7 @@ fn every_combination_compiles() {
         lights: loop_of(true),
         shadow_pass: false,
         peel: PeelPass::No,
+        deferred: DeferredPass::No,
     };
     compile(&files, &switches(&all), &stages, true).unwrap();
     // Effects on surfaces of every kind, two of which use the same names.
@@ -367,6 +415,7 @@ fn every_combination_compiles() {
                 lights: loop_of(bits & 3 == 1),
                 shadow_pass: false,
                 peel: PeelPass::No,
+                deferred: DeferredPass::No,
             };
             let mut on = switches(&v);
             on.push("TEXTURES");
@@ -392,6 +441,7 @@ fn every_combination_compiles() {
             lights: loop_of(false),
             shadow_pass: false,
             peel: PeelPass::No,
+            deferred: DeferredPass::No,
         };
         let mut on = switches(&v);
         on.push("TEXTURES");

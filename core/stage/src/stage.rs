@@ -44,6 +44,7 @@ pub struct Settings {
     pub samples: Option<u32>,
     pub cutouts: Cutouts,
     pub transparency: Transparency,
+    pub pipeline: Pipeline,
 }
 
 /// Edges of leaves and hair: where a material's alpha is cut off (glTF's MASK).
@@ -66,6 +67,17 @@ pub enum Transparency {
     Sorted,
     /// Pixel by pixel back to front.
     Independent,
+}
+
+/// When what is opaque is lit: as each surface is drawn, or once a pixel when all of it is there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Pipeline {
+    /// Deferred where that is quicker, by the lights and the surfaces over each other; never with several samples a pixel.
+    #[default]
+    Auto,
+    Forward,
+    /// With one sample a pixel; with more it is forward.
+    Deferred,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,6 +110,7 @@ impl Default for Settings {
             samples: None,
             cutouts: Cutouts::default(),
             transparency: Transparency::default(),
+            pipeline: Pipeline::default(),
         }
     }
 }

@@ -6,19 +6,24 @@ use choreo_render::gpu::Ability;
 use choreo_render::{
     Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer,
 };
-use choreo_stage::{Cutouts, Stage, Transparency};
+use choreo_stage::{Cutouts, Pipeline, Stage, Transparency};
 use std::sync::Arc;
 
 pub const CASES: &[Case] = &[
     Case::new("a device without alphaToOne", "steps of 255 off hard cut-outs by the CPU", 2.0, || {
-        without(Ability::AlphaToOne, &pictures::leaf(), |s| s.settings.cutouts = Cutouts::Hard)
+        without(Ability::AlphaToOne, &pictures::leaf(), 4, |s| s.settings.cutouts = Cutouts::Hard)
     }),
     Case::new("a device without sampleRateShading", "steps of 255 off sorted panes by the CPU", 2.0, || {
         let sorted = |s: &mut Stage| s.settings.transparency = Transparency::Sorted;
-        without(Ability::SampleRateShading, &pictures::panes(), sorted)
+        without(Ability::SampleRateShading, &pictures::panes(), 4, sorted)
     }),
     Case::new("a device without samplerAnisotropy", "steps of 255 off none by the CPU", 3.0, || {
-        without(Ability::SamplerAnisotropy, &pictures::leaf(), |_| {})
+        without(Ability::SamplerAnisotropy, &pictures::leaf(), 4, |_| {})
+    }),
+    Case::new("a device without maxColorAttachments", "steps of 255 off forward by the CPU", 2.0, || {
+        let mut stage = pictures::lit_wall();
+        stage.settings.pipeline = Pipeline::Deferred;
+        without(Ability::ColorAttachments, &stage, 1, |s| s.settings.pipeline = Pipeline::Forward)
     }),
     Case::new("a picture wider than any device's", "named error (0) or not (1)", 0.0, || {
         vulkan(GpuOptions::default(), |gpu| {
@@ -61,12 +66,13 @@ fn draw(renderer: &mut dyn Renderer, stage: &Stage, size: [u32; 2], samples: u32
 
 /// The 99th of 100 differences between a device that lacks something and the CPU's picture of a stage that does without it: on edges
 /// single samples may fall on the other side.
-fn without(ability: Ability, stage: &Stage, change: impl FnOnce(&mut Stage)) -> f64 {
+fn without(ability: Ability, stage: &Stage, samples: u32, change: impl FnOnce(&mut Stage)) -> f64 {
     let options = GpuOptions { without: vec![ability], anisotropy: Some(16.0), ..GpuOptions::default() };
     vulkan(options, |gpu| {
         let mut plain = stage.clone();
         change(&mut plain);
-        let [there, here] = [draw(gpu, stage, SIZE, 4), draw(&mut CpuRenderer::new(&[]), &plain, SIZE, 4)];
+        let (there, here) =
+            (draw(gpu, stage, SIZE, samples), draw(&mut CpuRenderer::new(&[]), &plain, SIZE, samples));
         let (Ok(there), Ok(here)) = (there, here) else { return f64::NAN };
         let mut steps: Vec<u8> = there.iter().zip(&here).map(|(a, b)| a.abs_diff(*b)).collect();
         steps.sort_unstable();

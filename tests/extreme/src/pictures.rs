@@ -285,6 +285,16 @@ pub fn leaf() -> Stage {
     stage
 }
 
+/// A wall that a sun and a lamp light.
+pub fn lit_wall() -> Stage {
+    let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
+    stage.lights.push(sun());
+    let lamp = Light { kind: LightKind::Point, color: Vec3::X, intensity: 1.0, range: Some(3.0) };
+    stage.lights.push(StageLight { light: lamp, position: DVec3::Z, ..sun() });
+    put(&mut stage, asset(quad(0.7), matte()), Placement::default());
+    stage
+}
+
 /// Two panes that cross.
 pub fn panes() -> Stage {
     let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);

@@ -6,6 +6,7 @@
 mod baking;
 mod chains;
 mod crossfade;
+mod deferred;
 mod detail;
 mod effects;
 mod far_away;
@@ -49,7 +50,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 22] = [
+const SECTIONS: [(&str, Measure); 23] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -70,6 +71,7 @@ const SECTIONS: [(&str, Measure); 22] = [
     ("detail", detail::section),
     ("tones", tones::section),
     ("transparency", transparency::section),
+    ("deferred", deferred::section),
     ("yuv", yuv::section),
     ("video", video::section),
 ];

@@ -11,11 +11,18 @@ pub enum Ability {
     SamplerAnisotropy,
     /// `sampleRateShading`. Without it what is seen through is sorted where there are several samples a pixel.
     SampleRateShading,
+    /// Images that surfaces are kept in until they are lit. Without them they are lit as they are drawn. Vulkan promises them,
+    /// so that this is for drivers that break the promise.
+    ColorAttachments,
 }
 
 impl Ability {
-    pub const ALL: [Ability; 3] =
-        [Ability::AlphaToOne, Ability::SamplerAnisotropy, Ability::SampleRateShading];
+    pub const ALL: [Ability; 4] = [
+        Ability::AlphaToOne,
+        Ability::SamplerAnisotropy,
+        Ability::SampleRateShading,
+        Ability::ColorAttachments,
+    ];
 
     /// As Vulkan calls it.
     pub fn name(self) -> &'static str {
@@ -23,6 +30,7 @@ impl Ability {
             Ability::AlphaToOne => "alphaToOne",
             Ability::SamplerAnisotropy => "samplerAnisotropy",
             Ability::SampleRateShading => "sampleRateShading",
+            Ability::ColorAttachments => "maxColorAttachments",
         }
     }
 
@@ -34,15 +42,17 @@ impl Ability {
             Ability::SampleRateShading => {
                 "what is seen through is sorted where there are several samples a pixel"
             }
+            Ability::ColorAttachments => "surfaces are lit as they are drawn, not once a pixel",
         }
     }
 
-    fn is_in(self, features: &vk::PhysicalDeviceFeatures) -> bool {
+    fn is_in(self, features: &vk::PhysicalDeviceFeatures, color_attachments: bool) -> bool {
         vk::TRUE
             == match self {
                 Ability::AlphaToOne => features.alpha_to_one,
                 Ability::SamplerAnisotropy => features.sampler_anisotropy,
                 Ability::SampleRateShading => features.sample_rate_shading,
+                Ability::ColorAttachments => vk::Bool32::from(color_attachments),
             }
     }
 }
@@ -52,8 +62,13 @@ impl Ability {
 pub struct Abilities(u8);
 
 impl Abilities {
-    pub fn of(features: &vk::PhysicalDeviceFeatures, without: &[Ability]) -> Abilities {
-        let there = |a: &&Ability| a.is_in(features) && !without.contains(a);
+    /// `color_attachments`: as [`super::deferred::color_attachments`] tells.
+    pub fn of(
+        features: &vk::PhysicalDeviceFeatures,
+        color_attachments: bool,
+        without: &[Ability],
+    ) -> Abilities {
+        let there = |a: &&Ability| a.is_in(features, color_attachments) && !without.contains(a);
         Abilities(Ability::ALL.iter().filter(there).map(|a| 1 << *a as u8).sum())
     }
 

@@ -397,7 +397,8 @@ fn create_device(
     let mut has = vk::PhysicalDeviceFeatures2::default().push_next(&mut has12).push_next(&mut has13);
     // SAFETY: the device belongs to the instance; the chain lives until the call returns.
     unsafe { instance.get_physical_device_features2(physical, &mut has) };
-    let abilities = Abilities::of(&has.features, options.without);
+    let color_attachments = super::deferred::color_attachments(instance, physical);
+    let abilities = Abilities::of(&has.features, color_attachments, options.without);
     let optional = abilities.features();
     for (name, has) in [
         ("timelineSemaphore", has12.timeline_semaphore),

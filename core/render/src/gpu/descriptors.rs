@@ -4,6 +4,7 @@ use super::context::Context;
 use super::error::Named;
 use crate::RenderError;
 use crate::gpu_types::{LayersUniform, TEXTURE_SLOTS, TOON_SLOT};
+use crate::record::{Command, Recording};
 use ash::vk;
 use std::collections::BTreeMap;
 
@@ -15,6 +16,8 @@ pub struct Layouts {
     pub morphs: vk::DescriptorSetLayout,
     pub shadow: vk::DescriptorSetLayout,
     pub post: vk::DescriptorSetLayout,
+    /// Set 3 of the pass that lights what was kept of surfaces, where a frame has one.
+    light: Option<MaterialLayout>,
 }
 
 /// Of the materials of which a shader reads the same textures.
@@ -57,6 +60,7 @@ impl Layouts {
             morphs: vk::DescriptorSetLayout::null(),
             shadow: vk::DescriptorSetLayout::null(),
             post: vk::DescriptorSetLayout::null(),
+            light: None,
         };
         let both = vertex | fragment;
         let frame = super::slot::FRAME_BINDINGS.map(|(binding, kind)| {
@@ -117,15 +121,39 @@ impl Layouts {
             bindings.push((2 + 2 * slot, T::SAMPLER, stage));
         }
         bindings.push((LayersUniform::BINDING, T::UNIFORM_BUFFER, fragment));
-        let set = create(gpu, "material set layout", &bindings)?;
+        let made = self.with_set(gpu, "material set layout", &bindings)?;
+        self.materials.insert(slots, made);
+        Ok(())
+    }
+
+    /// Makes the layout of what is kept of surfaces, where a recording has any and it is not there.
+    pub fn prepare_light(&mut self, gpu: &Context, recording: &Recording) -> Result<(), RenderError> {
+        if self.light.is_none() && recording.commands.contains(&Command::BeginGeometry) {
+            self.light = Some(self.with_set(gpu, "kept set layout", &super::deferred::BINDINGS)?);
+        }
+        Ok(())
+    }
+
+    /// Prepared before.
+    pub fn light(&self) -> Result<MaterialLayout, RenderError> {
+        self.light.ok_or_else(|| RenderError::Usage("the layout of what is kept was not prepared".into()))
+    }
+
+    /// A set after the three that all scene pipelines share.
+    fn with_set(
+        &self,
+        gpu: &Context,
+        name: &str,
+        bindings: &[(u32, vk::DescriptorType, vk::ShaderStageFlags)],
+    ) -> Result<MaterialLayout, RenderError> {
+        let set = create(gpu, name, bindings)?;
         let sets = [self.frame, self.morphs, self.shadow, set];
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
         // SAFETY: the set layouts belong to this device; destroyed by `destroy`.
         match unsafe { gpu.device.create_pipeline_layout(&info, None) }.named("scene pipeline layout") {
             Ok(pipeline) => {
                 gpu.name(pipeline, "scene pipeline layout");
-                self.materials.insert(slots, MaterialLayout { set, pipeline });
-                Ok(())
+                Ok(MaterialLayout { set, pipeline })
             }
             Err(e) => {
                 // SAFETY: just made, used by nothing.
@@ -142,7 +170,9 @@ impl Layouts {
     }
 
     pub fn destroy(&mut self, gpu: &Context) {
-        for MaterialLayout { set, pipeline } in std::mem::take(&mut self.materials).into_values() {
+        let light = self.light.take();
+        let materials = std::mem::take(&mut self.materials);
+        for MaterialLayout { set, pipeline } in materials.into_values().chain(light) {
             // SAFETY: made from this device; no pipeline or set is created from it any more.
             unsafe {
                 gpu.device.destroy_pipeline_layout(pipeline, None);

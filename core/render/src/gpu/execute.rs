@@ -43,9 +43,14 @@ impl Execution<'_> {
                     let set = self.slot.view_sets.get(*index).ok_or_else(|| missing("a shadow view"))?;
                     self.bind_set(self.pipelines.layout, 0, set.raw);
                 }
+                Command::BeginGeometry => {
+                    self.begin_geometry()?;
+                    self.bind_scene_sets();
+                }
+                Command::DrawLight { area } => self.light(*area)?,
                 Command::CopyBehind { from, .. } => self.copy_behind(*from)?,
-                Command::BeginPass { target, clear, part, area, .. } => {
-                    self.begin_scene(*target, *clear, *part, *area);
+                Command::BeginPass { target, clear, part, kept, area, .. } => {
+                    self.begin_scene(*target, *clear, (*part, *kept), *area);
                     self.bind_scene_sets();
                 }
                 Command::BeginPeel { layer, area, .. } => {
@@ -116,14 +121,14 @@ impl Execution<'_> {
         Ok(())
     }
 
-    fn bind_scene_sets(&self) {
+    pub(super) fn bind_scene_sets(&self) {
         self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
         if let Some((set, _)) = &self.slot.light_set {
             self.bind_set(self.pipelines.layout, 2, set.raw);
         }
     }
 
-    fn set_cull(&self, cull: Cull) {
+    pub(super) fn set_cull(&self, cull: Cull) {
         let mode = match cull {
             Cull::None => vk::CullModeFlags::NONE,
             Cull::Back => vk::CullModeFlags::BACK,
@@ -141,7 +146,7 @@ impl Execution<'_> {
         }
     }
 
-    fn bind_set(&self, layout: vk::PipelineLayout, index: u32, set: vk::DescriptorSet) {
+    pub(super) fn bind_set(&self, layout: vk::PipelineLayout, index: u32, set: vk::DescriptorSet) {
         // SAFETY: the command buffer is being recorded; the set fits the layout and outlives the frame.
         unsafe {
             let bind = vk::PipelineBindPoint::GRAPHICS;
@@ -204,7 +209,7 @@ impl Execution<'_> {
     }
 
     /// Viewport and scissor.
-    fn set_area(&self, at: [u32; 2], [width, height]: [u32; 2]) {
+    pub(super) fn set_area(&self, at: [u32; 2], [width, height]: [u32; 2]) {
         let viewport = vk::Viewport {
             x: at[0] as f32,
             y: at[1] as f32,
@@ -222,7 +227,14 @@ impl Execution<'_> {
         }
     }
 
-    fn begin_scene(&self, target: Target, clear: Option<Vec4>, part: Part, area: Option<[u32; 4]>) {
+    /// `after_geometry`: the depth is there, and what was kept is read.
+    fn begin_scene(
+        &self,
+        target: Target,
+        clear: Option<Vec4>,
+        (part, after_geometry): (Part, bool),
+        area: Option<[u32; 4]>,
+    ) {
         let resolved = self.targets.image(target);
         let multisampled = self.targets.multisampled.as_ref();
         let kept = part != Part::Whole;
@@ -248,7 +260,14 @@ impl Execution<'_> {
             barriers.extend(of_samples.map(|b| again(b, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)));
             barriers.extend(of_depth.map(|b| again(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)));
         } else {
-            barriers.extend(of_samples.into_iter().chain(of_depth));
+            barriers.extend(of_samples);
+            barriers.extend(of_depth.map(|b| match after_geometry {
+                true => again(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL),
+                false => b,
+            }));
+            if after_geometry {
+                barriers.extend(self.targets.kept.iter().map(from_color));
+            }
             barriers.extend(self.targets.shadow.as_ref().map(|s| from_depth(&s.image)));
         }
         self.barriers(&barriers);
@@ -282,7 +301,11 @@ impl Execution<'_> {
             vk::RenderingAttachmentInfo::default()
                 .image_view(image.view)
                 .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
-                .load_op(if resumed { vk::AttachmentLoadOp::LOAD } else { vk::AttachmentLoadOp::CLEAR })
+                .load_op(if resumed || after_geometry {
+                    vk::AttachmentLoadOp::LOAD
+                } else {
+                    vk::AttachmentLoadOp::CLEAR
+                })
                 .store_op(if kept { vk::AttachmentStoreOp::STORE } else { vk::AttachmentStoreOp::DONT_CARE })
                 .clear_value(vk::ClearValue { depth_stencil: far })
         });
@@ -327,16 +350,7 @@ impl Execution<'_> {
         write_image(self.gpu, set, 1, sampled, from.view, vk::Sampler::null());
         write_image(self.gpu, set, 2, sampled, original.view, vk::Sampler::null());
         let target = self.targets.image(to);
-        self.barriers(&[
-            color_barrier(from)
-                .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
-                .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
-                .dst_stage_mask(vk::PipelineStageFlags2::FRAGMENT_SHADER)
-                .dst_access_mask(vk::AccessFlags2::SHADER_SAMPLED_READ)
-                .old_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
-                .new_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL),
-            to_color(target),
-        ]);
+        self.barriers(&[from_color(from), to_color(target)]);
         let color = vk::RenderingAttachmentInfo::default()
             .image_view(target.view)
             .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
@@ -386,6 +400,17 @@ impl Execution<'_> {
 
 pub(super) fn color_barrier(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     vk::ImageMemoryBarrier2::default().image(image.raw).subresource_range(range(vk::ImageAspectFlags::COLOR))
+}
+
+/// Drawn; from now on shaders read it.
+pub(super) fn from_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    color_barrier(image)
+        .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+        .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
+        .dst_stage_mask(vk::PipelineStageFlags2::FRAGMENT_SHADER)
+        .dst_access_mask(vk::AccessFlags2::SHADER_SAMPLED_READ)
+        .old_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+        .new_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)
 }
 
 /// Contents kept, which are in this layout.

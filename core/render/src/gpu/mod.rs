@@ -10,6 +10,7 @@ mod behind;
 mod cache;
 mod clock;
 mod context;
+pub mod deferred;
 mod descriptors;
 mod error;
 mod execute;
@@ -34,7 +35,7 @@ mod texels;
 mod tiled;
 mod upload;
 
-use crate::record::{Command, RecordOptions, Recording, record, texture_slots};
+use crate::record::{Command, Recording, record, texture_slots};
 use crate::shader::ShaderSources;
 use crate::{Catalog, DeviceInfo, DeviceKind, Held, Plan, RenderError, Renderer, Work};
 pub use abilities::Ability;
@@ -98,6 +99,8 @@ pub struct VulkanRenderer {
     /// What was left out, for the user.
     notes: Vec<String>,
     most_textures: Option<u32>,
+    /// That what the stage asks for is drawn forward was said.
+    told_forward: bool,
     clock: Option<clock::Clock>,
     longest_side: u32,
 }
@@ -145,6 +148,7 @@ impl VulkanRenderer {
             fresh: true,
             notes: Vec::new(),
             most_textures: options.textures,
+            told_forward: false,
             clock: None,
             longest_side: options.longest_side.unwrap_or(u32::MAX).max(1),
             frugal: options.frugal,
@@ -342,12 +346,7 @@ impl VulkanRenderer {
             RenderError::Usage(format!("{} frames are in flight; collect one first", self.slots.len()))
         })?;
         self.check(plan)?;
-        let options = RecordOptions {
-            cpu_device: self.gpu.info.kind == DeviceKind::VulkanCpu,
-            textures: Some(self.textures()),
-            no_coverage: !self.gpu.abilities.has(Ability::AlphaToOne),
-            no_layers: plan.samples > 1 && !self.gpu.abilities.has(Ability::SampleRateShading),
-        };
+        let options = self.record_options(plan);
         let recording = record(plan, options, |primitive| {
             let entry = self.catalog.primitives.get(primitive as usize);
             entry.map_or(0, |p| p.primitive().indices.len() / 3)
@@ -355,6 +354,7 @@ impl VulkanRenderer {
         let ids = pipelines::ids(&recording);
         self.prepare_targets(plan, &recording)?;
         self.prepare_texels(&recording)?;
+        self.layouts.prepare_light(&self.gpu, &recording)?;
         for command in &recording.commands {
             if let Command::BindPipeline(variant) = command {
                 self.layouts.prepare_material(&self.gpu, texture_slots(variant.key.features))?;

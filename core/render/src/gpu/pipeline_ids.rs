@@ -41,7 +41,7 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             (samples, float, depth) = (*s, is_float(target), true);
             None
         }
-        Command::BeginShadows { .. } => {
+        Command::BeginShadows { .. } | Command::BeginGeometry => {
             (samples, float) = (1, false);
             None
         }

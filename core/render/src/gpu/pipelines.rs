@@ -13,8 +13,8 @@ use crate::RenderError;
 use crate::plan::{Features, Glass, TopologyKey};
 use crate::record::texture_slots;
 use crate::shader::{
-    BACKGROUND, Entry, OVERLAY, PeelPass, SCENE, SKY, SceneEffect, ShaderSources, SourceFile, UNDER, compile,
-    surface_files, switches, texture_functions,
+    BACKGROUND, DeferredPass, Entry, OVERLAY, PeelPass, SCENE, SKY, SceneEffect, ShaderSources, SourceFile,
+    UNDER, compile, surface_files, switches, texture_functions,
 };
 use crate::vertex::VertexLayout;
 use ash::vk;
@@ -195,7 +195,10 @@ impl Pipelines {
                 // Of a shadow map only holes need a fragment shader.
                 let cut_out = key.features.has(Features::ALPHA_MASK);
                 let peel = variant.peel != PeelPass::No;
+                let light = variant.deferred == DeferredPass::Light;
+                let geometry = variant.deferred == DeferredPass::Geometry;
                 let stages = match (variant.shadow_pass, cut_out) {
+                    _ if light => stages("light_vs", "fs").to_vec(),
                     _ if peel => stages("vs", "peel_fs").to_vec(),
                     (false, _) => stages("vs", "fs").to_vec(),
                     (true, true) => stages("vs", "shadow_fs").to_vec(),
@@ -209,8 +212,11 @@ impl Pipelines {
                     &code,
                     &State {
                         name: format!("scene pipeline {}", switches(variant).join(" ")),
-                        layout: layouts.material(texture_slots(key.features))?.pipeline,
-                        vertices: Some(VertexLayout::of(key.features)),
+                        layout: match light {
+                            true => layouts.light()?.pipeline,
+                            false => layouts.material(texture_slots(key.features))?.pipeline,
+                        },
+                        vertices: (!light).then(|| VertexLayout::of(key.features)),
                         topology: match key.topology {
                             _ if wide => vk::PrimitiveTopology::TRIANGLE_LIST,
                             TopologyKey::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
@@ -219,9 +225,12 @@ impl Pipelines {
                         },
                         clockwise: key.mirrored,
                         samples: *samples,
-                        color: (!variant.shadow_pass && !peel).then(|| format_of(*float)),
+                        color: (!variant.shadow_pass && !peel && !geometry).then(|| format_of(*float)),
+                        kept: geometry,
                         // Reversed Z: nearer is greater. Of a layer the farthest stays.
                         depth: Some(match peel {
+                            // At depth 0, where anything was drawn.
+                            _ if light => (vk::CompareOp::LESS, false),
                             true => (vk::CompareOp::LESS, true),
                             false => (vk::CompareOp::GREATER, key.writes_depth()),
                         }),
@@ -431,13 +440,14 @@ impl Pipelines {
                 .src_alpha_blend_factor(alpha_from)
                 .dst_alpha_blend_factor(alpha_to);
         }
-        let attachments = Vec::from_iter(state.color.map(|_| attachment));
+        let mut colors = Vec::from_iter(state.color);
+        colors.extend(state.kept.then_some(super::deferred::FORMATS).into_iter().flatten());
+        let attachments = vec![attachment; colors.len()];
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
         let mut dynamic =
             vec![vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::CULL_MODE];
         dynamic.extend(state.any_compare.then_some(vk::DynamicState::DEPTH_COMPARE_OP));
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
-        let colors = Vec::from_iter(state.color);
         let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&colors);
         if state.depth.is_some() {
             rendering = rendering.depth_attachment_format(DEPTH);

@@ -11,7 +11,7 @@ use super::upload::Uploads;
 use crate::Catalog;
 use crate::flat::FlatPicture;
 use crate::gpu_types::{
-    FrameUniform, LayersUniform, MaterialUniform, PostUniform, ShadowUniform, SkyUniform,
+    FrameUniform, LayersUniform, MaterialUniform, PostUniform, RebuiltUniform, ShadowUniform, SkyUniform,
 };
 use crate::plan::Rows;
 use crate::planner_effects::MOST_SURFACE_EFFECTS;
@@ -35,6 +35,8 @@ pub struct Slot {
     pub light_set: Option<(Set, [bool; 4])>,
     /// Of the same layout, with the depths of the scene, of even layers and of odd ones.
     pub peel_sets: Vec<Set>,
+    /// What is kept of surfaces, of the pass that lights it.
+    pub kept_set: Option<Set>,
     /// Of the frame's changed materials: where their uniforms lie, which of them with which textures, and their sets.
     changed_at: Vec<[u64; 2]>,
     /// Layers under the scene, by what they are made from.
@@ -115,6 +117,7 @@ impl Slot {
             view_sets: Vec::new(),
             light_set: None,
             peel_sets: Vec::new(),
+            kept_set: None,
             under: None,
             over: None,
             changed_at: Vec::new(),
@@ -160,6 +163,8 @@ impl Slot {
         let sky = seen.sky.filter(|_| reads.sky).zip(plan.sky.as_ref());
         let sky_range = if sky.is_some() { size_of::<SkyUniform>() } else { 0 } as u64;
         let sky_at = ranges.take(sky_range);
+        let kept_range = if seen.kept.is_some() { size_of::<RebuiltUniform>() } else { 0 } as u64;
+        let kept_at = ranges.take(kept_range);
         let post_at: Vec<u64> =
             plan.post.iter().map(|_| ranges.take(size_of::<PostUniform>() as u64)).collect();
         let instance_bytes: &[u8] = bytemuck::cast_slice(&plan.instances[..*instances]);
@@ -241,6 +246,9 @@ impl Slot {
         if let Some((images, sky)) = &sky {
             let maps = images.maps.as_ref().map(|(maps, _)| &**maps);
             put(sky_at, bytemuck::bytes_of(&SkyUniform::new(sky, &plan.view, maps)));
+        }
+        if seen.kept.is_some() {
+            put(kept_at, bytemuck::bytes_of(&RebuiltUniform::new(&plan.view)));
         }
         put(instances_at, instance_bytes);
         put(joints_at, joint_bytes);
@@ -341,6 +349,9 @@ impl Slot {
             for binding in [2, 4, 7] {
                 write_image(gpu, set, binding, T::SAMPLER, vk::ImageView::null(), sampler);
             }
+        }
+        if let Some(views) = seen.kept {
+            self.write_kept(gpu, layouts, pools, views, (raw, kept_at))?;
         }
         while self.post_sets.len() < post_at.len() {
             self.post_sets.push(pools.allocate(gpu, layouts.post, "post set")?);

@@ -14,6 +14,8 @@ pub struct State {
     pub samples: u32,
     /// `None`: depth alone.
     pub color: Option<vk::Format>,
+    /// Into what is kept of surfaces instead.
+    pub kept: bool,
     /// Comparison and whether it writes; `None` without a depth image.
     pub depth: Option<(vk::CompareOp, bool)>,
     pub mix: Mix,
@@ -58,6 +60,7 @@ impl State {
             clockwise: false,
             samples: 1,
             color: Some(format(Target::Picture)),
+            kept: false,
             depth: None,
             mix: Mix::Replace,
             coverage: false,

@@ -39,6 +39,8 @@ pub struct Needs {
     pub behind: Option<u32>,
     /// Depths of layers of what is seen through.
     pub layers: bool,
+    /// What is kept of surfaces until they are lit.
+    pub kept: bool,
 }
 
 impl Needs {
@@ -52,6 +54,7 @@ impl Needs {
             shadow: None,
             behind: None,
             layers: false,
+            kept: false,
         };
         for command in &recording.commands {
             let float = |t: &Target| match t {
@@ -61,6 +64,7 @@ impl Needs {
             match command {
                 Command::BeginShadows { image, .. } => needs.shadow = Some(*image),
                 Command::BeginPeel { .. } => needs.layers = true,
+                Command::BeginGeometry => needs.kept = true,
                 Command::CopyBehind { levels, .. } => needs.behind = Some(*levels),
                 Command::BeginPass { target, samples, depth, .. } => {
                     (needs.scene, needs.samples, needs.depth) = (*target, *samples, *depth);
@@ -83,6 +87,8 @@ pub struct Targets {
     pub depth: Option<Image>,
     /// Depths of two layers of what is seen through, in turns.
     pub layers: Vec<Image>,
+    /// What is kept of surfaces until they are lit.
+    pub kept: Vec<Image>,
     /// Reads nothing: lavapipe (22.3) follows every binding of a bound set.
     sampler: vk::Sampler,
     /// With more than one sample: what is drawn into, resolved into the scene's target.
@@ -101,6 +107,8 @@ pub struct Seen<'a> {
     pub sky: Option<&'a SkyImages>,
     /// Depths of the scene and of even and odd layers of what is seen through.
     pub layers: Option<([vk::ImageView; 3], vk::Sampler)>,
+    /// What is kept of surfaces.
+    pub kept: Option<[vk::ImageView; 3]>,
     /// Textures of effects.
     pub texels: Option<&'a Buffer>,
 }
@@ -121,6 +129,7 @@ impl Targets {
             floats: Vec::new(),
             depth: None,
             layers: Vec::new(),
+            kept: Vec::new(),
             sampler: vk::Sampler::null(),
             multisampled: None,
             shadow: None,
@@ -147,6 +156,10 @@ impl Targets {
                 let usage = U::DEPTH_STENCIL_ATTACHMENT | U::SAMPLED;
                 targets.layers.push(image(name, DEPTH, usage, needs.samples)?);
             }
+            for format in super::deferred::FORMATS.into_iter().filter(|_| needs.kept) {
+                let usage = U::COLOR_ATTACHMENT | U::SAMPLED;
+                targets.kept.push(image("what is kept of surfaces", format, usage, 1)?);
+            }
             if needs.samples > 1 {
                 let format = format(needs.scene);
                 let made = image("multisampled picture", format, U::COLOR_ATTACHMENT, needs.samples)?;
@@ -172,7 +185,12 @@ impl Targets {
             (Some(depth), [even, odd]) => Some(([depth.view, even.view, odd.view], self.sampler)),
             _ => None,
         };
-        Seen { layers, shadow: self.shadow.as_ref(), behind: self.behind.as_ref(), sky: None, texels: None }
+        let kept = match &self.kept[..] {
+            [a, b, c] => Some([a.view, b.view, c.view]),
+            _ => None,
+        };
+        let (shadow, behind) = (self.shadow.as_ref(), self.behind.as_ref());
+        Seen { layers, kept, shadow, behind, sky: None, texels: None }
     }
 
     pub fn image(&self, target: Target) -> &Image {
@@ -226,6 +244,7 @@ impl Targets {
             .floats
             .iter_mut()
             .chain(&mut self.layers)
+            .chain(&mut self.kept)
             .chain(&mut self.depth)
             .chain(&mut self.multisampled)
         {

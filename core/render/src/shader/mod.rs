@@ -24,10 +24,11 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 19] = [
+const EMBEDDED: [(&str, &str); 20] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("under.wgsl", include_str!("../../../../shaders/under.wgsl")),
     ("peel.wgsl", include_str!("../../../../shaders/peel.wgsl")),
+    ("deferred.wgsl", include_str!("../../../../shaders/deferred.wgsl")),
     ("sky.wgsl", include_str!("../../../../shaders/sky.wgsl")),
     ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
     ("toon.wgsl", include_str!("../../../../shaders/toon.wgsl")),
@@ -47,7 +48,7 @@ const EMBEDDED: [(&str, &str); 19] = [
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 14] = [
+pub const SCENE: [&str; 15] = [
     "frame.wgsl",
     "sky.wgsl",
     "brdf.wgsl",
@@ -60,6 +61,7 @@ pub const SCENE: [&str; 14] = [
     "refraction.wgsl",
     "shadow.wgsl",
     "peel.wgsl",
+    "deferred.wgsl",
     "surface.wgsl",
     "scene.wgsl",
 ];
@@ -158,6 +160,7 @@ pub struct SceneVariant {
     /// Depth alone, into a shadow map.
     pub shadow_pass: bool,
     pub peel: PeelPass,
+    pub deferred: DeferredPass,
 }
 
 /// Finds the depths of a layer of what is seen through.
@@ -169,6 +172,18 @@ pub enum PeelPass {
     One,
     /// With several: each is a fragment of its own.
     Several,
+}
+
+/// Which half of deferred shading.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum DeferredPass {
+    /// Forward: both at once.
+    #[default]
+    No,
+    /// What light needs of the nearest surface is kept.
+    Geometry,
+    /// What was kept is lit.
+    Light,
 }
 
 /// Names of the switches that are on, as the modules write them.
@@ -256,6 +271,8 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("JOINTS_UNIFORM", variant.joints_uniform),
         ("SHADOW_PASS", variant.shadow_pass),
         ("PEELED", key.peeled),
+        ("GEOMETRY", variant.deferred == DeferredPass::Geometry),
+        ("LIGHT_PASS", variant.deferred == DeferredPass::Light),
         ("PEEL_PASS", variant.peel != PeelPass::No),
         ("MULTISAMPLED", variant.peel == PeelPass::Several),
         ("ONE_LIGHT", variant.lights == LightLoop::One && key.features.is_lit()),

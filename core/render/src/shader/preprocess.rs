@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 84] = [
+pub const SWITCHES: [&str; 86] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -38,6 +38,8 @@ pub const SWITCHES: [&str; 84] = [
     "LOCAL_LIGHTS",
     "SHADOW",
     "SHADOW_PASS",
+    "GEOMETRY",
+    "LIGHT_PASS",
     "PEELED",
     "PEEL_PASS",
     "MULTISAMPLED",

@@ -6,7 +6,7 @@ use crate::hook::{HookDraft, own_captures};
 use crate::limits::raise_hint;
 use crate::value::{Kind, StageRef};
 use choreo_motion::{FrameRate, Time};
-use choreo_stage::Background;
+use choreo_stage::{Background, Pipeline};
 use rhai::{Dynamic, FnPtr, Map};
 
 pub const DEFS: &[Def] = &[
@@ -15,7 +15,7 @@ pub const DEFS: &[Def] = &[
         "stage",
         "options | ",
         Gives::A(Kind::Stage),
-        "Sets size [width, height], fps, length, background (color or #{ top, bottom }), ambient (color, strength or #{ up, down }), samples (1 or 4), cutouts (edges of leaves and hair at 4 samples: \"smooth\", or \"hard\"), transparency (\"sorted\" mesh by mesh, \"independent\" of it pixel by pixel, or \"auto\": the second where the first fails). Without options, in tests: the stage, for expect.",
+        "Sets size [width, height], fps, length, background (color or #{ top, bottom }), ambient (color, strength or #{ up, down }), samples (1 or 4), cutouts (edges of leaves and hair at 4 samples: \"smooth\", or \"hard\"), transparency (\"sorted\" mesh by mesh, \"independent\" of it pixel by pixel, or \"auto\": the second where the first fails), pipeline (\"forward\": surfaces are lit as they are drawn; \"deferred\": once a pixel, when all are there, with 1 sample; or \"auto\": the quicker one, by lights and overdraw). Without options, in tests: the stage, for expect.",
         stage,
     ),
     Def::new(
@@ -55,7 +55,7 @@ fn stage(c: &mut Call) -> Reply {
     }
     let o = c.options(
         0,
-        &["size", "fps", "length", "background", "ambient", "samples", "cutouts", "transparency"],
+        &["size", "fps", "length", "background", "ambient", "samples", "cutouts", "transparency", "pipeline"],
     )?;
     if let Some(before) = &c.build().settings_at {
         return Err(ApiError::new(format!("stage: already called in line {}", before.line))
@@ -120,6 +120,23 @@ fn stage(c: &mut Call) -> Reply {
     }
     s.cutouts = super::surfaces::cutouts(&o)?.unwrap_or(s.cutouts);
     s.transparency = super::surfaces::transparency(&o)?.unwrap_or(s.transparency);
+    if let Some(how) = o.one_of("pipeline", &["auto", "forward", "deferred"])? {
+        s.pipeline = match how {
+            "forward" => Pipeline::Forward,
+            "deferred" => Pipeline::Deferred,
+            _ => Pipeline::Auto,
+        };
+    }
+    if s.pipeline == Pipeline::Deferred {
+        // What is kept of a surface has one sample.
+        if let Some(samples) = s.samples.filter(|n| *n > 1) {
+            return Err(ApiError::new(format!(
+                "stage: pipeline \"deferred\" has 1 sample a pixel, got samples: {samples}"
+            ))
+            .hint("leave samples out, or pipeline"));
+        }
+        s.samples = Some(1);
+    }
     let frames = s.fps.frames_in(s.length);
     if frames > i64::try_from(c.shared.limits.frames).unwrap_or(i64::MAX) {
         let (length, fps) = (s.length.as_secs(), s.fps.as_fps());

@@ -266,6 +266,7 @@ impl Writer {
             samples,
             cutouts,
             transparency,
+            pipeline,
         } = settings;
         for v in [size[0], size[1], fps.num, fps.den] {
             self.u32(v);
@@ -279,6 +280,10 @@ impl Writer {
         if *cutouts != Cutouts::default() || *transparency != Transparency::default() {
             self.u32(*cutouts as u32);
             self.u32(*transparency as u32);
+        }
+        if *pipeline != Pipeline::default() {
+            self.text("pipeline");
+            self.u32(*pipeline as u32);
         }
     }
 

@@ -1,0 +1,123 @@
+//! Lighting surfaces as they are drawn, or once a pixel: by how many lights reach a place and how many surfaces lie over each other.
+
+use crate::pictures::{drawn, stage, times};
+use crate::{BUDGET_SECS, Section};
+use choreo_measure::timing::Clock;
+use choreo_motion::Time;
+use choreo_render::compare::compare;
+use choreo_render::plan::DeferredCause;
+use choreo_render::{Catalog, GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
+use choreo_report::{Cell, Table};
+use choreo_stage::{Pipeline, Stage};
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [1280, 720];
+const LIGHTS: [usize; 4] = [1, 8, 64, 256];
+const OVERDRAW: [usize; 3] = [1, 3, 8];
+
+pub fn section() -> Result<Section, String> {
+    Ok(Section {
+        title: "Forward and deferred",
+        text: "Forward, a surface is lit as it is drawn, and what is nearer is drawn over it. Deferred, what light needs is kept of the nearest surface \
+               (36 bytes a pixel), and each pixel is lit once. Keeping it and reading it again is paid everywhere: on lavapipe about what four lights \
+               of a list take at each pixel. It pays where more are asked in vain, by surfaces that are hidden later: the plan estimates both from the \
+               boxes of what is lit and the lists of lights, and takes deferred from four lights a pixel in vain on (`KEEPING` in \
+               `planner_deferred.rs`), with one sample a pixel. The walls are slanted tiles of eight materials, drawn material by material. A light \
+               with a shadow counts as one here and costs more: the estimate errs towards forward. GPUs are not measured: 72 bytes of memory a pixel \
+               there and back weigh more beside their arithmetic, so that deferred may pay later there than this table says."
+            .into(),
+        choices: Vec::new(),
+        tables: vec![table()?],
+        off_front: Vec::new(),
+    })
+}
+
+/// So many walls of slanted tiles, one behind the other, in eight materials that are drawn one after the other, whichever is nearer;
+/// lamps of two metres' range along all of them.
+fn scene(lights: usize, layers: usize) -> Result<Arc<Stage>, String> {
+    let text = format!(
+        r##"
+        stage(#{{ samples: 1, background: "black", ambient: 0.1 }});
+        let tiles = [];
+        for m in 0..8 {{
+            tiles.push(shape("quad", #{{ size: [1.12, 1.12], color: [0.4 + 0.07 * m, 0.9 - 0.08 * m, 0.5], roughness: 0.3 + 0.08 * m, metallic: if m % 4 == 3 {{ 1.0 }} else {{ 0.0 }} }}));
+        }}
+        for layer in 0..{layers} {{
+            for x in 0..16 {{
+                for y in 0..9 {{
+                    let i = (layer * 16 + x) * 9 + y;
+                    cast(`tile ${{i}}`, tiles[rand(i, 0, 8).to_int()])
+                        .at(x - 7.5, y - 4.5, 0.3 * layer).rotate(rand(i + 5000, -12, 12), rand(i + 9000, -12, 12), 0);
+                }}
+            }}
+        }}
+        for i in 0..{lights} {{
+            point(#{{ position: [rand(i, -7.5, 7.5), rand(i + 1000, -4, 4), rand(i + 2000, 0.6, 0.3 * {layers} + 1.0)], range: 2.0, intensity: 0.4 }});
+        }}
+        camera("front").fov(40).at(0.0, 0.0, 0.3 * {layers} + 11.5).look_at([0.0, 0.0, 0.0]);
+        "##
+    );
+    stage(&text, &choreo::registry())
+}
+
+fn plan(stage: &Arc<Stage>, catalog: &Catalog, pipeline: Pipeline) -> Result<Plan, String> {
+    let mut stage = Stage::clone(stage);
+    stage.settings.pipeline = pipeline;
+    let snapshot = stage.at(Time::ZERO).map_err(|e| e.to_string())?;
+    Ok(Plan::new(catalog, &stage, &snapshot, &PlanOptions::new(SIZE, 1)))
+}
+
+/// What the plan found out before it chose.
+fn numbers(plan: &Plan) -> String {
+    if let Some(DeferredCause::Pays { lights, surfaces, in_vain }) = plan.deferred.as_ref().map(|d| d.cause) {
+        return format!("{lights:.1} lights a place, {surfaces:.1} surfaces, {in_vain:.1} lights in vain");
+    }
+    let out = plan.left_out.iter().find(|l| l.what == "deferred shading");
+    let why = out.map_or("", |l| &l.why);
+    why.split(", and keeping").next().unwrap_or_default().to_string()
+}
+
+fn table() -> Result<Table, String> {
+    let columns = [
+        (">lights", "lights"),
+        (">walls", "walls"),
+        (">forward ms", "forward_ms"),
+        (">deferred ms", "deferred_ms"),
+        (">deferred / forward", "ratio"),
+        (">mean difference", "mean"),
+        (">worst", "worst"),
+        ("the plan takes", "chosen"),
+        ("by", "estimate"),
+    ];
+    let title = format!("Milliseconds a picture of {}×{}, {}", SIZE[0], SIZE[1], Clock::Process.words());
+    let mut table = Table::new(title, &columns);
+    let mut gpu = VulkanRenderer::new(GpuOptions::default()).map_err(|e| e.to_string())?;
+    for layers in OVERDRAW {
+        for lights in LIGHTS {
+            let stage = scene(lights, layers)?;
+            let catalog = Arc::new(Catalog::new(&stage));
+            gpu.load(catalog.clone()).map_err(|e| e.to_string())?;
+            let [forward, deferred, auto] =
+                [Pipeline::Forward, Pipeline::Deferred, Pipeline::Auto].map(|p| plan(&stage, &catalog, p));
+            let (forward, deferred, auto) = (forward?, deferred?, auto?);
+            let [there, here] = [drawn(&mut gpu, &forward)?, drawn(&mut gpu, &deferred)?];
+            let off = compare(&there, &here, 2).map_err(|e| e.to_string())?;
+            let took = times(&mut gpu, &[&forward, &deferred], 2.0 * BUDGET_SECS);
+            let number = |v: f64, digits: usize| Cell::number(format!("{v:.digits$}"), v);
+            let [a, b] = [took[0] / 1e6, took[1] / 1e6];
+            let chosen = if auto.deferred.is_some() { "deferred" } else { "forward" };
+            table.rows.push(vec![
+                Cell::count(lights),
+                Cell::count(layers),
+                number(a, 1),
+                number(b, 1),
+                number(b / a, 2),
+                number(off.mean, 3),
+                Cell::count(usize::from(off.worst)),
+                Cell::text(chosen),
+                Cell::text(numbers(&auto)),
+            ]);
+        }
+    }
+    Ok(table)
+}
