@@ -31,7 +31,7 @@ pub enum DeferredCause {
 }
 
 /// Keeping what light needs and reading it again takes as long as so many lights of a list at each pixel: measured on lavapipe, where
-/// a picture of 1280×720 pays 25 to 30 ms for it and 9 ms a light, and half as much again against the error of the estimate
+/// a picture of 1280×720 pays about 27 ms for it and 7 ms a light, and a little more against the error of the estimate
 /// (tests/report, "Forward and deferred"). GPUs are not measured: what is kept is 72 bytes a pixel of memory there and back, which by
 /// their arithmetic a byte is worth 10 lights or more; there the picture is the same and either order is quick.
 pub const KEEPING: f32 = 4.0;
