@@ -87,7 +87,10 @@ pub fn prepare(
     settings.fps = fps.unwrap_or(settings.fps);
     let total = settings.fps.frames_in(settings.length).max(1);
     let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
-    too_many(pixels, "pixels", scene.limits.pixels)?;
+    // The limit is for what a script says. Who gives a size here means it, unless a limit is given too.
+    if size.is_none() || args.scene.limit.iter().any(|l| l.trim_start().starts_with("pixels")) {
+        too_many(pixels, "pixels", scene.limits.pixels)?;
+    }
     let mut notes = Vec::new();
     let range = args.frames.as_deref().map(|f| ranges::frames(f, total)).transpose()?;
     let one_picture = exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. });

@@ -16,6 +16,7 @@
 //!
 //! Of `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`, of `hook: picture` `passes: 2` and `history: 3`.
 
+use choreo_plugin::suggest::closest;
 use choreo_plugin::{Hook, Manifest};
 
 /// Line from 1, and what is wrong with it.
@@ -146,7 +147,12 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
                 head.history = count(MOST_HISTORY)?;
                 Hook::Picture
             }
-            _ => continue,
+            _ => {
+                slip(name).map_or(Ok(()), |meant| {
+                    Err((line, format!("unknown word \"{name}\"; did you mean \"{meant}\"?")))
+                })?;
+                continue;
+            }
         };
         if head.hook != of {
             return Err((line, format!("{name} is of effects with hook: {}", named(of))));
@@ -159,6 +165,27 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
         )),
         _ => Ok(head),
     }
+}
+
+const WORDS: [&str; 10] = [
+    "effect",
+    "about",
+    "version",
+    "hook",
+    "see_through",
+    "background",
+    "space",
+    "reach",
+    "passes",
+    "history",
+];
+
+/// The word that a slip of the hand stands for. Other words are the author's own.
+fn slip(name: &str) -> Option<&'static str> {
+    if WORDS.contains(&name) || name.contains(char::is_whitespace) {
+        return None;
+    }
+    closest(name, WORDS).filter(|word| word.len().abs_diff(name.len()) <= 2)
 }
 
 fn named(hook: Hook) -> &'static str {
@@ -324,6 +351,9 @@ mod tests {
         assert_eq!(error("// see_through: true").1, "see_through is of effects with hook: surface");
         assert_eq!(error("// background: true").1, "background is of effects with hook: surface");
         assert_eq!(error("// hook: surface\n// see_through: much").0, 2);
+        let slip = "unknown word \"histroy\"; did you mean \"history\"?";
+        assert_eq!(error("// hook: picture\n// histroy: 2"), (2, slip.into()));
+        assert!(head_of("// see: another one\n// author: me\n// note of hooks: none").is_ok());
         assert_eq!(error("// hook: surface\n// background: much").1, "background is true or false");
     }
 

@@ -15,6 +15,23 @@ use std::sync::Arc;
 /// Pixels a side that are drawn in tiles at most: a frame of 4 GB.
 pub const MOST: u32 = 32_768;
 
+/// Pixels that are drawn at once at most, though a device could draw more: of colours, depths and the copy of them for the host, a
+/// picture takes 12 bytes a pixel beside the frame itself, and 44 with four samples.
+pub const AT_ONCE: u64 = 1 << 26;
+/// Pixels a side of a tile of such a picture.
+const SIDE: u32 = 4096;
+
+/// Pixels a side of its tiles; `None` of a picture that is drawn as a whole. `longest`: what the device draws.
+/// `whole`: it cannot be drawn in parts, and is so only where it must.
+pub fn side_of_tiles(size: [u32; 2], longest: u32, whole: bool) -> Option<u32> {
+    let many = u64::from(size[0]) * u64::from(size[1]) > AT_ONCE;
+    match size.iter().any(|side| *side > longest) {
+        _ if many && !whole => Some(longest.min(SIDE)),
+        true => Some(longest),
+        false => None,
+    }
+}
+
 /// A part of a picture, pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tile {
@@ -146,6 +163,15 @@ impl FlatPicture {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn large_pictures_are_tiles_though_a_device_draws_them() {
+        let side = |size: [u32; 2], whole| side_of_tiles(size, 16384, whole);
+        assert_eq!([[8192, 8192], [16384, 4096], [1, 1]].map(|size| side(size, false)), [None; 3]);
+        assert_eq!(side([8192, 8193], false), Some(4096));
+        assert_eq!([side([16384, 16384], true), side([20000, 1], true)], [None, Some(16384)]);
+        assert_eq!(side_of_tiles([16384, 16384], 100, false), Some(100));
+    }
 
     #[test]
     fn tiles_cover_each_pixel_once() {

@@ -113,7 +113,7 @@ struct Patterns;
 
 fn pattern(index: usize) -> Arc<Image> {
     image(8, 8, |x, y| {
-        let on = (x / 2 + y / (index as u32 + 1)) % 2 == 0;
+        let on = (x / 2 + y / (index as u32 + 1)).is_multiple_of(2);
         // A normal that leans, a roughness, a metal, an opacity.
         if on { [190, 90, 210, 230] } else { [70 + 40 * index as u8, 150, 250, 60] }
     })
@@ -127,7 +127,7 @@ impl Pictures for Patterns {
 
 /// A lit plate with a picture in a slot: one of a sequence as seen at its time, or alone.
 fn plate(slots: &[TextureSlot], index: usize, alone: bool) -> Scene {
-    let slot_texture = |slot| slots.iter().any(|s| *s == slot).then(|| texture(0));
+    let slot_texture = |slot| slots.contains(&slot).then(|| texture(0));
     let streams = slots.iter().map(|slot| Stream {
         slot: *slot,
         pictures: Arc::new(Patterns),

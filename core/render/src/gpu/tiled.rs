@@ -4,7 +4,7 @@
 use super::VulkanRenderer;
 use crate::cpu::picture;
 use crate::exposure::{Accumulated, half};
-use crate::tiles::{Tile, tiles};
+use crate::tiles::{Tile, side_of_tiles, tiles};
 use crate::{Plan, RenderError};
 use choreo_plugin::Frame;
 use glam::Vec4;
@@ -19,7 +19,13 @@ impl VulkanRenderer {
     }
 
     pub(super) fn is_tiled(&self, plan: &Plan) -> bool {
-        plan.size.iter().any(|side| *side > self.longest_side())
+        self.side_of_tiles(plan).is_some()
+    }
+
+    fn side_of_tiles(&self, plan: &Plan) -> Option<u32> {
+        let bends = |p: &Plan| p.behind.is_some();
+        let whole = bends(plan) || plan.parts().any(bends);
+        side_of_tiles(plan.size, self.longest_side(), whole)
     }
 
     /// A plan that [`VulkanRenderer::is_tiled`]. Nothing is in flight.
@@ -66,7 +72,8 @@ impl VulkanRenderer {
         plan: &Plan,
         mut put: impl FnMut(usize, &[u8; BYTES]),
     ) -> Result<(), RenderError> {
-        for tile in tiles(plan.size, self.longest_side()) {
+        let side = self.side_of_tiles(plan).unwrap_or(self.longest_side());
+        for tile in tiles(plan.size, side) {
             self.submit_now(&plan.tile(tile, &self.catalog.clone())?)?;
             let bytes = self.finished(BYTES)?;
             let Tile { at, size, keep } = tile;
