@@ -5,7 +5,7 @@
 
 mod screen;
 
-use screen::{Screen, Shot, assert_quiet, until};
+use screen::{Running, Screen, Shot, assert_quiet, until};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -154,6 +154,31 @@ fn a_display_that_does_not_answer_is_a_message() {
     let text = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(4), "{text}");
     assert!(text.starts_with("cannot open a window: "), "{text}");
+}
+
+#[test]
+fn a_wayland_that_is_not_there_is_told_and_x11_takes_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_choreo-view"))
+        .arg("a.rhai")
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_SOCKET")
+        .env("WAYLAND_DISPLAY", "wayland-9")
+        .env("XDG_RUNTIME_DIR", folder.path())
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(4), "{text}");
+    assert!(text.starts_with("cannot open a window: ") && !text.contains("apt install"), "{text}");
+    let Some(screen) = Screen::new() else { return };
+    let script = folder.path().join("a.rhai");
+    fs::write(&script, SCRIPT).unwrap();
+    let mut command = screen.command(&[script.to_str().unwrap()], folder.path());
+    command.env_remove("WAYLAND_SOCKET").env("WAYLAND_DISPLAY", "wayland-9");
+    command.env("XDG_RUNTIME_DIR", folder.path());
+    let viewer = Running(command.spawn().unwrap());
+    screen.window();
+    drop(viewer);
 }
 
 /// What is loaded when a window is opened, and the package that has it. (libX11 is looked for by its whole path, too.)

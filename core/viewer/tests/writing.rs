@@ -272,7 +272,9 @@ impl Person<'_> {
         self.select();
         let shot = self.screen.shot(self.window);
         let [x, top, bottom] = CLIPS;
-        let begins = |y: &usize| shot.is(x, *y, BUTTON) && !shot.is(x, *y - 1, BUTTON);
+        // A letter's edge can have the color of a button, too, but is not as high.
+        let is_button = |y: usize| (y..y + 8).all(|y| shot.is(x, y, BUTTON));
+        let begins = |y: &usize| is_button(*y) && !shot.is(x, *y - 1, BUTTON);
         let clips: Vec<usize> = (top..bottom).filter(begins).collect();
         assert!(clips.len() > 4, "{clips:?}");
         let clip = clips[self.chance.next(clips.len() as u64) as usize];

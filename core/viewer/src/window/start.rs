@@ -24,7 +24,7 @@ const PACKAGES: [(&str, &str); 8] = [
     ("libX11", "libx11-6 libx11-xcb1 libxcursor1 libxi6"),
     // winit does not say which of them.
     ("xlib's shared libraries", "libx11-6 libx11-xcb1 libxcursor1 libxi6"),
-    ("wayland", "libwayland-client0"),
+    ("wayland library", "libwayland-client0"),
 ];
 
 pub fn event_loop() -> Result<EventLoop<News>, String> {
@@ -36,13 +36,30 @@ pub fn event_loop() -> Result<EventLoop<News>, String> {
     // xkbcommon-dl panics where the library is missing; its words are ours to tell.
     let hook = take_hook();
     set_hook(Box::new(|_| ()));
-    let made = catch_unwind(|| EventLoop::<News>::with_user_event().build());
+    let made = catch_unwind(|| {
+        let mut builder = EventLoop::<News>::with_user_event();
+        #[cfg(target_os = "linux")]
+        if set("DISPLAY") && !set("WAYLAND_SOCKET") && set("WAYLAND_DISPLAY") && !wayland_answers() {
+            // winit takes Wayland for there where its variable is set, and may be asked only once.
+            winit::platform::x11::EventLoopBuilderExtX11::with_x11(&mut builder);
+        }
+        builder.build()
+    });
     set_hook(hook);
     match made {
         Ok(Ok(events)) => Ok(events),
         Ok(Err(error)) => Err(no_window(&error.to_string())),
         Err(panic) => Err(no_window(said(&*panic))),
     }
+}
+
+/// Whether a compositor listens where `WAYLAND_DISPLAY` has it (`man wl_display_connect`): a variable that is left over, or passed on into a
+/// container without the socket, is no Wayland.
+#[cfg(target_os = "linux")]
+fn wayland_answers() -> bool {
+    let name = PathBuf::from(std::env::var_os("WAYLAND_DISPLAY").unwrap_or_default());
+    let folder = PathBuf::from(std::env::var_os("XDG_RUNTIME_DIR").unwrap_or_default());
+    std::os::unix::net::UnixStream::connect(folder.join(name)).is_ok()
 }
 
 /// Runs the window. A display that goes away is a panic inside winit (its X11 window unwraps every answer of the server); here it is
@@ -118,6 +135,9 @@ mod tests {
         assert!(text.starts_with("cannot open a window: Failed to load one"), "{text}");
         assert!(text.contains("apt install libx11-6 libx11-xcb1 libxcursor1 libxi6\n"), "{text}");
         assert!(no_window("libX11.so.6: cannot open").contains("libx11-6"));
+        assert!(no_window("The wayland library could not be loaded").contains("libwayland-client0"));
+        // Nothing is missing but what would show the window.
+        assert!(!no_window("Could not find wayland compositor").contains("apt"));
         assert!(!no_window("something else").contains("apt"));
     }
 }
