@@ -42,6 +42,7 @@ struct Light {
 struct Instance {
     relative_from_mesh: Rows,
     tint: vec4<f32>,
+    // Of a body that a compute stage posed: the first of its numbers, and how many vertices it has.
     first_joint: u32,
     first_morph: u32,
     morph_count: u32,
@@ -200,3 +201,5 @@ struct ShadowView {
 @if(REFRACTION) @group(2) @binding(4) var behind_sampler: sampler;
 
 @if(MORPH) @group(1) @binding(0) var<storage, read> morphs: Morphs;
+// Vertices of bodies that a compute stage posed; see posed.wgsl.
+@if(POSED) @group(1) @binding(0) var<storage, read> posed: array<f32>;

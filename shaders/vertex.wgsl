@@ -1,9 +1,9 @@
-// Mesh space → morphs → skin or instance matrix → camera-relative space → clip space.
+// Mesh space → morphs → skin or instance matrix (pose.wgsl, or read where a compute stage did both) → camera-relative space → clip space.
 
 struct VertexIn {
-    @location(0) position: vec3<f32>,
-    @if(NORMAL) @location(1) normal: vec4<f32>,
-    @if(TANGENT) @location(2) tangent: vec4<f32>,
+    @if(!POSED) @location(0) position: vec3<f32>,
+    @if(NORMAL && !POSED) @location(1) normal: vec4<f32>,
+    @if(TANGENT && !POSED) @location(2) tangent: vec4<f32>,
     @if(UV0) @location(3) uv0: vec2<f32>,
     @if(UV1) @location(4) uv1: vec2<f32>,
     @if(VERTEX_COLOR) @location(5) color: vec4<f32>,
@@ -35,53 +35,6 @@ struct VertexOut {
     @if(TRIPLANAR && TANGENT) @location(10) model_tangent: vec3<f32>,
 }
 
-@if(SKIN)
-fn weigh(sum: Rows, joint: u32, weight: f32) -> Rows {
-    let m = joints[joint];
-    return Rows(sum.x + weight * m.x, sum.y + weight * m.y, sum.z + weight * m.z);
-}
-@end
-
-@if(SKIN_DUAL)
-// Twin of core/motion/src/dual_quaternion.rs: stretches are blended as matrices, then motions as dual quaternions.
-struct DualSum {
-    real: vec4<f32>,
-    dual: vec4<f32>,
-    stretch: Rows,
-}
-
-// All on the side of the heaviest influence.
-fn weigh_dual(sum: DualSum, pivot: vec4<f32>, joint: u32, weight: f32) -> DualSum {
-    let q = joints[joint].x;
-    let signed = select(weight, -weight, dot(q, pivot) < 0.0);
-    return DualSum(sum.real + signed * q, sum.dual + signed * joints[joint].y, weigh(sum.stretch, joint + 1u, weight));
-}
-
-// The rotation and translation of a dual quaternion of any length.
-fn motion(q: vec4<f32>, d: vec4<f32>) -> Rows {
-    let k = 2.0 / max(dot(q, q), 1e-30);
-    let t = (d.xyz * q.w - q.xyz * d.w + cross(q.xyz, d.xyz)) * k;
-    let s = q.xyz * k;
-    return Rows(
-        vec4(1.0 - (q.y * s.y + q.z * s.z), q.x * s.y - q.w * s.z, q.x * s.z + q.w * s.y, t.x),
-        vec4(q.x * s.y + q.w * s.z, 1.0 - (q.x * s.x + q.z * s.z), q.y * s.z - q.w * s.x, t.y),
-        vec4(q.x * s.z - q.w * s.y, q.y * s.z + q.w * s.x, 1.0 - (q.x * s.x + q.y * s.y), t.z),
-    );
-}
-
-@end
-
-@if(SKIN_DUAL || SKIN_PLACED)
-// One row of a map after another.
-fn row_after(outer: vec4<f32>, inner: Rows) -> vec4<f32> {
-    return inner.x * outer.x + inner.y * outer.y + inner.z * outer.z + vec4(0.0, 0.0, 0.0, outer.w);
-}
-
-fn after(outer: Rows, inner: Rows) -> Rows {
-    return Rows(row_after(outer.x, inner), row_after(outer.y, inner), row_after(outer.z, inner));
-}
-@end
-
 @if(SEEN_JOINTS)
 // Neighbouring numbers get colours far apart: hues a golden ratio of the circle from each other.
 fn joint_color(joint: u32) -> vec3<f32> {
@@ -102,78 +55,35 @@ fn outline_uv(in: VertexIn) -> vec2<f32> {
 
 @vertex
 fn vs(in: VertexIn) -> VertexOut {
-    var position = in.position;
-    @if(NORMAL) var normal = in.normal.xyz;
-    @if(TANGENT) var tangent = in.tangent.xyz;
-
-    @if(MORPH)
-    let first_morph = instances[in.instance].first_morph;
-    for (var i = 0u; i < instances[in.instance].morph_count; i++) {
-        let active_morph = active_morphs[first_morph + i];
-        let at = active_morph.target_index * morphs.stride * morphs.vertex_count + in.index;
-        position += active_morph.weight * morphs.offsets[at].xyz;
-        @if(NORMAL) normal += active_morph.weight * morphs.offsets[at + morphs.vertex_count].xyz;
-        @if(TANGENT) tangent += active_morph.weight * morphs.offsets[at + 2u * morphs.vertex_count].xyz;
-    }
-    @end
-
-    @if(SKIN) let first = instances[in.instance].first_joint;
-    @if(SKIN && !SKIN_DUAL)
-    var m = Rows(vec4(0.0), vec4(0.0), vec4(0.0));
-    m = weigh(m, first + in.joints.x, in.weights.x);
-    m = weigh(m, first + in.joints.y, in.weights.y);
-    m = weigh(m, first + in.joints.z, in.weights.z);
-    m = weigh(m, first + in.joints.w, in.weights.w);
-    @end
-    @if(SKIN_8 && !SKIN_DUAL)
-    m = weigh(m, first + in.joints_high.x, in.weights_high.x);
-    m = weigh(m, first + in.joints_high.y, in.weights_high.y);
-    m = weigh(m, first + in.joints_high.z, in.weights_high.z);
-    m = weigh(m, first + in.joints_high.w, in.weights_high.w);
-    @end
-    @if(SKIN_DUAL)
-    var heaviest = vec2<f32>(in.weights.x, f32(in.joints.x));
-    if in.weights.y > heaviest.x { heaviest = vec2(in.weights.y, f32(in.joints.y)); }
-    if in.weights.z > heaviest.x { heaviest = vec2(in.weights.z, f32(in.joints.z)); }
-    if in.weights.w > heaviest.x { heaviest = vec2(in.weights.w, f32(in.joints.w)); }
-    @end
-    @if(SKIN_DUAL && SKIN_8)
-    if in.weights_high.x > heaviest.x { heaviest = vec2(in.weights_high.x, f32(in.joints_high.x)); }
-    if in.weights_high.y > heaviest.x { heaviest = vec2(in.weights_high.y, f32(in.joints_high.y)); }
-    if in.weights_high.z > heaviest.x { heaviest = vec2(in.weights_high.z, f32(in.joints_high.z)); }
-    if in.weights_high.w > heaviest.x { heaviest = vec2(in.weights_high.w, f32(in.joints_high.w)); }
-    @end
-    @if(SKIN_DUAL)
-    let pivot = joints[first + 2u * u32(heaviest.y)].x;
-    let nothing = vec4<f32>(0.0);
-    var sum = DualSum(nothing, nothing, Rows(nothing, nothing, nothing));
-    sum = weigh_dual(sum, pivot, first + 2u * in.joints.x, in.weights.x);
-    sum = weigh_dual(sum, pivot, first + 2u * in.joints.y, in.weights.y);
-    sum = weigh_dual(sum, pivot, first + 2u * in.joints.z, in.weights.z);
-    sum = weigh_dual(sum, pivot, first + 2u * in.joints.w, in.weights.w);
-    @end
-    @if(SKIN_DUAL && SKIN_8)
-    sum = weigh_dual(sum, pivot, first + 2u * in.joints_high.x, in.weights_high.x);
-    sum = weigh_dual(sum, pivot, first + 2u * in.joints_high.y, in.weights_high.y);
-    sum = weigh_dual(sum, pivot, first + 2u * in.joints_high.z, in.weights_high.z);
-    sum = weigh_dual(sum, pivot, first + 2u * in.joints_high.w, in.weights_high.w);
-    @end
-    @if(SKIN_PLACED && !SKIN_DUAL) m = after(instances[in.instance].relative_from_mesh, m);
-    @if(SKIN_DUAL) let m = after(instances[in.instance].relative_from_mesh, after(motion(sum.real, sum.dual), sum.stretch));
+    @if(!POSED)
+    var shape: Shape;
+    shape.position = in.position;
+    @if(NORMAL) shape.normal = in.normal.xyz;
+    @if(TANGENT) shape.tangent = in.tangent.xyz;
+    @if(MORPH) shape = morphed(shape, instances[in.instance].first_morph, instances[in.instance].morph_count, in.index);
+    @if(SKIN && !SKIN_8) let skin = skinned(instances[in.instance].first_joint, Influences(in.joints, in.weights));
+    @if(SKIN_8) let skin = skinned(instances[in.instance].first_joint, Influences(in.joints, in.weights, in.joints_high, in.weights_high));
+    @if(SKIN && !SKIN_DUAL && !SKIN_PLACED) let m = skin;
+    @if(SKIN_DUAL || SKIN_PLACED) let m = after(instances[in.instance].relative_from_mesh, skin);
     @if(!SKIN) let m = instances[in.instance].relative_from_mesh;
-
-    let p = vec4(position, 1.0);
-    var relative = vec3(dot(m.x, p), dot(m.y, p), dot(m.z, p));
+    let position = shape.position;
+    var relative = placed(m, position);
+    @end
+    @if(POSED)
+    // As pose.wgsl left them: all positions of the body, then all normals, then all tangents.
+    let count = instances[in.instance].first_morph;
+    let at = instances[in.instance].first_joint + 3u * in.index;
+    var relative = vec3(posed[at], posed[at + 1u], posed[at + 2u]);
+    @end
 
     var out: VertexOut;
-    @if(NORMAL)
-    // Normals by the cofactor matrix: the inverse transpose times the determinant, whose sign is taken out again.
-    let cofactor_x = cross(m.y.xyz, m.z.xyz);
-    let cofactor_y = cross(m.z.xyz, m.x.xyz);
-    let cofactor_z = cross(m.x.xyz, m.y.xyz);
-    let handedness = select(1.0, -1.0, dot(m.x.xyz, cofactor_x) < 0.0);
-    let turned = vec3(dot(cofactor_x, normal), dot(cofactor_y, normal), dot(cofactor_z, normal));
-    var unit_normal = unit(turned * handedness);
+    @if(NORMAL && !POSED)
+    let turned = turned_normal(m, shape.normal);
+    var unit_normal = turned.xyz;
+    @end
+    @if(NORMAL && POSED)
+    let at_normal = at + 3u * count;
+    let unit_normal = vec3(posed[at_normal], posed[at_normal + 1u], posed[at_normal + 2u]);
     @end
     @if(DISPLACED)
     var place: Place;
@@ -230,9 +140,10 @@ fn vs(in: VertexIn) -> VertexOut {
     out.joints += joint_color(in.joints_high.x) * in.weights_high.x + joint_color(in.joints_high.y) * in.weights_high.y
         + joint_color(in.joints_high.z) * in.weights_high.z + joint_color(in.joints_high.w) * in.weights_high.w;
     @end
-    @if(TANGENT)
-    let along = vec3(dot(m.x.xyz, tangent), dot(m.y.xyz, tangent), dot(m.z.xyz, tangent));
-    out.tangent = vec4(unit(along), in.tangent.w * handedness);
+    @if(TANGENT && !POSED) out.tangent = turned_tangent(m, shape.tangent, in.tangent.w * turned.w);
+    @if(TANGENT && POSED)
+    let at_tangent = instances[in.instance].first_joint + 6u * count + 4u * in.index;
+    out.tangent = vec4(posed[at_tangent], posed[at_tangent + 1u], posed[at_tangent + 2u], posed[at_tangent + 3u]);
     @end
     // The root mean square of the three axes.
     @if(VOLUME || REFRACTION) out.scale = sqrt((dot(m.x.xyz, m.x.xyz) + dot(m.y.xyz, m.y.xyz) + dot(m.z.xyz, m.z.xyz)) / 3.0);

@@ -206,6 +206,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         before,
         reaches,
         linear,
+        skin_once,
         left_out: _,
         // They say no more than instances and lights.
         area: _,
@@ -250,7 +251,7 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         halves.for_each(|halves| add(bytemuck::cast_slice(halves)));
     }
     add(bytemuck::cast_slice(&overlay.vertices));
-    add(format!("{:?} {linear} {background_effects} {reaches:?}", overlay.parts).as_bytes());
+    add(format!("{:?} {linear} {background_effects} {reaches:?} {skin_once:?}", overlay.parts).as_bytes());
     add(format!("{} {}", exposed.len(), before.len()).as_bytes());
     exposed.iter().chain(before).for_each(|part| add(&key(part, catalog, effects)));
     *hasher.finalize().as_bytes()

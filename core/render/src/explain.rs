@@ -84,7 +84,7 @@ pub fn explain(catalog: &Catalog, plan: &Plan, recording: &Recording) -> Vec<Par
 }
 
 pub(crate) struct Parts<'a> {
-    catalog: &'a Catalog,
+    pub catalog: &'a Catalog,
     pub plan: &'a Plan,
     all: Vec<Part>,
 }
@@ -110,7 +110,7 @@ impl Parts<'_> {
     }
 
     /// Into the picture, then into shadow maps.
-    fn all_draws(&self) -> impl Iterator<Item = &Draw> {
+    pub fn all_draws(&self) -> impl Iterator<Item = &Draw> {
         self.plan.draws.iter().chain(self.shadow_draws())
     }
 
@@ -147,6 +147,9 @@ impl Parts<'_> {
 
     fn passes(&mut self, recording: &Recording) {
         let stage = |other| Askers { other: Some(other), ..Askers::default() };
+        if !recording.posed.is_empty() {
+            self.poses(recording);
+        }
         for command in &recording.commands {
             match command {
                 Command::BeginPass { target, samples, depth, part, area, .. } => {
@@ -360,8 +363,14 @@ impl Parts<'_> {
     fn meshes(&mut self, recording: &Recording) {
         let mut meshes: BTreeSet<(u32, VertexLayout, bool)> = BTreeSet::new();
         for command in &recording.commands {
-            if let Command::BindMesh { primitive, layout, morphs } = command {
-                meshes.insert((*primitive, *layout, *morphs));
+            match command {
+                Command::BindMesh { primitive, layout, morphs } => {
+                    meshes.insert((*primitive, *layout, *morphs));
+                }
+                Command::Pose { variant, primitive, layout, .. } => {
+                    meshes.insert((*primitive, *layout, variant.features.has(Features::MORPH)));
+                }
+                _ => {}
             }
         }
         for (primitive, layout, morphs) in meshes {

@@ -6,7 +6,7 @@ use crate::area::Area;
 use crate::catalog::CatalogMaterial;
 use crate::flat::FlatPicture;
 use crate::light_lists::LightLists;
-use choreo_stage::{AlphaMode, Background, Shading, Topology};
+use choreo_stage::{AlphaMode, Background, Shading, SkinOnce, Topology};
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -76,6 +76,8 @@ pub struct Plan {
     pub before: Vec<Plan>,
     /// The picture stays linear, to be added to others.
     pub linear: bool,
+    /// Whether vertices are posed once for all passes; see [`crate::posed`].
+    pub skin_once: SkinOnce,
     pub left_out: Vec<LeftOut>,
 }
 
@@ -197,6 +199,15 @@ pub struct ShadowView {
     /// Metres of a texel where clip w is 1.
     pub texel: f32,
     pub draws: Vec<Draw>,
+}
+
+impl Instance {
+    /// All that its vertices' places depend on, bit by bit.
+    pub(crate) fn pose(&self) -> [u32; 15] {
+        let rows = self.relative_from_mesh.0.map(|r| r.to_array().map(f32::to_bits));
+        let numbers = [self.first_joint, self.first_morph, self.morph_count];
+        std::array::from_fn(|i| if i < 12 { rows[i / 4][i % 4] } else { numbers[i - 12] })
+    }
 }
 
 /// What one drawn copy of a primitive needs. Laid out as the shader reads it.

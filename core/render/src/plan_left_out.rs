@@ -11,6 +11,7 @@ pub const LEFT_OUT: &[&str] = &[
     "influences 5 to 8",
     "dual quaternions",
     "copies of skinned bodies",
+    "skinning once for all passes",
     "morph targets",
     "normals, lights and ambient light",
     "lights",

@@ -490,6 +490,7 @@ impl Planner<'_> {
             exposed: Vec::new(),
             before: Vec::new(),
             linear: false,
+            skin_once: stage.settings.skin_once,
             left_out,
         }
     }

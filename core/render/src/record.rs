@@ -4,6 +4,7 @@
 use crate::Plan;
 use crate::gpu_types::{BASE_SLOTS, TOON_SLOTS};
 use crate::plan::{Draw, Features, Glass, TopologyKey};
+use crate::posed::{PoseVariant, PosedBody, pose_once};
 use crate::record_deferred::{geometry, light};
 use crate::record_draws::{DrawState, layers};
 use crate::shader::SceneVariant;
@@ -26,6 +27,16 @@ pub enum Command {
         morphs: usize,
         lights: usize,
     },
+    /// Bodies of one mesh, put into their poses by the compute stage: so many of `Recording::posed`.
+    Pose {
+        variant: PoseVariant,
+        primitive: u32,
+        layout: VertexLayout,
+        first: u32,
+        count: u32,
+    },
+    /// What follows reads them.
+    EndPoses,
     /// Starts the image of all shadow maps: depth alone, this much of it.
     BeginShadows {
         image: [u32; 2],
@@ -170,6 +181,8 @@ pub struct RecordOptions {
     pub no_layers: bool,
     /// Everything is lit as it is drawn: the device cannot draw into what would be kept.
     pub no_deferred: bool,
+    /// The device's queue cannot compute, or a buffer for what it would compute is too large: vertices are posed by every pass.
+    pub no_compute: bool,
 }
 
 /// Where pixels go. Float targets exist only where post passes read them.
@@ -186,6 +199,8 @@ pub struct Recording {
     pub size: [u32; 2],
     /// Names of the effects on surfaces, in the order of the bits of `PipelineKey::surface`.
     pub surface: Vec<String>,
+    /// What `Command::Pose` poses, in order.
+    pub posed: Vec<PosedBody>,
     pub commands: Vec<Command>,
 }
 
@@ -215,6 +230,8 @@ pub struct Counts {
     pub draws: usize,
     pub post_passes: usize,
     pub shadow_views: usize,
+    /// Bodies posed by the compute stage.
+    pub posed: usize,
 }
 
 /// `triangles`: of one copy of a catalogue's primitive.
@@ -362,7 +379,8 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     }
     commands.push(if plan.linear { Command::ReadBackLinear } else { Command::ReadBack });
     let surface = plan.surface.iter().map(|s| s.effect.clone()).collect();
-    Recording { size: plan.size, surface, commands }
+    let recording = Recording { size: plan.size, surface, posed: Vec::new(), commands };
+    pose_once(plan, recording, options, &triangles)
 }
 
 /// Those of every material, in the order of their slots.
@@ -414,6 +432,11 @@ impl Recording {
             if matches!(command, Command::DrawSky { .. }) {
                 (reads.sky, reads.sky_picture) = (true, true);
             }
+            if let Command::Pose { variant: v, .. } = command {
+                reads.joints |= v.features.has(Features::SKIN);
+                reads.morphs |= v.features.has(Features::MORPH);
+                reads.joints_uniform |= v.joints_uniform;
+            }
             if let Command::BindPipeline(v) = command {
                 reads.sky_maps |= v.key.features.has(Features::SKY);
                 reads.lights |= v.key.features.is_lit();
@@ -437,6 +460,7 @@ impl Recording {
                 | Command::BeginPeel { .. }
                 | Command::BeginLayer { .. } => counts.passes += 1,
                 Command::ShadowView { .. } => counts.shadow_views += 1,
+                Command::Pose { count, .. } => counts.posed += *count as usize,
                 Command::BindPipeline(v) => {
                     counts.pipeline_binds += 1;
                     variants.insert(*v);

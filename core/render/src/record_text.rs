@@ -12,6 +12,10 @@ impl fmt::Display for Recording {
                     f,
                     "upload {instances} instances, {joints} joints, {morphs} morphs, {lights} lights"
                 )?,
+                Command::Pose { variant, primitive, count, .. } => {
+                    writeln!(f, "pose {count} of mesh {primitive}: {}", variant.switches().join(" "))?
+                }
+                Command::EndPoses => writeln!(f, "end of poses")?,
                 Command::BeginShadows { size: [w, h], .. } => writeln!(f, "begin shadow maps {w}×{h}")?,
                 Command::ShadowView { index, at, size: [w, h] } => {
                     writeln!(f, "  view {index}: {w}×{h} at {at:?}")?

@@ -40,10 +40,11 @@ pub enum Format {
 impl VertexLayout {
     /// The attributes that vertex.wgsl declares for these features.
     pub fn of(features: Features) -> VertexLayout {
+        let posed = features.has(Features::POSED);
         let on = [
-            true,
-            features.has_normals(),
-            features.has_tangents(),
+            !posed,
+            features.has_normals() && !posed,
+            features.has_tangents() && !posed,
             features.has(Features::UV0),
             features.has(Features::UV1),
             features.has(Features::VERTEX_COLOR),
@@ -54,7 +55,7 @@ impl VertexLayout {
             features.has(Features::WIDE),
             features.has(Features::WIDE),
         ];
-        let welded = if features.has(Features::SHELL) { Self::WELDED } else { 0 };
+        let welded = if features.has(Features::SHELL) && !posed { Self::WELDED } else { 0 };
         let welded = if features.has(Features::EDGES) { welded | Self::EDGES } else { welded };
         let wide = features.has(Features::WIDE) && features.has(Features::ROUND);
         let welded = if wide { welded | Self::ROUND } else { welded };
@@ -137,7 +138,9 @@ pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh 
     let snorm4 = |v: Vec4| [v.x, v.y, v.z, v.w].map(snorm16);
     for (at, &v) in order.iter().enumerate() {
         let v = v as usize;
-        bytes.extend_from_slice(bytemuck::bytes_of(&p.positions[v]));
+        if layout.has(0) {
+            bytes.extend_from_slice(bytemuck::bytes_of(&p.positions[v]));
+        }
         if layout.has(1) {
             // Lines and points may be lit without normals: they face up.
             let n = normals.get(v).copied().unwrap_or(Vec3::Y);

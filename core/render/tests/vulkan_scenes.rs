@@ -226,6 +226,7 @@ fn what_a_scene_does_not_need_is_left_out() {
         draws: 1,
         post_passes: 0,
         shadow_views: 0,
+        posed: 0,
     };
     assert_eq!(recording.counts(), counts, "{recording}");
     let text = recording.to_string();

@@ -45,6 +45,17 @@ pub struct Settings {
     pub cutouts: Cutouts,
     pub transparency: Transparency,
     pub pipeline: Pipeline,
+    pub skin_once: SkinOnce,
+}
+
+/// Whether a body's vertices are put into their pose once a frame for all passes that draw it (shadow maps, layers, hulls), or by each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum SkinOnce {
+    /// Once where so many passes draw it that it pays.
+    #[default]
+    Auto,
+    Always,
+    Never,
 }
 
 /// Edges of leaves and hair: where a material's alpha is cut off (glTF's MASK).
@@ -109,6 +120,7 @@ impl Default for Settings {
             ambient_down: Vec3::splat(0.25),
             samples: None,
             cutouts: Cutouts::default(),
+            skin_once: SkinOnce::default(),
             transparency: Transparency::default(),
             pipeline: Pipeline::default(),
         }

@@ -14,6 +14,7 @@ mod ik;
 mod mipmaps;
 mod packing;
 mod parallax;
+mod passes;
 mod pictures;
 mod rays;
 mod reduction;
@@ -50,7 +51,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 23] = [
+const SECTIONS: [(&str, Measure); 24] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -68,6 +69,7 @@ const SECTIONS: [(&str, Measure); 23] = [
     ("shadows", shadows::section),
     ("samples", samples::section),
     ("effects", effects::section),
+    ("passes", passes::section),
     ("detail", detail::section),
     ("tones", tones::section),
     ("transparency", transparency::section),

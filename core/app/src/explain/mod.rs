@@ -44,6 +44,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         plot::write(path, &byte_bars(&title, &inside.amounts()))?;
     }
     let mut plan = plan;
+    plan.left_out.extend(recording.left_out(&plan));
     plan.left_out.extend(unread(&scene.places));
     let mut facts = facts(stage, &catalog, &plan, at.as_secs());
     if args.json {

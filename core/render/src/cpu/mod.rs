@@ -15,6 +15,7 @@ mod lighting;
 mod overlay;
 mod peel;
 pub mod picture;
+mod posed;
 mod raster;
 mod refraction;
 mod relief;
@@ -43,6 +44,7 @@ use crate::sky::{SkyMaps, SkyPicture};
 use choreo_plugin::{Effect, Frame, Hook};
 use choreo_stage::Background;
 use glam::{Mat4, Vec4};
+use posed::Bodies;
 use raster::{TILE_HEIGHT, TILE_WIDTH};
 use rayon::prelude::*;
 use refraction::Behind;
@@ -53,7 +55,7 @@ use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 use target::{Float, PixelOf, Srgb8, Target};
 use texture::Texture;
-use tile::{Batch, Paint, Phase, Tile, TileBuffers, TriangleId};
+use tile::{Batch, Paint, Phase, Tile, TileBuffers, TriangleId, tiles_of};
 use veil::Veil;
 use vertex::{Hull, VertexStage};
 
@@ -156,7 +158,7 @@ impl CpuRenderer {
     fn batches<'a>(
         &'a self,
         plan: &'a Plan,
-        draws: &[Draw],
+        (draws, bodies): (&[Draw], &Bodies),
         clip_from_relative: &Mat4,
         size: [u32; 2],
         shadows: Option<&'a ShadowMaps>,
@@ -183,7 +185,7 @@ impl CpuRenderer {
                 let hull = features
                     .has(Features::SHELL)
                     .then(|| Hull { material, normals: crate::vertex::welded_normals(primitive) });
-                let vertices = VertexStage {
+                let stage = VertexStage {
                     primitive,
                     features,
                     instance,
@@ -194,8 +196,8 @@ impl CpuRenderer {
                     hull,
                     displaced: self.displaced(plan, draw.pipeline.displaced),
                     camera: plan.view.position.as_vec3(),
-                }
-                .run();
+                };
+                let vertices = bodies.vertices(draw, &stage);
                 let pipeline = draw.pipeline;
                 let triangles = if features.has(Features::WIDE) {
                     wide::triangles(primitive, &vertices, pipeline, instance.width, clip_from_relative, size)
@@ -302,13 +304,22 @@ impl CpuRenderer {
         out: &mut [P],
     ) -> Result<(), RenderError> {
         let changed = self.changed_materials(plan);
+        let bodies = Bodies::of(self, plan);
         let maps = plan.shadows.as_ref().map(|shadows| {
             ShadowMaps::draw(&shadows.views, shadows.image, |view| {
-                self.batches(plan, &view.draws, &view.clip_from_relative, view.size, None, &changed)
+                self.batches(
+                    plan,
+                    (&view.draws, &bodies),
+                    &view.clip_from_relative,
+                    view.size,
+                    None,
+                    &changed,
+                )
             })
         });
         let seen = &plan.view.clip_from_relative;
-        let mut batches = self.batches(plan, &plan.draws, seen, plan.size, maps.as_ref(), &changed);
+        let mut batches =
+            self.batches(plan, (&plan.draws, &bodies), seen, plan.size, maps.as_ref(), &changed);
         let seen = plan.sky.as_ref().filter(|sky| sky.background);
         let picture = self.sky.as_ref().and_then(|sky| sky.picture.as_ref());
         let backdrop = seen.zip(picture).map(|(sky, p)| sky::Backdrop::new(p, sky, &plan.view, plan.size));
@@ -391,19 +402,6 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
             }
         },
     );
-}
-
-/// Tiles that a triangle's pixels lie in: [x0, y0, x1, y1), in tiles.
-fn tiles_of(t: &setup::Triangle, size: [u32; 2]) -> [u16; 4] {
-    let [x0, y0, x1, y1] = t.pixels();
-    let [w, h] = size.map(|s| s as i32);
-    let up = |v: i32, tile: i32| ((v + tile - 1) / tile) as u16;
-    [
-        (x0.clamp(0, w - 1) / TILE_WIDTH) as u16,
-        (y0.clamp(0, h - 1) / TILE_HEIGHT) as u16,
-        up(x1.clamp(0, w), TILE_WIDTH),
-        up(y1.clamp(0, h), TILE_HEIGHT),
-    ]
 }
 
 /// Twin of background.wgsl: mix(top, bottom, (y + ½) / height), linear.

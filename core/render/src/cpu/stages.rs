@@ -2,6 +2,7 @@
 //! that triangles cover, their depths, and the shaded frame.
 
 use super::CpuRenderer;
+use super::posed::Bodies;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::tile::{Batch, Paint};
 use crate::plan::Plan;
@@ -105,7 +106,14 @@ impl CpuRenderer {
         let shaded = self.collect(None)?;
         let changed = self.changed_materials(plan);
         let clip_from_relative = &plan.view.clip_from_relative;
-        let batches = self.batches(plan, &plan.draws, clip_from_relative, plan.size, None, &changed);
+        let batches = self.batches(
+            plan,
+            (&plan.draws, &Bodies::default()),
+            clip_from_relative,
+            plan.size,
+            None,
+            &changed,
+        );
         let meshes: Vec<Mesh> = batches.iter().filter_map(mesh).collect();
         let mut pictures = vec![model(&meshes, plan.size), view(&meshes, plan), clip(&meshes, plan.size)];
         pictures.extend(raster(&batches, plan.size));

@@ -351,3 +351,16 @@ fn quad_samples<const S: usize>(qx: usize, qy: usize) -> [usize; 4] {
     let first = (2 * qy * width + 2 * qx) * S;
     [first, first + S, first + width * S, first + (width + 1) * S]
 }
+
+/// Tiles that a triangle's pixels lie in: [x0, y0, x1, y1), in tiles.
+pub fn tiles_of(t: &Triangle, size: [u32; 2]) -> [u16; 4] {
+    let [x0, y0, x1, y1] = t.pixels();
+    let [w, h] = size.map(|s| s as i32);
+    let up = |v: i32, tile: i32| ((v + tile - 1) / tile) as u16;
+    [
+        (x0.clamp(0, w - 1) / TILE_WIDTH) as u16,
+        (y0.clamp(0, h - 1) / TILE_HEIGHT) as u16,
+        up(x1.clamp(0, w), TILE_WIDTH),
+        up(y1.clamp(0, h), TILE_HEIGHT),
+    ]
+}

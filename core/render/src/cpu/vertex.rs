@@ -50,17 +50,32 @@ pub struct Hull<'a> {
 }
 
 impl VertexStage<'_> {
-    pub fn run(&self) -> Vec<Vertex> {
+    /// Where the vertices are, before anyone looks: without hulls. `normals`: in place of the primitive's.
+    pub fn posed(&self, normals: Option<&[Vec3]>) -> Vec<Vertex> {
         let count = self.primitive.positions.len();
-        (0..count).into_par_iter().with_min_len(2048).map(|i| self.vertex(i)).collect()
+        let normals = normals.unwrap_or(&self.primitive.normals);
+        (0..count).into_par_iter().with_min_len(2048).map(|i| self.vertex(i, normals)).collect()
     }
 
-    fn vertex(&self, i: usize) -> Vertex {
+    /// Seen through the stage's matrix.
+    pub fn seen(&self, mut posed: Vec<Vertex>) -> Vec<Vertex> {
+        posed.par_iter_mut().with_min_len(2048).enumerate().for_each(|(i, out)| {
+            out.clip = *self.clip_from_relative * out.relative.extend(1.0);
+            if let Some(hull) = &self.hull {
+                self.push_out(hull, i, out);
+            }
+            if self.features.has(Features::EDGES) {
+                out.clip.z += self.nearer(out.clip.z);
+            }
+        });
+        posed
+    }
+
+    fn vertex(&self, i: usize, normals: &[Vec3]) -> Vertex {
         let p = self.primitive;
         let lit = self.features.has_normals();
         let tangents = self.features.has_tangents() && !p.tangents.is_empty();
         let mut position = p.positions[i];
-        let normals = self.hull.as_ref().map_or(&p.normals, |hull| &hull.normals);
         let mut normal = if lit { normals[i] } else { Vec3::ZERO };
         let mut tangent = if tangents { p.tangents[i] } else { Vec4::ZERO };
         if self.features.has(Features::MORPH) {
@@ -81,7 +96,7 @@ impl VertexStage<'_> {
         let rows = self.rows(i);
         let relative = rows.transform_point(position);
         let mut out = Vertex {
-            clip: *self.clip_from_relative * relative.extend(1.0),
+            clip: Vec4::ZERO,
             relative,
             normal: Vec3::ZERO,
             tangent: Vec4::ZERO,
@@ -109,12 +124,6 @@ impl VertexStage<'_> {
         if !self.displaced.is_empty() {
             self.displace(i, position, &rows, &mut out);
         }
-        if let Some(hull) = &self.hull {
-            self.push_out(hull, i, &mut out);
-        }
-        if self.features.has(Features::EDGES) {
-            out.clip.z += self.nearer(out.clip.z);
-        }
         out
     }
 
@@ -132,7 +141,6 @@ impl VertexStage<'_> {
             out.normal = displace::normal(&self.displaced, &place, rows, moved);
         }
         out.relative += moved;
-        out.clip = *self.clip_from_relative * out.relative.extend(1.0);
     }
 
     fn joint_colors(&self, i: usize) -> Vec3 {

@@ -14,14 +14,17 @@ pub enum Ability {
     /// Images that surfaces are kept in until they are lit. Without them they are lit as they are drawn. Vulkan promises them,
     /// so that this is for drivers that break the promise.
     ColorAttachments,
+    /// A queue that draws and computes. Without it every pass poses its vertices.
+    Compute,
 }
 
 impl Ability {
-    pub const ALL: [Ability; 4] = [
+    pub const ALL: [Ability; 5] = [
         Ability::AlphaToOne,
         Ability::SamplerAnisotropy,
         Ability::SampleRateShading,
         Ability::ColorAttachments,
+        Ability::Compute,
     ];
 
     /// As Vulkan calls it.
@@ -31,6 +34,7 @@ impl Ability {
             Ability::SamplerAnisotropy => "samplerAnisotropy",
             Ability::SampleRateShading => "sampleRateShading",
             Ability::ColorAttachments => "maxColorAttachments",
+            Ability::Compute => "VK_QUEUE_COMPUTE_BIT",
         }
     }
 
@@ -43,16 +47,23 @@ impl Ability {
                 "what is seen through is sorted where there are several samples a pixel"
             }
             Ability::ColorAttachments => "surfaces are lit as they are drawn, not once a pixel",
+            Ability::Compute => "every pass poses its vertices",
         }
     }
 
-    fn is_in(self, features: &vk::PhysicalDeviceFeatures, color_attachments: bool) -> bool {
+    fn is_in(
+        self,
+        features: &vk::PhysicalDeviceFeatures,
+        color_attachments: bool,
+        queue: vk::QueueFlags,
+    ) -> bool {
         vk::TRUE
             == match self {
                 Ability::AlphaToOne => features.alpha_to_one,
                 Ability::SamplerAnisotropy => features.sampler_anisotropy,
                 Ability::SampleRateShading => features.sample_rate_shading,
                 Ability::ColorAttachments => vk::Bool32::from(color_attachments),
+                Ability::Compute => u32::from(queue.contains(vk::QueueFlags::COMPUTE)),
             }
     }
 }
@@ -62,13 +73,14 @@ impl Ability {
 pub struct Abilities(u8);
 
 impl Abilities {
-    /// `color_attachments`: as [`super::deferred::color_attachments`] tells.
+    /// `color_attachments`: as [`super::deferred::color_attachments`] tells. `queue`: what the queue can do.
     pub fn of(
         features: &vk::PhysicalDeviceFeatures,
         color_attachments: bool,
+        queue: vk::QueueFlags,
         without: &[Ability],
     ) -> Abilities {
-        let there = |a: &&Ability| a.is_in(features, color_attachments) && !without.contains(a);
+        let there = |a: &&Ability| a.is_in(features, color_attachments, queue) && !without.contains(a);
         Abilities(Ability::ALL.iter().filter(there).map(|a| 1 << *a as u8).sum())
     }
 

@@ -398,7 +398,10 @@ fn create_device(
     // SAFETY: the device belongs to the instance; the chain lives until the call returns.
     unsafe { instance.get_physical_device_features2(physical, &mut has) };
     let color_attachments = super::deferred::color_attachments(instance, physical);
-    let abilities = Abilities::of(&has.features, color_attachments, options.without);
+    // SAFETY: the device belongs to the instance.
+    let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
+    let queue = families[queue_family as usize].queue_flags;
+    let abilities = Abilities::of(&has.features, color_attachments, queue, options.without);
     let optional = abilities.features();
     for (name, has) in [
         ("timelineSemaphore", has12.timeline_semaphore),

@@ -51,6 +51,7 @@ impl VulkanRenderer {
             no_coverage: !has(Ability::AlphaToOne),
             no_layers: plan.samples > 1 && !has(Ability::SampleRateShading),
             no_deferred,
+            no_compute: !has(Ability::Compute),
         };
         // An answer to the script, not to the plan's own choice.
         let asked = plan.deferred.as_ref().is_some_and(|d| d.cause == DeferredCause::Asked);

@@ -18,6 +18,9 @@ pub struct Layouts {
     pub post: vk::DescriptorSetLayout,
     /// Set 3 of the pass that lights what was kept of surfaces, where a frame has one.
     light: Option<MaterialLayout>,
+    /// Bodies to be posed and their vertices: set 3 of the compute stage, after the frame's, morph offsets and the mesh.
+    pub posed: vk::DescriptorSetLayout,
+    pub posed_pipeline: vk::PipelineLayout,
 }
 
 /// Of the materials of which a shader reads the same textures.
@@ -61,10 +64,14 @@ impl Layouts {
             shadow: vk::DescriptorSetLayout::null(),
             post: vk::DescriptorSetLayout::null(),
             light: None,
+            posed: vk::DescriptorSetLayout::null(),
+            posed_pipeline: vk::PipelineLayout::null(),
         };
         let both = vertex | fragment;
+        let compute = vk::ShaderStageFlags::COMPUTE;
+        let poses = vertex | compute;
         let frame = super::slot::FRAME_BINDINGS.map(|(binding, kind)| {
-            let stages = [both, vertex, vertex, vertex, fragment, vertex, both, vertex, both, fragment];
+            let stages = [both, vertex, poses, poses, fragment, poses, both, vertex, both, fragment];
             (binding, kind, stages[binding as usize])
         });
         let post = [
@@ -75,7 +82,7 @@ impl Layouts {
         ];
         let made = (|| {
             layouts.frame = create(gpu, "frame set layout", &frame)?;
-            layouts.morphs = create(gpu, "morph set layout", &[(0, T::STORAGE_BUFFER, vertex)])?;
+            layouts.morphs = create(gpu, "morph set layout", &[(0, T::STORAGE_BUFFER, poses)])?;
             let shadow = [
                 (0, T::UNIFORM_BUFFER, fragment),
                 (1, T::SAMPLED_IMAGE, fragment),
@@ -94,6 +101,16 @@ impl Layouts {
             ];
             layouts.shadow = create(gpu, "shadow set layout", &shadow)?;
             layouts.post = create(gpu, "post set layout", &post)?;
+            let posed = [(0, T::STORAGE_BUFFER, compute), (1, T::STORAGE_BUFFER, compute)];
+            layouts.posed = create(gpu, "set layout of bodies to be posed", &posed)?;
+            let sets = [layouts.frame, layouts.morphs, layouts.morphs, layouts.posed];
+            let constants = [vk::PushConstantRange::default().stage_flags(compute).size(8)];
+            let info =
+                vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&constants);
+            // SAFETY: the set layouts belong to this device; destroyed by `destroy`.
+            layouts.posed_pipeline =
+                unsafe { gpu.device.create_pipeline_layout(&info, None) }.named("pose pipeline layout")?;
+            gpu.name(layouts.posed_pipeline, "pose pipeline layout");
             Ok(())
         })();
         match made {
@@ -179,7 +196,9 @@ impl Layouts {
                 gpu.device.destroy_descriptor_set_layout(set, None);
             }
         }
-        for layout in [self.frame, self.morphs, self.shadow, self.post] {
+        // SAFETY: made from this device (or null); no pipeline is created from it any more.
+        unsafe { gpu.device.destroy_pipeline_layout(self.posed_pipeline, None) };
+        for layout in [self.frame, self.morphs, self.shadow, self.post, self.posed] {
             // SAFETY: made from this device (or null); no pipeline or set is created from it any more.
             unsafe { gpu.device.destroy_descriptor_set_layout(layout, None) };
         }

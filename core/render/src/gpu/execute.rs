@@ -7,6 +7,7 @@ use super::pipelines::{Id, Pipelines};
 use super::resources::Resources;
 use super::slot::Slot;
 use super::targets::Targets;
+use crate::plan::Features;
 use crate::record::{Command, Cull, Part, Recording, Target};
 use crate::{Catalog, RenderError};
 use ash::vk;
@@ -35,6 +36,11 @@ impl Execution<'_> {
         for (i, command) in recording.commands.iter().enumerate() {
             match command {
                 Command::UploadFrameData { .. } => {}
+                Command::Pose { variant, primitive, layout, first, count } => {
+                    let morphs = variant.features.has(Features::MORPH);
+                    self.pose(pipeline_of(i)?, (*primitive, *layout), morphs, [*first, *count])?;
+                }
+                Command::EndPoses => self.end_poses(),
                 Command::CopyBackground => self.copy_background(),
                 Command::SetCull(cull) => self.set_cull(*cull),
                 Command::BeginShadows { size, .. } => self.begin_shadows(*size)?,
@@ -64,7 +70,12 @@ impl Execution<'_> {
                     self.begin_layer(*layer, *rest, *target, *area)?;
                     self.bind_scene_sets();
                 }
-                Command::BindPipeline(_) => self.bind_pipeline(pipeline_of(i)?),
+                Command::BindPipeline(variant) => {
+                    self.bind_pipeline(pipeline_of(i)?);
+                    if variant.key.features.has(Features::POSED) {
+                        self.bind_posed()?;
+                    }
+                }
                 Command::BindMaterial { material, changed, slots } => {
                     let kept = || self.catalog.materials.get(*material as usize);
                     let set = match changed {

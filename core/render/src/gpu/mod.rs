@@ -22,6 +22,7 @@ mod parts;
 mod peel;
 mod pipeline_ids;
 mod pipelines;
+mod posed;
 mod resources;
 mod room;
 mod shadow;
@@ -35,7 +36,7 @@ mod texels;
 mod tiled;
 mod upload;
 
-use crate::record::{Command, Recording, record, texture_slots};
+use crate::record::{Command, RecordOptions, Recording, record, texture_slots};
 use crate::shader::ShaderSources;
 use crate::{Catalog, DeviceInfo, DeviceKind, Held, Plan, RenderError, Renderer, Work};
 pub use abilities::Ability;
@@ -50,6 +51,7 @@ use execute::Execution;
 use faults::FaultPlace;
 use memory::Buffer;
 pub use options::GpuOptions;
+use options::frames_in_flight;
 use pipelines::Pipelines;
 use resources::Resources;
 use slot::Slot;
@@ -58,15 +60,6 @@ use std::sync::Arc;
 pub use steady::SteadyRenderer;
 use targets::{Needs, Seen, Targets};
 use upload::Uploads;
-
-/// On a GPU a third frame hides uneven frames; a driver that draws on the CPU is busy with two, and each costs a picture's memory three times.
-fn frames_in_flight(kind: DeviceKind, frugal: bool) -> usize {
-    match kind {
-        _ if frugal => 1,
-        DeviceKind::VulkanCpu => 2,
-        _ => 3,
-    }
-}
 
 /// A frame that takes longer is given up: a driver that hangs must not hang the program. Five minutes: a driver that draws
 /// on a busy CPU takes seconds for a large frame, and drivers of GPUs give up by themselves after some seconds.
@@ -347,10 +340,12 @@ impl VulkanRenderer {
         })?;
         self.check(plan)?;
         let options = self.record_options(plan);
-        let recording = record(plan, options, |primitive| {
-            let entry = self.catalog.primitives.get(primitive as usize);
-            entry.map_or(0, |p| p.primitive().indices.len() / 3)
-        });
+        let entry = |primitive: u32| self.catalog.primitives.get(primitive as usize);
+        let triangles = |primitive| entry(primitive).map_or(0, |p| p.primitive().indices.len() / 3);
+        let mut recording = record(plan, options, triangles);
+        if recording.posed_bytes(&self.catalog) > u64::from(self.gpu.limits().max_storage_buffer_range) {
+            recording = record(plan, RecordOptions { no_compute: true, ..options }, triangles);
+        }
         let ids = pipelines::ids(&recording);
         self.prepare_targets(plan, &recording)?;
         self.prepare_texels(&recording)?;
@@ -366,6 +361,10 @@ impl VulkanRenderer {
             .resources
             .prepare(&self.gpu, &self.layouts, &self.catalog, &recording, &mut uploads)
             .and_then(|()| self.slots[index].prepare_flats(&self.gpu, plan, &mut uploads))
+            .and_then(|()| {
+                let (known, posed) = ((&*self.catalog, &self.resources), &mut self.slots[index].posed);
+                posed.prepare(&self.gpu, &self.layouts, &mut self.pools, known, plan, &recording)
+            })
             .and_then(|()| {
                 let slot = &mut self.slots[index];
                 let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();

@@ -2,6 +2,7 @@
 
 use super::faults::Faults;
 use super::{Ability, DeviceTime};
+use crate::DeviceKind;
 use choreo_plugin::Effect;
 use std::ffi::CString;
 use std::path::PathBuf;
@@ -37,4 +38,13 @@ pub struct GpuOptions {
     pub device_time: Option<Arc<DeviceTime>>,
     /// Tests only.
     pub faults: Faults,
+}
+
+/// On a GPU a third frame hides uneven frames; a driver that draws on the CPU is busy with two, and each costs a picture's memory three times.
+pub(super) fn frames_in_flight(kind: DeviceKind, frugal: bool) -> usize {
+    match kind {
+        _ if frugal => 1,
+        DeviceKind::VulkanCpu => 2,
+        _ => 3,
+    }
 }

@@ -1,10 +1,13 @@
 //! What a pipeline is for, and which ones a recording binds.
 
+use crate::posed::PoseVariant;
 use crate::record::{Command, Recording, Target};
 use crate::shader::SceneVariant;
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Id {
+    /// Vertices into their poses.
+    Pose(PoseVariant),
     /// `surface`: the effects on it, each with its bit.
     Scene { variant: SceneVariant, samples: u32, float: bool, surface: Vec<(u8, String)> },
     /// `surface`: the effects on it, each with its bit.
@@ -45,6 +48,7 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
             (samples, float) = (1, false);
             None
         }
+        Command::Pose { variant, .. } => Some(Id::Pose(*variant)),
         Command::BindPipeline(variant) => {
             let surface = on_surface(recording, variant.key.effects());
             Some(Id::Scene { variant: *variant, samples, float, surface })

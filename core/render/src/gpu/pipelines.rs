@@ -7,6 +7,7 @@ use super::error::Named;
 use super::faults::FaultPlace;
 use super::pipeline_ids::Backdrop;
 pub use super::pipeline_ids::{Id, ids};
+use super::posed;
 use super::state::{Mix, State, format_of, vertex_format};
 use super::targets::DEPTH;
 use crate::RenderError;
@@ -148,7 +149,7 @@ impl Pipelines {
                 Id::Scene { surface, .. } | Id::Background { surface, .. } => {
                     surface.iter().map(|(_, name)| name).collect()
                 }
-                Id::Overlay { .. } => return true,
+                Id::Overlay { .. } | Id::Pose(_) => return true,
             };
             let same = names.iter().all(|name| text(&old, name) == text(effects, name));
             if !same {
@@ -186,6 +187,7 @@ impl Pipelines {
     fn create(&self, gpu: &Context, layouts: &Layouts, id: &Id) -> Result<vk::Pipeline, RenderError> {
         let stages = |vs, fs| [(vs, ShaderStage::Vertex), (fs, ShaderStage::Fragment)];
         match id {
+            Id::Pose(variant) => posed::pipeline(gpu, layouts, &self.sources, self.cache.raw, variant),
             Id::Scene { variant, samples, float, surface } => {
                 let wide = variant.key.features.has(Features::WIDE);
                 let points = variant.key.topology == TopologyKey::Points && !wide;

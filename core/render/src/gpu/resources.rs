@@ -5,6 +5,7 @@ use super::context::Context;
 use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
 use super::memory::{Buffer, Image, ImageDesc};
+use super::posed::Sources;
 use super::sky::SkyImages;
 use super::streams::Streams;
 use super::upload::Uploads;
@@ -12,6 +13,7 @@ use crate::RenderError;
 use crate::catalog::{Catalog, CatalogPrimitive};
 use crate::gpu_types::{LayersUniform, MaterialUniform};
 use crate::mip;
+use crate::plan::Features;
 use crate::record::{Command, Recording};
 use crate::renderer::Work;
 use crate::vertex::{VertexLayout, pack, pack_morphs};
@@ -29,6 +31,7 @@ pub struct Mesh {
     /// Where the indices start, after the vertices.
     pub indices_at: u64,
     pub index_count: u32,
+    pub vertex_count: u32,
     pub index_type: vk::IndexType,
 }
 
@@ -61,7 +64,8 @@ pub struct Resources {
     materials: HashMap<(Hash, u32), Material>,
     white: Option<Image>,
     pub sky: Option<SkyImages>,
-    pools: Pools,
+    pub(super) pools: Pools,
+    pub(super) sources: Sources,
     pub(super) streams: Streams,
     /// What has been made so far.
     pub work: Work,
@@ -113,6 +117,9 @@ impl Resources {
                 Command::BindMesh { primitive, layout, morphs } => {
                     meshes.insert((*primitive, *layout, *morphs));
                 }
+                Command::Pose { variant, primitive, layout, .. } => {
+                    meshes.insert((*primitive, *layout, variant.features.has(Features::MORPH)));
+                }
                 _ => {}
             }
         }
@@ -129,6 +136,7 @@ impl Resources {
             })?;
             self.prepare_mesh(gpu, layouts, entry, layout, morphs, uploads)?;
         }
+        self.prepare_sources(gpu, layouts, catalog, recording)?;
         let reads = recording.reads();
         if let Some(panorama) = catalog.sky.as_deref().filter(|_| reads.sky) {
             let sky = match self.sky.take() {
@@ -165,13 +173,20 @@ impl Resources {
             bytes.extend_from_slice(&packed.indices);
             let usage = vk::BufferUsageFlags::VERTEX_BUFFER
                 | vk::BufferUsageFlags::INDEX_BUFFER
+                | vk::BufferUsageFlags::STORAGE_BUFFER
                 | vk::BufferUsageFlags::TRANSFER_DST;
             let name = format!("mesh \"{}\" primitive {}", entry.mesh.name, entry.index);
             let buffer = Buffer::new(gpu, &name, bytes.len() as u64, usage, MemoryLocation::GpuOnly)?;
             uploads.buffer(buffer.raw, &bytes);
             self.work.meshes += 1;
             let index_type = if packed.wide_indices { vk::IndexType::UINT32 } else { vk::IndexType::UINT16 };
-            slot.insert(Mesh { buffer, indices_at, index_count: packed.index_count, index_type });
+            slot.insert(Mesh {
+                buffer,
+                indices_at,
+                index_count: packed.index_count,
+                vertex_count: packed.vertex_count,
+                index_type,
+            });
         }
         if morphs && !self.morphs.contains_key(&key) {
             let bytes = pack_morphs(primitive, entry.indices(layout), layout);
@@ -375,6 +390,7 @@ impl Resources {
         let textures: HashSet<TextureKey> =
             (0..catalog.textures.len() as u32).map(|t| texture_key(catalog, t)).collect();
         self.keep_streams(|key| textures.contains(key));
+        self.retain_sources(gpu, |hash| primitives.contains(hash));
         let pools = &mut self.pools;
         let materials: HashSet<Hash> = catalog.materials.iter().map(|m| m.hash).collect();
         self.materials.retain(|(hash, _), m| {

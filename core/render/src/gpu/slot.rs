@@ -4,6 +4,7 @@ use super::context::Context;
 use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
 use super::error::Named;
 use super::memory::{Buffer, Image};
+use super::posed::Posing;
 use super::resources::Resources;
 use super::sky::flat_image;
 use super::targets::Seen;
@@ -49,6 +50,8 @@ pub struct Slot {
     pub readback: Option<Buffer>,
     /// Kept until this frame is done.
     pub staging: Option<Buffer>,
+    /// Vertices that a compute stage poses.
+    pub posed: Posing,
     pub size: [u32; 2],
     /// Value of the timeline at which the frame is done.
     pub done_at: u64,
@@ -126,6 +129,7 @@ impl Slot {
             post_sets: Vec::new(),
             readback: None,
             staging: None,
+            posed: Posing::default(),
             size: [0; 2],
             done_at: 0,
         })
@@ -250,10 +254,10 @@ impl Slot {
         if seen.kept.is_some() {
             put(kept_at, bytemuck::bytes_of(&RebuiltUniform::new(&plan.view)));
         }
-        put(instances_at, instance_bytes);
         put(joints_at, joint_bytes);
         put(morphs_at, morph_bytes);
         put(lights_at, light_bytes);
+        put(instances_at, instance_bytes);
         for ([base_at, layers_at], material) in self.changed_at.iter().zip(&plan.materials) {
             put(*base_at, bytemuck::bytes_of(&MaterialUniform::new(material)));
             if let Some(layers) = LayersUniform::new(material) {
@@ -265,6 +269,7 @@ impl Slot {
             put(*at, bytemuck::bytes_of(&PostUniform::new(pass, before, plan.size)));
             before = pass.shrink;
         }
+        self.posed.place(&mut mapped[instances_at as usize..][..instance_bytes.len()]);
 
         // Of effects; the frame's own data where there are none, as above.
         let (texels, texel_bytes) = seen.texels.map_or((raw, 16), |b| (b.raw, b.size));
@@ -451,6 +456,7 @@ impl Slot {
     /// The frame must be done. Its sets go with the pools.
     pub fn destroy(&mut self, gpu: &Context) {
         self.release_staging(gpu);
+        self.posed.destroy(gpu);
         self.forget_flats(gpu);
         for mut buffer in self.ring.take().into_iter().chain(self.readback.take()) {
             buffer.destroy(gpu);

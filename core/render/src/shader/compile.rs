@@ -46,7 +46,10 @@ pub fn parse(files: &[SourceFile], on: &[&str]) -> Result<(naga::Module, ModuleI
         .map_err(|e| shader_error(&lines, e.location(&joined), e.message(), ""))?;
     // Naga's own limits of array sizes and nesting stay on. Of what it counts as beyond plain WGSL only unpack2x16float is
     // used, which is an instruction of every SPIR-V; and the sample's number, where the device has what it needs.
-    let allowed = Capabilities::SHADER_FLOAT16_IN_FLOAT32 | Capabilities::MULTISAMPLED_SHADING;
+    // And push constants, which every device has.
+    let allowed = Capabilities::SHADER_FLOAT16_IN_FLOAT32
+        | Capabilities::MULTISAMPLED_SHADING
+        | Capabilities::IMMEDIATES;
     let info = Validator::new(ValidationFlags::all(), allowed).validate(&module).map_err(|e| {
         let causes = causes(e.as_inner());
         shader_error(&lines, e.location(&joined), &e.as_inner().to_string(), &causes)

@@ -24,7 +24,7 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 20] = [
+const EMBEDDED: [(&str, &str); 22] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("under.wgsl", include_str!("../../../../shaders/under.wgsl")),
     ("peel.wgsl", include_str!("../../../../shaders/peel.wgsl")),
@@ -38,6 +38,8 @@ const EMBEDDED: [(&str, &str); 20] = [
     ("displace.wgsl", include_str!("../../../../shaders/displace.wgsl")),
     ("wide.wgsl", include_str!("../../../../shaders/wide.wgsl")),
     ("triplanar.wgsl", include_str!("../../../../shaders/triplanar.wgsl")),
+    ("pose.wgsl", include_str!("../../../../shaders/pose.wgsl")),
+    ("posed.wgsl", include_str!("../../../../shaders/posed.wgsl")),
     ("vertex.wgsl", include_str!("../../../../shaders/vertex.wgsl")),
     ("scene.wgsl", include_str!("../../../../shaders/scene.wgsl")),
     ("surface.wgsl", include_str!("../../../../shaders/surface.wgsl")),
@@ -48,13 +50,14 @@ const EMBEDDED: [(&str, &str); 20] = [
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 15] = [
+pub const SCENE: [&str; 16] = [
     "frame.wgsl",
     "sky.wgsl",
     "brdf.wgsl",
     "toon.wgsl",
     "displace.wgsl",
     "wide.wgsl",
+    "pose.wgsl",
     "vertex.wgsl",
     "triplanar.wgsl",
     "layers.wgsl",
@@ -65,6 +68,7 @@ pub const SCENE: [&str; 15] = [
     "surface.wgsl",
     "scene.wgsl",
 ];
+pub const POSED: [&str; 4] = ["frame.wgsl", "brdf.wgsl", "pose.wgsl", "posed.wgsl"];
 pub const OVERLAY: [&str; 2] = ["frame.wgsl", "overlay.wgsl"];
 pub const BACKGROUND: [&str; 3] = ["frame.wgsl", "surface.wgsl", "background.wgsl"];
 pub const UNDER: [&str; 4] = ["frame.wgsl", "surface.wgsl", "background.wgsl", "under.wgsl"];
@@ -188,12 +192,13 @@ pub enum DeferredPass {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 58] = [
+    let names: [(&'static str, Features); 59] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("SKIN_DUAL", Features::SKIN_DUAL),
         ("SKIN_PLACED", Features::SKIN_PLACED),
         ("MORPH", Features::MORPH),
+        ("POSED", Features::POSED),
         ("VERTEX_COLOR", Features::VERTEX_COLOR),
         ("UV0", Features::UV0),
         ("UV1", Features::UV1),

@@ -12,12 +12,13 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 86] = [
+pub const SWITCHES: [&str; 87] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
     "SKIN_PLACED",
     "MORPH",
+    "POSED",
     "VERTEX_COLOR",
     "UV0",
     "UV1",

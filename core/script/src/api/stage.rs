@@ -6,7 +6,7 @@ use crate::hook::{HookDraft, own_captures};
 use crate::limits::raise_hint;
 use crate::value::{Kind, StageRef};
 use choreo_motion::{FrameRate, Time};
-use choreo_stage::{Background, Pipeline};
+use choreo_stage::{Background, Pipeline, SkinOnce};
 use rhai::{Dynamic, FnPtr, Map};
 
 pub const DEFS: &[Def] = &[
@@ -15,7 +15,7 @@ pub const DEFS: &[Def] = &[
         "stage",
         "options | ",
         Gives::A(Kind::Stage),
-        "Sets size [width, height], fps, length, background (color or #{ top, bottom }), ambient (color, strength or #{ up, down }), samples (1 or 4), cutouts (edges of leaves and hair at 4 samples: \"smooth\", or \"hard\"), transparency (\"sorted\" mesh by mesh, \"independent\" of it pixel by pixel, or \"auto\": the second where the first fails), pipeline (\"forward\": surfaces are lit as they are drawn; \"deferred\": once a pixel, when all are there, with 1 sample; or \"auto\": the quicker one, by lights and overdraw). Without options, in tests: the stage, for expect.",
+        "Sets size [width, height], fps, length, background (color or #{ top, bottom }), ambient (color, strength or #{ up, down }), samples (1 or 4), cutouts (edges of leaves and hair at 4 samples: \"smooth\", or \"hard\"), transparency (\"sorted\" mesh by mesh, \"independent\" of it pixel by pixel, or \"auto\": the second where the first fails), pipeline (\"forward\": surfaces are lit as they are drawn; \"deferred\": once a pixel, when all are there, with 1 sample; or \"auto\": the quicker one, by lights and overdraw), skin_once (true: bodies are put into their pose once for all passes that draw them, false: by each pass, \"auto\": once where it pays). Without options, in tests: the stage, for expect.",
         stage,
     ),
     Def::new(
@@ -55,7 +55,18 @@ fn stage(c: &mut Call) -> Reply {
     }
     let o = c.options(
         0,
-        &["size", "fps", "length", "background", "ambient", "samples", "cutouts", "transparency", "pipeline"],
+        &[
+            "size",
+            "fps",
+            "length",
+            "background",
+            "ambient",
+            "samples",
+            "cutouts",
+            "transparency",
+            "pipeline",
+            "skin_once",
+        ],
     )?;
     if let Some(before) = &c.build().settings_at {
         return Err(ApiError::new(format!("stage: already called in line {}", before.line))
@@ -137,6 +148,13 @@ fn stage(c: &mut Call) -> Reply {
         }
         s.samples = Some(1);
     }
+    let when = |v: &Dynamic, label: &str| match v.as_bool() {
+        Ok(true) => Ok(SkinOnce::Always),
+        Ok(false) => Ok(SkinOnce::Never),
+        Err(_) if v.clone().into_string().is_ok_and(|word| word == "auto") => Ok(SkinOnce::Auto),
+        Err(_) => Err(wrong(v, label, "true, false or \"auto\"")),
+    };
+    s.skin_once = o.read("skin_once", when)?.unwrap_or(s.skin_once);
     let frames = s.fps.frames_in(s.length);
     if frames > i64::try_from(c.shared.limits.frames).unwrap_or(i64::MAX) {
         let (length, fps) = (s.length.as_secs(), s.fps.as_fps());

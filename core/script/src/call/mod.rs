@@ -291,7 +291,7 @@ impl Options {
     pub fn label(&self, name: &str) -> String {
         format!("{}: {name}", self.function)
     }
-    fn read<T>(
+    pub fn read<T>(
         &self,
         name: &str,
         reader: impl Fn(&Dynamic, &str) -> Result<T, ApiError>,

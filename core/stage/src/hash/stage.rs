@@ -267,6 +267,7 @@ impl Writer {
             cutouts,
             transparency,
             pipeline,
+            skin_once,
         } = settings;
         for v in [size[0], size[1], fps.num, fps.den] {
             self.u32(v);
@@ -284,6 +285,10 @@ impl Writer {
         if *pipeline != Pipeline::default() {
             self.text("pipeline");
             self.u32(*pipeline as u32);
+        }
+        if *skin_once != SkinOnce::default() {
+            self.tag(1);
+            self.u32(*skin_once as u32);
         }
     }
 

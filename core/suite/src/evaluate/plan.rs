@@ -16,7 +16,11 @@ pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan
     let samples = options.samples.or(stage.settings.samples).unwrap_or(4);
     let effects = looks.registry.effects();
     let options = RenderOptions { effects, ..RenderOptions::new(size, samples) };
-    Ok(Plan::new(&catalog, stage, &snapshot, &options))
+    let mut plan = Plan::new(&catalog, stage, &snapshot, &options);
+    let triangles = |primitive: u32| catalog.primitives[primitive as usize].primitive().indices.len() / 3;
+    let recording = record(&plan, RecordOptions::default(), triangles);
+    plan.left_out.extend(recording.left_out(&plan));
+    Ok(plan)
 }
 
 pub fn count(looks: &mut Looks, options: &PlanOptions, what: PlanCount, time: Time) -> Result<usize, String> {

@@ -1,0 +1,86 @@
+//! Bodies posed once a frame, or by every pass that draws them.
+
+use crate::pictures::{renderers, stage, times};
+use crate::{BUDGET_SECS, Section};
+use choreo_measure::picture::Moment;
+use choreo_motion::Time;
+use choreo_plugin::Registry;
+use choreo_render::Plan;
+use choreo_report::{Cell, Table};
+use choreo_stage::SkinOnce;
+
+const SIZE: [u32; 2] = [1280, 720];
+/// The picture, and a map for each lamp.
+const MOST_PASSES: usize = 8;
+const CROWDS: [usize; 2] = [1, 25];
+
+pub fn section() -> Result<Section, String> {
+    Ok(Section {
+        title: "Poses of bodies",
+        text: "The built-in figure, dancing, at 1280×720, alone and 25 times, in the light of no lamp up to seven, each with a shadow map of 256 \
+               texels: so many passes draw each body. Its vertices are skinned by each pass, or once by a compute stage for all (the CPU renderer: \
+               once by the same function). Milliseconds of the whole process a frame; both ways are drawn in turns."
+            .into(),
+        choices: Vec::new(),
+        tables: tables()?,
+        off_front: Vec::new(),
+    })
+}
+
+fn moment(crowd: usize, lamps: usize, registry: &Registry) -> Result<Moment, String> {
+    let text = format!(
+        r#"
+        stage(#{{ length: 2.0, ambient: 0.3 }});
+        let figure = load("choreo:mannequin");
+        let side = if {crowd} == 1 {{ 1 }} else {{ 5 }};
+        for i in 0..{crowd} {{
+            cast("figure " + i, figure).at(-3.0 + 1.5 * (i % side), 0.0, -1.5 * (i / side)).play(figure.clip("Dance_Groove"));
+        }}
+        cast("floor", shape("plane", #{{ size: 30.0, color: "grey" }}));
+        for i in 0..{lamps} {{
+            spot(#{{ outer: 60.0, direction: [0.1, -1.0, -0.9], intensity: 20.0, shadow: #{{ size: 256 }} }}).at(-6.0 + 2.0 * i, 6.0, 4.0);
+        }}
+        camera("front").at(0.0, 2.5, 7.0).look_at([-0.5, 0.8, -2.0]);
+        "#
+    );
+    let stage = stage(&text, registry)?;
+    Moment::new(&stage, Time::from_secs(0.7), registry.effects()).map_err(|e| e.to_string())
+}
+
+fn tables() -> Result<Vec<Table>, String> {
+    let registry = choreo::registry();
+    let mut out = Vec::new();
+    for (name, mut renderer) in renderers(&registry) {
+        let name = match renderer.device().name.clone() {
+            device if name == "Vulkan" => format!("{name} ({device})"),
+            _ => name.to_string(),
+        };
+        let columns = [
+            ("passes", "that draw each body"),
+            (">by each, ms", "one figure"),
+            (">once, ms", "one figure"),
+            (">ratio", "one figure"),
+            (">by each, ms ", "25 figures"),
+            (">once, ms ", "25 figures"),
+            (">ratio ", "25 figures"),
+        ];
+        let mut table = Table::new(&format!("Posed once, or by every pass: {name}"), &columns);
+        for lamps in 0..MOST_PASSES {
+            let mut cells = vec![Cell::text((lamps + 1).to_string())];
+            for crowd in CROWDS {
+                let moment = moment(crowd, lamps, &registry)?;
+                renderer.load(moment.catalog.clone()).map_err(|e| e.to_string())?;
+                let plan = |skin_once| Plan { skin_once, ..moment.plan(SIZE, 1) };
+                let plans = [plan(SkinOnce::Never), plan(SkinOnce::Always)];
+                let nanos = times(&mut *renderer, &plans.each_ref(), 2.0 * BUDGET_SECS);
+                let ms: Vec<f64> = nanos.iter().map(|n| n * 1e-6).collect();
+                cells.extend(ms.iter().map(|ms| Cell::number(format!("{ms:.1}"), *ms)));
+                let ratio = ms[1] / ms[0];
+                cells.push(Cell::number(format!("{ratio:.2}"), ratio));
+            }
+            table.rows.push(cells);
+        }
+        out.push(table);
+    }
+    Ok(out)
+}
