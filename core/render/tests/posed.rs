@@ -189,7 +189,7 @@ fn poses_of_frames_in_flight_do_not_meet() {
     let options = PlanOptions::new([120, 90], 1);
     let at = |i: usize| {
         let mut scene = with(scene(WAYS[0]), SkinOnce::Always);
-        let keep = if i % 3 == 0 { 3 } else { 1 };
+        let keep = if i.is_multiple_of(3) { 3 } else { 1 };
         for (a, state) in scene.snapshot.actors.iter_mut().take(3).enumerate() {
             state.visible = a < keep;
             state.model_from_joint[1] = Affine3A::from_rotation_y(0.4 * i as f32);
