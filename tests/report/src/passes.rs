@@ -64,7 +64,7 @@ fn tables() -> Result<Vec<Table>, String> {
             (">once, ms ", "25 figures"),
             (">ratio ", "25 figures"),
         ];
-        let mut table = Table::new(&format!("Posed once, or by every pass: {name}"), &columns);
+        let mut table = Table::new(format!("Posed once, or by every pass: {name}"), &columns);
         for lamps in 0..MOST_PASSES {
             let mut cells = vec![Cell::text((lamps + 1).to_string())];
             for crowd in CROWDS {
