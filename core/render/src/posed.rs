@@ -12,11 +12,10 @@ use crate::vertex::VertexLayout;
 use choreo_stage::SkinOnce;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Mean draws of a body from which posing it once pays on a driver that draws on the CPU: measured on lavapipe (`cargo xtask report passes`), 1 to
-/// 8 % slower with one or two, as fast with three and four, 0 to 6 % faster from five on, alone and 25 times.
-pub const PAYS_ON_CPU: f64 = 5.0;
-/// The same on GPUs: not measured, the smallest number at which any vertex is posed more than once.
-pub const PAYS_ON_GPU: f64 = 1.5;
+/// Mean draws of a body from which posing it once pays: measured on lavapipe (`cargo xtask report passes`), 1 to 8 % slower with one or
+/// two, as fast with three and four, 0 to 6 % faster from five on, alone and 25 times. GPUs are not measured; with fewer draws a
+/// crowd would pay megabytes for its vertices and nothing that is known.
+pub const PAYS: f64 = 5.0;
 /// Bodies of one mesh: work groups of one dimension that every device has.
 const MOST_BODIES: usize = 65_535;
 
@@ -132,8 +131,7 @@ pub fn pose_once(
         _ if options.no_compute => return recording,
         SkinOnce::Never => return recording,
         SkinOnce::Always => 0.0,
-        SkinOnce::Auto if options.cpu_device => PAYS_ON_CPU,
-        SkinOnce::Auto => PAYS_ON_GPU,
+        SkinOnce::Auto => PAYS,
     };
     let sorted = sorted(&recording.commands);
     let mut kinds = kinds(plan, &recording, triangles, &sorted);
@@ -294,10 +292,9 @@ impl Recording {
         }
         let why = match plan.skin_once {
             SkinOnce::Never => "the stage's skin_once is false".to_string(),
-            _ => format!(
-                "no mesh is drawn often enough: {PAYS_ON_GPU} times a frame and body on GPUs (not measured), {PAYS_ON_CPU} on devices \
-                 that draw on the CPU"
-            ),
+            _ => {
+                format!("no mesh is drawn often enough: {PAYS} times a frame and body (on GPUs not measured)")
+            }
         };
         Some(LeftOut { what: "skinning once for all passes".into(), why })
     }

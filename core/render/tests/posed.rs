@@ -217,7 +217,9 @@ fn only_what_is_drawn_more_than_once_is_posed_once() {
     let options = PlanOptions::new([200, 150], 1);
     let of = |once, lights: usize, device| {
         let mut scene = with(scene(WAYS[0]), once);
-        scene.snapshot.lights.truncate(lights);
+        scene.snapshot.lights.truncate(1);
+        let sun = scene.snapshot.lights[0].clone();
+        scene.snapshot.lights.resize(lights, sun);
         record_of(&scene, &options, device)
     };
     let gpu = RecordOptions::default();
@@ -225,8 +227,13 @@ fn only_what_is_drawn_more_than_once_is_posed_once() {
     let (_, plan, recording) = of(SkinOnce::Auto, 0, gpu);
     assert_eq!((recording.counts().posed, recording.posed.len()), (0, 0));
     assert!(recording.left_out(&plan).unwrap().why.starts_with("no mesh is drawn often enough"));
-    // A sun: two or more.
-    let (catalog, plan, recording) = of(SkinOnce::Auto, 1, gpu);
+    // A sun: two or more, and not enough.
+    let (_, plan, recording) = of(SkinOnce::Auto, 1, gpu);
+    assert_eq!(recording.counts().posed, 0);
+    assert!(recording.left_out(&plan).is_some());
+    // Maps of six suns.
+    assert_eq!(of(SkinOnce::Auto, 6, gpu).2.counts().posed, 3);
+    let (catalog, plan, recording) = of(SkinOnce::Always, 1, gpu);
     assert_eq!(recording.counts().posed, 3);
     assert_eq!(recording.left_out(&plan), None);
     let vertices = catalog.primitives[0].primitive().positions.len() as u64;
@@ -248,7 +255,7 @@ fn only_what_is_drawn_more_than_once_is_posed_once() {
     }
 }
 
-/// A device without it, and one whose buffers are too small, draw the same.
+/// A device without it draws the same.
 #[test]
 fn a_device_that_cannot_compute_poses_by_every_pass() {
     let without = vec![gpu::Ability::Compute];
