@@ -218,7 +218,7 @@ fn only_what_is_drawn_more_than_once_is_posed_once() {
     let of = |once, lights: usize, device| {
         let mut scene = with(scene(WAYS[0]), once);
         scene.snapshot.lights.truncate(1);
-        let sun = scene.snapshot.lights[0].clone();
+        let sun = scene.snapshot.lights[0];
         scene.snapshot.lights.resize(lights, sun);
         record_of(&scene, &options, device)
     };
