@@ -121,15 +121,6 @@ struct Layers {
 }
 @end
 
-// Offsets of one primitive: for each target, `stride` lists of vertex_count vectors: positions, normals, tangents.
-struct Morphs {
-    vertex_count: u32,
-    stride: u32,
-    pad0: u32,
-    pad1: u32,
-    offsets: array<vec4<f32>>,
-}
-
 // One shadow map as it is looked up.
 struct ShadowView {
     // xy: texels of the image, z: depth, all times w
@@ -200,6 +191,8 @@ struct ShadowView {
 @if(REFRACTION) @group(2) @binding(3) var behind_texture: texture_2d<f32>;
 @if(REFRACTION) @group(2) @binding(4) var behind_sampler: sampler;
 
-@if(MORPH) @group(1) @binding(0) var<storage, read> morphs: Morphs;
+// Of one primitive, for each target: its first vertex, how many, where their offsets begin. Then the offsets of each target: positions,
+// and as many normals and tangents where the mesh has them.
+@if(MORPH) @group(1) @binding(0) var<storage, read> morphs: array<vec4<u32>>;
 // Vertices of bodies that a compute stage posed; see posed.wgsl.
 @if(POSED) @group(1) @binding(0) var<storage, read> posed: array<f32>;

@@ -13,10 +13,15 @@ fn morphed(rest: Shape, first: u32, count: u32, index: u32) -> Shape {
     var shape = rest;
     for (var i = 0u; i < count; i++) {
         let active_morph = active_morphs[first + i];
-        let at = active_morph.target_index * morphs.stride * morphs.vertex_count + index;
-        shape.position += active_morph.weight * morphs.offsets[at].xyz;
-        @if(NORMAL) shape.normal += active_morph.weight * morphs.offsets[at + morphs.vertex_count].xyz;
-        @if(TANGENT) shape.tangent += active_morph.weight * morphs.offsets[at + 2u * morphs.vertex_count].xyz;
+        // First vertex that it moves, how many, where their offsets begin.
+        let moved = morphs[active_morph.target_index];
+        let own = index - moved.x;
+        if own < moved.y {
+            let at = moved.z + own;
+            shape.position += active_morph.weight * bitcast<vec3<f32>>(morphs[at].xyz);
+            @if(NORMAL) shape.normal += active_morph.weight * bitcast<vec3<f32>>(morphs[at + moved.y].xyz);
+            @if(TANGENT) shape.tangent += active_morph.weight * bitcast<vec3<f32>>(morphs[at + 2u * moved.y].xyz);
+        }
     }
     return shape;
 }

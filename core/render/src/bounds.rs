@@ -6,6 +6,7 @@ use choreo_motion::Carrier;
 pub use choreo_stage::Aabb;
 use choreo_stage::Primitive;
 use glam::{Affine3A, DAffine3, Mat4, Vec2, Vec3};
+use std::ops::Range;
 use std::sync::OnceLock;
 
 /// Box of the transformed box: centre moved, half extents by the absolute matrix.
@@ -38,6 +39,8 @@ pub struct PrimitiveInfo {
     companions: OnceLock<Vec<Vec<u16>>>,
     /// Found when first asked for; see [`crate::catalog::CatalogPrimitive::closed`].
     pub(crate) closed: OnceLock<Closed>,
+    /// The same; see [`crate::catalog::CatalogPrimitive::moved`].
+    pub(crate) moved: OnceLock<Vec<Range<u32>>>,
 }
 
 impl PrimitiveInfo {
@@ -65,6 +68,7 @@ impl PrimitiveInfo {
             colored: p.colors.iter().any(|&c| c != glam::Vec4::ONE),
             companions: OnceLock::new(),
             closed: OnceLock::new(),
+            moved: OnceLock::new(),
         };
         if !valid {
             return info;

@@ -14,6 +14,7 @@ use choreo_stage::{
 use glam::{Affine2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 #[derive(Clone, Debug, Default)]
@@ -63,6 +64,13 @@ impl CatalogPrimitive {
     /// Which of its triangles close bodies; of valid primitives.
     pub fn closed(&self) -> &Closed {
         self.info.closed.get_or_init(|| Closed::of(self.primitive()))
+    }
+
+    /// For each morph target the vertices from the first to the last that it moves.
+    pub fn moved(&self) -> &[Range<u32>] {
+        let p = self.primitive();
+        let every = || (0..p.positions.len() as u32).collect::<Vec<_>>();
+        self.info.moved.get_or_init(|| crate::morphs::moved(p, &every()))
     }
 
     /// Its indices in the order in which a vertex buffer of this layout has them.

@@ -387,7 +387,9 @@ impl Parts<'_> {
             );
             if morphs {
                 bytes += pack_morphs(entry.primitive(), entry.indices(layout), layout).len();
-                what += &format!(", {} morph targets", entry.primitive().morphs.len());
+                let (p, moved) = (entry.primitive(), crate::morphs::moved_vertices(entry.primitive()));
+                what +=
+                    &format!(", {} morph targets that move {moved} of {}", p.morphs.len(), p.positions.len());
             }
             let draws: Vec<Draw> = self.all_draws().filter(|d| d.primitive == primitive).copied().collect();
             let askers = self.askers(draws.iter());

@@ -21,6 +21,7 @@ pub mod gpu;
 pub mod gpu_types;
 pub mod light_lists;
 pub mod mip;
+pub mod morphs;
 mod needs;
 mod needs_layers;
 pub mod plan;

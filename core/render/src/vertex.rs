@@ -189,21 +189,13 @@ pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh 
     PackedMesh { vertices: bytes, vertex_count: order.len() as u32, indices, index_count, wide_indices }
 }
 
-/// Offsets of all morph targets as morphs.wgsl reads them: a header, then per target `stride` lists of vectors.
+/// Offsets of all morph targets for the vertices of [`pack`]; see [`crate::morphs::pack_morphs`].
 pub fn pack_morphs(p: &Primitive, indices: &[u32], layout: VertexLayout) -> Vec<u8> {
-    let (order, _) = first_use_order(p, indices);
-    let stride = 1 + layout.has(1) as u32 + layout.has(2) as u32;
-    let mut out = Vec::with_capacity(16 + p.morphs.len() * stride as usize * order.len() * 16);
-    out.extend_from_slice(bytemuck::cast_slice(&[order.len() as u32, stride, 0, 0]));
-    for target in &p.morphs {
-        for list in [&target.positions, &target.normals, &target.tangents].into_iter().take(stride as usize) {
-            for &v in &order {
-                let offset = list.get(v as usize).copied().unwrap_or_default().extend(0.0);
-                out.extend_from_slice(bytemuck::bytes_of(&offset));
-            }
-        }
-    }
-    out
+    let order = match layout.has(10) {
+        true => widened(p, layout.0 & VertexLayout::ROUND != 0).of,
+        false => first_use_order(p, indices).0,
+    };
+    crate::morphs::pack_morphs(p, &order, 1 + usize::from(layout.has(1)) + usize::from(layout.has(2)))
 }
 
 /// Each edge of triangles once, as two indices, in the order of their first triangle.
@@ -247,20 +239,16 @@ pub fn welded_normals(p: &Primitive) -> Vec<Vec3> {
 }
 
 /// Vertices renumbered in the order in which the indices first use them (unused ones are dropped): fetches are
-/// sequential, and the driver's small post-transform cache hits more often.
+/// sequential, and the driver's small post-transform cache hits more often. Of those, what morph targets move stands together.
 fn first_use_order(p: &Primitive, indices: &[u32]) -> (Vec<u32>, Vec<u32>) {
-    let mut new_of_old = vec![u32::MAX; p.positions.len()];
-    let mut order = Vec::with_capacity(p.positions.len());
-    let indices = indices
-        .iter()
-        .map(|&i| {
-            let slot = &mut new_of_old[i as usize];
-            if *slot == u32::MAX {
-                *slot = order.len() as u32;
-                order.push(i);
-            }
-            *slot
-        })
-        .collect();
+    let mut is_used = vec![false; p.positions.len()];
+    let first_use = |i: &&u32| !std::mem::replace(&mut is_used[**i as usize], true);
+    let mut order: Vec<u32> = indices.iter().filter(first_use).copied().collect();
+    crate::morphs::together(p, &mut order);
+    let mut new_of_old = vec![0; p.positions.len()];
+    for (new, old) in (0..).zip(&order) {
+        new_of_old[*old as usize] = new;
+    }
+    let indices = indices.iter().map(|i| new_of_old[*i as usize]).collect();
     (order, indices)
 }

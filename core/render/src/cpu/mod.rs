@@ -175,7 +175,8 @@ impl CpuRenderer {
             .par_iter()
             .map(|&(draw, instance)| {
                 let draw = &draws[draw];
-                let primitive = self.catalog.primitives[draw.primitive as usize].primitive();
+                let entry = &self.catalog.primitives[draw.primitive as usize];
+                let primitive = entry.primitive();
                 let features = draw.pipeline.features;
                 let instance = &plan.instances[instance];
                 let material = match draw.changed {
@@ -187,6 +188,7 @@ impl CpuRenderer {
                     .then(|| Hull { material, normals: crate::vertex::welded_normals(primitive) });
                 let stage = VertexStage {
                     primitive,
+                    moved: if features.has(Features::MORPH) { entry.moved() } else { &[] },
                     features,
                     instance,
                     joint_matrices: &plan.joint_matrices,

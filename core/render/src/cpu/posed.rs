@@ -44,9 +44,11 @@ impl Bodies {
         wanted.retain(|_, (.., draws)| *draws > 1);
         let wanted: Vec<_> = wanted.into_iter().collect();
         let pose = |(body, (features, instance, _)): (Body, (Features, &Instance, u32))| {
-            let primitive = renderer.catalog.primitives[body.0 as usize].primitive();
+            let entry = &renderer.catalog.primitives[body.0 as usize];
+            let primitive = entry.primitive();
             let stage = VertexStage {
                 primitive,
+                moved: if features.has(Features::MORPH) { entry.moved() } else { &[] },
                 features,
                 instance,
                 joint_matrices: &plan.joint_matrices,

@@ -9,6 +9,7 @@ use choreo_plugin::Place;
 use choreo_stage::Primitive;
 use glam::{Mat4, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
+use std::ops::Range;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Vertex {
@@ -26,6 +27,8 @@ pub struct Vertex {
 
 pub struct VertexStage<'a> {
     pub primitive: &'a Primitive,
+    /// For each morph target the vertices from the first to the last that it moves.
+    pub moved: &'a [Range<u32>],
     pub features: Features,
     pub instance: &'a Instance,
     /// All of the plan's.
@@ -81,6 +84,9 @@ impl VertexStage<'_> {
         if self.features.has(Features::MORPH) {
             let first = self.instance.first_morph as usize;
             for active in &self.morphs[first..first + self.instance.morph_count as usize] {
+                if !self.moved[active.target as usize].contains(&(i as u32)) {
+                    continue;
+                }
                 let target = &p.morphs[active.target as usize];
                 let offset = |list: &[Vec3]| list.get(i).copied().unwrap_or(Vec3::ZERO) * active.weight;
                 position += offset(&target.positions);

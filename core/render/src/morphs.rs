@@ -1,0 +1,66 @@
+//! Morph targets: which vertices each moves, and their offsets as shaders read them (pose.wgsl). A target costs memory and time
+//! only from the first vertex that it moves to the last, in an order in which those that a target moves stand together: of the vectors
+//! of RobotExpressive's face 31 % are kept, all of which move, of Godette's 40 % (17 % move; an index for each vertex would save
+//! the rest and cost a second read); some exporters move every vertex (`cargo test -p choreo-render --test morphs -- --nocapture`).
+
+use choreo_stage::{MorphTarget, Primitive};
+use glam::Vec3;
+use std::ops::Range;
+
+/// A position, a normal or a tangent is another, not a number included.
+fn moves(target: &MorphTarget, vertex: u32) -> bool {
+    let is_there = |list: &Vec<Vec3>| list.get(vertex as usize).is_some_and(|v| *v != Vec3::ZERO);
+    [&target.positions, &target.normals, &target.tangents].into_iter().any(is_there)
+}
+
+/// For each target the places in `order` from the first vertex that it moves to behind the last; empty where it moves none.
+/// `order`: vertices of the primitive.
+pub fn moved(p: &Primitive, order: &[u32]) -> Vec<Range<u32>> {
+    let span = |target: &MorphTarget| {
+        let first = order.iter().position(|v| moves(target, *v)).unwrap_or(0);
+        let end = order.iter().rposition(|v| moves(target, *v)).map_or(0, |last| last + 1);
+        first as u32..end as u32
+    };
+    p.morphs.iter().map(span).collect()
+}
+
+/// How many vertices any target moves.
+pub fn moved_vertices(p: &Primitive) -> usize {
+    (0..p.positions.len() as u32).filter(|v| p.morphs.iter().any(|target| moves(target, *v))).count()
+}
+
+/// Vertices that the same targets move stand together, those that none moves at the end; otherwise they stay in their order.
+pub fn together(p: &Primitive, order: &mut [u32]) {
+    if p.morphs.is_empty() {
+        return;
+    }
+    let first = |v: &u32| p.morphs.iter().position(|target| moves(target, *v)).unwrap_or(usize::MAX);
+    let last = |v: &u32| p.morphs.iter().rposition(|target| moves(target, *v)).unwrap_or(usize::MAX);
+    order.sort_by_cached_key(|v| (first(v), last(v)));
+}
+
+/// Words of 16 bytes: for each target its first vertex, how many, and where its offsets begin; then for each its positions and,
+/// where the layout has them (`lists` of 2 and 3), normals and tangents.
+pub fn pack_morphs(p: &Primitive, order: &[u32], lists: usize) -> Vec<u8> {
+    let spans = moved(p, order);
+    if spans.is_empty() {
+        // A buffer has at least a word, also where a mesh is forced to have targets.
+        return vec![0; 16];
+    }
+    let words: usize = spans.iter().map(|s| s.len() * lists).sum::<usize>() + spans.len();
+    let mut out = Vec::with_capacity(16 * words);
+    let mut begin = spans.len() as u32;
+    for span in &spans {
+        out.extend_from_slice(bytemuck::cast_slice(&[span.start, span.len() as u32, begin, 0]));
+        begin += (span.len() * lists) as u32;
+    }
+    for (target, span) in p.morphs.iter().zip(spans) {
+        for list in [&target.positions, &target.normals, &target.tangents].into_iter().take(lists) {
+            for &v in &order[span.start as usize..span.end as usize] {
+                let offset = list.get(v as usize).copied().unwrap_or_default().extend(0.0);
+                out.extend_from_slice(bytemuck::bytes_of(&offset));
+            }
+        }
+    }
+    out
+}

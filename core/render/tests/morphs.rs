@@ -1,0 +1,151 @@
+//! Morph targets cost what they move: bytes, and vertices that look at them.
+
+use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
+use choreo_render::morphs::{moved, moved_vertices};
+use choreo_render::vertex::{VertexLayout, pack, pack_morphs};
+use choreo_stage::{MorphTarget, Primitive};
+use glam::{Vec3, Vec3Swizzles};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A strip of 10,000 vertices, each at a place of its own, of which each target moves some.
+fn strip(targets: &[&[(usize, Vec3)]]) -> Primitive {
+    let count = 10_000;
+    let positions: Vec<Vec3> = (0..count).map(|i| Vec3::new(i as f32, (i % 2) as f32, 0.0)).collect();
+    let target = |moves: &&[(usize, Vec3)]| {
+        let mut positions = vec![Vec3::ZERO; count];
+        moves.iter().for_each(|(i, by)| positions[*i] = *by);
+        // Its normals turn where its places move; it has none of tangents.
+        MorphTarget { normals: positions.iter().map(|p| p.yzx()).collect(), positions, tangents: Vec::new() }
+    };
+    Primitive {
+        normals: vec![Vec3::Z; count],
+        indices: (0..count as u32 - 2).flat_map(|i| [i, i + 1, i + 2]).collect(),
+        morphs: targets.iter().map(target).collect(),
+        positions,
+        ..Primitive::default()
+    }
+}
+
+fn words(bytes: &[u8]) -> Vec<[u32; 4]> {
+    bytemuck::pod_collect_to_vec(bytes)
+}
+
+/// What the shader adds for a target to each vertex of the buffer, by the text of pose.wgsl.
+fn added(words: &[[u32; 4]], target: usize, vertices: usize, list: u32) -> Vec<Vec3> {
+    let [first, count, begin, _] = words[target];
+    let of = |index: u32| {
+        let own = index.wrapping_sub(first);
+        if own >= count {
+            return Vec3::ZERO;
+        }
+        let [x, y, z, _] = words[(begin + own + list * count) as usize].map(f32::from_bits);
+        Vec3::new(x, y, z)
+    };
+    (0..vertices as u32).map(of).collect()
+}
+
+fn check(p: &Primitive, bytes: &[u8]) {
+    let layout = VertexLayout(0b11);
+    let packed = pack(p, &p.indices, layout);
+    let stride = layout.attributes().1 as usize;
+    for (t, target) in p.morphs.iter().enumerate() {
+        for (list, truth) in [&target.positions, &target.normals].into_iter().enumerate() {
+            let got = added(&words(bytes), t, packed.vertex_count as usize, list as u32);
+            for (at, vertex) in packed.vertices.chunks_exact(stride).enumerate() {
+                // Where it stands tells which it is.
+                let x: f32 = bytemuck::pod_read_unaligned(&vertex[..4]);
+                assert_eq!(got[at], truth[x as usize], "target {t}, list {list}, vertex {x}");
+            }
+        }
+    }
+}
+
+#[test]
+fn three_vertices_that_move_cost_three() {
+    let by = Vec3::new(0.0, 1.0, 2.0);
+    let p = strip(&[&[(17, by), (5_000, -by), (9_998, by)], &[], &[(5_000, by)]]);
+    let bytes = pack_morphs(&p, &p.indices, VertexLayout(0b11));
+    // A word for each target; places and normals of three, none and one.
+    assert_eq!(bytes.len(), 16 * (3 + 2 * (3 + 1)));
+    assert_eq!(moved_vertices(&p), 3);
+    check(&p, &bytes);
+    // Places alone.
+    assert_eq!(pack_morphs(&p, &p.indices, VertexLayout(0b1)).len(), 16 * (3 + 3 + 1));
+    // As the file has them: from the first to the last.
+    let every: Vec<u32> = (0..10_000).collect();
+    assert_eq!(moved(&p, &every), [17..9_999, 0..0, 5_000..5_001]);
+}
+
+#[test]
+fn targets_that_share_vertices_and_numbers_that_are_none() {
+    let by = Vec3::X;
+    let some: Vec<(usize, Vec3)> = (100..300).map(|i| (i, by * i as f32)).collect();
+    let other: Vec<(usize, Vec3)> = (250..900).step_by(3).map(|i| (i, by)).collect();
+    let p = strip(&[&some, &other, &[(0, Vec3::INFINITY)]]);
+    let bytes = pack_morphs(&p, &p.indices, VertexLayout(0b11));
+    check(&p, &bytes);
+    let dense = 16 * 3 * 2 * 10_000;
+    assert!(bytes.len() < dense / 40, "{}", bytes.len());
+    let nan = strip(&[&[(3, Vec3::NAN)]]);
+    assert_eq!(moved_vertices(&nan), 1);
+}
+
+#[test]
+#[should_panic(expected = "target 0, list 0, vertex 17")]
+fn a_vertex_that_is_left_out_is_found() {
+    let p = strip(&[&[(17, Vec3::Y), (40, Vec3::Y)]]);
+    let mut words = words(&pack_morphs(&p, &p.indices, VertexLayout(0b11)));
+    words[0][0] += 1;
+    words[0][1] -= 1;
+    check(&p, bytemuck::cast_slice(&words));
+}
+
+struct Alone;
+
+impl Files for Alone {
+    fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
+        Err(format!("no {relative}"))
+    }
+}
+
+/// Faces of real files: how much of what dense targets take is kept, and how much moves.
+#[test]
+fn faces_of_files_cost_less() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets");
+    let root = std::env::var_os("CHOREO_ASSETS").map_or(root, PathBuf::from);
+    let files = [
+        "vrm/Godette_vrm_v4.vrm",
+        "vrm/cool_loops.vrm",
+        "gltf/RobotExpressive.glb",
+        "gltf/AnimatedMorphCube.glb",
+    ];
+    let layout = VertexLayout(0b11);
+    for file in files {
+        let Ok(bytes) = std::fs::read(root.join(file)) else {
+            println!("SKIP 1: no {file} in {}", root.display());
+            continue;
+        };
+        let source = Source { name: file.into(), bytes: Arc::new(bytes) };
+        let asset =
+            import_gltf::GltfImporter::new().import(&source, &Alone, Needs::ALL, &ImportOptions::default());
+        let (mut dense, mut kept, mut moving) = (0, 0, 0);
+        for p in asset.unwrap().meshes.iter().flat_map(|m| &m.primitives).filter(|p| !p.morphs.is_empty()) {
+            let vertices = pack(p, &p.indices, layout).vertex_count as usize;
+            dense += 2 * vertices * p.morphs.len();
+            let bytes = pack_morphs(p, &p.indices, layout);
+            kept += bytes.len() / 16 - p.morphs.len();
+            let words = words(&bytes);
+            for target in 0..p.morphs.len() {
+                let [places, normals] = [0, 1].map(|list| added(&words, target, vertices, list));
+                moving += 2 * places
+                    .iter()
+                    .zip(normals)
+                    .filter(|(p, n)| **p != Vec3::ZERO || *n != Vec3::ZERO)
+                    .count();
+            }
+        }
+        println!("{file}: of {dense} vectors {kept} are kept, {moving} move");
+        assert!(dense > 0 && moving <= kept && kept <= dense);
+    }
+}
