@@ -72,10 +72,4 @@ impl Bodies {
             None => stage.seen(stage.posed(stage.hull.as_ref().map(|hull: &Hull| &hull.normals[..]))),
         }
     }
-
-    /// How many there are.
-    #[cfg(test)]
-    pub fn count(&self) -> usize {
-        self.0.len()
-    }
 }
