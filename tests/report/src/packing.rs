@@ -4,7 +4,7 @@ use crate::{Random, Section};
 use choreo_measure::truth::Spread;
 use choreo_measure::vertex::{NORMALS, WEIGHTS, degrees_between};
 use choreo_report::{Choice, Row};
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3, Vec3};
 
 const VERTICES: usize = 20_000;
 
@@ -15,9 +15,12 @@ pub fn section() -> Result<Section, String> {
                bands, 0.003° nothing. Weights move vertices: with 8 bits by millimetres where a joint bends far, which crawls from \
                frame to frame."
             .into(),
-        choices: vec![normals(), weights()],
+        choices: vec![normals(), tangents(), weights()],
         tables: Vec::new(),
         off_front: vec![(
+            "tangents",
+            "one quaternion says both in half the bytes, as octahedra nearly do, and again every shader would have to unfold them.",
+        ), (
             "normals",
             "the octahedron holds nearly as much in half the bytes, but every shader would have to unfold it; vertices are 20 to 52 bytes, \
              and none of our scenes is bound by reading them.",
@@ -34,7 +37,7 @@ fn normals() -> Choice {
     choice.error_unit = "°";
     choice.reference = format!("{VERTICES} directions evenly over the sphere, the angle in f64");
     let mut random = Random(1);
-    let directions: Vec<glam::Vec3> = (0..VERTICES).map(|_| random.direction().as_vec3()).collect();
+    let directions: Vec<Vec3> = (0..VERTICES).map(|_| random.direction().as_vec3()).collect();
     for (name, bytes, pack) in NORMALS {
         let mut error = Spread::default();
         for n in &directions {
@@ -46,6 +49,55 @@ fn normals() -> Choice {
         NORMALS[1].0,
         "far below what shading shows, in a format that every device reads without code",
     );
+    choice
+}
+
+/// Normal and tangent are packed alike; what is seen of both is the normal that a map bends.
+fn tangents() -> Choice {
+    let mut choice = Choice::new("tangents", "How are tangents packed? (with their normals)");
+    choice.error_unit = "°";
+    choice.reference = format!(
+        "normals of a map, tilted by up to 60°, in {VERTICES} frames evenly over all directions; in f64 with the frames as they are"
+    );
+    let mut random = Random(3);
+    let frames: Vec<[Vec3; 3]> = (0..VERTICES)
+        .map(|_| {
+            let normal = random.direction();
+            let tangent = normal.cross(random.direction()).normalize();
+            let (tilt, around) =
+                (random.unit() * 60.0f64.to_radians(), random.unit() * std::f64::consts::TAU);
+            let flat = libm::sin(tilt);
+            let map = DVec3::new(flat * libm::cos(around), flat * libm::sin(around), libm::cos(tilt));
+            [normal.as_vec3(), tangent.as_vec3(), map.as_vec3()]
+        })
+        .collect();
+    let bent =
+        |[normal, tangent, map]: [Vec3; 3]| tangent * map.x + normal.cross(tangent) * map.y + normal * map.z;
+    let mut measured = |name: String, bytes: usize, pack: &dyn Fn([Vec3; 2]) -> [Vec3; 2]| {
+        let mut error = Spread::default();
+        for [normal, tangent, map] in &frames {
+            let [n, t] = pack([*normal, *tangent]);
+            error.add(degrees_between(bent([*normal, *tangent, *map]), bent([n, t, *map])));
+        }
+        choice.rows.push(Row::new(name).error(error.worst, error.mean()).bytes(bytes as f64));
+    };
+    for (name, bytes, pack) in NORMALS {
+        // The side of the bitangent is a fourth number; of octahedra and quaternions a bit.
+        let both = if bytes == 12 { 28 } else { 2 * bytes };
+        measured(name.to_string(), both, &|frame| frame.map(pack));
+    }
+    for (name, bytes, steps) in
+        [("one quaternion, 16-bit × 4", 8, 32767.0), ("one quaternion, 8-bit × 4", 4, 127.0)]
+    {
+        measured(name.to_string(), bytes, &|[normal, tangent]| {
+            let turn =
+                DMat3::from_cols(tangent.as_dvec3(), normal.cross(tangent).as_dvec3(), normal.as_dvec3());
+            let q = DQuat::from_mat3(&turn).to_array().map(|v| libm::round(v * steps) / steps);
+            let q = DQuat::from_array(q).normalize();
+            [(q * DVec3::Z).as_vec3(), (q * DVec3::X).as_vec3()]
+        });
+    }
+    choice.choose(NORMALS[1].0, "as for normals: the error of both together is far below what shading shows");
     choice
 }
 
