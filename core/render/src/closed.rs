@@ -3,6 +3,7 @@
 //! Exporters mark most materials as two-sided. Along a ray from outside, a surface without border is entered before it is left
 //! (each edge has as many triangles on one side as on the other, so the surface is a boundary, and the number of times that it
 //! winds around a point is 0 outside), so that its back faces need neither be drawn nor shaded, in pictures and in shadow maps.
+//! That holds of bodies as they were made. Where a skin or morph targets push one through itself, what is inside out may be missed.
 
 use crate::bounds::Aabb;
 use crate::catalog::CatalogPrimitive;

@@ -257,6 +257,23 @@ pub struct PipelineKey {
 }
 
 impl PipelineKey {
+    /// Opaque triangles seen from the front, with these features and no effect.
+    pub const fn of(features: Features) -> PipelineKey {
+        PipelineKey {
+            features,
+            topology: TopologyKey::Triangles,
+            double_sided: false,
+            mirrored: false,
+            blend: false,
+            coverage: false,
+            peeled: false,
+            glass: Glass::No,
+            surface: 0,
+            displaced: 0,
+            lighting: 0,
+        }
+    }
+
     /// Drawn back to front after everything opaque.
     pub fn is_see_through(&self) -> bool {
         self.blend || self.glass != Glass::No

@@ -3,7 +3,7 @@
 use crate::catalog::CatalogMaterial;
 use crate::light_lists::LightLists;
 use crate::needs_layers;
-use crate::plan::{Draw, Features, Glass, PipelineKey, TopologyKey};
+use crate::plan::{Draw, Features, PipelineKey, TopologyKey};
 use crate::planner::Planner;
 use crate::planner_overdraw::InVain;
 use crate::shader::{DeferredPass, LightLoop, PeelPass, SceneVariant};
@@ -57,19 +57,7 @@ impl Deferred {
     /// Of the pass that lights what was kept. `lights`: as scene shaders ask for them.
     pub fn light(&self, lights: LightLoop) -> SceneVariant {
         SceneVariant {
-            key: PipelineKey {
-                features: self.features,
-                topology: TopologyKey::Triangles,
-                double_sided: false,
-                mirrored: false,
-                blend: false,
-                coverage: false,
-                peeled: false,
-                glass: Glass::No,
-                surface: self.surface,
-                displaced: 0,
-                lighting: 0,
-            },
+            key: PipelineKey { surface: self.surface, ..PipelineKey::of(self.features) },
             tint: false,
             joints_uniform: false,
             lights,

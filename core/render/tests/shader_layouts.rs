@@ -4,7 +4,7 @@ use choreo_render::gpu_types::{
     FrameUniform, LayersUniform, MaterialUniform, PostUniform, RebuiltUniform, ShadowUniform, SkyUniform,
     UvTransform,
 };
-use choreo_render::plan::{ActiveMorph, Features, Glass, Instance, PipelineKey, PlanLight, TopologyKey};
+use choreo_render::plan::{ActiveMorph, Features, Instance, PipelineKey, PlanLight};
 use choreo_render::shader::*;
 use naga::TypeInner;
 use std::mem::offset_of;
@@ -38,19 +38,7 @@ macro_rules! fields {
 
 fn variant(features: Features) -> SceneVariant {
     SceneVariant {
-        key: PipelineKey {
-            features,
-            topology: TopologyKey::Triangles,
-            double_sided: false,
-            mirrored: false,
-            blend: false,
-            coverage: false,
-            peeled: false,
-            glass: Glass::No,
-            surface: 0,
-            displaced: 0,
-            lighting: 0,
-        },
+        key: PipelineKey::of(features),
         tint: true,
         joints_uniform: false,
         lights: LightLoop::All,

@@ -1,27 +1,11 @@
 //! Shaders without a GPU: every combination of features that a plan can ask for compiles.
 
 use choreo_plugin::Hook;
-use choreo_render::plan::{Features, Glass, PipelineKey, TopologyKey};
+use choreo_render::plan::{Features, Glass, PipelineKey};
 use choreo_render::shader::*;
 
 fn sources() -> ShaderSources {
     ShaderSources::default()
-}
-
-fn key(features: Features) -> PipelineKey {
-    PipelineKey {
-        features,
-        topology: TopologyKey::Triangles,
-        double_sided: false,
-        mirrored: false,
-        blend: false,
-        coverage: false,
-        peeled: false,
-        glass: Glass::No,
-        surface: 0,
-        displaced: 0,
-        lighting: 0,
-    }
 }
 
 /// Which lights a variant asks.
@@ -75,7 +59,7 @@ fn variants() -> Vec<SceneVariant> {
                         double_sided: subset % 2 == 1,
                         blend: subset % 3 == 1,
                         coverage: subset % 3 == 2 && extra == Features::ALPHA_MASK,
-                        ..key(features.with(*uv).with(extra))
+                        ..PipelineKey::of(features.with(*uv).with(extra))
                     },
                     tint: subset % 5 == 2,
                     joints_uniform: false,
@@ -103,7 +87,7 @@ fn variants() -> Vec<SceneVariant> {
                     features = features.with(Features::EMISSIVE);
                 }
                 list.push(SceneVariant {
-                    key: key(features),
+                    key: PipelineKey::of(features),
                     tint: on(3),
                     joints_uniform: on(4) && v.has(Features::SKIN),
                     lights: loop_of(on(3)),
@@ -159,7 +143,7 @@ fn layer_variants() -> Vec<SceneVariant> {
                     blend: subset % 5 == 0,
                     coverage: false,
                     glass: *glass,
-                    ..key(features)
+                    ..PipelineKey::of(features)
                 },
                 tint: subset % 7 == 0,
                 joints_uniform: false,
@@ -193,7 +177,7 @@ fn shadow_variants() -> Vec<SceneVariant> {
         key: PipelineKey {
             double_sided: bits & 1 != 0,
             blend: bits & 2 != 0 && !shadow_pass,
-            ..key(features)
+            ..PipelineKey::of(features)
         },
         tint: bits & 4 != 0 && !shadow_pass,
         joints_uniform: bits & 8 != 0 && features.has(Features::SKIN),
@@ -262,7 +246,7 @@ fn outline_variants() -> Vec<SceneVariant> {
                     .with(on(3, Features::BASE_COLOR_TEXTURE.with(Features::UV_TRANSFORM).with(uv)))
                     .with(on(4, Features::ALPHA_MASK));
                 list.push(SceneVariant {
-                    key: key(features),
+                    key: PipelineKey::of(features),
                     tint: bits % 2 == 0,
                     joints_uniform: false,
                     lights: loop_of(bits % 3 == 0),
@@ -303,7 +287,7 @@ fn deferred_variants() -> Vec<SceneVariant> {
         let on = bits.iter().enumerate().filter(|(i, _)| subset >> i & 1 == 1);
         let features = on.fold(Features::METALLIC_ROUGHNESS, |all, (_, f)| all.with(*f));
         for lights in [LightLoop::One, LightLoop::All, LightLoop::Lists] {
-            let (key, tint, deferred) = (key(features), false, DeferredPass::Light);
+            let (key, tint, deferred) = (PipelineKey::of(features), false, DeferredPass::Light);
             list.push(SceneVariant { key, lights, tint, joints_uniform: false, deferred, ..base[0] });
         }
     }
@@ -344,7 +328,7 @@ fn every_combination_compiles() {
     }
     let all = Features((1 << 54) - (1 << 32) + (1 << 19) - 1 - Features::BLINN_PHONG.0 + Features::SHADOW.0);
     let all = SceneVariant {
-        key: key(all),
+        key: PipelineKey::of(all),
         tint: true,
         joints_uniform: true,
         lights: loop_of(true),
@@ -405,7 +389,7 @@ fn every_combination_compiles() {
                 blend: bits & 16 != 0,
                 coverage: cut,
                 double_sided: bits & 1 == 0,
-                ..key(features)
+                ..PipelineKey::of(features)
             }
             .of_lit();
             let v = SceneVariant {
@@ -433,7 +417,7 @@ fn every_combination_compiles() {
     }
     let glass = Features::METALLIC_ROUGHNESS.with(Features::LAYERS).with(Features::TRANSMISSION);
     for glass_pass in [Glass::Filter, Glass::Light] {
-        let key = PipelineKey { surface: 9, glass: glass_pass, ..key(glass) };
+        let key = PipelineKey { surface: 9, glass: glass_pass, ..PipelineKey::of(glass) };
         let v = SceneVariant {
             key,
             tint: false,

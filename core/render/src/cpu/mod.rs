@@ -38,7 +38,7 @@ mod wide;
 
 use crate::catalog::Catalog;
 use crate::exposure::Accumulated;
-use crate::plan::{Draw, Features, Glass, OverlayPart, PipelineKey, Plan, TopologyKey};
+use crate::plan::{Draw, Features, Glass, OverlayPart, PipelineKey, Plan};
 use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
 use crate::sky::{SkyMaps, SkyPicture};
 use choreo_plugin::{Effect, Frame, Hook};
@@ -241,19 +241,8 @@ impl CpuRenderer {
 
     /// Lines, points and lattices of effects.
     fn overlays<'a>(&self, plan: &'a Plan) -> Vec<Batch<'a>> {
-        let pipeline = PipelineKey {
-            features: Features::default(),
-            topology: TopologyKey::Triangles,
-            double_sided: true,
-            mirrored: false,
-            blend: true,
-            coverage: false,
-            peeled: false,
-            glass: Glass::No,
-            surface: 0,
-            displaced: 0,
-            lighting: 0,
-        };
+        let pipeline =
+            PipelineKey { double_sided: true, blend: true, ..PipelineKey::of(Features::default()) };
         let batch = |part: &OverlayPart| {
             let (first, count) = (part.first as usize, part.count as usize);
             let drawn = &plan.overlay.vertices[first..first + count];

@@ -4,6 +4,7 @@
 
 mod asset;
 mod character;
+mod cues;
 mod flat;
 mod goals;
 mod stage;
