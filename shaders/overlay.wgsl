@@ -1,4 +1,4 @@
-// Lines, points and lattices of effects: triangles that the plan made, and how much of each pixel they cover.
+// Triangles, lines, points and lattices of effects: triangles that the plan made, and how much of each pixel they cover.
 // Twin: core/render/src/cpu/overlay.rs.
 
 struct OverlayVertex {
@@ -6,7 +6,7 @@ struct OverlayVertex {
     color: vec4<f32>,
     // Stroke: pixels along and across, length, radius. Lattice: cells along both axes, way from the middle, 1 at the rim.
     shape: vec4<f32>,
-    // 0: a stroke. Lattice: 1, each so manieth line is thick, pixels of thin lines and of thick ones.
+    // 0: a stroke, 2: all of a triangle. Lattice: 1, each so manieth line is thick, pixels of thin lines and of thick ones.
     lattice: vec4<f32>,
 }
 
@@ -45,7 +45,9 @@ fn overlay_fs(in: OverlayOut) -> @location(0) vec4<f32> {
     let right = dpdxFine(in.shape.xy);
     let down = dpdyFine(in.shape.xy);
     var cover: f32;
-    if (in.lattice.x > 0.5) {
+    if (in.lattice.x > 1.5) {
+        cover = 1.0;
+    } else if (in.lattice.x > 0.5) {
         let steps = sqrt(right * right + down * down);
         let rim = clamp(1.0 - length(in.shape.zw), 0.0, 1.0);
         cover = max(axis(in.shape.x, steps.x, in.lattice), axis(in.shape.y, steps.y, in.lattice));

@@ -371,6 +371,10 @@ pub enum HookArg {
     Vertex,
     /// A light on a surface
     Lighting,
+    /// A hull around surfaces, or their edges
+    Shell,
+    /// Lines, points or triangles of its own
+    Overlay,
 }
 
 impl Command {

@@ -19,7 +19,7 @@ fn single_files_work_as_they_are() {
     std::fs::write(dir.path().join("s.rhai"), "effect(\"old_photo\", #{ amount: 0.5 });\n").unwrap();
     let run = choreo(dir.path(), &["check", "s.rhai"]);
     assert_eq!(run.code, 0, "{}", run.err);
-    for hook in ["pixel", "picture", "surface", "vertex", "lighting"] {
+    for hook in ["pixel", "picture", "surface", "vertex", "lighting", "shell", "overlay"] {
         let run = choreo(dir.path(), &["new", "effect", &format!("of_{hook}"), "--single", "--hook", hook]);
         assert_eq!(run.code, 0, "{}", run.err);
         let script = format!(

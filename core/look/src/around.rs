@@ -1,10 +1,11 @@
 //! The functions of the shader around an effect's, on the CPU.
 
 use crate::forms::Host;
+use crate::overlay::Bone;
 use crate::program::Around;
 use crate::shape::Value;
-use choreo_plugin::{EffectTexture, Pictures};
-use glam::{Vec2, Vec4};
+use choreo_plugin::{Body, EffectTexture, Pictures};
+use glam::{DVec3, Vec2, Vec4};
 
 /// Colours from the arguments: for trials, before there is anything to see.
 pub struct Plain;
@@ -13,6 +14,7 @@ impl Around for Plain {
     fn call(&self, host: Host, arguments: &[Value]) -> Value {
         match host {
             Host::PictureSize => Value::ints([1280, 720]),
+            Host::Parent => Value::ints([arguments.first().map_or(0, |v| v.0[0]) as i32 - 1, 0]),
             _ => {
                 let bits = arguments.last().map_or(0, |v| v.0[0]);
                 Value::floats(&[f32::from((bits & 255) as u8) / 255.0, 0.5, 0.25, 1.0])
@@ -29,6 +31,40 @@ impl Around for Textured<'_> {
         let (Host::Texture(i), [uv]) = (host, arguments) else { return Value::default() };
         let texel = self.0.get(i).map_or(Vec4::ZERO, |t| t.sample(Vec2::new(uv.f(0), uv.f(1))));
         Value::floats(&texel.to_array())
+    }
+}
+
+/// The body that an overlay is drawn around, and textures.
+pub struct Beside<'a> {
+    /// `None`: the scene.
+    pub body: Option<&'a Body<'a>>,
+    pub bones: &'a [Bone],
+    pub textures: &'a [EffectTexture],
+}
+
+impl Around for Beside<'_> {
+    fn call(&self, host: Host, arguments: &[Value]) -> Value {
+        let first = arguments.first().copied().unwrap_or_default();
+        let bone = self.bones.get(first.0[0] as usize);
+        let place = self.body.map_or(DVec3::ZERO, |body| body.world_from_model.translation);
+        let at = match host {
+            Host::Texture(_) => return Textured(self.textures).call(host, arguments),
+            Host::Parent => {
+                let above = bone.and_then(|(_, above)| *above);
+                return Value::ints([above.map_or(-1, |above| above as i32), 0]);
+            }
+            // A bone that is not there stands where the body does.
+            Host::Joint => {
+                let joint = bone.and_then(|(joint, _)| self.body?.joint(*joint));
+                joint.unwrap_or(place)
+            }
+            Host::InWorld => {
+                let at = DVec3::from([0, 1, 2].map(|i| f64::from(first.f(i))));
+                self.body.map_or(at, |body| body.world_from_model.transform_point3(at))
+            }
+            _ => DVec3::ZERO,
+        };
+        Value::floats(&at.as_vec3().to_array())
     }
 }
 
@@ -56,6 +92,7 @@ impl Around for Seeing<'_> {
                 // A plan of one time alone has none: the picture stands for them.
                 picture.unwrap_or(&self.pictures.original).at(at[0], at[1])
             }
+            Host::Joint | Host::Parent | Host::InWorld => return Value::default(),
         };
         Value::floats(&pixel.to_array())
     }

@@ -2,7 +2,7 @@
 
 use naga::{Module, ScalarKind, TypeInner, VectorSize};
 
-/// A parameter of an effect's function.
+/// A parameter of an effect's function, or what it gives.
 #[derive(Clone, Copy)]
 enum Part {
     Scalar(ScalarKind),
@@ -16,7 +16,8 @@ enum Part {
 pub struct Form {
     pub signature: &'static str,
     parts: &'static [Part],
-    gives: VectorSize,
+    /// One of these.
+    gives: &'static [Part],
     /// Declared by the shader that calls the function; appended below the author's text, so that lines stay.
     pub declared: &'static str,
     /// Functions of the shader that it may call, as [`Host`] lists them. Their bodies are never run.
@@ -30,6 +31,10 @@ pub enum Host {
     Original,
     PictureSize,
     Previous,
+    /// Of the body that an overlay is drawn around: where a bone stands, which bone is above it, a place of its own space.
+    Joint,
+    Parent,
+    InWorld,
     /// Of the effect's textures.
     Texture(usize),
 }
@@ -41,7 +46,7 @@ const U: ScalarKind = ScalarKind::Uint;
 const PIXEL: Form = Form {
     signature: "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>",
     parts: &[Part::Vector(F, VectorSize::Quad), Part::Vector(F, VectorSize::Bi), Part::Parameters],
-    gives: VectorSize::Quad,
+    gives: &[Part::Vector(F, VectorSize::Quad)],
     declared: "",
     functions: &[],
 };
@@ -50,7 +55,7 @@ const PIXEL: Form = Form {
 const SURFACE: Form = Form {
     signature: "fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32>",
     parts: &[Part::Vector(F, VectorSize::Quad), Part::Struct("Seen"), Part::Parameters],
-    gives: VectorSize::Quad,
+    gives: &[Part::Vector(F, VectorSize::Quad)],
     declared: "struct Seen { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
         joints: vec3<f32>, uv: vec2<f32>, shadow: f32, viewer: vec3<f32> }\n",
     functions: &[],
@@ -60,7 +65,7 @@ const SURFACE: Form = Form {
 const VERTEX: Form = Form {
     signature: "fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>",
     parts: &[Part::Struct("Place"), Part::Parameters],
-    gives: VectorSize::Tri,
+    gives: &[Part::Vector(F, VectorSize::Tri)],
     declared: "struct Place { world: vec3<f32>, normal: vec3<f32>, uv: vec2<f32>, model: vec3<f32> }\n",
     functions: &[],
 };
@@ -69,7 +74,7 @@ const VERTEX: Form = Form {
 const LIGHTING: Form = Form {
     signature: "fn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32>",
     parts: &[Part::Struct("Falling"), Part::Parameters],
-    gives: VectorSize::Tri,
+    gives: &[Part::Vector(F, VectorSize::Tri)],
     declared: "struct Falling { cosine: f32, share: f32, color: vec3<f32>, base: vec3<f32>, normal: vec3<f32>, \
         viewer: vec3<f32>, light: vec3<f32>, lit: vec3<f32> }\n",
     functions: &[],
@@ -79,7 +84,7 @@ const LIGHTING: Form = Form {
 const PICTURE: Form = Form {
     signature: "fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32>",
     parts: &[Part::Vector(I, VectorSize::Bi), Part::Scalar(U), Part::Parameters],
-    gives: VectorSize::Quad,
+    gives: &[Part::Vector(F, VectorSize::Quad)],
     declared: "",
     functions: &[
         ("picture", "fn picture(at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x)); }\n", Host::Picture),
@@ -87,6 +92,33 @@ const PICTURE: Form = Form {
         ("picture_size", "fn picture_size() -> vec2<i32> { return vec2(1); }\n", Host::PictureSize),
     ],
 };
+
+/// As [`choreo_plugin::Stroke`] and [`choreo_plugin::Triangle`] in this order.
+const OVERLAY: Form = Form {
+    signature: "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line, or -> Triangle",
+    parts: &[Part::Scalar(U), Part::Struct("Body"), Part::Parameters],
+    gives: &[Part::Struct(LINE), Part::Struct(TRIANGLE)],
+    declared: "struct Body { time: f32, place: vec3<f32>, low: vec3<f32>, high: vec3<f32>, joints: u32, number: u32 }\n\
+        struct Line { a: vec3<f32>, b: vec3<f32>, width: f32, color: vec4<f32> }\n\
+        struct Triangle { a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, color: vec4<f32> }\n",
+    functions: &[
+        ("joint", "fn joint(number: u32) -> vec3<f32> { return vec3(f32(number)); }\n", Host::Joint),
+        ("parent", "fn parent(number: u32) -> i32 { return i32(number) - 1; }\n", Host::Parent),
+        ("in_world", "fn in_world(place: vec3<f32>) -> vec3<f32> { return place; }\n", Host::InWorld),
+    ],
+};
+pub const LINE: &str = "Line";
+pub const TRIANGLE: &str = "Triangle";
+
+/// As [`choreo_plugin::Shell`] in this order.
+const SHELL: Form = Form {
+    signature: "fn effect(p: array<f32, 8>) -> Shell, or -> Edges",
+    parts: &[Part::Parameters],
+    gives: &[Part::Struct("Shell"), Part::Struct(EDGES)],
+    declared: "struct Shell { width: f32, color: vec3<f32>, lighting_mix: f32 }\nstruct Edges { color: vec3<f32> }\n",
+    functions: &[],
+};
+pub const EDGES: &str = "Edges";
 
 /// Beside those of [`PICTURE`], where the head asks for a history.
 pub const PREVIOUS: (&str, &str, Host) = (
@@ -102,11 +134,21 @@ pub fn form(hook: choreo_plugin::Hook) -> &'static Form {
         Hook::Vertex => &VERTEX,
         Hook::Lighting => &LIGHTING,
         Hook::Picture => &PICTURE,
+        Hook::Overlay => &OVERLAY,
+        Hook::Shell => &SHELL,
         _ => &PIXEL,
     }
 }
 
 impl Form {
+    /// The types that it declares.
+    pub fn structs(&self) -> impl Iterator<Item = &'static str> {
+        self.declared
+            .split("struct ")
+            .filter_map(|text| text.split(' ').next())
+            .filter(|name| !name.is_empty())
+    }
+
     /// Whether a function is of this form.
     pub fn fits(&self, module: &Module, function: &naga::Function) -> bool {
         let types = &module.types;
@@ -122,7 +164,8 @@ impl Form {
             _ => false,
         };
         let arguments = &function.arguments;
-        let gives = function.result.as_ref().is_some_and(|r| is(&Part::Vector(F, self.gives), r.ty));
+        let gives = |r: &naga::FunctionResult| self.gives.iter().any(|part| is(part, r.ty));
+        let gives = function.result.as_ref().is_some_and(gives);
         gives
             && arguments.len() == self.parts.len()
             && arguments.iter().zip(self.parts).all(|(argument, part)| is(part, argument.ty))

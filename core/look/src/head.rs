@@ -14,16 +14,16 @@
 //! // texture bumps = bumps.png as data: heights
 //! ```
 //!
-//! Of `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`, of `hook: picture` `passes: 2` and `history: 3`.
+//! Of `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`, of `hook: picture` `passes: 2` and `history: 3`, of
+//! `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER` and `of: scene`.
 
-use choreo_plugin::suggest::closest;
-use choreo_plugin::{Hook, Manifest};
+use crate::parameters::identifier;
+use choreo_plugin::suggest::{closest, did_you_mean};
+use choreo_plugin::{Hook, Manifest, OptionKind, Overlay};
 
 /// Line from 1, and what is wrong with it.
 pub type HeadError = (usize, String);
 
-/// As many as the shader's array of parameters holds.
-const MOST: usize = 8;
 pub const MOST_TEXTURES: usize = 4;
 const MOST_PASSES: u32 = 16;
 /// Frames back; each is one more to draw for every frame.
@@ -39,18 +39,34 @@ pub struct Head {
     pub background: bool,
     /// Corners are moved along the mesh's own axes.
     pub along_model: bool,
-    pub reach: Reach,
+    /// How far corners are moved at most, metres.
+    pub reach: Amount,
     pub passes: u32,
     pub history: u32,
+    /// Lines or triangles of its own, around each body.
+    pub count: Amount,
+    /// Over everything that is drawn, where it is not 0.
+    pub over: Amount,
+    /// They are made once for the scene, not around each body.
+    pub of_scene: bool,
     pub textures: Vec<TextureLine>,
 }
 
-/// How far corners are moved at most.
+/// A number in the head.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Reach {
-    Metres(f32),
+pub enum Amount {
+    Number(f32),
     /// As a parameter says, by its place.
     Parameter(usize),
+}
+
+impl Amount {
+    pub fn of(self, parameters: &[f32; 8]) -> f32 {
+        match self {
+            Amount::Number(number) => number,
+            Amount::Parameter(place) => parameters.get(place).copied().unwrap_or(0.0),
+        }
+    }
 }
 
 /// A picture that the functions read.
@@ -90,13 +106,16 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
         see_through: false,
         background: false,
         along_model: false,
-        reach: Reach::Metres(0.0),
+        reach: Amount::Number(0.0),
         passes: 1,
         history: 0,
+        count: Amount::Number(0.0),
+        over: Amount::Number(0.0),
+        of_scene: false,
         textures: textures(text, manifest)?,
     };
     let mut hook_line = 1;
-    for (line, name, value) in fields(text).filter(|(_, name, _)| *name == "hook") {
+    for (line, _, value) in fields(text).filter(|(_, name, _)| *name == "hook") {
         hook_line = line;
         head.hook = match value {
             "pixel" => Hook::Pixel,
@@ -104,13 +123,19 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
             "surface" => Hook::Surface,
             "vertex" => Hook::Vertex,
             "lighting" => Hook::Lighting,
+            "shell" => Hook::Shell,
+            "overlay" => Hook::Overlay,
             other => {
-                let known = "pixel, picture, surface, vertex or lighting";
-                return Err((line, format!("{name} is {known}, not \"{other}\" (others need a crate)")));
+                let near = did_you_mean(other, HOOKS);
+                let known = HOOKS.join(", ");
+                return Err((
+                    line,
+                    format!("hook is one of {known}, not \"{other}\"{near} (the shutter needs a crate)"),
+                ));
             }
         };
     }
-    let mut reaches = false;
+    let (mut reaches, mut counts) = (false, false);
     for (line, name, value) in fields(text) {
         let flag = || value.parse::<bool>().map_err(|_| (line, format!("{name} is true or false")));
         let count = |most: u32| {
@@ -147,6 +172,23 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
                 head.history = count(MOST_HISTORY)?;
                 Hook::Picture
             }
+            "count" => {
+                counts = true;
+                head.count = things(value, manifest).map_err(|message| (line, message))?;
+                Hook::Overlay
+            }
+            "over" => {
+                head.over = truth(value, manifest).map_err(|message| (line, message))?;
+                Hook::Overlay
+            }
+            "of" => {
+                head.of_scene = match value {
+                    "actors" => false,
+                    "scene" => true,
+                    _ => return Err((line, "of is actors or scene".into())),
+                };
+                Hook::Overlay
+            }
             _ => {
                 slip(name).map_or(Ok(()), |meant| {
                     Err((line, format!("unknown word \"{name}\"; did you mean \"{meant}\"?")))
@@ -163,11 +205,17 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
             hook_line,
             "an effect that moves surfaces says how far at most: // reach: METRES, or the name of a parameter".into(),
         )),
+        Hook::Overlay if !counts => Err((
+            hook_line,
+            "an overlay says how many lines or triangles it has: // count: NUMBER, or the name of a parameter".into(),
+        )),
         _ => Ok(head),
     }
 }
 
-const WORDS: [&str; 10] = [
+const HOOKS: [&str; 7] = ["pixel", "picture", "surface", "vertex", "lighting", "shell", "overlay"];
+
+const WORDS: [&str; 13] = [
     "effect",
     "about",
     "version",
@@ -178,6 +226,9 @@ const WORDS: [&str; 10] = [
     "reach",
     "passes",
     "history",
+    "count",
+    "over",
+    "of",
 ];
 
 /// The word that a slip of the hand stands for. Other words are the author's own.
@@ -193,18 +244,54 @@ fn named(hook: Hook) -> &'static str {
         Hook::Surface => "surface",
         Hook::Vertex => "vertex",
         Hook::Picture => "picture",
+        Hook::Overlay => "overlay",
         _ => "pixel",
     }
 }
 
-fn reach(value: &str, manifest: &Manifest) -> Result<Reach, String> {
+fn reach(value: &str, manifest: &Manifest) -> Result<Amount, String> {
     if let Some(place) = manifest.options.iter().position(|o| o.name == value) {
-        return Ok(Reach::Parameter(place));
+        return Ok(Amount::Parameter(place));
     }
     let metres = value.parse::<f32>().ok().filter(|m| (0.0..=1e6).contains(m));
-    metres
-        .map(Reach::Metres)
-        .ok_or_else(|| format!("reach is metres, 0 to 1000000, or the name of a parameter, not \"{value}\""))
+    metres.map(Amount::Number).ok_or_else(|| {
+        let near = near(value, manifest);
+        format!("reach is metres, 0 to 1000000, or the name of a parameter, not \"{value}\"{near}")
+    })
+}
+
+fn things(value: &str, manifest: &Manifest) -> Result<Amount, String> {
+    let most = Overlay::MOST;
+    if let Some(place) = manifest.options.iter().position(|o| o.name == value) {
+        return match manifest.options[place].kind {
+            OptionKind::Number { min, max, .. } if min >= 0.0 && max <= most as f64 => {
+                Ok(Amount::Parameter(place))
+            }
+            _ => Err(format!("count: the parameter {value} must be a number within 0..{most}")),
+        };
+    }
+    let number = value.parse::<u32>().ok().filter(|n| (1..=most as u32).contains(n));
+    number.map(|n| Amount::Number(n as f32)).ok_or_else(|| {
+        let near = near(value, manifest);
+        format!("count is a whole number from 1 to {most}, or the name of a parameter, not \"{value}\"{near}")
+    })
+}
+
+fn truth(value: &str, manifest: &Manifest) -> Result<Amount, String> {
+    if let Ok(flag) = value.parse::<bool>() {
+        return Ok(Amount::Number(f32::from(u8::from(flag))));
+    }
+    let is_flag = |kind: &OptionKind| matches!(kind, OptionKind::Bool { .. });
+    let place = manifest.options.iter().position(|o| o.name == value && is_flag(&o.kind));
+    place.map(Amount::Parameter).ok_or_else(|| {
+        let near = near(value, manifest);
+        format!("over is true, false, or the name of a parameter that is, not \"{value}\"{near}")
+    })
+}
+
+/// Did it mean a parameter?
+fn near(value: &str, manifest: &Manifest) -> String {
+    did_you_mean(value, manifest.options.iter().map(|o| o.name.as_str()).filter(|name| *name != value))
 }
 
 /// `// texture paper = paper.png as data: what it is printed on`
@@ -239,99 +326,14 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
 }
 
 /// Its lines, from 0.
-fn comment(text: &str) -> impl Iterator<Item = (usize, &str)> {
+pub fn comment(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().take_while(|(_, l)| l.trim().is_empty() || l.trim_start().starts_with("//"))
-}
-
-pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
-    let mut manifest = Manifest { version: "1".into(), ..Manifest::default() };
-    for (i, line) in comment(text) {
-        let line = line.trim().trim_start_matches('/').trim();
-        let at = |message: String| (i + 1, message);
-        if let Some(name) = line.strip_prefix("effect:") {
-            manifest.name = identifier(name.trim()).map_err(at)?.to_string();
-        } else if let Some(about) = line.strip_prefix("about:") {
-            manifest.about = about.trim().to_string();
-        } else if let Some(version) = line.strip_prefix("version:") {
-            manifest.version = version.trim().to_string();
-        } else if let Some(param) = line.strip_prefix("param ") {
-            manifest = parameter(manifest, param).map_err(at)?;
-        }
-    }
-    if manifest.name.is_empty() {
-        return Err((1, "the head comment must name the effect: // effect: NAME".into()));
-    }
-    Ok(manifest)
-}
-
-/// `amount = 0.1 in 0..1: how strong`
-fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, String> {
-    const FORM: &str = "write // param NAME = 0.5 in 0..1: ABOUT, or = false: ABOUT, or = A of A|B: ABOUT";
-    let (name, rest) = text.split_once('=').ok_or(FORM)?;
-    let name = identifier(name.trim())?;
-    if manifest.options.iter().any(|o| o.name == name) {
-        return Err(format!("the parameter {name} is declared twice"));
-    }
-    if manifest.options.len() == MOST {
-        return Err(format!("an effect has at most {MOST} parameters"));
-    }
-    let (value, about) = rest.split_once(':').ok_or(FORM)?;
-    let (value, about) = (value.trim(), about.trim());
-    if let Ok(flag) = value.parse::<bool>() {
-        return Ok(manifest.flag(name, about, flag));
-    }
-    if let Some((first, all)) = value.split_once(" of ") {
-        let all: Vec<&str> = all.split('|').map(str::trim).filter(|a| !a.is_empty()).collect();
-        let first = first.trim();
-        return match all.contains(&first) {
-            true => Ok(manifest.text(name, about, first, &all)),
-            false => Err(format!("{name}: \"{first}\" is none of {}", all.join(", "))),
-        };
-    }
-    let (value, range) = value.split_once(" in ").ok_or(FORM)?;
-    let (min, max) = range.split_once("..").ok_or(FORM)?;
-    let number = |text: &str| {
-        let text = text.trim();
-        text.parse::<f64>()
-            .ok()
-            .filter(|v| v.is_finite())
-            .ok_or_else(|| format!("{name}: \"{text}\" is no number"))
-    };
-    let (value, min, max) = (number(value)?, number(min)?, number(max)?);
-    if !(min..=max).contains(&value) {
-        return Err(format!("{name}: {value} is not within {min}..{max}"));
-    }
-    Ok(manifest.number(name, about, value, min..=max))
-}
-
-fn identifier(name: &str) -> Result<&str, String> {
-    let mut chars = name.chars();
-    let good = chars.next().is_some_and(|c| c.is_ascii_lowercase())
-        && chars.all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
-        && name.len() <= 40;
-    match good {
-        true => Ok(name),
-        false => Err(format!("\"{name}\" must be a name of lower-case letters, digits and _, at most 40")),
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_head_comment_is_a_manifest() {
-        let m = manifest(
-            "// effect: grain\n// about: film grain\n//\n// param amount = 0.1 in 0..1: how strong\n\
-             // param coloured = false: each its own\n// param curve = soft of soft|hard: how\nfn x() {}\n// param no = 1",
-        )
-        .unwrap();
-        let expected = Manifest::new("grain", "1", "film grain")
-            .number("amount", "how strong", 0.1, 0.0..=1.0)
-            .flag("coloured", "each its own", false)
-            .text("curve", "how", "soft", &["soft", "hard"]);
-        assert_eq!(m, expected);
-    }
+    use crate::parameters::manifest;
 
     fn head_of(text: &str) -> Result<Head, HeadError> {
         head(text, &manifest(&format!("// effect: a\n// param high = 0.5 in 0..2: y\n{text}")).unwrap())
@@ -345,9 +347,9 @@ mod tests {
         assert_eq!(hook("// background: true\n// hook: surface"), Ok((Hook::Surface, false, true)));
         assert_eq!(hook("// hook: lighting"), Ok((Hook::Lighting, false, false)));
         let error = |text: &str| head_of(text).unwrap_err();
-        let unknown =
-            "hook is pixel, picture, surface, vertex or lighting, not \"shell\" (others need a crate)";
-        assert_eq!(error("// effect: a\n// hook: shell"), (2, unknown.into()));
+        let known = "hook is one of pixel, picture, surface, vertex, lighting, shell, overlay, not ";
+        let unknown = format!("{known}\"overlai\"; did you mean \"overlay\"? (the shutter needs a crate)");
+        assert_eq!(error("// effect: a\n// hook: overlai"), (2, unknown));
         assert_eq!(error("// see_through: true").1, "see_through is of effects with hook: surface");
         assert_eq!(error("// background: true").1, "background is of effects with hook: surface");
         assert_eq!(error("// hook: surface\n// see_through: much").0, 2);
@@ -361,12 +363,40 @@ mod tests {
     fn what_moves_surfaces_says_how_far() {
         let reach =
             |text: &str| head_of(&format!("// hook: vertex\n{text}")).map(|h| (h.reach, h.along_model));
-        assert_eq!(reach("// reach: 0.25\n// space: model"), Ok((Reach::Metres(0.25), true)));
-        assert_eq!(reach("// reach: high"), Ok((Reach::Parameter(0), false)));
+        assert_eq!(reach("// reach: 0.25\n// space: model"), Ok((Amount::Number(0.25), true)));
+        assert_eq!(reach("// reach: high"), Ok((Amount::Parameter(0), false)));
         assert!(reach("").unwrap_err().1.starts_with("an effect that moves surfaces says how far at most"));
         assert_eq!(reach("// reach: low").unwrap_err().0, 2);
         assert_eq!(reach("// reach: -1").unwrap_err().0, 2);
         assert_eq!(reach("// reach: 1\n// space: joint").unwrap_err(), (3, "space is world or model".into()));
+    }
+
+    #[test]
+    fn overlays_say_how_many() {
+        let overlay = |text: &str| {
+            head_of(&format!(
+                "// param n = 9 in 0..50: count\n// param thru = false: over\n// hook: overlay\n{text}"
+            ))
+            .map(|h| (h.hook, h.count, h.over, h.of_scene))
+        };
+        let (number, parameter) = (Amount::Number, Amount::Parameter);
+        assert_eq!(overlay("// count: 64"), Ok((Hook::Overlay, number(64.0), number(0.0), false)));
+        let all = overlay("// count: n\n// over: thru\n// of: scene");
+        assert_eq!(all, Ok((Hook::Overlay, parameter(1), parameter(2), true)));
+        let error = |text: &str| overlay(text).unwrap_err();
+        assert_eq!(error("").0, 3);
+        assert!(error("").1.starts_with("an overlay says how many lines or triangles it has"));
+        let not = |what: &str| {
+            format!("count is a whole number from 1 to 100000, or the name of a parameter, not {what}")
+        };
+        assert_eq!(error("// count: 0"), (4, not("\"0\"")));
+        assert_eq!(error("// count: hihg"), (4, not("\"hihg\"; did you mean \"high\"?")));
+        assert_eq!(error("// count: thru").1, "count: the parameter thru must be a number within 0..100000");
+        assert_eq!(error("// count: 1\n// of: actor"), (5, "of is actors or scene".into()));
+        let over =
+            "over is true, false, or the name of a parameter that is, not \"thr\"; did you mean \"thru\"?";
+        assert_eq!(error("// count: 1\n// over: thr"), (5, over.into()));
+        assert_eq!(head_of("// count: 3").unwrap_err().1, "count is of effects with hook: overlay");
     }
 
     #[test]
@@ -392,17 +422,5 @@ mod tests {
         assert!(error("// texture paper").1.starts_with("write // texture NAME"));
         let many: String = (0..5).map(|i| format!("// texture t{i} = x.png: y\n")).collect();
         assert_eq!(error(&many), (5, "an effect has at most 4 textures".into()));
-    }
-
-    #[test]
-    fn mistakes_have_their_line() {
-        let error = |text: &str| manifest(text).unwrap_err();
-        assert_eq!(error("fn effect() {}").1, "the head comment must name the effect: // effect: NAME");
-        assert_eq!(error("// effect: a\n// param x = 2 in 0..1: y"), (2, "x: 2 is not within 0..1".into()));
-        assert_eq!(error("// effect: a\n// param x = k of l|m: y"), (2, "x: \"k\" is none of l, m".into()));
-        assert_eq!(error("// effect: A b").0, 1);
-        assert!(error("// effect: a\n// param x").1.starts_with("write // param NAME"));
-        let many: String = (0..9).map(|i| format!("// param x{i} = 0 in 0..1: y\n")).collect();
-        assert_eq!(error(&format!("// effect: a\n{many}")).1, "an effect has at most 8 parameters");
     }
 }

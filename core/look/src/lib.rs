@@ -1,4 +1,5 @@
-//! Effects in one file: `NAME.wgsl`, a function of a pixel, a place, a corner or a light, with its manifest in the head comment.
+//! Effects in one file: `NAME.wgsl`, a function of a pixel, a place, a corner, a light or a line,
+//! with its manifest in the head comment.
 //!
 //! ```text
 //! head comment ─► Manifest          ┌► the renderer's template ─► SPIR-V (Vulkan)
@@ -6,13 +7,18 @@
 //! ```
 
 mod around;
+mod compile;
 mod effect;
 mod forms;
 mod head;
 mod maths;
+mod overlay;
+mod parameters;
 mod prepare;
 mod program;
 mod shape;
+mod slips;
+mod trial;
 
 pub use effect::{ENDING, LookError, Picture, WgslEffect};
 pub use head::files;

@@ -50,7 +50,17 @@ enum Flow {
 }
 
 /// The step limit was reached.
-struct TooLong;
+pub struct TooLong {
+    /// Of the loop that was in its highest round: the one that does not end.
+    pub span: Option<Span>,
+    rounds: u32,
+}
+
+/// What a run gave, and how many steps it took.
+pub struct Done {
+    pub value: Value,
+    pub steps: u32,
+}
 
 /// One run of the entry function.
 struct Run<'a> {
@@ -94,11 +104,10 @@ impl Program {
         Ok(program)
     }
 
-    /// `None`: more than [`MOST_STEPS`].
-    pub fn run(&self, arguments: Vec<Value>, around: &dyn Around) -> Option<[f32; 4]> {
+    pub fn run(&self, arguments: Vec<Value>, around: &dyn Around) -> Result<Done, TooLong> {
         let mut run = Run { around, steps: 0 };
-        let out = self.call(self.entry, arguments, &mut run).ok()?;
-        Some(std::array::from_fn(|i| out.f(i)))
+        let value = self.call(self.entry, arguments, &mut run)?;
+        Ok(Done { value, steps: run.steps })
     }
 
     /// Constants stand before what uses them; naga has folded everything else.
@@ -169,12 +178,12 @@ impl Program {
     }
 
     fn block(&self, frame: &mut Frame<'_>, block: &Block, run: &mut Run<'_>) -> Result<Flow, TooLong> {
-        for statement in block.iter() {
+        for (statement, span) in block.span_iter() {
             run.steps += 1;
             if run.steps > MOST_STEPS {
-                return Err(TooLong);
+                return Err(TooLong { span: None, rounds: 0 });
             }
-            let flow = self.statement(frame, statement, run)?;
+            let flow = self.statement(frame, (statement, *span), run)?;
             if !matches!(flow, Flow::Next) {
                 return Ok(flow);
             }
@@ -185,7 +194,7 @@ impl Program {
     fn statement(
         &self,
         frame: &mut Frame<'_>,
-        statement: &Statement,
+        (statement, span): (&Statement, Span),
         run: &mut Run<'_>,
     ) -> Result<Flow, TooLong> {
         match statement {
@@ -216,23 +225,14 @@ impl Program {
                     }
                 }
             }
-            Statement::Loop { body, continuing, break_if } => loop {
-                run.steps += 1;
-                if run.steps > MOST_STEPS {
-                    return Err(TooLong);
-                }
-                match self.block(frame, body, run)? {
-                    Flow::Break => break,
-                    Flow::Return(value) => return Ok(Flow::Return(value)),
-                    Flow::Next | Flow::Continue => {}
-                }
-                self.block(frame, continuing, run)?;
-                if let Some(condition) = break_if
-                    && self.read(frame, *condition).0[0] != 0
-                {
-                    break;
-                }
-            },
+            Statement::Loop { .. } => {
+                let mut rounds = 0;
+                let flow = self.rounds(frame, statement, run, &mut rounds);
+                return flow.map_err(|e| match e.rounds < rounds {
+                    true => TooLong { span: Some(span), rounds },
+                    false => e,
+                });
+            }
             Statement::Break => return Ok(Flow::Break),
             Statement::Continue => return Ok(Flow::Continue),
             Statement::Return { value } => {
@@ -256,6 +256,35 @@ impl Program {
             _ => {}
         }
         Ok(Flow::Next)
+    }
+
+    /// All rounds of a loop, counted.
+    fn rounds(
+        &self,
+        frame: &mut Frame<'_>,
+        statement: &Statement,
+        run: &mut Run<'_>,
+        rounds: &mut u32,
+    ) -> Result<Flow, TooLong> {
+        let Statement::Loop { body, continuing, break_if } = statement else { return Ok(Flow::Next) };
+        loop {
+            *rounds += 1;
+            run.steps += 1;
+            if run.steps > MOST_STEPS {
+                return Err(TooLong { span: None, rounds: 0 });
+            }
+            match self.block(frame, body, run)? {
+                Flow::Break => return Ok(Flow::Next),
+                Flow::Return(value) => return Ok(Flow::Return(value)),
+                Flow::Next | Flow::Continue => {}
+            }
+            self.block(frame, continuing, run)?;
+            if let Some(condition) = break_if
+                && self.read(frame, *condition).0[0] != 0
+            {
+                return Ok(Flow::Next);
+            }
+        }
     }
 
     fn read(&self, frame: &Frame<'_>, handle: Handle<Expression>) -> Value {

@@ -295,5 +295,5 @@ fn mistakes_have_the_line_that_the_author_wrote() {
     assert!(text.starts_with("my.wgsl:2:1: not supported: global variable x"), "{text}");
     let text =
         error(&format!("{head}{good} {{\n  loop {{ if uv.x > 9.0 {{ break; }} }}\n  return color;\n}}"));
-    assert_eq!(text, "my.wgsl:1:1: a pixel takes more than 100000 steps; does a loop never end?");
+    assert_eq!(text, "my.wgsl:3:3: a pixel takes more than 100000 steps; does a loop never end?");
 }

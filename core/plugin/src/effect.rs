@@ -20,7 +20,7 @@ pub enum Hook {
     Lighting,
     /// Geometry of its own around or on surfaces: [`Effect::shell`], [`Effect::edges`].
     Shell,
-    /// Lines, points and lattices of its own: [`Effect::overlay`].
+    /// Triangles, lines, points and lattices of its own: [`Effect::overlay`].
     Overlay,
     /// How long the shutter is open: [`Effect::exposure`].
     Exposure,

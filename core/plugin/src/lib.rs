@@ -21,5 +21,5 @@ pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source,
 };
 pub use manifest::{BesideFile, Manifest, OptionError, OptionKind, OptionSpec, PluginFile};
-pub use overlay::{Label, Lattice, Overlay, Scene, Stroke};
+pub use overlay::{Body, Label, Lattice, Overlay, Scene, Stroke, Triangle};
 pub use registry::Registry;

@@ -1,8 +1,9 @@
-//! What effects draw of their own, beside the meshes of the stage: lines and points as wide as pixels say, and lattices.
-//! Both renderers draw it after everything else of the scene, with smooth edges whatever the number of samples.
+//! What effects draw of their own, beside the meshes of the stage: triangles, lines and points as wide as pixels say, and lattices.
+//! Both renderers draw it after everything else of the scene; lines, points and lattices with smooth edges whatever the number of
+//! samples.
 
-use choreo_stage::{EffectTarget, Snapshot, Stage};
-use glam::{DVec3, Vec4};
+use choreo_stage::{ActorState, Asset, DAabb, EffectTarget, Snapshot, Stage};
+use glam::{DAffine3, DVec3, Vec4};
 
 /// What an effect may look at to draw: the stage, and how it is at a time.
 #[derive(Clone, Copy)]
@@ -13,14 +14,107 @@ pub struct Scene<'a> {
     pub on: &'a [EffectTarget],
 }
 
-/// Drawn in this order: lattices, then strokes.
+impl<'a> Scene<'a> {
+    /// Those that are seen and have the effect, in the order of the stage; a body at many places counts once a place.
+    pub fn bodies(&self) -> impl Iterator<Item = Body<'a>> + use<'a> {
+        let (on, stage) = (self.on, self.stage);
+        let actors = stage.actors.iter().zip(&self.snapshot.actors).enumerate();
+        let seen =
+            actors.filter(move |(index, (_, state))| state.visible && EffectTarget::among(on, *index, None));
+        seen.flat_map(|(_, (actor, state))| {
+            actor.asset.first_places(state.copies).map(move |place| {
+                let place = DAffine3::from_cols(
+                    place.matrix3.x_axis.as_dvec3(),
+                    place.matrix3.y_axis.as_dvec3(),
+                    place.matrix3.z_axis.as_dvec3(),
+                    place.translation.as_dvec3(),
+                );
+                Body { asset: &actor.asset, state, world_from_model: state.world_from_model * place }
+            })
+        })
+    }
+}
+
+/// An actor that is seen, or one of the places where its body stands.
+#[derive(Clone, Copy)]
+pub struct Body<'a> {
+    pub asset: &'a Asset,
+    pub state: &'a ActorState,
+    pub world_from_model: DAffine3,
+}
+
+impl Body<'_> {
+    /// Where a joint stands in the world; `None` where there is none, or no finite place.
+    pub fn joint(&self, joint: u32) -> Option<DVec3> {
+        let at = self.state.model_from_joint.get(joint as usize)?.translation.as_dvec3();
+        Some(self.world_from_model.transform_point3(at)).filter(|at| at.is_finite())
+    }
+
+    /// The joints of its skins, or all where it has none, each with the nearest of them above it; parents first.
+    pub fn bones(&self) -> Vec<(u32, Option<u32>)> {
+        let skeleton = &self.asset.skeleton;
+        let mut shown = vec![self.asset.skins.is_empty(); skeleton.len()];
+        for joint in self.asset.skins.iter().flat_map(|skin| &skin.joints) {
+            if let Some(shown) = shown.get_mut(*joint as usize) {
+                *shown = true;
+            }
+        }
+        let above = |mut joint: usize| {
+            // Parents come first, so this ends.
+            while let Some(parent) = skeleton.parents()[joint] {
+                if shown[parent as usize] {
+                    return Some(parent);
+                }
+                joint = parent as usize;
+            }
+            None
+        };
+        (0..skeleton.len()).filter(|j| shown[*j]).map(|joint| (joint as u32, above(joint))).collect()
+    }
+
+    /// A box in the world around it as posed; around its joints where it has no mesh, and its place where it has neither.
+    pub fn bounds(&self) -> DAabb {
+        let mut all = DAabb::EMPTY;
+        for (reach, weights) in self.asset.instance_bounds().iter().zip(&self.state.morph_weights) {
+            all.add_box(&self.world_from_model, &reach.posed(&self.state.model_from_joint, weights));
+        }
+        if all.is_empty() {
+            let joints = 0..self.state.model_from_joint.len() as u32;
+            joints.filter_map(|joint| self.joint(joint)).for_each(|at| all.add(at));
+        }
+        if all.is_empty() {
+            all.add(self.world_from_model.translation);
+        }
+        all
+    }
+}
+
+/// Drawn in this order: lattices, triangles, strokes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overlay {
     pub strokes: Vec<Stroke>,
+    /// Drawn back to front by their middles.
+    pub triangles: Vec<Triangle>,
     pub lattices: Vec<Lattice>,
     pub labels: Vec<Label>,
     /// Over everything that is drawn, rather than hidden by what is nearer.
     pub over: bool,
+    /// What of it could not be made, and why; told by `choreo explain`.
+    pub left_out: Vec<String>,
+}
+
+impl Overlay {
+    /// Of strokes, and of triangles, that are drawn of one effect in a frame.
+    pub const MOST: usize = 100_000;
+}
+
+/// Both its faces are seen, in its colour as it is: no light falls on it, and it casts no shadow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triangle {
+    /// World, metres.
+    pub corners: [DVec3; 3],
+    /// Linear, straight alpha.
+    pub color: Vec4,
 }
 
 /// A line with round ends; where both ends are one, a disc.

@@ -67,7 +67,7 @@ pub struct Plan {
     pub area: Area,
     /// Full-screen passes in order.
     pub post: Vec<PostPass>,
-    /// Lines, points and lattices of effects, over the scene and below the passes.
+    /// Triangles, lines, points and lattices of effects, over the scene and below the passes.
     pub overlay: PlanOverlay,
     /// Where there are any, the frame is their mean in linear light, and this plan only says how the stage is at the frame's
     /// own time and what comes over the picture. See [`crate::exposure`].
@@ -109,7 +109,7 @@ pub struct OverlayVertex {
     pub color: Vec4,
     /// Stroke: pixels along and across, length, radius. Lattice: cells along both axes, way from the middle, 1 at the rim.
     pub shape: Vec4,
-    /// 0: a stroke. Lattice: 1, each so manieth line is thick, pixels of thin lines and of thick ones.
+    /// 0: a stroke, 2: all of a triangle. Lattice: 1, each so manieth line is thick, pixels of thin lines and of thick ones.
     pub lattice: Vec4,
 }
 

@@ -1,16 +1,14 @@
-//! Lines, points and lattices of effects as triangles on the screen, the same for both renderers.
+//! Triangles, lines, points and lattices of effects as triangles on the screen, the same for both renderers.
 
 use crate::flat::FlatLabel;
 use crate::plan::{LeftOut, PlanOverlay, View};
 use crate::plan::{OverlayPart, OverlayVertex};
 use crate::plan_options::PlanOptions;
 use crate::planner_effects::{effect_parameters, uses};
-use choreo_plugin::{Hook, Label, Lattice, Scene, Stroke};
+use choreo_plugin::{Hook, Label, Lattice, Overlay, Scene, Stroke, Triangle};
 use choreo_stage::{Snapshot, Stage};
 use glam::{DVec3, Vec2, Vec4, Vec4Swizzles};
 
-/// Six corners of 64 bytes each: 38 MB.
-pub const MOST_STROKES: usize = 100_000;
 /// More could not be read.
 const MOST_LABELS: usize = 2_000;
 
@@ -27,15 +25,20 @@ pub fn overlays(
         let Some(effect) = effect.filter(|e| e.hook() == Hook::Overlay) else { continue };
         let parameters = effect_parameters(effect.as_ref(), &state.parameters);
         let mut drawn = effect.overlay(&Scene { stage, snapshot, on: &used.on }, &parameters);
-        if drawn.strokes.len() > MOST_STROKES {
-            let why = format!("{} lines and points, at most {MOST_STROKES} are drawn", drawn.strokes.len());
-            left_out.push(LeftOut { what: format!("part of effect \"{}\"", used.plugin), why });
-            drawn.strokes.truncate(MOST_STROKES);
-        }
+        // Six corners of 64 bytes a stroke: 38 MB.
+        let most = Overlay::MOST;
+        let counts = [("lines and points", drawn.strokes.len()), ("triangles", drawn.triangles.len())];
+        let many = counts.into_iter().filter(|(_, count)| *count > most);
+        drawn.left_out.extend(many.map(|(what, n)| format!("{n} {what}, at most {most} are drawn")));
+        drawn.strokes.truncate(most);
+        drawn.triangles.truncate(most);
+        let what = format!("part of effect \"{}\"", used.plugin);
+        left_out.extend(drawn.left_out.into_iter().map(|why| LeftOut { what: what.clone(), why }));
         labels
             .extend(drawn.labels.into_iter().filter_map(|l| label(l, view)).take(MOST_LABELS - labels.len()));
         let first = overlay.vertices.len();
         drawn.lattices.iter().for_each(|l| lattice(l, view, &mut overlay.vertices));
+        triangles(&drawn.triangles, view, &mut overlay.vertices);
         drawn.strokes.iter().for_each(|s| stroke(s, view, size, &mut overlay.vertices));
         let count = overlay.vertices.len() - first;
         if count > 0 {
@@ -63,6 +66,26 @@ fn label(l: Label, view: &View) -> Option<FlatLabel> {
         color: l.color,
         text: l.text,
     })
+}
+
+/// Those that may be seen, back to front by the depth of their middles; of equal depth as they are given.
+fn triangles(all: &[Triangle], view: &View, out: &mut Vec<OverlayVertex>) {
+    let mut seen: Vec<(f32, [Vec4; 3], Vec4)> = Vec::new();
+    for t in all.iter().filter(|t| t.color.is_finite() && t.color.w > 0.0) {
+        let relative = t.corners.map(|c| (c - view.position).as_vec3());
+        let clip = relative.map(|r| view.clip_from_relative * r.extend(1.0));
+        let beside = |c: &Vec4| [c.w - c.z, c.z, c.w + c.x, c.w - c.x, c.w + c.y, c.w - c.y];
+        let [a, b, c] = [0, 1, 2].map(|i| beside(&clip[i]));
+        let outside = (0..6).any(|i| a[i] < 0.0 && b[i] < 0.0 && c[i] < 0.0);
+        if clip.iter().all(|c| c.is_finite()) && !outside {
+            let middle = (relative[0] + relative[1] + relative[2]) / 3.0;
+            seen.push((view.depth(middle), clip, t.color));
+        }
+    }
+    seen.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let corner =
+        |clip, color| OverlayVertex { clip, color, lattice: Vec4::X * 2.0, ..OverlayVertex::default() };
+    out.extend(seen.into_iter().flat_map(|(_, clip, color)| clip.map(|clip| corner(clip, color))));
 }
 
 /// A rectangle in the picture's plane, half a line's width and a pixel more around what is seen of it.

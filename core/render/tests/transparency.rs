@@ -2,6 +2,8 @@
 
 mod common;
 
+use choreo_look::WgslEffect;
+use choreo_plugin::Effect;
 use choreo_plugin::Frame;
 use choreo_render::gpu::Ability;
 use choreo_render::plan::PeelCause;
@@ -232,6 +234,36 @@ fn posed_bodies_count_by_the_boxes_around_them() {
         assert_eq!(cause(&bodies(morphed, 0.6)), Ok(PeelCause::Each(0, 1)), "{morphed}");
         assert!(cause(&bodies(morphed, 1.4)).is_err_and(|why| why.contains("can be sorted")));
     }
+}
+
+/// Two panes beside each other, which an effect may move into each other.
+#[test]
+fn bodies_that_effects_move_count_with_their_reach() {
+    let why = |apart: f64, reach: Option<f64>| {
+        let mut scene = Scene::ortho(4.0);
+        let glass = Material { alpha_mode: AlphaMode::Blend, ..unlit(Vec4::splat(0.5)) };
+        let made = asset(vec![quad(0.5, 0.5)], vec![glass], vec![]);
+        scene.at(&made, 0.0, 0.0, 0.0);
+        scene.at(&made, apart, 0.0, 0.0);
+        let text = "// effect: sway\n// hook: vertex\n// reach: far\n// param far = 0 in 0..1: metres\n\
+            fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> { return vec3(0.0, 0.0, p[far]); }";
+        let all: [std::sync::Arc<dyn Effect>; 1] =
+            [std::sync::Arc::new(WgslEffect::from_text("s", text).unwrap())];
+        if let Some(far) = reach {
+            use_effect(&mut scene, "sway", &[("far", far)], &[]);
+        }
+        let options = PlanOptions { effects: &all, ..PlanOptions::new([64; 2], 1) };
+        let plan = scene.plan(&options).1;
+        let peeled = plan.peel.map(|p| (p.cause, p.layers));
+        let out = plan.left_out.iter().any(|l| l.why.contains("can be sorted"));
+        assert_eq!(peeled.is_none(), out);
+        peeled
+    };
+    // Each may go 0.3 m towards the other; of what moves, nobody knows how often a line of sight meets it.
+    assert_eq!(why(1.4, Some(0.3)), Some((PeelCause::Each(0, 1), 8)));
+    assert_eq!(why(1.4, Some(0.1)), None);
+    assert_eq!(why(1.4, Some(0.0)), None);
+    assert_eq!(why(1.4, None), None);
 }
 
 #[test]

@@ -1,8 +1,7 @@
 //! Bones as lines and joints as points, over the picture or hidden by what is nearer.
 
 use choreo_plugin::{Effect, Hook, Label, Manifest, Overlay, Scene, Stroke};
-use choreo_stage::{ActorState, Asset, EffectTarget};
-use glam::{DVec3, Vec3A, Vec4};
+use glam::Vec4;
 use std::sync::LazyLock;
 
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
@@ -33,12 +32,9 @@ impl Effect for Skeleton {
         // Joints are darker: seen on their own bones.
         let color = Vec4::new(r, g, b, opacity);
         let dark = Vec4::new(r * 0.25, g * 0.25, b * 0.25, opacity);
-        for (index, (actor, state)) in scene.stage.actors.iter().zip(&scene.snapshot.actors).enumerate() {
-            if !state.visible || !EffectTarget::among(scene.on, index, None) {
-                continue;
-            }
-            let bones = bones(&actor.asset);
-            let at = |joint: u32| place(state, joint);
+        for body in scene.bodies() {
+            let bones = body.bones();
+            let at = |joint: u32| body.joint(joint);
             for (joint, parent) in &bones {
                 if let (Some(from), Some(to)) = (parent.and_then(at), at(*joint)) {
                     strokes.push(Stroke { from, to, width, color });
@@ -49,7 +45,7 @@ impl Effect for Skeleton {
                 strokes.extend(points.map(|at| Stroke { from: at, to: at, width: joints, color: dark }));
             }
             if names > 0.5 {
-                let skeleton = &actor.asset.skeleton;
+                let skeleton = &body.asset.skeleton;
                 // Without what Mixamo writes before all of them.
                 let name = |joint: u32| {
                     skeleton.names()[joint as usize].trim_start_matches("mixamorig:").to_string()
@@ -67,33 +63,4 @@ impl Effect for Skeleton {
         }
         Overlay { strokes, labels, over: over > 0.5, ..Overlay::default() }
     }
-}
-
-/// Where a joint stands in the world.
-fn place(state: &ActorState, joint: u32) -> Option<DVec3> {
-    let at: Vec3A = state.model_from_joint.get(joint as usize)?.translation;
-    let at = DVec3::new(at.x.into(), at.y.into(), at.z.into());
-    Some(state.world_from_model.transform_point3(at)).filter(|at| at.is_finite())
-}
-
-/// The joints of the asset's skins, or all where it has none, each with the nearest of them above it.
-fn bones(asset: &Asset) -> Vec<(u32, Option<u32>)> {
-    let skeleton = &asset.skeleton;
-    let mut shown = vec![asset.skins.is_empty(); skeleton.len()];
-    for joint in asset.skins.iter().flat_map(|skin| &skin.joints) {
-        if let Some(shown) = shown.get_mut(*joint as usize) {
-            *shown = true;
-        }
-    }
-    let above = |mut joint: usize| {
-        // Parents come first, so this ends.
-        while let Some(parent) = skeleton.parents()[joint] {
-            if shown[parent as usize] {
-                return Some(parent);
-            }
-            joint = parent as usize;
-        }
-        None
-    };
-    (0..skeleton.len()).filter(|j| shown[*j]).map(|joint| (joint as u32, above(joint))).collect()
 }

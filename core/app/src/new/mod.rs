@@ -61,6 +61,8 @@ fn hook_text(hook: Option<HookArg>) -> &'static str {
         HookArg::Surface => include_str!("hooks/surface.wgsl"),
         HookArg::Vertex => include_str!("hooks/vertex.wgsl"),
         HookArg::Lighting => include_str!("hooks/lighting.wgsl"),
+        HookArg::Shell => include_str!("hooks/shell.wgsl"),
+        HookArg::Overlay => include_str!("hooks/overlay.wgsl"),
     }
 }
 

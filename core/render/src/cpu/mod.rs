@@ -239,7 +239,7 @@ impl CpuRenderer {
             .collect()
     }
 
-    /// Lines, points and lattices of effects.
+    /// Triangles, lines, points and lattices of effects.
     fn overlays<'a>(&self, plan: &'a Plan) -> Vec<Batch<'a>> {
         let pipeline =
             PipelineKey { double_sided: true, blend: true, ..PipelineKey::of(Features::default()) };

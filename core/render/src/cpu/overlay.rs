@@ -1,4 +1,4 @@
-//! Twin of overlay.wgsl: how much of each pixel lines, points and lattices cover, a 2×2 quad at a time.
+//! Twin of overlay.wgsl: how much of each pixel triangles, lines, points and lattices cover, a 2×2 quad at a time.
 
 use super::lanes::{F4, Weights};
 use super::shade::{ALL_SAMPLES, Shaded};
@@ -22,8 +22,9 @@ pub fn corners(vertices: &[OverlayVertex]) -> Vec<Vertex> {
 pub fn shade(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Shaded {
     let [a, b, c] = ids.map(|i| &vertices[i as usize]);
     let [x, y, z, w] = std::array::from_fn(|n| weights.scalar(a.shape[n], b.shape[n], c.shape[n]));
-    let cover = match a.lattice.x > 0.5 {
-        true => {
+    let cover = match a.lattice.x {
+        kind if kind > 1.5 => F4::ONE,
+        kind if kind > 0.5 => {
             let rim = F4::ONE - (z * z + w * w).map(f32::sqrt);
             let rim = rim.clamp(0.0, 1.0);
             let along = [x, y].map(|at| {
@@ -32,7 +33,7 @@ pub fn shade(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Sh
             });
             along[0].max(along[1]) * rim * rim * (F4::splat(3.0) - rim * 2.0)
         }
-        false => F4(std::array::from_fn(|i| {
+        _ => F4(std::array::from_fn(|i| {
             let (along, across) = (x.0[i] - x.0[i].clamp(0.0, a.shape.z), y.0[i]);
             (a.shape.w + 0.5 - (along * along + across * across).sqrt()).clamp(0.0, 1.0)
         })),

@@ -6,7 +6,7 @@ use crate::call::{ApiError, Call, Def, Gives, Options, Reply, describe, unknown}
 use crate::hook;
 use crate::suggest::list;
 use crate::value::*;
-use choreo_plugin::{Effect, OptionKind, OptionSpec};
+use choreo_plugin::{Effect, Hook, OptionKind, OptionSpec};
 use choreo_stage::{Asset, Channel, EffectEdit, EffectTarget, EffectUse, Property};
 use rhai::Dynamic;
 use std::sync::Arc;
@@ -237,6 +237,10 @@ fn on(c: &mut Call) -> Reply {
     if !targets.is_empty() && !plugin(c, &this)?.of_actors() {
         let text = "on: post effects cover the whole picture, not single actors";
         return Err(ApiError::new(text).hint("leave .on(…) out, or give it a camera"));
+    }
+    if targets.iter().any(|t| t.material.is_some()) && plugin(c, &this)?.hook() == Hook::Overlay {
+        let text = "on: this effect draws beside actors, not on single materials of them";
+        return Err(ApiError::new(text).hint("leave material out"));
     }
     if targets.is_empty() && o.get("material").is_some() {
         return Err(ApiError::new("on: a camera has no material"));

@@ -1,0 +1,139 @@
+//! The manifest in the head comment of an effect: its name, what it is, its parameters.
+
+use crate::head::{HeadError, comment};
+use choreo_plugin::Manifest;
+use choreo_plugin::suggest::closest;
+
+/// As many as the shader's array of parameters holds.
+const MOST: usize = 8;
+
+pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
+    let mut manifest = Manifest { version: "1".into(), ..Manifest::default() };
+    for (i, line) in comment(text) {
+        let line = line.trim().trim_start_matches('/').trim();
+        let at = |message: String| (i + 1, message);
+        if let Some(name) = line.strip_prefix("effect:") {
+            manifest.name = identifier(name.trim()).map_err(at)?.to_string();
+        } else if let Some(about) = line.strip_prefix("about:") {
+            manifest.about = about.trim().to_string();
+        } else if let Some(version) = line.strip_prefix("version:") {
+            manifest.version = version.trim().to_string();
+        } else if let Some(param) = line.strip_prefix("param ") {
+            manifest = parameter(manifest, param).map_err(at)?;
+        } else if let Some(error) = misspelt(line) {
+            return Err(at(error));
+        }
+    }
+    if manifest.name.is_empty() {
+        let meant = |(i, line): (usize, &str)| {
+            let (word, _) = line.trim().trim_start_matches('/').trim().split_once(':')?;
+            Some((i + 1, slip(word.trim(), &["effect"])?))
+        };
+        if let Some(error) = comment(text).find_map(meant) {
+            return Err(error);
+        }
+        return Err((1, "the head comment must name the effect: // effect: NAME".into()));
+    }
+    Ok(manifest)
+}
+
+/// A line that was meant to declare something: `parm amount = 0.1 in 0..1: how strong`.
+fn misspelt(line: &str) -> Option<String> {
+    let (word, rest) = line.split_once(' ')?;
+    let (_, value) = rest.split_once('=')?;
+    value.contains(':').then(|| slip(word, &["param", "texture"])).flatten()
+}
+
+fn slip(word: &str, known: &[&str]) -> Option<String> {
+    let meant = closest(word, known.iter().copied()).filter(|meant| word != *meant)?;
+    let near = meant.len().abs_diff(word.len()) <= 2;
+    near.then(|| format!("unknown word \"{word}\"; did you mean \"{meant}\"?"))
+}
+
+/// `amount = 0.1 in 0..1: how strong`
+fn parameter(manifest: Manifest, text: &str) -> Result<Manifest, String> {
+    const FORM: &str = "write // param NAME = 0.5 in 0..1: ABOUT, or = false: ABOUT, or = A of A|B: ABOUT";
+    let (name, rest) = text.split_once('=').ok_or(FORM)?;
+    let name = identifier(name.trim())?;
+    if manifest.options.iter().any(|o| o.name == name) {
+        return Err(format!("the parameter {name} is declared twice"));
+    }
+    if manifest.options.len() == MOST {
+        return Err(format!("an effect has at most {MOST} parameters"));
+    }
+    let (value, about) = rest.split_once(':').ok_or(FORM)?;
+    let (value, about) = (value.trim(), about.trim());
+    if let Ok(flag) = value.parse::<bool>() {
+        return Ok(manifest.flag(name, about, flag));
+    }
+    if let Some((first, all)) = value.split_once(" of ") {
+        let all: Vec<&str> = all.split('|').map(str::trim).filter(|a| !a.is_empty()).collect();
+        let first = first.trim();
+        return match all.contains(&first) {
+            true => Ok(manifest.text(name, about, first, &all)),
+            false => Err(format!("{name}: \"{first}\" is none of {}", all.join(", "))),
+        };
+    }
+    let (value, range) = value.split_once(" in ").ok_or(FORM)?;
+    let (min, max) = range.split_once("..").ok_or(FORM)?;
+    let number = |text: &str| {
+        let text = text.trim();
+        text.parse::<f64>()
+            .ok()
+            .filter(|v| v.is_finite())
+            .ok_or_else(|| format!("{name}: \"{text}\" is no number"))
+    };
+    let (value, min, max) = (number(value)?, number(min)?, number(max)?);
+    if !(min..=max).contains(&value) {
+        return Err(format!("{name}: {value} is not within {min}..{max}"));
+    }
+    Ok(manifest.number(name, about, value, min..=max))
+}
+
+pub fn identifier(name: &str) -> Result<&str, String> {
+    let mut chars = name.chars();
+    let good = chars.next().is_some_and(|c| c.is_ascii_lowercase())
+        && chars.all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+        && name.len() <= 40;
+    match good {
+        true => Ok(name),
+        false => Err(format!("\"{name}\" must be a name of lower-case letters, digits and _, at most 40")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_head_comment_is_a_manifest() {
+        let m = manifest(
+            "// effect: grain\n// about: film grain\n//\n// param amount = 0.1 in 0..1: how strong\n\
+             // param coloured = false: each its own\n// param curve = soft of soft|hard: how\nfn x() {}\n// param no = 1",
+        )
+        .unwrap();
+        let expected = Manifest::new("grain", "1", "film grain")
+            .number("amount", "how strong", 0.1, 0.0..=1.0)
+            .flag("coloured", "each its own", false)
+            .text("curve", "how", "soft", &["soft", "hard"]);
+        assert_eq!(m, expected);
+    }
+
+    #[test]
+    fn mistakes_have_their_line() {
+        let error = |text: &str| manifest(text).unwrap_err();
+        assert_eq!(error("fn effect() {}").1, "the head comment must name the effect: // effect: NAME");
+        assert_eq!(error("// effect: a\n// param x = 2 in 0..1: y"), (2, "x: 2 is not within 0..1".into()));
+        assert_eq!(error("// effect: a\n// param x = k of l|m: y"), (2, "x: \"k\" is none of l, m".into()));
+        assert_eq!(error("// effect: A b").0, 1);
+        assert!(error("// effect: a\n// param x").1.starts_with("write // param NAME"));
+        let slip =
+            |wrong: &str, meant: &str| (2, format!("unknown word \"{wrong}\"; did you mean \"{meant}\"?"));
+        assert_eq!(error("// effect: a\n// parm x = 1 in 0..1: y"), slip("parm", "param"));
+        assert_eq!(error("// effect: a\n// textur x = y.png: z"), slip("textur", "texture"));
+        assert_eq!(error("// about: b\n// efect: a"), slip("efect", "effect"));
+        assert!(manifest("// effect: a\n// parts of it = all: a note\n// effects: many").is_ok());
+        let many: String = (0..9).map(|i| format!("// param x{i} = 0 in 0..1: y\n")).collect();
+        assert_eq!(error(&format!("// effect: a\n{many}")).1, "an effect has at most 8 parameters");
+    }
+}
