@@ -212,3 +212,18 @@ fn mistakes_have_their_line_and_what_was_meant() {
     let shell = of("// hook: shell", "fn effect(p: array<f32, 8>) -> Shel { return Shel(); }");
     assert_eq!(shell, "my.wgsl:3:32: no definition in scope for identifier: `Shel`; did you mean \"Shell\"?");
 }
+
+/// What the README shows is taken as it stands, but for its name.
+#[test]
+fn the_examples_of_the_readme_are_effects() {
+    let readme = include_str!("../README.md");
+    let examples: Vec<&str> =
+        readme.split("```wgsl\n").skip(1).filter_map(|text| text.split("```").next()).collect();
+    let hooks = examples.iter().map(|text| {
+        let named = text.contains("// effect:");
+        let text = if named { text.to_string() } else { format!("// effect: example\n{text}") };
+        effect(&text).hook()
+    });
+    use Hook::*;
+    assert_eq!(hooks.collect::<Vec<_>>(), [Pixel, Surface, Lighting, Vertex, Picture, Overlay, Shell]);
+}

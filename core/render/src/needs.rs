@@ -314,7 +314,7 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     );
     say(facts.samples == 1, "multisampling", "one sample a pixel was asked for".into());
     say(facts.post_passes == 0, "full-screen passes and float target", "no effect is on".into());
-    say(facts.overlays == 0, "lines and points of effects", "no effect draws any".into());
+    say(facts.overlays == 0, "lines, points and triangles of effects", "no effect draws any".into());
     let no_shadows = match facts {
         f if !f.casting => "no light casts shadows",
         f if !f.lit_drawn => "nothing lit is in view",

@@ -54,7 +54,7 @@ pub const LEFT_OUT: &[&str] = &[
     "full-screen passes and float target",
     "shadow maps",
     "shadows beyond the limit",
-    "lines and points of effects",
+    "lines, points and triangles of effects",
 ];
 
 /// "shadow map: out, no light casts".

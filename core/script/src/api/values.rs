@@ -30,6 +30,7 @@ pub const PLAN_COUNTS: &[(&str, PlanCount)] = &[
     ("joint_matrices", PlanCount::JointMatrices),
     ("morphs", PlanCount::Morphs),
     ("shadow_maps", PlanCount::ShadowMaps),
+    ("overlay_triangles", PlanCount::OverlayTriangles),
 ];
 
 /// A plain value, arrays and maps of these included.

@@ -212,6 +212,8 @@ pub enum PlanCount {
     Morphs,
     /// Depths seen from lights that cast shadows.
     ShadowMaps,
+    /// What effects draw of their own: two a line or point.
+    OverlayTriangles,
 }
 
 #[derive(Clone, Debug)]

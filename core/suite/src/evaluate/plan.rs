@@ -47,6 +47,7 @@ pub fn count(looks: &mut Looks, options: &PlanOptions, what: PlanCount, time: Ti
         PlanCount::JointMatrices => plan.joint_matrices.len(),
         PlanCount::Morphs => plan.morphs.len(),
         PlanCount::ShadowMaps => plan.shadows.as_ref().map_or(0, |s| s.views.len()),
+        PlanCount::OverlayTriangles => plan.overlay.vertices.len() / 3,
     })
 }
 

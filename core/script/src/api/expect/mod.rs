@@ -73,7 +73,7 @@ pub const DEFS: &[Def] = &[
     selector("picture_height", "camera?", "Height of an actor in the picture, as a share of the picture's.", picture_height),
     selector("picture_share", "camera?", "Share of an actor's vertices inside the picture, whatever stands before them.", picture_share),
     selector("tilt", "camera?", "Degrees in the picture between up and the actor's or joint's own up (+y).", tilt),
-    selector("count", "what", "How many of a stage: \"actors\", \"cameras\", \"cuts\", \"lights\", \"effects\", \"layers\", \"cues\", \"callbacks\", \"assets\", \"joints\", \"triangles\", \"vertices\", \"frames\"; of a plan: \"passes\", \"post_passes\", \"pipelines\", \"draws\", \"copies\", \"triangles\", \"lights\", \"joint_matrices\", \"morphs\", \"shadow_maps\".", count),
+    selector("count", "what", "How many of a stage: \"actors\", \"cameras\", \"cuts\", \"lights\", \"effects\", \"layers\", \"cues\", \"callbacks\", \"assets\", \"joints\", \"triangles\", \"vertices\", \"frames\"; of a plan: \"passes\", \"post_passes\", \"pipelines\", \"draws\", \"copies\", \"triangles\", \"lights\", \"joint_matrices\", \"morphs\", \"shadow_maps\", \"overlay_triangles\" (what effects draw of their own; two a line or point).", count),
     selector("events", "", "What begins and ends when: cues (\"anna: Walk starts\"), looks (\"anna: look ends\"), cuts (\"cut to wide\"), effects (\"vignette starts\"); of an actor, only its own.", events),
     selector("warnings", "", "Lines of warnings of the script and of the assets on stage.", warnings),
     selector("printed", "", "Lines of print(…).", printed),

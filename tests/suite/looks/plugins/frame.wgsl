@@ -1,0 +1,18 @@
+// effect: frame
+// about: the box around all that is seen, as lines
+// hook: overlay
+// of: scene
+// count: 12
+fn corner(body: Body, bits: u32) -> vec3<f32> {
+    let high = vec3((bits & 1u) != 0u, (bits & 2u) != 0u, (bits & 4u) != 0u);
+    return select(body.low, body.high, high);
+}
+
+fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line {
+    // Four edges along each axis: the corner without that axis' bit, and with it.
+    let axis = index / 4u;
+    let others = index % 4u;
+    let low = (1u << axis) - 1u;
+    let bits = (others & low) | ((others & ~low) << 1u);
+    return Line(corner(body, bits), corner(body, bits | (1u << axis)), 2.0, vec4(0.9, 0.1, 0.05, 1.0));
+}
