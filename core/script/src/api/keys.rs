@@ -72,7 +72,8 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
     let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
     let four = keys.iter().any(|(_, v)| numbers(v).is_some_and(|n| n.len() == 4));
     let eases = eases(&c.value(next), how, ease)?;
-    let eased = |values: Vec<Vec<f64>>| eased(c, &times, values, &eases);
+    let eased = |values: Vec<Vec<f64>>| eased(c, &times, values, &eases, straight);
+    let turns = |values: Vec<Vec<f64>>| quaternions(c, how, &times, values, &eases);
     let one = |property, values: Vec<Vec<f64>>| {
         let (times, values) = eased(values)?;
         Ok::<_, ApiError>(vec![channel(property, how, &times, &values)])
@@ -117,12 +118,16 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
         "range" => one(Property::Range, values(&|v, l| Ok(vec![number_in(v, l, 1e-3, 1e9)?]))?)?,
         "cone" => one(Property::Cone, values(&|v, l| Ok(vec![number_in(v, l, 0.1, 90.0)?.to_radians()]))?)?,
         "direction" => {
-            let turn = |v: &Dynamic, l: &str| {
-                let way = crate::call::Call::direction(v, l)?.normalize();
-                // As in glTF, a rotation turns −Z.
-                Ok(DQuat::from_rotation_arc(DVec3::NEG_Z, way).to_array().to_vec())
-            };
-            vec![quaternions(how, &times, &values(&turn)?)?]
+            let ways = values(&|v, l| Ok(Call::direction(v, l)?.normalize().to_array().to_vec()))?;
+            // As in glTF, a rotation turns −Z; each goes on from the one before, so that between them lies the shortest way.
+            let (mut way, mut turn) = (DVec3::NEG_Z, DQuat::IDENTITY);
+            let turned = ways.iter().map(|next| {
+                let next = DVec3::from_slice(next);
+                turn = (DQuat::from_rotation_arc(way, next) * turn).normalize();
+                way = next;
+                turn.to_array().to_vec()
+            });
+            vec![turns(turned.collect())?]
         }
         "strength" => one(Property::Intensity, values(&|v, l| Ok(vec![number_in(v, l, 0.0, 1000.0)?]))?)?,
         "turn" => {
@@ -137,7 +142,7 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
             vec![channel(Property::Visible, "step", &times, &on)]
         }
         "rotation" if four => {
-            vec![quaternions(how, &times, &values(&|v, l| Ok(quaternion(v, l)?.to_array().to_vec()))?)?]
+            vec![turns(values(&|v, l| Ok(quaternion(v, l)?.to_array().to_vec()))?)?]
         }
         "rotation" => {
             let (times, angles) = eased(values(&angles)?)?;
@@ -161,7 +166,7 @@ pub fn parts(c: &Call, property: Property, step: bool, read: &Reader) -> Result<
     let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
     let values = keys.iter().enumerate().map(|(i, (_, v))| read(v, &format!("key: value of key {i}")));
     let values = values.collect::<Result<Vec<_>, _>>()?;
-    let (times, values) = eased(c, &times, values, &eases(&c.value(1), how, ease)?)?;
+    let (times, values) = eased(c, &times, values, &eases(&c.value(1), how, ease)?, straight)?;
     let part = |n: usize| values.iter().map(|v| vec![v[n]]).collect::<Vec<_>>();
     let count = values.first().map_or(0, Vec::len);
     Ok((0..count).map(|n| channel(property, how, &times, &part(n))).collect())
@@ -256,12 +261,17 @@ fn eases(keys: &Dynamic, how: &str, all: Option<Ease>) -> Result<Vec<Option<Ease
     rows.iter().enumerate().map(ease).collect()
 }
 
+fn straight(a: &[f64], b: &[f64], w: f64) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + (b - a) * w).collect()
+}
+
 /// With keys between, where a key is come to by an ease: 60 a second, at least 16.
 fn eased(
     c: &Call,
     times: &[Time],
     values: Vec<Vec<f64>>,
     eases: &[Option<Ease>],
+    mix: fn(&[f64], &[f64], f64) -> Vec<f64>,
 ) -> Result<(Vec<Time>, Vec<Vec<f64>>), ApiError> {
     let (mut out_times, mut out) = (Vec::with_capacity(times.len()), Vec::with_capacity(times.len()));
     for (i, value) in values.iter().enumerate() {
@@ -271,8 +281,7 @@ fn eased(
             count(c, steps as usize)?;
             for step in 1..steps {
                 let w = ease.at(step as f64 / steps as f64);
-                let mix = values[i - 1].iter().zip(value).map(|(a, b)| a + (b - a) * w);
-                out.push(mix.collect());
+                out.push(mix(&values[i - 1], value, w));
                 out_times.push(
                     times[i - 1] + Time((i128::from(span) * i128::from(step) / i128::from(steps)) as i64),
                 );
@@ -333,13 +342,29 @@ pub fn quaternion(v: &Dynamic, label: &str) -> Result<DQuat, ApiError> {
     unit.ok_or_else(|| wrong(v, label, "a quaternion, [x, y, z, w], that is not zero"))
 }
 
-/// Keys of quaternions: from each to the next the shortest way, at an even speed.
-fn quaternions(how: &str, times: &[Time], values: &[Vec<f64>]) -> Result<Channel, ApiError> {
-    if !matches!(how, "linear" | "step") {
-        let text = format!("key: quaternions are keyed \"linear\" or \"step\", not \"{how}\"");
-        return Err(ApiError::new(text).hint("key degrees, or quaternions close to each other"));
-    }
-    Ok(channel(Property::Rotation, how, times, values))
+/// Keys of quaternions: from each to the next the shortest way, at an even speed or by eases.
+fn quaternions(
+    c: &Call,
+    how: &str,
+    times: &[Time],
+    values: Vec<Vec<f64>>,
+    eases: &[Option<Ease>],
+) -> Result<Channel, ApiError> {
+    let smooth = vec![Some(Ease::Smooth); values.len()];
+    let (how, eases) = match how {
+        "smooth" => ("linear", &smooth[..]),
+        "linear" | "step" => (how, eases),
+        _ => {
+            let text = format!(
+                "key: quaternions and directions are keyed \"linear\", \"smooth\" or \"step\", not \"{how}\""
+            );
+            return Err(ApiError::new(text).hint("key degrees, or more keys, close to each other"));
+        }
+    };
+    let slerp =
+        |a: &[f64], b: &[f64], w| DQuat::from_slice(a).slerp(DQuat::from_slice(b), w).to_array().to_vec();
+    let (times, values) = eased(c, times, values, eases, slerp)?;
+    Ok(channel(Property::Rotation, how, &times, &values))
 }
 
 pub fn fov(v: &Dynamic, label: &str) -> Result<f64, ApiError> {

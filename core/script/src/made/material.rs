@@ -380,3 +380,33 @@ impl Options {
             .ok_or_else(|| crate::call::wrong(&value, &self.label(name), "an Image, from image(…)"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::OPTIONS;
+    use std::path::Path;
+
+    /// The code of all numbered scripts.
+    fn lessons(folder: &Path, out: &mut String) {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                lessons(&path, out);
+            } else if path.extension().is_some_and(|e| e == "rhai") {
+                let text = std::fs::read_to_string(&path).unwrap();
+                text.lines().for_each(|line| *out += line.split("//").next().unwrap_or_default());
+            }
+        }
+    }
+
+    #[test]
+    fn each_option_stands_in_a_lesson() {
+        let mut text = String::new();
+        lessons(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts"), &mut text);
+        let shown = |name: &str| text.contains(&format!(" {name}: "));
+        let missing: Vec<_> = OPTIONS.into_iter().filter(|name| !shown(name)).collect();
+        assert!(missing.is_empty(), "no lesson has {missing:?}");
+        // It would be found.
+        assert!(!shown("specular_mop"));
+    }
+}
