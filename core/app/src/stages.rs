@@ -7,7 +7,8 @@ use crate::pipeline::render_failure;
 use crate::{plugin_files, provenance, render};
 use choreo_plugin::{Registry, VideoInfo};
 use choreo_render::cpu::{CpuRenderer, STAGES};
-use choreo_render::{Catalog, Plan, PlanOptions, Renderer};
+use choreo_render::exposure::plan_alone;
+use choreo_render::{Catalog, PlanOptions, Renderer};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -33,7 +34,9 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let snapshot = job.scene.stage.at(time).map_err(|e| Failure::input(e.to_string()))?;
     let catalog = Arc::new(Catalog::new(&job.scene.stage));
     let options = PlanOptions { effects, ..PlanOptions::new(job.settings.size, samples) };
-    let plan = Plan::new(&catalog, &job.scene.stage, &snapshot, &options);
+    let stage = &job.scene.stage;
+    let plan = plan_alone(&catalog, stage, &snapshot, &options, |at| stage.at(at))
+        .map_err(|e| Failure::input(e.to_string()))?;
     renderer.load(catalog).map_err(render_failure)?;
     let pictures = renderer.stages(&plan).map_err(render_failure)?;
     std::fs::create_dir_all(folder).map_err(|e| output_error(&args.output, &e))?;

@@ -5,10 +5,10 @@ use crate::eye::Views;
 use crate::{Eye, Marks, Scene};
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame};
-use choreo_render::exposure::plan_with;
+use choreo_render::exposure::{plan_alone, plan_with};
 use choreo_render::plan::Draw;
 use choreo_render::renderer::Work;
-use choreo_render::{Catalog, DeviceInfo, Held, Plan, PlanOptions, Renderer};
+use choreo_render::{Catalog, DeviceInfo, Held, PlanOptions, Renderer};
 use choreo_stage::Snapshot;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -246,7 +246,8 @@ impl Easel {
             // What moves past is not worth many pictures a frame.
             let snapshot = self.views.at(asked, asked.time)?;
             let evaluated_in = start.elapsed();
-            let plan = Plan::new(&scene.catalog, &stage, &snapshot, &options);
+            let at = |time| self.views.at(asked, time);
+            let plan = plan_alone(&scene.catalog, &stage, &snapshot, &options, at)?;
             (snapshot, plan, evaluated_in)
         } else {
             let at = |time| self.views.at(asked, time);

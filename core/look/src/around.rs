@@ -1,10 +1,10 @@
 //! The functions of the shader around an effect's, on the CPU.
 
 use crate::forms::Host;
-use crate::overlay::Bone;
+use crate::overlay::{Bone, Bones};
 use crate::program::Around;
 use crate::shape::Value;
-use choreo_plugin::{Body, EffectTexture, Pictures};
+use choreo_plugin::{Body, EffectTexture, Pictures, Scene};
 use glam::{DVec3, Vec2, Vec4};
 
 /// Colours from the arguments: for trials, before there is anything to see.
@@ -14,6 +14,7 @@ impl Around for Plain {
     fn call(&self, host: Host, arguments: &[Value]) -> Value {
         match host {
             Host::PictureSize => Value::ints([1280, 720]),
+            Host::Named(i) => Value::uint(i as u32),
             Host::Parent => Value::ints([arguments.first().map_or(0, |v| v.0[0]) as i32 - 1, 0]),
             _ => {
                 let bits = arguments.last().map_or(0, |v| v.0[0]);
@@ -36,36 +37,47 @@ impl Around for Textured<'_> {
 
 /// The body that an overlay is drawn around, and textures.
 pub struct Beside<'a> {
+    pub scene: &'a Scene<'a>,
     /// `None`: the scene.
     pub body: Option<&'a Body<'a>>,
-    pub bones: &'a [Bone],
+    pub bones: &'a Bones,
     pub textures: &'a [EffectTexture],
 }
 
 impl Around for Beside<'_> {
     fn call(&self, host: Host, arguments: &[Value]) -> Value {
-        let first = arguments.first().copied().unwrap_or_default();
-        let bone = self.bones.get(first.0[0] as usize);
-        let place = self.body.map_or(DVec3::ZERO, |body| body.world_from_model.translation);
+        let last = arguments.last().copied().unwrap_or_default();
+        let bone = self.bones.all.get(last.0[0] as usize);
+        let ago = || {
+            let frames = arguments.first().map_or(0, |v| v.0[0]) as usize;
+            self.body.map(|body| self.scene.earlier(body, frames).unwrap_or(*body))
+        };
         let at = match host {
             Host::Texture(_) => return Textured(self.textures).call(host, arguments),
             Host::Parent => {
                 let above = bone.and_then(|(_, above)| *above);
                 return Value::ints([above.map_or(-1, |above| above as i32), 0]);
             }
-            // A bone that is not there stands where the body does.
-            Host::Joint => {
-                let joint = bone.and_then(|(joint, _)| self.body?.joint(*joint));
-                joint.unwrap_or(place)
-            }
-            Host::InWorld => {
-                let at = DVec3::from([0, 1, 2].map(|i| f64::from(first.f(i))));
-                self.body.map_or(at, |body| body.world_from_model.transform_point3(at))
-            }
+            Host::Named(i) => return Value::uint(self.bones.named.get(i).copied().unwrap_or(u32::MAX)),
+            Host::Joint => joint(self.body, bone),
+            Host::PreviousJoint => joint(ago().as_ref(), bone),
+            Host::InWorld => in_world(self.body, &last),
+            Host::PreviousInWorld => in_world(ago().as_ref(), &last),
             _ => DVec3::ZERO,
         };
         Value::floats(&at.as_vec3().to_array())
     }
+}
+
+/// A bone that is not there stands where the body does.
+fn joint(body: Option<&Body>, bone: Option<&Bone>) -> DVec3 {
+    let Some(body) = body else { return DVec3::ZERO };
+    bone.and_then(|(joint, _)| body.joint(*joint)).unwrap_or(body.world_from_model.translation)
+}
+
+fn in_world(body: Option<&Body>, place: &Value) -> DVec3 {
+    let at = DVec3::from([0, 1, 2].map(|i| f64::from(place.f(i))));
+    body.map_or(at, |body| body.world_from_model.transform_point3(at))
 }
 
 /// The pictures of a pass, and textures.
@@ -92,7 +104,7 @@ impl Around for Seeing<'_> {
                 // A plan of one time alone has none: the picture stands for them.
                 picture.unwrap_or(&self.pictures.original).at(at[0], at[1])
             }
-            Host::Joint | Host::Parent | Host::InWorld => return Value::default(),
+            _ => return Value::default(),
         };
         Value::floats(&pixel.to_array())
     }

@@ -1,7 +1,7 @@
 //! From an author's text to a program: parsed, validated, of its hook's form, and tried.
 
 use crate::effect::LookError;
-use crate::forms::{EDGES, Form, Host, LINE, PREVIOUS, TRIANGLE, form};
+use crate::forms::{EDGES, Form, Host, LINE, TRIANGLE, form};
 use crate::head::{self, Head};
 use crate::prepare::has_pointer_arguments;
 use crate::program::Program;
@@ -113,9 +113,14 @@ pub fn compile(file: &str, text: &str) -> Result<Compiled, LookError> {
 }
 
 fn around(form: &Form, head: &Head) -> Vec<Around> {
-    let always = form.functions.iter().chain((head.history > 0).then_some(&PREVIOUS));
+    let history = if head.history > 0 { form.with_history } else { &[] };
+    let always = form.functions.iter().chain(history);
     let mut all: Vec<Around> =
         always.map(|(name, text, host)| (name.to_string(), text.to_string(), *host)).collect();
+    all.extend(head.joints.iter().enumerate().map(|(i, joint)| {
+        let text = format!("fn {}() -> u32 {{ return {i}u; }}\n", joint.name);
+        (joint.name.clone(), text, Host::Named(i))
+    }));
     all.extend(head.textures.iter().enumerate().map(|(i, t)| {
         let text = format!("fn {}(uv: vec2<f32>) -> vec4<f32> {{ return uv.xyxy; }}\n", t.name);
         (t.name.clone(), text, Host::Texture(i))

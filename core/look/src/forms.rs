@@ -21,8 +21,13 @@ pub struct Form {
     /// Declared by the shader that calls the function; appended below the author's text, so that lines stay.
     pub declared: &'static str,
     /// Functions of the shader that it may call, as [`Host`] lists them. Their bodies are never run.
-    pub functions: &'static [(&'static str, &'static str, Host)],
+    pub functions: &'static [Around],
+    /// And those where the head asks for a history.
+    pub with_history: &'static [Around],
 }
+
+/// Name, text, what runs in its place.
+type Around = (&'static str, &'static str, Host);
 
 /// A function of the shader that calls the effect's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +40,10 @@ pub enum Host {
     Joint,
     Parent,
     InWorld,
+    PreviousJoint,
+    PreviousInWorld,
+    /// The number of a bone that the head names.
+    Named(usize),
     /// Of the effect's textures.
     Texture(usize),
 }
@@ -49,6 +58,7 @@ const PIXEL: Form = Form {
     gives: &[Part::Vector(F, VectorSize::Quad)],
     declared: "",
     functions: &[],
+    with_history: &[],
 };
 
 /// As in shaders/surface.wgsl, and `choreo_plugin::Seen` in this order.
@@ -59,6 +69,7 @@ const SURFACE: Form = Form {
     declared: "struct Seen { world: vec3<f32>, distance: f32, normal: vec3<f32>, facing: f32, background: vec3<f32>, \
         joints: vec3<f32>, uv: vec2<f32>, shadow: f32, viewer: vec3<f32> }\n",
     functions: &[],
+    with_history: &[],
 };
 
 /// As in shaders/displace.wgsl, and `choreo_plugin::Place` in this order.
@@ -68,6 +79,7 @@ const VERTEX: Form = Form {
     gives: &[Part::Vector(F, VectorSize::Tri)],
     declared: "struct Place { world: vec3<f32>, normal: vec3<f32>, uv: vec2<f32>, model: vec3<f32> }\n",
     functions: &[],
+    with_history: &[],
 };
 
 /// As in shaders/surface.wgsl, and `choreo_plugin::Falling` in this order.
@@ -78,6 +90,7 @@ const LIGHTING: Form = Form {
     declared: "struct Falling { cosine: f32, share: f32, color: vec3<f32>, base: vec3<f32>, normal: vec3<f32>, \
         viewer: vec3<f32>, light: vec3<f32>, lit: vec3<f32> }\n",
     functions: &[],
+    with_history: &[],
 };
 
 /// As in shaders/post.wgsl.
@@ -91,6 +104,11 @@ const PICTURE: Form = Form {
         ("original", "fn original(at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x)); }\n", Host::Original),
         ("picture_size", "fn picture_size() -> vec2<i32> { return vec2(1); }\n", Host::PictureSize),
     ],
+    with_history: &[(
+        "previous",
+        "fn previous(frames: u32, at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x) + f32(frames)); }\n",
+        Host::Previous,
+    )],
 };
 
 /// As [`choreo_plugin::Stroke`] and [`choreo_plugin::Triangle`] in this order.
@@ -106,6 +124,18 @@ const OVERLAY: Form = Form {
         ("parent", "fn parent(number: u32) -> i32 { return i32(number) - 1; }\n", Host::Parent),
         ("in_world", "fn in_world(place: vec3<f32>) -> vec3<f32> { return place; }\n", Host::InWorld),
     ],
+    with_history: &[
+        (
+            "previous_joint",
+            "fn previous_joint(frames: u32, number: u32) -> vec3<f32> { return vec3(f32(number + frames)); }\n",
+            Host::PreviousJoint,
+        ),
+        (
+            "previous_in_world",
+            "fn previous_in_world(frames: u32, place: vec3<f32>) -> vec3<f32> { return place * f32(frames); }\n",
+            Host::PreviousInWorld,
+        ),
+    ],
 };
 pub const LINE: &str = "Line";
 pub const TRIANGLE: &str = "Triangle";
@@ -117,15 +147,9 @@ const SHELL: Form = Form {
     gives: &[Part::Struct("Shell"), Part::Struct(EDGES)],
     declared: "struct Shell { width: f32, color: vec3<f32>, lighting_mix: f32 }\nstruct Edges { color: vec3<f32> }\n",
     functions: &[],
+    with_history: &[],
 };
 pub const EDGES: &str = "Edges";
-
-/// Beside those of [`PICTURE`], where the head asks for a history.
-pub const PREVIOUS: (&str, &str, Host) = (
-    "previous",
-    "fn previous(frames: u32, at: vec2<i32>) -> vec4<f32> { return vec4(f32(at.x) + f32(frames)); }\n",
-    Host::Previous,
-);
 
 pub fn form(hook: choreo_plugin::Hook) -> &'static Form {
     use choreo_plugin::Hook;

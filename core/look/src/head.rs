@@ -15,7 +15,8 @@
 //! ```
 //!
 //! Of `hook: vertex` also `reach: METRES or PARAMETER` and `space: model`, of `hook: picture` `passes: 2` and `history: 3`, of
-//! `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER` and `of: scene`.
+//! `hook: overlay` `count: NUMBER or PARAMETER`, `over: true or PARAMETER`, `of: scene`, `history: 64` and
+//! `joint hand = RightHand|hand.r: where it burns`.
 
 use crate::parameters::identifier;
 use choreo_plugin::suggest::{closest, did_you_mean};
@@ -25,9 +26,12 @@ use choreo_plugin::{Hook, Manifest, OptionKind, Overlay};
 pub type HeadError = (usize, String);
 
 pub const MOST_TEXTURES: usize = 4;
+const MOST_JOINTS: usize = 16;
 const MOST_PASSES: u32 = 16;
 /// Frames back; each is one more to draw for every frame.
 const MOST_HISTORY: u32 = 16;
+/// Frames back of an overlay; each is one more to pose.
+const MOST_POSES: u32 = 64;
 
 /// Where the effect takes hold, and how.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,6 +53,7 @@ pub struct Head {
     pub over: Amount,
     /// They are made once for the scene, not around each body.
     pub of_scene: bool,
+    pub joints: Vec<JointLine>,
     pub textures: Vec<TextureLine>,
 }
 
@@ -77,6 +82,16 @@ pub struct TextureLine {
     pub file: String,
     /// Its numbers are colors, encoded as sRGB.
     pub srgb: bool,
+    /// From 1.
+    pub line: usize,
+}
+
+/// A joint that an overlay asks for by name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct JointLine {
+    pub name: String,
+    /// The first of these that a body has.
+    pub of: Vec<String>,
     /// From 1.
     pub line: usize,
 }
@@ -112,6 +127,7 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
         count: Amount::Number(0.0),
         over: Amount::Number(0.0),
         of_scene: false,
+        joints: joints(text, manifest)?,
         textures: textures(text, manifest)?,
     };
     let mut hook_line = 1;
@@ -169,8 +185,9 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
                 Hook::Picture
             }
             "history" => {
-                head.history = count(MOST_HISTORY)?;
-                Hook::Picture
+                let poses = head.hook == Hook::Overlay;
+                head.history = count(if poses { MOST_POSES } else { MOST_HISTORY })?;
+                if poses { Hook::Overlay } else { Hook::Picture }
             }
             "count" => {
                 counts = true;
@@ -199,6 +216,9 @@ pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {
         if head.hook != of {
             return Err((line, format!("{name} is of effects with hook: {}", named(of))));
         }
+    }
+    if let Some(joint) = head.joints.first().filter(|_| head.hook != Hook::Overlay) {
+        return Err((joint.line, "joint is of effects with hook: overlay".into()));
     }
     match head.hook {
         Hook::Vertex if !reaches => Err((
@@ -325,6 +345,33 @@ fn textures(text: &str, manifest: &Manifest) -> Result<Vec<TextureLine>, HeadErr
     Ok(all)
 }
 
+/// `// joint hand = RightHand|hand.r: where it burns`
+fn joints(text: &str, manifest: &Manifest) -> Result<Vec<JointLine>, HeadError> {
+    const FORM: &str = "write // joint NAME = JOINT: ABOUT, or = JOINT|OTHER: ABOUT";
+    let mut all: Vec<JointLine> = Vec::new();
+    for (i, line) in comment(text) {
+        let Some(rest) = line.trim().trim_start_matches('/').trim().strip_prefix("joint ") else { continue };
+        let at = |message: String| (i + 1, message);
+        let (name, rest) = rest.split_once('=').ok_or_else(|| at(FORM.into()))?;
+        let name = identifier(name.trim()).map_err(at)?;
+        // Names of joints have colons too.
+        let (of, _) = rest.split_once(": ").ok_or_else(|| at(FORM.into()))?;
+        let of: Vec<String> =
+            of.split('|').map(|joint| joint.trim().to_string()).filter(|joint| !joint.is_empty()).collect();
+        if of.is_empty() {
+            return Err(at(FORM.into()));
+        }
+        if all.iter().any(|j| j.name == name) || manifest.options.iter().any(|o| o.name == name) {
+            return Err(at(format!("{name} is declared twice")));
+        }
+        if all.len() == MOST_JOINTS {
+            return Err(at(format!("an effect names at most {MOST_JOINTS} joints")));
+        }
+        all.push(JointLine { name: name.into(), of, line: i + 1 });
+    }
+    Ok(all)
+}
+
 /// Its lines, from 0.
 pub fn comment(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().take_while(|(_, l)| l.trim().is_empty() || l.trim_start().starts_with("//"))
@@ -396,6 +443,17 @@ mod tests {
         let over =
             "over is true, false, or the name of a parameter that is, not \"thr\"; did you mean \"thru\"?";
         assert_eq!(error("// count: 1\n// over: thr"), (5, over.into()));
+        let joints =
+            |text: &str| head_of(&format!("// hook: overlay\n// count: 1\n{text}")).map(|h| h.joints);
+        let of = ["mixamorig:RightHand", "hand.r"].map(String::from).to_vec();
+        let hand = JointLine { name: "hand".into(), of, line: 3 };
+        assert_eq!(joints("// joint hand = mixamorig:RightHand | hand.r: where: here"), Ok(vec![hand]));
+        assert_eq!(joints("// joint high = Hand: x"), Err((3, "high is declared twice".into())));
+        assert!(joints("// joint hand = : x").unwrap_err().1.starts_with("write // joint NAME"));
+        assert_eq!(
+            head_of("// joint hand = Hand: x").unwrap_err().1,
+            "joint is of effects with hook: overlay"
+        );
         assert_eq!(head_of("// count: 3").unwrap_err().1, "count is of effects with hook: overlay");
     }
 

@@ -1,9 +1,10 @@
 //! Lines and triangles of an effect's own: its function is asked for each, on the CPU, for both renderers.
 
 use crate::around::Beside;
-use crate::head::Head;
+use crate::head::{Head, JointLine};
 use crate::program::{MOST_STEPS, Program};
 use crate::shape::Value;
+use choreo_plugin::suggest::did_you_mean;
 use choreo_plugin::{Body, EffectTexture, Overlay, Scene, Stroke, Triangle};
 use choreo_stage::{Asset, DAabb};
 use glam::{DVec3, Vec4};
@@ -48,18 +49,19 @@ impl Drawing<'_> {
                 bounds.add(DVec3::ZERO);
             }
             let value = body_of(time, DVec3::ZERO, bounds, [0, 0]);
-            self.one(value, &Beside { body: None, bones: &[], textures: self.textures }, &mut made);
+            let bones = Bones::default();
+            self.one(value, &Beside { scene, body: None, bones: &bones, textures: self.textures }, &mut made);
         } else {
-            let mut known: Option<(&Asset, Vec<Bone>)> = None;
+            let mut known: Option<(&Asset, Bones)> = None;
             for (number, body) in scene.bodies().enumerate() {
                 // Many bodies of one file follow each other.
                 let bones = match known.take() {
                     Some((asset, bones)) if std::ptr::eq(asset, body.asset) => bones,
-                    _ => bones(&body),
+                    _ => Bones::of(&body, &self.head.joints, &mut made.out.left_out),
                 };
                 let place = body.world_from_model.translation;
-                let value = body_of(time, place, body.bounds(), [bones.len() as u32, number as u32]);
-                let around = Beside { body: Some(&body), bones: &bones, textures: self.textures };
+                let value = body_of(time, place, body.bounds(), [bones.count, number as u32]);
+                let around = Beside { scene, body: Some(&body), bones: &bones, textures: self.textures };
                 self.one(value, &around, &mut made);
                 known = Some((body.asset, bones));
             }
@@ -132,14 +134,52 @@ impl Drawing<'_> {
 /// Its joint, and the number of the bone above it.
 pub type Bone = (u32, Option<u32>);
 
-/// The bones of a body: of each its joint, and which of the bones is above it.
-fn bones(body: &Body) -> Vec<Bone> {
-    let all = body.bones();
-    let mut number = vec![None; body.asset.skeleton.len()];
-    for (i, (joint, _)) in all.iter().enumerate() {
-        number[*joint as usize] = Some(i as u32);
+/// The bones of a body, by number.
+#[derive(Default)]
+pub struct Bones {
+    /// After the bones joints that are none and that the head names.
+    pub all: Vec<Bone>,
+    pub count: u32,
+    /// The number of each joint that the head names; beyond the end where the body has none.
+    pub named: Vec<u32>,
+}
+
+impl Bones {
+    /// What is not there is told once for each file.
+    fn of(body: &Body, joints: &[JointLine], left_out: &mut Vec<String>) -> Bones {
+        let shown = body.bones();
+        let skeleton = &body.asset.skeleton;
+        let mut number: Vec<Option<u32>> = vec![None; skeleton.len()];
+        for (i, (joint, _)) in shown.iter().enumerate() {
+            number[*joint as usize] = Some(i as u32);
+        }
+        let of = |above: Option<u32>| above.and_then(|above| number[above as usize]);
+        let mut bones = Bones {
+            all: shown.iter().map(|(joint, above)| (*joint, of(*above))).collect(),
+            count: shown.len() as u32,
+            named: Vec::new(),
+        };
+        for line in joints {
+            let Some(joint) = line.of.iter().find_map(|name| skeleton.names().iter().position(|n| n == name))
+            else {
+                let near = did_you_mean(&line.of[0], skeleton.names().iter().map(String::as_str));
+                let (file, names) = (&body.asset.name, line.of.join(", "));
+                let why = format!("\"{file}\" has no joint {names}, as {} asks for{near}", line.name);
+                left_out.extend((!left_out.contains(&why)).then_some(why));
+                bones.named.push(u32::MAX);
+                continue;
+            };
+            let found = number[joint].unwrap_or_else(|| {
+                let above =
+                    std::iter::successors(skeleton.parents()[joint], |j| skeleton.parents()[*j as usize]);
+                let above = above.filter_map(|j| number[j as usize]).next();
+                bones.all.push((joint as u32, above));
+                bones.all.len() as u32 - 1
+            });
+            bones.named.push(found);
+        }
+        bones
     }
-    all.iter().map(|(joint, above)| (*joint, above.and_then(|above| number[above as usize]))).collect()
 }
 
 fn body_of(time: f32, place: DVec3, bounds: DAabb, counts: [u32; 2]) -> Value {

@@ -41,7 +41,7 @@ pub fn manifest(text: &str) -> Result<Manifest, HeadError> {
 fn misspelt(line: &str) -> Option<String> {
     let (word, rest) = line.split_once(' ')?;
     let (_, value) = rest.split_once('=')?;
-    value.contains(':').then(|| slip(word, &["param", "texture"])).flatten()
+    value.contains(':').then(|| slip(word, &["param", "texture", "joint"])).flatten()
 }
 
 fn slip(word: &str, known: &[&str]) -> Option<String> {

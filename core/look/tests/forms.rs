@@ -25,7 +25,7 @@ fn overlay(head: &str, gives: &str, body: &str) -> WgslEffect {
 
 /// Three joints in a row, a metre apart along Y, the first and the last of them bones.
 fn body(places: &[Affine3A]) -> Arc<Asset> {
-    let up = Transform { translation: Vec3::Y.into(), ..Transform::IDENTITY };
+    let up = Transform { translation: Vec3::Y, ..Transform::IDENTITY };
     let names = ["root", "between", "tip"].map(String::from).to_vec();
     let skeleton = Skeleton::new(names, vec![None, Some(0), Some(1)], vec![Transform::IDENTITY, up, up]);
     let skin = Skin { joints: vec![0, 2], inverse_bind: vec![Mat4::IDENTITY; 2] };
@@ -36,11 +36,12 @@ fn body(places: &[Affine3A]) -> Arc<Asset> {
 struct Seen {
     stage: Stage,
     snapshot: Snapshot,
+    before: Vec<Snapshot>,
 }
 
 /// Posed as at rest, a second and a half in.
 fn seen(actors: &[(&Arc<Asset>, DAffine3)]) -> Seen {
-    let mut seen = Seen { stage: Stage::default(), snapshot: Snapshot::default() };
+    let mut seen = Seen { stage: Stage::default(), snapshot: Snapshot::default(), before: Vec::new() };
     seen.snapshot.time = Time::from_secs(1.5);
     for (i, (asset, place)) in actors.iter().enumerate() {
         seen.stage.actors.push(Actor::new(&format!("a{i}"), (*asset).clone()));
@@ -58,7 +59,10 @@ impl Seen {
     fn draw(&self, effect: &WgslEffect, p: &[f32]) -> Overlay {
         let mut parameters = [0.0; 8];
         parameters[..p.len()].copy_from_slice(p);
-        effect.overlay(&Scene { stage: &self.stage, snapshot: &self.snapshot, on: &[] }, &parameters)
+        effect.overlay(
+            &Scene { stage: &self.stage, snapshot: &self.snapshot, before: &self.before, on: &[] },
+            &parameters,
+        )
     }
 }
 
@@ -104,6 +108,53 @@ fn bodies_at_places_have_lines_each() {
     assert_eq!(scene.draw(&dots, &[]).strokes.len(), 2);
     scene.snapshot.actors[0].visible = false;
     assert_eq!(scene.draw(&dots, &[]), Overlay::default());
+}
+
+#[test]
+fn lines_know_where_bodies_were() {
+    let places = [0.0, 9.0].map(|x| Affine3A::from_translation(Vec3::X * x));
+    let mut scene = seen(&[(&body(&places), moved(0.0, 0.0, 4.0))]);
+    let trail = "return Line(previous_joint(index, 1u), previous_in_world(index, vec3(1.0, 0.0, 0.0)), 1.0, vec4(1.0));";
+    let trail = overlay("// count: 4\n// history: 2", LINE, trail);
+    assert_eq!(trail.history(&[0.0; 8]), 2);
+    let at = |scene: &Seen| {
+        scene
+            .draw(&trail, &[])
+            .strokes
+            .iter()
+            .map(|s| [s.from.x, s.from.z, s.to.x, s.to.z])
+            .collect::<Vec<_>>()
+    };
+    let now = |x: f64| [x, 4.0, x + 1.0, 4.0];
+    assert_eq!(at(&scene)[..4], [now(0.0); 4], "a frame alone has none before it");
+    for z in [3.0, 1.0] {
+        let mut before = scene.snapshot.clone();
+        before.actors[0].world_from_model = moved(0.0, 0.0, z);
+        scene.before.push(before);
+    }
+    let then = |x: f64, z: f64| [x, z, x + 1.0, z];
+    // Farther back than the head says stands the farthest.
+    let of_copy = |x: f64| [now(x), then(x, 3.0), then(x, 1.0), then(x, 1.0)];
+    assert_eq!(at(&scene), [of_copy(0.0), of_copy(9.0)].concat());
+    // Who was not there then is where it is now.
+    scene.before[1].actors[0].visible = false;
+    assert_eq!(at(&scene)[1..3], [then(0.0, 3.0), now(0.0)]);
+    let without = error(&format!(
+        "// effect: a\n// hook: overlay\n// count: 1\n{LINE} {{ return Line(previous_joint(1u, 0u), vec3(0.0), 1.0, vec4(1.0)); }}"
+    ));
+    assert!(without.contains("no definition in scope for identifier: `previous_joint`"), "{without}");
+}
+
+#[test]
+fn joints_are_found_by_their_names() {
+    let scene = seen(&[(&body(&[]), moved(5.0, 0.0, 0.0))]);
+    let head = "// count: 1\n// joint end = no_such|tip: a bone\n// joint middle = between: none of the bones\n// joint tail = tail: not there";
+    let text = "return Line(joint(end()), joint(middle()) + joint(tail()), 1.0, vec4(f32(end()), f32(middle()), f32(parent(middle())), f32(body.joints) / 4.0));";
+    let made = scene.draw(&overlay(head, LINE, text), &[]);
+    let line = made.strokes[0];
+    assert_eq!((line.from, line.to), (DVec3::new(5.0, 2.0, 0.0), DVec3::new(10.0, 1.0, 0.0)));
+    assert_eq!(line.color, Vec4::new(1.0, 2.0, 0.0, 0.5));
+    assert_eq!(made.left_out, ["\"\" has no joint tail, as tail asks for"]);
 }
 
 #[test]

@@ -237,8 +237,8 @@ pub trait Effect: Send + Sync {
         1
     }
 
-    /// Of a [`Hook::Picture`]: how many frames back it looks. They are drawn for each frame, so that a frame is the same
-    /// whether those before it were rendered or not; before the first stands the first.
+    /// Of a [`Hook::Picture`] or a [`Hook::Overlay`]: how many frames back it looks. They are drawn, or for an overlay posed, for
+    /// each frame, so that a frame is the same whether those before it were rendered or not; before the first stands the first.
     fn history(&self, _parameters: &[f32; 8]) -> u32 {
         0
     }

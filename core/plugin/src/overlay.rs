@@ -10,6 +10,9 @@ use glam::{DAffine3, DVec3, Vec4};
 pub struct Scene<'a> {
     pub stage: &'a Stage,
     pub snapshot: &'a Snapshot,
+    /// How it was a frame ago, two frames ago and so on, as many as [`crate::Effect::history`] asks for; before the first frame
+    /// stands the first. Empty where a frame is looked at alone.
+    pub before: &'a [Snapshot],
     /// On these only; empty: on everything.
     pub on: &'a [EffectTarget],
 }
@@ -21,7 +24,7 @@ impl<'a> Scene<'a> {
         let actors = stage.actors.iter().zip(&self.snapshot.actors).enumerate();
         let seen =
             actors.filter(move |(index, (_, state))| state.visible && EffectTarget::among(on, *index, None));
-        seen.flat_map(|(_, (actor, state))| {
+        seen.flat_map(|(index, (actor, state))| {
             actor.asset.first_places(state.copies).map(move |place| {
                 let place = DAffine3::from_cols(
                     place.matrix3.x_axis.as_dvec3(),
@@ -29,21 +32,36 @@ impl<'a> Scene<'a> {
                     place.matrix3.z_axis.as_dvec3(),
                     place.translation.as_dvec3(),
                 );
-                Body { asset: &actor.asset, state, world_from_model: state.world_from_model * place }
+                Body::new(index, &actor.asset, place, state)
             })
         })
+    }
+
+    /// A body so many frames ago, 1 or more, or as many as are known; `None` where none is, or it was not seen then.
+    pub fn earlier(&self, body: &Body<'a>, frames: usize) -> Option<Body<'a>> {
+        let before = self.before.get(frames.checked_sub(1)?).or(self.before.last())?;
+        let state = before.actors.get(body.actor).filter(|state| state.visible)?;
+        Some(Body::new(body.actor, body.asset, body.place, state))
     }
 }
 
 /// An actor that is seen, or one of the places where its body stands.
 #[derive(Clone, Copy)]
 pub struct Body<'a> {
+    /// Index into `Stage::actors`.
+    pub actor: usize,
     pub asset: &'a Asset,
     pub state: &'a ActorState,
+    /// model-from-model of the place where its body stands; the identity where it stands where it is cast.
+    pub place: DAffine3,
     pub world_from_model: DAffine3,
 }
 
-impl Body<'_> {
+impl<'a> Body<'a> {
+    fn new(actor: usize, asset: &'a Asset, place: DAffine3, state: &'a ActorState) -> Body<'a> {
+        Body { actor, asset, state, place, world_from_model: state.world_from_model * place }
+    }
+
     /// Where a joint stands in the world; `None` where there is none, or no finite place.
     pub fn joint(&self, joint: u32) -> Option<DVec3> {
         let at = self.state.model_from_joint.get(joint as usize)?.translation.as_dvec3();

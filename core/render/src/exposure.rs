@@ -5,7 +5,7 @@
 use crate::planner_effects::{exposure_of, history_of};
 use crate::{Catalog, Plan, PlanOptions};
 use choreo_motion::Time;
-use choreo_plugin::Exposure;
+use choreo_plugin::{Exposure, Hook};
 use choreo_stage::{CameraState, Evaluator, Snapshot, Stage, StageError};
 use glam::Vec4;
 
@@ -35,26 +35,46 @@ pub fn plan_with<E>(
     mut at: impl FnMut(Time) -> Result<Snapshot, E>,
 ) -> Result<(Snapshot, Plan), E> {
     let snapshot = at(time)?;
-    let mut plan = Plan::new(catalog, stage, &snapshot, options);
+    let mut plan = plan_alone(catalog, stage, &snapshot, options, &mut at)?;
     if let Some(exposure) = exposure_of(stage, &snapshot, options.effects) {
         for time in times(stage, time, &exposure) {
-            let part = Plan::new(catalog, stage, &at(time)?, options);
+            let then = at(time)?;
+            let part = plan_alone(catalog, stage, &then, options, &mut at)?;
             plan.exposed.push(Plan { post: Vec::new(), linear: true, over: None, ..part });
         }
     }
-    let back = history_of(stage, &snapshot, options.effects);
+    let back = history_of(stage, &snapshot, options.effects, Hook::Picture);
     if back > 0 {
         let alone = |plan: Plan| Plan { post: Vec::new(), linear: true, over: None, ..plan };
         if plan.exposed.is_empty() {
-            plan.exposed.push(alone(Plan::new(catalog, stage, &snapshot, options)));
+            plan.exposed.push(alone(plan_alone(catalog, stage, &snapshot, options, &mut at)?));
         }
         for frames in 1..=i64::from(back) {
-            // Before the first frame stands the first.
-            let then = (time - stage.settings.fps.time_of(frames)).max(Time(0).min(time));
-            plan.before.push(alone(Plan::new(catalog, stage, &at(then)?, options)));
+            let then = at(frames_ago(stage, time, frames))?;
+            plan.before.push(alone(plan_alone(catalog, stage, &then, options, &mut at)?));
         }
     }
     Ok((snapshot, plan))
+}
+
+/// Before the first frame stands the first.
+fn frames_ago(stage: &Stage, time: Time, frames: i64) -> Time {
+    (time - stage.settings.fps.time_of(frames)).max(Time(0).min(time))
+}
+
+/// The plan of one snapshot, without those of other times that effects ask for: with the stage a frame before it, two frames
+/// before it and so on, as many as the lines of effects look back.
+pub fn plan_alone<E>(
+    catalog: &Catalog,
+    stage: &Stage,
+    snapshot: &Snapshot,
+    options: &PlanOptions,
+    at: impl FnMut(Time) -> Result<Snapshot, E>,
+) -> Result<Plan, E> {
+    let back = i64::from(history_of(stage, snapshot, options.effects, Hook::Overlay));
+    let earlier = (1..=back).map(|frames| frames_ago(stage, snapshot.time, frames));
+    let before = earlier.map(at).collect::<Result<Vec<Snapshot>, E>>()?;
+    Ok(Plan::new(catalog, stage, snapshot, &PlanOptions { before: &before, ..options.clone() }))
 }
 
 /// Evenly over the time that the shutter is open, each in the middle of its part, and never beyond a cut: a shot does not

@@ -1,6 +1,7 @@
 //! What a frame is planned for.
 
 use choreo_plugin::Effect;
+use choreo_stage::Snapshot;
 use std::sync::Arc;
 
 /// What a frame is planned for. [`PlanOptions::new`] gives the usual choices.
@@ -12,6 +13,8 @@ pub struct PlanOptions<'a> {
     pub samples: u32,
     /// Effects known by name; one of the stage that is not among them is left out, and said.
     pub effects: &'a [Arc<dyn Effect>],
+    /// The stage a frame ago, two frames ago and so on, for lines that effects draw of it ([`crate::exposure::plan_alone`]).
+    pub before: &'a [Snapshot],
     /// Every feature in, needed or not: the pixels must stay the same (tests).
     pub force_all: bool,
     /// Copies outside the view are drawn too.
@@ -30,6 +33,7 @@ impl PlanOptions<'_> {
             size,
             samples,
             effects: &[],
+            before: &[],
             force_all: false,
             no_culling: false,
             no_instancing: false,

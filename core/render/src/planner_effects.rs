@@ -152,11 +152,11 @@ pub fn exposure_of(stage: &Stage, snapshot: &Snapshot, effects: &[Arc<dyn Effect
     exposures.last().filter(|e| e.samples > 1 && e.open > 0.0)
 }
 
-/// How many frames back the effects that are on look.
-pub fn history_of(stage: &Stage, snapshot: &Snapshot, effects: &[Arc<dyn Effect>]) -> u32 {
+/// How many frames back the effects of a hook that are on look.
+pub fn history_of(stage: &Stage, snapshot: &Snapshot, effects: &[Arc<dyn Effect>], hook: Hook) -> u32 {
     let frames = uses(stage, snapshot).filter_map(|(used, state)| {
         let effect = effects.iter().find(|e| e.manifest().name == used.plugin)?;
-        let effect = Some(effect).filter(|e| e.hook() == Hook::Picture)?;
+        let effect = Some(effect).filter(|e| e.hook() == hook)?;
         Some(effect.history(&effect_parameters(effect.as_ref(), &state.parameters)))
     });
     frames.max().unwrap_or(0)

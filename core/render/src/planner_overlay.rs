@@ -24,7 +24,8 @@ pub fn overlays(
         let effect = options.effects.iter().find(|e| e.manifest().name == used.plugin);
         let Some(effect) = effect.filter(|e| e.hook() == Hook::Overlay) else { continue };
         let parameters = effect_parameters(effect.as_ref(), &state.parameters);
-        let mut drawn = effect.overlay(&Scene { stage, snapshot, on: &used.on }, &parameters);
+        let mut drawn =
+            effect.overlay(&Scene { stage, snapshot, before: options.before, on: &used.on }, &parameters);
         // Six corners of 64 bytes a stroke: 38 MB.
         let most = Overlay::MOST;
         let counts = [("lines and points", drawn.strokes.len()), ("triangles", drawn.triangles.len())];

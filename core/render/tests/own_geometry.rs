@@ -3,8 +3,11 @@
 mod common;
 
 use choreo_look::WgslEffect;
+use choreo_motion::Time;
 use choreo_plugin::Effect;
 use choreo_render::compare::compare;
+use choreo_render::exposure::plan_with;
+use choreo_render::plan::OverlayVertex;
 use choreo_render::*;
 use choreo_stage::*;
 use common::*;
@@ -53,6 +56,12 @@ fn all() -> Vec<Arc<dyn Effect>> {
             LINE,
             "let t = 6.2831853 * f32(index) / 40.0;\n\
              return Line(body.place + 0.8 * vec3(cos(t), 0.0, sin(t)), body.place + 0.8 * vec3(cos(t + 0.15), 0.0, sin(t + 0.15)), 3.0, vec4(1.0, 0.9, 0.2, p[amount]));",
+        ),
+        effect(
+            "wake",
+            "// hook: overlay\n// count: 4\n// history: 3",
+            LINE,
+            "let at = previous_in_world(index, vec3(0.0)); return Line(at, at, 3.0, vec4(1.0));",
         ),
         effect(
             "hull",
@@ -130,6 +139,36 @@ fn who_uses_none_has_no_triangles_and_what_is_outside_none() {
         scene.plan(&options(&effects, 1)).1.draws.len()
     };
     assert_eq!([hulls(0.0), hulls(0.5)], [1, 2]);
+}
+
+/// The middles of points from left to right, metres, of a body that goes a metre a second.
+fn wake(time: Time) -> Vec<f64> {
+    let effects = all();
+    let at = |time: Time| {
+        let mut scene = Scene::ortho(2.0);
+        scene.at(&Arc::new(Asset::default()), time.as_secs(), 0.0, 0.0);
+        use_effect(&mut scene, "wake", &[], &[0]);
+        scene.snapshot.time = time;
+        scene
+    };
+    let scene = at(time);
+    let (catalog, options) = (scene.catalog(), options(&effects, 1));
+    let made = plan_with::<()>(&catalog, &scene.stage, time, &options, |time| Ok(at(time).snapshot));
+    let corners = made.unwrap().1.overlay.vertices;
+    // Four of six corners of each; the picture is 8/3 m wide.
+    let middle = |c: &[OverlayVertex]| [0, 1, 2, 5].map(|i| f64::from(c[i].clip.x)).iter().sum::<f64>() / 3.0;
+    corners.chunks_exact(6).map(middle).collect()
+}
+
+#[test]
+fn lines_are_drawn_where_bodies_were_frames_ago() {
+    let near = |got: Vec<f64>, expected: [f64; 4]| {
+        assert!(got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{got:?} {expected:?}");
+    };
+    let frames = |n: f64| Time::from_secs(n / 30.0);
+    near(wake(frames(12.0)), [12.0, 11.0, 10.0, 9.0].map(|n| n / 30.0));
+    // Before the first frame stands the first.
+    near(wake(frames(2.0)), [2.0, 1.0, 0.0, 0.0].map(|n| n / 30.0));
 }
 
 fn scene_of_all(amount: f64) -> Scene {

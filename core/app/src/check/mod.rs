@@ -78,6 +78,13 @@ fn look(scene: &Scene, registry: &Registry) -> (Vec<Problem>, Vec<Finding>) {
     }
     for (index, used) in stage.effects.iter().enumerate() {
         if let Some(effect) = registry.effect(&used.plugin)
+            && let Some(text) = left_out(effect.as_ref(), used, stage)
+        {
+            let text = format!("effect \"{}\": {text}", used.plugin);
+            let subject = Subject::Effect(index);
+            on_stage.push(Finding { rule: "effect_leaves_out", note: false, subject, text, hint: None });
+        }
+        if let Some(effect) = registry.effect(&used.plugin)
             && used.keys.is_empty()
             && stage.hooks.is_empty()
             && changes_nothing(effect.as_ref(), used)
@@ -122,6 +129,21 @@ fn unknown_effects(stage: &Stage, registry: &Registry) -> Vec<Problem> {
             Problem::Text(format!("unknown effect \"{}\"{near}", used.plugin))
         })
         .collect()
+}
+
+/// What of its own lines it cannot draw, at the beginning of its time or in the middle of it.
+fn left_out(effect: &dyn Effect, used: &EffectUse, stage: &Stage) -> Option<String> {
+    if effect.hook() != Hook::Overlay {
+        return None;
+    }
+    let end = used.end.unwrap_or(stage.settings.length).max(used.start);
+    let middle = used.start + (end - used.start).scaled(0.5);
+    [used.start, middle].into_iter().find_map(|time| {
+        let snapshot = stage.at(time).ok()?;
+        let parameters = choreo_render::effect_parameters(effect, &used.parameters_at(time));
+        let scene = choreo_plugin::Scene { stage, snapshot: &snapshot, before: &[], on: &used.on };
+        effect.overlay(&scene, &parameters).left_out.into_iter().next()
+    })
 }
 
 /// Its function, tried on some colors all over the picture.

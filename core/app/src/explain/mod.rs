@@ -8,6 +8,7 @@ use crate::scene::{self, Opening};
 use crate::{compressed, plot};
 use crate::{plugin_files, ranges};
 use choreo_plugin::Registry;
+use choreo_render::exposure::plan_alone;
 use choreo_render::plan::LeftOut;
 use choreo_render::record::{RecordOptions, record};
 use choreo_render::{Catalog, Plan, PlanOptions};
@@ -34,7 +35,8 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let mut evaluator = Evaluator::new(stage.clone()).for_pictures(aspect);
     let snapshot = evaluator.at(at).map_err(|e| Failure::input(e.to_string()))?;
     let options = PlanOptions { effects: registry.effects(), ..PlanOptions::new(size, samples) };
-    let plan = Plan::new(&catalog, stage, &snapshot, &options);
+    let plan = plan_alone(&catalog, stage, &snapshot, &options, |at| evaluator.at(at))
+        .map_err(|e| Failure::input(e.to_string()))?;
     let triangles = |p: u32| catalog.primitives[p as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
     let parts = choreo_render::explain::explain(&catalog, &plan, &recording);

@@ -2,6 +2,7 @@
 
 use super::looks::Looks;
 use choreo_motion::Time;
+use choreo_render::exposure::plan_alone;
 use choreo_render::record::{RecordOptions, record};
 use choreo_render::{Plan, PlanOptions as RenderOptions};
 use choreo_script::testing::{Count, PlanCount, PlanOptions};
@@ -11,12 +12,13 @@ use std::sync::Arc;
 pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan, String> {
     let catalog = looks.catalog();
     let snapshot = looks.at(time)?;
-    let stage = &looks.stage;
+    let stage = looks.stage.clone();
     let size = options.size.unwrap_or(stage.settings.size);
     let samples = options.samples.or(stage.settings.samples).unwrap_or(4);
-    let effects = looks.registry.effects();
-    let options = RenderOptions { effects, ..RenderOptions::new(size, samples) };
-    let mut plan = Plan::new(&catalog, stage, &snapshot, &options);
+    let effects = looks.registry.effects().to_vec();
+    let options = RenderOptions { effects: &effects, ..RenderOptions::new(size, samples) };
+    let earlier = |time| looks.at(time).map(|snapshot| (*snapshot).clone());
+    let mut plan = plan_alone(&catalog, &stage, &snapshot, &options, earlier)?;
     let triangles = |primitive: u32| catalog.primitives[primitive as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
     plan.left_out.extend(recording.left_out(&plan));

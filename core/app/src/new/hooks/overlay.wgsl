@@ -14,7 +14,8 @@
 // (linear, with alpha); a point where both ends are one; none of width 0. Or -> Triangle, both faces seen: a, b, c, color.
 // body: time (seconds), place, low and high (its box), joints (how many bones), number (which of the actors that have it). joint(i) is where a
 // bone stands, parent(i) the bone above it or -1, in_world(place) a place in the body's own space. // over: true draws over everything
-// else, // of: scene once for all of the scene. Put it beside the script, into a folder plugins there, or name its folder with --plugins; then:
+// else; // joint hand = Hand: ABOUT gives hand(), the number of that joint; // history: 30 gives previous_joint(frames, i), where it was so
+// many frames ago; // of: scene draws once for all of the scene. Put it beside the script, into a folder plugins there, or name its folder with --plugins; then:
 // effect("NAME", #{ color: "lime" }).on(anna)
 fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line {
     let share = f32(index) / max(p[sparks], 1.0);
