@@ -43,6 +43,8 @@ pub struct WgslEffect {
     /// What of a surface its text reads.
     needs: SurfaceNeeds,
     made: Made,
+    /// Its text reads the boxes around bodies.
+    boxes: bool,
     origin: Option<PluginFile>,
 }
 
@@ -84,7 +86,17 @@ impl WgslEffect {
                 message: format!("texture {}: \"{}\": {e}", line.name, line.file),
             })?);
         }
-        Ok(WgslEffect { manifest, wgsl, program, head, textures, needs, made, origin: None })
+        Ok(WgslEffect {
+            manifest,
+            wgsl,
+            program,
+            head,
+            textures,
+            needs,
+            made,
+            boxes: reads("low") || reads("high"),
+            origin: None,
+        })
     }
 
     /// Where the text came from.
@@ -225,7 +237,7 @@ impl Effect for WgslEffect {
             _ => return Overlay::default(),
         };
         let (program, head, textures) = (&self.program, &self.head, &self.textures[..]);
-        Drawing { program, head, textures, triangles, parameters }.run(scene)
+        Drawing { program, head, textures, triangles, boxes: self.boxes, parameters }.run(scene)
     }
 
     /// One whose numbers are not finite draws nothing, as one that takes more than its steps.

@@ -19,6 +19,8 @@ pub struct Drawing<'a> {
     pub textures: &'a [EffectTexture],
     /// Rather than lines.
     pub triangles: bool,
+    /// The text reads the boxes around bodies.
+    pub boxes: bool,
     pub parameters: &'a [f32; 8],
 }
 
@@ -41,7 +43,7 @@ impl Drawing<'_> {
         let mut made = Made::default();
         if self.head.of_scene {
             let mut bounds = DAabb::EMPTY;
-            for own in scene.bodies().map(|body| body.bounds()) {
+            for own in scene.bodies().filter(|_| self.boxes).map(|body| body.bounds()) {
                 bounds.add(own.min);
                 bounds.add(own.max);
             }
@@ -60,7 +62,8 @@ impl Drawing<'_> {
                     _ => Bones::of(&body, &self.head.joints, &mut made.out.left_out),
                 };
                 let place = body.world_from_model.translation;
-                let value = body_of(time, place, body.bounds(), [bones.count, number as u32]);
+                let bounds = if self.boxes { body.bounds() } else { DAabb { min: place, max: place } };
+                let value = body_of(time, place, bounds, [bones.count, number as u32]);
                 let around = Beside { scene, body: Some(&body), bones: &bones, textures: self.textures };
                 self.one(value, &around, &mut made);
                 known = Some((body.asset, bones));

@@ -39,7 +39,7 @@ pub const DEFS: &[Def] = &[
         "on",
         "what, options?",
         THIS,
-        "Only on an actor, for effects on surfaces, such as outline; #{ material: name or names }: only on these materials of it. Or only while a camera is on, for all effects. Or on each of an array; further calls add to it.",
+        "Only on an actor, for effects on surfaces or around actors, such as outline; #{ material: name or names }: only on these materials of it. Or only while a camera is on, for all effects. Or on each of an array; further calls add to it.",
         on,
     ),
 ];
