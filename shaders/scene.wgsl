@@ -132,6 +132,10 @@ fn read_relief(in: VertexOut) {
     @if(OCCLUSION_TEXTURE) occlusion += material.occlusion_strength * (textureSample(occlusion_texture, occlusion_sampler, texture_uv(in, 3u)).r - 1.0);
     @end
 
+    // What is mirrored takes the base colour's place, so that no surface sends more than it gets: a reflection of 1 is a mirror.
+    @if(REFLECTION) let mirrored_part = mirrored_share(in);
+    @if(REFLECTION) base = vec4(base.rgb * (vec3(1.0) - mirrored_part), base.a);
+
     @if(METALLIC_ROUGHNESS) var s = surface_of(base.rgb, metallic, roughness, specular, specular_color);
     @if(GEOMETRY)
     var emitted = material.emissive;
@@ -246,6 +250,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(DIFFUSE_TRANSMISSION) color += behind_color * ambient(-n) * occlusion;
     @end
     @if(BLINN_PHONG) var color = base.rgb * ambient(n) * occlusion;
+    @if(REFLECTION) color += mirrored_part * surroundings(reflect(-v, n)) * occlusion;
     @if(TOON)
     @if(TINT) specular_color *= in.color.rgb;
     var shift = material.toon.x;

@@ -111,6 +111,7 @@ impl CatalogMaterial {
             let uv_transform = texture.as_ref().map(|t| t.uv_transform);
             known.map(|k| CatalogTextureRef { uv_transform: uv_transform.unwrap_or(k.uv_transform), ..k })
         };
+        let plain = now.mirrors().map_or(&now.specular_texture, |r| &r.texture);
         CatalogMaterial {
             // Of what it was; what it is now belongs to one frame.
             hash: self.hash,
@@ -127,7 +128,7 @@ impl CatalogMaterial {
             normal: moved(self.normal, &now.normal_texture),
             occlusion: moved(self.occlusion, toon.map_or(&now.occlusion_texture, |t| &t.rim_texture)),
             emissive: moved(self.emissive, &now.emissive_texture),
-            specular: moved(self.specular, toon.map_or(&now.specular_texture, |t| &t.shading_shift_texture)),
+            specular: moved(self.specular, toon.map_or(plain, |t| &t.shading_shift_texture)),
             specular_color: moved(
                 self.specular_color,
                 toon.map_or(&now.specular_color_texture, |t| &t.shade_texture),
@@ -340,6 +341,7 @@ impl Builder {
         let lit = m.shading != Shading::Unlit;
         let metallic_roughness = m.shading == Shading::MetallicRoughness;
         let toon = m.toon.as_deref().filter(|_| m.shading == Shading::Toon);
+        let mirror = m.reflection.as_deref().filter(|_| m.mirrors().is_some());
         let mut texture = |t: &Option<TextureRef>, srgb, needed| {
             t.as_ref().filter(|_| needed || (changing && lit)).and_then(|t| self.texture(asset, t, srgb))
         };
@@ -373,9 +375,10 @@ impl Builder {
                 toon.filter(|t| t.uv_motion.is_some()).and_then(|t| texture(&t.uv_mask, false, true)),
             ],
             base_color: texture(&m.base_color_texture, true, true),
-            metallic_roughness: match toon {
-                Some(t) => texture(&t.matcap_texture, true, t.matcap != Vec3::ZERO),
-                None => texture(
+            metallic_roughness: match (toon, mirror) {
+                (Some(t), _) => texture(&t.matcap_texture, true, t.matcap != Vec3::ZERO),
+                (None, Some(mirror)) => texture(&mirror.environment, true, true),
+                (None, None) => texture(
                     &m.metallic_roughness_texture,
                     false,
                     metallic_roughness && (m.metallic != 0.0 || m.roughness != 0.0),
@@ -387,9 +390,10 @@ impl Builder {
                 None => texture(&m.occlusion_texture, false, lit && m.occlusion_strength != 0.0),
             },
             emissive: texture(&m.emissive_texture, true, lit && m.emissive != Vec3::ZERO),
-            specular: match toon {
-                Some(t) => texture(&t.shading_shift_texture, false, t.shading_shift_scale != 0.0),
-                None => texture(&m.specular_texture, false, metallic_roughness && m.specular != 0.0),
+            specular: match (toon, mirror) {
+                (Some(t), _) => texture(&t.shading_shift_texture, false, t.shading_shift_scale != 0.0),
+                (None, Some(mirror)) => texture(&mirror.texture, true, true),
+                (None, None) => texture(&m.specular_texture, false, metallic_roughness && m.specular != 0.0),
             },
             specular_color: match toon {
                 Some(t) => texture(&t.shade_texture, true, t.shade_color != Vec3::ZERO),

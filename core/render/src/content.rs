@@ -53,6 +53,9 @@ fn hash_with(m: &CatalogMaterial, texture_id: &dyn Fn(u32) -> Vec<u8>) -> [u8; 1
             f.relief,
         ],
     );
+    if let Some(r) = f.mirrors() {
+        array(&mut h, &[vec4(r.color)]);
+    }
     if let Some(s) = &f.sequence {
         for stream in &s.streams {
             array(&mut h, &[stream.slot as u32]);

@@ -100,7 +100,7 @@ pub struct MaterialUniform {
     pub outline_on_screen: f32,
     /// Toon: shading shift, toony, GI equalization, scale of the shift texture.
     pub toon: Vec4,
-    /// Toon: rim colour and Fresnel power.
+    /// Toon: rim colour and Fresnel power. Blinn–Phong: share that is mirrored, and roughness of the mirror.
     pub rim: Vec4,
     /// Toon: matcap colour and rim lift.
     pub matcap: Vec4,
@@ -290,6 +290,7 @@ impl MaterialUniform {
         let default = Toon::default();
         let toon = m.toon.as_deref().unwrap_or(&default);
         let is_toon = m.shading == Shading::Toon;
+        let phong = matches!(m.shading, Shading::BlinnPhong | Shading::Phong);
         // A factor of a texture that is not there counts nothing.
         let matcap = if is_toon && catalog.metallic_roughness.is_some() { toon.matcap } else { Vec3::ZERO };
         let shift_scale = if catalog.specular.is_some() { toon.shading_shift_scale } else { 0.0 };
@@ -309,7 +310,11 @@ impl MaterialUniform {
             shininess: m.shininess,
             rim_lighting_mix: toon.rim_lighting_mix,
             toon: Vec4::new(toon.shading_shift, toon.shading_toony, toon.gi_equalization, shift_scale),
-            rim: toon.rim_color.extend(toon.rim_fresnel_power),
+            rim: match m.mirrors() {
+                Some(r) => r.color.extend(m.mirror_roughness()),
+                None if phong => Vec3::ZERO.extend(m.mirror_roughness()),
+                None => toon.rim_color.extend(toon.rim_fresnel_power),
+            },
             matcap: matcap.extend(toon.rim_lift),
             outline_width: toon.outline.as_ref().map_or(0.0, |o| o.width),
             outline_on_screen: toon.outline.as_ref().map_or(0.0, |o| f32::from(u8::from(o.on_screen))),

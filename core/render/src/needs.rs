@@ -40,26 +40,37 @@ pub fn features(
     };
     let metallic_roughness = lit && m.shading == Shading::MetallicRoughness;
     let toon = lit && m.shading == Shading::Toon;
+    let phong = lit && matches!(m.shading, Shading::BlinnPhong | Shading::Phong);
+    let mirrors = phong && m.mirrors().is_some();
     // What is laid on from three sides; the other textures are not read then.
     let triplanar = m.triplanar.is_some() && !p.normals.is_empty() && m.shading != Shading::Toon;
-    let from_sides =
-        [Features::BASE_COLOR_TEXTURE, Features::NORMAL_TEXTURE, Features::SPECULAR_COLOR_TEXTURE];
+    let from_sides = [
+        Features::BASE_COLOR_TEXTURE,
+        Features::NORMAL_TEXTURE,
+        Features::SPECULAR_COLOR_TEXTURE,
+        // The reflection map: of other shading it is left out where textures come from three sides.
+        if mirrors { Features::SPECULAR_TEXTURE } else { Features::SPECULAR_COLOR_TEXTURE },
+    ];
     // (texture, its bit, whether this kind of shading reads it)
     let textures = [
         (material.base_color, Features::BASE_COLOR_TEXTURE, true),
-        (material.metallic_roughness, Features::METALLIC_ROUGHNESS_TEXTURE, metallic_roughness || toon),
+        (
+            material.metallic_roughness,
+            Features::METALLIC_ROUGHNESS_TEXTURE,
+            metallic_roughness || toon || mirrors,
+        ),
         (material.normal, Features::NORMAL_TEXTURE, lit),
         (material.occlusion, Features::OCCLUSION_TEXTURE, lit),
         (material.emissive, Features::EMISSIVE_TEXTURE, lit),
-        (material.specular, Features::SPECULAR_TEXTURE, metallic_roughness || toon),
+        (material.specular, Features::SPECULAR_TEXTURE, metallic_roughness || toon || mirrors),
         (material.specular_color, Features::SPECULAR_COLOR_TEXTURE, lit),
     ];
     let layers = m.layers.as_deref().filter(|_| metallic_roughness);
     let of_layers = crate::needs_layers::textures(material, layers);
     for (texture, bit, read) in textures.into_iter().chain(of_layers) {
-        if toon && bit == Features::METALLIC_ROUGHNESS_TEXTURE {
-            // A matcap is looked up by the normal.
-            set(texture.is_some() || force_all, bit);
+        if (toon || mirrors) && bit == Features::METALLIC_ROUGHNESS_TEXTURE {
+            // A matcap is looked up by the normal; an environment map by what is mirrored, and without one that is the sky.
+            set(texture.is_some() || (toon && force_all), bit);
             continue;
         }
         // A texture without its uvs, a normal map without tangents: out, even where everything is forced in.
@@ -97,7 +108,8 @@ pub fn features(
     set(needs.morphed || force_all, Features::MORPH);
     set((primitive.info.colored || force_all) && !toon, Features::VERTEX_COLOR);
     set(metallic_roughness, Features::METALLIC_ROUGHNESS);
-    set(lit && matches!(m.shading, Shading::BlinnPhong | Shading::Phong), Features::BLINN_PHONG);
+    set(phong, Features::BLINN_PHONG);
+    set(mirrors || (phong && force_all), Features::REFLECTION);
     set(lit && m.shading == Shading::Phong, Features::PHONG);
     let relief = reads_normal_map(primitive, material) && m.relief > 0.0;
     set(lit && !toon && relief, Features::RELIEF);
@@ -290,6 +302,8 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     for (bit, what, thing) in crate::needs_layers::WORDS {
         say(facts.lit_drawn && !all.has(*bit), what, nothing_drawn_uses(thing));
     }
+    let mirror_why = "no drawn Blinn–Phong material mirrors its surroundings";
+    say(facts.lit_drawn && !all.has(Features::REFLECTION), "reflections of Blinn–Phong", mirror_why.into());
     say(facts.lit_drawn && !all.has(Features::EMISSIVE), "emission", "no drawn material emits light".into());
     say(!all.has(Features::EDGES), "edges", "no effect shows them".into());
     say(facts.surface_effects == 0, "effects on surfaces", "none is on".into());

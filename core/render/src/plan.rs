@@ -419,6 +419,9 @@ impl Features {
     pub const RELIEF: Features = Features(1 << 54);
     /// A sky's maps light it. Another light rather than more of one: never forced in.
     pub const SKY: Features = Features(1 << 60);
+    /// Blinn–Phong that mirrors its surroundings. Its textures stand in the slots of those it does not read: the reflection map in
+    /// specular, the environment map in metallic-roughness.
+    pub const REFLECTION: Features = Features(1 << 56);
     /// Highlights of Phong in place of Blinn's. Never forced in.
     pub const PHONG: Features = Features(1 << 61);
     /// Some light falls off by a polynomial of the distance. Never forced in.

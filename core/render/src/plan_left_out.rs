@@ -30,6 +30,7 @@ pub const LEFT_OUT: &[&str] = &[
     "emissive textures",
     "specular textures",
     "specular colour textures",
+    "reflections of Blinn–Phong",
     "emission",
     "outlines",
     "edges",

@@ -16,7 +16,9 @@ fn loop_of(one: bool) -> LightLoop {
 /// Everything that vertex and fragment shader can be asked for, without repeating combinations of switches that
 /// never meet in one expression: all vertex inputs × shading, and all subsets of textures × shading.
 fn variants() -> Vec<SceneVariant> {
-    let shadings = [Features(0), Features::METALLIC_ROUGHNESS, Features::BLINN_PHONG, Features::TOON];
+    let mirrors = Features::BLINN_PHONG.with(Features::REFLECTION);
+    let shadings =
+        [Features(0), Features::METALLIC_ROUGHNESS, Features::BLINN_PHONG, mirrors, Features::TOON];
     let textures = [
         Features::BASE_COLOR_TEXTURE,
         Features::METALLIC_ROUGHNESS_TEXTURE,
@@ -213,6 +215,7 @@ fn shadow_variants() -> Vec<SceneVariant> {
         list.push(variant(layered.with(Features::SKY), false, bits));
         let phong = Features::BLINN_PHONG.with(Features::PHONG);
         list.push(variant(phong.with(Features::LOCAL_LIGHTS).with(Features::SHADOW), false, bits));
+        list.push(variant(phong.with(Features::REFLECTION).with(Features::SKY), false, bits));
         list.push(variant(layered, false, bits));
         list.push(variant(Features::METALLIC_ROUGHNESS.with(leaf).with(Features::SHADOW), false, bits));
     }

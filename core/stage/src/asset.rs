@@ -260,6 +260,8 @@ pub struct Material {
     pub specular_color_texture: Option<TextureRef>,
     /// Blinn–Phong exponent.
     pub shininess: f32,
+    /// Of Blinn–Phong and Phong only; `None`: mirrors nothing.
+    pub reflection: Option<Box<crate::Reflection>>,
     /// Read where the shading is [`Shading::Toon`]; defaults where it is missing.
     pub toon: Option<Arc<Toon>>,
     pub alpha_mode: AlphaMode,
@@ -349,6 +351,7 @@ impl Default for Material {
             specular_color: Vec3::ONE,
             specular_color_texture: None,
             shininess: 32.0,
+            reflection: None,
             toon: None,
             alpha_mode: AlphaMode::Opaque,
             double_sided: false,

@@ -202,7 +202,11 @@ fn slot_of(m: &mut Material, slot: u8) -> Option<&mut TextureRef> {
         2 => m.normal_texture.as_mut(),
         3 => m.occlusion_texture.as_mut(),
         4 => m.emissive_texture.as_mut(),
-        5 => m.specular_texture.as_mut(),
+        // Blinn–Phong has its reflection map there.
+        5 => match &mut m.reflection {
+            Some(reflection) => reflection.texture.as_mut(),
+            None => m.specular_texture.as_mut(),
+        },
         6 => m.specular_color_texture.as_mut(),
         _ => None,
     }

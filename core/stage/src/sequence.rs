@@ -39,6 +39,7 @@ pub enum TextureSlot {
     Normal,
     Occlusion,
     Emissive,
+    /// Of Blinn–Phong and Phong: the reflection map.
     Specular,
     SpecularColor,
 }

@@ -5,6 +5,7 @@ use choreo_import::text::{Lines, next_word, number, shown};
 use choreo_import::textures::Textures;
 use choreo_import::{Budget, Notes};
 use choreo_plugin::Files;
+use choreo_stage::Reflection;
 use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
 use glam::{Affine2, Mat2, Vec2, Vec3};
 use std::collections::BTreeMap;
@@ -22,6 +23,8 @@ pub struct Mtl {
     pub illum: Option<i64>,
     pub roughness: Option<f32>,
     pub metallic: Option<f32>,
+    /// Sides of a cube that would be mirrored.
+    pub cube: bool,
     pub maps: BTreeMap<Slot, Map>,
 }
 
@@ -35,6 +38,10 @@ pub enum Slot {
     Metallic,
     Bump,
     Normal,
+    /// `refl` without a type: where it mirrors.
+    Reflection,
+    /// `refl -type sphere`: what is mirrored.
+    Environment,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +52,8 @@ pub struct Map {
     pub clamp: bool,
     /// `-bm`: how strong a bump or normal map is.
     pub strength: f32,
+    /// `-type`, of a reflection map.
+    pub kind: Option<String>,
 }
 
 /// One channel of a colour as a file has it.
@@ -107,6 +116,24 @@ fn line_of(
         m.maps.insert(slot, map(rest)?);
         return Ok(());
     }
+    if let b"refl" | b"map_refl" = keyword {
+        let map = map(rest)?;
+        match map.kind.as_deref() {
+            None => m.maps.insert(Slot::Reflection, map),
+            Some("sphere") => m.maps.insert(Slot::Environment, map),
+            // A cube has six of them: told once.
+            Some(kind) if kind.starts_with("cube_") => {
+                return match std::mem::replace(&mut m.cube, true) {
+                    true => Ok(()),
+                    false => Err(format!(
+                        "-type {kind} is a side of a cube; only a panorama, -type sphere, can be mirrored"
+                    )),
+                };
+            }
+            Some(kind) => return Err(format!("-type {kind} is not sphere, nor the side of a cube")),
+        };
+        return Ok(());
+    }
     match keyword {
         b"kd" => m.diffuse = Some(color(rest)?),
         b"ks" => m.specular = Some(color(rest)?),
@@ -152,8 +179,14 @@ fn color(mut rest: &[u8]) -> Result<Vec3, String> {
 
 /// Options, then the file name, which may hold spaces.
 fn map(rest: &[u8]) -> Result<Map, String> {
-    let mut out =
-        Map { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, clamp: false, strength: 1.0 };
+    let mut out = Map {
+        file: String::new(),
+        scale: Vec2::ONE,
+        offset: Vec2::ZERO,
+        clamp: false,
+        strength: 1.0,
+        kind: None,
+    };
     let mut rest = rest;
     loop {
         let before = rest;
@@ -184,7 +217,8 @@ fn map(rest: &[u8]) -> Result<Map, String> {
                 let _base = plain(&mut rest);
                 let _gain = plain(&mut rest);
             }
-            b"-blendu" | b"-blendv" | b"-cc" | b"-imfchan" | b"-type" | b"-boost" | b"-texres" => {
+            b"-type" => out.kind = next_word(&mut rest).map(|w| shown(w).to_ascii_lowercase()),
+            b"-blendu" | b"-blendv" | b"-cc" | b"-imfchan" | b"-boost" | b"-texres" => {
                 let _value = next_word(&mut rest);
             }
             _ => {
@@ -246,6 +280,12 @@ pub fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureR
     if !pbr {
         out.specular_color = specular * (8.0 / (out.shininess + 8.0));
         out.specular_color_texture = texture(m, Slot::Specular, source);
+        out.reflection = reflection(m, source).map(Box::new);
+    } else if m.maps.keys().any(|slot| matches!(slot, Slot::Reflection | Slot::Environment)) {
+        source.notes.warn(
+            m.place.as_str(),
+            format!("\"{}\" has Pr or Pm, by which it mirrors; its refl is left out", m.name),
+        );
     }
     out.emissive_texture = texture(m, Slot::Emissive, source);
     if out.emissive_texture.is_some() && m.emissive.is_none_or(|e| e == Vec3::ZERO) {
@@ -277,6 +317,27 @@ pub fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureR
     let strength = m.maps.get(&Slot::Bump).map_or(1.0, |m| m.strength);
     let bump = texture(m, Slot::Bump, source).map(|t| (t, strength));
     (out, bump)
+}
+
+/// MTL, "Illumination models" and "Reflection map": models 3 to 8 mirror as much as Ks says; so does a surface with a panorama of
+/// its own. A map without a type says how much itself (as Blender writes it). Models 2 and less mirror nothing by themselves.
+fn reflection(m: &Mtl, source: &mut Source<'_>) -> Option<Reflection> {
+    let map = texture(m, Slot::Reflection, source);
+    let environment = texture(m, Slot::Environment, source).map(|t| TextureRef {
+        sampler: Reflection::panorama_sampler(),
+        uv_transform: Affine2::IDENTITY,
+        ..t
+    });
+    let srgb = source.srgb;
+    let specular = m.specular.map(|c| Vec3::from(c.to_array().map(|c| linear(c, srgb).min(1.0))));
+    let mirrors = matches!(m.illum, Some(3..=8));
+    let color = match (&map, &environment) {
+        (Some(_), _) => Vec3::ONE,
+        (None, Some(_)) => specular.unwrap_or(Vec3::ONE),
+        (None, None) if mirrors => specular.unwrap_or_default(),
+        (None, None) => return None,
+    };
+    (color != Vec3::ZERO).then_some(Reflection { color, texture: map, environment })
 }
 
 fn texture(m: &Mtl, slot: Slot, source: &mut Source<'_>) -> Option<TextureRef> {

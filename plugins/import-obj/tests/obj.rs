@@ -219,3 +219,51 @@ fn claims() {
         assert_eq!(claim("x.txt", other), Claim::NotMine, "{other}");
     }
 }
+
+/// A triangle of each of a library's materials.
+fn with_library(mtl: &str) -> Asset {
+    let names = mtl.lines().filter_map(|line| line.strip_prefix("newmtl "));
+    let faces: String = names.map(|name| format!("usemtl {name}\nf 1/1/1 2/1/1 3/1/1\n")).collect();
+    let text = format!("mtllib x.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\n{faces}");
+    let files = Companions::of(vec![
+        ("x.mtl", mtl.into()),
+        ("a.png", picture([9, 9, 9])),
+        ("b.png", picture([5; 3])),
+    ]);
+    import(&ObjImporter, &source("x.obj", text), &files, Needs::ALL).unwrap()
+}
+
+#[test]
+fn reflections_by_model_map_and_panorama() {
+    let asset = with_library(
+        "newmtl none\nKs 0.5 0.5 0.5\nillum 2\n\
+         newmtl mirror\nKs 1 0.5 0\nNs 500\nillum 3\n\
+         newmtl map\nKs 0.5 0.5 0.5\nrefl -s 2 2 a.png\n\
+         newmtl ball\nKs 1 1 1\nrefl -type sphere -clamp on b.png\n\
+         newmtl metal\nPm 1\nrefl a.png\n\
+         newmtl box\nrefl -type cube_top a.png\nmap_refl -type cube_left b.png\n\
+         newmtl odd\nrefl -type plane a.png\n",
+    );
+    let of = |name: &str| asset.materials.iter().find(|m| m.name == name).unwrap().reflection.as_deref();
+    for name in ["none", "metal", "box", "odd"] {
+        assert_eq!(of(name), None, "{name}");
+    }
+    let mirror = of("mirror").unwrap();
+    assert!((mirror.color - Vec3::new(1.0, 0.214_041, 0.0)).length() < 1e-5, "{}", mirror.color);
+    assert!(mirror.texture.is_none() && mirror.environment.is_none());
+    let map = of("map").unwrap();
+    assert_eq!((map.color, map.environment.is_none()), (Vec3::ONE, true));
+    assert_eq!(map.texture.as_ref().unwrap().uv_transform.matrix2.x_axis.x, 2.0);
+    let ball = of("ball").unwrap();
+    assert_eq!((ball.color, ball.texture.is_none()), (Vec3::ONE, true));
+    let around = ball.environment.as_ref().unwrap();
+    assert_eq!((around.sampler.wrap_u, around.sampler.wrap_v), (Wrap::Repeat, Wrap::ClampToEdge));
+    assert_eq!(
+        warnings(&asset),
+        [
+            "x.mtl line 18: \"refl\": -type cube_top is a side of a cube; only a panorama, -type sphere, can be mirrored; it is left out",
+            "x.mtl line 21: \"refl\": -type plane is not sphere, nor the side of a cube; it is left out",
+            "x.mtl line 14: \"metal\" has Pr or Pm, by which it mirrors; its refl is left out",
+        ]
+    );
+}

@@ -17,6 +17,7 @@ mod peel;
 pub mod picture;
 mod posed;
 mod raster;
+mod reflection;
 mod refraction;
 mod relief;
 mod seen;

@@ -343,7 +343,13 @@ impl Fragment<'_> {
                 self.lights(relative, [-own_n, -n], &mut color, |_, _| over.from_behind);
             }
         } else {
+            // What is mirrored takes the base colour's place.
+            let reflection = self.reflection(&quad, [n, v]);
+            let base = reflection.map_or(base, |[share, _]| base * (V3::splat(Vec3::ONE) - share));
             color = base * around.diffuse(n) * occlusion;
+            if let Some([share, seen]) = reflection {
+                color = color + share * seen * occlusion;
+            }
             self.all_lights(&Lit { relative, own_n, n, v, base }, &mut color, |l, _| {
                 reflect_light_phong(base, [specular_color, n, v, l], m.shininess, !f.has(Features::PHONG))
             });
@@ -414,7 +420,7 @@ impl Fragment<'_> {
         Around::new(self.plan, self.sky.filter(|_| self.features.has(Features::SKY)))
     }
 
-    fn slot(&self, quad: &Quad, slot: usize, bit: Features) -> Option<[F4; 4]> {
+    pub fn slot(&self, quad: &Quad, slot: usize, bit: Features) -> Option<[F4; 4]> {
         let refs = self.material.factors.texture_refs();
         if !self.features.has(bit) {
             return None;

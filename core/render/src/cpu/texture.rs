@@ -46,19 +46,7 @@ impl Texture {
     /// Samples the four pixels of a quad: r, g, b, a.
     pub fn sample(&self, sampler: &Sampler, [u, v]: [F4; 2]) -> [F4; 4] {
         let lod = self.level_of_detail(&u.0, &v.0);
-        let last = self.below.len() as f32;
-        let magnified = lod <= 0.0;
-        let linear = if magnified { sampler.mag_linear } else { sampler.min_linear };
-        let (level, blend) = match sampler.mip_linear {
-            _ if magnified || last == 0.0 => (0, 0.0),
-            None => (0, 0.0),
-            // "nearest": ⌈λ + ½⌉ − 1
-            Some(false) => ((lod.min(last) + 0.5).ceil() as usize - 1, 0.0),
-            Some(true) => {
-                let lod = lod.min(last);
-                (lod as usize, lod - lod.floor())
-            }
-        };
+        let (level, blend, linear) = self.levels(sampler, lod);
         let mut out = [F4::ZERO; 4];
         let (near, far) = (self.level(level), self.level(level + 1));
         for i in 0..4 {
@@ -72,6 +60,39 @@ impl Texture {
             }
         }
         out
+    }
+
+    /// Texels in a row of the whole picture.
+    pub fn width(&self) -> f32 {
+        self.image.width as f32
+    }
+
+    /// One sample of a level that is given, not below 0: r, g, b, a.
+    pub fn sample_level(&self, sampler: &Sampler, [u, v]: [f32; 2], lod: f32) -> F4 {
+        let (level, blend, linear) = self.levels(sampler, lod);
+        let near = self.filtered(&self.level(level), sampler, linear, u, v);
+        if blend == 0.0 {
+            return near;
+        }
+        near * (1.0 - blend) + self.filtered(&self.level(level + 1), sampler, linear, u, v) * blend
+    }
+
+    /// Which level is read, how much of the next is mixed in, and whether texels are.
+    fn levels(&self, sampler: &Sampler, lod: f32) -> (usize, f32, bool) {
+        let last = self.below.len() as f32;
+        let magnified = lod <= 0.0;
+        let linear = if magnified { sampler.mag_linear } else { sampler.min_linear };
+        let (level, blend) = match sampler.mip_linear {
+            _ if magnified || last == 0.0 => (0, 0.0),
+            None => (0, 0.0),
+            // "nearest": ⌈λ + ½⌉ − 1
+            Some(false) => ((lod.min(last) + 0.5).ceil() as usize - 1, 0.0),
+            Some(true) => {
+                let lod = lod.min(last);
+                (lod as usize, lod - lod.floor())
+            }
+        };
+        (level, blend, linear)
     }
 
     /// λ = log₂ of the longer of the two pixel footprint axes, in texels; from the quad's first pixel and its

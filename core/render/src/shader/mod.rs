@@ -24,13 +24,14 @@ pub struct ShaderSources {
 }
 
 /// (file name, text built into the program).
-const EMBEDDED: [(&str, &str); 22] = [
+const EMBEDDED: [(&str, &str); 23] = [
     ("frame.wgsl", include_str!("../../../../shaders/frame.wgsl")),
     ("under.wgsl", include_str!("../../../../shaders/under.wgsl")),
     ("peel.wgsl", include_str!("../../../../shaders/peel.wgsl")),
     ("deferred.wgsl", include_str!("../../../../shaders/deferred.wgsl")),
     ("sky.wgsl", include_str!("../../../../shaders/sky.wgsl")),
     ("brdf.wgsl", include_str!("../../../../shaders/brdf.wgsl")),
+    ("reflection.wgsl", include_str!("../../../../shaders/reflection.wgsl")),
     ("toon.wgsl", include_str!("../../../../shaders/toon.wgsl")),
     ("layers.wgsl", include_str!("../../../../shaders/layers.wgsl")),
     ("refraction.wgsl", include_str!("../../../../shaders/refraction.wgsl")),
@@ -50,10 +51,11 @@ const EMBEDDED: [(&str, &str); 22] = [
 ];
 
 /// Files that make up a shader module, in order.
-pub const SCENE: [&str; 16] = [
+pub const SCENE: [&str; 17] = [
     "frame.wgsl",
     "sky.wgsl",
     "brdf.wgsl",
+    "reflection.wgsl",
     "toon.wgsl",
     "displace.wgsl",
     "wide.wgsl",
@@ -192,7 +194,7 @@ pub enum DeferredPass {
 
 /// Names of the switches that are on, as the modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
-    let names: [(&'static str, Features); 59] = [
+    let names: [(&'static str, Features); 60] = [
         ("SKIN", Features::SKIN),
         ("SKIN_8", Features::SKIN_8),
         ("SKIN_DUAL", Features::SKIN_DUAL),
@@ -219,6 +221,7 @@ pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
         ("SHADOW", Features::SHADOW),
         ("SKY", Features::SKY),
         ("PHONG", Features::PHONG),
+        ("REFLECTION", Features::REFLECTION),
         ("POLYNOMIAL", Features::POLYNOMIAL),
         ("LAYERS", Features::LAYERS),
         ("CLEARCOAT", Features::CLEARCOAT),

@@ -12,7 +12,7 @@ pub struct PreprocessError {
 }
 
 /// Every name that may stand in a condition; an unknown one is a typing mistake, not "off".
-pub const SWITCHES: [&str; 87] = [
+pub const SWITCHES: [&str; 88] = [
     "SKIN",
     "SKIN_8",
     "SKIN_DUAL",
@@ -46,6 +46,7 @@ pub const SWITCHES: [&str; 87] = [
     "MULTISAMPLED",
     "SKY",
     "PHONG",
+    "REFLECTION",
     "POLYNOMIAL",
     "SKY_BACKGROUND",
     "LAYERS",

@@ -5,14 +5,14 @@ use super::maps;
 use super::picture::{ImageRef, srgb_byte};
 use crate::call::{ApiError, Options, rgb};
 use choreo_stage::{
-    AlphaMode, FrameStrip, Image, Material, MaterialLayers, Sampler, Shading, TextureRef, TextureSlot,
-    UvMotion,
+    AlphaMode, FrameStrip, Image, Material, MaterialLayers, Reflection, Sampler, Shading, TextureRef,
+    TextureSlot, UvMotion,
 };
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 /// What [`material`] reads.
-pub const OPTIONS: [&str; 42] = [
+pub const OPTIONS: [&str; 45] = [
     "color",
     "image",
     "normal_map",
@@ -55,11 +55,14 @@ pub const OPTIONS: [&str; 42] = [
     "scroll",
     "spin",
     "once",
+    "reflection",
+    "reflection_map",
+    "environment_map",
 ];
 
 /// The material, and the pictures that it names by number.
 pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), ApiError> {
-    let other_maps = ["normal_map", "opacity_map", "height_map", "specular_map"];
+    let other_maps = ["normal_map", "opacity_map", "height_map", "specular_map", "reflection_map"];
     let alone = !other_maps.into_iter().any(|name| o.get(name).is_some());
     let mut cells = None;
     let mut image = match o.get("image").is_some_and(|v| v.is_array()) && alone {
@@ -94,6 +97,8 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
         });
     }
     let specular_map = given(o, "specular_map")?;
+    let reflection_map = given(o, "reflection_map")?;
+    let environment_map = super::reflection::environment_map(o)?;
     let of = |map: &Option<ImageRef>| map.as_ref().and_then(|i| i.files.clone());
     let normal_name = if o.get("normal_map").is_some() { "normal_map" } else { "height_map" };
     let image_name = if o.get("image").is_some() { "image" } else { "opacity_map" };
@@ -101,6 +106,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
         (TextureSlot::BaseColor, image_name, of(&image)),
         (TextureSlot::Normal, normal_name, of(&normal_map)),
         (TextureSlot::SpecularColor, "specular_map", of(&specular_map)),
+        (TextureSlot::Specular, "reflection_map", of(&reflection_map)),
     ];
     // A picture is seen in its own colors.
     let plain = if image.is_some() { Vec4::ONE } else { Vec4::new(0.6, 0.6, 0.6, 1.0) };
@@ -115,6 +121,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
         ..Material::default()
     };
     shading(o, &mut material)?;
+    super::reflection::reflection(o, &mut material)?;
     layers(o, &mut material)?;
     let tiles = o.number_in("tiles", 1.0, 4096.0)?;
     let second = o.color("checker")?;
@@ -141,7 +148,12 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
             material.base_color_texture =
                 Some(texture(checker(base, second), sampler, tiles.unwrap_or(10.0) / 2.0));
         }
-        (None, None) if tiles.is_some() && normal_map.is_none() && specular_map.is_none() => {
+        (None, None)
+            if tiles.is_some()
+                && normal_map.is_none()
+                && specular_map.is_none()
+                && reflection_map.is_none() =>
+        {
             return fail("tiles needs checker, the second color, or image", "tiles");
         }
         (None, None) => {}
@@ -159,6 +171,11 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
             return fail("specular_map changes what shines; unlit does not", "specular_map");
         }
         material.specular_color_texture = Some(texture(given.image, given.sampler, scale));
+    }
+    if let Some(reflection) = &mut material.reflection {
+        reflection.texture = reflection_map.map(|given| texture(given.image, given.sampler, scale));
+        reflection.environment =
+            environment_map.map(|given| texture(given.image, Reflection::panorama_sampler(), 1.0));
     }
     motion(o, &mut material, cells, &follow)?;
     if base.w < 1.0 {
@@ -205,7 +222,7 @@ fn motion(
             if !whole(columns) || !whole(rows) {
                 return fail("frames must be [columns, rows], whole numbers from 1 to 256", "frames");
             }
-            let maps = ["image", "normal_map", "opacity_map", "height_map", "specular_map"];
+            let maps = ["image", "normal_map", "opacity_map", "height_map", "specular_map", "reflection_map"];
             if !maps.into_iter().any(|name| o.get(name).is_some()) {
                 return fail("frames are the cells of image or a map, of which none is given", "frames");
             }
@@ -215,7 +232,8 @@ fn motion(
     };
     let (scroll, spin) = (pair("scroll")?, o.number_in("spin", -36_000.0, 36_000.0)?);
     let maps = [&material.base_color_texture, &material.normal_texture, &material.specular_color_texture];
-    let textured = maps.into_iter().any(Option::is_some);
+    let mirrored = material.reflection.as_ref().is_some_and(|r| r.texture.is_some());
+    let textured = mirrored || maps.into_iter().any(Option::is_some);
     if let Some(word) = ["scroll", "spin"].into_iter().find(|w| o.get(w).is_some()) {
         if !textured {
             return fail(&format!("{word} moves image, checker or a map, of which none is given"), word);

@@ -6,6 +6,7 @@ mod following;
 mod maps;
 mod material;
 mod picture;
+mod reflection;
 mod relief;
 mod repeat;
 mod solids;
@@ -128,10 +129,18 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         material.shading = Shading::Unlit;
         material.pen = pen(&o, topology)?;
     }
-    if let Some(picture) =
-        ["image", "normal_map", "height_map", "opacity_map", "specular_map", "checker", "anisotropy"]
-            .into_iter()
-            .find(|p| o.get(p).is_some())
+    if let Some(picture) = [
+        "image",
+        "normal_map",
+        "height_map",
+        "opacity_map",
+        "specular_map",
+        "reflection_map",
+        "checker",
+        "anisotropy",
+    ]
+    .into_iter()
+    .find(|p| o.get(p).is_some())
         && primitive.uvs[0].is_empty()
         && material.triplanar.is_none()
     {

@@ -105,6 +105,7 @@ impl Material {
             specular_color,
             specular_color_texture,
             shininess,
+            reflection,
             toon,
             alpha_mode,
             double_sided,
@@ -175,6 +176,12 @@ impl Material {
         ] {
             self::texture(w, texture, image_hash);
         }
+        w.option(reflection, |w, reflection| {
+            let Reflection { color, texture, environment } = &**reflection;
+            w.vec3(*color);
+            self::texture(w, texture, image_hash);
+            self::texture(w, environment, image_hash);
+        });
         w.option(&toon.as_deref(), |w, toon| toon_parameters(w, toon, image_hash));
         w.option(layers, |w, layers| {
             let MaterialLayers {

@@ -1,0 +1,52 @@
+//! What Blinn–Phong and Phong surfaces mirror. Twin of reflection.wgsl.
+
+use super::lanes::{F4, V3};
+use super::shade::{Fragment, Quad};
+use crate::plan::Features;
+use choreo_stage::Reflection;
+use glam::Vec3;
+use std::f32::consts::PI;
+
+impl Fragment<'_> {
+    /// The share that is mirrored, and what is seen in that direction; `None` where the draw mirrors nothing.
+    pub fn reflection(&self, quad: &Quad, [n, v]: [V3; 2]) -> Option<[V3; 2]> {
+        if !self.features.has(Features::REFLECTION) {
+            return None;
+        }
+        let material = &self.material.factors.material;
+        let mut share =
+            V3::splat(material.reflection.as_deref().map_or(Vec3::ZERO, |r: &Reflection| r.color));
+        if let Some([r, g, b, _]) = self.slot(quad, 5, Features::SPECULAR_TEXTURE) {
+            share = share * V3 { x: r, y: g, z: b };
+        }
+        let way = n * (n.dot(v) * 2.0) - v;
+        let roughness = material.mirror_roughness();
+        let seen = match self.features.has(Features::METALLIC_ROUGHNESS_TEXTURE) {
+            true => self.environment(way, roughness),
+            false => self.around().mirrored(way, F4::splat(roughness)),
+        };
+        Some([share, seen])
+    }
+
+    /// The environment map in four directions, which are a quad's.
+    fn environment(&self, way: V3, roughness: f32) -> V3 {
+        let refs = self.material.factors.texture_refs();
+        let (Some(r), Some(map)) = (refs[1].as_ref(), self.material.textures[1].as_deref()) else {
+            return V3::splat(Vec3::ONE);
+        };
+        let ways: [Vec3; 4] = std::array::from_fn(|i| Vec3::new(way.x.0[i], way.y.0[i], way.z.0[i]));
+        let lanes: [F4; 4] = std::array::from_fn(|i| {
+            let way = ways[i];
+            let (across, down) = (ways[i | 1] - ways[i & !1], ways[i | 2] - ways[i & !2]);
+            let pixel = across.length_squared().max(down.length_squared()).sqrt();
+            let angle = pixel.max(2.0 * roughness * roughness);
+            let level = libm::log2f((angle * map.width() / (2.0 * PI)).max(1.0));
+            let [x, z] = if way.x == 0.0 && way.z == 0.0 { [0.0, 1.0] } else { [way.x, -way.z] };
+            let u = 0.5 + libm::atan2f(x, z) / (2.0 * PI);
+            let v = libm::acosf(way.y.clamp(-1.0, 1.0)) / PI;
+            map.sample_level(&r.sampler, [u, v], level)
+        });
+        let part = |c: usize| F4(std::array::from_fn(|i| lanes[i].0[c]));
+        V3 { x: part(0), y: part(1), z: part(2) }
+    }
+}

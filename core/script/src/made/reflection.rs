@@ -1,0 +1,46 @@
+//! What a surface with shininess mirrors: reflection, its map, and an environment of its own.
+
+use super::picture::ImageRef;
+use crate::call::{ApiError, Options, rgb};
+use choreo_stage::{Material, Reflection, Shading};
+use glam::Vec3;
+
+/// The panorama that is mirrored in place of the sky.
+pub fn environment_map(o: &Options) -> Result<Option<ImageRef>, ApiError> {
+    let Some(given) = o.image("environment_map")? else { return Ok(None) };
+    let (width, height) = (given.image.width, given.image.height);
+    if width == 2 * height {
+        return Ok(Some(given));
+    }
+    let text = format!(
+        "{}: environment_map is a picture of all around, twice as wide as high; this is {width} × {height}",
+        o.function
+    );
+    Err(ApiError::new(text).focus("environment_map"))
+}
+
+/// Sets the share that is mirrored; its textures are the caller's. After the shading is known.
+pub fn reflection(o: &Options, material: &mut Material) -> Result<(), ApiError> {
+    const WORDS: [&str; 3] = ["reflection", "reflection_map", "environment_map"];
+    let Some(word) = WORDS.into_iter().find(|word| o.get(word).is_some()) else { return Ok(()) };
+    let fail = |text: String| Err(ApiError::new(format!("{}: {text}", o.function)).focus(word));
+    if !matches!(material.shading, Shading::BlinnPhong | Shading::Phong) {
+        return fail(format!(
+            "{word} needs shininess, the Blinn–Phong exponent; with roughness a surface mirrors by itself"
+        ));
+    }
+    let share = match o.get("reflection") {
+        None => None,
+        Some(v) if v.is_int() || v.is_float() => {
+            o.number_in("reflection", 0.0, 1.0)?.map(|share| Vec3::splat(share as f32))
+        }
+        Some(_) => o.color("reflection")?.map(rgb),
+    };
+    if share.is_none() && word == "environment_map" {
+        return fail("environment_map says what is mirrored; reflection, how much, is not given".into());
+    }
+    // A map says how much itself.
+    let color = share.unwrap_or(Vec3::ONE);
+    material.reflection = Some(Box::new(Reflection { color, texture: None, environment: None }));
+    Ok(())
+}
