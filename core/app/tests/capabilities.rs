@@ -78,3 +78,68 @@ fn the_table_names_what_there_is() {
         assert!(!wrong(&row.replace(from, to)).unwrap().is_empty(), "{from} → {to}");
     }
 }
+
+fn source(file: &str) -> String {
+    std::fs::read_to_string(folder().join("../core/script/src").join(file)).unwrap()
+}
+
+/// The texts of the first list in square brackets after a mark of a source file.
+fn list(text: &str, mark: &str) -> Vec<String> {
+    let rest = text.split_once(mark).unwrap_or_else(|| panic!("{mark} is gone")).1;
+    let rest = rest.split_once('[').unwrap().1;
+    between(rest.split(']').next().unwrap(), '"').into_iter().map(String::from).collect()
+}
+
+/// What has to stand in a lesson, as it stands there: options and keys of lights, slots of textures, projections, ways to wrap. Of
+/// materials the crate that reads them knows.
+fn looks() -> Vec<String> {
+    let (light, keys, texture) = (source("api/light.rs"), source("api/keys.rs"), source("made/texture.rs"));
+    let options = |names: Vec<String>| names.into_iter().map(|name| format!("{name}:"));
+    let quoted = |names: Vec<String>| names.into_iter().map(|name| format!("\"{name}\""));
+    let mut all = Vec::new();
+    for function in ["fn sun(", "fn point(", "fn spot("] {
+        // A light's name is for messages.
+        all.extend(
+            options(list(light.split_once(function).unwrap().1, "c.options(")).filter(|o| o != "name:"),
+        );
+    }
+    all.extend(options(list(&light, "o.check(")));
+    all.extend(quoted(list(&keys, "Owner::Light =>")));
+    all.extend(quoted(list(&keys, "Owner::Sky =>")));
+    all.extend(quoted(list(&texture, "SLOTS: &[&str] =")));
+    all.extend(quoted(list(&source("made/relief.rs"), "PROJECTIONS: &[&str] =")));
+    all.extend(["repeat", "mirror", "clamp", "nearest"].map(|word| format!("\"{word}\"")));
+    all.sort();
+    all.dedup();
+    all
+}
+
+/// What no lesson says. An option counts only as a whole word, a text only in quotes.
+fn unseen(wanted: &[String], lessons: &str) -> Vec<String> {
+    let said = |word: &String| {
+        lessons
+            .match_indices(word.as_str())
+            .any(|(at, _)| !lessons[..at].ends_with(|c: char| c.is_ascii_alphanumeric() || c == '_'))
+    };
+    wanted.iter().filter(|word| !said(word)).cloned().collect()
+}
+
+#[test]
+fn every_look_is_in_a_lesson() {
+    let mut lessons = String::new();
+    for entry in std::fs::read_dir(folder()).unwrap() {
+        let path = entry.unwrap().path();
+        let path = if path.is_dir() { path.join("lesson.rhai") } else { path };
+        if path.extension().is_some_and(|e| e == "rhai") && path.is_file() {
+            lessons += &code(&std::fs::read_to_string(path).unwrap());
+            lessons.push('\n');
+        }
+    }
+    let wanted = looks();
+    assert!(wanted.len() >= 30, "{wanted:?}");
+    assert_eq!(unseen(&wanted, &lessons), Vec::<String>::new(), "in no lesson");
+    // What is taken away is missed, and nothing else is.
+    for word in ["kelvin:", "\"specular_color\"", "\"range\"", "attenuation:", "\"cone\""] {
+        assert_eq!(unseen(&wanted, &lessons.replace(word, "")), [word], "{word}");
+    }
+}

@@ -21,7 +21,7 @@ pub const DEFS: &[Def] = &[
         "mesh",
         "options",
         Gives::A(Kind::Asset),
-        "Triangles from arrays: positions, indices (three a triangle, counter-clockwise from outside; without, the vertices in their order), normals (without, smooth where triangles share vertices), uvs (v down), colors, and a look as of shape. Arrays hold vectors, [[x, y, z], …], or their numbers one after the other, or are blobs: little-endian 32-bit floats, indices as 32-bit whole numbers, colors as 4 bytes.",
+        "Triangles from arrays: positions, indices (three a triangle, counter-clockwise from outside; without, the vertices in their order), normals (without, smooth where triangles share vertices), uvs (v down), uvs2 (a second set, for textures of uv_set: 1), colors, and a look as of shape. Arrays hold vectors, [[x, y, z], …], or their numbers one after the other, or are blobs: little-endian 32-bit floats, indices as 32-bit whole numbers, colors as 4 bytes.",
         mesh,
     ),
     Def::new(
@@ -61,7 +61,7 @@ pub const DEFS: &[Def] = &[
         "texture",
         "material, slot, image, options?",
         Gives::A(Kind::Asset),
-        "The asset with another picture on a material, by its name, or with several that follow each other (an array, or numbered files; options: fps, 12, and once); slot: \"color\", \"normal\", \"metallic_roughness\" (green and blue), \"occlusion\", \"emissive\", \"specular\" (alpha) or \"specular_color\", as glTF has them.",
+        "The asset with another picture on a material, by its name, or with several that follow each other (an array, or numbered files; options: fps, 12, and once); option uv_set: 1 lays it by the second set of texture coordinates; slot: \"color\", \"normal\", \"metallic_roughness\" (green and blue), \"occlusion\", \"emissive\", \"specular\" (alpha) or \"specular_color\", as glTF has them.",
         crate::made::texture,
     ),
     Def::new(

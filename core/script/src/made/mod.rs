@@ -25,7 +25,7 @@ use choreo_plugin::MeshData;
 use choreo_stage::{
     Asset, Image, Material, Mesh, MeshInstance, Pen, Primitive, Shading, Topology, Triplanar,
 };
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use std::sync::Arc;
 
 /// How much there is so far of what counts against limits.
@@ -65,7 +65,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     let mut known = vec!["positions", "indices", "colors", "color", "name"];
     match topology {
         Topology::Triangles => {
-            known.extend(["normals", "uvs", "projection", "sharpness", "detail"]);
+            known.extend(["normals", "uvs", "uvs2", "projection", "sharpness", "detail"]);
             known.extend(material::OPTIONS.into_iter().filter(|name| !["color", "name"].contains(name)));
         }
         Topology::Lines => known.extend(["strip", "width", "metres", "round"]),
@@ -102,11 +102,14 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         indices,
         ..MeshData::default()
     };
-    let primitive = choreo_plugin::build::primitive(&data).map_err(|e| {
+    let mut primitive = choreo_plugin::build::primitive(&data).map_err(|e| {
         // Its first word is the array.
         let array = e.0.split(|c: char| !c.is_ascii_lowercase()).next().unwrap_or("").to_string();
         ApiError::new(format!("{function}: {e}")).focus(array)
     })?;
+    if o.get("uvs2").is_some() {
+        second_uvs(&o, &mut primitive)?;
+    }
     let projected = o.get("projection").is_some();
     let relief_without_uvs = o.get("displacement_map").is_some() && primitive.uvs[0].is_empty() && !projected;
     if relief_without_uvs {
@@ -149,6 +152,22 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     }
     let name = o.text("name")?.unwrap_or_else(|| function.clone());
     asset(&name, &name, primitive, material, images)
+}
+
+/// Where textures of `uv_set: 1` lie.
+fn second_uvs(o: &Options, primitive: &mut Primitive) -> Result<(), ApiError> {
+    let given = arrays::floats(o, "uvs2", 2)?;
+    let vertices = primitive.positions.len();
+    if given.len() != 2 * vertices || given.iter().any(|v| !v.is_finite()) {
+        let text = format!(
+            "{}: uvs2 must have 2 finite numbers for each of the {vertices} vertices, has {}",
+            o.function,
+            given.len()
+        );
+        return Err(ApiError::new(text).focus("uvs2"));
+    }
+    primitive.uvs[1] = given.as_chunks::<2>().0.iter().copied().map(Vec2::from_array).collect();
+    Ok(())
 }
 
 /// Of projection: "triplanar": the largest side is as wide as a picture, as for a box.

@@ -19,6 +19,10 @@ pub fn project(p: &mut Primitive, how: &str) {
     if !p.colors.is_empty() {
         p.colors = old.iter().map(|i| p.colors[*i as usize]).collect();
     }
+    let second = match p.uvs[1].is_empty() {
+        true => Vec::new(),
+        false => old.iter().map(|i| p.uvs[1][*i as usize]).collect(),
+    };
     p.indices = (0..old.len() as u32).collect();
     if how == "triplanar" {
         p.uvs = [Vec::new(), Vec::new()];
@@ -53,7 +57,7 @@ pub fn project(p: &mut Primitive, how: &str) {
         }
         uvs.extend(triangle);
     }
-    p.uvs = [uvs, Vec::new()];
+    p.uvs = [uvs, second];
 }
 
 /// The least box around it.

@@ -18,7 +18,7 @@ pub fn texture(c: &mut Call) -> Reply {
     let source = c.this_asset()?;
     let wanted = c.text(0)?;
     let slot = one_of(&c.value(1), "texture: slot", SLOTS)?;
-    let o = c.options(3, &["fps", "once"])?;
+    let o = c.options(3, &["fps", "once", "uv_set"])?;
     let value = c.value(2);
     let given = match value.read_lock::<Array>() {
         Some(array) => {
@@ -38,9 +38,26 @@ pub fn texture(c: &mut Call) -> Reply {
     let image = asset.images.len() as u32;
     asset.images.push(given.image.clone());
     let material = &mut asset.materials[index];
+    let asked = match o.number("uv_set")? {
+        None => None,
+        Some(0.0) => Some(0),
+        Some(1.0) => Some(1),
+        Some(_) => {
+            let text = "texture: uv_set must be 0, for uvs, or 1, for uvs2";
+            return Err(ApiError::new(text).focus("uv_set"));
+        }
+    };
+    let triplanar = material.triplanar.is_some();
+    if asked.is_some() && triplanar {
+        let text = format!("texture: {wanted} has a triplanar projection, which needs no uv_set");
+        return Err(ApiError::new(text).focus("uv_set"));
+    }
     let new = |old: &Option<TextureRef>| {
-        let (uv_set, uv_transform) =
-            old.as_ref().map_or((0, Affine2::IDENTITY), |t| (t.uv_set, t.uv_transform));
+        let (uv_set, uv_transform) = match (old, asked) {
+            (Some(t), None) => (t.uv_set, t.uv_transform),
+            (Some(t), Some(set)) if set == t.uv_set => (set, t.uv_transform),
+            (_, set) => (set.unwrap_or(0), Affine2::IDENTITY),
+        };
         Some(TextureRef { image, sampler: given.sampler, uv_set, uv_transform })
     };
     let lit = material.shading != Shading::Unlit;
@@ -78,7 +95,8 @@ pub fn texture(c: &mut Call) -> Reply {
         *mesh = Arc::new(made);
     }
     if !any {
-        let text = format!("texture: what has the material \"{wanted}\" has no texture coordinates");
+        let which = if uv_set == 1 { "second " } else { "" };
+        let text = format!("texture: what has the material \"{wanted}\" has no {which}texture coordinates");
         return Err(ApiError::new(text).focus(&wanted));
     }
     c.build().used(&source);
