@@ -56,7 +56,8 @@ pub fn check(name: &str, asset: &Asset) {
             &material.specular_color_texture,
         ];
         let toon = material.toon.iter().flat_map(|t| t.textures());
-        for t in textures.into_iter().chain(toon).flatten() {
+        let mirrors = material.reflection.iter().flat_map(|r| [&r.texture, &r.environment]);
+        for t in textures.into_iter().chain(toon).chain(mirrors).flatten() {
             assert!((t.image as usize) < asset.images.len() && t.uv_set < 2, "{name}: texture");
             assert!(t.uv_transform.is_finite(), "{name}");
         }

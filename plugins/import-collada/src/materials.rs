@@ -6,6 +6,7 @@ use choreo_import::Result;
 use choreo_import::color::linear_from_srgb;
 use choreo_import::textures::Textures;
 use choreo_plugin::Files;
+use choreo_stage::Reflection;
 use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
 use glam::{Affine2, Vec3, Vec4};
 use std::collections::BTreeMap;
@@ -135,11 +136,12 @@ impl<'f> Materials<'f> {
             child(shader, slot).map_or(Ok(Value::default()), |n| self.value(xml, profile, n, uvs))
         };
         let (emission, diffuse, specular) = (value("emission")?, value("diffuse")?, value("specular")?);
-        let transparent = value("transparent")?;
+        let (transparent, reflective) = (value("transparent")?, value("reflective")?);
         let float = |slot: &'static str| -> Result<Option<f64>> {
             child(shader, slot).and_then(|n| child(n, "float")).map(|n| xml.number(n)).transpose()
         };
         let (shininess, transparency) = (float("shininess")?, float("transparency")?);
+        let reflectivity = float("reflectivity")?.map_or(0.0, |v| v.clamp(0.0, 1.0) as f32);
 
         let srgb = self.srgb;
         let rgb = |c: Vec4| Vec3::from(c.truncate().to_array().map(|c| linear(c, srgb)));
@@ -176,6 +178,17 @@ impl<'f> Materials<'f> {
                 // Blinn–Phong here is normalised by (s + 8) / 8; the file's highlight has its colour at the peak.
                 out.specular_color = specular.color.map_or(Vec3::ZERO, rgb) * (8.0 / (out.shininess + 8.0));
                 out.specular_color_texture = specular.texture;
+                // "The color of a perfect mirror reflection" and its amount: without an amount exporters mean none.
+                let share = if reflective.texture.is_some() {
+                    Vec3::ONE
+                } else {
+                    reflective.color.map_or(Vec3::ZERO, rgb)
+                };
+                let color = (share * reflectivity).min(Vec3::ONE);
+                if color != Vec3::ZERO {
+                    let texture = reflective.texture;
+                    out.reflection = Some(Box::new(Reflection { color, texture, environment: None }));
+                }
             }
         }
         out.double_sided = [Some(effect), Some(material), technique].into_iter().flatten().any(|n| {

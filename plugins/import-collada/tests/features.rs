@@ -115,6 +115,27 @@ fn uv_sets_materials_and_textures() {
 }
 
 #[test]
+fn what_is_mirrored_is_reflective_times_reflectivity() {
+    let of = |reflective: &str| {
+        let lines = format!("<shininess><float>92</float></shininess>{reflective}");
+        let asset = with(&[("<shininess><float>92</float></shininess>", &lines)]);
+        asset.materials[0].reflection.clone()
+    };
+    let (half, white) = ("<reflectivity><float>0.5</float></reflectivity>", "<color>1 1 1 1</color>");
+    let share = |r: &str| of(r).map(|r| (r.color, r.texture.is_some()));
+    let colored = format!("<reflective><color>1 0.5 0 1</color></reflective>{half}");
+    assert!((share(&colored).unwrap().0 - Vec3::new(0.5, 0.107_021, 0.0)).length() < 1e-5);
+    let map =
+        format!("<reflective><texture texture=\"skin-sampler\" texcoord=\"DETAIL\"/></reflective>{half}");
+    assert_eq!(share(&map), Some((Vec3::splat(0.5), true)));
+    // What exporters write of a surface that mirrors nothing.
+    let black = format!("<reflective><color>0 0 0 1</color></reflective>{half}");
+    for nothing in ["", half, &black, &format!("<reflective>{white}</reflective>")] {
+        assert_eq!(of(nothing), None, "{nothing}");
+    }
+}
+
+#[test]
 fn cameras_and_lights() {
     let asset = read(ARM);
     let Projection::Perspective { yfov, near, far } = asset.cameras[0].projection else { panic!() };
