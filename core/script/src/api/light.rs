@@ -271,6 +271,17 @@ fn attach(c: &mut Call) -> Reply {
 
 fn key(c: &mut Call) -> Reply {
     let this: LightRef = c.this()?;
+    let kind = c.build().light(this.0)?.light.kind;
+    // Keys of what such a light has not would change nothing.
+    let lacks = match (c.text(0).unwrap_or_default().as_str(), kind) {
+        ("cone", LightKind::Directional | LightKind::Point) => Some(("cone", "only a spot has a cone")),
+        ("range", LightKind::Directional) => Some(("range", "a sun shines however far")),
+        ("direction", LightKind::Point) => Some(("direction", "a point shines in all directions")),
+        _ => None,
+    };
+    if let Some((word, why)) = lacks {
+        return Err(ApiError::new(format!("key: {why}, so \"{word}\" has no keys here")).focus(word));
+    }
     let channels = keys::read(c, keys::Owner::Light)?;
     keys::replace(&mut c.build().light(this.0)?.channels, channels);
     c.itself()
