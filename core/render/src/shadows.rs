@@ -133,18 +133,25 @@ fn sun(axes: Axes, most: f64, softness: f64, region: &Region<'_>) -> Vec<Fitted>
     let far = depths.0[1];
     let near = depths.0[0].max(far * 1e-3);
     let perspective = region.view.eye.w != 0.0;
-    // What a pixel covers where the view is near, but not under the camera's feet.
+    // The first cascade begins where the view does, but is not made finer for what lies under the camera's feet.
     let finest = near.max(far / 64.0);
-    let pixel = 2.0 * if perspective { finest } else { 1.0 }
-        / f64::from(region.view.clip_from_view.y_axis.y.abs()).max(1e-9)
-        / f64::from(region.picture[1].max(1));
-    // Twelve pixels of penumbra; a second map costs every caster again.
-    let fine_enough = (4.0 * pixel).max(1.2 * softness / FILTER);
+    // What a pixel covers at a depth.
+    let pixel = |depth: f64| {
+        2.0 * if perspective { depth } else { 1.0 }
+            / f64::from(region.view.clip_from_view.y_axis.y.abs()).max(1e-9)
+            / f64::from(region.picture[1].max(1))
+    };
+    // Twelve pixels of penumbra where the view begins, and 24 where another cascade does, which are fewer behind; another map
+    // costs every caster again.
+    let fine_enough = |cascade: usize, depth: f64| {
+        let pixels = if cascade == 0 { 4.0 } else { 8.0 };
+        (pixels * pixel(depth.max(finest))).max(1.2 * softness / FILTER)
+    };
     let lit = [axes.right, axes.up, axes.forward].map(|axis| spans(region.receivers, axis));
     if !lit.iter().all(|s| s.is_finite()) {
         return Vec::new();
     }
-    let mut cascades = Vec::new();
+    let mut cascades: Vec<(Span, Span, f64, bool)> = Vec::new();
     for count in 1..=MAX_CASCADES {
         cascades = (0..count)
             .map(|i| {
@@ -157,16 +164,18 @@ fn sun(axes: Axes, most: f64, softness: f64, region: &Region<'_>) -> Vec<Fitted>
                 let across = lit[0].meet(around(axes.right));
                 let up = lit[1].meet(around(axes.up));
                 let texel = (across.length().max(up.length()) / (most - 2.0 * MARGIN)).max(softness / FILTER);
-                (across, up, texel.max(1e-6))
+                let texel = texel.max(1e-6);
+                (across, up, texel, texel <= fine_enough(i, split(i)))
             })
             .collect();
-        if !perspective || cascades[0].2 <= fine_enough {
+        // Where each is: one that is fine near and coarse behind melts shadows that a smaller map keeps apart.
+        if !perspective || cascades.iter().all(|c| c.3) {
             break;
         }
     }
-    let cascades = cascades.into_iter().filter(|(across, up, _)| across.length() > 0.0 && up.length() > 0.0);
+    let cascades = cascades.into_iter().filter(|(across, up, ..)| across.length() > 0.0 && up.length() > 0.0);
     cascades
-        .filter_map(|(across, up, texel)| sun_map(axes, [across, up, lit[2]], stepped(texel), region))
+        .filter_map(|(across, up, texel, _)| sun_map(axes, [across, up, lit[2]], stepped(texel), region))
         .collect()
 }
 
@@ -346,6 +355,39 @@ mod tests {
         assert!(maps.windows(2).all(|m| m[0].texel < m[1].texel));
         assert!(maps[0].casters.len() < casters.len() / 2, "each map has its own casters");
         assert!(maps.iter().all(|m| m.size.iter().all(|s| *s <= 2048)));
+    }
+
+    /// Along the ground ahead, the map that a shader takes is as fine as it need be, or as the map of a smaller shadow is.
+    #[test]
+    fn more_texels_are_nowhere_coarser_than_fewer() {
+        let sun = light(Vec4::new(-0.4, -0.8, -0.45, 0.0), Vec4::ZERO, Vec4::ZERO);
+        let v = view(0.0);
+        // It goes on under the camera.
+        let ground = Aabb { min: Vec3::new(-6.0, -0.4, -11.0), max: Vec3::new(6.0, -0.4, 3.0) };
+        let region = Region { view: &v, picture: [2560, 1440], receivers: &[ground], casters: &[ground] };
+        let depths: Vec<f32> = (0..97).map(|i| 1.2 + 0.1 * i as f32).collect();
+        let softness = 0.01;
+        let texels = |size: u32| -> Vec<f32> {
+            let maps = fit(&sun, Shadow { size, softness, ..Shadow::default() }, &region);
+            let at = |depth: &f32| {
+                let inside = |m: &&Fitted| {
+                    let p = m.clip_from_relative * Vec4::new(0.0, -0.4, -depth, 1.0);
+                    p.x.abs() < 1.0 && p.y.abs() < 1.0
+                };
+                maps.iter().find(inside).map_or(f32::INFINITY, |m| m.texel)
+            };
+            depths.iter().map(at).collect()
+        };
+        let of_size: Vec<Vec<f32>> = [256, 384, 512, 640, 768, 1024, 2048, 4096].map(texels).into();
+        for (smaller, larger) in of_size.iter().zip(&of_size[1..]) {
+            for ((depth, few), many) in depths.iter().zip(smaller).zip(larger) {
+                // Eight pixels, or nearly a texel of the softness; sizes go up in steps of a quarter of a doubling.
+                let pixel = 2.0 * depth * libm::tanf(0.35) / 1440.0;
+                let fine = (8.0 * pixel).max(1.2 * softness / 3.0) * 1.19;
+                assert!(*many <= few.max(fine), "at {depth} m {many}, with fewer {few}, fine is {fine}");
+            }
+        }
+        assert!(of_size[0].iter().any(|t| *t > 0.02) && of_size[7].iter().all(|t| *t < 0.01));
     }
 
     #[test]
