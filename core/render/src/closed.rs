@@ -3,7 +3,9 @@
 //! Exporters mark most materials as two-sided. Along a ray from outside, a surface without border is entered before it is left
 //! (each edge has as many triangles on one side as on the other, so the surface is a boundary, and the number of times that it
 //! winds around a point is 0 outside), so that its back faces need neither be drawn nor shaded, in pictures and in shadow maps.
-//! That holds of bodies as they were made. Where a skin or morph targets push one through itself, what is inside out may be missed.
+//! Skins and morph targets leave the surface without border, so that a ray that meets a body meets a front face of it: however it is bent,
+//! no hole opens and its outline stays. Where a part of it is turned inside out, the face behind that part is seen in its place: at most
+//! 0.05 % of a sample's pixels in its clips and with a joint turned by 2.5 radians (`cargo test -p choreo --test closed_bodies -- --nocapture`).
 
 use crate::bounds::Aabb;
 use crate::catalog::CatalogPrimitive;
