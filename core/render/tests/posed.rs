@@ -268,3 +268,31 @@ fn a_device_that_cannot_compute_poses_by_every_pass() {
     assert_eq!(whole.last_recording().unwrap().counts().posed, 3);
     assert_same(&by_each, &once, "without compute");
 }
+
+/// Vertices, or the mesh that they are made from, are more than the device binds at once.
+#[test]
+fn what_cannot_be_bound_is_posed_by_every_pass() {
+    let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
+    let (scene, options) = (with(scene(WAYS[0]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
+    let once = draw_with(&mut whole, &scene, &options);
+    let (catalog, plan) = scene.plan(&options);
+    let bytes = whole.last_recording().unwrap().posed_bytes(&catalog) as u32;
+    let mesh = bytes / 3;
+    let draw = |most: u32| {
+        let masked = GpuOptions { storage_range: Some(most), ..GpuOptions::default() };
+        let mut device = vulkan(masked).unwrap();
+        device.load(catalog.clone()).unwrap();
+        device.submit(plan.clone()).and_then(|()| device.collect(None)).map(|frame| {
+            assert_same(&frame, &once, &format!("{most} bytes"));
+            device.last_recording().unwrap().counts().posed
+        })
+    };
+    assert_eq!(draw(bytes).unwrap(), 3);
+    assert_eq!(draw(bytes - 1).unwrap(), 0);
+    assert_eq!(draw(mesh / 2).unwrap(), 0);
+    let said = draw(64).unwrap_err().to_string();
+    assert!(
+        said.starts_with("size in bytes of all instances is ") && said.ends_with("device is 64"),
+        "{said}"
+    );
+}

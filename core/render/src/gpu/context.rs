@@ -50,6 +50,8 @@ pub struct ContextOptions<'a> {
     pub faults: Faults,
     /// As if the device lacked these.
     pub without: &'a [Ability],
+    /// As if no storage buffer could be bound with more bytes.
+    pub storage_range: Option<u32>,
 }
 
 fn no_vulkan(why: impl Into<String>) -> RenderError {
@@ -78,7 +80,9 @@ impl Context {
             error
         };
         let (physical, queue_family) = choose_device(&instance, options.device).map_err(destroy)?;
-        let (properties, info) = describe(&instance, physical);
+        let (mut properties, info) = describe(&instance, physical);
+        let range = &mut properties.limits.max_storage_buffer_range;
+        *range = options.storage_range.map_or(*range, |most| most.min(*range));
         options.faults.check(FaultPlace::Device).named(&format!("device {}", info.name)).map_err(destroy)?;
         let (device, abilities) =
             create_device(&instance, physical, queue_family, &info, options).map_err(destroy)?;

@@ -108,6 +108,7 @@ impl VulkanRenderer {
             frugal: options.frugal,
             faults: options.faults,
             without: &options.without,
+            storage_range: options.storage_range,
         })?;
         let mut layouts = Layouts::new(&gpu)?;
         let cache_dir = options.cache_dir.as_deref();
@@ -343,7 +344,7 @@ impl VulkanRenderer {
         let entry = |primitive: u32| self.catalog.primitives.get(primitive as usize);
         let triangles = |primitive| entry(primitive).map_or(0, |p| p.primitive().indices.len() / 3);
         let mut recording = record(plan, options, triangles);
-        if recording.posed_bytes(&self.catalog) > u64::from(self.gpu.limits().max_storage_buffer_range) {
+        if !self.can_pose(&recording) {
             recording = record(plan, RecordOptions { no_compute: true, ..options }, triangles);
         }
         let ids = pipelines::ids(&recording);

@@ -29,6 +29,8 @@ pub struct GpuOptions {
     pub textures: Option<u32>,
     /// As if the device could draw no picture with a longer side, pixels: larger ones are drawn in tiles.
     pub longest_side: Option<u32>,
+    /// As if no storage buffer could be bound with more bytes (`maxStorageBufferRange`).
+    pub storage_range: Option<u32>,
     /// As if the device lacked these features.
     pub without: Vec<Ability>,
     /// How many times as many texels are read along a slanted surface as across it, at most; 1: none more. Left out: 16 on a

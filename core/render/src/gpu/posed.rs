@@ -1,5 +1,6 @@
 //! Bodies posed once a frame by compute shaders; see [`crate::posed`] and posed.wgsl.
 
+use super::VulkanRenderer;
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, Set, write_buffer};
 use super::error::Named;
@@ -61,7 +62,8 @@ fn grow(
         old.destroy(gpu);
     }
     let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
-    *buffer = Some(Buffer::new(gpu, name, bytes.next_power_of_two(), usage, location)?);
+    let size = room(bytes, u64::from(gpu.limits().max_storage_buffer_range));
+    *buffer = Some(Buffer::new(gpu, name, size, usage, location)?);
     Ok(true)
 }
 
@@ -137,6 +139,28 @@ impl Posing {
         for mut buffer in self.jobs.take().into_iter().chain(self.vertices.take()) {
             buffer.destroy(gpu);
         }
+    }
+}
+
+/// Bytes of a buffer that is to grow, all of which are bound: no more than the device binds, and no less than are asked for.
+fn room(bytes: u64, limit: u64) -> u64 {
+    bytes.next_power_of_two().min(limit).max(bytes)
+}
+
+impl VulkanRenderer {
+    /// Whether what the compute stage reads and writes can be bound here; else every pass poses its vertices.
+    pub(super) fn can_pose(&self, recording: &Recording) -> bool {
+        let limit = u64::from(self.gpu.limits().max_storage_buffer_range);
+        let mesh = |command: &Command| match command {
+            Command::Pose { primitive, layout, .. } => {
+                let mesh = self.catalog.primitives.get(*primitive as usize);
+                u64::from(layout.attributes().1) * mesh.map_or(0, |m| m.primitive().positions.len() as u64)
+            }
+            _ => 0,
+        };
+        let bodies = (recording.posed.len() * size_of::<Job>()) as u64;
+        bodies.max(recording.posed_bytes(&self.catalog)) <= limit
+            && recording.commands.iter().all(|command| mesh(command) <= limit)
     }
 }
 
@@ -282,4 +306,17 @@ pub fn pipeline(
     let pipeline = made.map_err(|(_, r)| r).named(&name)?[0];
     gpu.name(pipeline, &name);
     Ok(pipeline)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_buffer_grows_no_further_than_it_can_be_bound() {
+        let most = u64::from(u32::MAX);
+        assert_eq!(room(5000, most), 8192);
+        assert_eq!(room(3 << 30, most), most, "twice a gigabyte and more would be 4 GiB");
+        assert_eq!((room(5000, 6000), room(5000, 4000)), (6000, 5000));
+    }
 }

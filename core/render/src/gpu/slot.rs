@@ -188,13 +188,6 @@ impl Slot {
             false => joint_bytes.len().max(size_of::<Rows>()),
         } as u64;
         let joints_at = ranges.take(joints_range);
-        for (what, bytes) in [("instances", instance_bytes), ("joint matrices", joint_bytes)] {
-            let limit = limits.max_storage_buffer_range as u64;
-            if bytes.len() as u64 > limit {
-                let what = format!("size in bytes of all {what}");
-                return Err(RenderError::Limit { what, value: bytes.len() as u64, limit });
-            }
-        }
 
         let surface_range = if plan.surface.is_empty() { 0 } else { SURFACE_BYTES };
         let surface_at = ranges.take(surface_range);
@@ -202,6 +195,18 @@ impl Slot {
         let overlay_at = ranges.take(overlay_bytes.len() as u64);
         let list_bytes: &[u8] = plan.light_lists.as_ref().map_or(&[], |lists| bytemuck::cast_slice(&lists.0));
         let lists_at = ranges.take(list_bytes.len() as u64);
+        let stored = [
+            ("instances", instance_bytes),
+            ("joint matrices", joint_bytes),
+            ("weights of morph targets", morph_bytes),
+            ("corners that effects draw", overlay_bytes),
+            ("lists of lights", list_bytes),
+        ];
+        let limit = u64::from(limits.max_storage_buffer_range);
+        if let Some((what, bytes)) = stored.into_iter().find(|(_, bytes)| bytes.len() as u64 > limit) {
+            let what = format!("size in bytes of all {what}");
+            return Err(RenderError::Limit { what, value: bytes.len() as u64, limit });
+        }
 
         let old_views = self.view_sets.len();
         while self.view_sets.len() < views.len() {
