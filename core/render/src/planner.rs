@@ -411,32 +411,8 @@ impl Planner<'_> {
         if peel.is_ok() {
             self.items[first_blended..].iter_mut().for_each(|item| item.pipeline.peeled = true);
         }
-        let mut draws: Vec<Draw> = Vec::new();
-        let mut instances = Vec::with_capacity(self.items.len());
+        let (mut draws, mut instances, all) = self.draws();
         let mut instance_actors: Vec<u32> = self.items.iter().map(|item| item.actor).collect();
-        let mut previous = None;
-        let mut all = Features::default();
-        for item in &self.items {
-            all = all.with(item.pipeline.features);
-            match draws.last_mut() {
-                Some(draw) if previous == Some(item.state()) && !self.options.no_instancing => {
-                    draw.instance_count += 1;
-                }
-                _ => draws.push(Draw {
-                    pipeline: item.pipeline,
-                    primitive: item.entry.primitive,
-                    material: item.entry.material,
-                    changed: item.changed,
-                    closed: item.closed,
-                    deferred: false,
-                    first_instance: instances.len() as u32,
-                    instance_count: 1,
-                }),
-            }
-            previous = Some(item.state());
-            instances.push(item.instance);
-        }
-
         let light_lists = (lit && self.facts.many_lights && !self.options.no_light_lists)
             .then(|| LightLists::new(&lights, &self.view, self.options.size));
         let lamps = (lights.len(), light_lists.as_ref());

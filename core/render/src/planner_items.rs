@@ -1,7 +1,7 @@
 //! What is drawn, before it is sorted into draws.
 
 use crate::catalog::PrimitiveEntry;
-use crate::plan::{Instance, PipelineKey};
+use crate::plan::{Draw, Features, Instance, PipelineKey};
 use crate::planner::Planner;
 use choreo_stage::ActorState;
 use std::sync::Arc;
@@ -75,5 +75,36 @@ impl Planner<'_> {
         self.materials.push(Arc::new(base.changed(now, entry.animated.is_some())));
         self.changed.push((index, entry.material, place));
         Some(place)
+    }
+}
+
+impl Planner<'_> {
+    /// The sorted items as draws, of which neighbours that have all in common are one, their instances, and the features of all.
+    pub fn draws(&self) -> (Vec<Draw>, Vec<Instance>, Features) {
+        let mut draws: Vec<Draw> = Vec::new();
+        let mut instances = Vec::with_capacity(self.items.len());
+        let mut previous = None;
+        let mut all = Features::default();
+        for item in &self.items {
+            all = all.with(item.pipeline.features);
+            match draws.last_mut() {
+                Some(draw) if previous == Some(item.state()) && !self.options.no_instancing => {
+                    draw.instance_count += 1;
+                }
+                _ => draws.push(Draw {
+                    pipeline: item.pipeline,
+                    primitive: item.entry.primitive,
+                    material: item.entry.material,
+                    changed: item.changed,
+                    closed: item.closed,
+                    deferred: false,
+                    first_instance: instances.len() as u32,
+                    instance_count: 1,
+                }),
+            }
+            previous = Some(item.state());
+            instances.push(item.instance);
+        }
+        (draws, instances, all)
     }
 }

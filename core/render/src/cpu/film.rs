@@ -4,19 +4,23 @@ use super::lanes::{F4, V3};
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 
-/// Reflectance of a film on a surface that reflects `f0` at normal incidence: Airy's sum, two terms beside the mean, seen by
-/// the eye's receptors (Belcour & Barla, "A Practical Extension to Microfacet Theory for the Modeling of Varying
-/// Iridescence", 2017). Linear sRGB.
+/// Terms of Airy's sum beside its mean, as the shader has them; `cargo xtask report film` measures others.
+pub const ORDERS: u32 = 2;
+
+/// [`reflectance`], four pixels at once.
 pub fn film_reflectance(ior: f32, nanometres: F4, nv: F4, f0: V3) -> V3 {
     let at = |i: usize| {
         let f0 = Vec3::new(f0.x.0[i], f0.y.0[i], f0.z.0[i]);
-        reflectance(ior, nanometres.0[i], nv.0[i], f0)
+        reflectance::<ORDERS>(ior, nanometres.0[i], nv.0[i], f0)
     };
     let all: [Vec3; 4] = std::array::from_fn(at);
     V3 { x: F4(all.map(|c| c.x)), y: F4(all.map(|c| c.y)), z: F4(all.map(|c| c.z)) }
 }
 
-fn reflectance(ior: f32, nanometres: f32, nv: f32, f0: Vec3) -> Vec3 {
+/// Reflectance of a film on a surface that reflects `f0` at normal incidence, looked at under the cosine `nv`: Airy's sum, some
+/// terms beside the mean, seen by the eye's receptors (Belcour & Barla, "A Practical Extension to Microfacet Theory for the
+/// Modeling of Varying Iridescence", 2017). Linear sRGB, not negative.
+pub fn reflectance<const ORDERS: u32>(ior: f32, nanometres: f32, nv: f32, f0: Vec3) -> Vec3 {
     let squared = |v: f32| v * v;
     // A film of nothing is air.
     let t = (nanometres / 0.03).clamp(0.0, 1.0);
@@ -44,10 +48,10 @@ fn reflectance(ior: f32, nanometres: f32, nv: f32, f0: Vec3) -> Vec3 {
     let rs = r23 * (t121 * t121) / (Vec3::ONE - r123);
     let mut sum = rs + r12;
     let mut c = rs - t121;
-    c *= step;
-    sum += c * 2.0 * film_color(path, phi);
-    c *= step;
-    sum += c * 2.0 * film_color(2.0 * path, phi * 2.0);
+    for order in 1..=ORDERS {
+        c *= step;
+        sum += c * 2.0 * film_color(order as f32 * path, phi * order as f32);
+    }
     sum.max(Vec3::ZERO)
 }
 

@@ -8,7 +8,7 @@ mod brushed;
 mod changed;
 mod coverage;
 mod displace;
-mod film;
+pub mod film;
 mod lanes;
 mod layers;
 mod lighting;
@@ -188,17 +188,10 @@ impl CpuRenderer {
                     .has(Features::SHELL)
                     .then(|| Hull { material, normals: crate::vertex::welded_normals(primitive) });
                 let stage = VertexStage {
-                    primitive,
-                    moved: if features.has(Features::MORPH) { entry.moved() } else { &[] },
-                    features,
-                    instance,
-                    joint_matrices: &plan.joint_matrices,
-                    morphs: &plan.morphs,
-                    clip_from_relative,
                     size,
                     hull,
                     displaced: self.displaced(plan, draw.pipeline.displaced),
-                    camera: plan.view.position.as_vec3(),
+                    ..VertexStage::new(entry, features, plan, instance, clip_from_relative)
                 };
                 let vertices = bodies.vertices(draw, &stage);
                 let pipeline = draw.pipeline;

@@ -45,21 +45,8 @@ impl Bodies {
         let wanted: Vec<_> = wanted.into_iter().collect();
         let pose = |(body, (features, instance, _)): (Body, (Features, &Instance, u32))| {
             let entry = &renderer.catalog.primitives[body.0 as usize];
-            let primitive = entry.primitive();
-            let stage = VertexStage {
-                primitive,
-                moved: if features.has(Features::MORPH) { entry.moved() } else { &[] },
-                features,
-                instance,
-                joint_matrices: &plan.joint_matrices,
-                morphs: &plan.morphs,
-                clip_from_relative: &Mat4::IDENTITY,
-                size: plan.size,
-                hull: None,
-                displaced: Vec::new(),
-                camera: plan.view.position.as_vec3(),
-            };
-            let welded = body.2.then(|| crate::vertex::welded_normals(primitive));
+            let stage = VertexStage::new(entry, features, plan, instance, &Mat4::IDENTITY);
+            let welded = body.2.then(|| crate::vertex::welded_normals(stage.primitive));
             (body, stage.posed(welded.as_deref()))
         };
         Bodies(wanted.into_par_iter().map(pose).collect())

@@ -3,8 +3,9 @@
 use super::displace::{self, Displacement};
 use super::lanes::F4;
 use super::shade::ShadeMaterial;
+use crate::catalog::CatalogPrimitive;
 use crate::gpu_types::TOON_SLOT;
-use crate::plan::{ActiveMorph, Features, Instance, Rows};
+use crate::plan::{ActiveMorph, Features, Instance, Plan, Rows};
 use choreo_plugin::Place;
 use choreo_stage::Primitive;
 use glam::{Mat4, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
@@ -50,6 +51,31 @@ pub struct Hull<'a> {
     pub material: &'a ShadeMaterial,
     /// In place of the primitive's normals ([`crate::vertex::welded_normals`]).
     pub normals: Vec<Vec3>,
+}
+
+impl<'a> VertexStage<'a> {
+    /// Of a plan's instance, without a hull and without effects; the size is the picture's.
+    pub fn new(
+        entry: &'a CatalogPrimitive,
+        features: Features,
+        plan: &'a Plan,
+        instance: &'a Instance,
+        clip_from_relative: &'a Mat4,
+    ) -> Self {
+        VertexStage {
+            primitive: entry.primitive(),
+            moved: if features.has(Features::MORPH) { entry.moved() } else { &[] },
+            features,
+            instance,
+            joint_matrices: &plan.joint_matrices,
+            morphs: &plan.morphs,
+            clip_from_relative,
+            size: plan.size,
+            hull: None,
+            displaced: Vec::new(),
+            camera: plan.view.position.as_vec3(),
+        }
+    }
 }
 
 impl VertexStage<'_> {
