@@ -4,12 +4,14 @@
 //! A new choice: a file here with `pub fn section() -> Section`, and its line in `SECTIONS`.
 
 mod baking;
+mod bloom;
 mod chains;
 mod crossfade;
 mod deferred;
 mod detail;
 mod effects;
 mod far_away;
+mod film;
 mod ik;
 mod mipmaps;
 mod packing;
@@ -51,7 +53,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// By name, in the order of the report.
-const SECTIONS: [(&str, Measure); 24] = [
+const SECTIONS: [(&str, Measure); 26] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -66,9 +68,11 @@ const SECTIONS: [(&str, Measure); 24] = [
     ("mipmaps", mipmaps::section),
     ("sky", sky::section),
     ("parallax", parallax::section),
+    ("film", film::section),
     ("shadows", shadows::section),
     ("samples", samples::section),
     ("effects", effects::section),
+    ("bloom", bloom::section),
     ("passes", passes::section),
     ("detail", detail::section),
     ("tones", tones::section),

@@ -1,0 +1,230 @@
+//! Thin films: the eye's answer to their spectrum, by terms, by wavelengths, and what a picture of them costs.
+
+use crate::pictures::{renderers, stage, times};
+use crate::{BUDGET_SECS, Section};
+use choreo_measure::picture::Moment;
+use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_measure::truth::Spread;
+use choreo_motion::Time;
+use choreo_plugin::Registry;
+use choreo_render::cpu::film::{ORDERS, reflectance};
+use choreo_render::{Plan, PlanOptions};
+use choreo_report::{Cell, Choice, Row, Table, duration};
+use glam::Vec3;
+use std::f64::consts::PI;
+use std::hint::black_box;
+
+const SIZE: [u32; 2] = [640, 360];
+
+pub fn section() -> Result<Section, String> {
+    Ok(Section {
+        title: "Thin films",
+        text: "A film as thin as light is long has the colour of a sum over the whole spectrum. The shader adds the first terms of Airy's sum, of \
+               which the eye's answers are Gaussians in closed form (Belcour & Barla 2017); light reflected at each side is Schlick's. The truth has \
+               Fresnel's equations for both polarizations and 471 wavelengths. A third term changes nothing that is seen: the worst errors lie where a film is \
+               looked at from aside. Three wavelengths for three colours, with Fresnel's equations, are nearer."
+            .into(),
+        choices: vec![orders()],
+        tables: vec![costs()?],
+        off_front: vec![(
+            "film",
+            "it is what glTF's extension writes down for films (KHR_materials_iridescence), so that a model looks here as it does in other programs; three \
+             wavelengths with Fresnel's equations are nearer to the spectrum and cheaper.",
+        )],
+    })
+}
+
+/// A film: its index of refraction, nanometres, the cosine of the look, what its base reflects in air, looked at straight.
+type Film = (f64, f64, f64, f64);
+
+/// Linear sRGB of what a film reflects.
+type Way = fn(Film) -> [f64; 3];
+
+fn films() -> Vec<Film> {
+    let mut films = Vec::new();
+    for ior in [1.3, 1.5, 1.8] {
+        for f0 in [0.04, 0.2, 0.5] {
+            for cosine in [1.0, 0.8, 0.6, 0.4, 0.25] {
+                films.extend((2..=18).map(|i| (ior, 50.0 * f64::from(i), cosine, f0)));
+            }
+        }
+    }
+    films
+}
+
+/// XYZ of a wavelength in nanometres (Wyman, Sloan & Shirley, "Simple Analytic Approximations to the CIE XYZ Color Matching Functions", 2013).
+fn receptors(nm: f64) -> [f64; 3] {
+    let lobe = |height: f64, at: f64, below: f64, above: f64| {
+        let t = (nm - at) * if nm < at { below } else { above };
+        height * libm::exp(-0.5 * t * t)
+    };
+    [
+        lobe(0.362, 442.0, 0.0624, 0.0374)
+            + lobe(1.056, 599.8, 0.0264, 0.0323)
+            + lobe(-0.065, 501.1, 0.0490, 0.0382),
+        lobe(0.821, 568.8, 0.0213, 0.0247) + lobe(0.286, 530.9, 0.0613, 0.0322),
+        lobe(1.217, 437.0, 0.0845, 0.0278) + lobe(0.681, 459.0, 0.0385, 0.0725),
+    ]
+}
+
+/// Linear sRGB (IEC 61966-2-1).
+fn rgb([x, y, z]: [f64; 3]) -> [f64; 3] {
+    [
+        3.2404542 * x - 1.5371385 * y - 0.4985314 * z,
+        -0.9692660 * x + 1.8760108 * y + 0.0415560 * z,
+        0.0556434 * x - 0.2040259 * y + 1.0572252 * z,
+    ]
+}
+
+/// Fresnel's amplitudes at both sides of the film, for both polarizations, and how far a wave of one metre goes in it.
+fn sides((ior, nanometres, cosine, f0): Film) -> ([[f64; 2]; 2], f64) {
+    let base = (1.0 + f0.sqrt()) / (1.0 - f0.sqrt());
+    let sine2 = 1.0 - cosine * cosine;
+    let inside = (1.0 - sine2 / (ior * ior)).sqrt();
+    let below = (1.0 - sine2 / (base * base)).sqrt();
+    let s = |n1: f64, c1: f64, n2: f64, c2: f64| (n1 * c1 - n2 * c2) / (n1 * c1 + n2 * c2);
+    let p = |n1: f64, c1: f64, n2: f64, c2: f64| (n2 * c1 - n1 * c2) / (n2 * c1 + n1 * c2);
+    let amplitudes = [
+        [s(1.0, cosine, ior, inside), s(ior, inside, base, below)],
+        [p(1.0, cosine, ior, inside), p(ior, inside, base, below)],
+    ];
+    (amplitudes, 4.0 * PI * ior * nanometres * inside)
+}
+
+/// Airy's reflectance, all terms.
+fn airy([a, b]: [f64; 2], cosine_of_phase: f64) -> f64 {
+    let cross = 2.0 * a * b * cosine_of_phase;
+    (a * a + b * b + cross) / (1.0 + a * a * b * b + cross)
+}
+
+/// Over all phases.
+fn mean([a, b]: [f64; 2]) -> f64 {
+    let (a2, b2) = (a * a, b * b);
+    (a2 + b2 - 2.0 * a2 * b2) / (1.0 - a2 * b2)
+}
+
+/// The mean, and what differs from it as the eye sees it: every `step` nanometres, from the first that is given.
+fn by_spectrum(film: Film, from: u32, step: usize, receptors: impl Fn(f64) -> [f64; 3]) -> [f64; 3] {
+    let (amplitudes, path) = sides(film);
+    let middle = amplitudes.iter().map(|a| mean(*a)).sum::<f64>() * 0.5;
+    let (mut xyz, mut whole) = ([0.0; 3], 0.0);
+    for nm in (from..=830).step_by(step).map(f64::from) {
+        let phase = libm::cos(path / nm);
+        let off = amplitudes.iter().map(|a| airy(*a, phase)).sum::<f64>() * 0.5 - middle;
+        let weights = receptors(nm);
+        xyz.iter_mut().zip(weights).for_each(|(sum, w)| *sum += off * w);
+        whole += weights[1];
+    }
+    rgb(xyz.map(|v| v / whole)).map(|v| (middle + v).max(0.0))
+}
+
+/// The waves of three colours alone.
+fn three(film: Film) -> [f64; 3] {
+    let (amplitudes, path) = sides(film);
+    [611.0, 549.0, 465.0].map(|nm| {
+        let phase = libm::cos(path / nm);
+        amplitudes.iter().map(|a| airy(*a, phase)).sum::<f64>() * 0.5
+    })
+}
+
+fn terms<const COUNT: u32>((ior, nanometres, cosine, f0): Film) -> [f64; 3] {
+    reflectance::<COUNT>(ior as f32, nanometres as f32, cosine as f32, Vec3::splat(f0 as f32))
+        .to_array()
+        .map(f64::from)
+}
+
+fn without((_, _, cosine, f0): Film) -> [f64; 3] {
+    [f0 + (1.0 - f0) * libm::pow(1.0 - cosine, 5.0); 3]
+}
+
+fn orders() -> Choice {
+    let films = films();
+    let truth: Vec<[f64; 3]> = films.iter().map(|f| by_spectrum(*f, 360, 1, receptors)).collect();
+    let ways: [(String, Way); 7] = [
+        ("no film".into(), without),
+        ("three wavelengths".into(), three),
+        ("1 term".into(), terms::<1>),
+        (format!("{ORDERS} terms"), terms::<ORDERS>),
+        ("3 terms".into(), terms::<3>),
+        ("6 terms".into(), terms::<6>),
+        ("24 wavelengths".into(), |film| by_spectrum(film, 370, 20, receptors)),
+    ];
+    let mut choice = Choice::new("film", "What colour does a thin film have?");
+    choice.error_unit = "of the light";
+    choice.per = "look".into();
+    choice.reference = format!(
+        "Fresnel's equations and Airy's sum of all terms at 471 wavelengths, in f64, as linear sRGB; {} films of 100 to 900 nm on bases that \
+         reflect 0.04 to 0.5, looked at up to 75° from straight on",
+        films.len()
+    );
+    let mut cases = Vec::new();
+    for (name, way) in &ways {
+        let mut error = Spread::default();
+        let mut at = String::new();
+        for (film, exact) in films.iter().zip(&truth) {
+            for (got, exact) in way(*film).iter().zip(exact) {
+                if error.add((got - exact).abs()) {
+                    let (ior, nanometres, cosine, f0) = film;
+                    at = format!("{nanometres} nm of {ior} on {f0}, cosine {cosine}");
+                }
+            }
+        }
+        choice.rows.push(Row::new(name.as_str()).error(error.worst, error.mean()).at(at));
+        let films = &films;
+        cases.push(Case::new(films.len(), move || {
+            for film in films {
+                black_box(way(black_box(*film)));
+            }
+        }));
+    }
+    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
+    drop(cases);
+    choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
+    choice.choose(
+        &format!("{ORDERS} terms"),
+        "as glTF's extension has it; a third term costs half as much again and changes nothing",
+    );
+    choice
+}
+
+/// Spheres that fill much of a picture, with a film and without.
+fn costs() -> Result<Table, String> {
+    let registry: Registry = choreo::registry();
+    let planned = |look: &str| {
+        let text = format!(
+            r##"
+            stage(#{{ length: 1.0, background: "#8aa0b8" }});
+            let ball = shape("sphere", #{{ size: 1.0, color: "#707070", metallic: 1.0, roughness: 0.3 {look} }});
+            for x in 0..4 {{ for y in 0..2 {{ cast("ball " + x + " " + y, ball).at(-1.5 + 1.0 * x, 1.0 * y, 0.0); }} }}
+            sun(#{{ direction: [-0.5, -1.0, -0.6], intensity: 2.0 }});
+            camera("front").fov(34).at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+            "##
+        );
+        let moment = Moment::new(&stage(&text, &registry)?, Time::ZERO, registry.effects())
+            .map_err(|e| e.to_string())?;
+        let options = PlanOptions { effects: registry.effects(), ..PlanOptions::new(SIZE, 1) };
+        let plan = Plan::new(&moment.catalog, &moment.stage, &moment.snapshot, &options);
+        Ok::<_, String>((moment, plan))
+    };
+    let scenes = [planned("")?, planned(", iridescence: 1.0, film: 400.0")?];
+    let title = format!(
+        "Cost of a film: eight metal spheres under a sun, {}×{}, 1 sample, {}",
+        SIZE[0],
+        SIZE[1],
+        Clock::Process.words()
+    );
+    let columns =
+        [("renderer", "renderer"), (">without", "without"), (">with a film", "with"), (">beyond", "beyond")];
+    let mut table = Table::new(title, &columns);
+    for (name, mut renderer) in renderers(&registry) {
+        let mut nanos = Vec::new();
+        for (moment, plan) in &scenes {
+            renderer.load(moment.catalog.clone()).map_err(|e| e.to_string())?;
+            crate::pictures::drawn(&mut *renderer, plan)?;
+            nanos.extend(times(&mut *renderer, &[plan], BUDGET_SECS));
+        }
+        let cell = |nanos: f64| Cell::number(duration(nanos), nanos);
+        table.rows.push(vec![Cell::text(name), cell(nanos[0]), cell(nanos[1]), cell(nanos[1] - nanos[0])]);
+    }
+    Ok(table)
+}
