@@ -368,7 +368,7 @@ mod tests {
         let depths: Vec<f32> = (0..97).map(|i| 1.2 + 0.1 * i as f32).collect();
         let softness = 0.01;
         let texels = |size: u32| -> Vec<f32> {
-            let maps = fit(&sun, Shadow { size, softness, ..Shadow::default() }, &region);
+            let maps = fit(&sun, Shadow { size, softness }, &region);
             let at = |depth: &f32| {
                 let inside = |m: &&Fitted| {
                     let p = m.clip_from_relative * Vec4::new(0.0, -0.4, -depth, 1.0);
