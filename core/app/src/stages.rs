@@ -5,12 +5,43 @@ use crate::failure::{Failure, output_error};
 use crate::output::Target;
 use crate::pipeline::render_failure;
 use crate::{plugin_files, provenance, render};
-use choreo_plugin::{Registry, VideoInfo};
+use choreo_plugin::{Frame, Registry, VideoInfo};
 use choreo_render::cpu::{CpuRenderer, STAGES};
 use choreo_render::exposure::plan_alone;
+use choreo_render::flat::{FlatLabel, flats};
 use choreo_render::{Catalog, PlanOptions, Renderer};
+use choreo_stage::{Snapshot, Stage};
+use glam::{DVec2, Vec4};
 use std::path::Path;
 use std::sync::Arc;
+
+/// What one sees in each; the last is the frame itself, and has none.
+const CAPTIONS: [&str; 5] = [
+    "model: each mesh as its file has it, around its own origin",
+    "view: all of it where it stands, from above; the camera is below, its view between the grey lines",
+    "clip: projected and divided by w; the picture is what lies in the white frame",
+    "raster: which triangle is nearest at each pixel, a color each",
+    "depth: how near that is; white is nearest",
+];
+
+/// In the top left corner, over what is there. Pictures in which it could not be read have none.
+fn caption(picture: &mut Frame, text: &str) {
+    let size = [picture.width, picture.height];
+    let height = (size[1] as f32 / 26.0).min(size[0] as f32 / 46.0);
+    if height < 7.0 {
+        return;
+    }
+    // The second as a shadow of the first, so that it is read over anything.
+    for (shift, color) in [(1.0 + height / 16.0, Vec4::new(0.0, 0.0, 0.0, 1.0)), (0.0, Vec4::ONE)] {
+        let at = DVec2::new(f64::from(shift), f64::from(height + shift))
+            / DVec2::new(size[0].into(), size[1].into());
+        let label = FlatLabel { at, text: text.into(), size: height, beside: 0.6 * height, color };
+        let [_, over] = flats(&Stage::default(), &Snapshot::default(), &[label], size);
+        if let Some(over) = over {
+            over.over(picture);
+        }
+    }
+}
 
 /// Into the folder that `-o` names: `1_model.png` to `6_shade.png`, of the time of `--at`, else of the first frame.
 pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
@@ -38,7 +69,9 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let plan = plan_alone(&catalog, stage, &snapshot, &options, |at| stage.at(at))
         .map_err(|e| Failure::input(e.to_string()))?;
     renderer.load(catalog).map_err(render_failure)?;
-    let pictures = renderer.stages(&plan).map_err(render_failure)?;
+    let mut pictures = renderer.stages(&plan).map_err(render_failure)?;
+    let captioned = pictures.iter_mut().zip(CAPTIONS).enumerate();
+    captioned.for_each(|(i, (picture, text))| caption(picture, &format!("{}  {text}", i + 1)));
     std::fs::create_dir_all(folder).map_err(|e| output_error(&args.output, &e))?;
     let info = VideoInfo {
         width: job.settings.size[0],

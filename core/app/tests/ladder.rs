@@ -343,6 +343,13 @@ fn everything_forced_in_looks_the_same() {
                 rung.name
             );
             assert!(apart.worst <= 1, "{} on {device}: {apart}", rung.name);
+            // What is not neutral is seen: everything forced in, and another colour.
+            let mut other = scene.plan(&PlanOptions { force_all: true, ..usual.clone() });
+            let instances = other.instances.iter_mut();
+            instances.for_each(|i| i.tint *= glam::Vec4::new(0.9, 1.0, 1.0, 1.0));
+            renderer.submit(other).unwrap();
+            let apart = compare(&needed, &renderer.collect(None).unwrap(), 0).unwrap();
+            assert!(apart.worst > 1, "{} on {device}: the fault is not seen", rung.name);
         }
     }
 }

@@ -257,6 +257,17 @@ fn stages_are_six_pictures_in_a_folder() {
         assert!(a.starts_with(b"\x89PNG"));
         assert!(pictures[..i].iter().all(|b| a != b), "{} shows what another does", all[i]);
     }
+    // Words over the first five, white, where there is room for them; the last is the frame as it is rendered.
+    let run = choreo(d, &["render", "tri.gltf", "--stages", "-o", "large", "--size", "960x540"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let white = |name: &str| {
+        let picture = image::load_from_memory(&read(d, &format!("large/{name}"))).unwrap().into_rgb8();
+        picture.rows().take(40).flatten().filter(|p| p.0 == [255; 3]).count()
+    };
+    for name in &all[..5] {
+        assert!(white(name) > 100, "{name}: {}", white(name));
+    }
+    assert_eq!(white(all[5]), 0);
     let run = choreo(d, &["render", "tri.gltf", "--stages", "-o", "steps.png"]);
     assert!(
         run.code != 0 && run.err.contains("--stages writes a picture a stage into a folder"),

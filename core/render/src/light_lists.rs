@@ -59,9 +59,12 @@ pub fn sort(lights: &mut Vec<PlanLight>, shadows: &mut Vec<Option<Shadow>>) -> b
 
 /// Both renderers draw as many.
 pub fn check(plan: &Plan) -> Result<(), RenderError> {
-    let (value, limit) = (plan.lights.len() as u64, MOST as u64);
-    if value > limit {
-        return Err(RenderError::Limit { what: "number of lights".into(), value, limit });
+    let count = plan.lights.len();
+    if count > MOST {
+        let text = format!(
+            "{count} lights shine at once; {MOST} are drawn at most (those whose intensity is 0 do not count)"
+        );
+        return Err(RenderError::Usage(text));
     }
     Ok(())
 }

@@ -386,7 +386,7 @@ fn odd_sizes_and_misuse() {
     assert_eq!(refused(&plan), "number of samples is 3, the limit of this device is 4");
     plan.samples = 1;
     plan.lights = vec![Default::default(); 257];
-    assert_eq!(refused(&plan), "number of lights is 257, the limit of this device is 256");
+    assert!(refused(&plan).starts_with("257 lights shine at once; 256 are drawn at most"));
     plan.lights.clear();
     plan.post.push(choreo_render::plan::PostPass {
         effect: "blur".into(),

@@ -9,6 +9,7 @@ use crate::failure::{Failure, Problem, print, print_json};
 use crate::scene::{self, Opening, Scene};
 use crate::{plot, plugin_files};
 use choreo_plugin::{Effect, Hook, Registry};
+use choreo_render::light_lists::MOST;
 use choreo_script::{Diagnostic, Severity};
 use choreo_stage::{EffectUse, Finding, Stage, Subject};
 use glam::{Vec2, Vec4};
@@ -76,6 +77,10 @@ fn look(scene: &Scene, registry: &Registry) -> (Vec<Problem>, Vec<Finding>) {
         Ok(found) => on_stage = found,
         Err(error) => problems.push(Problem::Text(error.to_string())),
     }
+    if let Some(finding) = too_many_lights(stage) {
+        let found = scene.places.findings(&[finding]).into_iter();
+        problems.extend(found.map(|d| Problem::Script(Diagnostic { severity: Severity::Error, ..d })));
+    }
     for (index, used) in stage.effects.iter().enumerate() {
         if let Some(effect) = registry.effect(&used.plugin)
             && let Some(text) = left_out(effect.as_ref(), used, stage)
@@ -129,6 +134,26 @@ fn unknown_effects(stage: &Stage, registry: &Registry) -> Vec<Problem> {
             Problem::Text(format!("unknown effect \"{}\"{near}", used.plugin))
         })
         .collect()
+}
+
+/// The first light that has no room, at the first of some times, the beginning among them, at which one has none.
+fn too_many_lights(stage: &Stage) -> Option<Finding> {
+    /// Evaluating so many lights that often takes a few milliseconds.
+    const TIMES: i64 = 32;
+    if stage.lights.len() <= MOST {
+        return None;
+    }
+    (0..TIMES).find_map(|i| {
+        let time = stage.settings.length.scaled(i as f64 / TIMES as f64);
+        let snapshot = stage.at(time).ok()?;
+        let on = snapshot.lights.iter().enumerate();
+        let on = on.filter(|(_, l)| l.light.color * l.light.intensity != glam::Vec3::ZERO);
+        let on: Vec<usize> = on.map(|(index, _)| index).collect();
+        let first = *on.get(MOST)?;
+        let text = format!("{} lights shine at {} s; {MOST} are drawn at most", on.len(), time.as_secs());
+        let hint = Some("those whose intensity is 0 do not count".to_string());
+        Some(Finding { rule: "too_many_lights", note: false, subject: Subject::Light(first), text, hint })
+    })
 }
 
 /// What of its own lines it cannot draw, at the beginning of its time or in the middle of it.

@@ -15,7 +15,7 @@ use glam::{Vec2, Vec3};
 pub const STAGES: [&str; 6] = ["model", "view", "clip", "raster", "depth", "shade"];
 
 const BACKGROUND: [u8; 4] = [18, 20, 26, 255];
-const FAINT: [u8; 3] = [70, 78, 96];
+const FAINT: [u8; 3] = [120, 130, 150];
 
 /// Three times a golden ratio's turn apart: neighbours differ.
 fn color_of(index: usize) -> [u8; 3] {
@@ -38,16 +38,19 @@ fn put(frame: &mut Frame, x: i64, y: i64, color: [u8; 3]) {
     }
 }
 
-/// A pixel for each step along the longer side; what is not finite or far outside is left out.
+/// For each step along the longer side a pixel, or a square of them in large pictures; what is not finite or far outside is left out.
 fn line(frame: &mut Frame, a: Vec2, b: Vec2, color: [u8; 3]) {
     let most = 4.0 * frame.width.max(frame.height) as f32;
     if !(a.abs().max_element() < most && b.abs().max_element() < most) {
         return;
     }
     let steps = (b - a).abs().max_element().ceil().max(1.0) as usize;
+    let wide = i64::from(frame.height.div_ceil(480));
     for i in 0..=steps {
         let p = a.lerp(b, i as f32 / steps as f32).floor();
-        put(frame, p.x as i64, p.y as i64, color);
+        for (x, y) in (0..wide).flat_map(|x| (0..wide).map(move |y| (x, y))) {
+            put(frame, p.x as i64 + x, p.y as i64 + y, color);
+        }
     }
 }
 

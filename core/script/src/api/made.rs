@@ -61,7 +61,7 @@ pub const DEFS: &[Def] = &[
         "texture",
         "material, slot, image, options?",
         Gives::A(Kind::Asset),
-        "The asset with another picture on a material, by its name, or with several that follow each other (an array, or numbered files; options: fps, 12, and once); option uv_set: 1 lays it by the second set of texture coordinates; slot: \"color\", \"normal\", \"metallic_roughness\" (green and blue), \"occlusion\", \"emissive\", \"specular\" (alpha) or \"specular_color\", as glTF has them.",
+        "The asset with another picture on a material, by its name, or with several that follow each other (an array, or numbered files; options: fps, 12, and once); option uv_set: 1 lays it by the second set of texture coordinates; slot: \"color\", \"normal\", \"metallic_roughness\" (green and blue), \"occlusion\", \"emissive\", \"specular\" (alpha) or \"specular_color\", as glTF has them, or \"reflection\" of what has shininess.",
         crate::made::texture,
     ),
     Def::new(

@@ -5,14 +5,32 @@ use super::picture::ImageRef;
 use crate::call::{ApiError, Call, Options, Reply, one_of, unknown};
 use crate::value::AssetRef;
 use choreo_import::{normals, tangents};
-use choreo_stage::{AlphaMode, Asset, Material, Mesh, Sequence, Shading, Stream, TextureRef, TextureSlot};
-use glam::Affine2;
+use choreo_stage::{
+    AlphaMode, Asset, Material, Mesh, Reflection, Sequence, Shading, Stream, TextureRef, TextureSlot,
+};
+use glam::{Affine2, Vec3};
 use rhai::{Array, Dynamic};
 use std::sync::Arc;
 
-/// By the words of glTF.
-const SLOTS: &[&str] =
-    &["color", "normal", "metallic_roughness", "occlusion", "emissive", "specular", "specular_color"];
+/// By the words of glTF, and where Blinn–Phong mirrors.
+const SLOTS: &[&str] = &[
+    "color",
+    "normal",
+    "metallic_roughness",
+    "occlusion",
+    "emissive",
+    "specular",
+    "specular_color",
+    "reflection",
+];
+
+/// What the light on a material reads; toon shading has its own words in files.
+fn reads(shading: Shading, slot: &str) -> bool {
+    match shading {
+        Shading::BlinnPhong | Shading::Phong => !matches!(slot, "metallic_roughness" | "specular"),
+        _ => slot != "reflection",
+    }
+}
 
 pub fn texture(c: &mut Call) -> Reply {
     let source = c.this_asset()?;
@@ -65,6 +83,15 @@ pub fn texture(c: &mut Call) -> Reply {
         let text = format!("texture: {wanted} is unlit, of which light does not find a {slot}");
         return Err(ApiError::new(text).hint("its slot is \"color\""));
     }
+    if !reads(material.shading, slot) {
+        let (model, instead) = match slot {
+            "reflection" => ("roughness, and mirrors by it", "metallic_roughness"),
+            "specular" => ("shininess", "specular_color"),
+            _ => ("shininess", "reflection"),
+        };
+        let text = format!("texture: {wanted} has {model}; it reads no {slot}");
+        return Err(ApiError::new(text).focus(slot).hint(format!("its slot is \"{instead}\"")));
+    }
     set(material, slot, new);
     follow(&o, material, slot, given.files.as_ref())?;
     if slot == "color" && material.alpha_mode == AlphaMode::Opaque {
@@ -112,8 +139,14 @@ fn place<'a>(material: &'a mut Material, slot: &str) -> &'a mut Option<TextureRe
         "emissive" => &mut material.emissive_texture,
         "specular" => &mut material.specular_texture,
         "specular_color" => &mut material.specular_color_texture,
+        "reflection" => &mut material.reflection.get_or_insert_with(whole).texture,
         _ => &mut material.base_color_texture,
     }
+}
+
+/// A map says how much itself.
+fn whole() -> Box<Reflection> {
+    Box::new(Reflection { color: Vec3::ONE, texture: None, environment: None })
 }
 
 fn of(material: &mut Material, slot: &str) -> Option<TextureRef> {
@@ -124,8 +157,8 @@ fn set(material: &mut Material, slot: &str, new: impl Fn(&Option<TextureRef>) ->
     let place = place(material, slot);
     *place = new(place);
     // A picture that black was multiplied with would not be seen.
-    if slot == "emissive" && material.emissive == glam::Vec3::ZERO {
-        material.emissive = glam::Vec3::ONE;
+    if slot == "emissive" && material.emissive == Vec3::ZERO {
+        material.emissive = Vec3::ONE;
     }
 }
 
@@ -141,7 +174,7 @@ fn follow(
         "metallic_roughness" => TextureSlot::MetallicRoughness,
         "occlusion" => TextureSlot::Occlusion,
         "emissive" => TextureSlot::Emissive,
-        "specular" => TextureSlot::Specular,
+        "specular" | "reflection" => TextureSlot::Specular,
         "specular_color" => TextureSlot::SpecularColor,
         _ => TextureSlot::BaseColor,
     };
