@@ -1,4 +1,4 @@
-//! `cargo xtask lessons`: one picture of every numbered script, side by side: `tests/pictures/lessons.png`, for the README.
+//! `cargo xtask lessons`: one image of every numbered script, `tests/pictures/lessons/NN.png`, for `scripts/README.md`.
 
 use crate::contact::{Shot, finish, read};
 use crate::{cargo, root, run};
@@ -30,20 +30,22 @@ pub fn lessons() -> Result<(), String> {
         scripts.push(if entry.path().is_dir() { inner } else { entry.path() });
     }
     scripts.sort();
-    let mut shots: Vec<Shot> = Vec::new();
+    let folder = root().join("tests/pictures/lessons");
+    std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     for script in &scripts {
         let shown = script.strip_prefix(root().join("scripts")).unwrap_or(script).display().to_string();
-        let time = TIMES.iter().find(|(number, _)| shown.starts_with(number)).map_or(TIME, |(_, time)| time);
+        let number = shown.get(..2).unwrap_or(&shown);
+        let time = TIMES.iter().find(|(lesson, _)| *lesson == number).map_or(TIME, |(_, time)| time);
         let out = work.join("lesson.png");
         let mut render = Command::new(&choreo);
         render.arg("render").arg(script).args(["--quiet", "--device", "cpu", "--samples", "4", "--at", time]);
         // Twice as large and halved: lines that are some pixels wide stay thin.
         render.args(["--size", &format!("{}x{}", 2 * SIZE.0, 2 * SIZE.1), "-o"]).arg(&out);
         finish(render, &shown)?;
-        shots.push(halved(&read(&out)?));
-        println!("{:>3}  {shown}", shots.len());
+        write(&folder.join(format!("{number}.png")), &[halved(&read(&out)?)])?;
+        println!("{shown}");
     }
-    write(&root().join("tests/pictures/lessons.png"), &shots)
+    Ok(())
 }
 
 /// Each pixel the mean of four.
@@ -62,7 +64,7 @@ fn halved(shot: &Shot) -> Shot {
 
 /// From left to right, row by row, in the order of their numbers.
 pub(crate) fn write(path: &std::path::Path, shots: &[Shot]) -> Result<(), String> {
-    let (width, height) = (SIZE.0 * COLUMNS, SIZE.1 * shots.len().div_ceil(COLUMNS));
+    let (width, height) = (SIZE.0 * COLUMNS.min(shots.len()), SIZE.1 * shots.len().div_ceil(COLUMNS));
     let mut rgb = vec![255; width * height * 3];
     for (index, shot) in shots.iter().enumerate() {
         let (left, top) = (index % COLUMNS * SIZE.0, index / COLUMNS * SIZE.1);

@@ -8,8 +8,8 @@
 //! cargo xtask fuzz TARGET [--seconds N]      libFuzzer on a target of tests/fuzz
 //! cargo xtask report [NAME…]                 tests/report: error against run time of the project's own choices
 //! cargo xtask contact [FILTER]               every sample file turning, its first clip playing: sheets to look at
-//! cargo xtask lessons                        the README's sheet: a picture of every numbered script
-//! cargo xtask strip [SCRIPT]                 the README's picture strips; twenty frames of a script, side by side
+//! cargo xtask lessons                        an image of every numbered script, for scripts/README.md
+//! cargo xtask strip [SCRIPT]                 the image strips of the documentation; twenty frames of a script, side by side
 //! ```
 
 mod bench;

@@ -1,4 +1,4 @@
-//! The README's picture strips: frames of a script, side by side; and those of any script, to look at a motion frame by frame.
+//! The image strips of README.md and scripts/README.md: frames of a script, side by side; and those of any script, to look at a motion frame by frame.
 
 use crate::contact::{finish, read};
 use crate::{lessons, release_binary, root, run};
