@@ -7,7 +7,7 @@
 // param length = 1.6 in 0.1..100: metres from crest to crest
 // param phase = 0 in -1000..1000: how many waves of the first train have gone by
 //
-// How far each corner moves, metres in the world; shadows and normals follow.
+// The displacement of each vertex in world-space metres; shadows and normals follow.
 const TURN = 6.2831853;
 
 fn wave(place: vec3<f32>, way: vec2<f32>, phase: f32) -> f32 {
