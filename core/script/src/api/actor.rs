@@ -114,8 +114,8 @@ pub const DEFS: &[Def] = &[
         THIS,
         "Animates a property with keyframes [[time, value], …].\n\
          Properties: \"position\" (metres), \"rotation\" (degrees about y, [x, y, z] in degrees, or quaternions), \"scale\" (a factor or [x, y, z]), \"visible\" (true or false, changes at the keyframe), \"tint\" (a color), \"width\" (of lines and points), \"count\" (of copies, rounded down), and \"morph\" or \"expression\" with its name as second argument.\n\
-         how, the interpolation: \"linear\" (the default), \"step\", \"smooth\" (zero velocity at each keyframe) or \"cubic\" (a spline through the keyframes). Or an easing into every keyframe: a name such as \"in_out_sine\" (see Cue.ease) or a Bézier curve [x1, y1, x2, y2].\n\
-         A keyframe [time, value, ease] has its own easing, into that keyframe only; how is then \"linear\".",
+         `how`, the interpolation: \"linear\" (the default), \"step\", \"smooth\" (zero velocity at each keyframe) or \"cubic\" (a spline through the keyframes). Or an easing into every keyframe: a name such as \"in_out_sine\" (see Cue.ease) or a Bézier curve [x1, y1, x2, y2].\n\
+         A keyframe [time, value, ease] has its own easing, into that keyframe only; `how` is then \"linear\".",
         key,
     ),
     Def::new(

@@ -82,7 +82,7 @@ pub const DEFS: &[Def] = &[
         "spring",
         "joints, options?",
         THIS,
-        "Makes joints spring bones (secondary motion, jiggle). Joints: \"Tail..\" for a joint and all below it, \"*hair*\" for a pattern, or an array of these.\n\
+        "Makes joints spring bones (secondary motion, jiggle). Joints: \"Tail..\" for a joint and all below it, `\"*hair*\"` for a pattern, or an array of these.\n\
          Options: frequency (Hz, 0 to 1000, default 2), damping (damping ratio; 0 never comes to rest, 1 does not oscillate; default 0.3), gravity (in multiples of Earth's gravity, default 0), radius (metres, for collisions, default 0), center (name of a joint whose motion is ignored).",
         spring,
     ),
@@ -99,7 +99,7 @@ pub const DEFS: &[Def] = &[
         "collider",
         "joint, options",
         THIS,
-        "Adds a collider for spring bones: a sphere at a joint, or a capsule if to is given. Options: radius (metres), at and to (points [x, y, z] in the space of the joint).",
+        "Adds a collider for spring bones: a sphere at a joint, or a capsule if `to` is given. Options: radius (metres), `at` and `to` (points [x, y, z] in the space of the joint).",
         collider,
     ),
     Def::new(

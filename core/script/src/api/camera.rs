@@ -84,7 +84,7 @@ pub const DEFS: &[Def] = &[
         "ortho",
         "height",
         THIS,
-        "Makes the camera orthographic; height is the height of the image in metres.",
+        "Makes the camera orthographic; `height` is the height of the image in metres.",
         ortho,
     ),
     Def::new(
@@ -116,7 +116,7 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, keys, how?",
         THIS,
-        "Animates a property with keyframes [[time, value], …]: \"position\" (dolly, crane), \"rotation\" (pan, tilt, roll) or \"fov\" (zoom). Values, how and easing as in Actor.key.",
+        "Animates a property with keyframes [[time, value], …]: \"position\" (dolly, crane), \"rotation\" (pan, tilt, roll) or \"fov\" (zoom). Values, `how` and easing as in Actor.key.",
         key,
     ),
 ];

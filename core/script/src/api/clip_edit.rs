@@ -27,7 +27,7 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, joint, keys, how?",
         CLIP,
-        "Returns the clip with keyframes [[time, value], …] for a property of a joint, in place of its own. how as in Actor.key.\n\
+        "Returns the clip with keyframes [[time, value], …] for a property of a joint, in place of its own. `how` as in Actor.key.\n\
          Properties: \"rotation\" (degrees [x, y, z] about the axes of the joint, relative to the rest pose), \"position\" (metres relative to the rest pose, along the axes of the model), \"scale\" (factor of the scale at rest).",
         key,
     ),

@@ -57,14 +57,14 @@ pub const DEFS: &[Def] = &[
     comparison(
         "matches",
         "pattern",
-        "Tests that a text matches a pattern: * stands for any characters, ? for one.",
+        "Tests that a text matches a pattern: `*` stands for any characters, `?` for one.",
         matches,
     ),
     comparison("empty", "", "Tests that there are no lines, or that a text or array is empty.", empty),
     comparison(
         "exactly",
         "events, tolerance?",
-        "Tests that there are these events and no others: an array of [time, text], or of texts where the time does not matter. * in a text stands for any characters. The tolerance is in seconds (default 0.000001).",
+        "Tests that there are these events and no others: an array of [time, text], or of texts where the time does not matter. `*` in a text stands for any characters. The tolerance is in seconds (default 0.000001).",
         exactly,
     ),
     comparison(

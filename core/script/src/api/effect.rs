@@ -31,7 +31,7 @@ pub const DEFS: &[Def] = &[
         "key",
         "parameter, keys, how?",
         THIS,
-        "Animates a parameter, a number or a color, with keyframes [[time, value], …]. how and easing as in Actor.key. Flags and texts change at the keyframe.",
+        "Animates a parameter, a number or a color, with keyframes [[time, value], …]. `how` and easing as in Actor.key. Flags and texts change at the keyframe.",
         key,
     ),
     Def::new(Kind::Effect, "from", "time", THIS, "Sets the start time (default 0).", from),

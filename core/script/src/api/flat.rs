@@ -93,7 +93,7 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, keys, how?",
         THIS,
-        "Animates a property with keyframes [[time, value], …]: \"position\" ([x, y] as in Flat.at), \"scale\" or \"opacity\". how and easing as in Actor.key.",
+        "Animates a property with keyframes [[time, value], …]: \"position\" ([x, y] as in Flat.at), \"scale\" or \"opacity\". `how` and easing as in Actor.key.",
         key,
     ),
 ];

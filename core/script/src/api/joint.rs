@@ -45,7 +45,7 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, keys, how?",
         THIS,
-        "Animates the joint with keyframes [[time, value], …] in stage time, added on top of its clips. how and the easing of single keyframes as in Actor.key.\n\
+        "Animates the joint with keyframes [[time, value], …] in stage time, added on top of its clips. `how` and the easing of single keyframes as in Actor.key.\n\
          Properties: \"rotation\" (degrees [x, y, z] about the axes of the joint), \"position\" (metres along the axes of the model), \"scale\" (a factor, or one per axis).",
         key,
     ),

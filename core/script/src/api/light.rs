@@ -43,7 +43,7 @@ pub const DEFS: &[Def] = &[
         "ambient",
         "color, strength? | options",
         Gives::Nothing,
-        "Sets the ambient light: a color, a strength of white light, or #{ up, down } for light from above and from below; strength multiplies it.",
+        "Sets the ambient light: a color, a strength of white light, or #{ up, down } for light from above and from below; `strength` multiplies it.",
         ambient,
     )
     .in_frames(),
@@ -63,7 +63,7 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, keys, how?",
         THIS,
-        "Animates a property with keyframes [[time, value], …]: \"intensity\", \"color\", \"kelvin\", \"position\", \"direction\", \"range\" or \"cone\" (outer half angle in degrees). how and easing as in Actor.key.",
+        "Animates a property with keyframes [[time, value], …]: \"intensity\", \"color\", \"kelvin\", \"position\", \"direction\", \"range\" or \"cone\" (outer half angle in degrees). `how` and easing as in Actor.key.",
         key,
     ),
 ];

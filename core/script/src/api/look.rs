@@ -17,7 +17,7 @@ pub const DEFS: &[Def] = &[
         "look_at",
         "target, options?",
         Gives::A(Kind::Look),
-        "Turns the head towards an actor, a joint or a point (look-at constraint), at most 80° from the clip. The eyes of a VRM character follow within the limits of its file, by bones or morph targets. Options: joint (default: the head), weight (0 to 1, default 1).",
+        "Turns the head towards an actor, a joint or a point (look-at constraint), at most 80° away from the pose of the clip. The eyes of a VRM character follow within the limits of its file, by bones or morph targets. Options: joint (default: the head), weight (0 to 1, default 1).",
         look_at,
     ),
     Def::new(Kind::Look, "from", "time", THIS, "Sets the start time (default 0).", look_from),

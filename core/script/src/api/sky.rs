@@ -17,7 +17,7 @@ pub const DEFS: &[Def] = &[
         "sky",
         "panorama, options?",
         Gives::A(Kind::Sky),
-        "Sets an environment map: light from all directions (image-based lighting, IBL) with reflections. panorama is \"studio\" (a built-in room with soft boxes) or an HDRI file (.hdr, equirectangular, twice as wide as high; its center is seen in the direction -z). It replaces the default sun, and the ambient light where the script sets none.\n\
+        "Sets an environment map: light from all directions (image-based lighting, IBL) with reflections. `panorama` is \"studio\" (a built-in room with soft boxes) or an HDRI file (.hdr, equirectangular, twice as wide as high; its center is seen in the direction -z). It replaces the default sun, and the ambient light where the script sets none.\n\
          Options: turn (degrees about the vertical axis, counter-clockwise seen from above, default 0), strength (0 to 1000, default 1), background (true: visible as background, default false).",
         sky,
     ),
@@ -37,7 +37,7 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, keys, how?",
         THIS,
-        "Animates \"turn\" or \"strength\" with keyframes [[time, value], …]. how and easing as in Actor.key.",
+        "Animates \"turn\" or \"strength\" with keyframes [[time, value], …]. `how` and easing as in Actor.key.",
         key,
     ),
 ];

@@ -35,7 +35,7 @@ pub const DEFS: &[Def] = &[
         "param",
         "name, default, about?",
         Gives::Value("like the default"),
-        "Declares a parameter of the script and returns its value: the default, or the value that `--set name=value` gives, converted to the type of the default. The default is a number, true or false, a text or an array of numbers; about is a description.",
+        "Declares a parameter of the script and returns its value: the default, or the value that `--set name=value` gives, converted to the type of the default. The default is a number, true or false, a text or an array of numbers; `about` is a description.",
         param,
     ),
     Def::new(

@@ -61,7 +61,7 @@ pub const DEFS: &[Def] = &[
         "plan",
         "options?",
         Gives::A(Kind::Plan),
-        "Returns the render plan of a frame, for `expect`: what is needed to draw it. Options: size ([width, height] in pixels), samples (per pixel, 1 or 4); default as in `stage`.",
+        "Returns the render plan of a frame, for `expect`: what is needed to draw it. Options: size ([width, height] in pixels), samples (per pixel, 1 or 4); default: those of the stage.",
         plan,
     )
     .in_tests(),
@@ -73,7 +73,7 @@ pub const DEFS: &[Def] = &[
         "Compares a frame with its golden image (reference image), which is stored beside the test.\n\
          Frame: at (time in seconds, default 0), size ([width, height]; default: the shape of the stage with at most 256 pixels a side), samples (per pixel, default those of the stage, else 4), device (\"cpu\", the default, or \"vulkan\").\n\
          Allowed difference: tolerance (per channel, in steps of 255, default 4), share (of pixels beyond the tolerance, 0 to 1, default 0.001), visible (largest perceived difference by FLIP, 0 to 1, default 0.12).\n\
-         large: true allows a golden image of more than 20 KiB.",
+         `large: true` allows a golden image of more than 20 KiB.",
         expect_picture,
     )
     .in_tests(),

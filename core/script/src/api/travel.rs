@@ -54,7 +54,7 @@ pub const DEFS: &[Def] = &[
         "travel",
         "joint?",
         Gives::Value("float"),
-        "Returns the walking speed of the clip in metres per second: that of its root joint or, in place, that of its feet. joint is the root joint.",
+        "Returns the walking speed of the clip in metres per second: that of its root joint or, in place, that of its feet. `joint` is the root joint.",
         travel,
     ),
     Def::new(
@@ -62,7 +62,7 @@ pub const DEFS: &[Def] = &[
         "contacts",
         "joints?",
         Gives::Value("array of maps"),
-        "Returns the foot contacts: for each time that a foot stands on the floor #{ foot, from, to } in seconds of the clip, sorted by time. joints are the names of the feet, needed where they are not found by name.",
+        "Returns the foot contacts: for each time that a foot stands on the floor #{ foot, from, to } in seconds of the clip, sorted by time. `joints` are the names of the feet, needed where they are not found by name.",
         clip_contacts,
     ),
 ];

@@ -37,8 +37,8 @@ pub const DEFS: &[Def] = &[
         Gives::A(Kind::Cue),
         "Plays another clip after this cue and returns the new cue. It starts at .until of this cue or, without .until, so that a crossfade ends with the clip.\n\
          Options, as in the methods of the same names: from, until, fade, fade_out, ease, speed, trim, repeat (\"once\", \"loop\", \"ping_pong\"), reverse, weight.\n\
-         in_step: true matches the phases of both clips during the crossfade (foot-phase synchronization, such as walk into run): feet come down together and stay where they stand, for bipeds and quadrupeds.\n\
-         inertial: seconds makes an inertialized transition in place of a crossfade: the new clip begins at once with full weight, and the offset from the pose before decays to zero in that time.",
+         `in_step: true` matches the phases of both clips during the crossfade (foot-phase synchronization, such as walk into run): feet come down together and stay where they stand, for bipeds and quadrupeds.\n\
+         `inertial: seconds` makes an inertialized transition in place of a crossfade: the new clip begins at once with full weight, and the offset from the pose before decays to zero in that time.",
         then,
     ),
     Def::new(
@@ -70,7 +70,7 @@ pub const DEFS: &[Def] = &[
         "speed",
         "factor | keys, how?",
         THIS,
-        "Sets the playback speed: clip seconds per second (default 1, 0.001 to 1000; negative plays backwards). Or keyframes of it, [[time, factor], …]; how as in Actor.key.",
+        "Sets the playback speed: clip seconds per second (default 1, 0.001 to 1000; negative plays backwards). Or keyframes of it, [[time, factor], …]; `how` as in Actor.key.",
         speed,
     ),
     Def::new(
@@ -78,7 +78,7 @@ pub const DEFS: &[Def] = &[
         "clip_time",
         "keys, how?",
         THIS,
-        "Remaps time: keyframes [[time, seconds of the clip], …] say which time of the clip is shown when. Beyond its ends the clip repeats as set by .once, .loop or .ping_pong. how as in Actor.key.",
+        "Remaps time: keyframes [[time, seconds of the clip], …] say which time of the clip is shown when. Beyond its ends the clip repeats as set by .once, .loop or .ping_pong. `how` as in Actor.key.",
         clip_time,
     ),
     Def::new(
@@ -121,7 +121,7 @@ pub const DEFS: &[Def] = &[
         "weight",
         "weight | keys, how?",
         THIS,
-        "Sets the weight of the cue: 0 not at all, 1 fully (default 1). Or keyframes of it, [[time, weight], …]; how as in Actor.key.",
+        "Sets the weight of the cue: 0 not at all, 1 fully (default 1). Or keyframes of it, [[time, weight], …]; `how` as in Actor.key.",
         weight,
     ),
     Def::new(
@@ -130,7 +130,7 @@ pub const DEFS: &[Def] = &[
         "joints, options?",
         THIS,
         "Makes this cue and those that follow it a layer with a mask: it plays only on some joints.\n\
-         Joints: \"Spine..\" for a joint and all below it, \"Head\" for one joint, \"*Arm*\" for a pattern, an array of these, or an object map of them with weights from 0 to 1; where several match a joint, the most specific one counts.\n\
+         Joints: \"Spine..\" for a joint and all below it, \"Head\" for one joint, `\"*Arm*\"` for a pattern, an array of these, or an object map of them with weights from 0 to 1; where several match a joint, the most specific one counts.\n\
          Options: soft (number of joints above the mask over which the weight falls to 0, default 0).",
         on,
     ),
@@ -179,7 +179,7 @@ pub const DEFS: &[Def] = &[
         "time_of",
         "marker_or_time, count?",
         Gives::Value("float"),
-        "Returns the stage time in seconds at which the clip reaches a marker or a time of the clip. For a clip that repeats, count says which time it does so (default 1).",
+        "Returns the stage time in seconds at which the clip reaches a marker or a time of the clip. For a clip that repeats, `count` says which time it does so (default 1).",
         time_of,
     ),
     Def::new(
