@@ -212,7 +212,7 @@ fn mapping(c: &mut Call) -> Reply {
     Ok(Dynamic::from_array(lines.into_iter().map(Dynamic::from).collect()))
 }
 
-/// Report of a retarget, a line per joint: "upperarm.l ← LeftArm (by body, turned 43° at rest)".
+/// How a clip goes on another body, a line a joint: "upperarm.l ← LeftArm (by body, turned 43° at rest)".
 pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Vec<String> {
     let retarget = Retarget::new(&of.skeleton, &on.skeleton, fit);
     let (_, report) = retarget.clip(clip);

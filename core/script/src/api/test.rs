@@ -122,7 +122,7 @@ fn test(c: &mut Call) -> Reply {
     }
 }
 
-/// Records the error that ended a function of the script; the script goes on after it. A reached limit ends the script.
+/// Notes what ended a function of the script, which then counts as done; a limit that is reached ends the script.
 pub(super) fn failed(c: &Call, error: EvalAltResult) -> Reply {
     let (mut place, explained) = errors::explain(&error, &c.place.file, c.shared);
     if place.line == 0 {
