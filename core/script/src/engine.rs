@@ -22,7 +22,7 @@ use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 /// Names that a script cannot use, and why.
 pub const REFUSED: &[(&str, &str)] = &[
-    ("eval", "a script is what its file says"),
+    ("eval", "all code of a script stands in its files"),
     ("sleep", "a script only describes the scene; times are given to .from, .until and .key"),
     ("timestamp", "the same script must give the same scene at any time"),
     ("**", "write pow(x, y), which gives the same result on every machine"),
@@ -35,7 +35,8 @@ pub fn constants() -> Scope<'static> {
     scope
 }
 
-pub const CONSTANTS: &[(&str, &str)] = &[("PI", "3.14159…, half a turn in radians"), ("TAU", "2 PI, a turn")];
+pub const CONSTANTS: &[(&str, &str)] =
+    &[("PI", "Is π, 3.14159…: half a turn in radians."), ("TAU", "Is 2 π: a turn in radians.")];
 
 pub fn engine(shared: &Arc<Shared>) -> Engine {
     let mut engine = Engine::new_raw();

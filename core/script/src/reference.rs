@@ -1,4 +1,4 @@
-//! `API.md`, from the tables: what is registered is what is listed.
+//! The script reference, `API.md`, generated from the tables that also register the functions.
 
 use crate::api::{TABLES, maths::FUNCTIONS};
 use crate::call::Gives;
@@ -25,12 +25,17 @@ pub fn reference() -> String {
                 Gives::Value(what) => format!(" → {what}"),
             };
             let frame = if def.frame { " ◦" } else { "" };
-            let _ = writeln!(out, "- `{}`{gives}{frame} — {}", forms.join("` or `"), def.about);
+            let _ = writeln!(
+                out,
+                "- `{}`{gives}{frame} — {}",
+                forms.join("` or `"),
+                def.about.replace('\n', "\n  - ")
+            );
         }
     }
     let _ = writeln!(
         out,
-        "\n## Mathematics\n\nFor ints and floats alike; the same bits on every machine. All ◦.\n"
+        "\n## Mathematics\n\nFunctions of numbers take ints and floats. All functions give the same bits on every machine and can be called inside `on_frame` (◦).\n"
     );
     for (name, args, about) in FUNCTIONS {
         let _ = writeln!(out, "- `{name}({args})` — {about}");
@@ -54,13 +59,17 @@ pub fn reference() -> String {
 
 const HEAD: &str = "# What a script can call
 
-Made from the tables in `core/script/src/api/`; a test keeps it so (`CHOREO_ACCEPT=1 cargo test -p choreo-script` writes it anew).
+This file is generated from the tables in `core/script/src/api/`. A test compares them; `CHOREO_ACCEPT=1 cargo test -p choreo-script` writes the file anew.
 
-The language is [Rhai](https://rhai.rs/book/). Times are seconds, or frames as `f(12)`. Lengths are metres, +y is up, characters look along +z.
-Angles are degrees in what moves things and radians in mathematics. A color is a CSS name, `\"#rrggbb\"` or `[r, g, b]` from 0 to 1, in sRGB.
-A point is `[x, y, z]`. Methods without an arrow give back what they were called on, so that calls chain. `x?` may be left out.
-What bears a ◦ can also be called inside `on_frame`, where it holds for that frame only.
-`import \"steps\" as steps;` brings in `steps.rhai` from the script's own folder. `print(…)` and `debug(…)` write to the program's messages.
-A script may end with tests, or be nothing but tests: `test(\"name\", || { … })` is a section, which `choreo test` runs on a stage of its own and other commands leave alone.
-What the chapters on tests list is for sections only. `//~ error: TEXT` or `//~ warning: TEXT` says that the line it stands on, or below, gives such a message.
+## Conventions
+
+- The language is [Rhai](https://rhai.rs/book/).
+- Times are in seconds; `f(12)` is the time of frame 12. Lengths are in metres. +y is up, and characters face +z.
+- Angles are in degrees; only `sin`, `cos` and the other trigonometric functions use radians.
+- A color is a CSS name, `\"#rrggbb\"` or `[r, g, b]` with numbers from 0 to 1, in sRGB. A point is `[x, y, z]`.
+- `x?` is an argument that may be left out. `→` gives the type of the result. A method without an arrow returns the object that it was called on, so that calls can be chained.
+- Options are an object map, `#{ name: value }`. Ranges and defaults are in parentheses.
+- ◦ marks what can also be called inside `on_frame`, where it holds for that frame only.
+- `import \"steps\" as steps;` imports the module `steps.rhai` from the folder of the script. `print(…)` and `debug(…)` write to the messages of the program.
+- A script may contain tests, after the scene or alone: `test(\"name\", || { … })`. `choreo test` runs each test on a stage of its own; other commands skip them. The other functions under the headings \"Tests\" work only inside a test. A comment `//~ error: TEXT` or `//~ warning: TEXT` states that its line, or the line above it, gives a message with that text.
 ";

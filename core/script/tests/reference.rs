@@ -1,4 +1,4 @@
-//! `API.md` lists what is registered.
+//! `API.md` lists what is registered, in the words that users search for.
 
 #[test]
 fn the_reference_is_up_to_date() {
@@ -12,4 +12,33 @@ fn the_reference_is_up_to_date() {
         got == expected,
         "API.md is out of date; CHOREO_ACCEPT=1 cargo test -p choreo-script writes it anew"
     );
+}
+
+/// Terms of Blender, Unity, Unreal and glTF for what a script can do, one line per topic.
+const SEARCH_WORDS: &str = "
+    inverse kinematics, (IK), foot locking, foot sliding, pole target
+    keyframe, easing, Bézier, interpolation, NLA strip, timeline
+    crossfade, fade-in, transition, phase matching, inertialized
+    additive layer, mask, weight, blend
+    root motion, in place, path following
+    retarget, rest pose, bind pose, T-pose
+    morph target, blend shape, shape key, viseme
+    spring bone, jiggle, secondary motion, collider
+    parent constraint, Child Of, look-at constraint, aim constraint
+    field of view, focal length, dolly, crane, camera shake, orbit, follow, cut
+    HDRI, image-based lighting, environment map, ambient occlusion, ambient light, shadow map
+    tone mapping, exposure, bloom, motion blur, post-processing
+    instancing, level of detail, (LOD), crowd, terrain, swarm
+    depth peeling, multisample antialiasing, G-buffer, pre-skinning, parallax mapping
+    marker, event, golden image, title
+";
+
+#[test]
+fn search_words_lead_to_a_heading_or_an_entry() {
+    let text = choreo_script::reference().to_lowercase();
+    // "motion_blur" and "tone mapping" are one word each in code and in prose.
+    let found = |word: &str| text.contains(word) || text.contains(&word.replace(' ', "_"));
+    let words = SEARCH_WORDS.split([',', '\n']).map(|word| word.trim().to_lowercase());
+    let missing: Vec<String> = words.filter(|word| !word.is_empty() && !found(word)).collect();
+    assert!(missing.is_empty(), "the reference does not mention {missing:?}");
 }

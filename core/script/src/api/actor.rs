@@ -1,4 +1,4 @@
-//! Actors: assets on stage, where they stand and what they hold.
+//! Actors: assets on stage, their transforms, parents, morph targets, keyframes and clips.
 
 pub use super::joint::find_joint;
 use super::keys;
@@ -19,29 +19,29 @@ pub const DEFS: &[Def] = &[
         "cast",
         "name, asset",
         Gives::A(Kind::Actor),
-        "Puts an asset on stage under a name of its own.",
+        "Puts an asset on stage as an actor. The name must be unique.",
         cast,
     ),
-    Def::new(Kind::Actor, "at", "x, y, z | point", THIS, "Stands there, in metres, +y up.", at).in_frames(),
-    Def::new(Kind::Actor, "move_by", "x, y, z | offset", THIS, "Moved by so much.", move_by).in_frames(),
+    Def::new(Kind::Actor, "at", "x, y, z | point", THIS, "Sets the position in metres, +y up.", at).in_frames(),
+    Def::new(Kind::Actor, "move_by", "x, y, z | offset", THIS, "Moves the actor by an offset in metres.", move_by).in_frames(),
     Def::new(
         Kind::Actor,
         "turn",
         "degrees",
         THIS,
-        "Turned about the vertical, counter-clockwise from above.",
+        "Rotates the actor about the vertical axis, by degrees counter-clockwise seen from above.",
         turn,
     )
     .in_frames(),
-    Def::new(Kind::Actor, "rotate", "x, y, z | quaternion", THIS, "Turned about x, then y, then z, in degrees, or by a quaternion [x, y, z, w].", rotate)
+    Def::new(Kind::Actor, "rotate", "x, y, z | quaternion", THIS, "Rotates the actor about x, then y, then z, in degrees, or by a quaternion [x, y, z, w].", rotate)
         .in_frames(),
-    Def::new(Kind::Actor, "scale", "factor | x, y, z", THIS, "Made larger or smaller.", scale).in_frames(),
+    Def::new(Kind::Actor, "scale", "factor | x, y, z", THIS, "Sets the scale: one factor, or one per axis. Negative factors mirror.", scale).in_frames(),
     Def::new(
         Kind::Actor,
         "face",
         "actor_or_point",
         THIS,
-        "Turned about the vertical to face an actor, wherever it stands, or a point.",
+        "Rotates the actor about the vertical axis so that it faces a point, or another actor wherever that is.",
         face,
     ),
     Def::new(
@@ -49,18 +49,18 @@ pub const DEFS: &[Def] = &[
         "attach",
         "actor_or_joint",
         THIS,
-        "Moves with another actor, or with a joint of it: a sword in a hand.",
+        "Makes the actor a child of another actor or of one of its joints (parent constraint, \"Child Of\"), such as a sword in a hand.",
         attach,
     ),
-    Def::new(Kind::Actor, "hide", "", THIS, "Not seen.", hide).in_frames(),
-    Def::new(Kind::Actor, "show", "", THIS, "Seen again.", show).in_frames(),
-    Def::new(Kind::Actor, "tint", "color", THIS, "Multiplies every color of the actor.", tint).in_frames(),
+    Def::new(Kind::Actor, "hide", "", THIS, "Hides the actor.", hide).in_frames(),
+    Def::new(Kind::Actor, "show", "", THIS, "Shows the actor again.", show).in_frames(),
+    Def::new(Kind::Actor, "tint", "color", THIS, "Sets a color by which every color of the actor is multiplied.", tint).in_frames(),
     Def::new(
         Kind::Actor,
         "count",
         "number",
         THIS,
-        "How many of the copies that Asset.repeat made are there, the first ones, 0 and more; keyed or in a callback they come and go.",
+        "Sets how many of the copies that Asset.repeat made exist: the first N, from 0. With keyframes or in a callback the number changes over time.",
         count,
     )
     .in_frames(),
@@ -69,7 +69,7 @@ pub const DEFS: &[Def] = &[
         "width",
         "width",
         THIS,
-        "How wide its lines or points are, in pixels or metres as lines(…) or points(…) had it; at 0 nothing is drawn.",
+        "Sets the width of its lines or the size of its points, in pixels or metres as in `lines(…)` or `points(…)`. At 0 nothing is drawn.",
         width,
     )
     .in_frames(),
@@ -78,7 +78,7 @@ pub const DEFS: &[Def] = &[
         "morph",
         "name, weight",
         THIS,
-        "Sets a morph target, over what clips do to it.",
+        "Sets the weight of a morph target (blend shape, shape key), by name or by index from 0. It overrides the weight from clips.",
         morph,
     )
     .in_frames(),
@@ -87,7 +87,7 @@ pub const DEFS: &[Def] = &[
         "expression",
         "name, weight",
         THIS,
-        "Sets a facial expression of the file, like \"happy\" or \"blink\", from 0 to 1, over what clips do to it; it adds to the morph targets.",
+        "Sets the weight (0 to 1) of a facial expression of the file, such as \"happy\" or \"blink\". It overrides the weight from clips. Expressions add to the morph targets.",
         super::expression::of_actor,
     )
     .in_frames(),
@@ -96,7 +96,7 @@ pub const DEFS: &[Def] = &[
         "file_lights",
         "on",
         THIS,
-        "Whether the lights of the actor's file shine.",
+        "Turns the lights of the actor's file on (the default) or off.",
         file_lights,
     ),
     Def::new(
@@ -104,7 +104,7 @@ pub const DEFS: &[Def] = &[
         "skinning",
         "how",
         THIS,
-        "How vertices that hang on several joints follow them: \"linear\", as glTF says, or \"dual_quaternion\", which keeps the girth of twisted limbs.",
+        "Sets the skinning method: \"linear\" (linear blend skinning as in glTF, the default) or \"dual_quaternion\" (dual quaternion skinning, which keeps the volume of twisted limbs).",
         skinning,
     ),
     Def::new(
@@ -112,7 +112,10 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, keys, how? | property, name, keys, how?",
         THIS,
-        "Keys [[time, value], …] of \"position\", \"rotation\" (degrees about y, or [x, y, z]), \"scale\", \"visible\", \"tint\", \"width\" (of lines and points), \"count\" (of copies, rounded down), or \"morph\" or \"expression\" with its name; how: \"linear\", \"step\", \"smooth\" (rests at each key), \"cubic\" (runs through them), or an ease into every key as of a cue's fade, \"in_out_sine\" or a Bézier curve [x1, y1, x2, y2]; [time, value, ease] eases into that key alone.",
+        "Animates a property with keyframes [[time, value], …].\n\
+         Properties: \"position\" (metres), \"rotation\" (degrees about y, [x, y, z] in degrees, or quaternions), \"scale\" (a factor or [x, y, z]), \"visible\" (true or false, changes at the keyframe), \"tint\" (a color), \"width\" (of lines and points), \"count\" (of copies, rounded down), and \"morph\" or \"expression\" with its name as second argument.\n\
+         `how`, the interpolation: \"linear\" (the default), \"step\", \"smooth\" (zero velocity at each keyframe) or \"cubic\" (a spline through the keyframes). Or an easing into every keyframe: a name such as \"in_out_sine\" (see Cue.ease) or a Bézier curve [x1, y1, x2, y2].\n\
+         A keyframe [time, value, ease] has its own easing, into that keyframe only; `how` is then \"linear\".",
         key,
     ),
     Def::new(
@@ -120,7 +123,7 @@ pub const DEFS: &[Def] = &[
         "play",
         "clip, options?",
         Gives::A(Kind::Cue),
-        "Plays a clip, from time 0 unless .from says otherwise; options as for then.",
+        "Plays a clip on the actor and returns its cue (an NLA strip), from time 0 or from Cue.from on. A clip of another asset is retargeted. Options as in Cue.then.",
         play,
     ),
     Def::new(
@@ -128,7 +131,7 @@ pub const DEFS: &[Def] = &[
         "camera",
         "name_or_index?",
         Gives::A(Kind::Camera),
-        "A camera of the actor's file, moving with the actor.",
+        "Returns a camera of the actor's file, by name or by index from 0. It moves with the actor. The argument may be left out where the file has one camera.",
         super::camera::of_actor,
     ),
 ];
@@ -221,12 +224,12 @@ fn rotate(c: &mut Call) -> Reply {
     turned(c, rotation)
 }
 
-/// Whole turns first, so that large angles lose no precision in the sine.
+/// Converts degrees to radians. Whole turns are removed first, so that large angles lose no precision in the sine.
 pub fn radians(degrees: f64) -> f64 {
     (degrees % 360.0).to_radians()
 }
 
-/// About x, then y, then z (fixed axes), in degrees.
+/// Rotation about x, then y, then z (fixed axes), in degrees.
 pub fn euler(degrees: DVec3) -> DQuat {
     DQuat::from_rotation_z(radians(degrees.z))
         * DQuat::from_rotation_y(radians(degrees.y))
@@ -313,7 +316,7 @@ fn width(c: &mut Call) -> Reply {
     change(c, |actor| ActorEdit::PenWidth { actor, width }, |d| d.actor.pen_width = Some(width))
 }
 
-/// Wider than any picture, pixels or metres.
+/// The largest width of lines and size of points, in pixels or metres: larger than any image.
 pub const MOST_WIDE: f32 = 16384.0;
 
 fn count(c: &mut Call) -> Reply {
@@ -323,7 +326,7 @@ fn count(c: &mut Call) -> Reply {
     change(c, |actor| ActorEdit::Copies { actor, count }, |d| d.actor.copies = Some(count))
 }
 
-/// Whether it has copies to be counted.
+/// Refuses an asset without copies (instances), whose number could be set.
 pub fn has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
     if asset.has_copies() {
         return Ok(());
@@ -332,7 +335,7 @@ pub fn has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
     Err(ApiError::new(text).hint("cast asset.repeat(places) to have it more often"))
 }
 
-/// Whether the asset has lines or points of a width.
+/// Refuses an asset without lines or points that have a width.
 pub fn has_pen(asset: &Asset, function: &str) -> Result<(), ApiError> {
     if asset.materials.iter().any(|m| m.pen.is_some()) {
         return Ok(());

@@ -1,4 +1,4 @@
-//! `load`, clips of an asset.
+//! `load`, and what an asset contains: clips, joints, morph targets, expressions and cameras.
 
 use crate::call::{ApiError, Call, Def, Gives, Reply, describe, one_of, unknown};
 use crate::limits::raise_hint;
@@ -16,7 +16,9 @@ pub const DEFS: &[Def] = &[
         "load",
         "file, options?",
         Gives::A(Kind::Asset),
-        "Loads a model or clips from the script's folder or a search path, or a built-in like \"choreo:mannequin\"; options are the importer's, importer: NAME, and compress: metres, which makes of each clip what Clip.compress does. Files are imported side by side, and waited for where their contents are used; of a file whose clips alone are used no mesh and no picture is made (only: \"clips\" says so where the script does not show it).",
+        "Loads a model or animation clips from the folder of the script or from a search path, or a built-in asset such as \"choreo:mannequin\". Files are imported in parallel; the script waits for a file only where it uses the contents.\n\
+         Options: importer (name of the importer; chosen by the file by default), compress (tolerance in metres, 0.000001 to 0.1: each clip is compressed as by Clip.compress), only (\"clips\": imports neither meshes nor textures), and all options of the importer (`choreo plugins` lists them).\n\
+         Where the script shows that it uses only the clips of a file, \"clips\" is the default.",
         load,
     ),
     Def::new(
@@ -24,17 +26,31 @@ pub const DEFS: &[Def] = &[
         "clip",
         "name_or_index",
         Gives::A(Kind::Clip),
-        "A clip of the file, by name or number.",
+        "Returns a clip of the file, by name or by index from 0.",
         clip,
     ),
-    Def::new(Kind::Asset, "clips", "", Gives::Value("array of texts"), "Names of the clips.", clips),
-    Def::new(Kind::Asset, "joints", "", Gives::Value("array of texts"), "Names of the joints.", joints),
+    Def::new(
+        Kind::Asset,
+        "clips",
+        "",
+        Gives::Value("array of texts"),
+        "Returns the names of the clips.",
+        clips,
+    ),
+    Def::new(
+        Kind::Asset,
+        "joints",
+        "",
+        Gives::Value("array of texts"),
+        "Returns the names of the joints (bones).",
+        joints,
+    ),
     Def::new(
         Kind::Asset,
         "morphs",
         "",
         Gives::Value("array of texts"),
-        "Names of the morph targets.",
+        "Returns the names of the morph targets (blend shapes, shape keys).",
         morphs,
     ),
     Def::new(
@@ -42,7 +58,7 @@ pub const DEFS: &[Def] = &[
         "expressions",
         "",
         Gives::Value("array of texts"),
-        "Names of the facial expressions.",
+        "Returns the names of the facial expressions, visemes included where the file has them.",
         super::expression::names,
     ),
     Def::new(
@@ -50,11 +66,18 @@ pub const DEFS: &[Def] = &[
         "camera",
         "name_or_index?",
         Gives::A(Kind::Camera),
-        "A camera of the file, on the first actor cast from it.",
+        "Returns a camera of the file, by name or by index from 0. It belongs to the first actor cast from the file and moves with it. The argument may be left out where the file has one camera.",
         super::camera::of_asset,
     ),
-    Def::new(Kind::Clip, "duration", "", Gives::Value("float"), "Length of the clip in seconds.", duration),
-    Def::new(Kind::Clip, "name", "", Gives::Value("text"), "Name of the clip.", clip_name),
+    Def::new(
+        Kind::Clip,
+        "duration",
+        "",
+        Gives::Value("float"),
+        "Returns the length of the clip in seconds.",
+        duration,
+    ),
+    Def::new(Kind::Clip, "name", "", Gives::Value("text"), "Returns the name of the clip.", clip_name),
 ];
 
 fn load(c: &mut Call) -> Reply {

@@ -1,4 +1,4 @@
-//! What bodies do beside their clips: reach, aim, plant their feet, keep their limits; and what swings on them.
+//! Constraints: inverse kinematics (reach), aim, foot locking, mirroring, joint limits; and spring bones.
 
 use super::actor::{before_start, find_joint, radians};
 use super::swing::{collider, spring, springs, wind};
@@ -21,7 +21,8 @@ pub const DEFS: &[Def] = &[
         "reach",
         "joint, target, options?",
         GOAL,
-        "Brings a joint, like a hand, to an actor, joint or point; options: at ([x, y, z] in the target's space), root (the joint that the bending begins at; else two bones up), pole (what the elbow points to), soft (share of the reach, 0.05), keep (true: the hand stays turned as it is), weight.",
+        "Moves a joint, such as a hand, to an actor, a joint or a point by inverse kinematics (IK).\n\
+         Options: at (offset [x, y, z] in the space of the target), root (the first joint of the IK chain; default: two bones up), pole (pole target, an actor, joint or point, towards which the elbow or knee bends), soft (0 to 1: share of the reach in which the limb slows down before it is straight, default 0.05; two bones only), keep (true: the hand keeps its rotation from the clip), weight (0 to 1, default 1).",
         reach,
     ),
     Def::new(
@@ -29,7 +30,8 @@ pub const DEFS: &[Def] = &[
         "aim",
         "joint, target, options?",
         GOAL,
-        "Turns a joint and those above it until it points at a target; options: joints (how many turn, 1), or an array of names from the root on, shares (an array, one a joint), limit (degrees, 80), weight.",
+        "Rotates a joint and joints above it until it points at a target (aim constraint).\n\
+         Options: joints (how many joints rotate, 1 to 64, default 1; or an array of their names from the root on), shares (an array, one number per joint: how the rotation is shared), limit (degrees, 0 to 180, default 80), weight (0 to 1, default 1).",
         aim,
     ),
     Def::new(
@@ -37,7 +39,8 @@ pub const DEFS: &[Def] = &[
         "plant_feet",
         "options?",
         GOAL,
-        "Feet that touch the ground stay where they are, two or four; options: feet (names of joints, else the body's), ground (an actor whose surfaces they stand on, or an array of them), weight.",
+        "Locks feet that touch the ground in place (foot locking, against foot sliding), for bipeds and quadrupeds.\n\
+         Options: feet (an array of joint names; default: found by name), ground (an actor, or an array of actors, whose surfaces the feet stand on), weight (0 to 1, default 1).",
         plant_feet,
     ),
     Def::new(
@@ -45,18 +48,25 @@ pub const DEFS: &[Def] = &[
         "mirror",
         "options?",
         GOAL,
-        "Left and right change places in what its clips do, joints, morph targets and expressions, as long as the goal lasts; the way that root motion carries it stays. Options: weight.",
+        "Exchanges left and right in what its clips do, for joints, morph targets and expressions, as long as the constraint lasts. The path of root motion stays the same. Options: weight (0 to 1, default 1).",
         mirror,
     ),
-    Def::new(Kind::Goal, "from", "time", THIS, "When it begins.", from),
-    Def::new(Kind::Goal, "until", "time", THIS, "When it is over.", until),
-    Def::new(Kind::Goal, "fade", "seconds", THIS, "How long it takes to come in and to go.", fade),
+    Def::new(Kind::Goal, "from", "time", THIS, "Sets the start time of the constraint (default 0).", from),
+    Def::new(Kind::Goal, "until", "time", THIS, "Sets the end time of the constraint.", until),
+    Def::new(
+        Kind::Goal,
+        "fade",
+        "seconds",
+        THIS,
+        "Sets how long the constraint takes to fade in and out, in seconds (default 0.3).",
+        fade,
+    ),
     Def::new(
         Kind::Goal,
         "weight",
         "weight",
         THIS,
-        "How much it counts: 0 not at all, 1 all the way.",
+        "Sets the weight of the constraint: 0 not at all, 1 fully (default 1).",
         weight,
     ),
     Def::new(
@@ -64,7 +74,7 @@ pub const DEFS: &[Def] = &[
         "limit",
         "options",
         THIS,
-        "How far it may turn from rest, in degrees, whatever clips and goals do: swing (a cone about axis, +y) with twist ([low, high]), or hinge ([low, high] about axis).",
+        "Limits the rotation of the joint relative to the rest pose, whatever clips and constraints do. Options, in degrees: swing (0 to 180, a cone about axis) with twist ([low, high] about axis), or hinge ([low, high] about axis); axis (default +y).",
         limit,
     ),
     Def::new(
@@ -72,7 +82,8 @@ pub const DEFS: &[Def] = &[
         "spring",
         "joints, options?",
         THIS,
-        "Makes joints swing after the body, \"Tail..\" a joint and all below it, \"*hair*\" a pattern, or an array; options: frequency (Hz, 2), damping (0 swings for ever, 1 not at all; 0.3), gravity (share of the Earth's, 0), radius (m, against colliders), center (a joint whose motion is not felt).",
+        "Makes joints spring bones (secondary motion, jiggle). Joints: \"Tail..\" for a joint and all below it, `\"*hair*\"` for a pattern, or an array of these.\n\
+         Options: frequency (Hz, 0 to 1000, default 2), damping (damping ratio; 0 never comes to rest, 1 does not oscillate; default 0.3), gravity (in multiples of Earth's gravity, default 0), radius (metres, for collisions, default 0), center (name of a joint whose motion is ignored).",
         spring,
     ),
     Def::new(
@@ -80,7 +91,7 @@ pub const DEFS: &[Def] = &[
         "springs",
         "on | options",
         THIS,
-        "Whether anything swings: springs of a VRM file do unless this is false; options: ground (height of a floor), pre_roll (seconds that they swing before time 0).",
+        "Turns the spring bones of the actor on or off; those of a VRM file are on by default. Options: ground (height of a floor that they collide with, metres), pre_roll (seconds that are simulated before time 0, 0 to 600).",
         springs,
     ),
     Def::new(
@@ -88,7 +99,7 @@ pub const DEFS: &[Def] = &[
         "collider",
         "joint, options",
         THIS,
-        "Keeps what swings out of a ball about a joint, or of a capsule; options: radius (m), at and to ([x, y, z] in the joint's space).",
+        "Adds a collider for spring bones: a sphere at a joint, or a capsule if `to` is given. Options: radius (metres), `at` and `to` (points [x, y, z] in the space of the joint).",
         collider,
     ),
     Def::new(
@@ -96,7 +107,7 @@ pub const DEFS: &[Def] = &[
         "wind",
         "x, y, z | velocity",
         THIS,
-        "Speed of the air about what swings, in metres a second.",
+        "Sets the wind that acts on the spring bones, a velocity in metres per second.",
         wind,
     )
     .in_frames(),
@@ -250,7 +261,7 @@ fn mirror(c: &mut Call) -> Reply {
     add(c, this.id, goal(GoalKind::Mirror(Arc::new(mirroring)), &o)?)
 }
 
-/// The legs that a body is known by, or those of the feet that its file names.
+/// The legs found by joint names, else those above the feet that the file declares.
 pub fn legs(asset: &Asset) -> Vec<Leg> {
     let found = find_legs(&asset.skeleton);
     if !found.is_empty() {
@@ -261,7 +272,7 @@ pub fn legs(asset: &Asset) -> Vec<Leg> {
     feet.filter_map(|foot| leg_above(&asset.skeleton, foot).ok()).collect()
 }
 
-/// The lowest joint that all legs hang on.
+/// The lowest joint that is above all legs.
 pub fn hips(asset: &Asset, legs: &[Leg]) -> Option<u32> {
     let parents = asset.skeleton.parents();
     let above = |leg: &Leg| std::iter::successors(parents[leg.hip as usize], |j| parents[*j as usize]);
@@ -282,7 +293,7 @@ fn leg_above(skeleton: &Skeleton, foot: u32) -> Result<Leg, ApiError> {
     Ok(Leg { hip, knee, foot, toe })
 }
 
-/// By the file's own word, else by name.
+/// The joint that the file declares for a humanoid bone, else the joint of that name.
 fn human(asset: &Asset, bone: HumanBone) -> Option<u32> {
     let declared = asset.skeleton.humanoid().and_then(|h| h.joint(bone));
     declared.or_else(|| asset.skeleton.find(bone.name()).map(|j| j as u32))

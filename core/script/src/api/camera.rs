@@ -1,4 +1,4 @@
-//! Cameras: from where the stage is seen, and when.
+//! Cameras: placement, projection and cuts.
 
 use super::actor::{euler, radians};
 use super::keys;
@@ -19,16 +19,16 @@ pub const DEFS: &[Def] = &[
         "camera",
         "name",
         Gives::A(Kind::Camera),
-        "A new camera. The first is on until a cut; without .at, .follow or .orbit it frames everything.",
+        "Makes a camera. The first camera is active until a cut. Without .at, .follow or .orbit it frames everything.",
         camera,
     ),
-    Def::new(Kind::Camera, "at", "x, y, z | point", THIS, "Stands there.", at).in_frames(),
+    Def::new(Kind::Camera, "at", "x, y, z | point", THIS, "Sets the position in metres.", at).in_frames(),
     Def::new(
         Kind::Camera,
         "look_at",
         "target",
         THIS,
-        "Looks at an actor, a joint or a point, wherever it moves.",
+        "Points the camera at an actor, a joint or a point, and keeps it pointed there as that moves.",
         look_at,
     ),
     Def::new(
@@ -36,16 +36,23 @@ pub const DEFS: &[Def] = &[
         "turn",
         "degrees",
         THIS,
-        "Turned about the vertical, counter-clockwise; at 0 it looks along -z.",
+        "Rotates the camera about the vertical axis, in degrees counter-clockwise. Without rotation it looks along -z.",
         turn,
     ),
-    Def::new(Kind::Camera, "rotate", "x, y, z", THIS, "Turned about x, then y, then z, in degrees.", rotate),
+    Def::new(
+        Kind::Camera,
+        "rotate",
+        "x, y, z",
+        THIS,
+        "Rotates the camera about x, then y, then z, in degrees.",
+        rotate,
+    ),
     Def::new(
         Kind::Camera,
         "follow",
         "target, offset",
         THIS,
-        "Moves with a target, [x, y, z] away from it, and looks at it.",
+        "Moves the camera with a target, at an offset [x, y, z] from it, and points it at the target.",
         follow,
     ),
     Def::new(
@@ -53,7 +60,7 @@ pub const DEFS: &[Def] = &[
         "orbit",
         "target, options?",
         THIS,
-        "Circles a target; distance in metres, elevation and azimuth in degrees, speed in degrees a second.",
+        "Moves the camera in a circle around a target. Options: distance (metres, default 4), elevation (degrees, -89 to 89, default 15), azimuth (degrees at time 0, default 0: in front, at +z), speed (degrees per second, default 20).",
         orbit,
     ),
     Def::new(
@@ -61,27 +68,55 @@ pub const DEFS: &[Def] = &[
         "frame",
         "options?",
         THIS,
-        "Fits everything seen into the picture, from azimuth and elevation in degrees.",
+        "Places the camera so that everything visible fits into the image. Options: azimuth (degrees, default 25), elevation (degrees, -89 to 89, default 10).",
         frame,
     ),
-    Def::new(Kind::Camera, "fov", "degrees", THIS, "Vertical angle of view.", fov),
+    Def::new(
+        Kind::Camera,
+        "fov",
+        "degrees",
+        THIS,
+        "Sets the vertical field of view in degrees (0.1 to 179, default 40.1). A focal length of F mm on full-frame film is `to_degrees(2.0 * atan(12.0 / F))`.",
+        fov,
+    ),
     Def::new(
         Kind::Camera,
         "ortho",
         "height",
         THIS,
-        "No perspective; the picture is that many metres high.",
+        "Makes the camera orthographic; `height` is the height of the image in metres.",
         ortho,
     ),
-    Def::new(Kind::Camera, "near", "metres", THIS, "Nothing nearer is seen.", near),
-    Def::new(Kind::Camera, "far", "metres", THIS, "Nothing farther is seen.", far),
-    Def::new(Kind::Camera, "cut", "time", THIS, "This camera is on from then.", cut),
+    Def::new(
+        Kind::Camera,
+        "near",
+        "metres",
+        THIS,
+        "Sets the near clipping plane in metres (default 0.05).",
+        near,
+    ),
+    Def::new(
+        Kind::Camera,
+        "far",
+        "metres",
+        THIS,
+        "Sets the far clipping plane in metres (default: none; 10000 for an orthographic camera).",
+        far,
+    ),
+    Def::new(
+        Kind::Camera,
+        "cut",
+        "time",
+        THIS,
+        "Cuts to this camera at a time: from then on it is the active camera.",
+        cut,
+    ),
     Def::new(
         Kind::Camera,
         "key",
         "property, keys, how?",
         THIS,
-        "Keys [[time, value], …] of \"position\", \"rotation\" or \"fov\", as for actors.",
+        "Animates a property with keyframes [[time, value], …]: \"position\" (dolly, crane), \"rotation\" (pan, tilt, roll) or \"fov\" (zoom). Values, `how` and easing as in Actor.key.",
         key,
     ),
 ];
@@ -180,8 +215,9 @@ fn frame(c: &mut Call) -> Reply {
     change(c, |k| k.rig = Some(rig))
 }
 
-/// Degrees: a little from the side and above, where a character shows its shape.
+/// Default azimuth in degrees: a little from the side, where a character shows its shape.
 pub const DEFAULT_AZIMUTH: f64 = 25.0;
+/// Default elevation in degrees: a little from above.
 pub const DEFAULT_ELEVATION: f64 = 10.0;
 
 fn fov(c: &mut Call) -> Reply {

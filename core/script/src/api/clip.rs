@@ -1,4 +1,4 @@
-//! Clips made from clips: mirrored, and on other bodies. Those made by editing: [`super::clip_edit`].
+//! Mirrored and retargeted clips. Edited clips: [`super::clip_edit`].
 
 use super::actor::find_joint;
 use crate::call::{ApiError, Call, Def, Gives, Options, Reply, describe};
@@ -21,7 +21,7 @@ pub const DEFS: &[Def] = &[
         "mirror",
         "",
         Gives::A(Kind::Clip),
-        "The clip with left and right exchanged, key by key; joints are paired by their names, one without a partner stays at rest.",
+        "Returns the clip with left and right exchanged, key by key. Joints are paired by their names. A joint without a partner stays in its rest pose.",
         mirror,
     ),
     Def::new(
@@ -29,7 +29,8 @@ pub const DEFS: &[Def] = &[
         "retarget",
         "asset, options?",
         Gives::A(Kind::Clip),
-        "The clip on another body, as happens by itself when an actor plays it; options: joints (#{ \"its joint\": \"joint of the clip\", … }, false for none), scale (by the legs' lengths), translations (\"hips\", \"all\", \"none\"), floor (feet stay on it: true), align (limbs at rest are laid along the clip's: true).",
+        "Returns the clip retargeted to the skeleton of another asset. Actor.play does the same by default for a clip of another asset.\n\
+         Options: joints (#{ \"its joint\": \"joint of the clip\", … }, false for no joint; default: matched by names, then by structure), scale (default: ratio of the leg lengths), translations (joints that move as well as rotate: \"hips\", the default, \"all\" or \"none\"), floor (true, the default: feet stay on the floor), align (true, the default: the limbs of the rest pose (bind pose) are aligned with those of the clip, such as an A-pose with a T-pose).",
         retarget,
     ),
     Def::new(
@@ -37,12 +38,12 @@ pub const DEFS: &[Def] = &[
         "mapping",
         "asset, options?",
         Gives::Value("array of texts"),
-        "Which joints of another body follow which of the clip's, and how; options as for retarget.",
+        "Returns the report of a retarget, a line per joint: which joint of the other asset follows which joint of the clip, and how it was matched. Options as in Clip.retarget.",
         mapping,
     ),
 ];
 
-/// A clip that a script has made, counted.
+/// Handle of a clip that a script has made. Its keyframes count against the limit.
 pub fn made(c: &Call, clip: Clip, asset: Arc<Asset>) -> Reply {
     count(c, &clip)?;
     Ok(Dynamic::from(ClipRef { clip: Arc::new(clip), asset, dead: false }))
@@ -62,7 +63,7 @@ fn count(c: &Call, clip: &Clip) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// Who is on the other side, of an asset that has two.
+/// The pairs of left and right joints, morph targets and expressions of an asset.
 pub fn mirroring(c: &Call, asset: &Asset) -> Result<Mirroring, ApiError> {
     Mirroring::of(asset).map_err(|e| {
         let names = asset.skeleton.names().iter().map(String::as_str);
@@ -92,7 +93,7 @@ fn mirror(c: &mut Call) -> Reply {
     made(c, clip, this.asset)
 }
 
-/// Both assets and how the one's clips go on the other.
+/// The options of a retarget from asset `of` to asset `on`.
 fn fitting(c: &Call, of: &Asset, on: &Asset) -> Result<Fit, ApiError> {
     let o = c.options(1, &["joints", "scale", "translations", "floor", "align"])?;
     let mut fit = Fit { joints: joints(&o, of, on)?, ..Fit::default() };

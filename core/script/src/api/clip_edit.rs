@@ -1,4 +1,4 @@
-//! Clips made from a clip, or from nothing: cut, put together, offset, cleaned, keyed.
+//! Edited and authored clips: cut, append, offset, smooth, reduce, compress, additive, keyframes.
 
 use super::actor::{euler, find_joint};
 use super::clip::made;
@@ -19,7 +19,7 @@ pub const DEFS: &[Def] = &[
         "new_clip",
         "name",
         CLIP,
-        "An empty clip of the asset, to be filled with .key.",
+        "Returns an empty clip for the asset. Clip.key adds keyframes to it.",
         new_clip,
     ),
     Def::new(
@@ -27,26 +27,34 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, joint, keys, how?",
         CLIP,
-        "With keys [[time, value], …] of a joint, in place of any that it had: \"rotation\" (degrees [x, y, z] about its own axes, from rest), \"position\" (metres from rest, along the model's axes) or \"scale\" (times that at rest); how, as for actors' keys.",
+        "Returns the clip with keyframes [[time, value], …] for a property of a joint, in place of its own. `how` as in Actor.key.\n\
+         Properties: \"rotation\" (degrees [x, y, z] about the axes of the joint, relative to the rest pose), \"position\" (metres relative to the rest pose, along the axes of the model), \"scale\" (factor of the scale at rest).",
         key,
     ),
-    Def::new(Kind::Clip, "cut", "from, until", CLIP, "The part between two times of the clip.", cut),
+    Def::new(Kind::Clip, "cut", "from, until", CLIP, "Returns the part of the clip between two times.", cut),
     Def::new(
         Kind::Clip,
         "append",
         "clip",
         CLIP,
-        "This clip, then another; what only one of them moves is at rest in the other.",
+        "Returns this clip followed by another. A joint that only one of them animates is in its rest pose during the other.",
         append,
     ),
-    Def::new(Kind::Clip, "reverse", "", CLIP, "The clip backwards.", reverse),
-    Def::new(Kind::Clip, "speed", "factor", CLIP, "The clip so many times as fast, its keys moved.", speed),
+    Def::new(Kind::Clip, "reverse", "", CLIP, "Returns the clip played backwards.", reverse),
+    Def::new(
+        Kind::Clip,
+        "speed",
+        "factor",
+        CLIP,
+        "Returns the clip played faster by a factor. The keyframes are moved.",
+        speed,
+    ),
     Def::new(
         Kind::Clip,
         "offset",
         "joint, options",
         CLIP,
-        "With a joint moved or turned at all times; options: move (metres along the model's axes), turn (degrees about its own x, then y, then z axis).",
+        "Returns the clip with a joint moved or rotated at all times. Options: move (metres along the axes of the model), turn (degrees [x, y, z] about the axes of the joint: x, then y, then z).",
         offset,
     ),
     Def::new(
@@ -54,16 +62,23 @@ pub const DEFS: &[Def] = &[
         "smooth",
         "seconds",
         CLIP,
-        "Without jitter: each key is the weighted mean of the clip around it, over so many seconds.",
+        "Returns the clip without jitter: each keyframe becomes the weighted mean of the clip in a window of that many seconds around it.",
         smooth,
     ),
-    Def::new(Kind::Clip, "resample", "fps", CLIP, "With keys at an even rate in place of its own.", resample),
+    Def::new(
+        Kind::Clip,
+        "resample",
+        "fps",
+        CLIP,
+        "Returns the clip with keyframes at a constant frame rate in place of its own (baking).",
+        resample,
+    ),
     Def::new(
         Kind::Clip,
         "reduce",
         "tolerance, options?",
         CLIP,
-        "With fewer keys: no joint is farther off than so many metres, measured in the model; options: keep (\"own\": each curve keeps its own keys, fewest bytes; \"shared\": curves keep the same, sampled fastest).",
+        "Returns the clip with fewer keyframes. The tolerance is the largest error of any joint in metres, in model space (0 to 1). Options: keep (\"own\", the default: each curve keeps its own keyframes, which takes the fewest bytes; \"shared\": curves keep the same keyframes, which is the fastest to sample).",
         reduce,
     ),
     Def::new(
@@ -71,7 +86,8 @@ pub const DEFS: &[Def] = &[
         "compress",
         "tolerance",
         CLIP,
-        "In fewer bytes, sampled as fast: no joint is farther off than so many metres (0.0001 is good), measured in the model; what would not become smaller stays as it is. .lost() tells the error. Best done last: edits, and other bodies, take the keys out again.",
+        "Returns the clip compressed, in fewer bytes and as fast to sample. The tolerance is the largest error of any joint in metres, in model space (0.000001 to 0.1; 0.0001 is a good value). What would not become smaller stays as it is.\n\
+         Clip.lost returns the error that was made. Compress last: editing and retargeting decompress the keyframes.",
         compress,
     ),
     Def::new(
@@ -79,7 +95,8 @@ pub const DEFS: &[Def] = &[
         "additive",
         "reference?",
         CLIP,
-        "What the clip does beyond a pose, over the rest pose: its \"first\" frame (left out), the \"rest\" pose, or the clip at a time in seconds. A clip like any other, to be edited, mirrored, retargeted; as a layer, .additive(\"rest\").",
+        "Returns an additive clip: the difference between this clip and a reference pose, applied to the rest pose. The reference is \"first\" (the first frame, the default), \"rest\" (the rest pose) or a time of the clip in seconds.\n\
+         The result is a clip like any other, which can be edited, mirrored and retargeted. To play it as an additive layer, use Cue.additive(\"rest\").",
         additive,
     ),
     Def::new(
@@ -87,19 +104,33 @@ pub const DEFS: &[Def] = &[
         "subtractive",
         "reference?",
         CLIP,
-        "As additive, the other way: it takes that away.",
+        "Returns the opposite of Clip.additive: as a layer it takes the difference away.",
         subtractive,
     ),
-    Def::new(Kind::Clip, "bytes", "", Gives::Value("int"), "How many bytes its keys take.", byte_count),
+    Def::new(
+        Kind::Clip,
+        "bytes",
+        "",
+        Gives::Value("int"),
+        "Returns the size of the keyframes in bytes.",
+        byte_count,
+    ),
     Def::new(
         Kind::Clip,
         "lost",
         "",
         Gives::Value("float"),
-        "How many metres its compression moved any joint at most, measured in the model; 0 where it is not compressed.",
+        "Returns the largest error of any joint that the compression caused, in metres in model space; 0 for a clip that is not compressed.",
         lost,
     ),
-    Def::new(Kind::Clip, "keys", "", Gives::Value("int"), "How many keys its curves have.", key_count),
+    Def::new(
+        Kind::Clip,
+        "keys",
+        "",
+        Gives::Value("int"),
+        "Returns the number of keyframes of all curves.",
+        key_count,
+    ),
 ];
 
 fn new_clip(c: &mut Call) -> Reply {
@@ -110,7 +141,7 @@ fn new_clip(c: &mut Call) -> Reply {
     made(c, clip, asset)
 }
 
-/// A clip made from the receiver, of the same asset.
+/// Returns the clip of the receiver after an edit; the asset stays the same.
 fn edit<E: std::fmt::Display>(c: &Call, edit: impl FnOnce(&Clip, &Asset) -> Result<Clip, E>) -> Reply {
     let this: ClipRef = c.this()?;
     let clip = edit(&this.clip, &this.asset).map_err(|e| ApiError::new(format!("{}: {e}", c.def.name)))?;
@@ -226,7 +257,7 @@ fn key(c: &mut Call) -> Reply {
     })
 }
 
-/// Keys from rest, as a curve in the joint's own terms.
+/// Converts keyframes relative to the rest pose to a curve in the space of the joint's parent.
 pub fn curve(asset: &Asset, joint: u32, channel: &Channel) -> Curve {
     let skeleton = &asset.skeleton;
     let rest = &skeleton.rest()[joint as usize];

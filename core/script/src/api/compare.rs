@@ -25,70 +25,85 @@ pub const DEFS: &[Def] = &[
     comparison(
         "near",
         "goal, tolerance?",
-        "Within a tolerance of a number, a point, a color, what another thing does, or a function of the time, |t| …; rotations of [x, y, z] as for rotate, degrees about y, or a quaternion [x, y, z, w]. Tolerances: metres or the number's unit (0.001 where left out), degrees for rotations (0.1), 1e-9 for plain values.",
+        "Tests that a value is within a tolerance of a number, a point, a color, the same property of another object, or a function of time, |t| …. Rotations are given as [x, y, z] as in Actor.rotate, as degrees about y, or as a quaternion [x, y, z, w]. Default tolerance: 0.001 (metres or the unit of the number), 0.1 degrees for rotations, 1e-9 for plain values.",
         near,
     ),
-    comparison("below", "limit", "At most this number.", below),
-    comparison("above", "limit", "At least this number.", above),
-    comparison("between", "low, high", "From one number to another, both included.", between),
-    comparison("within", "min, max", "A point in a box, from one corner to the other.", within),
+    comparison("below", "limit", "Tests that a number is at most this limit.", below),
+    comparison("above", "limit", "Tests that a number is at least this limit.", above),
+    comparison(
+        "between",
+        "low, high",
+        "Tests that a number lies between two others, both included.",
+        between,
+    ),
+    comparison(
+        "within",
+        "min, max",
+        "Tests that a point lies in a box, given by its minimum and maximum.",
+        within,
+    ),
     comparison(
         "equals",
         "value",
-        "A plain value that is the same; of a count, the number; numbers may be ints or floats.",
+        "Tests that a plain value or a count is the same. An int and a float of the same value are equal.",
         equals,
     ),
     comparison(
         "contains",
         "part",
-        "A text with this part, an array with this element, or lines of which one has this part.",
+        "Tests that a text contains this part, an array this element, or one of several lines this part.",
         contains,
     ),
     comparison(
         "matches",
         "pattern",
-        "A text like the pattern: * stands for anything, ? for one character.",
+        "Tests that a text matches a pattern: `*` stands for any characters, `?` for one.",
         matches,
     ),
-    comparison("empty", "", "No lines, an empty text or array.", empty),
+    comparison("empty", "", "Tests that there are no lines, or that a text or array is empty.", empty),
     comparison(
         "exactly",
         "events, tolerance?",
-        "These events and no others: an array of [time, text], or of texts where the time does not matter; * in a text stands for anything; the tolerance is in seconds (0.000001).",
+        "Tests that there are these events and no others: an array of [time, text], or of texts where the time does not matter. `*` in a text stands for any characters. The tolerance is in seconds (default 0.000001).",
         exactly,
     ),
     comparison(
         "in_order",
         "events, tolerance?",
-        "These events in this order, others between; as for exactly.",
+        "Tests that these events come in this order, with others between; arguments as in Expect.exactly.",
         in_order,
     ),
-    comparison("visible", "", "An actor that is seen, as far as .hide, .show and keys say.", visible),
-    comparison("on", "", "A camera that is on.", on),
-    comparison("has_effect", "name", "A stage on which this effect is on.", has_effect),
-    comparison("on_floor", "options?", "A joint that is on the floor; options as for slide.", on_floor),
+    comparison("visible", "", "Tests that an actor is visible, by .hide, .show and keyframes.", visible),
+    comparison("on", "", "Tests that a camera is the active one.", on),
+    comparison("has_effect", "name", "Tests that an effect is active on the stage.", has_effect),
+    comparison(
+        "on_floor",
+        "options?",
+        "Tests that a joint is on the floor. Options as in Expect.slide.",
+        on_floor,
+    ),
     comparison(
         "in_frame",
         "options?",
-        "An actor that is wholly inside the picture; options: camera (the one that is on), margin (share of the picture's sides left free), height ([low, high], share of the picture's height), upright (most degrees of tilt).",
+        "Tests that an actor is completely inside the image. Options: camera (default the active one), margin (free fraction at the sides of the image, 0 to 0.49, default 0), height ([low, high], as fractions of the image height), upright (largest tilt in degrees).",
         in_frame,
     ),
     comparison(
         "same_as",
         "other",
-        "The same bits: a stage and another stage, or itself at another time; an actor's pose and another actor's, or its own at another time.",
+        "Tests for the same bits: of a stage and another stage, or the same stage at another time; of the pose of an actor and another actor, or the same actor at another time.",
         same_as,
     ),
     comparison(
         "leaves_out",
         "what",
-        "A plan that does without something, as choreo explain names it: \"skinning\", \"morph targets\", \"blending and sorting back to front\" and so on.",
+        "Tests that a plan does without a feature, by its name in `choreo explain`: \"skinning\", \"morph targets\", \"blending and sorting back to front\" and others.",
         leaves_out,
     ),
     comparison(
         "costs_at_most",
         "factor, stage",
-        "Evaluating all frames of this stage takes at most so many times as long as of another: the smallest of three medians of runs in turns, so that a busy machine does not fail it.",
+        "Tests that evaluating all frames of this stage takes at most factor times as long as those of another stage. The stages run in turns, and the smallest of three medians counts, so that a busy machine does not fail the test.",
         costs_at_most,
     ),
 ];
@@ -174,7 +189,7 @@ fn numeric(v: &Value) -> bool {
     }
 }
 
-/// A number that changes over time, or a plain one.
+/// Records a comparison of a number that changes over time, or of a plain number.
 fn number_test(c: &Call, of_number: NumberTest, of_value: ValueTest) -> Reply {
     let expect: ExpectRef = c.this()?;
     let claim = match &expect.measure {
@@ -305,7 +320,7 @@ fn in_order(c: &mut Call) -> Reply {
     event_test(c, EventsTest::InOrder)
 }
 
-/// The actor that is looked at.
+/// The actor that is tested.
 fn actor(c: &Call) -> Result<usize, ApiError> {
     let expect: ExpectRef = c.this()?;
     match &expect.measure {

@@ -1,4 +1,4 @@
-//! Effects: what happens to the whole picture after the scene is drawn, to surfaces, or around them.
+//! Effects: post-processing of the whole frame, effects on surfaces, and overlays.
 
 use super::keys;
 use crate::build::room;
@@ -19,7 +19,9 @@ pub const DEFS: &[Def] = &[
         "effect",
         "name, options?",
         Gives::A(Kind::Effect),
-        "An effect plugin, over the whole picture or on everything; options are its parameters.",
+        "Adds an effect plugin to the whole frame or to all surfaces. Options are its parameters; `choreo plugins` lists all effects and their parameters.\n\
+         Built in, on the frame: \"tonemap\" (tone mapping, exposure), \"bloom\", \"motion_blur\" (accumulation of sub-frames while the shutter is open), \"fxaa\" (antialiasing), \"vignette\".\n\
+         Built in, on surfaces and as overlays: \"toon\", \"fog\", \"outline\", \"wireframe\", \"xray\", \"views\" (normals, uvs and more), \"skeleton\", \"grid\", \"shadow_catcher\".",
         effect,
     ),
     Def::new(Kind::Effect, "set", "parameter, value", THIS, "Sets a parameter of the effect.", set)
@@ -29,17 +31,17 @@ pub const DEFS: &[Def] = &[
         "key",
         "parameter, keys, how?",
         THIS,
-        "Keys [[time, value], …] of a parameter, a number or a color, as for actors; flags and texts step.",
+        "Animates a parameter, a number or a color, with keyframes [[time, value], …]. `how` and easing as in Actor.key. Flags and texts change at the keyframe.",
         key,
     ),
-    Def::new(Kind::Effect, "from", "time", THIS, "When it begins.", from),
-    Def::new(Kind::Effect, "until", "time", THIS, "When it is over.", until),
+    Def::new(Kind::Effect, "from", "time", THIS, "Sets the start time (default 0).", from),
+    Def::new(Kind::Effect, "until", "time", THIS, "Sets the end time.", until),
     Def::new(
         Kind::Effect,
         "on",
         "what, options?",
         THIS,
-        "Only on an actor, for effects on surfaces or around actors, such as outline; #{ material: name or names }: only on these materials of it. Or only while a camera is on, for all effects. Or on each of an array; further calls add to it.",
+        "Limits the effect to an actor, or to each actor of an array, for effects on surfaces or around actors, such as \"outline\"; with #{ material: name or names } only to these materials. Or, for all effects, to the frames of a camera. Further calls add actors and cameras.",
         on,
     ),
 ];
@@ -75,7 +77,7 @@ fn effect(c: &mut Call) -> Reply {
     Ok(Dynamic::from(EffectRef { id: build.effects.len() - 1, plugin: name.into() }))
 }
 
-/// What the three numbers of a color end with ([`choreo_plugin::Manifest::color`]).
+/// Suffixes of the three numbers of a color ([`choreo_plugin::Manifest::color`]).
 const PARTS: [&str; 3] = ["_r", "_g", "_b"];
 
 /// A parameter as scripts name it: a color, or one option of the manifest.
@@ -96,7 +98,7 @@ fn parameter<'a>(plugin: &'a dyn Effect, name: &str) -> Result<Parameter<'a>, Ap
     })
 }
 
-/// What a value sets: one number of the manifest, or the three of a color.
+/// The numbers of the manifest that a value sets: one, or the three of a color.
 fn numbers(plugin: &dyn Effect, name: &str, value: &Dynamic) -> Result<Vec<(String, f64)>, ApiError> {
     let effect = &plugin.manifest().name;
     match parameter(plugin, name)? {
@@ -116,14 +118,14 @@ fn wrong(spec: &OptionSpec, label: &str, value: &Dynamic) -> ApiError {
     ApiError::new(format!("{label} must be {}, got {}", allowed(spec), describe(value))).hint(&spec.about)
 }
 
-/// Sorted: the order of calls does not matter to the picture, so it must not matter to the stage either.
+/// Sets a parameter in a sorted list: the order of calls does not change the image, so it must not change the stage either.
 fn put<T>(parameters: &mut Vec<(String, T)>, name: String, value: T) {
     parameters.retain(|(n, _)| *n != name);
     parameters.push((name, value));
     parameters.sort_by(|a, b| a.0.cmp(&b.0));
 }
 
-/// Texts are handed over as their place in the list of allowed ones.
+/// The number that an effect receives for a value. A text becomes its index in the list of allowed texts.
 fn as_number(spec: &OptionSpec, value: &Dynamic) -> Option<f64> {
     match &spec.kind {
         OptionKind::Number { min, max, .. } => {
@@ -265,7 +267,7 @@ fn on(c: &mut Call) -> Reply {
     c.itself()
 }
 
-/// An actor, or those of its materials that the options name.
+/// The targets for an actor: all of it, or the materials that the options name.
 fn targets_of(actor: &ActorRef, o: &Options) -> Result<Vec<EffectTarget>, ApiError> {
     let target = |material| EffectTarget { actor: actor.id, material };
     Ok(match named_materials(o, "on", &actor.asset)? {
@@ -274,7 +276,7 @@ fn targets_of(actor: &ActorRef, o: &Options) -> Result<Vec<EffectTarget>, ApiErr
     })
 }
 
-/// Those of an asset's materials that the option `material` names, one or several; `None` without it.
+/// Indices of the materials that the option `material` names, one or several; `None` without the option.
 pub fn named_materials(o: &Options, function: &str, asset: &Asset) -> Result<Option<Vec<u32>>, ApiError> {
     let Some(given) = o.get("material") else { return Ok(None) };
     let names: Vec<Dynamic> = match given.read_lock::<rhai::Array>() {

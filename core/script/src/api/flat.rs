@@ -1,4 +1,4 @@
-//! `text`, `picture`, `panel`, `letterbox`: flat layers over and under the scene.
+//! 2D layers in front of the scene and behind it: `text`, `picture`, `panel`, `letterbox`.
 
 use super::keys;
 use crate::build::room;
@@ -21,7 +21,9 @@ pub const DEFS: &[Def] = &[
         "text",
         "words, options?",
         Gives::A(Kind::Flat),
-        "Words over the scene: at ([x, y], shares of the picture from its top left, [0.5, 0.5]), offset ([x, y] in pixels), anchor (which point of its box stands there: \"center\", \"left\", \"right\", \"top\", \"bottom\", \"top_left\", …), size (share of the picture's height, 0.08), color, opacity, width (share of the picture's width at which lines break), align (\"left\", \"center\", \"right\"), line_height (1.25), font (a .ttf or .otf file; else one that the program has).",
+        "Adds a text (title, caption) over the frame.\n\
+         Place: at ([x, y] as fractions of the image from its top left corner, default [0.5, 0.5]), offset ([x, y] in pixels, default [0, 0]), anchor (the point of its box that is placed there: \"center\", the default, \"left\", \"right\", \"top\", \"bottom\", \"top_left\", \"top_right\", \"bottom_left\" or \"bottom_right\").\n\
+         Text: size (fraction of the image height, default 0.08), color (default white), opacity (0 to 1, default 1), width (fraction of the image width at which lines break, default none), align (\"left\", \"center\", the default, or \"right\"), line_height (in sizes, default 1.25), font (a .ttf or .otf file, default a built-in font).",
         text,
     ),
     Def::new(
@@ -29,7 +31,7 @@ pub const DEFS: &[Def] = &[
         "picture",
         "image, options?",
         Gives::A(Kind::Flat),
-        "A picture over the scene: an Image, or a PNG, JPEG, WebP, BMP or TGA file; options: at, offset, anchor, opacity, and height or width (shares of the picture's), or fit (\"contain\", \"cover\").",
+        "Adds an image over the frame: an Image, or a PNG, JPEG, WebP, BMP or TGA file. Options: at, offset, anchor and opacity as in `text`; and one of height or width (fraction of that of the frame, default height 0.3) and fit (\"contain\": as large as fits, \"cover\": fills the frame).",
         picture,
     ),
     Def::new(
@@ -37,7 +39,7 @@ pub const DEFS: &[Def] = &[
         "panel",
         "options?",
         Gives::A(Kind::Flat),
-        "A rectangle of one color over the scene: at, offset, anchor, opacity, size ([width, height] in shares of the picture, all of it), color (black).",
+        "Adds a rectangle of one color over the frame. Options: at, offset, anchor and opacity as in `text`, size ([width, height] as fractions of the image, default all of it), color (default black).",
         panel,
     ),
     Def::new(
@@ -45,7 +47,7 @@ pub const DEFS: &[Def] = &[
         "letterbox",
         "ratio, options?",
         Gives::A(Kind::Flat),
-        "Bars at the edges that leave a picture ratio times as wide as high (2.39); keyed in scale they slide in. Options: color, opacity.",
+        "Adds bars at the edges that leave an image ratio times as wide as high, such as 2.39. With keyframes of \"scale\" they slide in. Options: color (default black), opacity (0 to 1, default 1).",
         letterbox,
     ),
     Def::new(
@@ -53,24 +55,45 @@ pub const DEFS: &[Def] = &[
         "at",
         "x, y | point",
         THIS,
-        "Where its anchor stands, in shares of the picture.",
+        "Sets the position of its anchor, as fractions of the image.",
         at,
     )
     .in_frames(),
-    Def::new(Kind::Flat, "opacity", "value", THIS, "0 is not seen, 1 hides what is below.", opacity)
-        .in_frames(),
-    Def::new(Kind::Flat, "words", "text", THIS, "What a text says.", words).in_frames(),
-    Def::new(Kind::Flat, "scale", "factor", THIS, "Made larger or smaller, about its anchor.", scale),
-    Def::new(Kind::Flat, "from", "time", THIS, "When it is first seen.", from),
-    Def::new(Kind::Flat, "until", "time", THIS, "When it is gone.", until),
-    Def::new(Kind::Flat, "fade", "seconds", THIS, "How long it takes to come in and to go.", fade),
-    Def::new(Kind::Flat, "under", "", THIS, "Behind the scene, over its background.", under),
+    Def::new(
+        Kind::Flat,
+        "opacity",
+        "value",
+        THIS,
+        "Sets the opacity: 0 is invisible, 1 hides what is below.",
+        opacity,
+    )
+    .in_frames(),
+    Def::new(Kind::Flat, "words", "text", THIS, "Changes the words of a text.", words).in_frames(),
+    Def::new(Kind::Flat, "scale", "factor", THIS, "Scales it about its anchor.", scale),
+    Def::new(Kind::Flat, "from", "time", THIS, "Sets the start time (default 0).", from),
+    Def::new(Kind::Flat, "until", "time", THIS, "Sets the end time.", until),
+    Def::new(
+        Kind::Flat,
+        "fade",
+        "seconds",
+        THIS,
+        "Sets the duration of the fade-in and of the fade-out in seconds (default 0).",
+        fade,
+    ),
+    Def::new(
+        Kind::Flat,
+        "under",
+        "",
+        THIS,
+        "Moves it behind the scene, in front of the background. By default it is in front of everything.",
+        under,
+    ),
     Def::new(
         Kind::Flat,
         "key",
         "property, keys, how?",
         THIS,
-        "Keys [[time, value], …] of \"position\" ([x, y] as at), \"scale\" or \"opacity\", as for actors.",
+        "Animates a property with keyframes [[time, value], …]: \"position\" ([x, y] as in Flat.at), \"scale\" or \"opacity\". `how` and easing as in Actor.key.",
         key,
     ),
 ];
@@ -98,7 +121,7 @@ const ANCHORS: [(&str, [f64; 2]); 9] = [
     ("bottom_right", [1.0, 1.0]),
 ];
 
-/// With what all flats have.
+/// Reads the options that all 2D layers have, and adds the layer to the stage.
 fn add(c: &Call, o: &Options, content: FlatContent) -> Reply {
     let mut flat = Flat::new(content);
     if let Some(at) = o.get("at") {
@@ -150,7 +173,7 @@ fn text(c: &mut Call) -> Reply {
     add(c, &o, content)
 }
 
-/// A file of the script's folder or a search path, noted for hot reload.
+/// Reads a file of the script's folder or of a search path, and notes it for hot reload.
 pub fn read_file(c: &Call, name: &str) -> Result<Vec<u8>, ApiError> {
     let loader = &c.shared.loader;
     let start = c.shared.test().scene.as_ref().map(|scene| scene.folder.clone());

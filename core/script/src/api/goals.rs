@@ -1,4 +1,4 @@
-//! What things are compared with: functions of the time, rotations, lists of events.
+//! The expected values of comparisons: functions of time, rotations, lists of events.
 
 use super::actor::euler;
 use super::expect::subject;
@@ -11,12 +11,12 @@ use glam::{DQuat, DVec3};
 use rhai::{Dynamic, FnPtr};
 use std::sync::{Arc, PoisonError};
 
-/// In the unit of what is compared.
+/// The tolerance argument, in the unit of the compared value.
 pub fn tolerance(c: &Call, default: f64) -> Result<f64, ApiError> {
     if c.len() < 2 { Ok(default) } else { c.number_in(1, 0.0, 1e12) }
 }
 
-/// A function of the time of which `widths` numbers are expected.
+/// A function of time that returns `widths` numbers.
 pub fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Formula>, ApiError> {
     let Some(callback) = c.value(i).try_cast::<FnPtr>() else { return Ok(None) };
     let callback = own_captures(&callback)?;
@@ -77,7 +77,7 @@ pub fn rotation_goal(c: &Call) -> Result<RotationGoal, ApiError> {
     }
 }
 
-/// `[[0.0, "anna: Walk starts"], "anna: Walk ends"]`, one of these or one text, with their tolerance.
+/// The expected events, `[[0.0, "anna: Walk starts"], "anna: Walk ends"]` or one text, and their tolerance.
 pub fn events(c: &Call) -> Result<(Vec<EventPattern>, Time), ApiError> {
     let allowed = "an array of [time, text] or of texts";
     let given = c.value(0);

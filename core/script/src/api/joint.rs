@@ -1,4 +1,4 @@
-//! Joints of actors: found by name, turned for a frame.
+//! Joints of actors: found by name, rotated for a frame, animated with keyframes.
 
 use super::actor::{euler, radians};
 use super::{clip_edit, keys};
@@ -17,17 +17,17 @@ pub const DEFS: &[Def] = &[
         "joint",
         "name",
         Gives::A(Kind::Joint),
-        "A joint, to look at, attach to or turn.",
+        "Returns a joint (bone) by name, as a target, as a parent or for rotations of its own.",
         joint,
     )
     .in_frames(),
-    Def::new(Kind::Actor, "joints", "", Gives::Value("array of texts"), "Names of the joints.", joints),
+    Def::new(Kind::Actor, "joints", "", Gives::Value("array of texts"), "Returns the names of the joints (bones).", joints),
     Def::new(
         Kind::Joint,
         "turn",
         "degrees",
         THIS,
-        "Turned about its own y axis, after its clip.",
+        "Rotates the joint about its own y axis, in degrees, on top of the clips. Only inside `on_frame`.",
         joint_turn,
     )
     .in_frames(),
@@ -36,7 +36,7 @@ pub const DEFS: &[Def] = &[
         "rotate",
         "x, y, z",
         THIS,
-        "Turned about its own x, then y, then z axis, after its clip, in degrees.",
+        "Rotates the joint about its own x, then y, then z axis, in degrees, on top of the clips. Only inside `on_frame`.",
         joint_rotate,
     )
     .in_frames(),
@@ -45,10 +45,11 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, keys, how?",
         THIS,
-        "Keys [[time, value], …] over what its clips do, in seconds on stage: \"rotation\" (degrees [x, y, z] about its own axes), \"position\" (metres along the model's axes) or \"scale\" (a factor, or one an axis); how, and eases of single keys, as for Actor.key.",
+        "Animates the joint with keyframes [[time, value], …] in stage time, added on top of its clips. `how` and the easing of single keyframes as in Actor.key.\n\
+         Properties: \"rotation\" (degrees [x, y, z] about the axes of the joint), \"position\" (metres along the axes of the model), \"scale\" (a factor, or one per axis).",
         key,
     ),
-    Def::new(Kind::Joint, "name", "", Gives::Value("text"), "Name of the joint.", joint_name).in_frames(),
+    Def::new(Kind::Joint, "name", "", Gives::Value("text"), "Returns the name of the joint.", joint_name).in_frames(),
 ];
 
 pub fn find_joint(asset: &Asset, name: &str) -> Result<u32, ApiError> {

@@ -1,4 +1,4 @@
-//! `.key("position", [[t, value], …], how)`: keyed properties.
+//! Keyframes of properties: `.key("position", [[t, value], …], how)`.
 
 use super::actor::{MOST_WIDE, euler, has_copies, has_pen, morph_targets};
 use super::expression;
@@ -9,14 +9,14 @@ use choreo_stage::{Asset, Channel, Property};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
-/// Whose property is keyed.
+/// The kind of object whose property is animated.
 pub enum Owner<'a> {
     Actor(&'a Asset),
     Camera,
     Light,
     Sky,
     Flat,
-    /// A joint in a clip, named after the property.
+    /// A joint of a clip; its name is the argument after the property.
     JointOfClip,
     Joint,
 }
@@ -157,8 +157,8 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
     })
 }
 
-/// Keys of the second argument, by what the third says, of something that is no property of its own: a channel for each
-/// number of its value. `step`: what does not mix holds until the next key, whatever `how` says.
+/// Channels of a property whose value has several numbers, one channel each. The keyframes are the second argument, `how` the third.
+/// `step`: the value cannot be interpolated and holds until the next keyframe, whatever `how` says.
 pub fn parts(c: &Call, property: Property, step: bool, read: &Reader) -> Result<Vec<Channel>, ApiError> {
     let (how, ease) = if c.len() > 2 { how_or_ease(c, 2)? } else { ("linear", None) };
     let (how, ease) = if step { ("step", None) } else { (how, ease) };
@@ -172,7 +172,7 @@ pub fn parts(c: &Call, property: Property, step: bool, read: &Reader) -> Result<
     Ok((0..count).map(|n| channel(property, how, &times, &part(n))).collect())
 }
 
-/// Later keys of a property replace earlier ones.
+/// Adds channels; they replace those of the same property.
 pub fn replace(channels: &mut Vec<Channel>, new: Vec<Channel>) {
     for channel in new {
         channels.retain(|c| c.property != channel.property);
@@ -180,12 +180,13 @@ pub fn replace(channels: &mut Vec<Channel>, new: Vec<Channel>) {
     }
 }
 
-/// How one gets from key to key, from argument `i`.
+/// The interpolation between keyframes, read from argument `i`.
 pub fn how(c: &Call, i: usize) -> Result<&'static str, ApiError> {
     one_of(&c.value(i), &format!("{}: how", c.def.name), HOW)
 }
 
-/// As `how`, or an ease into every key that has none of its own: a name that says in or out, or the points of a Bézier curve.
+/// The interpolation as in [`how`], or an easing into every keyframe that has none of its own: a name with in_ or out_, or the points
+/// of a Bézier curve.
 fn how_or_ease(c: &Call, i: usize) -> Result<(&'static str, Option<Ease>), ApiError> {
     let value = c.value(i);
     let text = value.clone().into_string().unwrap_or_default();
@@ -195,7 +196,7 @@ fn how_or_ease(c: &Call, i: usize) -> Result<(&'static str, Option<Ease>), ApiEr
     }
 }
 
-/// Keys of one number, [[time, number], …].
+/// The channel of keyframes with one number each, [[time, number], …].
 pub fn scalars(
     c: &Call,
     value: &Dynamic,
@@ -211,7 +212,7 @@ pub fn scalars(
     Ok(channel(property, how, &times, &values))
 }
 
-/// The rows of an array of keys; `of` is what messages begin with.
+/// Time and value of each keyframe of an array; messages begin with `of`.
 fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<(Time, Dynamic)>, ApiError> {
     let Some(rows) = value.read_lock::<rhai::Array>() else {
         return Err(wrong(value, &format!("{of}: keys"), "an array of keys, [[time, value], …]"));
@@ -242,7 +243,7 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<(Time, Dynamic)>
     Ok(keys)
 }
 
-/// How each key is come to, where it says so: [time, value, ease]; else as all are.
+/// The easing into each keyframe: its own, [time, value, ease], else the easing of all.
 fn eases(keys: &Dynamic, how: &str, all: Option<Ease>) -> Result<Vec<Option<Ease>>, ApiError> {
     let Some(rows) = keys.read_lock::<rhai::Array>() else { return Ok(Vec::new()) };
     let ease = |(n, row): (usize, &Dynamic)| {
@@ -265,7 +266,7 @@ fn straight(a: &[f64], b: &[f64], w: f64) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a + (b - a) * w).collect()
 }
 
-/// With keys between, where a key is come to by an ease: 60 a second, at least 16.
+/// Samples the spans that have an easing: adds 60 keyframes per second, at least 16 per span.
 fn eased(
     c: &Call,
     times: &[Time],
@@ -307,14 +308,14 @@ fn three(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     crate::call::point(v, label).map(|p| p.to_array().to_vec())
 }
 
-/// A place in the picture.
+/// Reads a position in the image.
 fn two(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     let two = numbers(v).filter(|n| n.len() == 2 && n.iter().all(|n| n.abs() <= 1e6));
     two.map(|n| vec![n[0], n[1], 0.0]).ok_or_else(|| wrong(v, label, "[x, y]"))
 }
 
 fn factors(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
-    /// As for `scale`; but a thing may shrink to nothing on its way.
+    /// The same as for `scale`, but an actor may shrink to nothing between its keyframes.
     const LARGEST: f64 = 1e6;
     let three = match numbers(v).filter(|n| n.len() == 3) {
         Some(three) => three,
@@ -335,14 +336,14 @@ fn angles(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     }
 }
 
-/// [x, y, z, w], made a unit one.
+/// Reads a quaternion [x, y, z, w] and normalizes it.
 pub fn quaternion(v: &Dynamic, label: &str) -> Result<DQuat, ApiError> {
     let four = numbers(v).filter(|n| n.len() == 4).map(|n| DQuat::from_xyzw(n[0], n[1], n[2], n[3]));
     let unit = four.filter(|q| q.is_finite() && q.length() > 1e-6).map(DQuat::normalize);
     unit.ok_or_else(|| wrong(v, label, "a quaternion, [x, y, z, w], that is not zero"))
 }
 
-/// Keys of quaternions: from each to the next the shortest way, at an even speed or by eases.
+/// The channel of quaternion keyframes: slerp on the shortest arc, at constant speed or with easings.
 fn quaternions(
     c: &Call,
     how: &str,
@@ -371,7 +372,7 @@ pub fn fov(v: &Dynamic, label: &str) -> Result<f64, ApiError> {
     crate::call::number_in(v, label, 0.1, 179.0).map(f64::to_radians)
 }
 
-/// Tangents per second at a key: zero for "smooth", of the parabola through the neighbours for "cubic"
+/// Tangent per second at a keyframe: zero for "smooth", that of the parabola through the neighbours for "cubic"
 /// (finite differences weighted by the spans, as in non-uniform Catmull–Rom splines), zero at the ends.
 fn tangent(how: &str, times: &[Time], values: &[Vec<f64>], i: usize, component: usize) -> f64 {
     if how == "smooth" || i == 0 || i + 1 == times.len() {
@@ -403,8 +404,8 @@ fn channel(property: Property, how: &str, times: &[Time], values: &[Vec<f64>]) -
     Channel { property, interpolation, times: times.to_vec(), values: flat }
 }
 
-/// Angles become quaternion keys so close to each other that the shortest arc between two is the way that the
-/// angles take: 0 to 360 degrees is a whole turn. About one axis that is exact; else keys at every 5 degrees.
+/// Converts keyframes of Euler angles to quaternion keyframes, which are so close to each other that the shortest arc between two is
+/// the path of the angles: 0 to 360 degrees is a whole turn. About one axis that is exact; else there is a keyframe every 5 degrees.
 fn rotation(c: &Call, how: &str, times: &[Time], degrees: &[Vec<f64>]) -> Result<Channel, ApiError> {
     const LARGEST_STEP: f64 = 120.0;
     const SMALL_STEP: f64 = 5.0;

@@ -1,4 +1,4 @@
-//! Lights: sun, point, spot, and what comes from everywhere.
+//! Lights: directional (sun), point, spot and ambient.
 
 use super::actor::{attachment, rgb_arg};
 use super::keys;
@@ -19,7 +19,7 @@ pub const DEFS: &[Def] = &[
         "sun",
         "options?",
         Gives::A(Kind::Light),
-        "Light from afar: direction it shines in, color or kelvin, intensity (lux, 3 by default), shadow: true or #{ size: texels of the map (2048), softness: metres from dark to light (0.01) }.",
+        "Makes a directional light. Options: direction (in which it shines, default [-1, -2, -1.5]), color or kelvin (1667 to 25000; default white), intensity (lux, default 3), shadow (true, or #{ size, softness }: size of the shadow map in texels, 64 to 4096, default 2048; width of the soft edge in metres, default 0.01; default: no shadow), name.",
         sun,
     ),
     Def::new(
@@ -27,7 +27,7 @@ pub const DEFS: &[Def] = &[
         "point",
         "options?",
         Gives::A(Kind::Light),
-        "A lamp: position, color or kelvin, intensity (candela, 20 by default), range in metres, shadow as a sun; attenuation: [constant, linear, square] makes it fall off by one over that polynomial of the metres in place of their square.",
+        "Makes a point light. Options: position (default [0, 3, 2]), color or kelvin, intensity (candela, default 20), range (metres, default unlimited), attenuation ([constant, linear, quadratic]: intensity falls with one over this polynomial of the distance in metres, in place of its square; not with range), shadow as in `sun`, name.",
         point,
     ),
     Def::new(
@@ -35,7 +35,7 @@ pub const DEFS: &[Def] = &[
         "spot",
         "options?",
         Gives::A(Kind::Light),
-        "A spotlight: position, direction or look_at (a point), inner and outer half angles in degrees, color or kelvin, intensity, range, attenuation, shadow as a sun.",
+        "Makes a spotlight. Options: position (default [0, 4, 3]), direction or look_at (a point, default [0, 1, 0]), outer and inner (half angles of the cone in degrees, default 30 and 0.8 times outer), color or kelvin, intensity (candela, default 60), range, attenuation and shadow as in `point`, name.",
         spot,
     ),
     Def::new(
@@ -43,19 +43,19 @@ pub const DEFS: &[Def] = &[
         "ambient",
         "color, strength? | options",
         Gives::Nothing,
-        "Light from everywhere: one color, or #{ up, down } from above and below, times strength.",
+        "Sets the ambient light: a color, a strength of white light, or #{ up, down } for light from above and from below; `strength` multiplies it.",
         ambient,
     )
     .in_frames(),
-    Def::new(Kind::Light, "at", "x, y, z | point", THIS, "Stands there.", at).in_frames(),
-    Def::new(Kind::Light, "intensity", "value", THIS, "How strong it shines.", intensity).in_frames(),
-    Def::new(Kind::Light, "color", "color", THIS, "Its color.", set_color).in_frames(),
+    Def::new(Kind::Light, "at", "x, y, z | point", THIS, "Sets the position in metres.", at).in_frames(),
+    Def::new(Kind::Light, "intensity", "value", THIS, "Sets the intensity: lux for a sun, candela for the others.", intensity).in_frames(),
+    Def::new(Kind::Light, "color", "color", THIS, "Sets the color.", set_color).in_frames(),
     Def::new(
         Kind::Light,
         "attach",
         "actor_or_joint",
         THIS,
-        "Moves with an actor or a joint; position and direction are then in its space.",
+        "Makes the light a child of an actor or of a joint. Its position and direction are then in the space of that parent.",
         attach,
     ),
     Def::new(
@@ -63,12 +63,12 @@ pub const DEFS: &[Def] = &[
         "key",
         "property, keys, how?",
         THIS,
-        "Keys [[time, value], …] of \"intensity\", \"color\", \"kelvin\", \"position\", \"direction\", \"range\" or \"cone\" (the outer half angle, degrees), as for actors.",
+        "Animates a property with keyframes [[time, value], …]: \"intensity\", \"color\", \"kelvin\", \"position\", \"direction\", \"range\" or \"cone\" (outer half angle in degrees). `how` and easing as in Actor.key.",
         key,
     ),
 ];
 
-/// Colour, kelvin and intensity, which all lights have.
+/// Reads color or kelvin, and intensity, which all lights have.
 fn common(o: &Options, intensity: f64) -> Result<(Vec3, f32), ApiError> {
     let color = o.color("color")?.map(rgb);
     let warm = o.number_in("kelvin", 1667.0, 25_000.0)?.map(kelvin);
@@ -97,7 +97,7 @@ fn add(c: &Call, o: &Options, light: Light, position: DVec3, direction: Vec3) ->
     Ok(Dynamic::from(LightRef(build.lights.len() - 1)))
 }
 
-/// `[constant, linear, square]`.
+/// Reads the attenuation polynomial, `[constant, linear, quadratic]`.
 fn attenuation(o: &Options) -> Result<Option<[f32; 3]>, ApiError> {
     let Some(given) = o.get("attenuation") else { return Ok(None) };
     let three = numbers(&given).filter(|n| n.len() == 3 && n.iter().all(|v| (0.0..=1e6).contains(v)));
@@ -107,7 +107,7 @@ fn attenuation(o: &Options) -> Result<Option<[f32; 3]>, ApiError> {
     Ok(Some([three[0] as f32, three[1] as f32, three[2] as f32]))
 }
 
-/// `true`, or `#{ size, softness }`.
+/// Reads the shadow: `true`, or `#{ size, softness }`.
 fn shadow(o: &Options) -> Result<Option<Shadow>, ApiError> {
     let Some(given) = o.get("shadow") else { return Ok(None) };
     let Some(map) = given.read_lock::<Map>().map(|m| m.clone()) else {
@@ -192,7 +192,7 @@ fn spot(c: &mut Call) -> Reply {
     add(c, &o, light, position, direction.as_vec3().normalize())
 }
 
-/// Up and down, from a color, a number (white), or `#{ up, down, strength }`.
+/// Ambient light from above and from below: a color, a number (white), or `#{ up, down, strength }`.
 pub fn read_ambient(v: &Dynamic, label: &str) -> Result<(Vec3, Vec3), ApiError> {
     if let Some(map) = v.read_lock::<Map>() {
         let o = Options { function: label.to_string(), map: map.clone() };

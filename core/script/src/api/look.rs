@@ -1,4 +1,4 @@
-//! `look_at`: heads that turn towards something.
+//! The look-at constraint of heads and eyes: `look_at`.
 
 use super::joint::find_joint;
 use crate::build::room;
@@ -17,17 +17,17 @@ pub const DEFS: &[Def] = &[
         "look_at",
         "target, options?",
         Gives::A(Kind::Look),
-        "Turns the head towards an actor, joint or point, and the eyes of a VRM file as far as it says, by bones or morph targets; options: joint, weight.",
+        "Turns the head towards an actor, a joint or a point (look-at constraint), at most 80° away from the pose of the clip. The eyes of a VRM character follow within the limits of its file, by bones or morph targets. Options: joint (default: the head), weight (0 to 1, default 1).",
         look_at,
     ),
-    Def::new(Kind::Look, "from", "time", THIS, "When the look begins.", look_from),
-    Def::new(Kind::Look, "until", "time", THIS, "When the look is over.", look_until),
+    Def::new(Kind::Look, "from", "time", THIS, "Sets the start time (default 0).", look_from),
+    Def::new(Kind::Look, "until", "time", THIS, "Sets the end time.", look_until),
     Def::new(
         Kind::Look,
         "fade",
         "seconds",
         THIS,
-        "How long the head takes to turn there and back.",
+        "Sets how long the head takes to turn to the target and back, in seconds (default 0.3).",
         look_fade,
     ),
     Def::new(
@@ -35,7 +35,7 @@ pub const DEFS: &[Def] = &[
         "weight",
         "weight",
         THIS,
-        "How far it turns: 0 not at all, 1 all the way.",
+        "Sets how far the head turns: 0 not at all, 1 all the way (default 1).",
         look_weight,
     ),
 ];
@@ -66,7 +66,7 @@ fn look_at(c: &mut Call) -> Reply {
     Ok(Dynamic::from(LookRef { actor: this.id, index: draft.actor.look_at.len() - 1 }))
 }
 
-/// By the file's own word, else by name.
+/// The head that the file declares, else the joint "Head".
 fn head(asset: &Asset) -> Option<u32> {
     let declared = asset.skeleton.humanoid().and_then(|h| h.joint(HumanBone::Head));
     declared.or_else(|| asset.skeleton.find("Head").map(|j| j as u32))

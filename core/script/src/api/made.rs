@@ -1,4 +1,4 @@
-//! `shape`, `mesh`, `lines`, `points`, `image`: what a script makes of numbers.
+//! Procedural assets: `shape`, `mesh`, `lines`, `points`, `image`, instancing and textures.
 
 use crate::call::{Call, Def, Gives, Reply};
 use crate::made;
@@ -13,7 +13,18 @@ pub const DEFS: &[Def] = &[
         "shape",
         "kind, options?",
         Gives::A(Kind::Asset),
-        "A \"plane\", \"quad\" (upright, for pictures), \"box\", \"sphere\", \"cylinder\", \"cone\", \"capsule\" or \"torus\" on the ground: size, and a look: color, image and normal_map (from image(…)), opacity_map (bright is solid), height_map (bright is high; seen to be depth, 0.05 widths of it, deep), checker (a second color), tiles (how often either is repeated), alpha (\"opaque\", \"mask\", \"blend\"), roughness, metallic, emissive, unlit, double_sided, or shininess and specular (a color) for Blinn–Phong, with phong: true Phong's own highlight, and specular_map (an Image: where it shines, in which color), and with reflection (0 to 1, or a color: how much of its surroundings it mirrors, as sharply as its shininess has it, in place of its own color) and reflection_map (an Image: where) of the sky, or of environment_map (an Image twice as wide as high, all around it: its middle is seen looking along -z); over it clearcoat and clearcoat_roughness, sheen (a color) and sheen_roughness, iridescence with film (400 nanometres), anisotropy with brushed (degrees from the u direction), and let through transmission (glass; with thickness in metres it bends light by ior, 1.5, colours apart by dispersion, and has the color attenuation after attenuation_distance, 1 m) or translucent (leaves: light from behind) with translucent_color; textures move by scroll ([right, down], pictures a second) and spin (degrees a second), or are frames ([columns, rows] of image and maps, or arrays of pictures or numbered files in place of image, normal_map, opacity_map, height_map, specular_map and reflection_map, as many of each) of which fps (12) are seen a second, again and again or once; displacement_map raises the shape itself by displacement (0.1 m where it is bright), its triangles halved detail (2) times; projection lays textures on it: \"plane\" (from above), \"box\", \"sphere\", \"cylinder\", \"cone\" or \"triplanar\" (from all sides at once, mixed by where the surface faces, the more by its sharpness, 4); name, of its joint.",
+        "Makes a procedural mesh with one material and one joint: \"plane\" (in x and z), \"quad\" (upright in x and y, for images), \"box\", \"sphere\", \"cylinder\", \"cone\", \"capsule\" or \"torus\". It stands on the ground, y = 0.\n\
+         Mesh: size (metres: a number, or [x, y, z], for a plane [x, z], for a quad [x, y]; default 10 for a plane, else 1), name (of the joint, default the kind).\n\
+         Color: color (default gray, white with an image), image (an Image from `image(…)`), checker (second color of a checkerboard), tiles (1 to 4096: repeats of the image and the maps, default 1, or squares of the checkerboard along a side, default 10), alpha (\"opaque\", \"mask\", \"blend\"; default by the alpha of color and image).\n\
+         Metallic-roughness material: roughness (0 to 1, default 0.9), metallic (0 to 1, default 0), emissive (a color, default black), unlit (true: no lighting), double_sided (true: no back-face culling).\n\
+         Blinn–Phong material, in place of roughness and metallic: shininess (exponent, 1 to 10000), specular (a color), phong (true: the Phong highlight), specular_map (an Image: strength and color of the highlight), reflection (0 to 1, or a color: the share of the environment reflection, blurred according to shininess, that replaces its own color), reflection_map (an Image: where it reflects), environment_map (an Image, a panorama twice as wide as high, reflected in place of the sky; its center is seen in the direction -z).\n\
+         Maps (each an Image): normal_map, opacity_map (bright is opaque), height_map (parallax mapping; bright is high) with depth (0 to 1, in widths of the texture, default 0.05).\n\
+         Layers of the metallic-roughness material, as in the glTF extensions: clearcoat (0 to 1) with clearcoat_roughness (0 to 1, default 0); sheen (a color) with sheen_roughness (0 to 1, default 0.3); iridescence (0 to 1) with film (thickness in nanometres, default 400); anisotropy (0 to 1) with brushed (degrees from the u direction, default 0).\n\
+         Transmission and refraction, as in the glTF extensions: transmission (0 to 1, glass); with thickness (metres) light is refracted by ior (index of refraction, 1 to 10, default 1.5), split into colors by dispersion (0 to 100, default 0) and tinted by attenuation (a color) over attenuation_distance (metres, default 1); translucent (diffuse transmission, 0 to 1: leaves lit from behind) with translucent_color (default the color).\n\
+         Moving textures: scroll ([right, down], images per second), spin (degrees per second).\n\
+         Texture animation: frames ([columns, rows] of the sprite sheet in image and maps). Or an array of Images, or an Image of numbered files, for image, normal_map, opacity_map, height_map, specular_map and reflection_map, the same number in each. fps (0 to 1000, default 12) is the frame rate; `once: true` stops at the last frame, else the frames loop.\n\
+         Displacement: displacement_map (an Image) moves the vertices along their normals, such as for a terrain, by displacement (metres where it is white, default 0.1), after each triangle has been subdivided detail times (0 to 8, default 2) into four.\n\
+         Texture projection: projection (\"plane\" from above, \"box\", \"sphere\", \"cylinder\", \"cone\", or \"triplanar\": from all sides, blended by the normal with sharpness, 1 to 64, default 4).",
         shape,
     ),
     Def::new(
@@ -21,7 +32,10 @@ pub const DEFS: &[Def] = &[
         "mesh",
         "options",
         Gives::A(Kind::Asset),
-        "Triangles from arrays: positions, indices (three a triangle, counter-clockwise from outside; without, the vertices in their order), normals (without, smooth where triangles share vertices), uvs (v down), uvs2 (a second set, for textures of uv_set: 1), colors, and a look as of shape. Arrays hold vectors, [[x, y, z], …], or their numbers one after the other, or are blobs: little-endian 32-bit floats, indices as 32-bit whole numbers, colors as 4 bytes.",
+        "Makes a triangle mesh from arrays.\n\
+         Arrays: positions, indices (three per triangle, counter-clockwise seen from outside; default: the vertices in their order), normals (default: smooth where triangles share vertices), uvs (texture coordinates, v down), uvs2 (a second set, for textures with uv_set: 1), colors (one per vertex).\n\
+         Format: vectors, [[x, y, z], …]; their numbers one after another; or blobs of little-endian 32-bit floats, of 32-bit integers for indices and of 4 bytes per color.\n\
+         Material: all options of `shape` except size.",
         mesh,
     ),
     Def::new(
@@ -29,7 +43,8 @@ pub const DEFS: &[Def] = &[
         "lines",
         "options",
         Gives::A(Kind::Asset),
-        "Lines, which no light changes: positions and indices (two a line) as for mesh, strip: true (one line through all), color or colors; width in pixels at any distance (else 1), or how many metres, never less than a pixel; round: false for ends that are cut off.",
+        "Makes lines. They are unlit.\n\
+         Options: positions and indices (two per line) as in `mesh`; strip (true: one polyline through all vertices), color or colors, name; width (line width in pixels at any distance, default 1) or metres (line width in metres, at least a pixel); round (false: square ends, default true).",
         lines,
     ),
     Def::new(
@@ -37,7 +52,8 @@ pub const DEFS: &[Def] = &[
         "points",
         "options",
         Gives::A(Kind::Asset),
-        "Points, which no light changes: positions as for mesh, color or colors; size in pixels at any distance (else 1), or how many metres, never less than a pixel; round: false for squares.",
+        "Makes points. They are unlit.\n\
+         Options: positions as in `mesh`, color or colors, name; size (in pixels at any distance, default 1) or metres (size in metres, at least a pixel); round (false: squares, default true).",
         points,
     ),
     Def::new(
@@ -45,7 +61,9 @@ pub const DEFS: &[Def] = &[
         "repeat",
         "places",
         Gives::A(Kind::Asset),
-        "The asset so many times in one: places are points [x, y, z], or #{ at, turn (degrees, as Actor.turn, or [x, y, z] as Actor.rotate), scale }. Cast once, its copies are drawn together and each only where it is in view; a body is posed once for all of them, whatever its clips do. Actor.count says how many are there.",
+        "Returns an asset with one copy of this asset at each place (instancing, for crowds and swarms). A place is a point [x, y, z] or #{ at, turn, scale }; `turn` is degrees about the vertical, or [x, y, z] as in Actor.rotate.\n\
+         Cast it once: the copies are drawn together, each is culled by itself, and a character is posed once for all of them, whatever clips it plays. Actor.count sets how many of them exist.\n\
+         Level of detail (LOD): meshes with 64 copies or more on stage get simplified versions; small copies are drawn with the coarsest one whose error is at most one pixel.",
         crate::made::repeat,
     ),
     Def::new(
@@ -53,7 +71,7 @@ pub const DEFS: &[Def] = &[
         "materials",
         "",
         Gives::Value("array of texts"),
-        "Names of the materials.",
+        "Returns the names of the materials.",
         materials,
     ),
     Def::new(
@@ -61,7 +79,9 @@ pub const DEFS: &[Def] = &[
         "texture",
         "material, slot, image, options?",
         Gives::A(Kind::Asset),
-        "The asset with another picture on a material, by its name, or with several that follow each other (an array, or numbered files; options: fps, 12, and once); option uv_set: 1 lays it by the second set of texture coordinates; slot: \"color\", \"normal\", \"metallic_roughness\" (green and blue), \"occlusion\", \"emissive\", \"specular\" (alpha) or \"specular_color\", as glTF has them, or \"reflection\" of what has shininess.",
+        "Returns the asset with another texture on the material of that name: an Image, or a texture animation (an array of Images, or an Image of numbered files).\n\
+         Slots, as in glTF: \"color\" (base color), \"normal\", \"metallic_roughness\" (metallic in blue, roughness in green), \"occlusion\" (ambient occlusion), \"emissive\", \"specular\" (in alpha), \"specular_color\"; for Blinn–Phong materials also \"reflection\".\n\
+         Options: fps (of a texture animation, 0 to 1000, default 12), once (true: stops at the last frame), uv_set (1: uses the second set of texture coordinates).",
         crate::made::texture,
     ),
     Def::new(
@@ -69,7 +89,9 @@ pub const DEFS: &[Def] = &[
         "image",
         "width, height, pixels, options? | file, options? | options",
         Gives::A(Kind::Image),
-        "A picture for surfaces: a PNG, JPEG, WebP, BMP or TGA file, or with # for each digit numbered ones that follow each other (\"smoke_###.png\"; first and last say which, else all from 0 or 1 on), of which those that are seen are held in memory. Or rows from the top: pixels are a color each, or 1, 3 or 4 numbers from 0 to 255 each (grey, red green blue, with alpha), in an array or a blob; options: filter (\"linear\" or \"nearest\", squares), wrap (\"repeat\", \"clamp\", \"mirror\", or two of them: across and down), name.",
+        "Makes an image for textures and 2D layers. File: PNG, JPEG, WebP, BMP or TGA. An image sequence has a # for each digit of the number (\"smoke_###.png\"); only the images that are visible are kept in memory.\n\
+         Pixels: rows from the top, in an array or a blob; each pixel is a color, or 1, 3 or 4 numbers from 0 to 255 (gray; red, green, blue; with alpha). `image(options)` takes width, height and pixels as options.\n\
+         Options: filter (\"linear\", the default, or \"nearest\": pixels stay squares when magnified), wrap (\"repeat\", the default, \"clamp\", \"mirror\", or an array of two of them: across and down), name; for image sequences first and last (numbers; default: from 0 or 1 to the last file without a gap).",
         image,
     ),
 ];

@@ -1,4 +1,4 @@
-//! The functions and methods of the script, as tables.
+//! Tables of the functions and methods that a script can call.
 
 pub mod actor;
 pub mod asset;
@@ -31,24 +31,27 @@ pub mod values;
 
 use crate::call::Def;
 
-/// Every function and method, in the order of the reference.
+/// All functions and methods, by heading, in the order of the reference.
 pub const TABLES: &[(&str, &[&[Def]])] = &[
-    ("The stage", &[stage::DEFS]),
+    ("Stage, parameters and callbacks", &[stage::DEFS]),
     ("Assets and clips", &[asset::DEFS]),
-    ("Shapes, meshes and pictures", &[made::DEFS]),
-    ("Clips made from clips", &[clip::DEFS]),
-    ("Clips: editing and keys", &[clip_edit::DEFS]),
-    ("Actors", &[actor::DEFS, surfaces::DEFS, span::DEFS, joint::DEFS, look::DEFS]),
-    ("Bodies: reaching, aiming, standing, swinging", &[body::DEFS]),
-    ("Cues: what plays when", &[cue::DEFS]),
-    ("Root motion and paths", &[travel::DEFS]),
-    ("Together: markers, groups, sequences", &[together::DEFS]),
-    ("Cameras", &[camera::DEFS]),
-    ("Lights", &[light::DEFS, sky::DEFS]),
-    ("Words and pictures over the scene", &[flat::DEFS]),
-    ("Effects", &[effect::DEFS]),
-    ("Tests: sections", &[test::DEFS]),
-    ("Tests: what is looked at", &[expect::DEFS]),
+    ("Shapes, meshes, materials, textures and instancing", &[made::DEFS]),
+    ("Retargeting and mirroring", &[clip::DEFS]),
+    ("Clips: keyframes, editing, compression and additive clips", &[clip_edit::DEFS]),
+    (
+        "Actors: transforms, keyframes, morph targets and joints",
+        &[actor::DEFS, surfaces::DEFS, span::DEFS, joint::DEFS],
+    ),
+    ("Constraints, inverse kinematics (IK) and spring bones", &[look::DEFS, body::DEFS]),
+    ("Cues: clips on the timeline, crossfades, layers and masks", &[cue::DEFS]),
+    ("Root motion, in place and path following", &[travel::DEFS]),
+    ("Markers, footsteps and sequences", &[together::DEFS]),
+    ("Cameras: field of view, orbit, follow and cuts", &[camera::DEFS]),
+    ("Lights, shadows and image-based lighting (HDRI)", &[light::DEFS, sky::DEFS]),
+    ("2D layers: titles, images and letterbox", &[flat::DEFS]),
+    ("Effects and post-processing", &[effect::DEFS]),
+    ("Tests: declaration and golden images", &[test::DEFS]),
+    ("Tests: measured properties", &[expect::DEFS]),
     ("Tests: comparisons", &[compare::DEFS]),
 ];
 

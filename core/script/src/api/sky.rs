@@ -1,4 +1,4 @@
-//! `sky`: light from all around.
+//! Image-based lighting: `sky`.
 
 use super::keys;
 use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
@@ -17,7 +17,8 @@ pub const DEFS: &[Def] = &[
         "sky",
         "panorama, options?",
         Gives::A(Kind::Sky),
-        "Light from all around, mirrored by what shines: \"studio\" (soft boxes in a grey room, built in) or a panorama file (.hdr, twice as wide as high; its middle is seen looking along -z); options: turn (degrees, counter-clockwise from above), strength (1), background: true (seen behind everything). In place of the default sun, and of ambient light that the script does not set.",
+        "Sets an environment map: light from all directions (image-based lighting, IBL) with reflections. `panorama` is \"studio\" (a built-in room with soft boxes) or an HDRI file (.hdr, equirectangular, twice as wide as high; its center is seen in the direction -z). It replaces the default sun, and the ambient light where the script sets none.\n\
+         Options: turn (degrees about the vertical axis, counter-clockwise seen from above, default 0), strength (0 to 1000, default 1), background (true: visible as background, default false).",
         sky,
     ),
     Def::new(
@@ -25,23 +26,23 @@ pub const DEFS: &[Def] = &[
         "turn",
         "degrees",
         THIS,
-        "Turned about the vertical, counter-clockwise from above.",
+        "Sets the rotation about the vertical axis, in degrees counter-clockwise seen from above.",
         turn,
     )
     .in_frames(),
-    Def::new(Kind::Sky, "strength", "value", THIS, "How strong it shines, 1 as the panorama says.", strength)
+    Def::new(Kind::Sky, "strength", "value", THIS, "Sets the factor of its light (default 1).", strength)
         .in_frames(),
     Def::new(
         Kind::Sky,
         "key",
         "property, keys, how?",
         THIS,
-        "Keys [[time, value], …] of \"turn\" or \"strength\", as for actors.",
+        "Animates \"turn\" or \"strength\" with keyframes [[time, value], …]. `how` and easing as in Actor.key.",
         key,
     ),
 ];
 
-/// What the program makes itself.
+/// The names of the built-in panoramas.
 const BUILT_IN: &[&str] = &["studio"];
 
 fn sky(c: &mut Call) -> Reply {

@@ -1,4 +1,4 @@
-//! `actor.from(time)`, `actor.until(time)`: when it is there.
+//! Time span in which an actor is visible: `actor.from(time)`, `actor.until(time)`.
 
 use super::keys;
 use crate::call::{Call, Def, Gives, Reply};
@@ -7,13 +7,20 @@ use choreo_motion::{Interpolation, Time};
 use choreo_stage::{Channel, Property};
 
 pub const DEFS: &[Def] = &[
-    Def::new(Kind::Actor, "from", "time", Gives::Itself, "When it is first seen.", from),
+    Def::new(
+        Kind::Actor,
+        "from",
+        "time",
+        Gives::Itself,
+        "Shows the actor from this time on; before, it is hidden.",
+        from,
+    ),
     Def::new(
         Kind::Actor,
         "until",
         "time",
         Gives::Itself,
-        "When it is gone. Who is not there costs neither pose nor draw.",
+        "Hides the actor from this time on. A hidden actor costs nothing: it is neither posed nor drawn.",
         until,
     ),
 ];
@@ -40,7 +47,7 @@ fn until(c: &mut Call) -> Reply {
     })
 }
 
-/// The keys of whether it is seen.
+/// Changes the keyframes of visibility.
 fn change(c: &Call, change: impl FnOnce(&mut Vec<(Time, bool)>)) -> Reply {
     let this: ActorRef = c.this()?;
     {

@@ -1,4 +1,4 @@
-//! `stage`, `f`, `param`, `on_frame`, `print`.
+//! Stage settings, parameters and per-frame callbacks: `stage`, `f`, `param`, `on_frame`.
 
 use crate::build::{Parameter, room};
 use crate::call::{ApiError, Call, Def, Gives, Reply, color, numbers, point, rgb, wrong};
@@ -15,7 +15,10 @@ pub const DEFS: &[Def] = &[
         "stage",
         "options | ",
         Gives::A(Kind::Stage),
-        "Sets size [width, height], fps, length, background (color or #{ top, bottom }), ambient (color, strength or #{ up, down }), samples (1 or 4), cutouts (edges of leaves and hair at 4 samples: \"smooth\", or \"hard\"), transparency (\"sorted\" mesh by mesh, \"independent\" of it pixel by pixel, or \"auto\": the second where the first fails), pipeline (\"forward\": surfaces are lit as they are drawn; \"deferred\": once a pixel, when all are there, with 1 sample; or \"auto\": the quicker one, by lights and overdraw), skin_once (true: bodies are put into their pose once for all passes that draw them, false: by each pass, \"auto\": once where it pays). Without options, in tests: the stage, for expect.",
+        "Sets the properties of the stage. Call it once, first. Without options, inside a test, it returns the stage for `expect`.\n\
+         Output: size ([width, height] in pixels, each 1 to 16384, default [1280, 720]), fps (0.001 to 1000, default 30), length (seconds, default 4), samples (per pixel, for multisample antialiasing: 1 or 4, default 4).\n\
+         Background and light: background (a color or #{ top, bottom } for a vertical gradient, default a blue-gray gradient), ambient (ambient light: a color, a strength of white light, or #{ up, down } for light from above and from below).\n\
+         Rendering: cutouts (edges of alpha-masked surfaces such as leaves and hair at 4 samples: \"smooth\", the default, or \"hard\"), transparency (order of transparent surfaces: \"sorted\" back to front mesh by mesh, \"independent\" of the order, per pixel, by depth peeling with up to 8 layers, or \"auto\", the default: \"independent\" where sorting fails), pipeline (\"forward\": surfaces are lit as they are drawn; \"deferred\": each pixel is lit once, from a G-buffer, with 1 sample; \"auto\", the default: the faster of the two, by the number of lights and the overdraw), skin_once (pre-skinning. true: a mesh is skinned once per frame for all passes that draw it; false: in each pass; \"auto\", the default: once where that is cheaper).",
         stage,
     ),
     Def::new(
@@ -23,7 +26,7 @@ pub const DEFS: &[Def] = &[
         "f",
         "frame",
         Gives::Value("float"),
-        "The time of a frame, in seconds, at the stage's fps.",
+        "Returns the time of a frame in seconds, at the frame rate (fps) of the stage.",
         frame,
     )
     .in_frames(),
@@ -32,7 +35,7 @@ pub const DEFS: &[Def] = &[
         "param",
         "name, default, about?",
         Gives::Value("like the default"),
-        "A parameter of the script: the default, or what --set name=value gives, of the same type.",
+        "Declares a parameter of the script and returns its value: the default, or the value that `--set name=value` gives, converted to the type of the default. The default is a number, true or false, a text or an array of numbers; `about` is a description.",
         param,
     ),
     Def::new(
@@ -40,7 +43,7 @@ pub const DEFS: &[Def] = &[
         "on_frame",
         "callback",
         Gives::Nothing,
-        "Calls |t| … for every frame, t in seconds; what it does to handles holds for that frame only.",
+        "Calls a function |t| … for every frame; t is the time in seconds. What it changes on actors, cameras, lights and effects holds for that frame only.",
         on_frame,
     ),
 ];
@@ -308,7 +311,7 @@ impl Call<'_, '_> {
         self.build().settings.fps
     }
 
-    /// A direction: any length but zero.
+    /// Reads a direction: a vector of any length but zero, normalized.
     pub fn direction(v: &Dynamic, label: &str) -> Result<glam::DVec3, ApiError> {
         let d = point(v, label)?;
         let length = d.length();

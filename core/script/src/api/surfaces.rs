@@ -1,4 +1,4 @@
-//! How an actor's surfaces are cut out and mixed: `actor.surfaces(#{ … })`; the same words of the stage.
+//! Alpha masks and transparency of an actor's surfaces: `actor.surfaces(#{ … })`, and the same options of the stage.
 
 use super::effect::named_materials;
 use crate::call::{ApiError, Call, Def, Gives, Options, Reply};
@@ -10,7 +10,8 @@ pub const DEFS: &[Def] = &[Def::new(
     "surfaces",
     "options",
     Gives::Itself,
-    "How its surfaces are drawn, in place of what stage(…) says: cutouts (\"smooth\" or \"hard\"), transparency (\"sorted\", \"independent\" or \"auto\"; a frame is mixed pixel by pixel where any surface asks for it or needs it, and one that is \"sorted\" never does), material (a name or names: only these of it). Of several calls the last counts.",
+    "Overrides for this actor how `stage(…)` draws its surfaces. Of several calls the last one wins.\n\
+         Options: cutouts (\"smooth\" or \"hard\"), transparency (\"sorted\", \"independent\" or \"auto\"; a frame is drawn order-independent if any surface asks for it or needs it, and a surface that is \"sorted\" never does), material (a name or an array of names: only these materials).",
     surfaces,
 )];
 

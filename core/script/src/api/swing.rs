@@ -1,4 +1,4 @@
-//! What swings on bodies: springs, what keeps them out, and wind.
+//! Spring bones (secondary motion), their colliders, and wind.
 
 use super::actor::find_joint;
 use crate::call::{ApiError, Call, Reply, text};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 const GRAVITY: f64 = 9.81;
 
-/// Changes what swings on an actor; there is nothing at first where the file has no springs.
+/// Changes the spring bones of an actor. It has none at first if its file has none.
 fn swinging(c: &Call, change: impl FnOnce(&mut ActorSprings)) -> Reply {
     let this: ActorRef = c.this()?;
     let mut build = c.build();
@@ -50,7 +50,7 @@ pub fn spring(c: &mut Call) -> Reply {
     })
 }
 
-/// To the first joint below, else as far again as from the one above.
+/// The tail of a spring bone in the space of its joint: the first child, else as far again as from the parent.
 fn tail(asset: &Asset, joint: u32) -> glam::Vec3 {
     let (parents, rest) = (asset.skeleton.parents(), asset.skeleton.rest());
     let child = (0..parents.len()).find(|j| parents[*j] == Some(joint));
@@ -115,7 +115,7 @@ pub fn wind(c: &mut Call) -> Reply {
     swinging(c, |springs| springs.wind = velocity)
 }
 
-/// Joints by name, "Name.." with all below, or a pattern with `*`; a text or an array of texts.
+/// Indices of the joints that a text or an array of texts selects: a name, "Name.." with all below, or a pattern with `*`.
 fn matching(asset: &Asset, given: &Dynamic, label: &str) -> Result<Vec<u32>, ApiError> {
     let patterns = match given.read_lock::<rhai::Array>() {
         Some(array) => array.iter().map(|v| text(v, label)).collect::<Result<Vec<_>, _>>()?,
@@ -147,7 +147,7 @@ fn matching(asset: &Asset, given: &Dynamic, label: &str) -> Result<Vec<u32>, Api
     Ok((0..skeleton.len() as u32).filter(|j| hit[*j as usize]).collect())
 }
 
-/// Whether a text is these parts with anything between.
+/// Whether a text consists of these parts with any characters between them.
 fn like(text: &str, parts: &[String]) -> bool {
     let (Some(first), Some(last)) = (parts.first(), parts.last()) else { return false };
     let Some(mut rest) = text.strip_prefix(first.as_str()) else { return false };

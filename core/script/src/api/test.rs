@@ -1,4 +1,4 @@
-//! `test` and what a section can be about: other scripts, stages, plans, pictures.
+//! `test`, and what a test can use: other scripts, stages, render plans, golden images.
 
 use crate::build::{Mode, room};
 use crate::call::{ApiError, Call, Def, Gives, Options, Place, Reply, describe, numbers, unknown};
@@ -22,7 +22,7 @@ pub const DEFS: &[Def] = &[
         "test",
         "name, section | name, options, section",
         Gives::Nothing,
-        "A section: || { … } builds a stage and says what is expected of it; choreo test runs each on its own, other commands none. Options: skip (the reason), needs (a file or files, without which it is skipped), fails (a known bug: the reason), tags.",
+        "Declares a test: || { … } builds a stage and states what is expected of it. `choreo test` runs each test by itself; other commands skip them. Options: skip (the reason), needs (a file or an array of files, without which the test is skipped), fails (a known bug: the reason), tags (a text or an array of texts).",
         test,
     ),
     Def::new(
@@ -30,20 +30,20 @@ pub const DEFS: &[Def] = &[
         "scene",
         "file, options?",
         Gives::A(Kind::Scene),
-        "Runs another script, whose stage is then the section's; options: set, an object map of its parameters.",
+        "Runs another script; its stage is then the stage of the test. Options: set (an object map of its parameters).",
         scene,
     )
     .in_tests(),
-    Def::new(Kind::Scene, "actor", "name", Gives::A(Kind::Actor), "An actor that the other script has cast.", actor)
+    Def::new(Kind::Scene, "actor", "name", Gives::A(Kind::Actor), "Returns an actor of the other script, by name.", actor)
         .in_tests(),
-    Def::new(Kind::Scene, "camera", "name", Gives::A(Kind::Camera), "A camera of the other script.", camera)
+    Def::new(Kind::Scene, "camera", "name", Gives::A(Kind::Camera), "Returns a camera of the other script, by name.", camera)
         .in_tests(),
     Def::new(
         Kind::Scene,
         "light",
         "number",
         Gives::A(Kind::Light),
-        "A light of the other script, by number from 0.",
+        "Returns a light of the other script, by index from 0.",
         light,
     )
     .in_tests(),
@@ -52,7 +52,7 @@ pub const DEFS: &[Def] = &[
         "stage_of",
         "build",
         Gives::A(Kind::Stage),
-        "Another stage, beside the section's: || { … } builds it. What is expected inside is expected of that stage.",
+        "Returns another stage beside the one of the test. || { … } builds it. Expectations inside apply to that stage.",
         stage_of,
     )
     .in_tests(),
@@ -61,7 +61,7 @@ pub const DEFS: &[Def] = &[
         "plan",
         "options?",
         Gives::A(Kind::Plan),
-        "What a frame needs to be drawn, for expect; options: size, samples.",
+        "Returns the render plan of a frame, for `expect`: what is needed to draw it. Options: size ([width, height] in pixels), samples (per pixel, 1 or 4); default: those of the stage.",
         plan,
     )
     .in_tests(),
@@ -70,7 +70,10 @@ pub const DEFS: &[Def] = &[
         "expect_picture",
         "name, options?",
         Gives::Nothing,
-        "The picture is like the stored one; options: at (a time), size, samples, device (\"cpu\", the default, or \"vulkan\"), tolerance (steps of 255), share (of the pixels beyond it), visible (largest visible difference, 0 to 1), large: true (may take more than 20 KiB).",
+        "Compares a frame with its golden image (reference image), which is stored beside the test.\n\
+         Frame: at (time in seconds, default 0), size ([width, height]; default: the shape of the stage with at most 256 pixels a side), samples (per pixel, default those of the stage, else 4), device (\"cpu\", the default, or \"vulkan\").\n\
+         Allowed difference: tolerance (per channel, in steps of 255, default 4), share (of pixels beyond the tolerance, 0 to 1, default 0.001), visible (largest perceived difference by FLIP, 0 to 1, default 0.12).\n\
+         `large: true` allows a golden image of more than 20 KiB.",
         expect_picture,
     )
     .in_tests(),
@@ -172,7 +175,7 @@ fn section_info(c: &Call, name: String, section: &FnPtr) -> Result<SectionInfo, 
     })
 }
 
-/// One text or an array of texts.
+/// Reads an option that is one text or an array of texts.
 fn texts(o: &Options, name: &str) -> Result<Vec<String>, ApiError> {
     let Some(given) = o.get(name) else { return Ok(Vec::new()) };
     if let Some(array) = given.read_lock::<rhai::Array>() {
@@ -249,7 +252,7 @@ fn run_scene(c: &Call, name: &str, text: &str) -> Result<(), Box<EvalAltResult>>
     engine.run_ast_with_scope(&mut constants(), &ast)
 }
 
-/// Only while its stage is being built.
+/// Refuses a scene handle that belongs to another stage than the one being built.
 fn of_scene(c: &Call) -> Result<(), ApiError> {
     let scene: SceneRef = c.this()?;
     if scene.0 == c.shared.test().current_stage {
@@ -342,7 +345,7 @@ fn stage_of(c: &mut Call) -> Reply {
     }
 }
 
-/// Handles are places in the stage that they were made for.
+/// Refuses values with handles: a handle is an index into the stage that it was made for.
 fn no_handles(value: &Dynamic) -> Result<(), ApiError> {
     let kind = crate::call::kind_of(value);
     if !matches!(kind, Kind::None | Kind::Asset | Kind::Image | Kind::Clip | Kind::Stage | Kind::Plan) {
@@ -370,7 +373,7 @@ fn plan(c: &mut Call) -> Reply {
     Ok(Dynamic::from(PlanRef { options, dead: false }))
 }
 
-/// Pixels; as for `stage`.
+/// Reads the size in pixels, with the same range as in `stage`.
 fn size(o: &Options) -> Result<Option<[u32; 2]>, ApiError> {
     let Some(size) = o.get("size") else { return Ok(None) };
     let sides = numbers(&size).filter(|n| n.len() == 2);

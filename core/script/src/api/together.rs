@@ -1,4 +1,4 @@
-//! Times by name, and what several actors do: markers, groups, sequences.
+//! Markers of clips and of the stage, footsteps of clips, and sequences for several actors.
 
 use crate::build::{Build, ClipNotes};
 use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
@@ -13,7 +13,7 @@ pub const DEFS: &[Def] = &[
         "marker",
         "name | name, time",
         Gives::Value("float, or the Clip with a time"),
-        "The time of a marker in seconds of the clip; with a time, names that time of the clip.",
+        "Returns the time of a marker in seconds of the clip. With a time, sets the marker and returns the clip.",
         marker_of_clip,
     ),
     Def::new(
@@ -21,7 +21,7 @@ pub const DEFS: &[Def] = &[
         "steps",
         "times",
         Gives::Itself,
-        "Says when feet come down, one foot after the other, in seconds of the clip; where left out they are found by their motion.",
+        "Sets the footsteps for phase matching (in_step of Cue.then): the times of the clip in seconds at which feet come down, one foot after the other. By default they are found from the motion.",
         steps,
     ),
     Def::new(
@@ -29,7 +29,7 @@ pub const DEFS: &[Def] = &[
         "marker",
         "name | name, time",
         Gives::Value("float"),
-        "A named time of the stage; with a time, names it.",
+        "Returns the time of a marker of the stage in seconds. With a time, sets the marker.",
         marker_of_stage,
     ),
     Def::new(
@@ -37,12 +37,12 @@ pub const DEFS: &[Def] = &[
         "perform",
         "who, what, options?",
         Gives::Nothing,
-        "Lets an actor, or each of an array of actors, do a sequence: a function |actor| … whose times count from its own beginning. Options: from (when it begins), stagger (how much later each next actor begins).",
+        "Calls a function |actor| … for an actor, or for each actor of an array. Times inside count from the start of its sequence. Options: from (start time of the sequence, default 0), stagger (delay of each further actor, default 0).",
         perform,
     ),
 ];
 
-/// Markers of one clip, and of the stage.
+/// The largest number of markers of one clip, and of the stage.
 const MOST_MARKERS: usize = 10_000;
 
 fn notes<'a>(build: &'a mut MutexGuard<'_, Build>, clip: &Arc<Clip>) -> &'a mut ClipNotes {
@@ -73,7 +73,7 @@ fn find(markers: &[(String, Time)], name: &str, place: &str) -> Result<Time, Api
     found.ok_or_else(|| unknown("marker", name, place, known))
 }
 
-/// A marker of a clip, in seconds of the clip.
+/// Time of a marker of a clip, in seconds of the clip.
 pub fn clip_marker(c: &Call, clip: &Arc<Clip>, name: &str) -> Result<Time, ApiError> {
     let build = c.build();
     let markers = build.notes_of(clip).map_or(&[][..], |notes| &notes.markers);

@@ -1,4 +1,4 @@
-//! Root motion and paths: how actors get about.
+//! Root motion, in-place playback and path following.
 
 use crate::build::{RootDraft, RootUse};
 use crate::call::{ApiError, Call, Def, Gives, Reply};
@@ -11,7 +11,8 @@ use std::sync::Arc;
 
 const THIS: Gives = Gives::Itself;
 
-const ROOT: &str = "Its clips carry it: what their root (or joint) does on the floor moves the actor, loops go on where they end, and the next clip starts where the last one ended; a clip that walks on the spot carries it as fast as its feet push the floor. Options: joint, horizontal (true), vertical (false), yaw (where the clip as a whole turns by 15° or more).";
+const ROOT: &str = "Moves the actor by the root motion of its clips. What the root joint does on the floor moves the actor, loops go on where they end, and the next clip starts where the last one ended. A clip that walks in place moves the actor as fast as its feet push the floor back.\n\
+    Options: joint (name of the root joint; found automatically by default), horizontal (default true), vertical (default false), yaw (default: true if the whole clip turns by 15° or more).";
 
 pub const DEFS: &[Def] = &[
     Def::new(Kind::Actor, "root_motion", "options?", THIS, ROOT, actor_root),
@@ -20,7 +21,7 @@ pub const DEFS: &[Def] = &[
         "in_place",
         "options?",
         THIS,
-        "Takes root motion out of its clips, so that they play on the spot; options as for root_motion.",
+        "Removes root motion from its clips, so that they play in place. Options as in Actor.root_motion.",
         actor_in_place,
     ),
     Def::new(
@@ -28,7 +29,8 @@ pub const DEFS: &[Def] = &[
         "path",
         "points, options?",
         THIS,
-        "Goes along a smooth curve through points [[x, y, z], …], counted from where it is placed, facing ahead. Options: speed in metres a second (left out: as fast as its clips walk, so that feet do not slide), from (a time), closed: true (round and round), turn: false (keeps its direction).",
+        "Moves the actor along a smooth curve (path following) through points [[x, y, z], …], relative to where it is placed, facing forwards.\n\
+         Options: speed (metres per second; default: as fast as its clips walk, so that feet do not slide), from (start time in seconds, default 0), closed (true: the path is a loop), turn (false: the actor keeps its rotation).",
         path,
     ),
     Def::new(
@@ -36,7 +38,7 @@ pub const DEFS: &[Def] = &[
         "root_motion",
         "options?",
         THIS,
-        "As for Actor.root_motion, of this clip only.",
+        "Does the same as Actor.root_motion, for this cue only.",
         cue_root,
     ),
     Def::new(
@@ -44,7 +46,7 @@ pub const DEFS: &[Def] = &[
         "in_place",
         "options?",
         THIS,
-        "As for Actor.in_place, of this clip only.",
+        "Does the same as Actor.in_place, for this cue only.",
         cue_in_place,
     ),
     Def::new(
@@ -52,7 +54,7 @@ pub const DEFS: &[Def] = &[
         "travel",
         "joint?",
         Gives::Value("float"),
-        "Metres a second that the clip walks, by its root or, on the spot, by its feet.",
+        "Returns the walking speed of the clip in metres per second: that of its root joint or, in place, that of its feet. `joint` is the root joint.",
         travel,
     ),
     Def::new(
@@ -60,7 +62,7 @@ pub const DEFS: &[Def] = &[
         "contacts",
         "joints?",
         Gives::Value("array of maps"),
-        "When which foot stands on the floor: #{ foot, from, to } in seconds of the clip, by time; joints: the feet, where their names do not tell.",
+        "Returns the foot contacts: for each time that a foot stands on the floor #{ foot, from, to } in seconds of the clip, sorted by time. `joints` are the names of the feet, needed where they are not found by name.",
         clip_contacts,
     ),
 ];
@@ -113,7 +115,7 @@ fn cue_in_place(c: &mut Call) -> Reply {
     of_cue(c, RootUse::InPlace)
 }
 
-/// Points of one path: nobody writes more, and each costs some memory.
+/// The largest number of points of a path. Each point costs memory, and hand-written paths are far shorter.
 const MOST_POINTS: usize = 10_000;
 
 fn path(c: &mut Call) -> Reply {

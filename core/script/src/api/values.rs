@@ -1,4 +1,4 @@
-//! Plain values of a script as data, and the words for what can be counted.
+//! Plain values of a script as data, and the names of what `Expect.count` counts.
 
 use crate::testing::{Count, PlanCount, Value};
 use rhai::{Dynamic, Map};
@@ -33,7 +33,7 @@ pub const PLAN_COUNTS: &[(&str, PlanCount)] = &[
     ("overlay_triangles", PlanCount::OverlayTriangles),
 ];
 
-/// A plain value, arrays and maps of these included.
+/// Converts a plain value, arrays and maps of plain values included.
 pub fn value(v: &Dynamic, depth: usize) -> Option<Value> {
     // Deeper values are not written by hand.
     const DEEPEST: usize = 16;

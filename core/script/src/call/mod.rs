@@ -18,19 +18,19 @@ use glam::{DVec3, Vec4};
 use rhai::{Dynamic, Map};
 use std::sync::{Arc, MutexGuard, PoisonError};
 
-/// A function or method of the script API. The tables of these are the API: registration, messages and API.md
-/// are made from them.
+/// A function or method of the script API. Registration, messages and API.md are made from the tables of these.
 pub struct Def {
     pub on: Kind,
     pub name: &'static str,
     /// Ways to call it, separated by `|`; arguments ending in `?` may be left out: `x, y, z | point`.
     pub args: &'static str,
     pub gives: Gives,
-    /// One line.
+    /// The first line says what it does. Each further line describes a group of options or one aspect: an item of a list in
+    /// API.md.
     pub about: &'static str,
-    /// Also inside `on_frame`.
+    /// Whether it can also be called inside `on_frame`.
     pub frame: bool,
-    /// Only inside a test section.
+    /// Whether it can be called only inside a test section.
     pub tests: bool,
     pub run: fn(&mut Call) -> Reply,
 }

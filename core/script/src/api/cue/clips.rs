@@ -1,4 +1,4 @@
-//! Clips for an actor: bound to the joints of its own skeleton.
+//! Binds clips to the skeleton of an actor.
 
 use crate::build::Bound;
 use crate::call::{ApiError, Call};

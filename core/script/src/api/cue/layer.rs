@@ -1,4 +1,4 @@
-//! Layers: over which joints, how far, and what they do to what is below.
+//! Layers: mask, weight, priority and blend mode.
 
 use crate::api::keys;
 use crate::build::Chain;
@@ -10,10 +10,10 @@ use choreo_stage::{Asset, Channel, LayerMode, Property, Reference};
 use rhai::{Dynamic, Map};
 use std::sync::Arc;
 
-/// The most joints that a soft edge falls off over: more than any skeleton is deep where it matters.
+/// The largest number of joints of a soft edge of a mask: deeper than skeletons are in practice.
 const SOFTEST: f64 = 100.0;
 
-/// Changes the chain of this cue.
+/// Changes the layer (chain of cues) of this cue.
 fn change(c: &Call, change: impl FnOnce(&mut Chain) -> Result<(), ApiError>) -> Reply {
     let this: CueRef = c.this()?;
     let mut build = c.build();
@@ -64,7 +64,7 @@ fn reference_of_cue(c: &Call) -> Result<Reference, ApiError> {
     reference(c, &clip)
 }
 
-/// The pose that a clip is a difference to, as the first argument says.
+/// The reference pose of an additive clip, read from the first argument.
 pub fn reference(c: &Call, clip: &Clip) -> Result<Reference, ApiError> {
     if c.len() == 0 {
         return Ok(Reference::FirstFrame);
@@ -114,7 +114,7 @@ pub fn priority(c: &mut Call) -> Reply {
     })
 }
 
-/// Patterns of joints with their weights.
+/// Reads joint patterns with their weights.
 fn patterns(c: &Call) -> Result<Vec<(String, f32)>, ApiError> {
     let value = c.value(0);
     let label = c.label(0);
@@ -139,16 +139,16 @@ fn patterns(c: &Call) -> Result<Vec<(String, f32)>, ApiError> {
     Err(ApiError::new(text).hint(hint))
 }
 
-/// How closely a pattern says which joint it means; of several that match, the closest has its way.
+/// How specific a pattern is; of several that match a joint, the most specific one counts.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 enum Closeness {
     Letters,
-    /// So many joints from the root of the skeleton.
+    /// A joint and all below it; the number is the depth of that joint in the skeleton.
     Below(usize),
     Name,
 }
 
-/// Weights of the joints: that of the pattern that means each the most closely, of equally close ones the largest.
+/// The mask: for each joint the weight of the most specific pattern that matches; of equally specific ones the largest.
 fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError> {
     let skeleton = &asset.skeleton;
     let mut best: Vec<Option<(Closeness, f32)>> = vec![None; skeleton.len()];

@@ -1,4 +1,4 @@
-//! Cues: clips placed on an actor's timeline.
+//! Cues: clips on the timeline of an actor.
 
 mod clips;
 mod layer;
@@ -21,13 +21,13 @@ use times::{end, length, start, time_of};
 
 const THIS: Gives = Gives::Itself;
 pub const DEFS: &[Def] = &[
-    Def::new(Kind::Cue, "from", "time", THIS, "When the clip starts.", from),
+    Def::new(Kind::Cue, "from", "time", THIS, "Sets the start time of the cue.", from),
     Def::new(
         Kind::Cue,
         "until",
         "time",
         THIS,
-        "When it is over: the next takes its place, a layer is gone by then.",
+        "Sets the end time of the cue. On the base layer the next cue takes over, or the pose is held; on other layers the cue has faded out by then.",
         until,
     ),
     Def::new(
@@ -35,7 +35,10 @@ pub const DEFS: &[Def] = &[
         "then",
         "clip, options?",
         Gives::A(Kind::Cue),
-        "What follows, at .until, or as the clip ends; options: fade, fade_out, speed, ease, trim, repeat (\"once\", \"loop\", \"ping_pong\"), reverse, weight, from, until; in_step: true (while it fades in, feet come down as those of the clip before and stay where they stand, on two legs or four: walk into run), inertial: seconds (begins at once, and what the pose before was away from it dies down; no fade).",
+        "Plays another clip after this cue and returns the new cue. It starts at .until of this cue or, without .until, so that a crossfade ends with the clip.\n\
+         Options, as in the methods of the same names: from, until, fade, fade_out, ease, speed, trim, repeat (\"once\", \"loop\", \"ping_pong\"), reverse, weight.\n\
+         `in_step: true` matches the phases of both clips during the crossfade (foot-phase synchronization, such as walk into run): feet come down together and stay where they stand, for bipeds and quadrupeds.\n\
+         `inertial: seconds` makes an inertialized transition in place of a crossfade: the new clip begins at once with full weight, and the offset from the pose before decays to zero in that time.",
         then,
     ),
     Def::new(
@@ -43,16 +46,23 @@ pub const DEFS: &[Def] = &[
         "fade",
         "seconds",
         THIS,
-        "How long it takes to come in, and, on a layer, to go.",
+        "Sets the duration of the crossfade or fade-in in seconds (default 0); on a layer also that of the fade-out.",
         fade,
     ),
-    Def::new(Kind::Cue, "fade_out", "seconds", THIS, "How long a layer takes to go.", fade_out),
+    Def::new(
+        Kind::Cue,
+        "fade_out",
+        "seconds",
+        THIS,
+        "Sets the duration of the fade-out of a layer in seconds.",
+        fade_out,
+    ),
     Def::new(
         Kind::Cue,
         "ease",
         "how",
         THIS,
-        "How it fades: \"linear\", \"smooth\", in_, out_ or in_out_ with sine, quad, cubic, quart, quint, expo or circ (\"in_out_cubic\"), or a Bézier curve [x1, y1, x2, y2] as in CSS.",
+        "Sets the easing of the fades: \"linear\" (the default), \"smooth\", one of in_, out_ or in_out_ with sine, quad, cubic, quart, quint, expo or circ (\"in_out_cubic\"), or a Bézier curve [x1, y1, x2, y2] as in CSS.",
         ease,
     ),
     Def::new(
@@ -60,7 +70,7 @@ pub const DEFS: &[Def] = &[
         "speed",
         "factor | keys, how?",
         THIS,
-        "Clip seconds a second; negative plays backwards. Or keys of it over time, [[time, factor], …]; how as for Actor.key.",
+        "Sets the playback speed: clip seconds per second (default 1, 0.001 to 1000; negative plays backwards). Or keyframes of it, [[time, factor], …]; `how` as in Actor.key.",
         speed,
     ),
     Def::new(
@@ -68,7 +78,7 @@ pub const DEFS: &[Def] = &[
         "clip_time",
         "keys, how?",
         THIS,
-        "Where in the clip it is when, [[time, seconds of the clip], …]; beyond its ends as it repeats.",
+        "Remaps time: keyframes [[time, seconds of the clip], …] say which time of the clip is shown when. Beyond its ends the clip repeats as set by .once, .loop or .ping_pong. `how` as in Actor.key.",
         clip_time,
     ),
     Def::new(
@@ -76,7 +86,7 @@ pub const DEFS: &[Def] = &[
         "freeze",
         "time, seconds",
         THIS,
-        "The clip stands still from then for so long, and goes on where it was.",
+        "Stops the clip at a time for a number of seconds, then goes on from there.",
         freeze,
     ),
     Def::new(
@@ -84,7 +94,7 @@ pub const DEFS: &[Def] = &[
         "hold",
         "",
         THIS,
-        "Plays once and holds the last pose, a layer too, until .until or for good.",
+        "Plays once and holds the last pose, also on a layer, until .until or for good.",
         hold,
     ),
     Def::new(Kind::Cue, "reverse", "", THIS, "Plays backwards.", reverse),
@@ -101,17 +111,17 @@ pub const DEFS: &[Def] = &[
         "once",
         "",
         THIS,
-        "Plays once and holds the last pose; a layer goes away. What cues do that another follows without .until, and layers.",
+        "Plays once. Then the base layer holds the last pose, and a layer has faded out. This is the default on layers, and for a cue without .until that another cue follows.",
         once,
     ),
-    Def::new(Kind::Cue, "loop", "", THIS, "Plays again and again. What other cues do.", looped),
-    Def::new(Kind::Cue, "ping_pong", "", THIS, "Plays there and back, again and again.", ping_pong),
+    Def::new(Kind::Cue, "loop", "", THIS, "Repeats the clip. This is the default of all other cues.", looped),
+    Def::new(Kind::Cue, "ping_pong", "", THIS, "Plays forwards and backwards in turns.", ping_pong),
     Def::new(
         Kind::Cue,
         "weight",
         "weight | keys, how?",
         THIS,
-        "How much it counts: 0 not at all, 1 fully, or keys of it over time, [[time, weight], …]; how as for Actor.key.",
+        "Sets the weight of the cue: 0 not at all, 1 fully (default 1). Or keyframes of it, [[time, weight], …]; `how` as in Actor.key.",
         weight,
     ),
     Def::new(
@@ -119,7 +129,9 @@ pub const DEFS: &[Def] = &[
         "on",
         "joints, options?",
         THIS,
-        "Makes this cue and those that follow a layer over some joints: \"Spine..\" a joint and all below it, \"Head\" one joint, \"*Arm*\" a pattern, an array of these, or an object map of them with weights, where the closest name counts; options: soft (so many joints above take part too, less and less).",
+        "Makes this cue and those that follow it a layer with a mask: it plays only on some joints.\n\
+         Joints: \"Spine..\" for a joint and all below it, \"Head\" for one joint, `\"*Arm*\"` for a pattern, an array of these, or an object map of them with weights from 0 to 1; where several match a joint, the most specific one counts.\n\
+         Options: soft (number of joints above the mask over which the weight falls to 0, default 0).",
         on,
     ),
     Def::new(
@@ -127,16 +139,23 @@ pub const DEFS: &[Def] = &[
         "additive",
         "reference?",
         THIS,
-        "Makes this cue and those that follow a layer that adds to what is below what its clip does beyond a pose: its \"first\" frame (left out), the \"rest\" pose, or the clip at a time in seconds. Such layers come out the same in any order.",
+        "Makes this cue and those that follow it an additive layer: it adds the difference between the clip and a reference pose to the layers below. The reference is \"first\" (the first frame, the default), \"rest\" (the rest pose) or a time of the clip in seconds. The order of additive layers does not matter.",
         additive,
     ),
-    Def::new(Kind::Cue, "subtractive", "reference?", THIS, "As additive, but takes it away.", subtractive),
+    Def::new(
+        Kind::Cue,
+        "subtractive",
+        "reference?",
+        THIS,
+        "Makes a layer as Cue.additive does, but takes the difference away.",
+        subtractive,
+    ),
     Def::new(
         Kind::Cue,
         "layer_weight",
         "weight | keys, how?",
         THIS,
-        "How much its layer counts as a whole, times the weight of each clip on it: a number, or keys over time as for weight.",
+        "Sets the weight of the whole layer (0 to 1, default 1), which multiplies the weight of each cue on it. A number, or keyframes as in Cue.weight.",
         layer_weight,
     ),
     Def::new(
@@ -144,7 +163,7 @@ pub const DEFS: &[Def] = &[
         "priority",
         "number",
         THIS,
-        "Makes this cue and those that follow a layer that lies over all of a lower number and over those without, which lie in the order of the script; layers of one number are mixed by their weights, in whatever order they are written.",
+        "Makes this cue and those that follow it a layer with a priority, a whole number from 0 to 1000. A layer lies over all layers of lower priority and over those without one, which lie in the order of the script. Layers of the same priority are blended by their weights, whatever their order in the script.",
         priority,
     ),
     Def::new(
@@ -152,7 +171,7 @@ pub const DEFS: &[Def] = &[
         "length",
         "",
         Gives::Value("float"),
-        "Seconds that the clip takes once, at its speed and trim.",
+        "Returns how many seconds the clip takes once, at its speed and trim.",
         length,
     ),
     Def::new(
@@ -160,7 +179,7 @@ pub const DEFS: &[Def] = &[
         "time_of",
         "marker_or_time, count?",
         Gives::Value("float"),
-        "When on stage the clip gets to a marker or to a time of the clip, in seconds; of clips that repeat, the count-th time (1).",
+        "Returns the stage time in seconds at which the clip reaches a marker or a time of the clip. For a clip that repeats, `count` says which time it does so (default 1).",
         time_of,
     ),
     Def::new(
@@ -168,7 +187,7 @@ pub const DEFS: &[Def] = &[
         "start",
         "",
         Gives::Value("float"),
-        "When it starts, in seconds, as far as said.",
+        "Returns the start time in seconds, as set so far.",
         start,
     ),
     Def::new(
@@ -176,7 +195,7 @@ pub const DEFS: &[Def] = &[
         "end",
         "",
         Gives::Value("float"),
-        "When it is over, in seconds; an error for a cue that loops without .until.",
+        "Returns the end time in seconds. A cue that loops without .until has none, which is an error.",
         end,
     ),
 ];
@@ -257,7 +276,7 @@ fn ease(c: &mut Call) -> Reply {
     })
 }
 
-/// Changes a copy, so that reading the script's values may look at the build too.
+/// Changes a copy of the cue, so that the build stays accessible while the values of the script are read.
 fn change_copy(c: &Call, change: impl FnOnce(&mut CueDraft) -> Result<(), ApiError>) -> Reply {
     let this: CueRef = c.this()?;
     let mut draft = c.build().cue(this.0)?.clone();

@@ -1,4 +1,4 @@
-//! The options of play and then, and what the methods of the same names set.
+//! The options of `play` and `then`, and the methods of the same names.
 
 use crate::build::CueDraft;
 use crate::call::{ApiError, Call};
@@ -48,7 +48,7 @@ pub fn read_options(c: &Call, i: usize, cue: &mut CueDraft) -> Result<(), ApiErr
     Ok(())
 }
 
-/// An ease by name, `in_out_cubic`, or as the control points of a Bézier curve, `[x1, y1, x2, y2]`.
+/// Reads an easing: a name, `in_out_cubic`, or the control points of a Bézier curve, `[x1, y1, x2, y2]`.
 pub fn ease_of(value: &Dynamic, label: &str) -> Result<Ease, ApiError> {
     if let Some(points) = crate::call::numbers(value) {
         let bezier = <[f64; 4]>::try_from(points).ok().filter(|p| p.iter().all(|v| (0.0..=1.0).contains(v)));
@@ -78,7 +78,7 @@ pub fn ease_of(value: &Dynamic, label: &str) -> Result<Ease, ApiError> {
         .hint(format!("known: {}, or a Bézier curve, [x1, y1, x2, y2]", list(names, 30))))
 }
 
-/// A weight from 0 to 1, or keys of it, [[time, weight], …].
+/// Sets a weight from 0 to 1, or keyframes of it, [[time, weight], …].
 pub fn set_weight(
     c: &Call,
     cue: &mut CueDraft,
@@ -97,7 +97,7 @@ pub fn set_weight(
     Ok(())
 }
 
-/// A factor, or keys of it over stage time.
+/// Sets the playback speed: a factor, or keyframes of it over stage time.
 pub fn set_speed(
     c: &Call,
     cue: &mut CueDraft,

@@ -1,4 +1,4 @@
-//! When cues start and end.
+//! Start and end times of cues.
 
 use crate::build::{Build, CueDraft};
 use crate::call::{ApiError, Call, Reply};
@@ -8,7 +8,7 @@ use choreo_stage::{Cue, Repeat};
 use rhai::Dynamic;
 
 impl CueDraft {
-    /// As it is on stage, from a start on.
+    /// The cue as it is put on stage, with its start time.
     pub fn cue(&self, start: Time) -> Cue {
         Cue {
             start,
@@ -25,7 +25,7 @@ impl CueDraft {
         }
     }
 
-    /// Whether its clip goes at one speed throughout.
+    /// Whether the clip plays at one constant speed.
     pub fn is_even(&self) -> bool {
         self.warp.is_none() && self.freezes.is_empty()
     }
@@ -34,20 +34,20 @@ impl CueDraft {
         self.trim.unwrap_or((Time::ZERO, self.clip.duration))
     }
 
-    /// How long the part takes, once, at its speed.
+    /// Duration of the trimmed part, played once at its speed.
     pub fn length(&self) -> Time {
         let (start, end) = self.part();
         (end - start).scaled(1.0 / self.speed)
     }
 
-    /// What the script said, else: once for layers and for cues that another follows, else again and again.
+    /// The repeat mode of the script. By default layers and cues that another follows play once; others loop.
     pub fn repeats(&self, layer: bool) -> Repeat {
         let once = layer || (self.followed && self.until.is_none());
         self.repeat.unwrap_or(if once { Repeat::Once } else { Repeat::Loop })
     }
 }
 
-/// Start and end of every cue; no end where one repeats without.
+/// Start and end of every cue; `None` for one that repeats without end.
 pub fn all_times(build: &Build) -> Vec<(Time, Option<Time>)> {
     let mut times: Vec<(Time, Option<Time>)> = Vec::with_capacity(build.cues.len());
     // A cue comes later in the list than the one it follows.
@@ -83,7 +83,7 @@ fn cue_times(
     (start, cue.until.or(natural))
 }
 
-/// Start and end of one cue.
+/// Start and end of the cue with this index.
 fn times(build: &Build, id: usize) -> (Time, Option<Time>) {
     // To the front of the chain and back again, without recursion.
     let mut walk = vec![id];

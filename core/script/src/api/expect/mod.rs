@@ -1,4 +1,4 @@
-//! `expect(…)`: what is looked at, and when.
+//! `expect(…)`: the measured property, and the times at which it is measured.
 
 mod places;
 
@@ -29,55 +29,56 @@ pub const DEFS: &[Def] = &[
         "expect",
         "what",
         THIS,
-        "Looks at an Actor, Joint, Camera or Light (where it stands, unless said otherwise), at stage(), at plan(), or at a value.",
+        "Chooses what is tested: an Actor, Joint, Camera or Light (its position, unless another property is chosen), `stage()`, `plan()`, or a value.",
         expect,
     )
     .in_tests(),
-    selector("at", "time", "Only at this time. Without at and during: at every frame of the stage.", at),
-    selector("during", "from, until", "At every frame from one time to another, both included.", during),
+    selector("at", "time", "Tests at one time only. Without at and during, every frame of the stage is tested.", at),
+    selector("during", "from, until", "Tests every frame from one time to another, both included.", during),
     selector(
         "every",
         "seconds",
-        "Looks so often, rather than once a frame; speeds are then taken over so long.",
+        "Tests at this interval in seconds in place of once per frame. Speeds are then measured over this interval.",
         every,
     ),
-    selector("not", "", "Turns the next comparison around: it must fail, at every time looked at.", not),
-    selector("sometime", "", "The next comparison must hold at one time looked at, rather than at each; with not: it must fail at one.", sometime),
-    selector("position", "", "Where it stands, in metres.", position),
-    selector("rotation", "", "How it is turned.", rotation),
-    selector("direction", "", "Where it looks, a unit vector: +z of actors and joints, where cameras and lights point.", direction),
-    selector("scale", "", "How much larger than its file, along its own axes.", scale),
-    selector("size", "", "Extent of an actor as posed along x, y and z, in metres.", size),
-    selector("relative_to", "actor_or_joint", "Position or rotation in the space of an actor or joint.", relative_to),
-    selector("in_picture", "camera?", "Where it is in the picture: x from 0 left to 1 right, y from 0 top to 1 bottom, z metres before the camera, the one that is on unless another is given.", in_picture),
-    selector("x", "", "The first number of a point.", |c| component(c, 0)),
-    selector("y", "", "The second number of a point.", |c| component(c, 1)),
-    selector("z", "", "The third number of a point.", |c| component(c, 2)),
-    selector("length", "", "Distance of a point from the origin of its space.", length),
-    selector("distance", "target", "Metres to an actor, joint or point.", distance),
-    selector("angle_to", "target", "Degrees between where it looks and an actor, joint or point.", angle_to),
-    selector("speed", "", "Metres a second since the frame before.", speed),
-    selector("acceleration", "", "Metres a second², from the frames before and after.", acceleration),
-    selector("jerk", "", "Metres a second³, from four frames: what a pop makes large.", jerk),
-    selector("turn_speed", "", "Degrees a second since the frame before.", turn_speed),
-    selector("weight", "clip", "Share of a clip: of an actor, in the layer that it plays on; of a joint, in its pose with all layers counted.", weight),
-    selector("clip_time", "clip", "Where in a clip an actor is, in seconds of the clip.", clip_time),
-    selector("morph", "name", "Weight of a morph target.", morph),
-    selector("tint", "", "Color that an actor is multiplied with, linear.", tint),
-    selector("color", "", "Color of a light, linear.", color),
-    selector("intensity", "", "Of a light.", intensity),
-    selector("fov", "", "Vertical angle of view of a camera, degrees.", fov),
-    selector("lowest", "", "y of the lowest point of an actor as posed, metres.", lowest),
-    selector("highest", "", "y of the highest point of an actor as posed, metres.", highest),
-    selector("slide", "options?", "Metres that a joint has gone along the floor since it touched down, 0 while it is up; options: height (0.03 m: lower is on the floor), speed (0.5 m/s: rising or sinking faster is not), ground (y of the floor).", slide),
-    selector("picture_height", "camera?", "Height of an actor in the picture, as a share of the picture's.", picture_height),
-    selector("picture_share", "camera?", "Share of an actor's vertices inside the picture, whatever stands before them.", picture_share),
-    selector("tilt", "camera?", "Degrees in the picture between up and the actor's or joint's own up (+y).", tilt),
-    selector("count", "what", "How many of a stage: \"actors\", \"cameras\", \"cuts\", \"lights\", \"effects\", \"layers\", \"cues\", \"callbacks\", \"assets\", \"joints\", \"triangles\", \"vertices\", \"frames\"; of a plan: \"passes\", \"post_passes\", \"pipelines\", \"draws\", \"copies\", \"triangles\", \"lights\", \"joint_matrices\", \"morphs\", \"shadow_maps\", \"overlay_triangles\" (what effects draw of their own; two a line or point).", count),
-    selector("events", "", "What begins and ends when: cues (\"anna: Walk starts\"), looks (\"anna: look ends\"), cuts (\"cut to wide\"), effects (\"vignette starts\"); of an actor, only its own.", events),
-    selector("warnings", "", "Lines of warnings of the script and of the assets on stage.", warnings),
-    selector("printed", "", "Lines of print(…).", printed),
-    selector("effects", "", "Names of the effects that are on.", effects),
+    selector("not", "", "Negates the next comparison: it must fail at every tested time.", not),
+    selector("sometime", "", "Requires the next comparison to hold at one tested time in place of all. After .not() it must fail at one.", sometime),
+    selector("position", "", "Selects the position in metres.", position),
+    selector("rotation", "", "Selects the rotation.", rotation),
+    selector("direction", "", "Selects the direction, a unit vector: +z of actors and joints, the viewing direction of cameras, the direction in which lights shine.", direction),
+    selector("scale", "", "Selects the scale relative to the file, along the own axes.", scale),
+    selector("size", "", "Selects the extent of an actor in its pose, along x, y and z, in metres.", size),
+    selector("relative_to", "actor_or_joint", "Transforms a position or rotation into the space of an actor or joint.", relative_to),
+    selector("in_picture", "camera?", "Selects the position in the image: x from 0 (left) to 1 (right), y from 0 (top) to 1 (bottom), z in metres in front of the camera. The camera is the active one unless another is given.", in_picture),
+    selector("x", "", "Selects the first number of a point.", |c| component(c, 0)),
+    selector("y", "", "Selects the second number of a point.", |c| component(c, 1)),
+    selector("z", "", "Selects the third number of a point.", |c| component(c, 2)),
+    selector("length", "", "Selects the distance of a point from the origin of its space.", length),
+    selector("distance", "target", "Selects the distance to an actor, joint or point in metres.", distance),
+    selector("angle_to", "target", "Selects the angle between its direction and an actor, joint or point, in degrees.", angle_to),
+    selector("speed", "", "Selects the speed in metres per second, since the frame before.", speed),
+    selector("acceleration", "", "Selects the acceleration in metres per second², from the frames before and after.", acceleration),
+    selector("jerk", "", "Selects the jerk in metres per second³, from four frames. It is large where the motion pops.", jerk),
+    selector("turn_speed", "", "Selects the angular speed in degrees per second, since the frame before.", turn_speed),
+    selector("weight", "clip", "Selects the weight of a clip, 0 to 1: of an actor, in the layer that plays it; of a joint, in its pose, with all layers.", weight),
+    selector("clip_time", "clip", "Selects the time of the clip that an actor is at, in seconds of the clip.", clip_time),
+    selector("morph", "name", "Selects the weight of a morph target.", morph),
+    selector("tint", "", "Selects the color by which an actor is multiplied, linear.", tint),
+    selector("color", "", "Selects the color of a light, linear.", color),
+    selector("intensity", "", "Selects the intensity of a light.", intensity),
+    selector("fov", "", "Selects the vertical field of view of a camera in degrees.", fov),
+    selector("lowest", "", "Selects y of the lowest point of an actor in its pose, in metres.", lowest),
+    selector("highest", "", "Selects y of the highest point of an actor in its pose, in metres.", highest),
+    selector("slide", "options?", "Selects the foot sliding of a joint: metres along the floor since it touched down, 0 while it is in the air. Options: height (a joint this low is on the floor, metres, default 0.03), speed (a joint that rises or sinks faster is not on the floor, metres per second, default 0.5), ground (y of the floor, default 0).", slide),
+    selector("picture_height", "camera?", "Selects the height of an actor in the image, as a fraction of the image height.", picture_height),
+    selector("picture_share", "camera?", "Selects the fraction of an actor's vertices that are inside the image. Occlusion is ignored.", picture_share),
+    selector("tilt", "camera?", "Selects the angle in the image between up and the +y axis of an actor or joint, in degrees.", tilt),
+    selector("count", "what", "Selects a number. Of a stage: \"actors\", \"cameras\", \"cuts\", \"lights\", \"effects\", \"layers\", \"cues\", \"callbacks\", \"assets\", \"joints\", \"triangles\", \"vertices\", \"frames\".\n\
+         Of a plan: \"passes\", \"post_passes\", \"pipelines\", \"draws\", \"copies\" (instances), \"triangles\", \"lights\", \"joint_matrices\", \"morphs\", \"shadow_maps\", \"overlay_triangles\" (those that effects draw; two per line or point).", count),
+    selector("events", "", "Selects the events: starts and ends of cues (\"anna: Walk starts\"), look-at constraints (\"anna: look ends\"), cuts (\"cut to wide\") and effects (\"vignette starts\"). Of an actor, only its own.", events),
+    selector("warnings", "", "Selects the warnings about the script and the assets on stage, as lines.", warnings),
+    selector("printed", "", "Selects the lines that the script printed.", printed),
+    selector("effects", "", "Selects the names of the active effects.", effects),
 ];
 
 fn expect(c: &mut Call) -> Reply {
@@ -122,7 +123,7 @@ pub fn subject(v: &Dynamic) -> Option<Subject> {
     }
 }
 
-/// The receiver, changed.
+/// Returns a changed copy of the receiver.
 fn changed(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
     let mut expect: ExpectRef = c.this()?;
     change(&mut expect);
@@ -168,7 +169,7 @@ impl Call<'_, '_> {
         self.this()
     }
 
-    /// `speed: expect(…) must be …, not …`.
+    /// The error for a wrong subject: `speed: what is expected must be …, not …`.
     pub fn not_for(&self, allowed: &str, measure: &Measure) -> ApiError {
         ApiError::new(format!(
             "{}: what is expected must be {allowed}, not {}",
@@ -177,7 +178,7 @@ impl Call<'_, '_> {
         ))
     }
 
-    /// The thing that is looked at, where nothing but its place has been chosen yet.
+    /// The tested object, if no property of it has been selected yet.
     fn subject(&self, allowed: &str) -> Result<Subject, ApiError> {
         let expect = self.expect()?;
         match expect.measure {
@@ -204,7 +205,7 @@ impl Call<'_, '_> {
         }
     }
 
-    /// The camera of an optional argument.
+    /// The camera given as an optional argument; `None` is the active one.
     fn camera_or_on(&self, i: usize) -> Result<Option<usize>, ApiError> {
         if i >= self.len() {
             return Ok(None);
@@ -322,7 +323,7 @@ fn highest(c: &mut Call) -> Reply {
     measured(c, Measure::Number(Quantity::Highest(actor)))
 }
 
-/// The joint that is looked at, and when it counts as on the floor.
+/// The tested joint, and the thresholds for being on the floor.
 pub fn contact(c: &Call, i: usize) -> Result<Contact, ApiError> {
     let Subject::Joint { actor, joint } = c.subject("a Joint")? else {
         return Err(ApiError::new(format!("{}: what is expected must be a Joint, of a foot", c.def.name)));

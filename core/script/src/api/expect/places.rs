@@ -1,4 +1,4 @@
-//! Where things are, how they are turned, and how they move.
+//! Positions, rotations, speeds and accelerations of the tested objects.
 
 use super::{measured, word};
 use crate::api::actor::attachment;
