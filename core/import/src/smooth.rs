@@ -28,29 +28,21 @@ pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
         // A little more than the angle itself, for faces that meet exactly at it.
         None => face_normals[a].dot(face_normals[b]) >= cos_limit - 1e-9,
     };
-    let mut corner_normals = vec![Vec3::Y; faces * 3];
-    for (corner, out) in corner_normals.iter_mut().enumerate() {
+    // One corner after the other, as it is split off: a list of all would be as large as the mesh.
+    let normal = |p: &Primitive, corner: usize| {
         let face = corner / 3;
         let own = face_normals[face];
-        let neighbours = around.corners(corner);
         let mut sum = DVec3::ZERO;
-        if neighbours.len() <= MAX_AROUND {
-            for other in neighbours.iter().map(|c| *c as usize) {
-                if other / 3 == face || together(face, other / 3) {
-                    sum += face_normals[other / 3] * angle(p, other);
-                }
+        for other in around.corners(p.indices[corner]).iter().map(|c| *c as usize) {
+            if other / 3 == face || together(face, other / 3) {
+                sum += face_normals[other / 3] * angle(p, other);
             }
         }
         // A triangle without area is not seen; any unit vector does.
-        *out = sum.try_normalize().unwrap_or(own.normalize_or(DVec3::Y)).as_vec3().normalize_or(Vec3::Y);
-    }
+        sum.try_normalize().unwrap_or(own.normalize_or(DVec3::Y)).as_vec3().normalize_or(Vec3::Y)
+    };
     p.normals = vec![Vec3::Y; p.positions.len()];
-    split_corners(
-        p,
-        |corner| corner_normals[corner],
-        |n| n.to_array().map(f32::to_bits),
-        |p, vertex, n| p.normals[vertex] = n,
-    );
+    split_corners(p, normal, |n| n.to_array().map(f32::to_bits), |p, vertex, n| p.normals[vertex] = n);
 }
 
 /// The angle of a triangle at a corner.
@@ -63,8 +55,10 @@ fn angle(p: &Primitive, corner: usize) -> f64 {
 
 /// Corners by position: equal bits are the same place, whatever the vertex.
 struct Around {
-    place_of_corner: Vec<u32>,
+    place_of_vertex: Vec<u32>,
+    /// By place, where its corners begin; one more than there are places.
     start: Vec<u32>,
+    /// None for a place with more than [`MAX_AROUND`].
     corners: Vec<u32>,
 }
 
@@ -78,26 +72,30 @@ impl Around {
             let next = places.len() as u32;
             place_of_vertex.push(*places.entry(v.to_array().map(|c| (c + 0.0).to_bits())).or_insert(next));
         }
-        let place_of_corner: Vec<u32> = p.indices.iter().map(|i| place_of_vertex[*i as usize]).collect();
-        let mut start = vec![0u32; places.len() + 1];
-        for place in &place_of_corner {
-            start[*place as usize + 1] += 1;
-        }
-        for i in 1..start.len() {
-            start[i] += start[i - 1];
+        let place = |vertex: &u32| place_of_vertex[*vertex as usize] as usize;
+        let mut count = vec![0u32; places.len()];
+        p.indices.iter().for_each(|i| count[place(i)] += 1);
+        let few = |count: u32| if count as usize <= MAX_AROUND { count } else { 0 };
+        let mut start = Vec::with_capacity(places.len() + 1);
+        start.push(0);
+        for c in &count {
+            start.push(start.last().copied().unwrap_or(0) + few(*c));
         }
         let mut next = start.clone();
-        let mut corners = vec![0; place_of_corner.len()];
-        for (corner, place) in place_of_corner.iter().enumerate() {
-            let slot = &mut next[*place as usize];
-            corners[*slot as usize] = corner as u32;
-            *slot += 1;
+        let mut corners = vec![0; start.last().copied().unwrap_or(0) as usize];
+        for (corner, index) in p.indices.iter().enumerate() {
+            let place = place(index);
+            if few(count[place]) > 0 {
+                corners[next[place] as usize] = corner as u32;
+                next[place] += 1;
+            }
         }
-        Around { place_of_corner, start, corners }
+        Around { place_of_vertex, start, corners }
     }
 
-    fn corners(&self, corner: usize) -> &[u32] {
-        let place = self.place_of_corner[corner] as usize;
+    /// Those at the place of a vertex; none where they are too many to be compared.
+    fn corners(&self, vertex: u32) -> &[u32] {
+        let place = self.place_of_vertex[vertex as usize] as usize;
         &self.corners[self.start[place] as usize..self.start[place + 1] as usize]
     }
 }
