@@ -4,6 +4,7 @@ use crate::normals::split_corners;
 use choreo_stage::asset::Primitive;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// Triangles around one vertex that are compared with each other, all pairs. Beyond it (no modelled surface has so many)
 /// the corners keep their triangles' normals, so that time stays proportional to the file.
@@ -22,6 +23,8 @@ pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
         })
         .collect();
     let around = Around::new(p);
+    // Each angle is a weight of all normals around: it is taken once.
+    let angles: Vec<f64> = around.corners.iter().map(|corner| angle(p, *corner as usize)).collect();
     let cos_limit = libm::cos(limit_rad);
     let together = |a: usize, b: usize| match group {
         Some(group) => group[a] == group[b] && group[a] != 0,
@@ -33,9 +36,11 @@ pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
         let face = corner / 3;
         let own = face_normals[face];
         let mut sum = DVec3::ZERO;
-        for other in around.corners(p.indices[corner]).iter().map(|c| *c as usize) {
-            if other / 3 == face || together(face, other / 3) {
-                sum += face_normals[other / 3] * angle(p, other);
+        let range = around.range(p.indices[corner]);
+        for (other, angle) in around.corners[range.clone()].iter().zip(&angles[range]) {
+            let other = *other as usize / 3;
+            if other == face || together(face, other) {
+                sum += face_normals[other] * *angle;
             }
         }
         // A triangle without area is not seen; any unit vector does.
@@ -47,8 +52,9 @@ pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
 
 /// The angle of a triangle at a corner.
 fn angle(p: &Primitive, corner: usize) -> f64 {
-    let at = |k: usize| p.positions[p.indices[corner / 3 * 3 + (corner + k) % 3] as usize].as_dvec3();
-    let (here, next, previous) = (at(0), at(1), at(2));
+    let (face, k) = (corner / 3 * 3, corner % 3);
+    let at = |k: usize| p.positions[p.indices[face + k] as usize].as_dvec3();
+    let (here, next, previous) = (at(k), at([1, 2, 0][k]), at([2, 0, 1][k]));
     let (a, b) = ((next - here).normalize_or_zero(), (previous - here).normalize_or_zero());
     libm::acos(a.dot(b).clamp(-1.0, 1.0))
 }
@@ -93,10 +99,10 @@ impl Around {
         Around { place_of_vertex, start, corners }
     }
 
-    /// Those at the place of a vertex; none where they are too many to be compared.
-    fn corners(&self, vertex: u32) -> &[u32] {
+    /// Where the corners at the place of a vertex are listed; an empty range where they are too many to be compared.
+    fn range(&self, vertex: u32) -> Range<usize> {
         let place = self.place_of_vertex[vertex as usize] as usize;
-        &self.corners[self.start[place] as usize..self.start[place + 1] as usize]
+        self.start[place] as usize..self.start[place + 1] as usize
     }
 }
 

@@ -86,7 +86,7 @@ struct Reader<'x, 'a, 'i> {
 }
 
 impl<'a, 'i> Reader<'_, 'a, 'i> {
-    /// `start` and `end`: what the file says of the clip's range; its first and last key where it says nothing.
+    /// One clip of these channels. `start` and `end`: what the file says of its range; its first and last key where it says nothing.
     fn clip(
         &mut self,
         name: String,
