@@ -6,10 +6,10 @@ use std::collections::HashMap;
 
 /// Gives each corner of the index list its own value of one attribute. A vertex keeps its place for the
 /// first value it gets; further values get copies appended, so that the file's vertex order stays.
-/// `store` writes a value to a vertex.
+/// `value_of_corner` sees the primitive as far as it is split: positions of corners stay. `store` writes a value to a vertex.
 pub fn split_corners<K: std::hash::Hash + Eq, V: Copy>(
     primitive: &mut Primitive,
-    value_of_corner: impl Fn(usize) -> V,
+    value_of_corner: impl Fn(&Primitive, usize) -> V,
     key: impl Fn(V) -> K,
     store: impl Fn(&mut Primitive, usize, V),
 ) {
@@ -18,7 +18,7 @@ pub fn split_corners<K: std::hash::Hash + Eq, V: Copy>(
     let mut taken = vec![false; primitive.positions.len()];
     for corner in 0..primitive.indices.len() {
         let vertex = primitive.indices[corner];
-        let value = value_of_corner(corner);
+        let value = value_of_corner(primitive, corner);
         let first = !std::mem::replace(&mut taken[vertex as usize], true);
         let split = *vertex_of.entry((vertex, key(value))).or_insert_with(|| {
             let to = if first { vertex } else { copy_vertex(primitive, vertex as usize) };
@@ -73,7 +73,7 @@ pub fn flat(p: &mut Primitive) {
     p.normals = vec![Vec3::Y; p.positions.len()];
     split_corners(
         p,
-        |corner| face_normals[corner / 3],
+        |_, corner| face_normals[corner / 3],
         |n| n.to_array().map(f32::to_bits),
         |p, vertex, n| p.normals[vertex] = n,
     );
@@ -84,7 +84,7 @@ pub fn apply_tangents(p: &mut Primitive, tangents: &[Vec4]) {
     p.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); p.positions.len()];
     split_corners(
         p,
-        |corner| tangents[corner],
+        |_, corner| tangents[corner],
         |t| t.to_array().map(f32::to_bits),
         |p, vertex, t| p.tangents[vertex] = t,
     );

@@ -1,5 +1,6 @@
 //! Pictures of a model file: sized from their headers, then decoded beside the rest of the import.
 
+use crate::budget::Notes;
 use crate::problem::{Problem, Result};
 use choreo_plugin::{Files, Needs};
 use choreo_stage::asset::Image;
@@ -173,6 +174,23 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     };
     let images = slots.into_iter().zip(entries).map(|(s, e)| s.into_inner().unwrap_or_else(|| failed(e)));
     (images.collect(), rest)
+}
+
+/// Decoded pictures, with one white pixel and a warning in place of each that cannot be decoded. An error where the import was
+/// called off.
+pub fn or_white<B>(
+    decoded: Vec<Result<Arc<Image>>>,
+    entries: &[Encoded<B>],
+    notes: &Notes,
+) -> Result<Vec<Arc<Image>>> {
+    let white = |(result, entry): (Result<Arc<Image>>, &Encoded<B>)| match result {
+        Err(problem) if problem.what != CANCELLED => {
+            notes.warn(problem.place, format!("{}; white is used", problem.what));
+            Ok(Arc::new(Image { name: entry.name.clone(), width: 1, height: 1, rgba: vec![255; 4] }))
+        }
+        other => other,
+    };
+    decoded.into_iter().zip(entries).map(white).collect()
 }
 
 #[cfg(test)]

@@ -26,71 +26,67 @@ pub enum Cut {
     TooMuch,
 }
 
+/// Lists for polygons of more vertices are not kept from one to the next.
+const KEPT: usize = 1 << 16;
+
 impl Triangulator {
-    /// Adds the triangles of the polygon with these corners, as indices into `corners`, wound as the polygon is. Always
-    /// `corners.len() − 2` of them; none for fewer than three corners.
-    pub fn cut(&mut self, corners: &[DVec3], out: &mut Vec<[u32; 3]>) -> Cut {
-        let n = corners.len();
-        match n {
+    /// Hands out the triangles of a polygon, as numbers of its vertices, wound as the polygon is: always `count − 2` of them; none
+    /// for fewer than three vertices. `vertex` gives the place of a vertex: nothing is copied of a polygon without dents, so that
+    /// one of any size takes no memory.
+    pub fn cut(
+        &mut self,
+        count: usize,
+        vertex: impl Fn(usize) -> DVec3,
+        mut out: impl FnMut([u32; 3]),
+    ) -> Cut {
+        match count {
             0..=2 => return Cut::Whole,
             3 => {
-                out.push([0, 1, 2]);
+                out([0, 1, 2]);
                 return Cut::Whole;
             }
             _ => {}
         }
-        self.flatten(corners);
-        let turn = |a: usize, b: usize, c: usize| orient(self.flat[a], self.flat[b], self.flat[c]);
-        if n == 4 {
+        let in_plane = plane(count, &vertex);
+        let flat = |i: usize| in_plane(vertex(i));
+        if count == 4 {
+            let corners = [0, 1, 2, 3].map(flat);
+            let turn = |a: usize, b: usize, c: usize| orient(corners[a], corners[b], corners[c]);
             // Either diagonal, where both of its triangles are wound right; the one from the first corner where both do.
             let (a, b) = ((turn(0, 1, 2), turn(0, 2, 3)), (turn(0, 1, 3), turn(1, 2, 3)));
             if a.0 >= 0.0 && a.1 >= 0.0 && (a.0 > 0.0 || a.1 > 0.0) {
-                out.extend([[0, 1, 2], [0, 2, 3]]);
+                [[0, 1, 2], [0, 2, 3]].into_iter().for_each(out);
                 return Cut::Whole;
             }
             if b.0 >= 0.0 && b.1 >= 0.0 {
-                out.extend([[0, 1, 3], [1, 2, 3]]);
+                [[0, 1, 3], [1, 2, 3]].into_iter().for_each(out);
                 return Cut::Whole;
             }
         }
         self.dents.clear();
-        for i in 0..n {
-            if turn((i + n - 1) % n, i, (i + 1) % n) < 0.0 {
+        let (mut before, mut at) = (flat(count - 1), flat(0));
+        for i in 0..count {
+            let after = flat(if i + 1 < count { i + 1 } else { 0 });
+            if orient(before, at, after) < 0.0 {
                 self.dents.push(i as u32);
             }
+            (before, at) = (at, after);
         }
-        let fan = |out: &mut Vec<[u32; 3]>| out.extend((2..n as u32).map(|i| [0, i - 1, i]));
-        if self.dents.is_empty() {
-            fan(out);
-            return Cut::Whole;
+        let cost = count as u64 * self.dents.len() as u64;
+        if self.dents.is_empty() || self.spent + cost > BUDGET {
+            (2..count as u32).for_each(|i| out([0, i - 1, i]));
+            return if self.dents.is_empty() { Cut::Whole } else { Cut::TooMuch };
         }
-        let cost = n as u64 * self.dents.len() as u64;
-        if self.spent + cost > BUDGET {
-            fan(out);
-            return Cut::TooMuch;
-        }
-        self.clip(n, out)
-    }
-
-    /// Into the plane of two axes that shows most of the polygon, counter-clockwise: exact, as coordinates are only left out.
-    /// The sum of the cross products is twice the area's vector (Newell), right for polygons with dents too.
-    fn flatten(&mut self, corners: &[DVec3]) {
-        let first = corners[0];
-        let normal: DVec3 = corners.windows(2).map(|e| (e[0] - first).cross(e[1] - first)).sum();
-        let size = normal.abs();
         self.flat.clear();
-        let pick: fn(DVec3) -> DVec2 = match (size.x >= size.y && size.x >= size.z, size.y >= size.z) {
-            (true, _) if normal.x >= 0.0 => |p| DVec2::new(p.y, p.z),
-            (true, _) => |p| DVec2::new(p.z, p.y),
-            (_, true) if normal.y >= 0.0 => |p| DVec2::new(p.z, p.x),
-            (_, true) => |p| DVec2::new(p.x, p.z),
-            _ if normal.z >= 0.0 => |p| DVec2::new(p.x, p.y),
-            _ => |p| DVec2::new(p.y, p.x),
-        };
-        self.flat.extend(corners.iter().map(|p| pick(*p)));
+        self.flat.extend((0..count).map(flat));
+        let cut = self.clip(count, &mut out);
+        if count > KEPT {
+            *self = Triangulator { spent: self.spent, ..Triangulator::default() };
+        }
+        cut
     }
 
-    fn clip(&mut self, n: usize, out: &mut Vec<[u32; 3]>) -> Cut {
+    fn clip(&mut self, n: usize, out: &mut impl FnMut([u32; 3])) -> Cut {
         let (first, last) = (0u32, n as u32 - 1);
         self.next.clear();
         self.next.extend((0..n as u32).map(|i| if i == last { first } else { i + 1 }));
@@ -108,7 +104,7 @@ impl Triangulator {
                 if gone_round {
                     cut = Cut::Crossing;
                 }
-                out.push([before, at, after]);
+                out([before, at, after]);
                 self.next[before as usize] = after;
                 self.previous[after as usize] = before;
                 left -= 1;
@@ -125,7 +121,7 @@ impl Triangulator {
                 at = after;
             }
         }
-        out.push([self.previous[at as usize], at, self.next[at as usize]]);
+        out([self.previous[at as usize], at, self.next[at as usize]]);
         cut
     }
 
@@ -161,13 +157,35 @@ impl Triangulator {
         )
     }
 
-    fn fan_rest(&self, from: u32, left: usize, out: &mut Vec<[u32; 3]>) {
+    fn fan_rest(&self, from: u32, left: usize, out: &mut impl FnMut([u32; 3])) {
         let mut at = self.next[from as usize];
         for _ in 2..left {
             let after = self.next[at as usize];
-            out.push([from, at, after]);
+            out([from, at, after]);
             at = after;
         }
+    }
+}
+
+/// Two axes that show most of the polygon, counter-clockwise: exact, as coordinates are only left out. The sum of the cross
+/// products is twice the area's vector (Newell), right for polygons with dents too.
+fn plane(count: usize, vertex: &impl Fn(usize) -> DVec3) -> fn(DVec3) -> DVec2 {
+    let first = vertex(0);
+    let mut before = DVec3::ZERO;
+    let normal: DVec3 = (1..count)
+        .map(|i| {
+            let edge = vertex(i) - first;
+            std::mem::replace(&mut before, edge).cross(edge)
+        })
+        .sum();
+    let size = normal.abs();
+    match (size.x >= size.y && size.x >= size.z, size.y >= size.z) {
+        (true, _) if normal.x >= 0.0 => |p| DVec2::new(p.y, p.z),
+        (true, _) => |p| DVec2::new(p.z, p.y),
+        (_, true) if normal.y >= 0.0 => |p| DVec2::new(p.z, p.x),
+        (_, true) => |p| DVec2::new(p.x, p.z),
+        _ if normal.z >= 0.0 => |p| DVec2::new(p.x, p.y),
+        _ => |p| DVec2::new(p.y, p.x),
     }
 }
 
@@ -184,7 +202,7 @@ mod tests {
     fn cut(corners: &[[f64; 2]]) -> (Vec<[u32; 3]>, Cut) {
         let corners: Vec<DVec3> = corners.iter().map(|c| DVec3::new(c[0], c[1], 0.0)).collect();
         let mut out = Vec::new();
-        let how = Triangulator::default().cut(&corners, &mut out);
+        let how = Triangulator::default().cut(corners.len(), |i| corners[i], |t| out.push(t));
         assert_eq!(out.len(), corners.len().saturating_sub(2));
         (out, how)
     }
@@ -267,7 +285,8 @@ mod tests {
                 })
                 .collect();
             let mut out = Vec::new();
-            assert_eq!(Triangulator::default().cut(&corners, &mut out), Cut::Whole);
+            let how = Triangulator::default().cut(corners.len(), |i| corners[i], |t| out.push(t));
+            assert_eq!(how, Cut::Whole);
             let vector = |t: &[u32; 3]| {
                 let [a, b, c] = t.map(|i| corners[i as usize]);
                 (b - a).cross(c - a)

@@ -4,6 +4,7 @@ use crate::normals::split_corners;
 use choreo_stage::asset::Primitive;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// Triangles around one vertex that are compared with each other, all pairs. Beyond it (no modelled surface has so many)
 /// the corners keep their triangles' normals, so that time stays proportional to the file.
@@ -22,49 +23,48 @@ pub fn normals(p: &mut Primitive, limit_rad: f64, group: Option<&[u32]>) {
         })
         .collect();
     let around = Around::new(p);
+    // Each angle is a weight of all normals around: it is taken once.
+    let angles: Vec<f64> = around.corners.iter().map(|corner| angle(p, *corner as usize)).collect();
     let cos_limit = libm::cos(limit_rad);
     let together = |a: usize, b: usize| match group {
         Some(group) => group[a] == group[b] && group[a] != 0,
         // A little more than the angle itself, for faces that meet exactly at it.
         None => face_normals[a].dot(face_normals[b]) >= cos_limit - 1e-9,
     };
-    let mut corner_normals = vec![Vec3::Y; faces * 3];
-    for (corner, out) in corner_normals.iter_mut().enumerate() {
+    // One corner after the other, as it is split off: a list of all would be as large as the mesh.
+    let normal = |p: &Primitive, corner: usize| {
         let face = corner / 3;
         let own = face_normals[face];
-        let neighbours = around.corners(corner);
         let mut sum = DVec3::ZERO;
-        if neighbours.len() <= MAX_AROUND {
-            for other in neighbours.iter().map(|c| *c as usize) {
-                if other / 3 == face || together(face, other / 3) {
-                    sum += face_normals[other / 3] * angle(p, other);
-                }
+        let range = around.range(p.indices[corner]);
+        for (other, angle) in around.corners[range.clone()].iter().zip(&angles[range]) {
+            let other = *other as usize / 3;
+            if other == face || together(face, other) {
+                sum += face_normals[other] * *angle;
             }
         }
         // A triangle without area is not seen; any unit vector does.
-        *out = sum.try_normalize().unwrap_or(own.normalize_or(DVec3::Y)).as_vec3().normalize_or(Vec3::Y);
-    }
+        sum.try_normalize().unwrap_or(own.normalize_or(DVec3::Y)).as_vec3().normalize_or(Vec3::Y)
+    };
     p.normals = vec![Vec3::Y; p.positions.len()];
-    split_corners(
-        p,
-        |corner| corner_normals[corner],
-        |n| n.to_array().map(f32::to_bits),
-        |p, vertex, n| p.normals[vertex] = n,
-    );
+    split_corners(p, normal, |n| n.to_array().map(f32::to_bits), |p, vertex, n| p.normals[vertex] = n);
 }
 
 /// The angle of a triangle at a corner.
 fn angle(p: &Primitive, corner: usize) -> f64 {
-    let at = |k: usize| p.positions[p.indices[corner / 3 * 3 + (corner + k) % 3] as usize].as_dvec3();
-    let (here, next, previous) = (at(0), at(1), at(2));
+    let (face, k) = (corner / 3 * 3, corner % 3);
+    let at = |k: usize| p.positions[p.indices[face + k] as usize].as_dvec3();
+    let (here, next, previous) = (at(k), at([1, 2, 0][k]), at([2, 0, 1][k]));
     let (a, b) = ((next - here).normalize_or_zero(), (previous - here).normalize_or_zero());
     libm::acos(a.dot(b).clamp(-1.0, 1.0))
 }
 
 /// Corners by position: equal bits are the same place, whatever the vertex.
 struct Around {
-    place_of_corner: Vec<u32>,
+    place_of_vertex: Vec<u32>,
+    /// By place, where its corners begin; one more than there are places.
     start: Vec<u32>,
+    /// None for a place with more than [`MAX_AROUND`].
     corners: Vec<u32>,
 }
 
@@ -78,27 +78,31 @@ impl Around {
             let next = places.len() as u32;
             place_of_vertex.push(*places.entry(v.to_array().map(|c| (c + 0.0).to_bits())).or_insert(next));
         }
-        let place_of_corner: Vec<u32> = p.indices.iter().map(|i| place_of_vertex[*i as usize]).collect();
-        let mut start = vec![0u32; places.len() + 1];
-        for place in &place_of_corner {
-            start[*place as usize + 1] += 1;
-        }
-        for i in 1..start.len() {
-            start[i] += start[i - 1];
+        let place = |vertex: &u32| place_of_vertex[*vertex as usize] as usize;
+        let mut count = vec![0u32; places.len()];
+        p.indices.iter().for_each(|i| count[place(i)] += 1);
+        let few = |count: u32| if count as usize <= MAX_AROUND { count } else { 0 };
+        let mut start = Vec::with_capacity(places.len() + 1);
+        start.push(0);
+        for c in &count {
+            start.push(start.last().copied().unwrap_or(0) + few(*c));
         }
         let mut next = start.clone();
-        let mut corners = vec![0; place_of_corner.len()];
-        for (corner, place) in place_of_corner.iter().enumerate() {
-            let slot = &mut next[*place as usize];
-            corners[*slot as usize] = corner as u32;
-            *slot += 1;
+        let mut corners = vec![0; start.last().copied().unwrap_or(0) as usize];
+        for (corner, index) in p.indices.iter().enumerate() {
+            let place = place(index);
+            if few(count[place]) > 0 {
+                corners[next[place] as usize] = corner as u32;
+                next[place] += 1;
+            }
         }
-        Around { place_of_corner, start, corners }
+        Around { place_of_vertex, start, corners }
     }
 
-    fn corners(&self, corner: usize) -> &[u32] {
-        let place = self.place_of_corner[corner] as usize;
-        &self.corners[self.start[place] as usize..self.start[place + 1] as usize]
+    /// Where the corners at the place of a vertex are listed; an empty range where they are too many to be compared.
+    fn range(&self, vertex: u32) -> Range<usize> {
+        let place = self.place_of_vertex[vertex as usize] as usize;
+        self.start[place] as usize..self.start[place + 1] as usize
     }
 }
 

@@ -4,7 +4,7 @@
 
 use crate::Result;
 use crate::budget::{Budget, Notes};
-use crate::pictures::{CANCELLED, Encoded, Formats, decode_beside};
+use crate::pictures::{Encoded, Formats, decode_beside, or_white};
 use crate::search;
 use choreo_plugin::{Files, Needs};
 use choreo_stage::asset::Image;
@@ -88,17 +88,7 @@ impl Textures {
         rest: impl FnOnce() -> R,
     ) -> Result<(Vec<Arc<Image>>, R)> {
         let (decoded, rest) = decode_beside(&self.entries, needs, files, rest);
-        let is_off = |r: &Result<Arc<Image>>| r.as_ref().is_err_and(|p| p.what == CANCELLED);
-        if let Some(Err(problem)) = decoded.iter().find(|r| is_off(r)) {
-            return Err(problem.clone());
-        }
-        let images = decoded.into_iter().zip(&self.entries).map(|(result, entry)| {
-            result.unwrap_or_else(|problem| {
-                notes.warn(problem.place, format!("{}; white is used", problem.what));
-                Arc::new(Image { name: entry.name.clone(), width: 1, height: 1, rgba: vec![255; 4] })
-            })
-        });
-        Ok((images.collect(), rest))
+        Ok((or_white(decoded, &self.entries, notes)?, rest))
     }
 }
 

@@ -5,7 +5,7 @@ use crate::controller::MorphTargets;
 use crate::nodes::Tree;
 use crate::sampler::Sampler;
 use crate::tree::{Node, NodeId};
-use crate::xml::{Xml, child, children, descendant, name_of};
+use crate::xml::{LEFT_OUT, Xml, child, children, descendant, name_of};
 use choreo_import::text::{self, shown};
 use choreo_import::{Problem, Result};
 use choreo_motion::{Clip, Time};
@@ -40,14 +40,15 @@ pub fn read<'a, 'i>(
                 })?;
                 Ok(Some(Time::from_secs(secs)))
             };
-            let range = (time("start")?.unwrap_or(Time::ZERO), time("end")?);
-            if range.1.is_some_and(|end| end < range.0) {
+            let start = time("start")?.unwrap_or(Time::ZERO);
+            let range = (Some(start), time("end")?);
+            if range.1.is_some_and(|end| end < start) {
                 xml.warn(clip, "ends before it starts; it is left out");
                 continue;
             }
             let mut channels = Vec::new();
             for instance in children(clip, "instance_animation") {
-                let animation = xml.follow(instance, "url")?;
+                let Some(animation) = xml.instanced(instance, "url", "animation", LEFT_OUT) else { continue };
                 for channel in animation.descendants().filter(|n| name_of(*n) == "channel") {
                     in_clips.push(channel.id().get());
                     channels.push(channel);
@@ -67,7 +68,8 @@ pub fn read<'a, 'i>(
         rest.extend(channels.filter(|c| in_clips.binary_search(&c.id().get()).is_err()));
     }
     if !rest.is_empty() {
-        out.extend(reader.clip(file.to_string(), &rest, (Time::ZERO, None), morphs)?);
+        // The file does not say where these begin: at their first key, as the same motion does in FBX.
+        out.extend(reader.clip(file.to_string(), &rest, (None, None), morphs)?);
     }
     for (what, (count, place)) in reader.left_out {
         xml.notes.warn(place, format!("{} {what}; left out", text::count(count, "channel")));
@@ -84,11 +86,12 @@ struct Reader<'x, 'a, 'i> {
 }
 
 impl<'a, 'i> Reader<'_, 'a, 'i> {
+    /// One clip of these channels. `start` and `end`: what the file says of its range; its first and last key where it says nothing.
     fn clip(
         &mut self,
         name: String,
         channels: &[Node<'a, 'i>],
-        range: (Time, Option<Time>),
+        (start, end): (Option<Time>, Option<Time>),
         morphs: &[MorphTargets],
     ) -> Result<Option<Arc<Clip>>> {
         let mut joints: BTreeMap<u32, Vec<Bound>> = BTreeMap::new();
@@ -97,8 +100,9 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         for channel in channels {
             let Some(target) = self.target(*channel) else { continue };
             let sampler = self.sampler(*channel)?;
-            before_zero +=
-                usize::from(range.0 == Time::ZERO && sampler.times.first().is_some_and(|t| *t < Time::ZERO));
+            before_zero += usize::from(
+                start == Some(Time::ZERO) && sampler.times.first().is_some_and(|t| *t < Time::ZERO),
+            );
             match target {
                 Target::Joints(targets, element, part) => {
                     let wanted = match part {
@@ -134,20 +138,22 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
                 ),
             );
         }
-        let last = |s: &Rc<Sampler>| s.times.last().copied().unwrap_or(Time::ZERO);
         let samplers =
-            joints.values().flatten().map(|b| &b.sampler).chain(weights.values().flatten().map(|w| &w.1));
-        let end = range.1.or_else(|| samplers.map(last).max()).unwrap_or(Time::ZERO).max(range.0);
+            || joints.values().flatten().map(|b| &b.sampler).chain(weights.values().flatten().map(|w| &w.1));
+        let first = || samplers().filter_map(|s| s.times.first().copied()).min();
+        let last = || samplers().filter_map(|s| s.times.last().copied()).max();
+        let start = start.or_else(first).unwrap_or(Time::ZERO);
+        let end = end.or_else(last).unwrap_or(start).max(start);
         let mut curves = Vec::new();
         for (joint, bound) in &joints {
-            let made = bake::joint(self.xml, self.tree, *joint, bound, (range.0, end));
+            let made = bake::joint(self.xml, self.tree, *joint, bound, (start, end));
             curves.extend(made.map_err(|what| {
                 Problem::new(self.xml.place(self.tree.joints[*joint as usize].node), what)
             })?);
         }
         for (controller, samplers) in &weights {
             for morph in morphs.iter().filter(|m| m.controller.get() == *controller) {
-                curves.extend(bake::weights(self.xml, morph, samplers, (range.0, end))?);
+                curves.extend(bake::weights(self.xml, morph, samplers, (start, end))?);
             }
         }
         if curves.is_empty() {

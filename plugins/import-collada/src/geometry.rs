@@ -331,7 +331,6 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             Shape::Lines => return Ok(whole(total, 2)),
             _ => {}
         }
-        let (mut points, mut triangles) = (Vec::new(), Vec::new());
         for run in runs {
             let (first, count) = (start, *run);
             start += count;
@@ -349,18 +348,20 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
                 })),
                 _ if count == 3 => out.extend([first, first + 1, first + 2]),
                 _ => {
-                    points.clear();
-                    triangles.clear();
-                    for corner in first..first + count {
-                        let index = self.index(&indices[corner as usize * width..][..width], positions)?;
-                        points.push(Vec3::from(positions.floats.get(index)).as_dvec3());
+                    let corner = |i: u32| &indices[(first + i) as usize * width..][..width];
+                    for i in 0..count {
+                        self.index(corner(i), positions)?;
                     }
-                    match self.triangulator.cut(&points, &mut triangles) {
+                    let place = |i: usize| {
+                        let index = corner(i as u32)[positions.offset] as usize;
+                        Vec3::from(positions.floats.get(index)).as_dvec3()
+                    };
+                    let add = |triangle: [u32; 3]| out.extend(triangle.map(|i| first + i));
+                    match self.triangulator.cut(count as usize, place, add) {
                         Cut::Whole => {}
                         Cut::Crossing => crossing += 1,
                         Cut::TooMuch => fans += 1,
                     }
-                    out.extend(triangles.iter().flatten().map(|i| first + i));
                 }
             }
         }

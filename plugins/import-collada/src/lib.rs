@@ -86,7 +86,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
         let what = format!("the root element is {}, not COLLADA", shown(xml::name_of(root).as_bytes()));
         return Err(choreo_import::Problem::new("line 1", what).hint("this is another kind of XML file"));
     }
-    let (metres, up) = objects::convention(&xml)?;
+    let (metres, up) = objects::convention(&xml);
     let tool = animation::authoring_tool(&xml).to_string();
     let srgb = match options.text("colors") {
         Some("srgb") => true,

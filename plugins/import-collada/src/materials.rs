@@ -77,7 +77,7 @@ impl<'f> Materials<'f> {
                     let set = input.attribute("input_set").and_then(|s| s.trim().parse().ok()).unwrap_or(0);
                     uvs.bound.insert(input.attribute("semantic").unwrap_or_default().to_string(), set);
                 }
-                Some(xml.follow(bound, "target")?)
+                xml.instanced(bound, "target", "material", "grey is used")
             }
             // Some exporters bind nothing and name the material itself.
             None => xml.by_id(symbol).filter(|n| name_of(*n) == "material"),
@@ -89,7 +89,7 @@ impl<'f> Materials<'f> {
         let made = match material {
             Some(material) => self.material(xml, material, &uvs)?,
             None => {
-                if !symbol.is_empty() {
+                if bound.is_none() && !symbol.is_empty() {
                     xml.warn(
                         instance,
                         format!("material \"{symbol}\" of the mesh is not bound; grey is used"),
@@ -119,7 +119,9 @@ impl<'f> Materials<'f> {
             ..Material::default()
         };
         let Some(instance) = child(material, "instance_effect") else { return Ok(out) };
-        let effect = xml.follow(instance, "url")?;
+        let Some(effect) = xml.instanced(instance, "url", "effect", "white is used") else {
+            return Ok(out);
+        };
         let Some(profile) = child(effect, "profile_COMMON") else {
             xml.warn(effect, "has no profile_COMMON; white is used");
             return Ok(out);

@@ -5,7 +5,7 @@ use crate::geometry::{self, Geometry};
 use crate::materials::Materials;
 use crate::nodes::Tree;
 use crate::tree::{Node, NodeId};
-use crate::xml::{Xml, children, name_of, text_of};
+use crate::xml::{LEFT_OUT, Xml, children, name_of, text_of};
 use choreo_import::text::count;
 use choreo_import::{Result, smooth};
 use choreo_stage::asset::{Asset, Mesh, MeshInstance, Topology};
@@ -66,9 +66,11 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
         let mut placed = Vec::new();
         for (joint, node) in (0u32..).zip(self.tree.joints.iter().map(|j| j.node)) {
             for element in node.children() {
+                // A missing one is left out: skeletons are often kept without their mesh.
+                let target = |kind| self.xml.instanced(element, "url", kind, LEFT_OUT);
                 let shape = match name_of(element) {
-                    "instance_geometry" => self.target(element, "geometry")?.map(Shape::plain),
-                    "instance_controller" => match self.target(element, "controller")? {
+                    "instance_geometry" => target("geometry").map(Shape::plain),
+                    "instance_controller" => match target("controller") {
                         Some(controller) => self.shape_of(controller)?,
                         None => None,
                     },
@@ -92,20 +94,6 @@ impl<'x, 'a, 'i, 'f> Builder<'x, 'a, 'i, 'f> {
             self.xml.notes.warn("library_geometries", what);
         }
         Ok(())
-    }
-
-    /// What an instance refers to; a missing one is left out with a warning, as skeletons are often kept without their mesh.
-    fn target(&self, instance: Node<'a, 'i>, kind: &str) -> Result<Option<Node<'a, 'i>>> {
-        match self.xml.follow(instance, "url") {
-            Ok(node) if name_of(node) == kind => Ok(Some(node)),
-            Ok(node) => {
-                Err(self.xml.problem(instance, format!("refers to a {}, not a {kind}", name_of(node))))
-            }
-            Err(problem) => {
-                self.xml.notes.warn(problem.place, format!("{}; it is left out", problem.what));
-                Ok(None)
-            }
-        }
     }
 
     /// A skin over a morph over a geometry; no deeper.

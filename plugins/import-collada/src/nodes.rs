@@ -1,7 +1,7 @@
 //! The visual scene to a parents-first list of joints, each with its stack of transforms.
 
 use crate::tree::{Node, NodeId};
-use crate::xml::{Xml, child, descendant, name_of};
+use crate::xml::{LEFT_OUT, Xml, child, descendant, name_of};
 use choreo_import::decompose::{Parts, decompose};
 use choreo_import::{Problem, Result};
 use choreo_motion::{Skeleton, Transform};
@@ -101,9 +101,9 @@ impl Convention {
 impl<'a, 'i> Tree<'a, 'i> {
     pub fn read(xml: &Xml<'a, 'i>, convention: Convention) -> Result<Tree<'a, 'i>> {
         let mut tree = Tree { joints: Vec::new(), of_element: HashMap::new(), convention };
-        let Some(scene) = scene(xml)? else { return Ok(tree) };
+        let Some(scene) = scene(xml) else { return Ok(tree) };
         let mut open: Vec<(Node<'a, 'i>, Option<u32>)> =
-            nodes_in(xml, scene)?.into_iter().rev().map(|n| (n, None)).collect();
+            nodes_in(xml, scene).into_iter().rev().map(|n| (n, None)).collect();
         while let Some((node, parent)) = open.pop() {
             if tree.joints.len() == MAX_JOINTS {
                 let what = format!(
@@ -116,7 +116,7 @@ impl<'a, 'i> Tree<'a, 'i> {
             let name = name.filter(|n| !n.is_empty()).map_or(format!("node {index}"), str::to_string);
             tree.of_element.entry(node.id()).or_default().push(index);
             tree.joints.push(Joint { node, parent, name, stack: stack(xml, node)? });
-            open.extend(nodes_in(xml, node)?.into_iter().rev().map(|n| (n, Some(index))));
+            open.extend(nodes_in(xml, node).into_iter().rev().map(|n| (n, Some(index))));
         }
         Ok(tree)
     }
@@ -154,21 +154,23 @@ pub fn transform(parts: &Parts) -> Transform {
 }
 
 /// The scene that the file shows, else its first one.
-fn scene<'a, 'i>(xml: &Xml<'a, 'i>) -> Result<Option<Node<'a, 'i>>> {
+fn scene<'a, 'i>(xml: &Xml<'a, 'i>) -> Option<Node<'a, 'i>> {
     let shown = child(xml.root(), "scene").and_then(|s| child(s, "instance_visual_scene"));
-    if let Some(instance) = shown {
-        return xml.follow(instance, "url").map(Some);
+    let named = shown.map(|s| xml.instanced(s, "url", "visual_scene", "the first scene is used"));
+    let first = || descendant(xml.root(), "visual_scene");
+    match (named, first()) {
+        (Some(Some(scene)), _) => return Some(scene),
+        (Some(None), Some(_)) => {}
+        (None, Some(scene)) => {
+            xml.warn(scene, "the file does not say which scene it shows; this one is used");
+        }
+        (_, None) => xml.notes.warn("visual_scene", "the file has no scene"),
     }
-    let first = descendant(xml.root(), "visual_scene");
-    match first {
-        Some(scene) => xml.warn(scene, "the file does not say which scene it shows; this one is used"),
-        None => xml.notes.warn("visual_scene", "the file has no scene"),
-    }
-    Ok(first)
+    first()
 }
 
 /// Nodes and instanced nodes in a scene or node, in order.
-fn nodes_in<'a, 'i>(xml: &Xml<'a, 'i>, parent: Node<'a, 'i>) -> Result<Vec<Node<'a, 'i>>> {
+fn nodes_in<'a, 'i>(xml: &Xml<'a, 'i>, parent: Node<'a, 'i>) -> Vec<Node<'a, 'i>> {
     let mut out = Vec::new();
     for element in parent.children() {
         match name_of(element) {
@@ -179,15 +181,18 @@ fn nodes_in<'a, 'i>(xml: &Xml<'a, 'i>, parent: Node<'a, 'i>) -> Result<Vec<Node<
                     xml.warn(element, format!("url=\"{url}\" is in another file, which is not read"));
                     continue;
                 }
-                let Some(node) = xml.node_by_id(&url[1..]) else {
-                    return Err(xml.problem(element, format!("url=\"{url}\" is no node of this file")));
-                };
-                out.push(node);
+                match xml.node_by_id(&url[1..]) {
+                    Some(node) => out.push(node),
+                    None => {
+                        let what = format!("url=\"{url}\" is no node of this file; {LEFT_OUT}");
+                        xml.warn(element, what);
+                    }
+                }
             }
             _ => {}
         }
     }
-    Ok(out)
+    out
 }
 
 fn stack<'a, 'i>(xml: &Xml<'a, 'i>, node: Node<'a, 'i>) -> Result<Vec<Element<'a>>> {

@@ -2,8 +2,9 @@
 
 use crate::nodes::Tree;
 use crate::tree::Node;
-use crate::xml::{Xml, child, children, descendant, name_of};
+use crate::xml::{LEFT_OUT, Xml, child, children, descendant, name_of};
 use choreo_import::Result;
+use choreo_import::text::{number, shown};
 use choreo_stage::asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
 use glam::Vec3;
 use std::f64::consts::PI;
@@ -15,7 +16,7 @@ pub fn cameras<'a, 'i>(xml: &Xml<'a, 'i>, tree: &Tree<'a, 'i>) -> Result<Vec<Ass
     let mut out = Vec::new();
     for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
         for instance in children(node, "instance_camera") {
-            let camera = xml.follow(instance, "url")?;
+            let Some(camera) = xml.instanced(instance, "url", "camera", LEFT_OUT) else { continue };
             let technique = child(camera, "optics").and_then(|o| child(o, "technique_common"));
             let Some(lens) = technique.and_then(|t| t.children().next()) else {
                 xml.warn(camera, "has no optics; it is left out");
@@ -95,7 +96,7 @@ pub fn lights<'a, 'i>(xml: &Xml<'a, 'i>, tree: &Tree<'a, 'i>) -> Result<Vec<Asse
     let mut out = Vec::new();
     for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
         for instance in children(node, "instance_light") {
-            let light = xml.follow(instance, "url")?;
+            let Some(light) = xml.instanced(instance, "url", "light", LEFT_OUT) else { continue };
             let Some(kind) = child(light, "technique_common").and_then(|t| t.children().next()) else {
                 xml.warn(light, "has no technique_common; it is left out");
                 continue;
@@ -156,19 +157,10 @@ fn name(node: Node<'_, '_>) -> String {
 }
 
 /// Metres a unit, and the upward axis as written.
-pub fn convention<'a, 'i>(xml: &Xml<'a, 'i>) -> Result<(f64, &'static str)> {
+pub fn convention<'a, 'i>(xml: &Xml<'a, 'i>) -> (f64, &'static str) {
     let asset = child(xml.root(), "asset");
     let unit = asset.and_then(|a| child(a, "unit"));
-    let metres = match unit.and_then(|u| u.attribute("meter").map(|m| (u, m))) {
-        None => 1.0,
-        Some((unit, text)) => {
-            let value =
-                choreo_import::text::number(text.trim().as_bytes()).filter(|v| (1e-6..=1e6).contains(v));
-            value.ok_or_else(|| {
-                xml.problem(unit, format!("meter=\"{text}\" is not a number from 0.000001 to 1000000"))
-            })?
-        }
-    };
+    let metres = unit.map_or(1.0, |unit| metres(xml, unit));
     let up = match asset.and_then(|a| descendant(a, "up_axis")).map(crate::xml::text_of) {
         Some("X_UP") => "+X",
         Some("Z_UP") => "+Z",
@@ -178,5 +170,22 @@ pub fn convention<'a, 'i>(xml: &Xml<'a, 'i>) -> Result<(f64, &'static str)> {
             "+Y"
         }
     };
-    Ok((metres, up))
+    (metres, up)
+}
+
+/// What `meter` says; some programs write the decimal comma of their user's language.
+fn metres<'a, 'i>(xml: &Xml<'a, 'i>, unit: Node<'a, 'i>) -> f64 {
+    let Some(text) = unit.attribute("meter").map(str::trim) else { return 1.0 };
+    let value = |text: &str| number(text.as_bytes()).filter(|v| (1e-6..=1e6).contains(v));
+    value(text).unwrap_or_else(|| {
+        let (written, fallback) = (shown(text.as_bytes()), value(&text.replacen(',', ".", 1)));
+        match fallback {
+            Some(v) => xml.warn(unit, format!("meter=\"{written}\" has a decimal comma; {v} is used")),
+            None => {
+                let what = format!("meter=\"{written}\" is not a number from 0.000001 to 1000000; 1 is used");
+                xml.warn(unit, what);
+            }
+        }
+        fallback.unwrap_or(1.0)
+    })
 }

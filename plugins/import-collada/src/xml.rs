@@ -6,6 +6,9 @@ use choreo_import::{Budget, Notes, Problem, Progress, Result};
 use choreo_plugin::Files;
 use std::collections::HashMap;
 
+/// What becomes of an instance that refers to nothing.
+pub const LEFT_OUT: &str = "it is left out";
+
 pub struct Xml<'a, 'i> {
     doc: &'a Document<'i>,
     /// Elements of a library and nodes apart: exporters give a camera and its node the same id.
@@ -87,6 +90,25 @@ impl<'a, 'i> Xml<'a, 'i> {
                 format!("{attribute}=\"{}\" refers to nothing in this file", shown(url.as_bytes())),
             )
         })
+    }
+
+    /// What an instance (`instance_camera`, `instance_light` …) refers to, an element of this kind. A reference to nothing, or to
+    /// something else, is a warning that ends with what is done instead.
+    pub fn instanced(
+        &self,
+        instance: Node<'a, 'i>,
+        url: &str,
+        kind: &str,
+        instead: &str,
+    ) -> Option<Node<'a, 'i>> {
+        match self.follow(instance, url) {
+            Ok(node) if name_of(node) == kind => return Some(node),
+            Ok(node) => {
+                self.warn(instance, format!("refers to a {}, not a {kind}; {instead}", name_of(node)));
+            }
+            Err(problem) => self.notes.warn(problem.place, format!("{}; {instead}", problem.what)),
+        }
+        None
     }
 
     /// The numbers of an element's text.

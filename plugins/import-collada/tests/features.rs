@@ -304,3 +304,117 @@ fn a_skeleton_alone_has_bones_to_be_seen() {
     assert_eq!((asset.meshes[0].name.as_str(), asset.skins.len()), ("bones", 1));
     assert!(warnings(&asset)[0].contains("url=\"#gone\" refers to nothing in this file; it is left out"));
 }
+
+/// What an instance refers to may be missing, or be something else: the rest of the file is read all the same.
+#[test]
+fn instances_of_nothing_are_left_out() {
+    let nothing = "refers to nothing in this file";
+    let eye = "library_visual_scenes/visual_scene \"scene\"/node \"eye\"";
+    for (from, to, told, counts) in [
+        (
+            "instance_camera url=\"#cam\"",
+            "instance_camera url=\"#x\"",
+            format!("{eye}/instance_camera (line 148): url=\"#x\" {nothing}; it is left out"),
+            (1, 0, 2, 1),
+        ),
+        (
+            "instance_camera url=\"#cam\"",
+            "instance_camera url=\"#sun\"",
+            format!("{eye}/instance_camera (line 148): refers to a light, not a camera; it is left out"),
+            (1, 0, 2, 1),
+        ),
+        (
+            "instance_light url=\"#sun\"",
+            "instance_light",
+            format!("{eye}/instance_light (line 149): has no url; it is left out"),
+            (1, 1, 1, 1),
+        ),
+        (
+            "instance_light url=\"#lamp\"",
+            "instance_light url=\"other.dae#lamp\"",
+            format!("{eye}/instance_light (line 150): url=\"other.dae#lamp\" {nothing}; it is left out"),
+            (1, 1, 1, 1),
+        ),
+        (
+            "<instance_camera",
+            "<instance_geometry url=\"#x\"/><instance_node url=\"#y\"/><instance_controller url=\"#strip\"/><instance_camera",
+            format!(
+                "{eye}/instance_controller (line 148): refers to a geometry, not a controller; it is left out"
+            ),
+            (1, 1, 2, 1),
+        ),
+        (
+            "target=\"#skin\"",
+            "target=\"#x\"",
+            format!("instance_material (line 139): target=\"#x\" {nothing}; grey is used"),
+            (1, 1, 2, 1),
+        ),
+        (
+            "url=\"#skin-fx\"",
+            "url=\"#x\"",
+            format!(
+                "library_materials/material \"skin\"/instance_effect (line 30): url=\"#x\" {nothing}; white is used"
+            ),
+            (1, 1, 2, 1),
+        ),
+        (
+            "<instance_visual_scene url=\"#scene\"/>",
+            "<instance_visual_scene url=\"#x\"/>",
+            format!("scene/instance_visual_scene (line 154): url=\"#x\" {nothing}; the first scene is used"),
+            (1, 1, 2, 1),
+        ),
+        (
+            "<library_visual_scenes>",
+            "<library_animation_clips><animation_clip name=\"c\"><instance_animation url=\"#x\"/></animation_clip></library_animation_clips><library_visual_scenes>",
+            format!(
+                "library_animation_clips/animation_clip/instance_animation (line 127): url=\"#x\" {nothing}; it is left out"
+            ),
+            (1, 1, 2, 1),
+        ),
+    ] {
+        let asset = with(&[(from, to)]);
+        let said = warnings(&asset);
+        assert!(said.iter().any(|w| w.ends_with(&told)), "{told}\n{said:#?}");
+        let found = (asset.instances.len(), asset.cameras.len(), asset.lights.len(), asset.clips.len());
+        assert_eq!(found, counts, "{to}");
+    }
+}
+
+/// As programs write it whose user's language has a decimal comma.
+#[test]
+fn units_that_are_no_numbers() {
+    let size = |asset: &Asset| (asset.rest_bounds().max - asset.rest_bounds().min).max_element();
+    let plain = read(ARM);
+    let comma = with(&[("meter=\"0.01\"", "meter=\"0,01\"")]);
+    assert_eq!((size(&comma), comma.origin.metres_per_unit), (size(&plain), Some(0.01)));
+    assert!(
+        warnings(&comma)
+            .contains(&"asset/unit (line 5): meter=\"0,01\" has a decimal comma; 0.01 is used".into())
+    );
+    for wrong in ["0", "centimetre", "-1", "1e9", ""] {
+        let asset = with(&[("meter=\"0.01\"", &format!("meter=\"{wrong}\""))]);
+        assert_eq!(asset.origin.metres_per_unit, Some(1.0));
+        let told = format!(
+            "asset/unit (line 5): meter=\"{wrong}\" is not a number from 0.000001 to 1000000; 1 is used"
+        );
+        assert!(warnings(&asset).contains(&told), "{:?}", warnings(&asset));
+    }
+}
+
+/// Time 0 of a clip is its first key where the file does not say where it starts.
+#[test]
+fn clips_begin_at_their_first_key() {
+    let whole = read(ARM);
+    for (times, late) in [("0.25 0.75 1.75", 0.25), ("-2 -1.5 -0.5", -2.0), ("1000 1000.5 1001.5", 1000.0)] {
+        let asset = with(&[("0 0.5 1.5", times)]);
+        assert_eq!(asset.clips[0].duration.as_secs(), 1.5, "{late}");
+        for at in [0.0, 0.25, 0.5, 1.0, 1.5] {
+            let (a, b) = (pose::at(&asset, Some(0), at)[1], pose::at(&whole, Some(0), at)[1]);
+            assert!(a.abs_diff_eq(b, 1e-6), "{at} s of {late}: {a} {b}");
+        }
+    }
+    // An animation_clip says where it starts: 0 where it says nothing.
+    let clips = "<library_animation_clips><animation_clip name=\"all\"><instance_animation url=\"#bend\"/></animation_clip></library_animation_clips><library_visual_scenes>";
+    let asset = with(&[("0 0.5 1.5", "0.25 0.75 1.75"), ("<library_visual_scenes>", clips)]);
+    assert_eq!(asset.clips[0].duration.as_secs(), 1.75);
+}

@@ -103,11 +103,13 @@ impl TagName for Node<'_, '_> {
     }
 }
 
-/// Worst distance of any node at any key of the file, relative to the size of what they span.
+/// Worst distance of any node at any key of the file, relative to the size of what they span. The clip begins at the file's first
+/// key.
 fn worst(asset: &Asset, oracle: &Oracle<'_>, late_secs: f64) -> f64 {
     let mut keys: Vec<f64> = oracle.channels.iter().flat_map(|c| c.1.clone()).collect();
     keys.sort_by(f64::total_cmp);
     keys.dedup();
+    let start = keys[0];
     let mut worst = 0.0f64;
     for secs in keys.iter().step_by(keys.len() / 30 + 1) {
         // Only where all channels that still move have a key: between keys the matrices say nothing.
@@ -116,7 +118,7 @@ fn worst(asset: &Asset, oracle: &Oracle<'_>, late_secs: f64) -> f64 {
             continue;
         }
         let truth = oracle.positions(*secs);
-        let ours = pose::at(asset, Some(0), secs + late_secs);
+        let ours = pose::at(asset, Some(0), secs - start + late_secs);
         let probe = glam::Vec3A::X * (50.0 * oracle.metres) as f32;
         let ours: Vec<glam::Vec3A> =
             ours.iter().flat_map(|m| [m.translation, m.transform_point3a(probe)]).collect();

@@ -1,5 +1,5 @@
 //! Blend shapes. A channel with shapes in between gives one morph target for each of its shapes; their weights follow the
-//! channel's, piecewise linear, as FBX has it.
+//! channel's, piecewise linear, as FBX has it, below 0 too.
 
 use crate::convert::vec3;
 use crate::file::File;
@@ -57,8 +57,10 @@ pub fn rest_weights(mesh: &Mesh) -> Vec<f32> {
     out
 }
 
-/// Appends the weight of each of a channel's shapes at a weight of the channel: 1 at the shape's own place, falling to 0 at
-/// its neighbours', where 0 is a place without a shape; past the outermost it goes on as before.
+/// Appends the weight of each of a channel's shapes at a weight of the channel, piecewise linear: 1 at the shape's own weight,
+/// falling to 0 at its neighbours' and at 0, which is the mesh without shapes. Past the outermost shape the last two go on as
+/// before. On a side of 0 that has no shape, the first shape of the other side goes on through 0: a negative weight of a
+/// channel with positive shapes moves the vertices the other way, as in ufbx (`ufbxi_update_blend_channel`) and in Maya.
 pub fn shape_weights(channel: &BlendChannel, weight: f64, out: &mut Vec<f32>) {
     let places = || channel.keyframes.as_ref().iter().map(|k| k.target_weight);
     for (index, place) in places().enumerate() {
@@ -72,10 +74,11 @@ pub fn shape_weights(channel: &BlendChannel, weight: f64, out: &mut Vec<f32>) {
         let inner = places().map(outward).filter(|p| *p > 0.0 && *p < place.abs()).fold(0.0, f64::max);
         let outer = places().map(outward).filter(|p| *p > place.abs()).fold(f64::INFINITY, f64::min);
         let double = places().take(index).any(|p| p == place);
+        let through_zero = inner == 0.0 && places().map(outward).all(|p| p >= 0.0);
         let at = outward(weight);
         let up = (at - inner) / (place.abs() - inner);
         let value = match at {
-            _ if double || at <= inner => 0.0,
+            _ if double || at <= inner && !through_zero => 0.0,
             _ if at <= place.abs() || outer.is_infinite() => up,
             // Past the outermost shape, the last two go on as they were.
             _ if at > outer && places().map(outward).any(|p| p > outer) => 0.0,
@@ -85,10 +88,13 @@ pub fn shape_weights(channel: &BlendChannel, weight: f64, out: &mut Vec<f32>) {
     }
 }
 
-/// Weights of the channel at which the weights of its shapes bend.
+/// Weights of the channel at which the weights of its shapes bend: those of the shapes, and 0 where it lies between two.
 pub fn bends(channel: &BlendChannel) -> Vec<f64> {
-    let mut out: Vec<f64> = channel.keyframes.as_ref().iter().map(|k| k.target_weight).chain([0.0]).collect();
+    let mut out: Vec<f64> = channel.keyframes.as_ref().iter().map(|k| k.target_weight).collect();
     out.retain(|p| p.is_finite());
+    if out.iter().any(|p| *p < 0.0) && out.iter().any(|p| *p > 0.0) {
+        out.push(0.0);
+    }
     out.sort_by(f64::total_cmp);
     out.dedup();
     out

@@ -59,7 +59,8 @@ impl<'a> Walk<'a> {
     fn add(&mut self, file: &File<'_>, root: &'a Node) {
         let mut stack = vec![(root, None, true)];
         while let Some((node, parent, parent_shown)) = stack.pop() {
-            let shown = file.hidden || (node.visible && (parent_shown || !inherits_visibility(node)));
+            let shown =
+                file.hidden || (is_visible(file, node) && (parent_shown || !inherits_visibility(node)));
             // The root belongs to no object of the file.
             let joint = match node.is_root && node.all_attribs.is_empty() {
                 true => None,
@@ -122,6 +123,15 @@ pub fn owner(mut node: &Node) -> &Node {
 fn is_lod_group(node: &Node) -> bool {
     let is = |n: &Node| n.all_attribs.as_ref().iter().any(|a| a.type_ == ElementType::LodGroup);
     is(node) || node.geometry_transform_helper.as_ref().is_some_and(|h| is(h))
+}
+
+/// What the node itself says; visible where it says nothing. Before version 6 the visibility is the value of a channel, which ufbx
+/// keeps as a real number alone: its whole number stays 0, by which it takes every node with such a channel for hidden.
+fn is_visible(file: &File<'_>, node: &Node) -> bool {
+    match node.element.props.find_prop("Visibility") {
+        Some(prop) if file.scene.metadata.version < 6000 => prop.value_vec4.x != 0.0,
+        _ => node.visible,
+    }
 }
 
 /// FBX: a node is as hidden as its parent, unless it says otherwise.

@@ -303,3 +303,34 @@ fn a_mesh_used_twice_has_them_in_joints() {
         assert!(vertices[k].distance(wanted) < 1e-6, "{}", vertices[k]);
     }
 }
+
+/// Versions 3 to 5 keep a node's visibility in a channel, of the node itself or of a take: 1 is visible, as is no channel at all.
+#[test]
+fn visibility_before_version_6() {
+    let channel = |value: u8| format!("Channel: \"Visibility\" {{\nDefault: {value}\n}}\n");
+    let file = |version: u32, of_node: &str, of_take: &str| {
+        format!(
+            "; FBX {}.0.0 project file\nFBXHeaderExtension: {{\nFBXHeaderVersion: 1003\nFBXVersion: {version}\n}}\n\
+             Model: \"Model::Box01\" {{\nVersion: 194\n{of_node}GeometryVersion: 123\nVertices: 0,0,0,1,0,0,0,1,0\n\
+             MaterialAssignation: \"AllSame\"\nMaterials: 0\nPolygonVertexIndex: 0,1,-3\n}}\n\
+             Takes: {{\nCurrent: \"a\"\nTake: \"a\" {{\nLocalTime: 0,{SECOND}\nModel: \"Model::Box01\" {{\nVersion: 1.1\n{of_take}}}\n}}\n}}\n",
+            version / 1000
+        )
+    };
+    for version in [3000, 5000, 5800] {
+        for (of_node, of_take, shown) in [
+            (String::new(), String::new(), 1),
+            (channel(1), String::new(), 1),
+            (String::new(), channel(1), 1),
+            (channel(0), String::new(), 0),
+            (String::new(), channel(0), 0),
+        ] {
+            let text = file(version, &of_node, &of_take);
+            let source = common::source("old.fbx", text.clone().into_bytes());
+            let asset = import(&FbxImporter, &source, &Companions::none(), Needs::ALL).unwrap();
+            assert_eq!(asset.instances.len(), shown, "{text}\n{:?}", warnings(&asset));
+            let hidden = warnings(&asset).iter().any(|w| w.contains("its mesh is hidden in the file"));
+            assert_eq!(hidden, shown == 0);
+        }
+    }
+}

@@ -81,6 +81,15 @@ impl File<'_> {
 
     /// Unsigned integers, not normalised: indices and joints.
     pub fn integers<const N: usize>(&self, index: usize) -> Result<Vec<[u32; N]>> {
+        // Before anything is read: an accessor without data has no bytes that could not be decoded.
+        if let Some(accessor) = self.root.accessors.get(index)
+            && let Checked::Valid(component) = accessor.component_type
+            && !matches!(component.0, ComponentType::U8 | ComponentType::U16 | ComponentType::U32)
+        {
+            let what = format!("has component type {:?}; U8, U16 and U32 are allowed here", component.0);
+            return Err(Problem::new(format!("accessors[{index}]"), what)
+                .hint("indices and joints are whole numbers; export the file again"));
+        }
         self.read::<N, u32>(index, unsigned)
     }
 

@@ -1,8 +1,9 @@
 //! GLB and JSON: from bytes to the checked outer shape of a file (glTF 2.0 §4, GLB).
 
 use crate::locate::element_at;
-use crate::pointers::{self, Pointers};
+use crate::pointers::Pointers;
 use crate::problem::{Problem, Result};
+use crate::repair;
 use gltf::json::Root;
 
 pub const GLB_MAGIC: &[u8] = b"glTF";
@@ -52,7 +53,7 @@ pub fn split(bytes: &[u8]) -> Result<Container<'_>> {
     let version = word(4)?;
     if version != 2 {
         return Err(Problem::new("byte 4", format!("GLB version {version} is not supported, only 2"))
-            .hint("convert the file to glTF 2.0"));
+            .hint(repair::CONVERT_1));
     }
     let mut warnings = Vec::new();
     let total = word(8)? as usize;
@@ -97,7 +98,7 @@ fn truncated(place: String, have: usize, need: usize) -> Problem {
         .hint("the file was cut off; fetch or export it again")
 }
 
-/// Typed JSON. `KHR_animation_pointer` channels have no target node, which the typed form cannot hold: they get a mark there.
+/// Typed JSON. What the typed form refuses although it is valid is repaired first.
 pub fn parse(container: &Container<'_>) -> Result<(Root, Pointers)> {
     let count = |letter: u8| container.json.iter().filter(|b| **b == letter).count();
     for (letters, limit, what) in
@@ -110,28 +111,39 @@ pub fn parse(container: &Container<'_>) -> Result<(Root, Pointers)> {
                 .hint("split the file, or leave out what the scene does not need"));
         }
     }
-    let first = serde_json::from_slice::<Root>(container.json);
-    let error = match first {
+    let error = match serde_json::from_slice::<Root>(container.json) {
         Ok(root) => return Ok((root, Pointers::new())),
         Err(e) => e,
     };
     if error.is_data()
         && let Ok(mut value) = serde_json::from_slice::<serde_json::Value>(container.json)
-        && let Some(pointers) = pointers::mark_channels(&mut value)
-        && let Ok(root) = serde_json::from_value::<Root>(value)
     {
-        return Ok((root, pointers));
+        repair::refuse_version_1(&value)?;
+        if let Some(pointers) = repair::repair(&mut value) {
+            // As text once more: the typed form says where in it an error lies.
+            let text = value.to_string();
+            let root = serde_json::from_str::<Root>(&text);
+            return root.map(|root| (root, pointers)).map_err(|e| invalid(text.as_bytes(), None, &e));
+        }
     }
-    let offset = byte_offset(container.json, error.line(), error.column());
-    let element = element_at(container.json, offset);
-    let at_byte = container.json_offset + offset;
-    let place =
-        if element.is_empty() { format!("byte {at_byte}") } else { format!("{element} (byte {at_byte})") };
+    Err(invalid(container.json, Some(container.json_offset), &error))
+}
+
+/// `start`: of the JSON in the file; `None` where the JSON is not as in the file.
+fn invalid(json: &[u8], start: Option<usize>, error: &serde_json::Error) -> Problem {
+    let offset = byte_offset(json, error.line(), error.column());
+    let element = element_at(json, offset);
+    let byte = start.map(|start| format!("byte {}", start + offset));
+    let place = match (element.is_empty(), byte) {
+        (true, byte) => byte.unwrap_or_else(|| "JSON".into()),
+        (false, Some(byte)) => format!("{element} ({byte})"),
+        (false, None) => element,
+    };
     // serde_json's text ends in " at line L column C", which the place says better.
     let full = error.to_string();
     let what = full.rsplit_once(" at line ").map_or(full.as_str(), |(w, _)| w);
     let problem = Problem::new(place, format!("not valid glTF JSON: {what}"));
-    Err(if error.is_eof() { problem.hint("the file was cut off; fetch or export it again") } else { problem })
+    if error.is_eof() { problem.hint("the file was cut off; fetch or export it again") } else { problem }
 }
 
 fn byte_offset(json: &[u8], line: usize, column: usize) -> usize {
@@ -205,6 +217,29 @@ mod tests {
         let p = parse(&split(json).unwrap()).unwrap_err();
         assert!(p.place.starts_with("accessors[1].count (byte "), "{p:?}");
         assert_eq!(p.what, "not valid glTF JSON: invalid value: integer `-5`, expected u64");
+    }
+
+    /// The same faults where something else had to be repaired: the element is named still.
+    #[test]
+    fn json_errors_after_a_repair_name_the_element() {
+        let json =
+            br#"{"asset":{"version":"2.0"},"scenes":[{}],"accessors":[{"count":1.0,"componentType":5126,"type":"VEC3"},
+            {"count":1.5,"componentType":5126,"type":"VEC3"}]}"#;
+        let p = parse(&split(json).unwrap()).unwrap_err();
+        assert_eq!(p.place, "accessors[1].count");
+        assert_eq!(p.what, "not valid glTF JSON: invalid type: floating point `1.5`, expected u64");
+    }
+
+    #[test]
+    fn version_1_is_told() {
+        let json =
+            br#"{"asset":{"version":"1.0"},"accessors":{"a_1":{"count":1}},"scenes":{"s":{"nodes":["n"]}}}"#;
+        let p = parse(&split(json).unwrap()).unwrap_err();
+        assert_eq!(
+            (p.place.as_str(), p.what.as_str()),
+            ("asset.version", "glTF 1.0 is not supported, only 2.0")
+        );
+        assert_eq!(p.hint.as_deref(), Some(repair::CONVERT_1));
     }
 
     #[test]

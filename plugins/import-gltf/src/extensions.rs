@@ -2,7 +2,9 @@
 
 use crate::file::File;
 use crate::problem::{Problem, Result};
+use crate::repair;
 use choreo_plugin::Needs;
+use gltf::json::mesh::Primitive;
 
 const READ: &[&str] = &[
     "EXT_meshopt_compression",
@@ -42,9 +44,20 @@ enum Part {
     Textures,
 }
 
+impl Essential {
+    fn is_needed(&self, needs: Needs) -> bool {
+        match self.part {
+            Part::Geometry => needs.geometry,
+            Part::Textures => needs.textures,
+        }
+    }
+}
+
+const DRACO: &str = "KHR_draco_mesh_compression";
+
 const ESSENTIAL: &[Essential] = &[
     Essential {
-        name: "KHR_draco_mesh_compression",
+        name: DRACO,
         part: Part::Geometry,
         hint: "export without Draco compression, or decompress with `gltf-transform copy in.glb out.glb`",
     },
@@ -69,24 +82,58 @@ pub fn check(file: &File<'_>, needs: Needs, own: &[&str]) -> Result<()> {
         false => needed.split('.').next() == Some("2"),
     };
     if !readable {
-        return Err(Problem::new("asset.version", format!("glTF {needed} is not supported, only 2.0"))
-            .hint("convert the file to glTF 2.0"));
+        return Err(repair::unsupported_version(needed));
     }
-    for name in &file.root.extensions_required {
-        if let Some(e) = ESSENTIAL.iter().find(|e| e.name == name)
-            && match e.part {
-                Part::Geometry => needs.geometry,
-                Part::Textures => needs.textures,
-            }
-        {
-            let what = format!("the file needs {name}, which is not supported");
-            return Err(Problem::new("extensionsRequired", what).hint(e.hint));
-        }
+    let known = |name: &str| READ.contains(&name) || own.contains(&name);
+    let without: Vec<&Essential> = ESSENTIAL
+        .iter()
+        .filter(|e| file.root.extensions_required.iter().any(|name| name == e.name) && e.is_needed(needs))
+        .collect();
+    if !without.is_empty() {
+        // All of them, so that one conversion is enough.
+        let left_out = |name: &&str| ESSENTIAL.iter().any(|e| e.name == *name && !e.is_needed(needs));
+        let names = file.root.extensions_required.iter().map(String::as_str);
+        let names: Vec<&str> = names.filter(|name| !known(name) && !left_out(name)).collect();
+        return Err(unsupported("extensionsRequired", &names, &without));
     }
     for name in crate::profile::used(&file.root) {
-        if !READ.contains(&name.as_str()) && !own.contains(&name.as_str()) {
+        if !known(name) {
             file.warn("extensionsUsed", format!("{name} is not supported; what it says is ignored"));
         }
     }
     Ok(())
+}
+
+/// `names` are not supported; `without`: those of them whose data the file cannot be read without.
+fn unsupported(place: impl Into<String>, names: &[&str], without: &[&Essential]) -> Problem {
+    let listed = match names {
+        [one] => format!("{one}, which is not supported"),
+        [first @ .., last] => format!("{} and {last}, which are not supported", first.join(", ")),
+        [] => String::new(),
+    };
+    let mut hints: Vec<&str> = without.iter().map(|e| e.hint).collect();
+    hints.dedup();
+    Problem::new(place, format!("the file needs {listed}")).hint(hints.join("; "))
+}
+
+/// Refuses a primitive whose vertices are only there as Draco has packed them: where the extension is not required the file
+/// should have them unpacked as well, but some writers leave their accessors empty.
+pub fn refuse_empty_fallback(
+    file: &File<'_>,
+    primitive: &Primitive,
+    place: &dyn Fn() -> String,
+) -> Result<()> {
+    if !primitive.extensions.as_ref().is_some_and(|e| e.others.contains_key(DRACO)) {
+        return Ok(());
+    }
+    let is_empty = |accessor: usize| {
+        let accessor = file.root.accessors.get(accessor);
+        accessor.is_some_and(|a| a.buffer_view.is_none() && a.sparse.is_none())
+    };
+    let accessors = primitive.attributes.values().chain(&primitive.indices);
+    let essential = ESSENTIAL.iter().filter(|e| e.name == DRACO);
+    match accessors.map(|a| a.value()).any(is_empty) {
+        true => Err(unsupported(place(), &[DRACO], &essential.collect::<Vec<_>>())),
+        false => Ok(()),
+    }
 }

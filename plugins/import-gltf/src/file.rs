@@ -24,12 +24,12 @@ pub struct File<'a> {
     /// KHR_materials_variants: the variant asked for.
     pub variant: Option<u64>,
     bin: Option<&'a [u8]>,
-    files: &'a dyn Files,
+    pub files: &'a dyn Files,
     buffers: Vec<OnceCell<Bytes<'a>>>,
     /// Of compressed buffer views: their bytes, once asked for.
     unpacked: Vec<OnceCell<Vec<u8>>>,
     budget: Budget,
-    notes: Notes,
+    pub notes: Notes,
 }
 
 pub enum Bytes<'a> {
@@ -126,7 +126,7 @@ impl<'a> File<'a> {
         }
     }
 
-    pub fn load_uri(&self, uri: &str, place: impl Fn() -> String) -> Result<Bytes<'a>> {
+    fn load_uri(&self, uri: &str, place: impl Fn() -> String) -> Result<Bytes<'a>> {
         match uri::data_uri(uri) {
             Some(Ok(bytes)) => Ok(Bytes::Owned(bytes)),
             Some(Err(what)) => Err(Problem::new(place(), what)),

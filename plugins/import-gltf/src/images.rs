@@ -1,14 +1,17 @@
-//! Images of the textures in use, each decoded once (glTF 2.0 §3.8).
+//! Images of the textures in use, each decoded once (glTF 2.0 §3.8). One that is missing or damaged is a warning, as in the
+//! other importers.
 
 use crate::file::{Bytes, File};
-use crate::problem::{Problem, Result, element};
+use crate::problem::{Result, element};
+use crate::uri;
 use choreo_import::pictures::{Encoded, Formats};
+use choreo_import::search;
 
 /// Images in the order in which materials ask for them.
 #[derive(Default)]
 pub struct ImageTable<'a> {
-    /// Asset image of each file image asked for so far.
-    known: Vec<Option<u32>>,
+    /// Asset image of each file image asked for so far; `Some(None)` for those that cannot be read.
+    known: Vec<Option<Option<u32>>>,
     pub entries: Vec<Encoded<Slice<'a>>>,
 }
 
@@ -27,58 +30,71 @@ impl AsRef<[u8]> for Slice<'_> {
 }
 
 impl<'a> ImageTable<'a> {
-    /// The asset's image for an image of the file. Files that hold the same picture twice get it once.
-    pub fn index_of(&mut self, file: &'a File<'_>, file_image: usize, user: &str) -> Result<u32> {
+    /// The asset's image for an image of the file; `None` where there is none to be had. Files that hold the same picture twice
+    /// get it once.
+    pub fn index_of(&mut self, file: &'a File<'_>, file_image: usize, user: &str) -> Result<Option<u32>> {
         element(&file.root.images, file_image, "images", || user.to_string())?;
         self.known.resize(file.root.images.len(), None);
-        if let Some(index) = self.known[file_image] {
-            return Ok(index);
+        if let Some(known) = self.known[file_image] {
+            return Ok(known);
         }
         let place = || format!("images[{file_image}]");
-        let bytes = fetch(file, file_image)?;
-        let mut found = None;
-        for (index, entry) in self.entries.iter().enumerate() {
-            if entry.bytes.as_ref().len() == bytes.as_ref().len() {
-                // Comparing costs time as decoding does: it comes out of the same budget.
-                file.charge(bytes.as_ref().len() as u64, 1).map_err(|what| Problem::new(place(), what))?;
-                if entry.bytes.as_ref() == bytes.as_ref() {
-                    found = Some(index as u32);
-                    break;
-                }
-            }
-        }
-        let index = match found {
-            Some(index) => index,
-            None => {
-                self.entries.push(examine(file, file_image, bytes)?);
-                self.entries.len() as u32 - 1
+        let image = &file.root.images[file_image];
+        let bytes = match (&image.buffer_view, &image.uri) {
+            // Of the file itself: what is wrong there is an error.
+            (Some(view), _) => Ok(Slice::View(file.view(view.value(), place)?.0)),
+            (None, Some(uri)) => fetch(file, uri),
+            (None, None) => Err("has neither a bufferView nor a uri".to_string()),
+        };
+        let index = match bytes.and_then(|bytes| self.add(file, file_image, bytes)) {
+            Ok(index) => Some(index),
+            Err(what) => {
+                file.warn(place(), format!("{what}; the texture is left out"));
+                None
             }
         };
         self.known[file_image] = Some(index);
         Ok(index)
     }
-}
 
-fn fetch<'a>(file: &'a File<'_>, index: usize) -> Result<Slice<'a>> {
-    let image = &file.root.images[index];
-    let place = || format!("images[{index}]");
-    match (&image.buffer_view, &image.uri) {
-        (Some(view), _) => Ok(Slice::View(file.view(view.value(), place)?.0)),
-        (None, Some(uri)) => Ok(Slice::Loaded(file.load_uri(uri, place)?)),
-        (None, None) => Err(Problem::new(place(), "has neither a bufferView nor a uri")),
+    /// The index of a picture with these bytes, which is added where there is none.
+    fn add(
+        &mut self,
+        file: &File<'_>,
+        file_image: usize,
+        bytes: Slice<'a>,
+    ) -> std::result::Result<u32, String> {
+        for (index, entry) in self.entries.iter().enumerate() {
+            if entry.bytes.as_ref().len() == bytes.as_ref().len() {
+                // Comparing costs time as decoding does: it comes out of the same budget.
+                file.charge(bytes.as_ref().len() as u64, 1)?;
+                if entry.bytes.as_ref() == bytes.as_ref() {
+                    return Ok(index as u32);
+                }
+            }
+        }
+        let image = &file.root.images[file_image];
+        let name = match (&image.name, &image.uri) {
+            (Some(name), _) => name.clone(),
+            (None, Some(uri)) if uri::data_uri(uri).is_none() => uri::file_name(uri),
+            _ => format!("image {file_image}"),
+        };
+        // Format and size from the header alone.
+        let encoded = Encoded::examine(format!("images[{file_image}]"), name, bytes, Formats::Web)
+            .map_err(|problem| problem.what)?;
+        file.charge(encoded.pixels(), 4).map_err(|what| format!("\"{}\" {what}", encoded.name))?;
+        self.entries.push(encoded);
+        Ok(self.entries.len() as u32 - 1)
     }
 }
 
-/// Format and size from the header alone.
-fn examine<'a>(file: &File<'_>, index: usize, bytes: Slice<'a>) -> Result<Encoded<Slice<'a>>> {
-    let image = &file.root.images[index];
-    let name = match (&image.name, &image.uri) {
-        (Some(name), _) => name.clone(),
-        (None, Some(uri)) if crate::uri::data_uri(uri).is_none() => crate::uri::file_name(uri),
-        _ => format!("image {index}"),
-    };
-    let encoded = Encoded::examine(format!("images[{index}]"), name, bytes, Formats::Web)?;
-    file.charge(encoded.pixels(), 4)
-        .map_err(|what| Problem::new(encoded.place.clone(), format!("\"{}\" {what}", encoded.name)))?;
-    Ok(encoded)
+/// A picture inside the URI, or in a file of this name: as the URI gives it, else where [`search::places`] says.
+fn fetch<'a>(file: &File<'_>, uri: &str) -> std::result::Result<Slice<'a>, String> {
+    if let Some(inside) = uri::data_uri(uri) {
+        return inside.map(|bytes| Slice::Loaded(Bytes::Owned(bytes)));
+    }
+    // Some writers do not encode: a name that only looks encoded is tried as it stands, too.
+    let name = uri::file_name(uri);
+    let read = search::read_first(file.files, &search::places(&[&name, uri]));
+    read.map(|bytes| Slice::Loaded(Bytes::Shared(bytes))).map_err(|why| search::missing(&name, &why))
 }

@@ -3,6 +3,7 @@
 
 use crate::materials::{Reader, TextureUse};
 use crate::problem::{Problem, Result};
+use crate::repair::{self, whole};
 use choreo_stage::MaterialLayers;
 use choreo_stage::asset::{Material, Shading, TextureRef};
 use glam::Vec3;
@@ -52,12 +53,12 @@ impl Said<'_> {
 
     fn texture(&self, reader: &mut Reader<'_, '_, '_>, key: &'static str) -> Result<Option<TextureRef>> {
         let Some(info) = self.value.get(key) else { return Ok(None) };
-        let number = |key: &str| info.get(key).and_then(Value::as_u64);
+        let number = |key: &str| info.get(key).and_then(whole);
         let Some(texture) = number("index").and_then(|n| usize::try_from(n).ok()) else {
             return Err(Problem::new(self.place(reader, key), "does not say which texture (index)"));
         };
         let transform = info.get("extensions").and_then(|e| e.get("KHR_texture_transform"));
-        let transform = transform.and_then(|t| serde_json::from_value(t.clone()).ok());
+        let transform = transform.and_then(|t| repair::typed(t).ok());
         let uv_set = number("texCoord").map_or(0, |n| u32::try_from(n).unwrap_or(u32::MAX));
         reader.texture(TextureUse { slot: key, texture, uv_set, transform: transform.as_ref() })
     }

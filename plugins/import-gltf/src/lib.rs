@@ -18,15 +18,17 @@ mod objects;
 mod packed;
 mod pointers;
 pub mod profile;
+mod repair;
 mod skinning;
 mod topology;
 mod uri;
 mod variants;
 
-use choreo_import::pictures;
 pub use choreo_import::problem;
+use choreo_import::{bones, pictures};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::Asset;
+use choreo_stage::asset::{Material, TextureRef};
 use file::File;
 pub use materials::MaterialTextures;
 use problem::Result;
@@ -54,6 +56,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         "",
         &[],
     )
+    .flag("bones", "show the bones of a file that has a skeleton or clips, but no mesh", true)
 });
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -141,24 +144,34 @@ fn import(
     // Pictures take as long as everything else together: they are decoded beside it.
     let (images, rest) =
         pictures::decode_beside(&table.entries, needs, files, || decode(&file, &tree, needs, &materials));
-    drop(table);
     let mut asset = rest?;
     asset.name = source.name.clone();
-    asset.images = images.into_iter().collect::<Result<_>>()?;
+    // White is no direction: a normal map that cannot be decoded has no effect.
+    let lost: Vec<u32> = (0..).zip(&images).filter(|(_, image)| image.is_err()).map(|(i, _)| i).collect();
+    materials.iter_mut().for_each(|material| leave_out_normal_maps(material, &lost));
+    asset.images = pictures::or_white(images, &table.entries, &file.notes)?;
+    drop(table);
     glossiness::convert(&glossy, &mut materials, &mut asset.images);
     asset.materials = materials;
     asset.skeleton = Arc::new(std::mem::take(&mut tree.skeleton));
     profile.finish(&file.document(Some(&tree)), needs, &mut asset)?;
+    let show_bones = needs.geometry && options.bool("bones").unwrap_or(true);
+    if show_bones && asset.instances.is_empty() && nodes::has_skeleton(&file, &tree, &asset) {
+        bones::add_bones(&mut asset);
+    }
     asset.warnings = file.into_warnings();
     Ok(asset)
 }
 
-fn decode(
-    file: &File<'_>,
-    tree: &nodes::Tree,
-    needs: Needs,
-    materials: &[choreo_stage::asset::Material],
-) -> Result<Asset> {
+fn leave_out_normal_maps(material: &mut Material, images: &[u32]) {
+    let leave_out = |map: &mut Option<TextureRef>| _ = map.take_if(|t| images.contains(&t.image));
+    leave_out(&mut material.normal_texture);
+    if let Some(layers) = &mut material.layers {
+        leave_out(&mut layers.clearcoat_normal_texture);
+    }
+}
+
+fn decode(file: &File<'_>, tree: &nodes::Tree, needs: Needs, materials: &[Material]) -> Result<Asset> {
     let mut asset = Asset::default();
     if needs.geometry {
         asset.skins = objects::skins(file, tree)?;

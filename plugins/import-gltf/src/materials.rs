@@ -6,6 +6,7 @@ use crate::images::ImageTable;
 use crate::layers;
 use crate::problem::{Problem, Result, element};
 use crate::profile::Profile;
+use crate::repair::{self, whole};
 use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use gltf::json;
@@ -72,7 +73,7 @@ pub trait MaterialTextures {
 
 impl MaterialTextures for Reader<'_, '_, '_> {
     fn texture(&mut self, slot: &'static str, value: &serde_json::Value) -> Result<Option<TextureRef>> {
-        let parsed = serde_json::from_value::<json::texture::Info>(value.clone())
+        let parsed = repair::typed::<json::texture::Info>(value)
             .map_err(|e| Problem::new(format!("{}.{slot}", self.place), format!("is no textureInfo: {e}")))?;
         Reader::texture(self, info(slot, &parsed))
     }
@@ -219,7 +220,7 @@ impl<'a> Reader<'a, '_, '_> {
             .as_ref()
             .and_then(|e| e.others.get("EXT_texture_webp"))
             .and_then(|e| e.get("source"))
-            .and_then(|s| s.as_u64());
+            .and_then(whole);
         let source = match (texture.source.value(), webp) {
             (_, Some(webp)) => webp as usize,
             // The typed form's mark for "no source".
@@ -240,7 +241,7 @@ impl<'a> Reader<'a, '_, '_> {
             None => Sampler::default(),
         };
         let user = format!("textures[{}].source", usage.texture);
-        let image = self.images.index_of(file, source, &user)?;
+        let Some(image) = self.images.index_of(file, source, &user)? else { return Ok(None) };
         let uv_transform = usage.transform.map_or(Affine2::IDENTITY, uv_transform);
         if !uv_transform.is_finite() {
             return Err(Problem::new(place, "has a KHR_texture_transform that is not finite"));
@@ -251,7 +252,7 @@ impl<'a> Reader<'a, '_, '_> {
 
 /// Normal and occlusion textures keep the extension untyped.
 fn loose_transform(others: Option<&serde_json::Map<String, serde_json::Value>>) -> Option<TextureTransform> {
-    serde_json::from_value(others?.get("KHR_texture_transform")?.clone()).ok()
+    repair::typed(others?.get("KHR_texture_transform")?).ok()
 }
 
 /// KHR_texture_transform: offset · rotation · scale. With v pointing down, "counter-clockwise" as seen

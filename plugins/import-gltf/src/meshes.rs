@@ -4,7 +4,7 @@ use crate::accessor::Integers;
 use crate::file::File;
 use crate::nodes::Tree;
 use crate::problem::{Problem, Result, element};
-use crate::{instancing, skinning, topology, variants};
+use crate::{extensions, instancing, skinning, topology, variants};
 use choreo_import::text::count;
 use choreo_import::{normals, tangents};
 use choreo_stage::asset::{Material, Mesh, MeshInstance, MorphTarget, Primitive, Skin, Topology};
@@ -115,6 +115,7 @@ fn read_primitive(
     materials: &[Material],
     place: &dyn Fn() -> String,
 ) -> Result<Option<Primitive>> {
+    extensions::refuse_empty_fallback(file, json, place)?;
     let attributes = Attributes { file, json, place };
     let Some(accessor) = attributes.find(Semantic::Positions) else {
         file.warn(place(), "has no POSITION; it is left out");

@@ -4,6 +4,7 @@ use crate::file::File;
 use crate::problem::{Problem, Result, element};
 use choreo_import::decompose::decompose;
 use choreo_motion::{Skeleton, Transform};
+use choreo_stage::Asset;
 use glam::{DMat4, Quat, Vec3};
 use gltf::json::scene::Node;
 
@@ -171,6 +172,24 @@ fn scene_roots(file: &File<'_>, scene: Option<usize>, parents: &[Option<usize>])
         true
     });
     Ok(roots)
+}
+
+/// Whether a file that shows no mesh has something that bones can show: a skin, or a clip that moves a node which is no part of
+/// what carries a camera or a light.
+pub fn has_skeleton(file: &File<'_>, tree: &Tree, asset: &Asset) -> bool {
+    let mut carries = vec![false; asset.skeleton.len()];
+    let on = asset.cameras.iter().map(|c| c.joint).chain(asset.lights.iter().map(|l| l.joint));
+    on.for_each(|joint| carries[joint as usize] = true);
+    let parents = asset.skeleton.parents();
+    // Parents come before their children.
+    for (joint, parent) in parents.iter().enumerate().rev() {
+        if let (true, Some(parent)) = (carries[joint], parent) {
+            carries[*parent as usize] = true;
+        }
+    }
+    let channels = file.root.animations.iter().flat_map(|a| &a.channels);
+    let mut moved = channels.filter_map(|c| tree.joint_of_node.get(c.target.node.value()).copied().flatten());
+    !file.root.skins.is_empty() || moved.any(|joint| !carries[joint as usize])
 }
 
 fn skin_joints_outside(file: &File<'_>, tree: &Walk<'_>) -> Result<Vec<usize>> {

@@ -1,6 +1,7 @@
 //! What a buffer view says of its compression (EXT_meshopt_compression, KHR_meshopt_compression).
 
 use crate::meshopt::{Filter, Mode, Packed};
+use crate::repair::whole;
 use serde_json::{Map, Value};
 
 const NAMES: [&str; 2] = ["KHR_meshopt_compression", "EXT_meshopt_compression"];
@@ -23,7 +24,7 @@ pub fn read(said: &Value) -> Result<PackedView, String> {
     let number = |key: &str, default: Option<u64>| match said.get(key) {
         None => default.ok_or_else(|| format!("has no {key}")),
         Some(value) => {
-            value.as_u64().ok_or_else(|| format!("has a {key} of {value}; whole numbers from 0 are allowed"))
+            whole(value).ok_or_else(|| format!("has a {key} of {value}; whole numbers from 0 are allowed"))
         }
     };
     let size = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);

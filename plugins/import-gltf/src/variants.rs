@@ -2,6 +2,7 @@
 
 use crate::file::File;
 use crate::problem::{Problem, Result};
+use crate::repair::whole;
 use gltf::json;
 use serde_json::Value;
 
@@ -38,8 +39,8 @@ pub fn material(file: &File<'_>, primitive: &json::mesh::Primitive) -> Option<us
         primitive.extensions.as_ref().and_then(|e| e.others.get(NAME)?.get("mappings")?.as_array());
     let names_it = |m: &&Value| {
         let variants = m.get("variants").and_then(Value::as_array);
-        variants.is_some_and(|list| list.iter().any(|v| v.as_u64() == Some(variant)))
+        variants.is_some_and(|list| list.iter().any(|v| whole(v) == Some(variant)))
     };
-    let mapped = mappings.and_then(|list| list.iter().find(names_it)?.get("material")?.as_u64());
+    let mapped = mappings.and_then(|list| list.iter().find(names_it)?.get("material").and_then(whole));
     mapped.and_then(|m| usize::try_from(m).ok()).or(own)
 }

@@ -184,7 +184,7 @@ fn compare(asset: &Asset, oracle: &Oracle, grid: usize) -> Comparison {
 
 fn open(folder: &Path, name: &str) -> (Asset, Oracle) {
     let path = folder.join(name);
-    (common::import_path(&path).unwrap_or_else(|e| panic!("{e}")), Oracle::open(&path))
+    (common::import_path_without_bones(&path).unwrap_or_else(|e| panic!("{e}")), Oracle::open(&path))
 }
 
 #[test]

@@ -44,7 +44,6 @@ pub fn build(
         chains: vec![NONE; model.positions.len()],
         entries: Vec::new(),
         triangulator: Triangulator::default(),
-        scratch: (Vec::new(), Vec::new()),
         crossing: Counted::default(),
         too_much: Counted::default(),
     };
@@ -118,25 +117,29 @@ struct Builder<'a> {
     chains: Vec<u32>,
     entries: Vec<Entry>,
     triangulator: Triangulator,
-    scratch: (Vec<DVec3>, Vec<[u32; 3]>),
     crossing: Counted,
     too_much: Counted,
+}
+
+/// What the vertices of a primitive have beside their places.
+#[derive(Clone, Copy)]
+struct Attributes {
+    normals: bool,
+    uvs: bool,
+    colors: bool,
 }
 
 impl Builder<'_> {
     fn primitive(&mut self, key: Key, run: &[(Key, u32)]) -> Primitive {
         let (_, shape, material, has_normals) = key;
-        let mut corners: Vec<Corner> = Vec::new();
-        // By triangle, where normals are to be made.
-        let mut smoothing = Vec::new();
-        for (_, index) in run {
-            let before = corners.len();
-            self.list(*index as usize, shape, &mut corners);
-            if shape == Shape::Face && !has_normals {
-                let group = self.model.elements[*index as usize].smoothing;
-                smoothing.resize(smoothing.len() + (corners.len() - before) / 3, group);
-            }
-        }
+        let model = self.model;
+        let used = || run.iter().flat_map(|(_, index)| model.corners(*index as usize));
+        let attributes = Attributes {
+            normals: has_normals,
+            uvs: used().any(|c| c.uv != NONE),
+            colors: !model.colors.is_empty()
+                && used().any(|c| model.colors[c.position as usize] != Vec3::ONE),
+        };
         let mut out = Primitive {
             topology: match shape {
                 Shape::Face => Topology::Triangles,
@@ -144,20 +147,24 @@ impl Builder<'_> {
                 Shape::Point => Topology::Points,
             },
             material: Some(material),
-            indices: Vec::with_capacity(corners.len()),
             ..Primitive::default()
         };
-        let used = corners.iter().map(|c| c.position as usize);
-        let colored =
-            !self.model.colors.is_empty() && used.clone().any(|p| self.model.colors[p] != Vec3::ONE);
-        let textured = corners.iter().any(|c| c.uv != NONE);
-        for corner in &corners {
-            let corner = Corner { normal: if has_normals { corner.normal } else { NONE }, ..*corner };
-            let index = self.vertex(&mut out, corner, textured, colored);
-            out.indices.push(index);
+        let indices = |(_, index): &(Key, u32)| match (shape, model.corners(*index as usize).len()) {
+            (Shape::Face, n) => n.saturating_sub(2) * 3,
+            (Shape::Line, n) => n.saturating_sub(1) * 2,
+            (Shape::Point, n) => n,
+        };
+        out.indices.reserve_exact(run.iter().map(indices).sum());
+        // By triangle, where normals are to be made.
+        let mut smoothing = Vec::new();
+        for (_, index) in run {
+            self.list(*index as usize, shape, &mut out, attributes);
+            if shape == Shape::Face && !has_normals && model.has_smoothing {
+                smoothing.resize(out.indices.len() / 3, model.elements[*index as usize].smoothing);
+            }
         }
-        for position in used {
-            self.chains[position] = NONE;
+        for corner in used() {
+            self.chains[corner.position as usize] = NONE;
         }
         self.entries.clear();
         if shape == Shape::Face && !has_normals {
@@ -171,31 +178,40 @@ impl Builder<'_> {
         out
     }
 
-    /// An element's corners as a list of triangles, segments or points.
-    fn list(&mut self, index: usize, shape: Shape, out: &mut Vec<Corner>) {
-        let corners = self.model.corners(index);
+    /// Adds an element as triangles, segments or points: corner by corner, as a list of all would be as large as the mesh.
+    fn list(&mut self, index: usize, shape: Shape, out: &mut Primitive, attributes: Attributes) {
+        let model = self.model;
+        let corners = model.corners(index);
         match shape {
-            Shape::Point => out.extend(corners),
-            Shape::Line => out.extend(corners.windows(2).flatten()),
-            Shape::Face if corners.len() == 3 => out.extend(corners),
+            Shape::Point => corners.iter().for_each(|c| self.corner(out, *c, attributes)),
+            Shape::Line => {
+                corners.windows(2).flatten().for_each(|c| self.corner(out, *c, attributes));
+            }
             Shape::Face => {
-                let (points, triangles) = &mut self.scratch;
-                points.clear();
-                triangles.clear();
-                points.extend(corners.iter().map(|c| self.model.positions[c.position as usize]));
-                let line = self.model.elements[index].line;
-                match self.triangulator.cut(points, triangles) {
+                let mut triangulator = std::mem::take(&mut self.triangulator);
+                let place = |i: usize| model.positions[corners[i].position as usize];
+                let how = triangulator.cut(corners.len(), place, |triangle| {
+                    triangle.iter().for_each(|i| self.corner(out, corners[*i as usize], attributes));
+                });
+                self.triangulator = triangulator;
+                let line = model.elements[index].line;
+                match how {
                     Cut::Whole => {}
                     Cut::Crossing => self.crossing.add(line),
                     Cut::TooMuch => self.too_much.add(line),
                 }
-                out.extend(triangles.iter().flatten().map(|i| corners[*i as usize]));
             }
         }
     }
 
+    fn corner(&mut self, out: &mut Primitive, corner: Corner, attributes: Attributes) {
+        let corner = Corner { normal: if attributes.normals { corner.normal } else { NONE }, ..corner };
+        let vertex = self.vertex(out, corner, attributes);
+        out.indices.push(vertex);
+    }
+
     /// The vertex of a corner: an equal one of this primitive, or a new one.
-    fn vertex(&mut self, out: &mut Primitive, corner: Corner, textured: bool, colored: bool) -> u32 {
+    fn vertex(&mut self, out: &mut Primitive, corner: Corner, attributes: Attributes) -> u32 {
         let position = corner.position as usize;
         let mut at = self.chains[position];
         let mut length = 0;
@@ -217,12 +233,12 @@ impl Builder<'_> {
             let normal = self.model.normals[corner.normal as usize].as_dvec3();
             out.normals.push(turned(normal, settings.up_z).normalize_or_zero().as_vec3());
         }
-        if textured {
+        if attributes.uvs {
             // OBJ counts v from the bottom.
             let uv = if corner.uv == NONE { Vec2::ZERO } else { self.model.uvs[corner.uv as usize] };
             out.uvs[0].push(Vec2::new(uv.x, 1.0 - uv.y));
         }
-        if colored {
+        if attributes.colors {
             let [r, g, b] =
                 self.model.colors[position].to_array().map(|c| crate::mtl::linear(c, settings.srgb));
             out.colors.push(Vec4::new(r, g, b, 1.0));

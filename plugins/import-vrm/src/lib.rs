@@ -69,7 +69,7 @@ impl Importer for VrmImporter {
         options: &ImportOptions,
     ) -> std::result::Result<Asset, ImportError> {
         let vrm = Vrm { bones: options.bool("bones").unwrap_or(true), not_shown: mtoon::NotShown::default() };
-        import_with(source, files, needs, &ImportOptions::default(), &vrm)
+        import_with(source, files, needs, options, &vrm)
     }
 }
 

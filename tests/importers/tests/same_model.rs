@@ -140,3 +140,64 @@ fn a_walk_in_two_formats() {
     // A planted fault: a tenth of a frame late.
     assert!(worst(0.1 / 30.0).0 > 1e-3);
 }
+
+/// A node that moves a metre along x from 0.5 s to 1.5 s of the file's time, in each format. `stated`: the file says that its clip
+/// starts at 0.5 s.
+fn moving(format: &str, stated: bool) -> Vec<u8> {
+    const SECOND: i64 = 46_186_158_000;
+    let (begin, end) = (SECOND / 2, SECOND / 2 + SECOND);
+    let stack = match stated {
+        true => format!(
+            "P: \"LocalStart\", \"KTime\", \"Time\", \"\", {begin}\nP: \"LocalStop\", \"KTime\", \"Time\", \"\", {end}\n"
+        ),
+        false => String::new(),
+    };
+    let clip = match stated {
+        true => {
+            "<library_animation_clips><animation_clip name=\"a\" start=\"0.5\" end=\"1.5\"><instance_animation url=\"#a\"/></animation_clip></library_animation_clips>"
+        }
+        false => "",
+    };
+    let text = match format {
+        "fbx" => format!(
+            "; FBX 7.4.0 project file\nFBXHeaderExtension: {{\nFBXVersion: 7400\n}}\nGlobalSettings: {{\nProperties70: {{\n\
+             P: \"UnitScaleFactor\", \"double\", \"Number\", \"\", 100\n}}\n}}\nObjects: {{\nModel: 1, \"Model::n\", \"LimbNode\" {{\n}}\n\
+             AnimationStack: 40, \"AnimStack::a\", \"\" {{\nProperties70: {{\n{stack}}}\n}}\nAnimationLayer: 41, \"AnimLayer::b\", \"\" {{\n}}\n\
+             AnimationCurveNode: 42, \"AnimCurveNode::T\", \"\" {{\n}}\nAnimationCurve: 43, \"AnimCurve::\", \"\" {{\n\
+             KeyTime: *2 {{\na: {begin},{end}\n}}\nKeyValueFloat: *2 {{\na: 0,1\n}}\nKeyAttrFlags: *1 {{\na: 4\n}}\n\
+             KeyAttrDataFloat: *4 {{\na: 0,0,0,0\n}}\nKeyAttrRefCount: *1 {{\na: 2\n}}\n}}\n}}\nConnections: {{\nC: \"OO\",1,0\n\
+             C: \"OO\",41,40\nC: \"OO\",42,41\nC: \"OP\",42,1, \"Lcl Translation\"\nC: \"OP\",43,42, \"d|X\"\n}}\n"
+        ),
+        "dae" => format!(
+            "<COLLADA version=\"1.4.1\"><library_animations><animation id=\"a\"><source id=\"i\"><float_array id=\"ia\" count=\"2\">0.5 1.5</float_array></source>\
+             <source id=\"o\"><float_array id=\"oa\" count=\"2\">0 1</float_array></source><sampler id=\"s\"><input semantic=\"INPUT\" source=\"#i\"/>\
+             <input semantic=\"OUTPUT\" source=\"#o\"/></sampler><channel source=\"#s\" target=\"n/t.X\"/></animation></library_animations>{clip}\
+             <library_visual_scenes><visual_scene id=\"v\"><node id=\"n\" name=\"n\"><translate sid=\"t\">0 0 0</translate></node></visual_scene></library_visual_scenes>\
+             <scene><instance_visual_scene url=\"#v\"/></scene></COLLADA>"
+        ),
+        "bvh" => "HIERARCHY\nROOT n\n{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\nEnd Site\n{\nOFFSET 0 1 0\n}\n}\n\
+                  MOTION\nFrames: 2\nFrame Time: 1\n0 0 0\n1 0 0\n"
+            .to_string(),
+        other => panic!("{other}"),
+    };
+    text.into_bytes()
+}
+
+/// Time 0 of a clip is where the file says that the clip starts, else its first key: so the same motion starts at the same time
+/// in every format. glTF says it for all files: at 0 s (glTF 2.0 §3.11), which `import-gltf` tests.
+#[test]
+fn the_same_motion_starts_at_the_same_time() {
+    for (format, stated) in [("fbx", true), ("fbx", false), ("dae", true), ("dae", false), ("bvh", false)] {
+        let name = format!("a.{format}");
+        let importer = importers::importer(Path::new(&name)).unwrap();
+        let asset = choreo_import_testing::import_bytes(importer, &name, moving(format, stated));
+        let asset = asset.unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(asset.clips.len(), 1, "{format}");
+        assert!((asset.clips[0].duration.as_secs() - 1.0).abs() < 1e-6, "{format} {stated}");
+        let size = if format == "bvh" { asset.origin.metres_per_unit.unwrap_or(1.0) } else { 1.0 };
+        for secs in [0.0, 0.25, 0.5, 1.0] {
+            let x = f64::from(joints(&asset, secs)["n"].translation.x) / size;
+            assert!((x - secs).abs() < 1e-5, "{format}, stated {stated}: {x} at {secs} s");
+        }
+    }
+}

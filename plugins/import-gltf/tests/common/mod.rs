@@ -3,7 +3,7 @@
 
 pub mod sample;
 
-use choreo_plugin::{Files, ImportError, ImportOptions, Importer, Needs, Source};
+use choreo_plugin::{Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source};
 use choreo_stage::Asset;
 use import_gltf::GltfImporter;
 use std::path::{Path, PathBuf};
@@ -44,10 +44,21 @@ pub fn source(name: &str, bytes: Vec<u8>) -> Source {
 }
 
 pub fn import_path(path: &Path) -> Result<Asset, ImportError> {
+    import_path_with(path, &ImportOptions::default())
+}
+
+/// The same without a mesh of bones where the file has none.
+pub fn import_path_without_bones(path: &Path) -> Result<Asset, ImportError> {
+    let mut options = ImportOptions::default();
+    options.0.insert("bones".into(), OptionValue::Bool(false));
+    import_path_with(path, &options)
+}
+
+fn import_path_with(path: &Path, options: &ImportOptions) -> Result<Asset, ImportError> {
     let name = path.file_name().unwrap().to_string_lossy();
     let folder = Folder(path.parent().unwrap().to_path_buf());
     let source = source(&name, std::fs::read(path).unwrap());
-    GltfImporter::new().import(&source, &folder, Needs::ALL, &ImportOptions::default())
+    GltfImporter::new().import(&source, &folder, Needs::ALL, options)
 }
 
 /// Imports a file without companions.
