@@ -1,9 +1,9 @@
 //! Faces to indexed primitives: one a group and material.
 
-use crate::parse::{Corner, Model, NONE, Shape};
+use crate::parse::{Model, NONE, Shape};
 use choreo_import::polygon::{Cut, Triangulator};
 use choreo_import::text::count;
-use choreo_import::{Budget, Notes, Problem, Result, smooth};
+use choreo_import::{Notes, smooth};
 use choreo_stage::asset::{Primitive, Topology};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
@@ -22,17 +22,11 @@ pub struct Settings {
 type Key = (u32, Shape, u32, bool);
 
 /// Primitives with the group each belongs to, by group, and within it in the order of the file's materials.
-pub fn build(
-    model: &Model,
-    settings: &Settings,
-    budget: &Budget,
-    notes: &Notes,
-) -> Result<Vec<(u32, Primitive)>> {
-    let over = |what: String| Problem::new("f", what);
-    budget.charge(model.corners.len() as u64, 3 * (size_of::<Corner>() + 72)).map_err(over)?;
+pub fn build(model: &Model, settings: &Settings, notes: &Notes) -> Vec<(u32, Primitive)> {
     let key = |index: usize| -> Key {
         let e = &model.elements[index];
-        let normals = e.shape == Shape::Face && model.corners(index).iter().all(|c| c.normal != NONE);
+        let normals =
+            e.shape == Shape::Face && model.corners(index).iter().all(|v| model.normal(*v).is_some());
         (e.group, e.shape, e.material, normals)
     };
     let mut order: Vec<(Key, u32)> = (0..model.elements.len()).map(|i| (key(i), i as u32)).collect();
@@ -41,8 +35,7 @@ pub fn build(
     let mut builder = Builder {
         model,
         settings,
-        chains: vec![NONE; model.positions.len()],
-        entries: Vec::new(),
+        own: vec![NONE; model.vertex_count()],
         triangulator: Triangulator::default(),
         scratch: (Vec::new(), Vec::new()),
         crossing: Counted::default(),
@@ -82,7 +75,7 @@ pub fn build(
         );
         notes.warn(format!("line {}", too_much.line), what);
     }
-    Ok(out)
+    out
 }
 
 #[derive(Default)]
@@ -100,23 +93,11 @@ impl Counted {
     }
 }
 
-/// Vertices found so far at a position, as a chain.
-struct Entry {
-    uv: u32,
-    normal: u32,
-    vertex: u32,
-    next: u32,
-}
-
-/// Longer chains are not searched: the corner gets a vertex of its own, and the time stays proportional to the file.
-const MAX_CHAIN: usize = 64;
-
 struct Builder<'a> {
     model: &'a Model,
     settings: &'a Settings,
-    /// By position, the first of its entries; emptied after each primitive.
-    chains: Vec<u32>,
-    entries: Vec<Entry>,
+    /// By vertex of the file, that of the primitive; emptied after each primitive.
+    own: Vec<u32>,
     triangulator: Triangulator,
     scratch: (Vec<DVec3>, Vec<[u32; 3]>),
     crossing: Counted,
@@ -126,7 +107,7 @@ struct Builder<'a> {
 impl Builder<'_> {
     fn primitive(&mut self, key: Key, run: &[(Key, u32)]) -> Primitive {
         let (_, shape, material, has_normals) = key;
-        let mut corners: Vec<Corner> = Vec::new();
+        let mut corners: Vec<u32> = Vec::new();
         // By triangle, where normals are to be made.
         let mut smoothing = Vec::new();
         for (_, index) in run {
@@ -147,19 +128,19 @@ impl Builder<'_> {
             indices: Vec::with_capacity(corners.len()),
             ..Primitive::default()
         };
-        let used = corners.iter().map(|c| c.position as usize);
-        let colored =
-            !self.model.colors.is_empty() && used.clone().any(|p| self.model.colors[p] != Vec3::ONE);
-        let textured = corners.iter().any(|c| c.uv != NONE);
-        for corner in &corners {
-            let corner = Corner { normal: if has_normals { corner.normal } else { NONE }, ..*corner };
-            let index = self.vertex(&mut out, corner, textured, colored);
-            out.indices.push(index);
+        let colored = self.model.has_colors && corners.iter().any(|v| self.model.color(*v) != Vec3::ONE);
+        let textured = corners.iter().any(|v| self.model.uv(*v).is_some());
+        for vertex in &corners {
+            let own = &mut self.own[*vertex as usize];
+            if *own == NONE {
+                *own = out.positions.len() as u32;
+                add(&mut out, self.model, *vertex, self.settings, [has_normals, textured, colored]);
+            }
+            out.indices.push(*own);
         }
-        for position in used {
-            self.chains[position] = NONE;
+        for vertex in corners {
+            self.own[vertex as usize] = NONE;
         }
-        self.entries.clear();
         if shape == Shape::Face && !has_normals {
             match self.model.has_smoothing {
                 true => smooth::normals(&mut out, 0.0, Some(&smoothing)),
@@ -172,7 +153,7 @@ impl Builder<'_> {
     }
 
     /// An element's corners as a list of triangles, segments or points.
-    fn list(&mut self, index: usize, shape: Shape, out: &mut Vec<Corner>) {
+    fn list(&mut self, index: usize, shape: Shape, out: &mut Vec<u32>) {
         let corners = self.model.corners(index);
         match shape {
             Shape::Point => out.extend(corners),
@@ -182,7 +163,7 @@ impl Builder<'_> {
                 let (points, triangles) = &mut self.scratch;
                 points.clear();
                 triangles.clear();
-                points.extend(corners.iter().map(|c| self.model.positions[c.position as usize]));
+                points.extend(corners.iter().map(|v| self.model.position(*v)));
                 let line = self.model.elements[index].line;
                 match self.triangulator.cut(points, triangles) {
                     Cut::Whole => {}
@@ -193,41 +174,29 @@ impl Builder<'_> {
             }
         }
     }
+}
 
-    /// The vertex of a corner: an equal one of this primitive, or a new one.
-    fn vertex(&mut self, out: &mut Primitive, corner: Corner, textured: bool, colored: bool) -> u32 {
-        let position = corner.position as usize;
-        let mut at = self.chains[position];
-        let mut length = 0;
-        while at != NONE && length < MAX_CHAIN {
-            let entry = &self.entries[at as usize];
-            if (entry.uv, entry.normal) == (corner.uv, corner.normal) {
-                return entry.vertex;
-            }
-            at = entry.next;
-            length += 1;
-        }
-        let vertex = out.positions.len() as u32;
-        let next = std::mem::replace(&mut self.chains[position], self.entries.len() as u32);
-        self.entries.push(Entry { uv: corner.uv, normal: corner.normal, vertex, next });
-        let settings = self.settings;
-        out.positions
-            .push((turned(self.model.positions[position], settings.up_z) * settings.scale).as_vec3());
-        if corner.normal != NONE {
-            let normal = self.model.normals[corner.normal as usize].as_dvec3();
-            out.normals.push(turned(normal, settings.up_z).normalize_or_zero().as_vec3());
-        }
-        if textured {
-            // OBJ counts v from the bottom.
-            let uv = if corner.uv == NONE { Vec2::ZERO } else { self.model.uvs[corner.uv as usize] };
-            out.uvs[0].push(Vec2::new(uv.x, 1.0 - uv.y));
-        }
-        if colored {
-            let [r, g, b] =
-                self.model.colors[position].to_array().map(|c| crate::mtl::linear(c, settings.srgb));
-            out.colors.push(Vec4::new(r, g, b, 1.0));
-        }
-        vertex
+/// Adds one of the file's vertices to a primitive, with the parts that the primitive has.
+fn add(
+    out: &mut Primitive,
+    model: &Model,
+    vertex: u32,
+    settings: &Settings,
+    [normals, uvs, colors]: [bool; 3],
+) {
+    out.positions.push((turned(model.position(vertex), settings.up_z) * settings.scale).as_vec3());
+    if normals {
+        let normal = model.normal(vertex).unwrap_or_default().as_dvec3();
+        out.normals.push(turned(normal, settings.up_z).normalize_or_zero().as_vec3());
+    }
+    if uvs {
+        // OBJ counts v from the bottom.
+        let uv = model.uv(vertex).unwrap_or_default();
+        out.uvs[0].push(Vec2::new(uv.x, 1.0 - uv.y));
+    }
+    if colors {
+        let [r, g, b] = model.color(vertex).to_array().map(|c| crate::mtl::linear(c, settings.srgb));
+        out.colors.push(Vec4::new(r, g, b, 1.0));
     }
 }
 
