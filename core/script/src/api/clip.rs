@@ -27,7 +27,7 @@ pub const DEFS: &[Def] = &[
         "retarget",
         "asset, options?",
         Gives::A(Kind::Clip),
-        "The clip on another body, as happens by itself when an actor plays it; options: joints (#{ \"its joint\": \"joint of the clip\", … }, false for none), scale (by the legs' lengths), translations (\"hips\", \"all\", \"none\"), floor (feet stay on it: true), align (limbs at rest are laid along the clip's: true).",
+        "The clip on another body, as happens by itself when an actor plays it. Joints are matched by name, also between Mixamo, Biped, VRM, Unreal, Rigify, Daz, CMU, Character Creator and Source, else by structure; a warning names the parts of the body that do not follow, and it is an error if nothing does. Options: joints (#{ \"its joint\": \"joint of the clip\", … }, false for none), scale (by the legs' lengths), translations (\"hips\", \"all\", \"none\"), floor (feet stay on it: true), align (limbs at rest are laid along the clip's: true).",
         retarget,
     ),
     Def::new(
@@ -35,7 +35,7 @@ pub const DEFS: &[Def] = &[
         "mapping",
         "asset, options?",
         Gives::Value("array of texts"),
-        "Which joints of another body follow which of the clip's, and how; options as for retarget.",
+        "Which joints of another body follow which of the clip's, and how; an error if none does; options as for retarget.",
         mapping,
     ),
 ];
