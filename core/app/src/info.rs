@@ -36,7 +36,7 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     let followed = match &args.on {
         Some(path) => {
             let on = open(path)?;
-            Some(followed(&asset, &on))
+            Some(followed(&asset, &on)?)
         }
         None => None,
     };
@@ -63,10 +63,11 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
 }
 
 /// How the file's first clip goes on another body; where it has none, how any would.
-fn followed(asset: &Asset, on: &Asset) -> Vec<String> {
+fn followed(asset: &Asset, on: &Asset) -> Result<Vec<String>, Failure> {
     let still = Clip::new(String::new(), asset.skeleton.len(), Vec::new()).ok().map(Arc::new);
-    let clip = asset.clips.first().cloned().or(still);
-    clip.map(|clip| mapping_lines(asset, on, &clip, Default::default())).unwrap_or_default()
+    let Some(clip) = asset.clips.first().cloned().or(still) else { return Ok(Vec::new()) };
+    let lines = mapping_lines(asset, on, &clip, Default::default());
+    lines.map_err(|nothing| Failure::input(format!("{}\n    {}", nothing.message, nothing.hint)))
 }
 
 fn importer(args: &InfoArgs, registry: &Registry, head: Vec<u8>) -> (String, String) {

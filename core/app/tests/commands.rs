@@ -229,3 +229,117 @@ fn import_options_of_model_files_come_from_the_manifest() {
         );
     }
 }
+
+/// A body of 17 joints as BVH, two frames: names and places of its joints, each with its depth below the hips.
+fn body_bvh(names: [&str; 17]) -> String {
+    let places = [
+        (0, "0 90 0"),
+        (1, "0 20 0"),
+        (2, "0 40 0"),
+        (2, "20 30 0"),
+        (3, "30 0 0"),
+        (4, "25 0 0"),
+        (2, "-20 30 0"),
+        (3, "-30 0 0"),
+        (4, "-25 0 0"),
+        (1, "10 0 0"),
+        (2, "0 -42 0"),
+        (3, "0 -40 0"),
+        (4, "0 -6 15"),
+        (1, "-10 0 0"),
+        (2, "0 -42 0"),
+        (3, "0 -40 0"),
+        (4, "0 -6 15"),
+    ];
+    let mut text = String::from("HIERARCHY\n");
+    for (i, (name, (depth, place))) in names.iter().zip(places).enumerate() {
+        let kind = if i == 0 { "ROOT" } else { "JOINT" };
+        text += &format!("{kind} {name}\n{{\nOFFSET {place}\n");
+        text += match i {
+            0 => "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n",
+            _ => "CHANNELS 3 Zrotation Xrotation Yrotation\n",
+        };
+        let next = places.get(i + 1).map_or(0, |(depth, _)| *depth);
+        if next <= depth {
+            text += "End Site\n{\nOFFSET 0 3 0\n}\n";
+        }
+        text += &"}\n".repeat((depth + 1usize).saturating_sub(next));
+    }
+    let frame = |turn: &str| format!("0 90 0{}\n", format!(" {turn} 0 0").repeat(17));
+    text + "MOTION\nFrames: 2\nFrame Time: 0.5\n" + &frame("0") + &frame("10")
+}
+
+/// A clip of 17 joints on a body of which names and structure tell hips and legs alone, and on one of which they tell nothing: what
+/// plays it, what retargets it and what tells of it agree.
+#[test]
+fn body_parts_that_do_not_follow_are_named_by_every_command() {
+    let mixamo = [
+        "Hips",
+        "Spine",
+        "Head",
+        "LeftArm",
+        "LeftForeArm",
+        "LeftHand",
+        "RightArm",
+        "RightForeArm",
+        "RightHand",
+        "LeftUpLeg",
+        "LeftLeg",
+        "LeftFoot",
+        "LeftToeBase",
+        "RightUpLeg",
+        "RightLeg",
+        "RightFoot",
+        "RightToeBase",
+    ];
+    let legs = [
+        "core", "s1", "s2", "a1", "a2", "a3", "a4", "a5", "a6", "limbA.L", "limbB.L", "limbC.L", "limbD.L",
+        "limbA.R", "limbB.R", "limbC.R", "limbD.R",
+    ];
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: String| std::fs::write(dir.path().join(name), text).unwrap();
+    write("walk.bvh", body_bvh(mixamo));
+    write("legs.bvh", body_bvh(legs));
+    write(
+        "nothing.bvh",
+        body_bvh(std::array::from_fn(|i| {
+            [
+                "t1", "t2", "t3", "t4", "t5", "t6", "t7", "t8", "t9", "t10", "t11", "t12", "t13", "t14",
+                "t15", "t16", "t17",
+            ][i]
+        })),
+    );
+    let scripts = |body: &str| {
+        let scene = format!(
+            "let body = load(\"{body}.bvh\");\nlet walk = load(\"walk.bvh\").clip(0);\nlet a = cast(\"a\", body);\n"
+        );
+        write("plays.rhai", format!("{scene}a.play(walk);\nstage(#{{ length: 0.5 }});\n"));
+        write("retargets.rhai", format!("{scene}a.play(walk.retarget(body));\nstage(#{{ length: 0.5 }});\n"));
+        write(
+            "fits.rhai",
+            format!("{scene}a.play(walk.retarget(body, #{{ floor: false }}));\nstage(#{{ length: 0.5 }});\n"),
+        );
+    };
+    scripts("legs");
+    let parts = "9 of 17 animated joints have a partner; these parts of the body do not follow: spine, head, left arm, right arm";
+    for script in ["plays.rhai", "retargets.rhai", "fits.rhai"] {
+        let run = choreo(dir.path(), &["check", script]);
+        let said = format!("{}{}", run.out, run.err);
+        let warning = format!("clip \"walk\" of \"walk.bvh\" on \"legs.bvh\": {parts}");
+        assert_eq!((run.code, said.matches(&warning).count()), (0, 1), "{script}: {said}");
+        assert!(said.contains("name their partners: clip.retarget(asset, #{ joints:"), "{said}");
+    }
+    let run = choreo(dir.path(), &["info", "walk.bvh", "--on", "legs.bvh"]);
+    assert!(run.code == 0 && run.out.contains(&format!("\n{parts}\n")), "{}{}", run.out, run.err);
+    scripts("nothing");
+    let nothing = "clip \"walk\" of \"walk.bvh\" on \"nothing.bvh\": no joint has the same name, nor the same place in a body";
+    for command in [
+        &["check", "plays.rhai"][..],
+        &["check", "retargets.rhai"],
+        &["check", "fits.rhai"],
+        &["info", "walk.bvh", "--on", "nothing.bvh"],
+    ] {
+        let run = choreo(dir.path(), command);
+        assert!(run.code == 1 && run.err.contains(nothing), "{command:?}: {}{}", run.out, run.err);
+    }
+}

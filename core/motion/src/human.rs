@@ -31,6 +31,7 @@ impl Human {
         }
         human.by_names(skeleton);
         human.by_structure(skeleton);
+        human.pelvis(skeleton);
         human.wrists(skeleton);
         let trunk = human.trunk(skeleton);
         (human.spine, human.neck) = trunk;
@@ -92,6 +93,19 @@ impl Human {
                 self.joints.entry(name).or_insert(joint);
             }
         }
+    }
+
+    /// What carries both thighs is the hips, whatever it is called: Rigify calls it "spine", CMU's motion capture "root".
+    fn pelvis(&mut self, skeleton: &Skeleton) {
+        let (None, Some(left), Some(right)) =
+            (self.joint("hips"), self.joint("left upleg"), self.joint("right upleg"))
+        else {
+            return;
+        };
+        let mut above = std::iter::successors(Some(left), |j| skeleton.parents()[*j as usize]).skip(1);
+        let Some(hips) = above.find(|j| is_below(skeleton, right, *j)) else { return };
+        self.joints.retain(|name, joint| *joint != hips || name != "spine");
+        self.offer("hips", hips);
     }
 
     /// KayKit has a wrist before the hand; others' hands turn where that is.

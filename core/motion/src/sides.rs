@@ -42,7 +42,7 @@ pub fn side_of(name: &str) -> Option<(Side, String)> {
 }
 
 /// In small letters; `UpperArm01.L` is `upper`, `arm`, `01`, `l`.
-fn words(name: &str) -> Vec<String> {
+pub(crate) fn words(name: &str) -> Vec<String> {
     #[derive(PartialEq)]
     enum Kind {
         Upper,

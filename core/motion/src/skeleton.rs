@@ -132,11 +132,18 @@ fn by_depth(parents: &[Option<u32>]) -> Vec<[u32; 2]> {
 
 /// A joint name without namespace prefixes: `mixamorig:Hips`, `mixamorig1:Hips`, `mixamorigHips` and `Armature|Hips` are `hips`.
 pub fn plain_name(name: &str) -> String {
+    own_part(name).to_ascii_lowercase()
+}
+
+/// A joint's name without namespace and without Mixamo's prefix.
+pub(crate) fn own_part(name: &str) -> &str {
+    const MIXAMO: &str = "mixamorig";
     let tail = name.rsplit([':', '|']).next().unwrap_or(name);
-    let lower = tail.to_ascii_lowercase();
-    let stripped = match lower.strip_prefix("mixamorig") {
-        Some(rest) => rest.trim_start_matches(|c: char| c.is_ascii_digit() || c == '_'),
-        None => &lower,
-    };
-    if stripped.is_empty() { lower } else { stripped.to_string() }
+    match tail.split_at_checked(MIXAMO.len()) {
+        Some((prefix, rest)) if prefix.eq_ignore_ascii_case(MIXAMO) => {
+            let rest = rest.trim_start_matches(|c: char| c.is_ascii_digit() || c == '_');
+            if rest.is_empty() { tail } else { rest }
+        }
+        _ => tail,
+    }
 }

@@ -218,8 +218,8 @@ proptest! {
         let clip = dance(random, &skeleton);
         prop_assert!(same_joints(&clip, &skeleton, &skeleton));
         // Bit for bit by the way that scripts take.
-        let (bound, missing, report) = bind_or_retarget(&clip, &skeleton, &skeleton);
-        prop_assert!(bound.curves() == clip.curves() && missing.is_empty() && report.is_none());
+        let (bound, coverage, report) = bind_or_retarget(&clip, &skeleton, &skeleton);
+        prop_assert!(bound.curves() == clip.curves() && coverage.left_out.is_empty() && report.is_none());
         // And to rounding by the formulas, floor and all.
         let (other, report) = Retarget::new(&skeleton, &skeleton, Options::default()).clip(&clip);
         let apart = difference(&model_at(&skeleton, &clip, at), &model_at(&skeleton, &other, at));
@@ -235,7 +235,7 @@ proptest! {
         let retarget = Retarget::new(&from, &to, Options::default());
         prop_assert_eq!(retarget.map().pairs().count(), from.len());
         let (other, report) = retarget.clip(&clip);
-        prop_assert!(report.unmatched.is_empty() && report.held.is_empty() && !report.coarse);
+        prop_assert!(retarget.coverage(&clip).left_out.is_empty() && report.held.is_empty() && !report.coarse);
         let (s, t) = (model_at(&from, &clip, at), model_at(&to, &other, at));
         let apart = limbs_apart([(&from, &s), (&to, &t)], retarget.yaw_degrees());
         prop_assert!(apart < 0.01, "{apart}° {report:?}");
@@ -345,8 +345,10 @@ fn joints_can_be_given_and_forbidden() {
     let joints = BTreeMap::from([(arm, Some(other)), (head, None), (9999, Some(0)), (0, Some(9999))]);
     let retarget = Retarget::new(&from, &to, Options { joints, ..Options::default() });
     assert_eq!((retarget.map().source(arm), retarget.map().source(head)), (Some(other), None));
-    let (clip, report) = retarget.clip(&dance(random, &from));
-    assert!(!clip.animates(head) && report.unmatched.contains(&"mixamorig:Head".to_string()));
+    let dance = dance(random, &from);
+    let (clip, _) = retarget.clip(&dance);
+    let coverage = retarget.coverage(&dance);
+    assert!(!clip.animates(head) && coverage.left_out.contains(&"mixamorig:Head".to_string()));
 }
 
 #[test]
@@ -369,6 +371,150 @@ fn what_moves_within_the_body_is_said() {
     let joint = Human::of(&to).joint("left hand").unwrap() as usize;
     // Legs twice as long, so the hand goes twice as far.
     assert!(((b[joint].translation - a[joint].translation).length() - 0.4).abs() < 1e-5);
+}
+
+fn renamed(skeleton: &Skeleton, name: impl Fn(&str) -> String) -> Skeleton {
+    let names = skeleton.names().iter().map(|n| name(n)).collect();
+    Skeleton::new(names, skeleton.parents().to_vec(), skeleton.rest().to_vec()).unwrap()
+}
+
+/// Three joints below each hand, by the name that `finger` makes of the side and the number.
+fn with_fingers(skeleton: &Skeleton, finger: impl Fn(&str, usize) -> String) -> Skeleton {
+    let (mut names, mut parents) = (skeleton.names().to_vec(), skeleton.parents().to_vec());
+    let mut rest = skeleton.rest().to_vec();
+    for side in ["Left", "Right"] {
+        let mut parent = Human::of(skeleton).joint(&format!("{} hand", side.to_lowercase())).unwrap();
+        for number in 1..=3 {
+            names.push(finger(side, number));
+            parents.push(Some(parent));
+            rest.push(Transform { translation: Vec3::X * 0.03, ..Transform::IDENTITY });
+            parent = names.len() as u32 - 1;
+        }
+    }
+    Skeleton::new(names, parents, rest).unwrap()
+}
+
+/// What nothing follows is named by the part of the body that it is, however the clip goes over: copied or retargeted.
+#[test]
+fn parts_of_the_body_that_stay_at_rest_are_named() {
+    let random = &mut Random(17);
+    let from = body(random, &PLAIN);
+    let clip = dance(random, &from);
+    let named = |to: &Skeleton| {
+        let (bound, coverage, report) = bind_or_retarget(&clip, &from, to);
+        (coverage.followed(), coverage.parts, bound.curves().is_empty(), report.is_some())
+    };
+    assert_eq!(named(&body(random, &Build { family: 2, ..PLAIN })), (19, vec![], false, true));
+    // The same body, of which a few joints have names that nothing is known of.
+    let lost = ["Head", "Neck", "LeftArm", "LeftForearm", "LeftHand", "RightUpleg", "RightLeg", "RightFoot"];
+    let hidden = renamed(&from, |n| match lost.iter().position(|l| n == format!("mixamorig:{l}")) {
+        Some(i) => format!("bit {i}"),
+        None => n.to_string(),
+    });
+    assert_eq!(named(&hidden), (11, vec!["head", "left arm", "right leg"], false, false));
+    // No name is known; structure tells hips and legs.
+    let legs = renamed(&from, |n| {
+        let plain = n.trim_start_matches("mixamorig:").to_lowercase();
+        let is_leg = ["leg", "foot", "toe"].iter().any(|part| plain.contains(part));
+        match (plain.strip_prefix("left"), plain.strip_prefix("right")) {
+            (Some(part), _) if is_leg => format!("limb{}.L", part.len()),
+            (_, Some(part)) if is_leg => format!("limb{}.R", part.len()),
+            _ => format!("bit {}", plain.len()),
+        }
+    });
+    assert_eq!(named(&legs), (9, vec!["spine", "head", "left arm", "right arm"], false, true));
+    let nothing = renamed(&from, |n| format!("bit {}", n.len()));
+    let (count, parts, empty, _) = named(&nothing);
+    assert_eq!((count, empty), (0, true), "{parts:?}");
+    // What the caller forbids is no loss.
+    let arm = Human::of(&from).joint("left arm").unwrap();
+    let below = [arm, arm + 1, arm + 2].map(|j| (j, None));
+    let options = Options { joints: BTreeMap::from(below), ..Options::default() };
+    let coverage = Retarget::new(&from, &from, options).coverage(&clip);
+    assert_eq!((coverage.followed(), coverage.parts), (16, vec![]));
+}
+
+/// Fingers are missed where the other body has some, under names that nothing is known of; a mitten misses nothing.
+#[test]
+fn fingers_are_missed_by_hands_that_have_some() {
+    let random = &mut Random(19);
+    let mitten = body(random, &PLAIN);
+    let from = with_fingers(&mitten, |side, number| format!("mixamorig:{side}HandIndex{number}"));
+    let clip = dance(random, &from);
+    let parts = |to: &Skeleton| bind_or_retarget(&clip, &from, to).1.parts;
+    let other = with_fingers(&mitten, |side, number| format!("{side} digit {number}"));
+    assert_eq!(parts(&other), ["left fingers", "right fingers"]);
+    assert!(parts(&mitten).is_empty());
+    let unreal =
+        with_fingers(&mitten, |side, number| format!("index_0{number}_{}", side[..1].to_lowercase()));
+    assert!(parts(&unreal).is_empty());
+}
+
+/// Hips that bear another name are what carries the thighs.
+#[test]
+fn hips_are_what_carries_the_thighs() {
+    let random = &mut Random(23);
+    let from = body(random, &PLAIN);
+    let families: [&[(&str, &str)]; 3] = [
+        &[
+            ("Hips", "DEF-spine"),
+            ("Spine", "DEF-spine.001"),
+            ("Spine1", "DEF-spine.002"),
+            ("Neck", "DEF-spine.004"),
+            ("Head", "DEF-spine.006"),
+            ("Arm", "DEF-upper_arm.*"),
+            ("Forearm", "DEF-forearm.*"),
+            ("Hand", "DEF-hand.*"),
+            ("Upleg", "DEF-thigh.*"),
+            ("Leg", "DEF-shin.*"),
+            ("Foot", "DEF-foot.*"),
+            ("Toebase", "DEF-toe.*"),
+        ],
+        &[
+            ("Hips", "root"),
+            ("Spine", "lowerback"),
+            ("Spine1", "upperback"),
+            ("Neck", "lowerneck"),
+            ("Head", "head"),
+            ("Arm", "*humerus"),
+            ("Forearm", "*radius"),
+            ("Hand", "*hand"),
+            ("Upleg", "*femur"),
+            ("Leg", "*tibia"),
+            ("Foot", "*foot"),
+            ("Toebase", "*toes"),
+        ],
+        &[
+            ("Arm", "armUpper*"),
+            ("Forearm", "armLower*"),
+            ("Hand", "hand*"),
+            ("Upleg", "legUpper*"),
+            ("Leg", "legLower*"),
+            ("Foot", "foot*"),
+            ("Toebase", "toes*"),
+        ],
+    ];
+    for family in families {
+        let to = renamed(&from, |name| {
+            let plain = name.strip_prefix("mixamorig:").unwrap_or(name);
+            let (side, part) = match (plain.strip_prefix("Left"), plain.strip_prefix("Right")) {
+                (Some(part), _) => ("l", part),
+                (_, Some(part)) => ("r", part),
+                _ => ("", plain),
+            };
+            let capital = part[..1].to_uppercase() + &part[1..];
+            let theirs = family.iter().find(|(ours, _)| *ours == capital);
+            let upper = if family[0].1 == "root" { side.to_string() } else { side.to_uppercase() };
+            theirs.map_or(part.to_string(), |(_, theirs)| theirs.replace('*', &upper))
+        });
+        let (human, own) = (Human::of(&to), Human::of(&from));
+        assert!(human.is_body(), "{:?}: {human:?}", to.names());
+        for part in ["hips", "head", "left arm", "right forearm", "left upleg", "right leg", "left foot"] {
+            assert_eq!(human.joint(part), own.joint(part), "{part}: {:?}", to.names());
+        }
+        let (_, coverage, _) = bind_or_retarget(&dance(random, &from), &from, &to);
+        assert!(coverage.left_out.is_empty(), "{coverage:?}");
+    }
 }
 
 /// Nothing in common by names is no reason to copy; and the same joints under a longer rest pose are.

@@ -46,6 +46,6 @@ pub use loader::{BUILT_IN, ImportChoice, Loader};
 pub use reference::reference;
 pub use run::{Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};
 // The same words for a slip of the hand everywhere.
-pub use api::clip::mapping_lines;
+pub use api::clip::{NothingFollows, mapping_lines};
 pub(crate) use choreo_plugin::suggest;
 pub use choreo_plugin::suggest::{closest, did_you_mean};

@@ -95,9 +95,9 @@ fn looks_like_obj(bytes: &[u8]) -> bool {
 fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOptions) -> Result<Asset> {
     let notes = Notes::default();
     let budget = Budget::new(MAX_DECODED_BYTES);
-    let model =
-        parse::read(&source.bytes, needs.geometry, &Progress::new(files, source.bytes.len()), &notes)?;
-    if model.groups.is_empty() && model.materials.is_empty() && model.positions.is_empty() && needs.geometry {
+    let progress = Progress::new(files, source.bytes.len());
+    let model = parse::read(&source.bytes, needs.geometry, &progress, &budget, &notes)?;
+    if model.groups.is_empty() && model.materials.is_empty() && model.positions == 0 && needs.geometry {
         return Err(Problem::new("line 1", "there is nothing of OBJ in it")
             .hint("an OBJ file has lines \"v x y z\" and \"f 1 2 3\""));
     }
@@ -119,8 +119,8 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
 
     // Pictures take as long as everything else together: they are decoded beside it.
     let (images, built) = textures.decode_beside(&notes, needs, files, || match needs.geometry {
-        true => mesh::build(&model, &settings, &budget, &notes),
-        false => Ok(Vec::new()),
+        true => mesh::build(&model, &settings, &notes),
+        false => Vec::new(),
     })?;
     let mut asset = Asset {
         name: source.name.clone(),
@@ -137,7 +137,7 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
         ..Asset::default()
     };
     take_normal_maps(&mut asset.materials, &asset.images, bumps, &notes);
-    place(&mut asset, &model, built?, &notes)?;
+    place(&mut asset, &model, built, &notes)?;
     asset.warnings = notes.into_warnings();
     Ok(asset)
 }
@@ -200,7 +200,7 @@ fn materials(
     let without = model.elements.iter().any(|e| e.material == parse::NONE);
     if without {
         let mut material = plain("default");
-        if !model.colors.is_empty() {
+        if model.has_colors {
             material.base_color = glam::Vec4::ONE;
         }
         out.push(material);

@@ -1,9 +1,9 @@
 //! Faces to indexed primitives: one a group and material.
 
-use crate::parse::{Corner, Model, NONE, Shape};
+use crate::parse::{Model, NONE, Shape};
 use choreo_import::polygon::{Cut, Triangulator};
 use choreo_import::text::count;
-use choreo_import::{Budget, Notes, Problem, Result, smooth};
+use choreo_import::{Notes, smooth};
 use choreo_stage::asset::{Primitive, Topology};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
@@ -22,17 +22,11 @@ pub struct Settings {
 type Key = (u32, Shape, u32, bool);
 
 /// Primitives with the group each belongs to, by group, and within it in the order of the file's materials.
-pub fn build(
-    model: &Model,
-    settings: &Settings,
-    budget: &Budget,
-    notes: &Notes,
-) -> Result<Vec<(u32, Primitive)>> {
-    let over = |what: String| Problem::new("f", what);
-    budget.charge(model.corners.len() as u64, 3 * (size_of::<Corner>() + 72)).map_err(over)?;
+pub fn build(model: &Model, settings: &Settings, notes: &Notes) -> Vec<(u32, Primitive)> {
     let key = |index: usize| -> Key {
         let e = &model.elements[index];
-        let normals = e.shape == Shape::Face && model.corners(index).iter().all(|c| c.normal != NONE);
+        let normals =
+            e.shape == Shape::Face && model.corners(index).iter().all(|v| model.normal(*v).is_some());
         (e.group, e.shape, e.material, normals)
     };
     let mut order: Vec<(Key, u32)> = (0..model.elements.len()).map(|i| (key(i), i as u32)).collect();
@@ -41,8 +35,7 @@ pub fn build(
     let mut builder = Builder {
         model,
         settings,
-        chains: vec![NONE; model.positions.len()],
-        entries: Vec::new(),
+        own: vec![NONE; model.vertex_count()],
         triangulator: Triangulator::default(),
         crossing: Counted::default(),
         too_much: Counted::default(),
@@ -81,7 +74,7 @@ pub fn build(
         );
         notes.warn(format!("line {}", too_much.line), what);
     }
-    Ok(out)
+    out
 }
 
 #[derive(Default)]
@@ -99,23 +92,11 @@ impl Counted {
     }
 }
 
-/// Vertices found so far at a position, as a chain.
-struct Entry {
-    uv: u32,
-    normal: u32,
-    vertex: u32,
-    next: u32,
-}
-
-/// Longer chains are not searched: the corner gets a vertex of its own, and the time stays proportional to the file.
-const MAX_CHAIN: usize = 64;
-
 struct Builder<'a> {
     model: &'a Model,
     settings: &'a Settings,
-    /// By position, the first of its entries; emptied after each primitive.
-    chains: Vec<u32>,
-    entries: Vec<Entry>,
+    /// By vertex of the file, that of the primitive; emptied after each primitive.
+    own: Vec<u32>,
     triangulator: Triangulator,
     crossing: Counted,
     too_much: Counted,
@@ -136,9 +117,8 @@ impl Builder<'_> {
         let used = || run.iter().flat_map(|(_, index)| model.corners(*index as usize));
         let attributes = Attributes {
             normals: has_normals,
-            uvs: used().any(|c| c.uv != NONE),
-            colors: !model.colors.is_empty()
-                && used().any(|c| model.colors[c.position as usize] != Vec3::ONE),
+            uvs: used().any(|v| model.uv(*v).is_some()),
+            colors: model.has_colors && used().any(|v| model.color(*v) != Vec3::ONE),
         };
         let mut out = Primitive {
             topology: match shape {
@@ -163,10 +143,9 @@ impl Builder<'_> {
                 smoothing.resize(out.indices.len() / 3, model.elements[*index as usize].smoothing);
             }
         }
-        for corner in used() {
-            self.chains[corner.position as usize] = NONE;
+        for vertex in used() {
+            self.own[*vertex as usize] = NONE;
         }
-        self.entries.clear();
         if shape == Shape::Face && !has_normals {
             match self.model.has_smoothing {
                 true => smooth::normals(&mut out, 0.0, Some(&smoothing)),
@@ -189,7 +168,7 @@ impl Builder<'_> {
             }
             Shape::Face => {
                 let mut triangulator = std::mem::take(&mut self.triangulator);
-                let place = |i: usize| model.positions[corners[i].position as usize];
+                let place = |i: usize| model.position(corners[i]);
                 let how = triangulator.cut(corners.len(), place, |triangle| {
                     triangle.iter().for_each(|i| self.corner(out, corners[*i as usize], attributes));
                 });
@@ -204,46 +183,32 @@ impl Builder<'_> {
         }
     }
 
-    fn corner(&mut self, out: &mut Primitive, corner: Corner, attributes: Attributes) {
-        let corner = Corner { normal: if attributes.normals { corner.normal } else { NONE }, ..corner };
-        let vertex = self.vertex(out, corner, attributes);
-        out.indices.push(vertex);
+    /// Adds a vertex of the file to the indices, and to the vertices where this primitive does not have it yet.
+    fn corner(&mut self, out: &mut Primitive, vertex: u32, attributes: Attributes) {
+        let own = &mut self.own[vertex as usize];
+        if *own == NONE {
+            *own = out.positions.len() as u32;
+            add(out, self.model, vertex, self.settings, attributes);
+        }
+        out.indices.push(*own);
     }
+}
 
-    /// The vertex of a corner: an equal one of this primitive, or a new one.
-    fn vertex(&mut self, out: &mut Primitive, corner: Corner, attributes: Attributes) -> u32 {
-        let position = corner.position as usize;
-        let mut at = self.chains[position];
-        let mut length = 0;
-        while at != NONE && length < MAX_CHAIN {
-            let entry = &self.entries[at as usize];
-            if (entry.uv, entry.normal) == (corner.uv, corner.normal) {
-                return entry.vertex;
-            }
-            at = entry.next;
-            length += 1;
-        }
-        let vertex = out.positions.len() as u32;
-        let next = std::mem::replace(&mut self.chains[position], self.entries.len() as u32);
-        self.entries.push(Entry { uv: corner.uv, normal: corner.normal, vertex, next });
-        let settings = self.settings;
-        out.positions
-            .push((turned(self.model.positions[position], settings.up_z) * settings.scale).as_vec3());
-        if corner.normal != NONE {
-            let normal = self.model.normals[corner.normal as usize].as_dvec3();
-            out.normals.push(turned(normal, settings.up_z).normalize_or_zero().as_vec3());
-        }
-        if attributes.uvs {
-            // OBJ counts v from the bottom.
-            let uv = if corner.uv == NONE { Vec2::ZERO } else { self.model.uvs[corner.uv as usize] };
-            out.uvs[0].push(Vec2::new(uv.x, 1.0 - uv.y));
-        }
-        if attributes.colors {
-            let [r, g, b] =
-                self.model.colors[position].to_array().map(|c| crate::mtl::linear(c, settings.srgb));
-            out.colors.push(Vec4::new(r, g, b, 1.0));
-        }
-        vertex
+/// Adds one of the file's vertices to a primitive, with the attributes that the primitive has.
+fn add(out: &mut Primitive, model: &Model, vertex: u32, settings: &Settings, attributes: Attributes) {
+    out.positions.push((turned(model.position(vertex), settings.up_z) * settings.scale).as_vec3());
+    if attributes.normals {
+        let normal = model.normal(vertex).unwrap_or_default().as_dvec3();
+        out.normals.push(turned(normal, settings.up_z).normalize_or_zero().as_vec3());
+    }
+    if attributes.uvs {
+        // OBJ counts v from the bottom.
+        let uv = model.uv(vertex).unwrap_or_default();
+        out.uvs[0].push(Vec2::new(uv.x, 1.0 - uv.y));
+    }
+    if attributes.colors {
+        let [r, g, b] = model.color(vertex).to_array().map(|c| crate::mtl::linear(c, settings.srgb));
+        out.colors.push(Vec4::new(r, g, b, 1.0));
     }
 }
 

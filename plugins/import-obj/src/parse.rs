@@ -1,24 +1,25 @@
-//! The lines of an OBJ file to flat lists.
+//! The lines of an OBJ file: `tobj` reads vertices and faces, this checks them first and reads what `tobj` leaves out.
+//!
+//! Each line is checked and handed on in a form in which `tobj` loses nothing; README.md lists what it loses else.
 
 use choreo_import::text::{self, Lines, integer, next_word, number, shown};
-use choreo_import::{Notes, Problem, Progress, Result};
+use choreo_import::{Budget, Notes, Problem, Progress, Result};
 use glam::{DVec3, Vec2, Vec3};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
+use std::io::Write;
 
 /// Groups are nodes, materials are looked at for every primitive: bounds the memory of empty ones.
 const MAX_GROUPS: usize = 65_536;
 const MAX_MATERIALS: usize = 65_536;
-/// Stands for a uv or normal that a corner does not have.
+/// Stands for a material that no `usemtl` has named.
 pub const NONE: u32 = u32::MAX;
-
-/// One corner of a face, line or point: indices into the lists.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Corner {
-    pub position: u32,
-    pub uv: u32,
-    pub normal: u32,
-}
+/// The first of each list that `tobj` reads: a corner without texture coordinate or normal refers to it.
+const MISSING: &[u8] = b"v 0 0 0 1 1 1\nvt nan nan\nvn nan nan nan";
+/// The lists that a corner refers to.
+const LISTS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+/// Bytes a corner: in `tobj`'s faces and its table of vertices, then as vertices of primitives.
+const CORNER_BYTES: usize = 256;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Shape {
@@ -42,12 +43,12 @@ pub struct Element {
 
 #[derive(Debug, Default)]
 pub struct Model {
-    pub positions: Vec<DVec3>,
-    /// As written, one a position, or none at all.
-    pub colors: Vec<Vec3>,
-    pub uvs: Vec<Vec2>,
-    pub normals: Vec<Vec3>,
-    pub corners: Vec<Corner>,
+    /// One index a corner for position, texture coordinate, normal and color.
+    mesh: tobj::Mesh,
+    /// Vertices of the file, used by faces or not.
+    pub positions: usize,
+    /// Whether one of them has a color.
+    pub has_colors: bool,
     pub elements: Vec<Element>,
     pub groups: Vec<String>,
     /// Names in the order of their first use, with the line of it.
@@ -61,18 +62,56 @@ pub struct Model {
 }
 
 impl Model {
-    pub fn corners(&self, element: usize) -> &[Corner] {
+    /// Vertices that differ in position, texture coordinate or normal.
+    pub fn vertex_count(&self) -> usize {
+        self.mesh.positions.len() / 3
+    }
+
+    /// An element's vertices.
+    pub fn corners(&self, element: usize) -> &[u32] {
         let start = self.elements[element].start as usize;
-        let end = self.elements.get(element + 1).map_or(self.corners.len(), |e| e.start as usize);
-        &self.corners[start..end]
+        let end = self.elements.get(element + 1).map_or(self.mesh.indices.len(), |e| e.start as usize);
+        &self.mesh.indices[start..end]
+    }
+
+    pub fn position(&self, vertex: u32) -> DVec3 {
+        DVec3::from_slice(&self.mesh.positions[3 * vertex as usize..])
+    }
+
+    pub fn uv(&self, vertex: u32) -> Option<Vec2> {
+        let uv = &self.mesh.texcoords[2 * vertex as usize..];
+        (!uv[0].is_nan()).then(|| Vec2::new(uv[0] as f32, uv[1] as f32))
+    }
+
+    pub fn normal(&self, vertex: u32) -> Option<Vec3> {
+        let normal = DVec3::from_slice(&self.mesh.normals[3 * vertex as usize..]);
+        (!normal.is_nan()).then(|| normal.as_vec3())
+    }
+
+    /// As written; white where the vertex has none.
+    pub fn color(&self, vertex: u32) -> Vec3 {
+        match self.has_colors {
+            true => DVec3::from_slice(&self.mesh.vertex_color[3 * vertex as usize..]).as_vec3(),
+            false => Vec3::ONE,
+        }
     }
 }
 
 /// Without `geometry` only names are read.
-pub fn read(bytes: &[u8], geometry: bool, progress: &Progress<'_>, notes: &Notes) -> Result<Model> {
+pub fn read(
+    bytes: &[u8],
+    geometry: bool,
+    progress: &Progress<'_>,
+    budget: &Budget,
+    notes: &Notes,
+) -> Result<Model> {
     let mut parser = Parser {
         notes,
         model: Model::default(),
+        text: MISSING.to_vec(),
+        counts: [0; 3],
+        corners: 0,
+        ahead: Vec::new(),
         geometry,
         object: String::new(),
         pending: Some(String::new()),
@@ -82,8 +121,7 @@ pub fn read(bytes: &[u8], geometry: bool, progress: &Progress<'_>, notes: &Notes
         group_of: HashMap::new(),
         material_of: HashMap::new(),
         unknown: BTreeMap::new(),
-        short: None,
-        short_count: 0,
+        short: Vec::new(),
     };
     let mut lines = Lines::new(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes));
     while let Some((line, text)) = lines.next() {
@@ -103,12 +141,19 @@ pub fn read(bytes: &[u8], geometry: bool, progress: &Progress<'_>, notes: &Notes
         }
         parser.line(line, &text)?;
     }
-    parser.finish()
+    parser.finish(budget)
 }
 
 struct Parser<'a> {
     notes: &'a Notes,
     model: Model,
+    /// What `tobj` reads.
+    text: Vec<u8>,
+    /// Positions, texture coordinates and normals so far.
+    counts: [usize; 3],
+    corners: usize,
+    /// References to what the file did not have when they were read: line, list and index. Faces may stand before their vertices.
+    ahead: Vec<(usize, usize, u32)>,
     geometry: bool,
     object: String,
     /// The group that the next element begins: names without faces make no nodes.
@@ -121,8 +166,8 @@ struct Parser<'a> {
     material_of: HashMap<String, u32>,
     /// Keywords that are left out: first line, count.
     unknown: BTreeMap<String, (usize, usize)>,
-    short: Option<usize>,
-    short_count: usize,
+    /// Lines of elements with too few corners.
+    short: Vec<usize>,
 }
 
 impl Parser<'_> {
@@ -131,14 +176,8 @@ impl Parser<'_> {
         let Some(keyword) = next_word(&mut rest) else { return Ok(()) };
         match keyword {
             b"v" if self.geometry => self.position(rest).map_err(|what| at(line, what))?,
-            b"vt" if self.geometry => {
-                let [u, v] = floats(&mut rest, 1).map_err(|what| at(line, what))?;
-                self.model.uvs.push(Vec2::new(u as f32, v as f32));
-            }
-            b"vn" if self.geometry => {
-                let [x, y, z] = floats(&mut rest, 3).map_err(|what| at(line, what))?;
-                self.model.normals.push(DVec3::new(x, y, z).as_vec3());
-            }
+            b"vt" if self.geometry => self.numbers(1, [1, 2], rest).map_err(|what| at(line, what))?,
+            b"vn" if self.geometry => self.numbers(2, [3, 3], rest).map_err(|what| at(line, what))?,
             b"f" | b"fo" if self.geometry => self.element(line, rest, Shape::Face)?,
             b"l" if self.geometry => self.element(line, rest, Shape::Line)?,
             b"p" if self.geometry => self.element(line, rest, Shape::Point)?,
@@ -169,64 +208,74 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// `x y z`, with `w` or with `r g b` behind it (or both).
-    fn position(&mut self, mut rest: &[u8]) -> std::result::Result<(), String> {
-        let [x, y, z] = floats(&mut rest, 3)?;
-        let position = DVec3::new(x, y, z);
-        let mut more = [0.0; 4];
-        let mut count = 0;
-        while let (Some(word), true) = (next_word(&mut rest), count < 4) {
-            more[count] = finite(word)?;
-            count += 1;
+    /// A line of one of the lists: `most` numbers, of which the first `least` must be there.
+    fn numbers(
+        &mut self,
+        list: usize,
+        [least, most]: [usize; 2],
+        mut rest: &[u8],
+    ) -> std::result::Result<(), String> {
+        self.text.extend(["\nv", "\nvt", "\nvn"][list].as_bytes());
+        for index in 0..most {
+            let word = next_word(&mut rest).or((index >= least).then_some(b"0"));
+            self.number(word.ok_or_else(|| format!("has {index} numbers, but needs {least}"))?)?;
         }
-        let color = match count {
-            3 => Some(Vec3::new(more[0] as f32, more[1] as f32, more[2] as f32)),
-            // Written as x y z w r g b or x y z r g b a: w and a are 1 in all files that are known.
-            4 if more[0] == 1.0 && more[3] != 1.0 => {
-                Some(Vec3::new(more[1] as f32, more[2] as f32, more[3] as f32))
-            }
-            4 => Some(Vec3::new(more[0] as f32, more[1] as f32, more[2] as f32)),
-            _ => None,
-        };
-        let model = &mut self.model;
-        if color.is_some() && model.colors.is_empty() {
-            model.colors.resize(model.positions.len(), Vec3::ONE);
-        }
-        if color.is_some() || !model.colors.is_empty() {
-            model.colors.push(color.unwrap_or(Vec3::ONE));
-        }
-        model.positions.push(position);
+        self.counts[list] += 1;
         Ok(())
     }
 
-    fn element(&mut self, line: usize, mut rest: &[u8], shape: Shape) -> Result<()> {
-        let start = self.model.corners.len();
-        let counts = [self.model.positions.len(), self.model.uvs.len(), self.model.normals.len()];
-        while let Some(word) = next_word(&mut rest) {
-            if word.starts_with(b"#") {
-                break;
-            }
-            let corner = corner(word, counts).map_err(|what| at(line, what))?;
-            self.model.corners.push(corner);
-        }
-        let count = self.model.corners.len() - start;
-        let least = match shape {
-            Shape::Face => 3,
-            Shape::Line => 2,
-            Shape::Point => 1,
+    fn number(&mut self, word: &[u8]) -> std::result::Result<f64, String> {
+        self.text.push(b' ');
+        self.text.extend(word);
+        finite(word)
+    }
+
+    /// `x y z`, with `w` or with `r g b` behind it (or both).
+    fn position(&mut self, rest: &[u8]) -> std::result::Result<(), String> {
+        self.numbers(0, [3, 3], rest)?;
+        let more: Vec<&[u8]> = text::words(rest).skip(3).take(4).collect();
+        let values = more.iter().map(|word| finite(word)).collect::<std::result::Result<Vec<f64>, _>>()?;
+        let color = match more[..] {
+            // Written as x y z w r g b or x y z r g b a: w and a are 1 in all files that are known.
+            [_, r, g, b] if values[0] == 1.0 && values[3] != 1.0 => [r, g, b],
+            [r, g, b] | [r, g, b, _] => [r, g, b],
+            _ => [&b"1"[..]; 3],
         };
+        self.model.has_colors |= more.len() >= 3;
+        color.iter().try_for_each(|word| self.number(word).map(drop))
+    }
+
+    fn element(&mut self, line: usize, mut rest: &[u8], shape: Shape) -> Result<()> {
+        let before = (self.text.len(), self.ahead.len());
+        self.text.extend(b"\nf");
+        let mut count = 0;
+        while let Some(word) = next_word(&mut rest).filter(|w| !w.starts_with(b"#")) {
+            let corner = corner(word, self.counts).map_err(|what| at(line, what))?;
+            for (list, index) in corner.into_iter().enumerate() {
+                let ahead = index.filter(|i| *i as usize >= self.counts[list]);
+                self.ahead.extend(ahead.map(|index| (line, list, index)));
+            }
+            // Counted from 1, and behind the missing one.
+            let [v, vt, vn] = corner.map(|index| index.map_or(1, |i| u64::from(i) + 2));
+            // Writing to memory does not fail.
+            let _ = write!(self.text, " {v}/{vt}/{vn}");
+            count += 1;
+        }
+        let least = [3, 2, 1][shape as usize];
         if count < least {
-            self.model.corners.truncate(start);
-            self.short_count += 1;
-            self.short.get_or_insert(line);
+            self.text.truncate(before.0);
+            self.ahead.truncate(before.1);
+            self.short.push(line);
             return Ok(());
         }
-        if self.model.corners.len() > NONE as usize {
+        let start = self.corners as u32;
+        self.corners += count;
+        if self.corners > NONE as usize {
             return Err(at(line, format!("more than {NONE} corners, which is the limit")));
         }
         self.enter(line)?;
         self.model.elements.push(Element {
-            start: start as u32,
+            start,
             shape,
             group: self.group,
             material: self.material,
@@ -266,12 +315,12 @@ impl Parser<'_> {
         Ok(next)
     }
 
-    fn finish(self) -> Result<Model> {
-        let model = self.model;
-        if let Some(line) = self.short {
+    fn finish(self, budget: &Budget) -> Result<Model> {
+        let mut model = Model { positions: self.counts[0], ..self.model };
+        if let Some(line) = self.short.first() {
             let what = format!(
                 "{} with fewer than three corners (or lines with fewer than two) left out",
-                text::count(self.short_count, "face")
+                text::count(self.short.len(), "face")
             );
             self.notes.warn(format!("line {line}"), what);
         }
@@ -288,26 +337,20 @@ impl Parser<'_> {
             };
             self.notes.warn(format!("line {line}"), format!("\"{keyword}\": {what}{times}"));
         }
-        // Faces may stand before their vertices, so this is only known now.
-        let counts = [model.positions.len(), model.uvs.len(), model.normals.len()];
-        for index in 0..model.elements.len() {
-            for corner in model.corners(index) {
-                let parts = [
-                    (corner.position, "vertex", 0),
-                    (corner.uv, "texture coordinate", 1),
-                    (corner.normal, "normal", 2),
-                ];
-                for (value, name, list) in parts {
-                    if value != NONE && value as usize >= counts[list] {
-                        let what = format!(
-                            "refers to {name} {}, but the file has {}",
-                            u64::from(value) + 1,
-                            counts[list]
-                        );
-                        return Err(at(model.elements[index].line as usize, what));
-                    }
-                }
+        for (line, list, index) in self.ahead {
+            if index as usize >= self.counts[list] {
+                let (name, count) = (LISTS[list], self.counts[list]);
+                let what = format!("refers to {name} {}, but the file has {count}", u64::from(index) + 1);
+                return Err(at(line, what));
             }
+        }
+        if self.geometry {
+            budget.charge(self.corners as u64, CORNER_BYTES).map_err(|what| Problem::new("f", what))?;
+            let options = tobj::LoadOptions { single_index: true, ..Default::default() };
+            let read = tobj::load_obj_buf(&mut &*self.text, &options, |_| Ok(Default::default()));
+            // All that it refuses is refused above, with the line.
+            let (mut models, _) = read.map_err(|e| Problem::new("f", e.to_string()))?;
+            model.mesh = models.pop().map(|all| all.mesh).unwrap_or_default();
         }
         Ok(model)
     }
@@ -326,34 +369,18 @@ fn finite(word: &[u8]) -> std::result::Result<f64, String> {
     value.ok_or_else(|| format!("\"{}\" is not a finite number", shown(word)))
 }
 
-/// `N` numbers, of which the first `least` must be there.
-fn floats<const N: usize>(rest: &mut &[u8], least: usize) -> std::result::Result<[f64; N], String> {
-    let mut values = [0.0; N];
-    for (index, value) in values.iter_mut().enumerate() {
-        match next_word(rest) {
-            Some(word) => *value = finite(word)?,
-            None if index >= least => break,
-            None => return Err(format!("has {index} numbers, but needs {least}")),
-        }
-    }
-    Ok(values)
-}
-
 /// `1`, `1/2`, `1//3`, `1/2/3`; negative numbers count back from the last one read so far.
-fn corner(word: &[u8], counts: [usize; 3]) -> std::result::Result<Corner, String> {
-    let mut out = [NONE; 3];
+fn corner(word: &[u8], counts: [usize; 3]) -> std::result::Result<[Option<u32>; 3], String> {
+    let odd = || format!("\"{}\" is not a corner: it should be v, v/t, v//n or v/t/n", shown(word));
+    let mut out = [None; 3];
     let mut parts = word.split(|b| *b == b'/');
-    for (slot, (count, name)) in
-        out.iter_mut().zip(counts.into_iter().zip(["vertex", "texture coordinate", "normal"]))
-    {
+    for (slot, (count, name)) in out.iter_mut().zip(counts.into_iter().zip(LISTS)) {
         let Some(part) = parts.next() else { break };
-        if part.is_empty() && name != "vertex" {
+        if part.is_empty() && name != LISTS[0] {
             continue;
         }
-        let index = integer(part).ok_or_else(|| {
-            format!("\"{}\" is not a corner: it should be v, v/t, v//n or v/t/n", shown(word))
-        })?;
-        *slot = match index {
+        let index = integer(part).ok_or_else(odd)?;
+        *slot = Some(match index {
             0 => return Err(format!("refers to {name} 0; they are counted from 1")),
             1.. => u32::try_from(index - 1)
                 .ok()
@@ -368,10 +395,10 @@ fn corner(word: &[u8], counts: [usize; 3]) -> std::result::Result<Corner, String
                 }
                 (count as u64 - back) as u32
             }
-        };
+        });
     }
     if parts.next().is_some() {
-        return Err(format!("\"{}\" is not a corner: it should be v, v/t, v//n or v/t/n", shown(word)));
+        return Err(odd());
     }
-    Ok(Corner { position: out[0], uv: out[1], normal: out[2] })
+    Ok(out)
 }

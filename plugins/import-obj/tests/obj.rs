@@ -150,6 +150,39 @@ fn vertex_colours() {
     assert!(weights.meshes[0].primitives[0].colors.is_empty(), "w is no colour");
 }
 
+/// What `tobj` alone would take from the corner before, scale, refuse or leave out.
+#[test]
+fn corners_have_what_the_file_gives_them() {
+    let triangle = "v 0 0 0\nv 1 0 0 2\nv 0 1 0\nvt 0.25\nvt 0.5 0.5\nvn 0 0 1\n";
+    // A corner without texture coordinate beside others that have one; one number is u alone; a fourth coordinate scales nothing.
+    let asset = read(&format!("{triangle}f 1/1 2 3/2 # a comment\n"));
+    let p = &asset.meshes[0].primitives[0];
+    assert_eq!(p.positions, [Vec3::ZERO, Vec3::X, Vec3::Y]);
+    assert_eq!(p.uvs[0], [Vec2::new(0.25, 1.0), Vec2::new(0.0, 1.0), Vec2::splat(0.5)]);
+    // A corner without normal: the face's are made.
+    let asset = read(&format!("{triangle}f 1//1 2 3//1\nf 1//1 3//1 2//1\n"));
+    let primitives = &asset.meshes[0].primitives;
+    assert_eq!((primitives.len(), primitives[0].normals[1]), (2, Vec3::Z));
+    assert_eq!(
+        warnings(&asset)[0],
+        "f: 1 face without normals; edges of up to 30° are smooth (option smooth)"
+    );
+    // Faces before their vertices, a group between; equal corners are one vertex, whatever refers to them.
+    let asset = read("f 1 2 3\ng a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf -3 -1 -2\nf 2 4 3\n");
+    let sizes: Vec<_> = asset
+        .meshes
+        .iter()
+        .map(|m| (m.primitives[0].positions.len(), m.primitives[0].indices.len()))
+        .collect();
+    assert_eq!(sizes, [(3, 3), (3, 6)]);
+    // A color on some vertices alone, with and without alpha.
+    let asset = read("v 0 0 0 0 1 0 1\nv 1 0 0\nv 0 1 0 1 0 0\nf 1 2 3\n");
+    let colors = &asset.meshes[0].primitives[0].colors;
+    assert_eq!(colors.iter().map(|c| c.truncate()).collect::<Vec<_>>(), [Vec3::Y, Vec3::ONE, Vec3::X]);
+    // An element that is left out refers to nothing.
+    assert_eq!(warnings(&read(&format!("{triangle}f 1 2 3\nf 9/9 9\n"))).len(), 2);
+}
+
 /// Two faces at a right angle along an edge, and a third that goes on flat from the second.
 const FOLD: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 1 -1\nv 1 1 -1\nv 1 1 -2\nv 0 1 -2\n";
 

@@ -13,8 +13,6 @@ use std::sync::Arc;
 /// What became of a clip.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
-    /// Joints that the clip moves and nothing of the target follows.
-    pub unmatched: Vec<String>,
     /// Target joints whose curves are sampled, rather than mapped key by key.
     pub sampled: Vec<String>,
     /// Keys of each of these.
@@ -59,7 +57,6 @@ impl Retarget<'_> {
         };
         let curves = Curves { rotations: of(Path::Rotation), translations: of(Path::Translation) };
         let mut report = Report {
-            unmatched: self.unmatched(clip),
             rests_standing: self.rests_standing(),
             target_stands: self.target_stands(),
             ..Report::default()
@@ -123,13 +120,6 @@ impl Retarget<'_> {
         if let Some(parent) = self.to.parents()[joint as usize] {
             moves_below[parent as usize] |= moves_below[joint as usize];
         }
-    }
-
-    fn unmatched(&self, clip: &Clip) -> Vec<String> {
-        let followed: BTreeSet<u32> = self.map.pairs().map(|(_, source, _)| source).collect();
-        let moved: BTreeSet<u32> =
-            clip.curves().iter().map(|c| c.joint).filter(|j| !followed.contains(j)).collect();
-        moved.iter().filter_map(|j| self.from.names().get(*j as usize).cloned()).collect()
     }
 
     /// The nearest joint above that follows one, and the rotation at rest from it to the parent.

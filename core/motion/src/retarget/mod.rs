@@ -15,6 +15,7 @@
 //! above its height at rest as the source's, times that ratio: what stands stays on the floor.
 
 mod align;
+mod coverage;
 mod frame;
 mod keys;
 mod same;
@@ -25,9 +26,11 @@ use crate::joint_map::JointMap;
 use crate::rest::Rest;
 use crate::{Clip, Skeleton};
 use align::{aligned_rest, facing, leg_length};
+use coverage::Partners;
 use glam::{DQuat, DVec3};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
+pub use coverage::Coverage;
 pub use keys::Report;
 pub use same::same_joints;
 
@@ -217,6 +220,16 @@ impl<'a> Retarget<'a> {
         self.source.human.is_body() && self.target.human.is_body() && self.hips.is_some()
     }
 
+    /// How much of a clip the target follows, and which parts of the body stay at rest.
+    pub fn coverage(&self, clip: &Clip) -> Coverage {
+        let partners = Partners {
+            followed: self.map.pairs().map(|(_, source, _)| source).collect(),
+            following: self.map.pairs().map(|(joint, _, _)| joint).collect(),
+            forbidden: self.options.joints.iter().filter(|(_, s)| s.is_none()).map(|(j, _)| *j).collect(),
+        };
+        Coverage::of(clip, [self.from, self.to], [&self.source.human, &self.target.human], &partners)
+    }
+
     /// Where a joint that moves stands in the model when its source joint stands there: rest places correspond, of the
     /// hips their heights above the floors.
     fn place(&self, joint: u32, source: DVec3) -> DVec3 {
@@ -247,18 +260,44 @@ impl<'a> Retarget<'a> {
     }
 }
 
-/// The clip on another skeleton: copied curve by curve where joints mean the same there (see [`same_joints`]) or where the skeletons
-/// are no bodies; else retargeted, with a report.
+/// The clip on another skeleton, and how much of it follows: copied curve by curve where joints mean the same there (see
+/// [`same_joints`]); between bodies retargeted, with a report. Where the skeletons are no bodies it is copied by names, or
+/// retargeted where structure tells more joints than names do.
 /// Where both files name the bones of their bodies, rotations go from T-pose to T-pose, as VRM has it ([`crate::bind_clip`]).
-pub fn bind_or_retarget(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Vec<String>, Option<Report>) {
+pub fn bind_or_retarget(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Coverage, Option<Report>) {
     let named = from.humanoid().is_some() && to.humanoid().is_some();
-    if !named && !same_joints(clip, from, to) {
-        let retarget = Retarget::new(from, to, Options::default());
-        if retarget.is_body() {
-            let (clip, report) = retarget.clip(clip);
-            return (clip, report.unmatched.clone(), Some(report));
+    if named || same_joints(clip, from, to) {
+        let (clip, coverage) = bind(clip, from, to);
+        return (clip, coverage, None);
+    }
+    let retarget = Retarget::new(from, to, Options::default());
+    let coverage = retarget.coverage(clip);
+    if !retarget.is_body() {
+        let (bound, by_name) = bind(clip, from, to);
+        if coverage.followed() <= by_name.followed() {
+            return (bound, by_name, None);
         }
     }
-    let (clip, unmatched) = crate::bind_clip(clip, from, to);
-    (clip, unmatched, None)
+    let (clip, report) = retarget.clip(clip);
+    (clip, coverage, Some(report))
+}
+
+/// [`crate::bind_clip`], and how much of the clip it binds.
+fn bind(clip: &Clip, from: &Skeleton, to: &Skeleton) -> (Clip, Coverage) {
+    let (bound, unmatched) = crate::bind_clip(clip, from, to);
+    let moved: BTreeSet<u32> = clip.curves().iter().map(|c| c.joint).collect();
+    if unmatched.is_empty() {
+        return (bound, Coverage { moved: moved.len(), ..Coverage::default() });
+    }
+    let left_out: BTreeSet<&str> = unmatched.iter().map(String::as_str).collect();
+    let has_partner =
+        |joint: &u32| from.names().get(*joint as usize).is_some_and(|name| !left_out.contains(name.as_str()));
+    let partners = Partners {
+        followed: moved.into_iter().filter(has_partner).collect(),
+        following: bound.curves().iter().map(|c| c.joint).collect(),
+        forbidden: BTreeSet::new(),
+    };
+    let humans = [from, to].map(Human::of);
+    let coverage = Coverage::of(clip, [from, to], [&humans[0], &humans[1]], &partners);
+    (bound, coverage)
 }

@@ -6,10 +6,8 @@ use crate::diagnostic::Severity;
 use crate::limits::raise_hint;
 use crate::suggest::list;
 use crate::value::*;
-use choreo_motion::retarget::{
-    Options as Fit, Report, Retarget, Translations, bind_or_retarget, same_joints,
-};
-use choreo_motion::{Clip, bind_clip};
+use choreo_motion::Clip;
+use choreo_motion::retarget::{Coverage, Options as Fit, Report, Retarget, Translations, bind_or_retarget};
 use choreo_stage::{Asset, Mirroring};
 use rhai::{Dynamic, Map};
 use std::collections::BTreeMap;
@@ -30,6 +28,7 @@ pub const DEFS: &[Def] = &[
         "asset, options?",
         Gives::A(Kind::Clip),
         "Returns the clip retargeted to the skeleton of another asset. Actor.play does the same by default for a clip of another asset.\n\
+         Joints are matched by their names, also between Mixamo, Biped, VRM, Unreal, Rigify, Daz, CMU, Character Creator and Source, else by structure. A warning names the body parts that do not follow; it is an error if none follows.\n\
          Options: joints (#{ \"its joint\": \"joint of the clip\", … }, false for no joint; default: matched by names, then by structure), scale (default: ratio of the leg lengths), translations (joints that move as well as rotate: \"hips\", the default, \"all\" or \"none\"), floor (true, the default: feet stay on the floor), align (true, the default: the limbs of the rest pose (bind pose) are aligned with those of the clip, such as an A-pose with a T-pose).",
         retarget,
     ),
@@ -38,7 +37,7 @@ pub const DEFS: &[Def] = &[
         "mapping",
         "asset, options?",
         Gives::Value("array of texts"),
-        "Returns the report of a retarget, a line per joint: which joint of the other asset follows which joint of the clip, and how it was matched. Options as in Clip.retarget.",
+        "Returns the report of a retarget, a line per joint: which joint of the other asset follows which joint of the clip, and how it was matched. It is an error if none follows. Options as in Clip.retarget.",
         mapping,
     ),
 ];
@@ -142,36 +141,88 @@ fn other(c: &Call) -> Result<Arc<Asset>, ApiError> {
 fn retarget(c: &mut Call) -> Reply {
     let (this, on): (ClipRef, _) = (c.this()?, other(c)?);
     c.build().used(&this.asset);
-    let fit = fitting(c, &this.asset, &on)?;
-    let retarget = Retarget::new(&this.asset.skeleton, &on.skeleton, fit);
-    // Onto the character that a clip was made for it goes as it is.
-    let (clip, report) = match c.len() == 1 && same_joints(&this.clip, &this.asset.skeleton, &on.skeleton) {
-        true => {
-            let (clip, unmatched) = bind_clip(&this.clip, &this.asset.skeleton, &on.skeleton);
-            (clip, Report { unmatched, rests_standing: true, target_stands: true, ..Report::default() })
+    // Without options as an actor plays it: onto the character that a clip was made for it goes as it is.
+    let fitted = match c.len() {
+        1 => bind_or_retarget(&this.clip, &this.asset.skeleton, &on.skeleton),
+        _ => {
+            let retarget = Retarget::new(&this.asset.skeleton, &on.skeleton, fitting(c, &this.asset, &on)?);
+            let (clip, report) = retarget.clip(&this.clip);
+            (clip, retarget.coverage(&this.clip), Some(report))
         }
-        false => retarget.clip(&this.clip),
     };
-    if clip.curves().is_empty() && !this.clip.curves().is_empty() {
-        return Err(nothing(&this, &on, &report.unmatched));
-    }
-    note(c, &this, &on, &report);
-    not_standing(c, &this, &on, &report);
+    let clip = checked(c, &this, &on, fitted)?;
     made(c, clip, on)
 }
 
-fn nothing(of: &ClipRef, on: &Asset, missing: &[String]) -> ApiError {
-    let names = on.skeleton.names().iter().map(String::as_str);
-    ApiError::new(format!(
-        "clip \"{}\" of \"{}\" on \"{}\": no joint has the same name",
-        of.clip.name, of.asset.name, on.name
-    ))
-    .focus(of.clip.name.clone())
-    .hint(format!(
-        "animated: {}; on the actor: {}",
-        list(missing.iter().map(String::as_str), 12),
-        list(names, 12)
-    ))
+/// A clip on another body; what gets lost is reported, and it is an error if nothing is left.
+fn checked(
+    c: &Call,
+    of: &ClipRef,
+    on: &Asset,
+    (clip, coverage, report): (Clip, Coverage, Option<Report>),
+) -> Result<Clip, ApiError> {
+    if clip.curves().is_empty() && clip.expressions().is_empty() && !of.clip.curves().is_empty() {
+        return Err(NothingFollows::new(&of.clip, &of.asset, on, &coverage.left_out).error(&of.clip));
+    }
+    if let Some(report) = &report {
+        note(c, of, on, report);
+        not_standing(c, of, on, report);
+    }
+    // Between bodies, joints beyond the parts that a body has, as twist joints, are expected to be left out.
+    if !coverage.parts.is_empty() || (report.is_none() && !coverage.left_out.is_empty()) {
+        c.shared.note(Severity::Warning, &c.place, &partial(of, on, &coverage));
+    }
+    Ok(clip)
+}
+
+/// Which parts of a body stay at rest; where nothing is known of parts, which joints.
+fn partial(of: &ClipRef, on: &Asset, coverage: &Coverage) -> ApiError {
+    let clip = format!("clip \"{}\" of \"{}\" on \"{}\"", of.clip.name, of.asset.name, on.name);
+    if coverage.parts.is_empty() {
+        let (count, names) = (coverage.left_out.len(), coverage.left_out.iter().map(String::as_str));
+        return ApiError::new(format!(
+            "{clip}: {count} animated joints have no partner of the same name: {}",
+            list(names, 12)
+        ));
+    }
+    ApiError::new(format!("{clip}: {}", coverage_line(coverage))).hint(
+        "name their partners: clip.retarget(asset, #{ joints: #{ \"its joint\": \"joint of the clip\" } }); clip.mapping(asset) lists what follows",
+    )
+}
+
+/// "9 of 61 animated joints have a partner; these parts of the body do not follow: left arm, head".
+fn coverage_line(coverage: &Coverage) -> String {
+    let parts = match coverage.parts.is_empty() {
+        true => String::new(),
+        false => format!("; these parts of the body do not follow: {}", coverage.parts.join(", ")),
+    };
+    format!("{} of {} animated joints have a partner{parts}", coverage.followed(), coverage.moved)
+}
+
+/// No joint of a body follows one that the clip moves.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NothingFollows {
+    pub message: String,
+    pub hint: String,
+}
+
+impl NothingFollows {
+    fn new(clip: &Clip, of: &Asset, on: &Asset, left_out: &[String]) -> NothingFollows {
+        let message = format!(
+            "clip \"{}\" of \"{}\" on \"{}\": no joint has the same name, nor the same place in a body",
+            clip.name, of.name, on.name
+        );
+        let hint = format!(
+            "animated: {}; on the actor: {}",
+            list(left_out.iter().map(String::as_str), 12),
+            list(on.skeleton.names().iter().map(String::as_str), 12)
+        );
+        NothingFollows { message, hint }
+    }
+
+    fn error(self, clip: &Clip) -> ApiError {
+        ApiError::new(self.message).focus(clip.name.clone()).hint(self.hint)
+    }
 }
 
 /// What may surprise about a retargeted clip.
@@ -208,13 +259,17 @@ fn mapping(c: &mut Call) -> Reply {
     let (this, on): (ClipRef, _) = (c.this()?, other(c)?);
     c.build().used(&this.asset);
     let fit = fitting(c, &this.asset, &on)?;
-    let lines = mapping_lines(&this.asset, &on, &this.clip, fit);
+    let lines = mapping_lines(&this.asset, &on, &this.clip, fit).map_err(|e| e.error(&this.clip))?;
     Ok(Dynamic::from_array(lines.into_iter().map(Dynamic::from).collect()))
 }
 
 /// How a clip goes on another body, a line a joint: "upperarm.l ← LeftArm (by body, turned 43° at rest)".
-pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Vec<String> {
+pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Result<Vec<String>, NothingFollows> {
     let retarget = Retarget::new(&of.skeleton, &on.skeleton, fit);
+    let coverage = retarget.coverage(clip);
+    if coverage.moved > 0 && coverage.followed() == 0 {
+        return Err(NothingFollows::new(clip, of, on, &coverage.left_out));
+    }
     let (_, report) = retarget.clip(clip);
     let mut lines = vec![format!(
         "{} on {}: scale {:.4}, turned by {}°, {} of {} joints follow",
@@ -247,32 +302,20 @@ pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Vec<Strin
             far * 1e3
         ));
     }
-    if !report.unmatched.is_empty() {
-        lines.push(format!("nothing follows: {}", list(report.unmatched.iter().map(String::as_str), 48)));
+    if !coverage.left_out.is_empty() {
+        lines.push(coverage_line(&coverage));
+        lines.push(format!("nothing follows: {}", list(coverage.left_out.iter().map(String::as_str), 48)));
     }
-    lines
+    Ok(lines)
 }
 
-/// A clip on an actor's own skeleton: as it is where joints mean the same there, else retargeted. Says what gets lost.
+/// A clip on an actor's own skeleton: as it is where joints mean the same there, else retargeted. What gets lost is reported.
 pub fn fit(c: &Call, given: &ClipRef, asset: &Asset) -> Result<Clip, ApiError> {
-    let (bound, missing, report) = bind_or_retarget(&given.clip, &given.asset.skeleton, &asset.skeleton);
-    if bound.curves().is_empty() && bound.expressions().is_empty() && !given.clip.curves().is_empty() {
-        return Err(nothing(given, asset, &missing));
+    let fitted = bind_or_retarget(&given.clip, &given.asset.skeleton, &asset.skeleton);
+    let retargeted = fitted.2.is_some();
+    let clip = checked(c, given, asset, fitted)?;
+    if retargeted {
+        count(c, &clip)?;
     }
-    if let Some(report) = &report {
-        note(c, given, asset, report);
-        not_standing(c, given, asset, report);
-        count(c, &bound)?;
-    } else if !missing.is_empty() {
-        let names = list(missing.iter().map(String::as_str), 12);
-        let text = format!(
-            "clip \"{}\" of \"{}\" on \"{}\": {} animated joints have no partner of the same name: {names}",
-            given.clip.name,
-            given.asset.name,
-            asset.name,
-            missing.len()
-        );
-        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text));
-    }
-    Ok(bound)
+    Ok(clip)
 }

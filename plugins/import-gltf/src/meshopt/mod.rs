@@ -1,11 +1,10 @@
 //! EXT_meshopt_compression and KHR_meshopt_compression: buffer views packed by meshoptimizer's codecs.
 //!
-//! An own decoder rather than the C++ one: it is short, it is safe whatever the bytes hold, and it spares every build a C++
-//! compiler. Formats: the extensions' specifications, "Appendix A: Bitstream" and "Appendix B: Filters".
+//! The crate `meshopt` unpacks; its decoders are safe for untrusted bytes as long as count and stride are checked first. The
+//! filters are ours: meshoptimizer's use approximate reciprocal roots on x86 and fused multiply-adds on ARM, so that one file
+//! would have other normals on another processor.
 
-mod attributes;
 mod filters;
-mod indices;
 
 /// `mode` of the extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,79 +75,100 @@ impl Packed {
 
     /// The fewest bytes that this many elements can be packed into: a lying count is found out before anything is allocated.
     pub fn least(&self) -> u64 {
+        let (count, stride) = (self.count as u64, self.stride as u64);
         match self.mode {
-            Mode::Attributes => attributes::least(self.count, self.stride),
-            Mode::Triangles => 1 + self.count as u64 / 3 + indices::TABLE as u64,
-            Mode::Indices => 1 + self.count as u64 + indices::TAIL as u64,
+            Mode::Attributes => {
+                // Version 1's all-zero bytes take two bits a block; the tail is padded to 24 bytes.
+                let block = ((8192 / stride) & !15).min(256);
+                1 + count.div_ceil(block) * (stride / 4) + 24
+            }
+            // A code for each triangle, and a table of 16 bytes.
+            Mode::Triangles => 1 + count / 3 + 16,
+            // A byte or more for each index, and 4 bytes of padding.
+            Mode::Indices => 1 + count + 4,
         }
     }
 
-    /// Unpacks. `check` must have passed. Every byte of `data` is accounted for, or it is an error.
+    /// Unpacks. [`Packed::check`] must have passed. Every byte of `data` is accounted for, or it is an error.
     pub fn unpack(&self, data: &[u8]) -> Result<Vec<u8>, String> {
+        let Packed { mode, filter, count, stride } = *self;
         if (data.len() as u64) < self.least() {
-            let least = self.least();
             return Err(format!(
-                "{} elements take {least} bytes or more, but there are {}",
-                self.count,
+                "{count} elements take {} bytes or more, but there are {}",
+                self.least(),
                 data.len()
             ));
         }
-        let mut out = match self.mode {
-            Mode::Attributes => attributes::unpack(self.count, self.stride, data)?,
-            Mode::Triangles => bytes(indices::triangles(self.count, data)?, self.stride),
-            Mode::Indices => bytes(indices::sequence(self.count, data)?, self.stride),
+        self.check_head(data[0])?;
+        let unpacked = match (mode, stride) {
+            (Mode::Attributes, _) => vertices(count, stride, data),
+            (Mode::Triangles, 2) => meshopt::decode_index_buffer(data, count).map(short_bytes),
+            (Mode::Triangles, _) => meshopt::decode_index_buffer(data, count).map(long_bytes),
+            (Mode::Indices, 2) => meshopt::decode_index_sequence(data, count).map(short_bytes),
+            (Mode::Indices, _) => meshopt::decode_index_sequence(data, count).map(long_bytes),
         };
-        filters::apply(self.filter, self.stride, &mut out);
+        let mut out = unpacked.map_err(|error| match error {
+            meshopt::Error::Native(-3) => "bytes are left over after the last element",
+            _ => "the data are damaged, or end in the middle of an element",
+        })?;
+        filters::apply(filter, stride, &mut out);
         Ok(out)
     }
-}
 
-/// Little endian; of two bytes an index, the lower half.
-fn bytes(indices: Vec<u32>, stride: usize) -> Vec<u8> {
-    match stride {
-        2 => indices.iter().flat_map(|i| (*i as u16).to_le_bytes()).collect(),
-        _ => indices.iter().flat_map(|i| i.to_le_bytes()).collect(),
-    }
-}
-
-/// Bytes taken from the front; running out is an error, never a panic.
-struct Bytes<'a>(&'a [u8]);
-
-impl<'a> Bytes<'a> {
-    fn take(&mut self, n: usize) -> Result<&'a [u8], String> {
-        let (head, rest) = self.0.split_at_checked(n).ok_or_else(ended)?;
-        self.0 = rest;
-        Ok(head)
-    }
-
-    fn byte(&mut self) -> Result<u8, String> {
-        let (head, rest) = self.0.split_first().ok_or_else(ended)?;
-        self.0 = rest;
-        Ok(*head)
-    }
-
-    /// Nothing may be left.
-    fn end(&self) -> Result<(), String> {
-        match self.0.len() {
-            0 => Ok(()),
-            n => Err(format!("{n} bytes are left over after the last element")),
+    /// The codecs' first byte: the mode in the upper half, the version in the lower.
+    fn check_head(&self, head: u8) -> Result<(), String> {
+        let mark = match self.mode {
+            Mode::Attributes => 0xa0,
+            Mode::Triangles => 0xe0,
+            Mode::Indices => 0xd0,
+        };
+        if head & 0xf0 != mark {
+            return Err(format!("begins with {head:#04x}, but {mark:#04x} is this mode's mark"));
+        }
+        match head & 0x0f {
+            0 | 1 => Ok(()),
+            version => Err(format!("is of version {version}; the newest known is 1")),
         }
     }
 }
 
-fn ended() -> String {
-    "the data end in the middle of an element".into()
+/// One vertex of `STRIDE` bytes. The decoder wants a default, which arrays of more than 32 elements do not have.
+#[derive(Clone)]
+struct Vertex<const STRIDE: usize>([u8; STRIDE]);
+
+impl<const STRIDE: usize> Default for Vertex<STRIDE> {
+    fn default() -> Self {
+        Vertex([0; STRIDE])
+    }
 }
 
-/// The codecs' first byte: what it is in the upper half, its version in the lower.
-fn version(head: u8, kind: u8, newest: u8) -> Result<u8, String> {
-    if head & 0xf0 != kind {
-        return Err(format!("begins with {head:#04x}, but {kind:#04x} is this mode's mark"));
+fn vertices_of<const STRIDE: usize>(count: usize, data: &[u8]) -> meshopt::Result<Vec<u8>> {
+    let vertices: Vec<Vertex<STRIDE>> = meshopt::decode_vertex_buffer(data, count)?;
+    let mut out = Vec::with_capacity(count * STRIDE);
+    vertices.iter().for_each(|vertex| out.extend_from_slice(&vertex.0));
+    Ok(out)
+}
+
+/// The decoder takes the stride from a type: one for each stride that [`Packed::check`] allows.
+fn vertices(count: usize, stride: usize, data: &[u8]) -> meshopt::Result<Vec<u8>> {
+    macro_rules! by_stride {
+        ($($words:literal)*) => {
+            match stride / 4 {
+                $($words => vertices_of::<{ $words * 4 }>(count, data),)*
+                _ => Err(meshopt::Error::Native(-1)),
+            }
+        };
     }
-    match head & 0x0f {
-        v if v <= newest => Ok(v),
-        v => Err(format!("is of version {v}; the newest known is {newest}")),
-    }
+    by_stride!(1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32
+        33 34 35 36 37 38 39 40 41 42 43 44 45 46 47 48 49 50 51 52 53 54 55 56 57 58 59 60 61 62 63 64)
+}
+
+fn short_bytes(indices: Vec<u16>) -> Vec<u8> {
+    indices.iter().flat_map(|i| i.to_le_bytes()).collect()
+}
+
+fn long_bytes(indices: Vec<u32>) -> Vec<u8> {
+    indices.iter().flat_map(|i| i.to_le_bytes()).collect()
 }
 
 #[cfg(test)]

@@ -56,6 +56,28 @@ fn attributes() {
     assert_ne!(wave_of.unpack(&other).unwrap(), wave());
 }
 
+/// The decoder takes the stride from a type; a wrong one in the table would unpack other bytes or none.
+#[test]
+fn every_stride() {
+    fn round_trip<const STRIDE: usize>() {
+        let count = 300;
+        let vertex = |v: usize| Vertex::<STRIDE>(std::array::from_fn(|b| ((v * v * (b + 3)) >> 4) as u8));
+        let vertices: Vec<_> = (0..count).map(vertex).collect();
+        let encoded = meshopt::encode_vertex_buffer(&vertices).unwrap();
+        let bytes: Vec<u8> = vertices.iter().flat_map(|v| v.0).collect();
+        let of = packed(Mode::Attributes, Filter::None, count, STRIDE);
+        assert_eq!(of.unpack(&encoded).unwrap(), bytes, "{STRIDE}");
+        // The same data read with the stride of its neighbor: an error, never a panic.
+        let next = Packed { stride: if STRIDE == 256 { 4 } else { STRIDE + 4 }, ..of };
+        assert_ne!(next.unpack(&encoded).ok(), Some(bytes), "{STRIDE}");
+    }
+    macro_rules! all {
+        ($($words:literal)*) => { $(round_trip::<{ $words * 4 }>();)* };
+    }
+    all!(1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30 31 32
+        33 34 35 36 37 38 39 40 41 42 43 44 45 46 47 48 49 50 51 52 53 54 55 56 57 58 59 60 61 62 63 64);
+}
+
 #[test]
 fn indices() {
     // A grid of 4 × 3 cells, then two triangles that share nothing with it.
@@ -172,7 +194,7 @@ fn lies_are_refused_before_anything_is_allocated() {
     assert_eq!(text, "1099511627776 elements take 8589934617 bytes or more, but there are 194");
     assert!(of(24).unpack(&hex(WAVE_0)).is_err());
     let longer = [&hex(WAVE_0)[..160], &[0; 3], &hex(WAVE_0)[160..]].concat();
-    assert_eq!(of(40).unpack(&longer).unwrap_err(), "3 bytes are left over after the last element");
+    assert_eq!(of(40).unpack(&longer).unwrap_err(), "bytes are left over after the last element");
     assert_eq!(of(1).unpack(&[0x50; 64]).unwrap_err(), "begins with 0x50, but 0xa0 is this mode's mark");
     assert_eq!(of(1).unpack(&[0xa7; 64]).unwrap_err(), "is of version 7; the newest known is 1");
     let check = |mode, filter, count, stride| Packed { mode, filter, count, stride }.check().unwrap_err();

@@ -1,0 +1,115 @@
+//! How much of a clip another skeleton follows, and which parts of the body stay at rest.
+
+use crate::human::{Human, is_below};
+use crate::{Clip, Skeleton};
+use std::collections::BTreeSet;
+
+/// Parts of the body by which messages name what does not follow, from the trunk outwards.
+const PARTS: [&str; 9] = [
+    "hips",
+    "spine",
+    "head",
+    "left arm",
+    "right arm",
+    "left leg",
+    "right leg",
+    "left fingers",
+    "right fingers",
+];
+
+/// Unmatched joints below a hand from which on it is said to have fingers: what it holds has one or two.
+const FINGER_JOINTS: usize = 3;
+
+/// What of a clip goes over to another skeleton.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Coverage {
+    /// Joints that the clip moves.
+    pub moved: usize,
+    /// Joints that the clip moves and that no joint of the other skeleton follows.
+    pub left_out: Vec<String>,
+    /// Parts of the body that stay at rest although the clip moves them: "left arm", "spine", "right fingers".
+    pub parts: Vec<&'static str>,
+}
+
+/// Which joints of both skeletons belong together.
+pub(super) struct Partners {
+    /// Joints of the source that are followed.
+    pub followed: BTreeSet<u32>,
+    /// Joints of the target that follow one.
+    pub following: BTreeSet<u32>,
+    /// Joints of the target that the caller wants to follow none.
+    pub forbidden: BTreeSet<u32>,
+}
+
+impl Coverage {
+    pub fn followed(&self) -> usize {
+        self.moved - self.left_out.len()
+    }
+
+    pub(super) fn of(
+        clip: &Clip,
+        [from, to]: [&Skeleton; 2],
+        [source, target]: [&Human; 2],
+        partners: &Partners,
+    ) -> Coverage {
+        let moved: BTreeSet<u32> = clip.curves().iter().map(|c| c.joint).collect();
+        let names = |joint: &u32| from.names().get(*joint as usize).cloned();
+        let left_out: Vec<String> = moved.difference(&partners.followed).filter_map(names).collect();
+        let mut coverage = Coverage { moved: moved.len(), left_out, parts: Vec::new() };
+        if coverage.left_out.is_empty() {
+            return coverage;
+        }
+        let (own, theirs) = (parts(source), parts(target));
+        let stays = |part: &&str| {
+            let joints = |of: &[(&str, u32)]| -> Vec<u32> {
+                of.iter().filter(|(name, _)| name == part).map(|(_, joint)| *joint).collect()
+            };
+            let (own, theirs) = (joints(&own), joints(&theirs));
+            if theirs.iter().any(|j| partners.forbidden.contains(j)) {
+                return false;
+            }
+            let mut moving = own.iter().filter(|j| moved.contains(j)).peekable();
+            if moving.peek().is_some() {
+                let fingers = part.strip_suffix(" fingers");
+                return !moving.any(|j| partners.followed.contains(j))
+                    && fingers.is_none_or(|side| has_fingers(to, target, side, partners));
+            }
+            // A part that is known of the target alone: the source has it under a name that nothing is known of.
+            own.is_empty()
+                && !theirs.is_empty()
+                && !part.ends_with(" fingers")
+                && !theirs.iter().any(|j| partners.following.contains(j))
+        };
+        coverage.parts = PARTS.into_iter().filter(stays).collect();
+        coverage
+    }
+}
+
+/// Each joint of a body that makes a part of it move. Collar bones and toes alone are no arm and no leg.
+fn parts(human: &Human) -> Vec<(&'static str, u32)> {
+    let mut out: Vec<(&'static str, u32)> = Vec::new();
+    for (name, joint) in human.joints() {
+        let (side, base) = name.split_once(' ').unwrap_or(("", name));
+        let sided = |left: &'static str, right: &'static str| if side == "left" { left } else { right };
+        let part = match base {
+            "hips" => "hips",
+            "spine" | "spine1" | "spine2" => "spine",
+            "neck" | "head" => "head",
+            "arm" | "forearm" | "hand" => sided("left arm", "right arm"),
+            "upleg" | "leg" | "foot" => sided("left leg", "right leg"),
+            _ if base.starts_with("hand") => sided("left fingers", "right fingers"),
+            _ => continue,
+        };
+        out.push((part, *joint));
+    }
+    out.extend(human.spine().iter().map(|joint| ("spine", *joint)));
+    out.extend(human.neck().iter().map(|joint| ("head", *joint)));
+    out
+}
+
+/// Whether joints hang below a hand of the target, more than it could hold, none of which follows.
+fn has_fingers(to: &Skeleton, target: &Human, side: &str, partners: &Partners) -> bool {
+    let Some(hand) = target.joint(&format!("{side} hand")) else { return false };
+    let below: Vec<u32> = (0..to.len() as u32).filter(|j| *j != hand && is_below(to, *j, hand)).collect();
+    below.len() >= FINGER_JOINTS && !below.iter().any(|j| partners.following.contains(j))
+}
