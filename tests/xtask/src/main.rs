@@ -20,6 +20,7 @@ mod lessons;
 mod setup;
 mod strip;
 mod suite;
+mod tally;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
