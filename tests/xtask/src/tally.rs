@@ -118,7 +118,8 @@ impl Tally {
             let left = tests_of(&binary.path).into_iter().filter(|test| !binary.finished.contains(test));
             left.take(threads).collect::<Vec<_>>().join(" or ")
         });
-        self.failures.push(format!("cargo test {}: ended by signal {signal}, in {running}", binary.name()));
+        let of = if running.is_empty() { String::new() } else { format!(", in {running}") };
+        self.failures.push(format!("cargo test {}: ended by signal {signal}{of}", binary.name()));
         self.failures.extend(binary.failures());
     }
 
