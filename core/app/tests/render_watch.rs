@@ -38,7 +38,7 @@ impl Watching {
 
     /// The next line with this in it.
     fn says(&self, part: &str) -> String {
-        let end = Instant::now() + Duration::from_secs(100);
+        let end = Instant::now() + Duration::from_secs(600);
         let mut seen = Vec::new();
         while let Ok(line) = self.lines.recv_timeout(end.saturating_duration_since(Instant::now())) {
             if line.contains(part) {
@@ -107,21 +107,32 @@ fn between_saves_it_sleeps_and_each_save_leaves_nothing() {
     watching.says("8 frames");
     save(folder.path(), &format!("// 0\n{SCRIPT}"));
     watching.says("8 frames");
-    let threads = || {
-        std::thread::sleep(Duration::from_millis(600));
-        taken(watching.child.id()).1
-    };
+    let threads = || taken(watching.child.id()).1;
+    std::thread::sleep(Duration::from_millis(600));
     let before = threads();
     for round in 1..6 {
         save(folder.path(), &format!("// {round}\n{SCRIPT}"));
         watching.says("8 frames");
     }
-    assert!(threads() <= before, "{} threads after five more saves, {before} before", threads());
-    // A thread that looks every 10 ms alone takes more: 1 % of a core is one tick of 100 a second.
-    let start = taken(watching.child.id()).0;
-    std::thread::sleep(Duration::from_secs(3));
-    let ticks = taken(watching.child.id()).0 - start;
-    assert!(ticks <= 3, "{ticks} ticks of the processor in 3 s of rest");
+    // Threads of the last frames end when the machine lets them; those that leak never do.
+    until(|| threads() <= before, || format!("{} threads after five more saves, {before} before", threads()));
+    // A thread that looks every 10 ms alone takes more in any three seconds: 1 % of a core is one tick of 100 a second.
+    let rest = || {
+        let start = taken(watching.child.id()).0;
+        std::thread::sleep(Duration::from_secs(3));
+        taken(watching.child.id()).0 - start
+    };
+    until(|| rest() <= 3, || format!("{} ticks of the processor in 3 s of rest", rest()));
+}
+
+/// Waits as long as it may take on a busy machine.
+#[cfg(target_os = "linux")]
+fn until(is: impl Fn() -> bool, otherwise: impl Fn() -> String) {
+    let end = Instant::now() + Duration::from_secs(120);
+    while !is() {
+        assert!(Instant::now() < end, "{}", otherwise());
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }
 
 #[test]

@@ -55,7 +55,7 @@ fn kill_after(folder: &Path, output: &str, more: &[&str], enough: usize, random:
     let mut child = start(folder, output, more);
     let begun = Instant::now();
     while finished_frames(folder, output) < enough && child.try_wait().unwrap().is_none() {
-        assert!(begun.elapsed() < Duration::from_secs(120), "{output}: no {enough} frames after two minutes");
+        assert!(begun.elapsed() < Duration::from_secs(600), "{output}: no {enough} frames after ten minutes");
         std::thread::sleep(Duration::from_micros(200));
     }
     std::thread::sleep(Duration::from_micros(random.below(8000) as u64));
@@ -109,7 +109,8 @@ fn clear(folder: &Path, output: &str) {
 }
 
 /// Renders that are killed again and again, `kills` times each, and gone on with each time: what is finished is never drawn
-/// again, and the end is that of an undisturbed render. (A render killed once is the first kill of each.)
+/// again, and the end is that of an undisturbed render. (A render killed once is the first kill of each.) On a busy machine a render
+/// may be done before it is killed: more renders are made then, until most of `renders * kills` kills fell among the frames.
 fn killed(output: &str, renders: usize, kills: usize, seed: u64) {
     let dir = scene();
     let d = dir.path();
@@ -118,7 +119,11 @@ fn killed(output: &str, renders: usize, kills: usize, seed: u64) {
     assert_eq!(run.code, 0, "{}", run.err);
     let whole = all_bytes(d, output);
     let mut middle = 0;
-    for render in 0..renders {
+    for render in 0.. {
+        if render >= renders && middle * 2 > renders * kills {
+            break;
+        }
+        assert!(render < renders * 20, "only {middle} kills of {render} renders fell among the frames");
         clear(d, output);
         let mut moments: Vec<usize> = (0..kills).map(|_| random.below(FRAMES - 2)).collect();
         moments.sort_unstable();
@@ -149,7 +154,6 @@ fn killed(output: &str, renders: usize, kills: usize, seed: u64) {
         assert!(now == whole, "{output}: other bytes, render {render}, killed at {moments:?}");
         assert_eq!(parts(d), Vec::<String>::new());
     }
-    assert!(middle * 2 > renders * kills, "only {middle} of {renders} x {kills} kills fell among the frames");
 }
 
 #[test]
@@ -170,7 +174,7 @@ fn killed_gifs_and_streams_go_on() {
 
 /// The part folder of a render killed among its frames.
 fn stopped(d: &Path, output: &str) -> usize {
-    for _ in 0..10 {
+    for _ in 0..200 {
         clear(d, output);
         let mut child = start(d, output, &[]);
         while finished_frames(d, output) < 30 && child.try_wait().unwrap().is_none() {

@@ -2,13 +2,15 @@
 //! any number of threads, in every format, on the CPU and on Vulkan.
 
 mod common;
+#[path = "common/unhurried.rs"]
+mod unhurried;
 
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Registry};
 use choreo_render::{
     Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer,
 };
-use choreo_script::{ScriptOptions, run_file};
+use choreo_script::run_file;
 use choreo_stage::Evaluator;
 use common::{choreo, names, read};
 use std::path::{Path, PathBuf};
@@ -101,7 +103,7 @@ fn processes_on_vulkan() {
 
 /// The frames of a script in the order of `numbers`, several in flight, everything kept from frame to frame.
 fn draw(renderer: &mut dyn Renderer, name: &str, registry: &Registry, numbers: &[i64]) -> Vec<Frame> {
-    let mut stage = run_file(&script(name), registry, &ScriptOptions::default()).unwrap().stage;
+    let mut stage = run_file(&script(name), registry, &unhurried::unhurried()).unwrap().stage;
     stage.settings.size = [160, 90];
     let length = stage.settings.length.as_secs();
     let catalog = Arc::new(Catalog::new(&stage));

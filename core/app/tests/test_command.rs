@@ -418,7 +418,7 @@ fn a_save_runs_what_it_touches_again() {
     let child = Arc::new(Mutex::new(child));
     let late = Arc::clone(&child);
     std::thread::spawn(move || {
-        std::thread::sleep(Duration::from_secs(120));
+        std::thread::sleep(Duration::from_secs(900));
         let _ = late.lock().unwrap().kill();
     });
     let mut until = |what: &str| -> String {

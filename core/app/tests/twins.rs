@@ -2,6 +2,8 @@
 //! `cargo test -p choreo --test twins -- --nocapture` prints the table.
 
 mod common;
+#[path = "common/unhurried.rs"]
+mod unhurried;
 
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Needs, Registry};
@@ -9,7 +11,7 @@ use choreo_render::compare::{Comparison, compare};
 use choreo_render::{
     Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer,
 };
-use choreo_script::{Limits, Loader, ScriptOptions, run_file};
+use choreo_script::{Limits, Loader, run_file};
 use choreo_stage::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -194,7 +196,7 @@ fn scripts() -> PathBuf {
 }
 
 fn run(script: &Path, registry: &Registry) -> Stage {
-    let mut stage = run_file(script, registry, &ScriptOptions::default()).unwrap().stage;
+    let mut stage = run_file(script, registry, &unhurried::unhurried()).unwrap().stage;
     stage.settings.size = SIZE;
     stage
 }

@@ -15,8 +15,8 @@ pub const MOST_TEXT: usize = 64 << 20;
 
 /// Steps of the interpreter for one file: some seconds.
 const STEPS: u64 = 50_000_000;
-/// Beyond this a run is ended even within its steps.
-const SECONDS: u64 = 20;
+/// Beyond this a run is ended even within its steps, which a busy machine needs many times as long for.
+const SECONDS: u64 = 60;
 
 pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
     let mut engine = Engine::new_raw();

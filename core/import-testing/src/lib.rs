@@ -1,6 +1,7 @@
 //! What the tests of importers share: sample files, companions that are counted, what every asset must be, damaged files,
-//! and assimp's command line as a second opinion. A dependency of tests only.
+//! tests in a process of their own, and assimp's command line as a second opinion. A dependency of tests only.
 
+pub mod alone;
 pub mod assimp;
 pub mod damage;
 pub mod pose;

@@ -382,3 +382,37 @@ impl Candidates {
         std::mem::take(self).paths
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    /// A log in the folder above, which is watched as well: its lines must not be worked through one by one with a look at all files.
+    #[test]
+    fn of_much_that_happens_beside_nothing_is_passed_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let above = folder.path().canonicalize().unwrap();
+        let scene = above.join("scene");
+        fs::create_dir(&scene).unwrap();
+        let file = scene.join("a.wgsl");
+        fs::write(&file, "0").unwrap();
+        let mut watch = Watch::new().unwrap();
+        let files = [(file.clone(), Some(*blake3::hash(b"0").as_bytes()))].into();
+        watch.set(Interest { files, ..Interest::default() });
+        // Of one file's alone the system makes one event.
+        for n in 0..1500 {
+            for log in ["one.log", "two.log"] {
+                fs::write(above.join(log), n.to_string()).unwrap();
+            }
+        }
+        fs::write(&file, "1").unwrap();
+        let of_file = |signal: &Signal| matches!(signal, Signal::Event(event) if event.paths.contains(&file));
+        let mut passed_on = 0;
+        while !of_file(&watch.signals.recv_timeout(Duration::from_secs(300)).unwrap()) {
+            passed_on += 1;
+        }
+        // What the watch says of itself when it begins, and no more.
+        assert!(passed_on <= 2, "{passed_on} signals of files that nobody waits for");
+    }
+}

@@ -58,7 +58,7 @@ impl Place {
 
     /// The version after the next change.
     fn next(&mut self) -> Version {
-        match self.session.wait(Some(Duration::from_secs(20))).unwrap() {
+        match self.session.wait(Some(Duration::from_secs(300))).unwrap() {
             Waited::Changed(files) => self.session.build(files),
             other => panic!("nothing has changed: {other:?}"),
         }
@@ -247,7 +247,7 @@ impl Studio {
 
     fn paint(&self, scene: &Arc<Scene>, time: f64) -> Painted {
         self.painter.ask(Asked::new(scene.clone(), Time::from_secs(time), 4, 7));
-        self.painted.recv_timeout(Duration::from_secs(100)).unwrap()
+        self.painted.recv_timeout(Duration::from_secs(600)).unwrap()
     }
 }
 

@@ -201,6 +201,7 @@ fn turned<F: F8>([x, y, z]: [F; 3], columns: F) -> F {
 const _: () = assert!(size_of::<Affine3A>() == 64 && align_of::<Affine3A>() == 16);
 const _: () = assert!(size_of::<Columns>() == 64 && std::mem::offset_of!(Affine3A, translation) == 48);
 
+#[allow(unsafe_code, reason = "a view of the same bytes, which bytemuck cannot give: they may hold padding")]
 #[inline(always)]
 fn columns_mut(matrices: &mut [Affine3A]) -> &mut [Columns] {
     // SAFETY: `Affine3A` is `repr(C)`: three `Vec3A` columns and a translation, 64 bytes as asserted above, and a

@@ -17,6 +17,7 @@ mod explain_targets;
 pub mod exposure;
 pub mod flat;
 pub mod flip;
+#[allow(unsafe_code, reason = "calls of Vulkan")]
 pub mod gpu;
 pub mod gpu_types;
 pub mod light_lists;

@@ -455,6 +455,8 @@ fn the_cache_on_disk_changes_nothing_and_damage_is_harmless() {
         return;
     }
     let folder = std::env::temp_dir().join(format!("choreo-cache-{}", std::process::id()));
+    // A run that failed may have left it, and the system gives numbers of processes again.
+    let _ = std::fs::remove_dir_all(&folder);
     let options = GpuOptions { validation: true, cache_dir: Some(folder.clone()), ..GpuOptions::default() };
     let picture = |_: &str| {
         let mut r = VulkanRenderer::new(options.clone()).unwrap();

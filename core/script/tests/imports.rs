@@ -37,7 +37,7 @@ impl Importer for Meet {
             // Until it is called off.
             let start = Instant::now();
             while files.progress(0.5) {
-                if start.elapsed() > Duration::from_secs(20) {
+                if start.elapsed() > Duration::from_secs(300) {
                     return Err(fail("nobody called it off"));
                 }
                 std::thread::sleep(Duration::from_millis(1));
@@ -49,7 +49,7 @@ impl Importer for Meet {
         *count += 1;
         changed.notify_all();
         while *count < 2 {
-            let (now, late) = changed.wait_timeout(count, Duration::from_secs(20)).unwrap();
+            let (now, late) = changed.wait_timeout(count, Duration::from_secs(300)).unwrap();
             count = now;
             if late.timed_out() {
                 return Err(fail("it was imported alone"));

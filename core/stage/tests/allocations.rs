@@ -1,4 +1,5 @@
 //! A frame allocates nothing once one has been made: counted by the allocator itself.
+#![allow(unsafe_code, reason = "an allocator that counts")]
 
 mod support;
 use choreo_motion::Time;
@@ -22,9 +23,11 @@ thread_local! {
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.with(|c| c.set(c.get() + 1));
+        // SAFETY: the caller keeps the promises of `GlobalAlloc::alloc`, which are the system's.
         unsafe { System.alloc(layout) }
     }
     unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the pointer came from `alloc` above, that is from the system, with this layout.
         unsafe { System.dealloc(pointer, layout) }
     }
 }

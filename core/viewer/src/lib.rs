@@ -26,6 +26,7 @@ pub mod settings;
 pub mod span;
 pub mod timeline;
 pub mod view;
+#[allow(unsafe_code, reason = "calls of Vulkan")]
 mod window;
 
 use std::ffi::OsString;

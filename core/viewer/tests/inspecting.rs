@@ -79,6 +79,27 @@ fn what_is_computed_is_asked_about_with_a_line_that_would_do_it() {
     assert_eq!(harness.state().viewer.scene.as_ref().unwrap().stage.actors[1].transform.translation.x, 1.5);
 }
 
+/// On a busy machine a frame can take longer than a second: press and release are seen in different ones.
+#[test]
+fn a_click_is_one_however_long_a_frame_takes() {
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    harness.state_mut().viewer.change_actor("bob", Change::Move(DVec3::X)).unwrap_err();
+    harness.run();
+    let pos = harness.get_by_label("Add the line").rect().center();
+    let button = |pressed| {
+        let (button, modifiers) = (egui::PointerButton::Primary, egui::Modifiers::NONE);
+        egui::Event::PointerButton { pos, button, pressed, modifiers }
+    };
+    harness.event(egui::Event::PointerMoved(pos));
+    harness.step();
+    harness.event(button(true));
+    // A quarter of a second each.
+    (0..8).for_each(|_| harness.step());
+    harness.event(button(false));
+    harness.run();
+    assert!(harness.state().text().contains("bob.move_by(1.0, 0.0, 0.0);"), "{}", harness.state().text());
+}
+
 #[test]
 fn a_file_that_has_changed_meanwhile_is_asked_about_and_keeps_both() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));

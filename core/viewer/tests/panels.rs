@@ -94,7 +94,7 @@ impl Studio {
         let viewer = &mut harness.state_mut().viewer;
         let Some(asked) = viewer.wish() else { return false };
         self.painter.ask(asked);
-        let painted = self.painted.recv_timeout(Duration::from_secs(100)).unwrap();
+        let painted = self.painted.recv_timeout(Duration::from_secs(600)).unwrap();
         assert!(viewer.take_painted(painted).is_some(), "{:?}", viewer.trouble);
         true
     }

@@ -59,6 +59,7 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     };
     screen.xdotool(&["windowfocus", &window]);
     point(at);
+    screen.rest(viewer.0.id());
     let before = screen.shot(&window);
     screen.xdotool(&["click", "1"]);
     until("the selection", || (screen.shot(&window) != before).then_some(()));
@@ -76,10 +77,12 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
 
     // Its red arrow is dragged: the number in the script changes, and nothing else.
     point(arrow);
+    screen.rest(viewer.0.id());
     screen.xdotool(&["mousedown", "1"]);
     for step in 1..=8 {
         point((arrow.0 - step * 8, arrow.1));
         std::thread::sleep(std::time::Duration::from_millis(40));
+        screen.rest(viewer.0.id());
     }
     screen.save(&window, "3_dragged.png");
     screen.xdotool(&["mouseup", "1"]);
@@ -94,7 +97,8 @@ fn a_scene_is_changed_with_the_mouse_and_in_the_editor() {
     fs::write(&script, SCRIPT.replace("\"Wave\"", "\"Waev\"")).unwrap();
     screen.key(&window, "ctrl+5");
     std::thread::sleep(std::time::Duration::from_millis(1500));
-    assert!(middle(true).is_some(), "the last good picture");
+    screen.rest(viewer.0.id());
+    until("the last good picture", || middle(true));
     screen.save(&window, "4_broken.png");
     fs::write(&script, SCRIPT.replace("\"coral\"", "\"lime\"")).unwrap();
     // She is green now, but for the line around her.

@@ -94,25 +94,19 @@ impl Person<'_> {
         }
     }
 
+    /// Each step once the one before has been seen.
     fn drag(&mut self, from: (usize, usize), to: (usize, usize)) {
-        let at = |x: usize, y: usize| [x.to_string(), y.to_string()];
-        let [x, y] = at(from.0, from.1);
-        self.screen.xdotool(&[
-            "mousemove",
-            "--window",
-            self.window,
-            &x,
-            &y,
-            "sleep",
-            "0.1",
-            "mousedown",
-            "1",
-        ]);
+        let move_to = |x: usize, y: usize| {
+            let [x, y] = [x, y].map(|n| n.to_string());
+            self.screen.xdotool(&["mousemove", "--window", self.window, &x, &y]);
+            std::thread::sleep(Duration::from_secs_f64(0.03 + self.pace / 20.0));
+            self.screen.rest(self.told.viewer.0.id());
+        };
+        move_to(from.0, from.1);
+        self.screen.xdotool(&["mousedown", "1"]);
         for step in 1..=6 {
             let part = |a: usize, b: usize| (a * (6 - step) + b * step) / 6;
-            let [x, y] = at(part(from.0, to.0), part(from.1, to.1));
-            let pause = (0.03 + self.pace / 20.0).to_string();
-            self.screen.xdotool(&["mousemove", "--window", self.window, &x, &y, "sleep", &pause]);
+            move_to(part(from.0, to.0), part(from.1, to.1));
         }
         self.screen.xdotool(&["mouseup", "1"]);
         self.actions += 1;
@@ -202,7 +196,8 @@ impl Person<'_> {
 
     /// A drag of what is not shown yet is refused; one save can be seen as two.
     fn settle(&mut self) {
-        self.told.settled(Duration::from_millis(400), Duration::from_secs(60)).expect("it comes to rest");
+        self.told.settled(Duration::from_millis(400), Duration::from_secs(600)).expect("it comes to rest");
+        self.screen.rest(self.told.viewer.0.id());
     }
 
     fn kims_bar(&self) -> (usize, usize, usize) {
@@ -253,7 +248,9 @@ impl Person<'_> {
         self.at_ease();
         until("no gizmo", || self.in_picture(ALONG_X).is_empty().then_some(()));
         let y = self.kims_bar().2.to_string();
-        self.screen.xdotool(&["mousemove", "--window", self.window, "60", &y, "sleep", "0.1", "click", "1"]);
+        self.screen.xdotool(&["mousemove", "--window", self.window, "60", &y]);
+        self.screen.rest(self.told.viewer.0.id());
+        self.screen.xdotool(&["click", "1"]);
         self.actions += 1;
         until("the gizmo", || self.in_picture(ALONG_X).last().copied());
         self.settle();
@@ -323,7 +320,8 @@ impl Person<'_> {
         // Nothing is under the mouse.
         self.screen.xdotool(&["mousemove", "--window", self.window, "1270", "850"]);
         // On a busy machine a picture can take a second.
-        self.told.settled(Duration::from_secs(2), Duration::from_secs(90)).expect("it comes to rest");
+        self.told.settled(Duration::from_secs(2), Duration::from_secs(600)).expect("it comes to rest");
+        self.screen.rest(self.told.viewer.0.id());
         let shot = self.screen.shot(self.window);
         let [left, top, right, bottom] = PICTURE;
         let rows =

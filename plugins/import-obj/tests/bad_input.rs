@@ -1,6 +1,8 @@
 //! Damaged and hostile files.
 
-use choreo_import_testing::{Companions, error_text, import, import_bytes, sound, source, warnings};
+use choreo_import_testing::{
+    Companions, alone, assets, damage, error_text, import, import_bytes, sound, source, warnings,
+};
 use choreo_plugin::Needs;
 use import_obj::ObjImporter;
 
@@ -99,4 +101,21 @@ fn costly_files_take_no_longer_than_others() {
     let asset = import_bytes(&ObjImporter, "comb.obj", comb).unwrap();
     assert_eq!(asset.meshes[0].primitives[0].indices.len(), (n - 1) * 3);
     assert!(warnings(&asset).iter().any(|w| w.contains("too many corners")), "{:?}", warnings(&asset));
+}
+
+#[test]
+fn truncated_and_flipped() {
+    if alone::elsewhere() {
+        return;
+    }
+    let mut cases = vec![("room.obj", ROOM.as_bytes().to_vec(), 1000)];
+    if let Some(folder) = assets(2) {
+        for name in ["obj/spider.obj", "same-model-3-formats/chest_gold.obj"] {
+            cases.push((name, std::fs::read(folder.join(name)).unwrap(), damage::flips()));
+        }
+    }
+    for (name, bytes, flips) in cases {
+        let outcome = damage::run(&ObjImporter, name, &bytes, flips);
+        assert!(outcome.refused > 0 && outcome.read > 0, "{name}: {outcome:?}");
+    }
 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use choreo_import_testing::{assets, damage, error_text, import_bytes, sound, warnings};
+use choreo_import_testing::{alone, assets, damage, error_text, import_bytes, sound, warnings};
 use common::{Version, animation, edited, glb, glb_of};
 use import_vrm::VrmImporter;
 use serde_json::{Value, json};
@@ -124,6 +124,9 @@ fn joints_swing_once_however_often_they_are_named() {
 
 #[test]
 fn samples_of_our_own_cut_off_and_with_bits_turned_over() {
+    if alone::elsewhere() {
+        return;
+    }
     let flips = damage::flips();
     for version in [Version::V0, Version::V1] {
         damage::run(&VrmImporter, "tiny.vrm", &glb(version), flips * 3);
@@ -135,6 +138,9 @@ fn samples_of_our_own_cut_off_and_with_bits_turned_over() {
 /// `CHOREO_FLIPS=1000` for as many as the others have.
 #[test]
 fn samples_of_others_cut_off_and_with_bits_turned_over() {
+    if alone::elsewhere() {
+        return;
+    }
     let Some(folder) = assets(10) else { return };
     for entry in std::fs::read_dir(folder.join("vrm")).unwrap() {
         let path = entry.unwrap().path();

@@ -9,6 +9,7 @@
 //! cargo xtask report [NAME…]                 tests/report: error against run time of the project's own choices
 //! cargo xtask contact [FILTER]               every sample file turning, its first clip playing: sheets to look at
 //! cargo xtask lessons                        an image of every numbered script, for scripts/README.md
+//! cargo xtask notices                        the table of THIRD-PARTY.md: crates, versions, licences
 //! cargo xtask strip [SCRIPT]                 the image strips of the documentation; twenty frames of a script, side by side
 //! ```
 
@@ -17,9 +18,12 @@ mod contact;
 mod frames;
 mod fuzz;
 mod lessons;
+mod licences;
+mod notices;
 mod setup;
 mod strip;
 mod suite;
+mod tally;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -37,11 +41,12 @@ fn main() -> ExitCode {
         ["report", rest @ ..] => report(rest),
         ["contact", rest @ ..] => contact::contact(rest),
         ["lessons"] => lessons::lessons(),
+        ["notices"] => notices::notices(),
         ["strip"] => strip::strip(),
         ["strip", script] => strip::of(script),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | strip [SCRIPT]"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | contact [FILTER] | lessons | notices | strip [SCRIPT]"
             );
             return ExitCode::from(2);
         }

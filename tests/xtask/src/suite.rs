@@ -1,22 +1,16 @@
 //! `cargo xtask test`: everything, sorted by cost, with one closing count.
 
+use crate::tally::Tally;
 use crate::{assets, cargo, root, run, setup};
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::time::Instant;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
 
 pub fn lint() -> Result<(), String> {
     run(cargo(&["fmt", "--all", "--check"]), "cargo fmt --check")?;
     run(cargo(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"]), "cargo clippy")
-}
-
-/// A test prints `SKIP n: reason` for cases that it could not run; they are counted and shown.
-#[derive(Default)]
-struct Tally {
-    passed: u64,
-    failed: u64,
-    skips: Vec<(u64, String)>,
 }
 
 pub fn test(args: &[&str]) -> Result<(), String> {
@@ -36,25 +30,8 @@ pub fn test(args: &[&str]) -> Result<(), String> {
         problems.push(text);
     }
 
-    // One build for all; `--show-output` so that the skips of passing tests are seen.
-    let mut line = vec!["test", "--workspace", "--no-fail-fast", "--quiet", "--"];
-    line.push("--show-output");
-    line.extend(&filters);
-    let mut child = cargo(&line)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .spawn()
-        .map_err(|e| format!("cargo test did not start: {e}"))?;
-    let output = child.stdout.take().ok_or("cargo test has no output")?;
-    for text in BufReader::new(output).lines() {
-        let text = text.map_err(|e| format!("reading the output of cargo test: {e}"))?;
-        if tally.read(&text) {
-            println!("{text}");
-        }
-    }
-    let status = child.wait().map_err(|e| format!("cargo test: {e}"))?;
-    if !status.success() {
-        problems.push("cargo test failed; the failures are printed above".to_string());
+    if let Err(text) = tests(&mut tally, &filters) {
+        problems.push(text);
     }
     if filters.is_empty()
         && let Err(text) = sections(&mut tally)
@@ -69,6 +46,12 @@ pub fn test(args: &[&str]) -> Result<(), String> {
     for (count, reason) in &tally.skips {
         println!("skipped {count}: {reason}");
     }
+    if !tally.failures.is_empty() {
+        println!("failed:");
+    }
+    for name in &tally.failures {
+        println!("    {name}");
+    }
     let skipped: u64 = tally.skips.iter().map(|(n, _)| n).sum();
     println!("tests took {:.0} s", started.elapsed().as_secs_f64());
     // A failure outside the tests themselves (formatting, a build) must not close with "0 failed".
@@ -77,12 +60,58 @@ pub fn test(args: &[&str]) -> Result<(), String> {
     if problems.is_empty() { Ok(()) } else { Err(problems.join("; ")) }
 }
 
+/// The tests of all crates, with one build for all.
+fn tests(tally: &mut Tally, filters: &[&str]) -> Result<(), String> {
+    // Each test's own line names it; `--show-output` so that the skips of passing tests are seen.
+    let mut command = cargo(&["test", "--workspace", "--no-fail-fast", "--", "--show-output"]);
+    // One pipe for both: cargo says on stderr which binary begins, and which one has failed.
+    let (output, input) = std::io::pipe().map_err(|e| format!("a pipe for cargo test: {e}"))?;
+    let error = input.try_clone().map_err(|e| format!("a pipe for cargo test: {e}"))?;
+    command.args(filters).stdin(Stdio::null()).stdout(input).stderr(error);
+    let mut child = command.spawn().map_err(|e| format!("cargo test did not start: {e}"))?;
+    // The command holds ends of the pipe, which would never close.
+    drop(command);
+    let (to, lines) = channel();
+    std::thread::spawn(move || {
+        BufReader::new(output).split(b'\n').map_while(Result::ok).try_for_each(|line| to.send(line))
+    });
+    loop {
+        match lines.recv_timeout(Duration::from_secs(5)) {
+            Ok(line) => {
+                let text = String::from_utf8_lossy(&line);
+                if tally.read(&text, tests_of) {
+                    println!("{text}");
+                }
+            }
+            // A program that an aborted test has left behind may hold the pipe open.
+            Err(RecvTimeoutError::Timeout) if child.try_wait().is_ok_and(|ended| ended.is_none()) => {}
+            Err(_) => break,
+        }
+    }
+    tally.end_binary();
+    let status = child.wait().map_err(|e| format!("cargo test: {e}"))?;
+    if status.success() {
+        Ok(())
+    } else {
+        Err("cargo test failed; the failures are printed above".to_string())
+    }
+}
+
+/// The tests in a test binary, in the order in which they are run.
+fn tests_of(binary: &str) -> Vec<String> {
+    let output = Command::new(root().join(binary)).args(["--list", "--format", "terse"]).output();
+    let text = output.map(|o| String::from_utf8_lossy(&o.stdout).into_owned()).unwrap_or_default();
+    text.lines().filter_map(|line| line.strip_suffix(": test")).map(str::to_string).collect()
+}
+
 /// The scenes' own tests, `tests/suite` and `scripts`, by the program that the tests before have built.
 fn sections(tally: &mut Tally) -> Result<(), String> {
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
     let choreo = target.join("debug").join(format!("choreo{}", std::env::consts::EXE_SUFFIX));
     let mut command = Command::new(&choreo);
     command.args(["test", "--html"]).arg(target.join("choreo-test.html")).current_dir(root());
+    // Of the clock, which on a busy machine goes faster than a script.
+    command.args(["--limit", "seconds=900", "--limit", "frame_seconds=900"]);
     if let Some(assets) = assets() {
         command.arg("--search").arg(assets);
     }
@@ -101,72 +130,5 @@ fn sections(tally: &mut Tally) -> Result<(), String> {
         (true, true) => Ok(()),
         (true, false) => Err("choreo test ran no section".to_string()),
         (false, _) => Err("choreo test failed; target/choreo-test.html shows it".to_string()),
-    }
-}
-
-impl Tally {
-    /// Reads a line of choreo test's output: its reasons to skip, and its counts.
-    fn read_sections(&mut self, line: &str) {
-        if let Some((count, reason)) = line.strip_prefix("skipped ").and_then(|rest| rest.split_once(": ")) {
-            self.skips.extend(count.parse().ok().map(|n| (n, reason.to_string())));
-        } else if line.contains(" passed") && line.contains(" checks in ") {
-            for part in line.split([',', ';', '(']) {
-                let Some((count, word)) = part.trim().split_once(' ') else { continue };
-                let count: u64 = count.parse().unwrap_or(0);
-                match word.trim() {
-                    "passed" => self.passed += count,
-                    "failed" => self.failed += count,
-                    _ => {}
-                }
-            }
-        }
-    }
-
-    /// Reads a line of libtest's output; true where a person wants to see it.
-    fn read(&mut self, line: &str) -> bool {
-        if let Some(rest) = line.strip_prefix("test result: ") {
-            let number = |word: &str| -> u64 {
-                let mut before = 0;
-                for part in rest.split([' ', ';', '.']) {
-                    if part == word {
-                        return before;
-                    }
-                    before = part.parse().unwrap_or(before);
-                }
-                0
-            };
-            self.passed += number("passed");
-            self.failed += number("failed");
-            let ignored = number("ignored");
-            if ignored > 0 {
-                self.skips.push((ignored, "tests marked #[ignore]".to_string()));
-            }
-            number("passed") + number("failed") > 0
-        } else if let Some(rest) = line.trim_start().strip_prefix("SKIP ") {
-            let (count, reason) = rest.split_once(": ").unwrap_or(("1", rest));
-            self.skips.push((count.trim().parse().unwrap_or(1), reason.to_string()));
-            false
-        } else {
-            !line.trim().is_empty() && line != "successes:"
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Tally;
-
-    #[test]
-    fn counts_results_and_skips() {
-        let mut tally = Tally::default();
-        tally.read("test result: FAILED. 3 passed; 2 failed; 1 ignored; 0 measured; 0 filtered out; finished in 0.00s");
-        tally.read("SKIP 12: the shared assets are not here");
-        assert_eq!((tally.passed, tally.failed), (3, 2));
-        assert_eq!(tally.skips[1], (12, "the shared assets are not here".to_string()));
-        tally.read_sections("ok     tests/suite/walk.rhai  12 sections, 2 skipped");
-        tally.read_sections("skipped 2: no Vulkan: install mesa-vulkan-drivers");
-        tally.read_sections("12 passed (reused 3), 1 failed, 2 skipped, 4 warnings; 40 checks in 1.2 s");
-        assert_eq!((tally.passed, tally.failed), (15, 3));
-        assert_eq!(tally.skips[2], (2, "no Vulkan: install mesa-vulkan-drivers".to_string()));
     }
 }

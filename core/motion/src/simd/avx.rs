@@ -5,8 +5,8 @@ use crate::{LANES, Lane};
 use glam::Affine3A;
 use std::arch::x86_64::*;
 
-/// Only ever made inside `run_avx2`, which is entered after asking the processor: that is what makes each
-/// `unsafe` below sound, all of which only call AVX intrinsics on values, or load and store whole references.
+/// Only ever made inside `run_avx2`, which is entered after asking the processor: that is what makes the calls of AVX intrinsics
+/// below sound. They work on values, or load and store whole references.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx(pub(super) __m256);
 
@@ -14,55 +14,68 @@ impl Lanes for Avx {
     const COUNT: usize = LANES;
     #[inline(always)]
     fn splat(v: f32) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_set1_ps(v) })
     }
     #[inline(always)]
     fn add(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_add_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn sub(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_sub_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn mul(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_mul_ps(self.0, b.0) })
     }
     // Only what skins vertices fuses, and that is entered after asking for FMA too.
     #[inline(always)]
     fn fused_add(self, b: Self, c: Self) -> Self {
+        // SAFETY: on values alone, inside the `run_avx2` of vertices, which asks for FMA too.
         Avx(unsafe { _mm256_fmadd_ps(self.0, b.0, c.0) })
     }
     #[inline(always)]
     fn fused_sub(self, b: Self, c: Self) -> Self {
+        // SAFETY: on values alone, inside the `run_avx2` of vertices, which asks for FMA too.
         Avx(unsafe { _mm256_fmsub_ps(self.0, b.0, c.0) })
     }
     #[inline(always)]
     fn div(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_div_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_sqrt_ps(self.0) })
     }
     #[inline(always)]
     fn flipped_by(self, by: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(by.0, _mm256_set1_ps(-0.0))) })
     }
     #[inline(always)]
     fn less(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, b.0) })
     }
     #[inline(always)]
     fn and(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_and_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn all(mask: Self) -> bool {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         unsafe { _mm256_movemask_ps(mask.0) == 0xFF }
     }
     #[inline(always)]
     fn select(mask: Self, yes: Self, no: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_blendv_ps(no.0, yes.0, mask.0) })
     }
 }
@@ -70,19 +83,22 @@ impl Lanes for Avx {
 impl F8 for Avx {
     #[inline(always)]
     fn load(lane: &Lane) -> Self {
-        // A `Lane` is 32 bytes, 32-byte aligned.
+        // SAFETY: inside `run_avx2`; a `Lane` is 32 bytes, 32-byte aligned.
         Avx(unsafe { _mm256_load_ps(lane.0.as_ptr()) })
     }
     #[inline(always)]
     fn store(self, lane: &mut Lane) {
+        // SAFETY: as in `load`; the lane is borrowed to be written.
         unsafe { _mm256_store_ps(lane.0.as_mut_ptr(), self.0) }
     }
     #[inline(always)]
     fn equals(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_cmp_ps::<_CMP_EQ_OQ>(self.0, b.0) })
     }
     #[inline(always)]
     fn both(half: &[f32; 4]) -> Self {
+        // SAFETY: inside `run_avx2`; four floats are borrowed, and need no alignment.
         Avx(unsafe {
             let half = _mm_loadu_ps(half.as_ptr());
             _mm256_set_m128(half, half)
@@ -90,6 +106,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn upper(half: &[f32; 4]) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe {
             let both = Self::both(half).0;
             _mm256_blend_ps::<0xF0>(_mm256_setzero_ps(), both)
@@ -97,6 +114,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn spread<const I: usize>(self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe {
             match I {
                 0 => _mm256_permute_ps::<0x00>(self.0),
@@ -108,14 +126,17 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn store_halves(self, out: &mut [[f32; 4]; 2]) {
+        // SAFETY: inside `run_avx2`; eight floats are borrowed to be written, and need no alignment.
         unsafe { _mm256_storeu_ps(out.as_mut_ptr().cast(), self.0) }
     }
     #[inline(always)]
     fn load_halves(halves: &[[f32; 4]; 2]) -> Self {
+        // SAFETY: inside `run_avx2`; eight floats are borrowed, and need no alignment.
         Avx(unsafe { _mm256_loadu_ps(halves.as_ptr().cast()) })
     }
     #[inline(always)]
     fn column_pairs(a: [Self; 3], b: [Self; 3]) -> [Self; LANES] {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         unsafe {
             let mut low = [_mm256_setzero_ps(); 3];
             let mut high = low;
@@ -130,6 +151,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn half_rows(p: [Self; 4]) -> [Self; 3] {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         let [x, y, z] = unsafe { rows([p[0].0, p[1].0, p[2].0, p[3].0]) };
         [Avx(x), Avx(y), Avx(z)]
     }
@@ -144,6 +166,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn half_rows4(p: [Self; 4]) -> [Self; 4] {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         unsafe {
             let (ab, cd) = (_mm256_unpacklo_ps(p[0].0, p[1].0), _mm256_unpacklo_ps(p[2].0, p[3].0));
             let (ab_zw, cd_zw) = (_mm256_unpackhi_ps(p[0].0, p[1].0), _mm256_unpackhi_ps(p[2].0, p[3].0));
@@ -167,6 +190,7 @@ impl F8 for Avx {
     #[inline(always)]
     fn sided(q: [&[f32; 4]; 4], pivot: &[f32; 4], weights: &[f32; 4]) -> [f32; 4] {
         let mut out = [0.0; 4];
+        // SAFETY: inside `run_avx2`; every load and the store are of four borrowed floats, which need no alignment.
         unsafe {
             let pivot = _mm_loadu_ps(pivot.as_ptr());
             let a = _mm_mul_ps(_mm_loadu_ps(q[0].as_ptr()), pivot);
@@ -186,6 +210,7 @@ impl F8 for Avx {
     fn of_matrix(matrix: &Affine3A) -> [Self; 2] {
         // On x86-64 a `Vec3A` is an SSE register: four floats, none of them padding.
         let from: *const f32 = std::ptr::from_ref(matrix).cast();
+        // SAFETY: inside `run_avx2`; 16 floats are borrowed, as `local_to_model.rs` asserts of an `Affine3A`, and two times eight are read.
         unsafe { [Avx(_mm256_loadu_ps(from)), Avx(_mm256_loadu_ps(from.add(8)))] }
     }
     #[inline(always)]
@@ -193,6 +218,7 @@ impl F8 for Avx {
         // The 24 floats as six quarters of eight points; then the shuffles of Intel's "3D Vector Normalization
         // Using 256-Bit AVX" (S. Kaufmann, 2011).
         let from: *const f32 = points.as_ptr().cast();
+        // SAFETY: inside `run_avx2`; 24 floats are borrowed, and the last of four begins at 20.
         unsafe {
             let m03 = _mm256_loadu2_m128(from.add(12), from);
             let m14 = _mm256_loadu2_m128(from.add(16), from.add(4));
@@ -209,6 +235,7 @@ impl F8 for Avx {
     #[inline(always)]
     fn store_points([x, y, z]: [Self; 3], points: &mut [[f32; 3]; LANES]) {
         let to: *mut f32 = points.as_mut_ptr().cast();
+        // SAFETY: inside `run_avx2`; 24 floats are borrowed to be written, and the last of four begins at 20.
         unsafe {
             let xy = _mm256_shuffle_ps::<0b10_00_10_00>(x.0, y.0);
             let yz = _mm256_shuffle_ps::<0b11_01_11_01>(y.0, z.0);
@@ -224,6 +251,7 @@ impl F8 for Avx {
     type Unpacking = [__m256i; 3];
     #[inline(always)]
     fn unpacking(bits: &Bits) -> [__m256i; 3] {
+        // SAFETY: inside `run_avx2`; each load is of the eight bytes of one borrowed array.
         unsafe {
             let wide = [&bits.from, &bits.left, &bits.right];
             let from = _mm256_cvtepu8_epi32(_mm_loadl_epi64(wide[0].as_ptr().cast()));
@@ -250,6 +278,7 @@ impl F8 for Avx {
     }
     #[inline(always)]
     fn unpack(bytes: &[u8; 16], [four, left, right]: [__m256i; 3]) -> Self {
+        // SAFETY: inside `run_avx2`; the load is of 16 borrowed bytes, which need no alignment.
         unsafe {
             let bytes = _mm256_broadcastsi128_si256(_mm_loadu_si128(bytes.as_ptr().cast()));
             // Of an index, the four lowest bits count.
@@ -262,10 +291,12 @@ impl F8 for Avx {
 impl Avx {
     #[inline(always)]
     fn lower_halves(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_permute2f128_ps::<0x20>(self.0, b.0) })
     }
     #[inline(always)]
     fn upper_halves(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx2` (see `Avx`).
         Avx(unsafe { _mm256_permute2f128_ps::<0x31>(self.0, b.0) })
     }
 }
@@ -273,6 +304,7 @@ impl Avx {
 /// Component rows of four column pairs, in each half.
 #[inline(always)]
 unsafe fn rows([a, b, c, d]: [__m256; 4]) -> [__m256; 3] {
+    // SAFETY: on values alone; the caller is inside `run_avx2`.
     unsafe {
         let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
         let (ab_z, cd_z) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d));
@@ -287,6 +319,7 @@ unsafe fn rows([a, b, c, d]: [__m256; 4]) -> [__m256; 3] {
 /// Rows x, y, z of four joints in each half, to a column x y z z of each.
 #[inline(always)]
 unsafe fn columns([x, y, z]: [__m256; 3]) -> [__m256; 4] {
+    // SAFETY: on values alone; the caller is inside `run_avx2`.
     unsafe {
         let low = _mm256_unpacklo_ps(x, y);
         let high = _mm256_unpackhi_ps(x, y);

@@ -5,8 +5,8 @@ use super::vertices::{BLOCK, Lanes, Rows, Vertices};
 use glam::Affine3A;
 use std::arch::x86_64::*;
 
-/// Only ever made inside `run_avx512`, which is entered after asking the processor: that is what makes each
-/// `unsafe` below sound, all of which only call intrinsics on values, or load and store whole references.
+/// Only ever made inside `run_avx512`, which is entered after asking the processor: that is what makes the calls of intrinsics
+/// below sound. They work on values, or load and store whole references.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx512(__m512);
 
@@ -17,56 +17,69 @@ impl Lanes for Avx512 {
     const COUNT: usize = COUNT;
     #[inline(always)]
     fn splat(v: f32) -> Self {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_set1_ps(v) })
     }
     #[inline(always)]
     fn add(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_add_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn sub(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_sub_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn mul(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_mul_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn fused_add(self, b: Self, c: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_fmadd_ps(self.0, b.0, c.0) })
     }
     #[inline(always)]
     fn fused_sub(self, b: Self, c: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_fmsub_ps(self.0, b.0, c.0) })
     }
     #[inline(always)]
     fn div(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_div_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_sqrt_ps(self.0) })
     }
     #[inline(always)]
     fn flipped_by(self, by: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_xor_ps(self.0, _mm512_and_ps(by.0, _mm512_set1_ps(-0.0))) })
     }
     #[inline(always)]
     fn less(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         Avx512(unsafe {
             _mm512_castsi512_ps(_mm512_movm_epi32(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, b.0)))
         })
     }
     #[inline(always)]
     fn and(self, b: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         Avx512(unsafe { _mm512_and_ps(self.0, b.0) })
     }
     #[inline(always)]
     fn all(mask: Self) -> bool {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         unsafe { _mm512_movepi32_mask(_mm512_castps_si512(mask.0)) == 0xFFFF }
     }
     #[inline(always)]
     fn select(mask: Self, yes: Self, no: Self) -> Self {
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         Avx512(unsafe {
             _mm512_mask_blend_ps(_mm512_movepi32_mask(_mm512_castps_si512(mask.0)), no.0, yes.0)
         })
@@ -93,6 +106,7 @@ impl Vertices for Avx512 {
     #[inline(always)]
     fn four([a, b, c, d]: [Self; 4]) -> [Self; 3] {
         // In each quarter a column: x y z w of four vertices to components.
+        // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
         unsafe {
             let (ab, cd) = (_mm512_unpacklo_ps(a.0, b.0), _mm512_unpacklo_ps(c.0, d.0));
             let (ab_z, cd_z) = (_mm512_unpackhi_ps(a.0, b.0), _mm512_unpackhi_ps(c.0, d.0));
@@ -109,6 +123,7 @@ impl Vertices for Avx512 {
         for component in 0..3 {
             let [a, b, c, d] = fours;
             let all = [a[component].0, b[component].0, c[component].0, d[component].0];
+            // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
             let quarters = unsafe { quarters(all) };
             for column in 0..4 {
                 columns[column][component] = Avx512(quarters[column]);
@@ -122,6 +137,7 @@ impl Vertices for Avx512 {
         let [a, b, c, d] = fours;
         for component in 0..4 {
             let (a, b, c, d) = (a[component].0, b[component].0, c[component].0, d[component].0);
+            // SAFETY: on values alone, inside `run_avx512` (see `Avx512`).
             unsafe {
                 let ab = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(a), b);
                 let cd = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(c), d);
@@ -146,6 +162,7 @@ impl Avx512 {
     fn of_matrix(matrix: &Affine3A) -> Self {
         // On x86-64 a `Vec3A` is an SSE register: four floats, none of them padding, and an `Affine3A` four of them.
         let from: *const f32 = std::ptr::from_ref(matrix).cast();
+        // SAFETY: inside `run_avx512`; a borrowed matrix is as large as the register, as asserted above.
         Avx512(unsafe { _mm512_loadu_ps(from) })
     }
 }
@@ -153,6 +170,7 @@ impl Avx512 {
 /// The quarters of four registers, the firsts together, and so on.
 #[inline(always)]
 unsafe fn quarters([a, b, c, d]: [__m512; 4]) -> [__m512; 4] {
+    // SAFETY: on values alone; the caller is inside `run_avx512`.
     unsafe {
         let (ab, cd) =
             (_mm512_shuffle_f32x4::<0b01_00_01_00>(a, b), _mm512_shuffle_f32x4::<0b01_00_01_00>(c, d));
@@ -207,6 +225,7 @@ static PUT: Picks = {
 
 #[inline(always)]
 unsafe fn picked(picks: &[[i32; COUNT]; 2], [a, b, c]: [__m512; 3]) -> __m512 {
+    // SAFETY: the caller is inside `run_avx512`; both loads are of 16 borrowed numbers, which need no alignment.
     unsafe {
         let first = _mm512_loadu_si512(picks[0].as_ptr().cast());
         let second = _mm512_loadu_si512(picks[1].as_ptr().cast());
@@ -217,6 +236,7 @@ unsafe fn picked(picks: &[[i32; COUNT]; 2], [a, b, c]: [__m512; 3]) -> __m512 {
 #[inline(always)]
 fn load_points(points: &[[f32; 3]; COUNT]) -> [Avx512; 3] {
     let from: *const f32 = points.as_ptr().cast();
+    // SAFETY: inside `run_avx512`; 48 floats are borrowed, and three times 16 are read.
     unsafe {
         let all = [_mm512_loadu_ps(from), _mm512_loadu_ps(from.add(16)), _mm512_loadu_ps(from.add(32))];
         [Avx512(picked(&TAKEN[0], all)), Avx512(picked(&TAKEN[1], all)), Avx512(picked(&TAKEN[2], all))]
@@ -227,6 +247,7 @@ fn load_points(points: &[[f32; 3]; COUNT]) -> [Avx512; 3] {
 fn store_points([x, y, z]: [Avx512; 3], points: &mut [[f32; 3]; COUNT]) {
     let to: *mut f32 = points.as_mut_ptr().cast();
     for (register, picks) in PUT.iter().enumerate() {
+        // SAFETY: inside `run_avx512`; 48 floats are borrowed to be written, 16 for each of the three registers.
         unsafe { _mm512_storeu_ps(to.add(16 * register), picked(picks, [x.0, y.0, z.0])) };
     }
 }

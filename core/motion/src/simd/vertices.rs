@@ -117,7 +117,7 @@ pub(crate) fn dispatch_vertices<K: VertexKernel>(level: Level, kernel: K) {
             return unsafe { run_avx512(kernel) };
         }
         if level != Level::Portable && has_fma {
-            // SAFETY: as above.
+            // SAFETY: the processor has AVX2 and FMA, as just asked.
             return unsafe { run_avx2(kernel) };
         }
     }

@@ -71,8 +71,12 @@ impl Tab {
 
 /// Dark, as pictures are judged in the dark, or light; text that can be read for hours in both.
 pub fn set_colors(context: &egui::Context, light: bool) {
-    // Ours is remembered, and has ends.
-    context.options_mut(|options| options.zoom_with_keyboard = false);
+    context.options_mut(|options| {
+        // Ours is remembered, and has ends.
+        options.zoom_with_keyboard = false;
+        // egui measures from frame to frame. Where one takes a second, as on a busy machine without a GPU, no click would be one.
+        options.input_options.max_click_duration = f64::INFINITY;
+    });
     let mut dark = egui::Visuals::dark();
     dark.widgets.noninteractive.fg_stroke.color = egui::Color32::from_gray(190);
     dark.widgets.inactive.fg_stroke.color = egui::Color32::from_gray(205);

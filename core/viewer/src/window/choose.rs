@@ -10,8 +10,9 @@ pub fn choose(
     surface: vk::SurfaceKHR,
 ) -> Result<(vk::PhysicalDevice, u32), GpuError> {
     let mut best: Option<(u32, vk::PhysicalDevice, u32)> = None;
-    // SAFETY: instance and surface are alive, here and below.
+    // SAFETY: the instance is alive.
     for physical in unsafe { instance.enumerate_physical_devices() }.named("list of devices")? {
+        // SAFETY: the instance is alive, and so are the devices that it lists.
         let (properties, families) = unsafe {
             (
                 instance.get_physical_device_properties(physical),
@@ -25,6 +26,7 @@ pub fn choose(
             _ => 1,
         };
         let family = (0u32..).zip(&families).find(|(index, family)| {
+            // SAFETY: the device and the surface belong to the instance; the index is one of the device's families.
             let shows = unsafe { surfaces.get_physical_device_surface_support(physical, *index, surface) };
             family.queue_flags.contains(vk::QueueFlags::GRAPHICS) && shows.unwrap_or(false)
         });

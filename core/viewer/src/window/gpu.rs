@@ -81,6 +81,7 @@ impl Gpu {
         // SAFETY: surface and device are alive.
         let formats =
             unsafe { self.surfaces.get_physical_device_surface_formats(self.physical, self.surface) };
+        // SAFETY: the device belongs to the instance, which is alive.
         let limits = unsafe { self.instance.get_physical_device_properties(self.physical) }.limits;
         let mut device = Device::new(&self.instance, raw, queue, limits.max_image_dimension2_d as usize);
         // From here on `drop` cleans up.

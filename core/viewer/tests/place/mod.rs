@@ -67,7 +67,7 @@ impl Place {
             (Painter::start(start, move |p| drop(to.send(p))).unwrap(), painted)
         });
         painter.ask(asked);
-        let painted = painted.recv_timeout(Duration::from_secs(100)).unwrap();
+        let painted = painted.recv_timeout(Duration::from_secs(600)).unwrap();
         let taken = self.viewer.take_painted(painted);
         Some(taken.unwrap_or_else(|| panic!("{:?}", self.viewer.trouble)).1)
     }

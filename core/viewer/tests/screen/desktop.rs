@@ -228,7 +228,7 @@ impl Drag {
     }
 
     fn next(&self) -> Event {
-        let end = Instant::now() + Duration::from_secs(30);
+        let end = Instant::now() + Duration::from_secs(300);
         loop {
             match self.connection.poll_for_event().unwrap() {
                 Some(event) => return event,

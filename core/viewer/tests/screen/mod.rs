@@ -115,8 +115,11 @@ impl Screen {
 
     /// RGB rows of what is on the screen.
     pub fn shot(&self, window: &str) -> Shot {
-        let output = self.run("import", &["-window", window, "-depth", "8", "ppm:-"]);
-        Shot::read(&output.stdout).unwrap_or_else(|| panic!("{}", String::from_utf8_lossy(&output.stderr)))
+        // A window that is being resized or mapped has no picture for a moment.
+        until("a picture of the window", || {
+            let output = self.run("import", &["-window", window, "-depth", "8", "ppm:-"]);
+            Shot::read(&output.stdout)
+        })
     }
 
     pub fn save(&self, window: &str, name: &str) {
@@ -131,6 +134,27 @@ impl Screen {
         self.xdotool(&["windowfocus", window]);
         self.xdotool(&["key", key]);
     }
+
+    /// Waits until a viewer has dealt with all that hands have done: neither it nor the display has anything to compute. On a busy
+    /// machine that takes seconds, and what is done meanwhile would all be seen at once. A viewer that plays is never so: it is
+    /// waited for ten seconds.
+    pub fn rest(&self, viewer: u32) {
+        let end = Instant::now() + Duration::from_secs(10);
+        let mut still = 0;
+        while still < 3 && Instant::now() < end {
+            std::thread::sleep(Duration::from_millis(10));
+            let works = [viewer, self.server.0.id()].into_iter().any(computes);
+            still = if works { 0 } else { still + 1 };
+        }
+    }
+}
+
+/// Whether any thread of a process runs or waits for a core (`man proc_pid_stat`, field 3).
+fn computes(process: u32) -> bool {
+    let tasks = std::fs::read_dir(format!("/proc/{process}/task")).into_iter().flatten().flatten();
+    let stats = tasks.filter_map(|task| std::fs::read_to_string(task.path().join("stat")).ok());
+    // The name before it may hold blanks; it ends with the last parenthesis.
+    stats.into_iter().any(|stat| stat.rsplit(')').next().is_some_and(|fields| !fields.starts_with(" S")))
 }
 
 #[derive(Clone, PartialEq)]
@@ -196,7 +220,7 @@ impl Shot {
 }
 
 pub fn until<T>(what: &str, mut is: impl FnMut() -> Option<T>) -> T {
-    let end = Instant::now() + Duration::from_secs(90);
+    let end = Instant::now() + Duration::from_secs(600);
     loop {
         if let Some(found) = is() {
             return found;

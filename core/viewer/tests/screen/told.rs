@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-const PATIENCE: Duration = Duration::from_secs(90);
+const PATIENCE: Duration = Duration::from_secs(600);
 
 pub struct Told {
     pub viewer: Running,
@@ -65,6 +65,15 @@ impl Told {
             }
         }
         None
+    }
+
+    /// Waits until it has drawn five frames more, which shows that it plays: how fast depends on the machine.
+    pub fn plays(&self) {
+        self.meanwhile();
+        let mut shown = 0;
+        while shown < 5 {
+            shown += usize::from(self.next().1["told"] == "shown");
+        }
     }
 
     /// Seconds of the processor that its threads have taken together (`man proc_pid_stat`, fields 14 and 15).

@@ -1,0 +1,64 @@
+//! Tests that measure their process: run in one of their own, so that they do not see what the other tests of their binary do.
+
+use std::process::Command;
+
+/// Set in the process that runs one test alone.
+const MARK: &str = "CHOREO_ALONE";
+
+/// Runs the test that calls it in a process of its own: this test binary again, with that test only. True once that is done and
+/// nothing is left to do here; false in the process itself. Panics with the test's output where it fails there.
+pub fn elsewhere() -> bool {
+    let thread = std::thread::current();
+    // libtest names a thread after its test. Without threads it has one test at a time, which is alone as it is.
+    let Some(name) = thread.name().filter(|name| *name != "main") else { return false };
+    if std::env::var_os(MARK).is_some() {
+        return false;
+    }
+    let program = std::env::current_exe().unwrap_or_else(|e| panic!("the path of this program: {e}"));
+    let mut command = Command::new(program);
+    command.args([name, "--exact", "--include-ignored", "--nocapture"]).env(MARK, "1");
+    let output = command.output().unwrap_or_else(|e| panic!("{name} did not start again: {e}"));
+    let text = String::from_utf8_lossy(&output.stdout);
+    let words = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{name}, alone: {}\n{text}{words}", output.status);
+    // What counts tests must not count this one twice.
+    assert!(text.contains("test result: ok. 1 passed"), "{name} was not found again:\n{text}");
+    print!("{}", own_lines(&text, name));
+    true
+}
+
+/// What the test itself has printed, without the lines of libtest.
+fn own_lines(output: &str, name: &str) -> String {
+    // With one thread libtest names a test before it runs, on the line that its output goes on.
+    let begun = format!("test {name} ... ");
+    let lines = output.lines().map(|line| line.strip_prefix(&begun).unwrap_or(line));
+    let of_libtest = |line: &str| line.is_empty() || line == "ok" || line.starts_with("running 1 test");
+    let own = lines.filter(|line| !of_libtest(line) && !line.starts_with("test result: "));
+    own.map(|line| format!("{line}\n")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_test_runs_once_more_in_a_process_of_its_own() {
+        let here = std::process::id();
+        if elsewhere() {
+            return;
+        }
+        println!("process {here}");
+        assert!(std::env::var_os(MARK).is_some() || std::thread::current().name() == Some("main"));
+    }
+
+    #[test]
+    fn lines_of_the_test_are_kept_and_those_of_libtest_are_not() {
+        let several =
+            "\nrunning 1 test\nSKIP 3: no files\ntest a::b ... ok\n\ntest result: ok. 1 passed; 0 failed\n\n";
+        let single =
+            "\nrunning 1 test\ntest a::b ... SKIP 3: no files\nok\n\ntest result: ok. 1 passed; 0 failed\n\n";
+        for output in [several, single] {
+            assert_eq!(own_lines(output, "a::b"), "SKIP 3: no files\n");
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! Licences: SPDX expressions, and deny.toml held against the lock file without cargo-deny.
+
+use crate::notices::Package;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Licences that ask for no more than their text and the names of the authors.
+pub const PLAIN: &[&str] =
+    &["MIT", "Apache-2.0", "Zlib", "BSD-2-Clause", "BSD-3-Clause", "ISC", "CC0-1.0", "Unlicense", "0BSD"];
+
+/// Whether a choice of these licences fulfils an SPDX expression: `OR`, `AND`, parentheses, and the old `/` for `OR`.
+pub fn satisfied(expression: &str, allowed: &[&str]) -> bool {
+    let spaced = expression.replace('/', " OR ").replace('(', " ( ").replace(')', " ) ");
+    let words: Vec<&str> = spaced.split_whitespace().collect();
+    let mut rest = words.as_slice();
+    any(&mut rest, allowed) && rest.is_empty()
+}
+
+fn any(words: &mut &[&str], allowed: &[&str]) -> bool {
+    let mut fits = all(words, allowed);
+    while let ["OR", rest @ ..] = words {
+        *words = rest;
+        fits |= all(words, allowed);
+    }
+    fits
+}
+
+fn all(words: &mut &[&str], allowed: &[&str]) -> bool {
+    let mut fits = one(words, allowed);
+    while let ["AND", rest @ ..] = words {
+        *words = rest;
+        fits &= one(words, allowed);
+    }
+    fits
+}
+
+fn one(words: &mut &[&str], allowed: &[&str]) -> bool {
+    match *words {
+        ["(", rest @ ..] => {
+            *words = rest;
+            let fits = any(words, allowed);
+            let closed = words.first() == Some(&")");
+            *words = words.get(1..).unwrap_or_default();
+            fits && closed
+        }
+        // An exception adds to what is permitted.
+        [licence, "WITH", _, rest @ ..] | [licence, rest @ ..] => {
+            *words = rest;
+            // `+`: this version or a later one.
+            allowed.contains(&licence.trim_end_matches('+'))
+        }
+        [] => false,
+    }
+}
+
+/// The lists of deny.toml that are checked here; cargo-deny checks the rest, advisories above all.
+pub struct Deny {
+    allow: Vec<String>,
+    /// (crate, licences)
+    exceptions: Vec<(String, Vec<String>)>,
+    banned: Vec<String>,
+    /// `name:^range`
+    skipped: BTreeSet<String>,
+}
+
+impl Deny {
+    /// Each entry of a list stands on a line of its own.
+    pub fn read(text: &str) -> Deny {
+        let list = |start: &str| -> Vec<Vec<String>> {
+            let lines = text.lines().skip_while(|l| *l != start).skip(1).take_while(|l| *l != "]");
+            let entries = lines.filter(|line| !line.trim_start().starts_with('#'));
+            let quoted = |line: &str| line.split('"').skip(1).step_by(2).map(str::to_string).collect();
+            entries.map(quoted).filter(|words: &Vec<String>| !words.is_empty()).collect()
+        };
+        let first = |start: &str| list(start).into_iter().map(|words| words[0].clone());
+        Deny {
+            allow: first("allow = [").collect(),
+            exceptions: list("exceptions = [").iter().map(|w| (w[0].clone(), w[1..].to_vec())).collect(),
+            banned: first("deny = [").collect(),
+            skipped: first("skip = [").collect(),
+        }
+    }
+
+    /// What of the workspace's graph is against these lists, a line for each.
+    pub fn faults(&self, packages: &BTreeMap<String, Package>) -> Vec<String> {
+        let mut faults = Vec::new();
+        for package in packages.values().filter(|p| !p.is_ours) {
+            let name = &package.name;
+            let own = self.exceptions.iter().filter(|(of, _)| of == name).flat_map(|(_, licences)| licences);
+            let allowed: Vec<&str> = self.allow.iter().chain(own).map(String::as_str).collect();
+            if !satisfied(&package.licence, &allowed) {
+                faults.push(format!("{name}: the licence {} is not allowed", package.licence));
+            }
+            if self.banned.contains(name) {
+                faults.push(format!("{name} is banned"));
+            }
+            if package.is_foreign {
+                faults.push(format!("{name} is not from crates.io"));
+            }
+        }
+        let twice = twice(packages);
+        faults
+            .extend(twice.difference(&self.skipped).map(|old| format!("{old} is there beside a newer one")));
+        faults.extend(self.skipped.difference(&twice).map(|old| format!("{old} is no longer there twice")));
+        faults
+    }
+}
+
+/// `name:^range` of every version beside which there is a newer one.
+fn twice(packages: &BTreeMap<String, Package>) -> BTreeSet<String> {
+    let number = |range: &str| range.split('.').map(|n| n.parse().unwrap_or(0)).collect::<Vec<u64>>();
+    let mut versions: BTreeMap<&str, BTreeMap<Vec<u64>, String>> = BTreeMap::new();
+    for package in packages.values().filter(|p| !p.is_ours) {
+        let range = package.range();
+        versions.entry(&package.name).or_default().insert(number(&range), range);
+    }
+    let old = |(name, ranges): (&str, BTreeMap<Vec<u64>, String>)| {
+        let names = ranges.into_values().map(|range| format!("{name}:^{range}")).collect::<Vec<_>>();
+        names.into_iter().rev().skip(1)
+    };
+    versions.into_iter().flat_map(old).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::notices::packages;
+
+    fn deny() -> Deny {
+        Deny::read(&std::fs::read_to_string(crate::root().join("deny.toml")).unwrap())
+    }
+
+    #[test]
+    fn expressions() {
+        let fits = |expression: &str| satisfied(expression, &["MIT", "Unicode-3.0"]);
+        for good in
+            ["MIT", "Apache-2.0 OR MIT", "Apache-2.0/MIT", "(MIT OR Apache-2.0) AND Unicode-3.0", "MIT+"]
+        {
+            assert!(fits(good), "{good}");
+        }
+        for bad in ["", "Apache-2.0", "MIT AND Apache-2.0", "Apache-2.0 AND MIT OR Zlib", "(MIT", "MIT Zlib"]
+        {
+            assert!(!fits(bad), "{bad}");
+        }
+        assert!(satisfied("Apache-2.0 WITH LLVM-exception", &["Apache-2.0"]));
+    }
+
+    #[test]
+    fn the_dependencies_are_as_deny_toml_says() {
+        let faults = deny().faults(&packages().unwrap());
+        assert!(faults.is_empty(), "deny.toml:\n{}", faults.join("\n"));
+    }
+
+    /// Without any of its entries something is refused: none is superfluous, and the check sees each.
+    #[test]
+    fn every_licence_and_exception_of_deny_toml_is_needed() {
+        let (packages, mut deny) = (packages().unwrap(), deny());
+        for n in 0..deny.allow.len() {
+            let licence = deny.allow.remove(n);
+            assert!(!deny.faults(&packages).is_empty(), "no crate needs {licence}");
+            deny.allow.insert(n, licence);
+        }
+        for n in 0..deny.exceptions.len() {
+            let exception = deny.exceptions.remove(n);
+            assert!(!deny.faults(&packages).is_empty(), "no crate needs {exception:?}");
+            deny.exceptions.insert(n, exception);
+        }
+    }
+
+    #[test]
+    fn planted_faults_are_found() {
+        let (mut packages, mut deny) = (packages().unwrap(), deny());
+        packages.values_mut().find(|p| p.name == "rhai").unwrap().licence = "AGPL-3.0-only".into();
+        packages.values_mut().find(|p| p.name == "gif").unwrap().is_foreign = true;
+        deny.banned.push("ash".into());
+        deny.skipped.remove("thiserror:^1");
+        deny.skipped.insert("rhai:^0.1".into());
+        let mut faults = deny.faults(&packages);
+        faults.sort();
+        assert_eq!(
+            faults,
+            [
+                "ash is banned",
+                "gif is not from crates.io",
+                "rhai: the licence AGPL-3.0-only is not allowed",
+                "rhai:^0.1 is no longer there twice",
+                "thiserror:^1 is there beside a newer one",
+            ]
+        );
+    }
+}

@@ -1,0 +1,195 @@
+//! `cargo xtask notices`: the crates that the two programs are linked from, as a table of THIRD-PARTY.md.
+
+use crate::licences::{Deny, PLAIN, satisfied};
+use crate::{cargo, root};
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// Crates differ a little between systems; the table is of this one everywhere.
+const PLATFORM: &str = "x86_64-unknown-linux-gnu";
+const PROGRAMS: [(&str, &str); 2] = [("choreo", "`choreo`"), ("choreo-viewer", "`choreo-view`")];
+const BEGIN: &str = "<!-- Written by `cargo xtask notices` from here to the end of the file. -->\n";
+
+/// What cargo knows of one crate of the lock file.
+#[derive(Debug)]
+pub struct Package {
+    pub name: String,
+    pub version: String,
+    /// An SPDX expression.
+    pub licence: String,
+    pub is_ours: bool,
+    /// Another place than crates.io.
+    pub is_foreign: bool,
+    is_macro: bool,
+    /// Its build script compiles C or C++, or may do so.
+    pub has_c: bool,
+    /// Crates that are linked with it, by cargo's identifiers.
+    linked: Vec<String>,
+}
+
+/// Every package of the workspace's graph, by cargo's identifier.
+pub fn packages() -> Result<BTreeMap<String, Package>, String> {
+    let args = ["metadata", "--offline", "--locked", "--format-version", "1", "--filter-platform", PLATFORM];
+    let output = cargo(&args).output().map_err(|e| format!("cargo metadata did not start: {e}"))?;
+    if !output.status.success() {
+        return Err(format!("cargo metadata failed: {}", String::from_utf8_lossy(&output.stderr)));
+    }
+    let all: Value = serde_json::from_slice(&output.stdout).map_err(|e| format!("cargo metadata: {e}"))?;
+    let mut packages: BTreeMap<String, Package> =
+        list(&all["packages"]).map(|package| (text(&package["id"]), Package::new(package))).collect();
+    for node in list(&all["resolve"]["nodes"]) {
+        // Neither of tests nor of build scripts.
+        let is_normal = |kind: &Value| kind["kind"].is_null();
+        let linked = list(&node["deps"]).filter(|dep| list(&dep["dep_kinds"]).any(is_normal));
+        if let Some(package) = packages.get_mut(&text(&node["id"])) {
+            package.linked = linked.map(|dep| text(&dep["pkg"])).collect();
+        }
+    }
+    Ok(packages)
+}
+
+fn list(value: &Value) -> impl Iterator<Item = &Value> {
+    value.as_array().into_iter().flatten()
+}
+
+fn text(value: &Value) -> String {
+    value.as_str().unwrap_or_default().to_string()
+}
+
+impl Package {
+    fn new(package: &Value) -> Package {
+        let source = text(&package["source"]);
+        Package {
+            name: text(&package["name"]),
+            version: text(&package["version"]),
+            licence: text(&package["license"]),
+            is_ours: source.is_empty(),
+            is_foreign: !source.is_empty()
+                && source != "registry+https://github.com/rust-lang/crates.io-index",
+            is_macro: list(&package["targets"]).any(|t| list(&t["kind"]).any(|kind| kind == "proc-macro")),
+            has_c: list(&package["dependencies"]).any(|dep| dep["name"] == "cc" && dep["kind"] == "build"),
+            linked: Vec::new(),
+        }
+    }
+
+    /// Versions that cargo takes for compatible, so that an update of a patch changes no notice: `1`, `0.25`, `0.0.7`.
+    pub fn range(&self) -> String {
+        let numbers: Vec<&str> = self.version.split(['.', '-', '+']).take(3).collect();
+        let zeros = numbers.iter().take_while(|n| **n == "0").count();
+        numbers[..=zeros.min(numbers.len() - 1)].join(".")
+    }
+}
+
+/// Crates of other people that are linked into a program, by cargo's identifier. Macros run when it is built and are not in it.
+pub fn linked(packages: &BTreeMap<String, Package>, program: &str) -> BTreeSet<String> {
+    let is_program = |(_, package): &(&String, &Package)| package.is_ours && package.name == program;
+    let mut open: Vec<&String> = packages.iter().filter(is_program).map(|(id, _)| id).collect();
+    let mut found = BTreeSet::new();
+    while let Some(id) = open.pop() {
+        let Some(package) = packages.get(id).filter(|package| !package.is_macro) else { continue };
+        if found.insert(id.clone()) {
+            open.extend(&package.linked);
+        }
+    }
+    found.retain(|id| !packages[id].is_ours);
+    found
+}
+
+/// The generated part of the file.
+fn table(packages: &BTreeMap<String, Package>) -> String {
+    let programs = PROGRAMS.map(|(package, title)| (title, linked(packages, package)));
+    let all: BTreeSet<&String> = programs.iter().flat_map(|(_, ids)| ids).collect();
+    let row = |id: &&String| {
+        let package = &packages[*id];
+        let of = programs.iter().filter(|(_, ids)| ids.contains(*id)).map(|(title, _)| *title);
+        let of = of.collect::<Vec<_>>().join(", ");
+        format!("| {} | {} | {} | {of} |", package.name, package.range(), package.licence)
+    };
+    let mut rows: Vec<String> = all.iter().map(row).collect();
+    rows.sort();
+    format!("{BEGIN}\n| crate | versions | licence | linked into |\n|---|---|---|---|\n{}\n", rows.join("\n"))
+}
+
+fn halves(file: &str) -> Result<(&str, &str), String> {
+    let at = file.find(BEGIN).ok_or_else(|| format!("THIRD-PARTY.md has lost its line {BEGIN:?}"))?;
+    Ok(file.split_at(at))
+}
+
+/// Writes the table anew and leaves what people wrote above it; fails where they have something to say.
+pub fn notices() -> Result<(), String> {
+    let read = |path: &Path| std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()));
+    let (path, packages) = (root().join("THIRD-PARTY.md"), packages()?);
+    let text = format!("{}{}", halves(&read(&path)?)?.0, table(&packages));
+    std::fs::write(&path, &text).map_err(|e| format!("{}: {e}", path.display()))?;
+    let mut all = faults(&text, &packages)?;
+    all.extend(Deny::read(&read(&root().join("deny.toml"))?).faults(&packages));
+    if all.is_empty() { Ok(()) } else { Err(all.join("\n")) }
+}
+
+/// What a file of notices lacks, a line for each fault.
+fn faults(file: &str, packages: &BTreeMap<String, Package>) -> Result<Vec<String>, String> {
+    let (by_hand, written) = halves(file)?;
+    let expected = table(packages);
+    let has = |text: &str, line: &str| text.lines().any(|l| l == line);
+    let missing = expected.lines().filter(|line| !has(written, line));
+    let mut faults: Vec<String> = missing.map(|line| format!("not named: {line}")).collect();
+    let gone = written.lines().filter(|line| !has(&expected, line));
+    faults.extend(gone.map(|line| format!("no longer so: {line}")));
+    let ids = PROGRAMS.iter().flat_map(|(package, _)| linked(packages, package));
+    for package in ids.collect::<BTreeSet<_>>().iter().map(|id| &packages[id]) {
+        // These ask for more than a licence's text in the list: a person says what.
+        let special = !satisfied(&package.licence, PLAIN);
+        if (special || package.has_c) && !by_hand.contains(&format!("`{}`", package.name)) {
+            faults.push(format!("above the table nobody says anything of `{}`", package.name));
+        }
+    }
+    Ok(faults)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file() -> String {
+        std::fs::read_to_string(root().join("THIRD-PARTY.md")).unwrap()
+    }
+
+    #[test]
+    fn the_notices_name_every_crate_that_is_linked() {
+        let faults = faults(&file(), &packages().unwrap()).unwrap();
+        assert!(faults.is_empty(), "THIRD-PARTY.md; run `cargo xtask notices`:\n{}", faults.join("\n"));
+    }
+
+    #[test]
+    fn a_crate_that_is_not_named_or_has_another_licence_is_found() {
+        let (file, mut packages) = (file(), packages().unwrap());
+        let id = packages.iter().find(|(_, p)| p.name == "ash").unwrap().0.clone();
+        packages.get_mut(&id).unwrap().licence = "MPL-2.0".into();
+        let found = faults(&file, &packages).unwrap();
+        assert_eq!(
+            found,
+            [
+                "not named: | ash | 0.38 | MPL-2.0 | `choreo`, `choreo-view` |",
+                "no longer so: | ash | 0.38 | MIT OR Apache-2.0 | `choreo`, `choreo-view` |",
+                "above the table nobody says anything of `ash`",
+            ]
+        );
+        let without: String =
+            file.lines().filter(|l| !l.starts_with("| rhai ")).map(|l| format!("{l}\n")).collect();
+        packages.get_mut(&id).unwrap().licence = "MIT OR Apache-2.0".into();
+        let found = faults(&without, &packages).unwrap();
+        assert_eq!(found, ["not named: | rhai | 1 | MIT OR Apache-2.0 | `choreo`, `choreo-view` |"]);
+    }
+
+    #[test]
+    fn ranges_are_cargo_s() {
+        let range = |version: &str| {
+            let packages = packages().unwrap();
+            let any = packages.into_values().next().unwrap();
+            Package { version: version.into(), ..any }.range()
+        };
+        let ranges = ["1.27.0", "0.25.10", "0.0.7", "0.38.0+1.3.281", "2.0.0-dev.3"].map(range);
+        assert_eq!(ranges, ["1", "0.25", "0.0.7", "0.38", "2"]);
+    }
+}
