@@ -5,10 +5,13 @@
 //! of formulas is meant to change pictures, `CHOREO_ACCEPT=1 cargo test -p choreo --test machines -- --nocapture` prints
 //! the new ones.
 
+#[path = "common/unhurried.rs"]
+mod unhurried;
+
 use choreo_motion::{Level, LocalToModel, Pose, Sample, Time};
 use choreo_plugin::{Files, Importer, Needs, Registry, Source};
 use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
-use choreo_script::{ScriptOptions, run_file};
+use choreo_script::run_file;
 use choreo_stage::Evaluator;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -54,7 +57,7 @@ fn pictures(name: &str, secs: &[f64]) -> String {
     registry.add_importer(import_mannequin::Mannequin);
     registry.add_effect(effect_vignette::Vignette);
     let mut stage =
-        run_file(&root().join("scripts").join(name), &registry, &ScriptOptions::default()).unwrap().stage;
+        run_file(&root().join("scripts").join(name), &registry, &unhurried::unhurried()).unwrap().stage;
     stage.settings.size = [160, 90];
     let catalog = Arc::new(Catalog::new(&stage));
     let mut renderer = CpuRenderer::new(registry.effects());
