@@ -1,13 +1,13 @@
 //! Why a file was not opened.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// The reason, without the file's name, which the caller's message starts with.
 #[derive(Debug, Error)]
 pub enum FileError {
-    #[error("it is a symbolic link to {}", .0.display())]
+    #[error("it is a symbolic link to {}", shown(.0))]
     Link(PathBuf),
     #[error("it leads out of the folder")]
     Outside,
@@ -28,15 +28,25 @@ impl FileError {
 }
 
 /// The system's words without "(os error 2)".
-fn words(error: &io::Error) -> String {
-    match error.kind() {
-        io::ErrorKind::NotFound => "no such file or folder".to_string(),
-        io::ErrorKind::PermissionDenied => "permission denied".to_string(),
-        io::ErrorKind::NotADirectory => "a part of the path is a file, not a folder".to_string(),
-        io::ErrorKind::AlreadyExists => "it exists already".to_string(),
-        _ => {
-            let text = error.to_string();
-            text.split_once(" (os error").map_or(text.clone(), |(words, _)| words.to_string())
-        }
-    }
+pub fn words(error: &io::Error) -> String {
+    use io::ErrorKind::*;
+    let text = match error.kind() {
+        NotFound => "no such file or folder".to_string(),
+        PermissionDenied => "permission denied".to_string(),
+        StorageFull => "the disk is full".to_string(),
+        QuotaExceeded => "the disk quota is used up".to_string(),
+        ReadOnlyFilesystem => "the file system is read-only".to_string(),
+        IsADirectory => "it is a folder".to_string(),
+        NotADirectory => "a part of the path is a file, not a folder".to_string(),
+        AlreadyExists => "it exists already".to_string(),
+        InvalidFilename => "the name is too long or not allowed".to_string(),
+        _ => error.to_string(),
+    };
+    text.split_once(" (os error").map_or(text.clone(), |(words, _)| words.to_string())
+}
+
+/// A path without what would steer a terminal: strangers choose what links say.
+pub(crate) fn shown(path: &Path) -> String {
+    let text = path.to_string_lossy();
+    text.chars().map(|c| if c.is_control() { c.escape_default().to_string() } else { c.into() }).collect()
 }

@@ -1,6 +1,6 @@
 //! An open folder, and the files in it.
 
-use crate::FileError;
+use crate::{FileError, WriteError};
 use cap_fs_ext::{DirExt, FollowSymlinks, OpenOptionsFollowExt, OpenOptionsSyncExt};
 use cap_std::ambient_authority;
 use cap_std::fs::{Dir, OpenOptions};
@@ -62,6 +62,14 @@ impl Folder {
         regular(file.into_std())
     }
 
+    /// Opens whatever has that name for writing, and no link; does not wait for the reader of a pipe.
+    pub(crate) fn open_for_writing(&self, name: &Path) -> Result<File, FileError> {
+        let mut options = OpenOptions::new();
+        options.write(true).nonblock(true).follow(FollowSymlinks::No);
+        // The system's own reason tells a pipe that nobody reads.
+        Ok(self.dir.open_with(name, &options)?.into_std())
+    }
+
     /// Opens a folder in this one, and no link to a folder.
     pub fn subfolder(&self, name: &Path) -> Result<Folder, FileError> {
         let dir = self.dir.open_dir_nofollow(name).map_err(|e| self.reason(name, e))?;
@@ -74,6 +82,39 @@ impl Folder {
             Err(e) if e.kind() != io::ErrorKind::AlreadyExists => Err(e.into()),
             _ => self.subfolder(name),
         }
+    }
+
+    /// Opens the folder of this path beneath this one, creates what is missing, and follows no link on the way.
+    pub fn create_folders(self, path: &Path) -> Result<Folder, WriteError> {
+        path.components().try_fold(self, |folder, component| {
+            let name = Path::new(component.as_os_str());
+            folder.create_subfolder(name).map_err(|e| WriteError::at(folder.path.join(name), e))
+        })
+    }
+
+    /// How many names the open file has.
+    pub(crate) fn names_of(file: &File) -> io::Result<u64> {
+        use cap_fs_ext::MetadataExt;
+        Ok(cap_std::fs::File::from_std(file.try_clone()?).metadata()?.nlink())
+    }
+
+    /// Gives an open file the permissions of the one of that name, where there is one.
+    pub(crate) fn copy_permissions(&self, name: &Path, to: &File) -> io::Result<()> {
+        let Some(there) = self.kind(name).filter(|m| m.is_file()) else { return Ok(()) };
+        cap_std::fs::File::from_std(to.try_clone()?).set_permissions(there.permissions())
+    }
+
+    /// Refuses a link of that name.
+    pub(crate) fn no_link(&self, name: &Path) -> Result<(), WriteError> {
+        match self.kind(name).is_some_and(|there| there.is_symlink()) {
+            true => Err(WriteError::Link { at: self.path.join(name), to: self.link_target(name)? }),
+            false => Ok(()),
+        }
+    }
+
+    /// What the link of that name says.
+    fn link_target(&self, name: &Path) -> io::Result<PathBuf> {
+        self.dir.read_link_contents(name)
     }
 
     /// Whether the open file is the one of that name now.
