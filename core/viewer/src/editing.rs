@@ -10,7 +10,7 @@ use choreo_files::{WriteError, write_whole};
 use choreo_live::edit::{Edit, Object, Part, Refused, follows, marker, plain, set_time};
 use choreo_script::Place;
 use choreo_stage::Actor;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Changes that can be taken back and made again, the newest last.

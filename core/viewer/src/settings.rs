@@ -86,6 +86,7 @@ mod tests {
         std::os::unix::fs::symlink(&other, &file).unwrap();
         Settings::default().write(&file);
         assert_eq!(std::fs::read_to_string(&other).unwrap(), "mine");
+        assert!(file.is_symlink(), "the link is the user's");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 }
