@@ -10,11 +10,12 @@ Exit codes:
   2    the command line is wrong
   3    the output cannot be written
   4    no device can render it
-  130  interrupted (Ctrl-C or SIGTERM)
+  130  interrupted (Ctrl-C, SIGTERM or SIGHUP)
   141  the reader of standard output has gone
 
 A result appears whole or not at all: files are written beside their place as NAME.part and renamed when complete.
-A render that was killed goes on with --resume.";
+A video's finished frames stay in the folder NAME.part when its render is stopped, by Ctrl-C too, and --resume goes on with
+them. Symbolic links in the place of an output are refused, and outputs in the place of an input.";
 
 /// What `--help`, unlike `-h`, ends with.
 fn limits_help() -> String {
@@ -130,6 +131,12 @@ pub struct RenderArgs {
     /// Go on where an earlier render of the same was stopped: finished frames are not drawn again
     #[arg(long)]
     pub resume: bool,
+    /// Keep no finished frames of a video: delete those of an earlier render that was stopped, and those of this one if it is
+    #[arg(long, conflicts_with = "resume")]
+    pub discard: bool,
+    /// The command that goes on with this render, for messages
+    #[arg(skip)]
+    pub again: String,
     /// After every save, draw the frames that it touches again and write the output anew, until Ctrl-C
     #[arg(long, conflicts_with = "resume")]
     pub watch: bool,

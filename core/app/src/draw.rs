@@ -1,15 +1,15 @@
 //! Drawing a job's frames into its outputs.
 
 use crate::args::RenderArgs;
-use crate::failure::Failure;
+use crate::failure::{Failure, write_failure};
 use crate::output::Target;
-use crate::part::Part;
 use crate::pictures::{self, Claim};
 use crate::pipeline::{Encode, Pipeline, PlanAt};
 use crate::progress::Progress;
 use crate::render::Job;
-use crate::video::Video;
+use crate::video::{self, Video};
 use crate::{device, interrupt, provenance};
+use choreo_files::Part;
 use choreo_media::journal::Identity;
 use choreo_motion::Time;
 use choreo_plugin::{Registry, VideoInfo};
@@ -93,23 +93,25 @@ impl Drawing<'_> {
             target => {
                 let identity = self.identity();
                 let file = target.file(0);
-                Video::to_file(&file, &*job.exporter, self.info, &identity, self.args.resume)?
+                Video::to_file(&file, &*job.exporter, self.info, &identity, self.args)?
             }
         };
         begun.note.iter().for_each(|line| say(line));
         let Some(mut video) = video else { return Ok(0) };
         let encode: Vec<Encode> = vec![Box::new(|_, frame| video.frame(frame))];
-        match self.frames(renderer, &job.frames[begun.done..], encode, say) {
+        let drawn = match self.frames(renderer, &job.frames[begun.done..], encode, say) {
             Ok(drawn) => video.finish().map(|()| drawn),
             Err(failure) => {
-                // What a full disk or a lost device ends can be gone on with; what the user or the script ends was not wanted.
-                let outside = matches!(failure, Failure::Output(_) | Failure::Device(_));
-                if let Some(line) = video.leave(outside) {
-                    say(&line);
-                }
+                // What the script ends would end there again. The rest can be gone on with.
+                let outside =
+                    matches!(failure, Failure::Output(_) | Failure::Device(_) | Failure::Interrupted);
+                video.leave(outside);
                 Err(failure)
             }
-        }
+        };
+        // Also with --quiet: the user must know that they are there.
+        video::take_kept().iter().for_each(|line| eprintln!("{line}"));
+        drawn
     }
 
     fn pictures(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<u64, Failure> {
@@ -123,14 +125,21 @@ impl Drawing<'_> {
             true => pictures::missing(&job.target, info, &job.frames)?,
             false => job.frames.clone(),
         };
-        if let Target::File(place) = &job.target {
-            // Only opened to see whether it can be.
-            drop(Part::create(place)?);
-        }
+        let mut open = match &job.target {
+            // Whether it can be written is found before it is drawn.
+            Target::File(place) if !frames.is_empty() => {
+                let part = Part::create(place);
+                Some(part.map_err(|e| write_failure(&place.display().to_string(), e))?)
+            }
+            _ => None,
+        };
         let bytes = 4 * info.width as usize * info.height as usize;
         let workers = self.jobs.unwrap_or_else(device::cores).min(frames.len()).min(PICTURE_BYTES / bytes);
-        let encode = || -> Encode {
-            Box::new(|frame, picture| pictures::write(&job.target, &*job.exporter, info, frame, picture))
+        let mut encode = || -> Encode {
+            let mut open = open.take();
+            Box::new(move |frame, picture| {
+                pictures::write(&job.target, open.take(), &*job.exporter, info, frame, picture)
+            })
         };
         self.frames(renderer, &frames, (0..workers.clamp(1, 16)).map(|_| encode()).collect(), say)
     }

@@ -1,5 +1,7 @@
 //! Why a command ended without a result, and the exit code that says so.
 
+use choreo_files::WriteError;
+pub use choreo_files::words as reason;
 use choreo_script::{Diagnostic, Severity, printable};
 use serde_json::json;
 
@@ -122,23 +124,13 @@ pub fn output_error(place: &str, error: &std::io::Error) -> Failure {
     }
 }
 
-/// The system's words without "(os error 2)".
-pub fn reason(error: &std::io::Error) -> String {
-    use std::io::ErrorKind::*;
-    let text = match error.kind() {
-        NotFound => "no such file or folder".to_string(),
-        PermissionDenied => "permission denied".to_string(),
-        StorageFull => "the disk is full".to_string(),
-        QuotaExceeded => "the disk quota is used up".to_string(),
-        ReadOnlyFilesystem => "the file system is read-only".to_string(),
-        IsADirectory => "it is a folder".to_string(),
-        AlreadyExists => "it exists already and is no folder".to_string(),
-        NotADirectory => "a part of the path is a file, not a folder".to_string(),
-        InvalidFilename => "the name is too long or not allowed".to_string(),
-        _ => error.to_string(),
-    };
-    match text.split_once(" (os error") {
-        Some((words, _)) => words.to_string(),
-        None => text,
+/// Why an output that the user knows as `shown` was not written.
+pub fn write_failure(shown: &str, error: WriteError) -> Failure {
+    match error {
+        WriteError::Io(e) => output_error(shown, &e),
+        WriteError::Busy => Failure::Output(format!(
+            "{shown}: cannot write: another choreo is rendering to it; wait until it is done, or give -o another name"
+        )),
+        error => Failure::Output(format!("{shown}: cannot write: {error}")),
     }
 }

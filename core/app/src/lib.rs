@@ -13,13 +13,13 @@ mod failure;
 mod help;
 mod importing;
 mod info;
+mod inputs;
 mod interrupt;
 mod measure;
 mod memory;
 mod model;
 mod new;
 mod output;
-mod part;
 mod pictures;
 mod pipeline;
 mod plot;
@@ -42,7 +42,7 @@ mod view;
 pub use device::cache_dir;
 pub use registry::registry;
 
-use args::{Cli, Command};
+use args::{Cli, Command, RenderArgs};
 use choreo_plugin::Registry;
 use clap::FromArgMatches;
 use std::ffi::OsString;
@@ -66,7 +66,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>, plugins: &Registry) -> Exit
     let json = cli.command.json();
     let to_stdout = matches!(&cli.command, Command::Render(a) if a.output == "-");
     let result = match cli.command {
-        Command::Render(args) => render::run(args, plugins),
+        Command::Render(given) => {
+            render::run(RenderArgs { again: interrupt::command_to_resume(&args), ..given }, plugins)
+        }
         Command::Check(args) => check::run(args, plugins),
         Command::Info(args) => info::run(args, plugins),
         Command::Explain(args) => explain::run(args, plugins),

@@ -22,6 +22,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     let size = args.size.as_deref().map(ranges::size).transpose()?;
     let registry = plugin_files::registry(plugins, &args.scene.import.plugins, &[&args.scene.input])?;
     let scene = scene::open(&args.scene, &registry, Opening::TO_DRAW)?;
+    args.plot.as_deref().map_or(Ok(()), |path| scene.inputs.refuse(path))?;
     let stage = &scene.stage;
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(registry.effects()))];
     let mut note = None;
@@ -64,7 +65,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     }
     if let Some(path) = &args.plot {
         let plots: Vec<String> = choices.iter().filter_map(choreo_report::plot).collect();
-        plot::write(path, &stacked(&plots))?;
+        plot::write(path, &stacked(&plots), &scene.inputs)?;
     }
     if args.json {
         let left: Vec<Value> =

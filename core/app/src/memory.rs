@@ -2,7 +2,7 @@
 //! watched from outside, and ended before the machine suffers.
 
 use crate::failure::Failure;
-use crate::part;
+use crate::video;
 use choreo_script::memory::in_use;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -61,12 +61,12 @@ fn watch() {
 }
 
 fn end(now: u64, limit: u64) -> ! {
-    part::remove_parts();
+    choreo_files::remove_unfinished();
     let failure = Failure::input(format!(
         "the program would need more memory than it may use: it holds {} MB\n    hint: smaller pictures, textures and models \
          need less; the limit is {limit} bytes; raise it with --limit memory=NUMBER if the scene means it",
         now / 1_000_000
     ));
-    failure.lines().iter().for_each(|line| eprintln!("{line}"));
+    failure.lines().iter().chain(&video::take_kept()).for_each(|line| eprintln!("{line}"));
     std::process::exit(i32::from(failure.code()))
 }

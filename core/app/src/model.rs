@@ -88,18 +88,26 @@ pub fn import(
     limits: &Limits,
     opening: Opening,
 ) -> Result<Arc<Asset>, Failure> {
-    import_with_hash(path, search, args, registry, limits, opening).map(|(asset, _)| asset)
+    import_with_files(path, search, args, registry, limits, opening).map(|imported| imported.asset)
 }
 
-/// With a hash of all files read, wherever they lie.
-pub fn import_with_hash(
+/// A model, and what it was made of.
+pub struct Imported {
+    pub asset: Arc<Asset>,
+    /// Of all files read, wherever they lie.
+    pub hash: [u8; 32],
+    pub files: Vec<PathBuf>,
+}
+
+/// As [`import`], with the files.
+pub fn import_with_files(
     path: &Path,
     search: &[PathBuf],
     args: &ImportArgs,
     registry: &Registry,
     limits: &Limits,
     opening: Opening,
-) -> Result<(Arc<Asset>, [u8; 32]), Failure> {
+) -> Result<Imported, Failure> {
     must_be_file(path)?;
     let mut choice = ImportChoice { importer: args.importer.clone(), ..ImportChoice::default() };
     for text in &args.import {
@@ -134,9 +142,9 @@ pub fn import_with_hash(
         keep.set_touched(Touched::by(&loader));
     }
     let asset = asset.map_err(problem)?;
-    let mut files: Vec<[u8; 32]> = loader.used().into_values().collect();
-    files.sort_unstable();
-    Ok((asset, *blake3::hash(files.as_flattened()).as_bytes()))
+    let (files, mut hashes): (Vec<PathBuf>, Vec<[u8; 32]>) = loader.used().into_iter().unzip();
+    hashes.sort_unstable();
+    Ok(Imported { asset, hash: *blake3::hash(hashes.as_flattened()).as_bytes(), files })
 }
 
 /// [`choreo_live::model::stage`].

@@ -2,7 +2,7 @@
 
 use crate::failure::{Failure, output_error, reason};
 use choreo_plugin::{ExportError, Exporter, Registry};
-use std::io::IsTerminal;
+use std::io::{ErrorKind, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -120,8 +120,13 @@ impl Target {
                     .collect();
                 let made: Vec<PathBuf> = missing.into_iter().rev().collect();
                 if !folder.as_os_str().is_empty() {
-                    std::fs::create_dir_all(folder)
-                        .map_err(|e| Failure::Output(format!("{}: cannot make the folder: {}", folder.display(), reason(&e))))?;
+                    std::fs::create_dir_all(folder).map_err(|e| {
+                        let why = match e.kind() {
+                            ErrorKind::AlreadyExists => "it exists already and is no folder".to_string(),
+                            _ => reason(&e),
+                        };
+                        Failure::Output(format!("{}: cannot make the folder: {why}", folder.display()))
+                    })?;
                 }
                 Ok(made)
             }

@@ -1,8 +1,8 @@
 //! Pictures of reports: SVG files, whole or not at all.
 
-use crate::failure::{Failure, output_error};
-use crate::part::Part;
-use std::io::Write;
+use crate::failure::{Failure, write_failure};
+use crate::inputs::Inputs;
+use choreo_files::write_whole;
 use std::path::Path;
 
 /// Said before any work is done for it.
@@ -16,13 +16,8 @@ pub fn check(path: Option<&Path>) -> Result<(), Failure> {
     }
 }
 
-pub fn write(path: &Path, svg: &str) -> Result<(), Failure> {
-    check(Some(path))?;
-    let part = Part::create(path)?;
-    let mut out = part.writer()?;
-    out.write_all(svg.as_bytes())
-        .and_then(|()| out.flush())
-        .map_err(|e| output_error(&path.display().to_string(), &e))?;
-    drop(out);
-    part.commit()
+/// `inputs`: of the scene that it is a picture of.
+pub fn write(path: &Path, svg: &str, inputs: &Inputs) -> Result<(), Failure> {
+    inputs.refuse(path)?;
+    write_whole(path, svg.as_bytes()).map_err(|e| write_failure(&path.display().to_string(), e))
 }

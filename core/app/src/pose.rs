@@ -1,10 +1,10 @@
 //! `choreo pose`: every actor's joints in world space at one time, for other tools and for tests.
 
 use crate::args::PoseArgs;
-use crate::failure::{Failure, output_error, print, print_json};
-use crate::part::Part;
+use crate::failure::{Failure, output_error, print, print_json, write_failure};
 use crate::scene::{self, Opening};
 use crate::{plugin_files, ranges};
+use choreo_files::Part;
 use choreo_plugin::Registry;
 use choreo_stage::{Asset, Evaluator, Snapshot, Stage, Topology, posed_meshes};
 use glam::{Affine3A, DAffine3, DMat4, Mat3, Vec3};
@@ -27,13 +27,16 @@ pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
         .at(at)
         .map_err(|e| Failure::input(e.to_string()))?;
     if let Some(path) = &args.mesh {
-        let part = Part::create(path)?;
-        let mut out = part.writer()?;
+        scene.inputs.refuse(path)?;
+        let shown = path.display().to_string();
+        let failed = |e| write_failure(&shown, e);
+        let part = Part::create(path).map_err(failed)?;
+        let mut out = part.writer().map_err(|e| output_error(&shown, &e))?;
         write_obj(&scene.stage, &snapshot, &mut out)
             .and_then(|()| out.flush())
-            .map_err(|e| output_error(&path.display().to_string(), &e))?;
+            .map_err(|e| output_error(&shown, &e))?;
         drop(out);
-        part.commit()?;
+        part.commit().map_err(failed)?;
     }
     match args.json {
         true => print_json(&pose_json(&scene.name, &scene.stage, &snapshot)),

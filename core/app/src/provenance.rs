@@ -79,6 +79,23 @@ fn fps(settings: &Settings) -> String {
     }
 }
 
+/// What differs between two renders: keyword, what it was, what it is.
+pub fn differences(was: &[(String, String)], is: &[(String, String)]) -> Vec<(String, String, String)> {
+    let value = |list: &[(String, String)], keyword: &str| -> String {
+        let found = list.iter().find(|(k, _)| k == keyword);
+        found.map_or("not told".to_string(), |(_, v)| v.clone())
+    };
+    let mut found: Vec<(String, String, String)> = Vec::new();
+    for (keyword, _) in was.iter().chain(is).filter(|(k, _)| k != ID) {
+        let (was, is) = (value(was, keyword), value(is, keyword));
+        let keyword = keyword.trim_start_matches("choreo:");
+        if was != is && found.iter().all(|(known, ..)| known != keyword) {
+            found.push((keyword.to_string(), was, is));
+        }
+    }
+    found
+}
+
 /// Refuses to go on with what was made otherwise, and says what differs.
 pub fn same(
     shown: &str,
@@ -86,31 +103,15 @@ pub fn same(
     was: &[(String, String)],
     is: &[(String, String)],
 ) -> Result<(), Failure> {
-    let value = |list: &[(String, String)], keyword: &str| -> String {
-        let found = list.iter().find(|(k, _)| k == keyword);
-        found.map_or("not told".to_string(), |(_, v)| v.clone())
-    };
-    let mut keywords: Vec<&String> = was.iter().chain(is).map(|(k, _)| k).filter(|k| *k != ID).collect();
-    let mut seen = Vec::new();
-    keywords.retain(|k| {
-        let new = !seen.contains(k);
-        seen.push(*k);
-        new
-    });
-    let mut lines = Vec::new();
-    for keyword in keywords {
-        let (was, is) = (value(was, keyword), value(is, keyword));
-        if was != is {
-            lines.push(format!("\n    {}: {was}, now {is}", keyword.trim_start_matches("choreo:")));
-        }
-    }
-    if lines.is_empty() {
+    let found = differences(was, is);
+    if found.is_empty() {
         return Ok(());
     }
+    let lines = found.iter().map(|(keyword, was, is)| format!("\n    {keyword}: {was}, now {is}"));
     Err(Failure::Output(format!(
         "{shown}: --resume cannot go on with {}: it was made otherwise{}\n    hint: give what was given then, or leave \
          --resume out to make everything anew",
         part.display(),
-        lines.concat()
+        lines.collect::<String>()
     )))
 }

@@ -117,6 +117,9 @@ pub fn prepare(
             .map(|f| (f, settings.fps.time_of(f)))
             .collect(),
     };
+    if target != Target::Stdout {
+        frames.iter().try_for_each(|(number, _)| scene.inputs.refuse(&target.file(*number)))?;
+    }
     let exporter = Arc::new(Budgeted::new(exporter.clone(), scene.limits.output));
     Ok(Job { scene, target, exporter, frames, settings, samples, options, notes })
 }

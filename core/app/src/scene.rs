@@ -3,6 +3,7 @@
 use crate::args::SceneArgs;
 use crate::failure::{Failure, Problem};
 use crate::importing::Bar;
+use crate::inputs::Inputs;
 use crate::{memory, model, ranges};
 use choreo_plugin::{Needs, Registry};
 use choreo_script::{
@@ -30,6 +31,7 @@ pub struct Scene {
     pub arguments: Vec<String>,
     /// Of the content of the script, or model, and of every file that it read.
     pub input_hash: [u8; 32],
+    pub inputs: Inputs,
 }
 
 /// How a scene is opened: what will be used of its assets, and whether a bar may be shown.
@@ -98,6 +100,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
         let bar = Bar::over(&options.imports, opening.quiet);
         let (script, touched) = run_file_touching(&args.input, registry, &options);
         drop(bar);
+        let inputs = Inputs::new(touched.read.keys().cloned(), registry);
         if let Some(keep) = opening.keep {
             keep.set_touched(touched);
         }
@@ -117,6 +120,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
             printed: script.printed,
             arguments,
             input_hash: script.script_hash,
+            inputs,
         });
     }
     if let Some(text) = args.set.first() {
@@ -125,8 +129,8 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
             args.input.display()
         )));
     }
-    let (asset, input_hash) =
-        model::import_with_hash(&args.input, &args.search, &args.import, registry, &limits, opening)?;
+    let model::Imported { asset, hash: input_hash, files } =
+        model::import_with_files(&args.input, &args.search, &args.import, registry, &limits, opening)?;
     arguments.extend(args.import.importer.iter().map(|i| format!("--importer {i}")));
     arguments.extend(args.import.import.iter().map(|i| format!("--import {i}")));
     arguments.extend(args.clip.iter().map(|c| format!("--clip {c}")));
@@ -147,6 +151,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
         printed: Vec::new(),
         arguments,
         input_hash,
+        inputs: Inputs::new(files, registry),
     })
 }
 

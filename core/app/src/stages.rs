@@ -4,7 +4,8 @@ use crate::args::RenderArgs;
 use crate::failure::{Failure, output_error};
 use crate::output::Target;
 use crate::pipeline::render_failure;
-use crate::{plugin_files, provenance, render};
+use crate::{pictures, plugin_files, provenance, render};
+use choreo_files::Part;
 use choreo_plugin::{Frame, Registry, VideoInfo};
 use choreo_render::cpu::{CpuRenderer, STAGES};
 use choreo_render::exposure::plan_alone;
@@ -57,6 +58,9 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let registry = plugin_files::registry(plugins, &args.scene.import.plugins, &[&args.scene.input])?;
     let args = RenderArgs { at: args.at.clone().or_else(|| Some("0".into())), ..args.clone() };
     let job = render::prepare(&args, target, &registry, None)?;
+    for (number, name) in (1..).zip(STAGES) {
+        job.scene.inputs.refuse(&file(number, name))?;
+    }
     let effects = registry.effects();
     let mut renderer = CpuRenderer::new(effects);
     // One sample: the pixels that a triangle covers are the subject.
@@ -83,23 +87,9 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     };
     for (number, (name, picture)) in (1..).zip(STAGES.iter().zip(&pictures)) {
         let path = file(number, name);
-        let shown = path.display().to_string();
-        let part = path.with_extension("png.part");
-        let written = || -> Result<(), choreo_plugin::ExportError> {
-            let out = std::fs::File::create(&part)?;
-            let mut sink = job.exporter.begin(&info, Box::new(std::io::BufWriter::new(out)))?;
-            sink.frame(picture)?;
-            sink.finish()?;
-            std::fs::rename(&part, &path)?;
-            Ok(())
-        };
-        if let Err(error) = written() {
-            // Whole or not at all.
-            let _ = std::fs::remove_file(&part);
-            return Err(Failure::Output(format!("{shown}: {error}")));
-        }
+        pictures::write_to(&path, Part::create(&path), &*job.exporter, &info, picture)?;
         if !args.quiet {
-            eprintln!("{shown}");
+            eprintln!("{}", path.display());
         }
     }
     Ok(())

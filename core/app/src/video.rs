@@ -1,9 +1,10 @@
 //! One video on its way to its place: the exporter's bytes and the journal beside them, in the folder `NAME.part`.
 
-use crate::failure::{Failure, output_error};
+use crate::args::RenderArgs;
+use crate::failure::{Failure, output_error, write_failure};
 use crate::output::export_failure;
-use crate::part::{self, Place};
 use crate::provenance;
+use choreo_files::{PartFolder, Place, WriteError};
 use choreo_media::journal::{self, Changes, Identity, Journal, Kept, Record, Span};
 use choreo_plugin::{Exporter, Frame, FrameSink, Mark, VideoInfo};
 use std::fs::File;
@@ -36,12 +37,14 @@ pub struct Begun {
     pub note: Option<String>,
 }
 
+/// What a part folder can hold, the lock last.
+const FILES: &[&str] = &["frames", "body", "result", "journal"];
+
 struct Folder {
+    /// Its locked file is the journal.
+    part: PartFolder,
     place: PathBuf,
-    path: PathBuf,
     shown: String,
-    /// Locked as long as it is open.
-    journal: File,
     /// Where the open frames lie, made at the first of them.
     frames: Option<File>,
     frames_end: u64,
@@ -49,8 +52,30 @@ struct Folder {
     scratch: Vec<u8>,
     /// Finished frames that the journal tells of.
     done: usize,
-    /// Leave the folder where it is when the render ends without a result.
-    keep: bool,
+    /// What becomes of them when the render ends without a result.
+    policy: Policy,
+}
+
+/// What the user wants of finished frames.
+struct Policy {
+    resume: bool,
+    discard: bool,
+    /// The command that goes on with them.
+    again: String,
+}
+
+/// Frames that stay when a signal ends the program: how many, where, and the command that goes on with them.
+static KEPT: Mutex<Option<(usize, PathBuf, String)>> = Mutex::new(None);
+
+fn kept() -> MutexGuard<'static, Option<(usize, PathBuf, String)>> {
+    KEPT.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Says which frames stay, once.
+pub fn take_kept() -> Option<String> {
+    let (frames, place, again) = kept().take()?;
+    let plural = if frames == 1 { "frame is" } else { "frames are" };
+    Some(format!("{frames} {plural} kept in {}; to go on with them: {again}", place.display()))
 }
 
 impl Video {
@@ -62,57 +87,60 @@ impl Video {
         Ok(Video { shown, sink, body, end: End::Nothing })
     }
 
-    /// To a file. With `resume`, on from what an earlier render of the same `identity` left; without it, anew. No video where
+    /// To a file. With `--resume`, on from what an earlier render of the same `identity` left; without it, anew. No video where
     /// the file is there already, whole, and only its part folder was left.
     pub fn to_file(
         path: &Path,
         exporter: &dyn Exporter,
         info: &VideoInfo,
         identity: &Identity,
-        resume: bool,
+        args: &RenderArgs,
     ) -> Result<(Option<Video>, Begun), Failure> {
         let shown = path.display().to_string();
-        let failed = |e: io::Error| output_error(&shown, &e);
-        let place = match part::place(path)? {
-            Place::File(place) => place,
+        let (parent, name) = match Place::of(path).map_err(|e| write_failure(&shown, e))? {
+            Place::File { folder, name } => (folder, name),
             Place::Direct(to) => {
-                let (end, out) = match exporter.head_comes_last() {
-                    true => {
-                        let body = tempfile::tempfile().map_err(failed)?;
-                        let out = body.try_clone().map_err(failed)?;
-                        (End::Copy { body, to }, out)
-                    }
-                    false => (End::Nothing, to),
-                };
-                let body = Body::new(Box::new(out));
-                let sink =
-                    exporter.begin(info, Box::new(body.clone())).map_err(|e| export_failure(&shown, e))?;
-                return Ok((Some(Video { shown, sink, body, end }), Begun::default()));
+                return Video::direct(shown, to, exporter, info).map(|v| (Some(v), Begun::default()));
             }
         };
-        let mut folder = Folder::open(place, &shown, resume)?;
-        let found = journal::read(BufReader::new(&folder.journal)).filter(|f| !f.records.is_empty());
+        let part = PartFolder::open(parent, &name, FILES).map_err(|e| write_failure(&shown, e))?;
+        let mut folder = Folder::new(part, path, args);
+        let found = journal::read(BufReader::new(folder.part.lock_file())).filter(|f| !f.records.is_empty());
         let Some(mut found) = found else {
             return Ok((Some(folder.begin(exporter, info, identity)?), Begun::default()));
         };
         folder.done = found.records.len();
-        if !resume {
-            let note = format!(
-                "{shown}: starts anew; {} frames of a render that was stopped are thrown away, --resume would have \
-                 gone on with them",
-                folder.done
-            );
+        folder.part.keep(true);
+        if !args.resume {
+            let note = folder.thrown_away(&found.identity, identity, args)?;
             let video = folder.begin(exporter, info, identity)?;
-            return Ok((Some(video), Begun { note: Some(note), ..Begun::default() }));
+            return Ok((Some(video), Begun { note, ..Begun::default() }));
         }
-        provenance::same(&shown, &folder.path, &found.identity, identity)?;
+        provenance::same(&shown, &folder.part.path(), &found.identity, identity)?;
+        folder.part.check_lock().map_err(|e| write_failure(&shown, e))?;
         found.records.truncate(info.frames as usize);
         if found.records.len() as u64 == info.frames && folder.is_in_place(&found) {
-            folder.keep = false;
+            folder.part.keep(false);
             return Ok((None, Begun { done: found.records.len(), note: None }));
         }
         let (video, done) = folder.resume(&found, exporter, info, identity)?;
         Ok((Some(video), Begun { done, note: None }))
+    }
+
+    /// Into a pipe or device.
+    fn direct(shown: String, to: File, exporter: &dyn Exporter, info: &VideoInfo) -> Result<Video, Failure> {
+        let failed = |e: io::Error| output_error(&shown, &e);
+        let (end, out) = match exporter.head_comes_last() {
+            true => {
+                let body = tempfile::tempfile().map_err(failed)?;
+                let out = body.try_clone().map_err(failed)?;
+                (End::Copy { body, to }, out)
+            }
+            false => (End::Nothing, to),
+        };
+        let body = Body::new(Box::new(out));
+        let sink = exporter.begin(info, Box::new(body.clone())).map_err(|e| export_failure(&shown, e))?;
+        Ok(Video { shown, sink, body, end })
     }
 
     pub fn frame(&mut self, frame: &Frame) -> Result<(), Failure> {
@@ -125,31 +153,28 @@ impl Video {
     pub fn finish(self) -> Result<(), Failure> {
         let Video { shown, sink, body, end } = self;
         let head = sink.finish().map_err(|e| export_failure(&shown, e))?;
-        let ended = body.lock().out.flush().and_then(|()| match end {
+        let ended = body.lock().out.flush().map_err(WriteError::Io).and_then(|()| match end {
             End::Nothing => Ok(()),
             End::Copy { mut body, to } => {
                 body.seek(SeekFrom::Start(0))?;
-                joined(&head, &mut body, to)
+                Ok(joined(&head, &mut body, to)?)
             }
             End::Folder(folder) => folder.finish(&head),
         });
-        ended.map_err(|e| output_error(&shown, &e))
+        ended.map_err(|e| write_failure(&shown, e))
     }
 
-    /// After a failure: leaves the part for `--resume` where there is something to go on with and it is wanted. Says so.
-    pub fn leave(self, keep: bool) -> Option<String> {
-        let End::Folder(mut folder) = self.end else { return None };
-        folder.keep |= keep;
-        let lost = !part::is_at(&folder.journal, &folder.path.join("journal"));
-        if !folder.keep || lost || folder.done == 0 {
-            return None;
+    /// After a failure: leaves the part for `--resume` where there is something to go on with and it is wanted.
+    pub fn leave(self, keep: bool) {
+        let End::Folder(mut folder) = self.end else { return };
+        let wanted = folder.policy.resume || keep && !folder.policy.discard;
+        if folder.done == 0 || !wanted {
+            folder.part.keep(false);
         }
-        let (place, plural) =
-            (folder.path.display(), if folder.done == 1 { "frame is" } else { "frames are" });
-        Some(format!(
-            "{} {plural} kept in {place}; the same command with --resume goes on with them",
-            folder.done
-        ))
+        // Where the folder was moved away, nobody knows where the frames are.
+        if folder.done == 0 || !wanted || !folder.part.is_there() {
+            kept().take();
+        }
     }
 }
 
@@ -160,47 +185,44 @@ fn joined(head: &[u8], body: &mut File, mut to: File) -> io::Result<()> {
 }
 
 impl Folder {
-    fn open(place: PathBuf, shown: &str, resume: bool) -> Result<Folder, Failure> {
-        let path = part::part_of(&place);
-        let failed = |e: io::Error| output_error(shown, &e);
-        let mut parts = part::parts();
-        loop {
-            match std::fs::create_dir(&path) {
-                Err(e) if e.kind() == io::ErrorKind::AlreadyExists && path.is_dir() => {}
-                Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {
-                    return Err(Failure::Output(format!(
-                        "{shown}: cannot write: {} is in the way; remove it",
-                        path.display()
-                    )));
-                }
-                made => made.map_err(failed)?,
-            }
-            let journal = match part::lock(&path.join("journal")) {
-                // A render that has just ended took its folder away.
-                Err(e) if e.kind() == io::ErrorKind::NotFound && !path.is_dir() => continue,
-                locked => locked.map_err(failed)?.ok_or_else(|| part::busy(shown))?,
-            };
-            // Kept where a signal ends a render that is to be gone on with.
-            if !resume {
-                parts.insert(path.clone());
-            }
-            return Ok(Folder {
-                place,
-                path,
-                shown: shown.to_string(),
-                journal,
-                frames: None,
-                frames_end: 0,
-                changes: Changes::default(),
-                scratch: Vec::new(),
-                done: 0,
-                keep: resume,
-            });
+    fn new(part: PartFolder, place: &Path, args: &RenderArgs) -> Folder {
+        Folder {
+            part,
+            place: place.to_path_buf(),
+            shown: place.display().to_string(),
+            frames: None,
+            frames_end: 0,
+            changes: Changes::default(),
+            scratch: Vec::new(),
+            done: 0,
+            policy: Policy { resume: args.resume, discard: args.discard, again: args.again.clone() },
         }
     }
 
-    fn create(&self, name: &str) -> io::Result<File> {
-        File::options().read(true).write(true).create(true).truncate(false).open(self.path.join(name))
+    /// Without `--resume`: refuses to throw away frames that this very render can go on with, unless the user has said so.
+    /// Those made otherwise are in nobody's way: who edits a script wants to see what it makes now.
+    fn thrown_away(
+        &self,
+        was: &Identity,
+        is: &Identity,
+        args: &RenderArgs,
+    ) -> Result<Option<String>, Failure> {
+        let (shown, part) = (&self.shown, self.part.path());
+        let frames = if self.done == 1 { "1 frame".to_string() } else { format!("{} frames", self.done) };
+        let found = provenance::differences(was, is);
+        if found.is_empty() && !args.discard && !args.watch {
+            return Err(Failure::Output(format!(
+                "{shown}: {frames} of this very render are finished in {}\n    hint: --resume goes on with them, \
+                 --discard deletes them and makes everything anew",
+                part.display()
+            )));
+        }
+        let why: Vec<&str> = found.iter().map(|(keyword, ..)| keyword.as_str()).collect();
+        let why = match why.is_empty() {
+            true => String::new(),
+            false => format!(", made with another {}", why.join(", ")),
+        };
+        Ok(Some(format!("{shown}: starts anew; {frames} of a render that was stopped are thrown away{why}")))
     }
 
     fn begin(
@@ -210,21 +232,18 @@ impl Folder {
         identity: &Identity,
     ) -> Result<Video, Failure> {
         let shown = self.shown.clone();
-        let failed = |e: io::Error| output_error(&shown, &e);
-        let body = self.start_over(identity).map_err(failed)?;
+        let body = self.start_over(identity).map_err(|e| write_failure(&shown, e))?;
         let sink = exporter.begin(info, Box::new(body.clone())).map_err(|e| export_failure(&shown, e))?;
         Ok(Video { shown, sink, body, end: End::Folder(Box::new(self)) })
     }
 
-    fn start_over(&mut self, identity: &Identity) -> io::Result<Body> {
+    fn start_over(&mut self, identity: &Identity) -> Result<Body, WriteError> {
         self.done = 0;
-        self.journal.set_len(0)?;
-        self.journal.rewind()?;
-        self.journal.write_all(&journal::head(identity))?;
-        let _ = std::fs::remove_file(self.path.join("frames"));
-        let body = self.create("body")?;
-        body.set_len(0)?;
-        Ok(Body::new(Box::new(body)))
+        self.part.keep(false);
+        self.frames = None;
+        self.part.renew_lock()?;
+        self.part.lock_file().write_all(&journal::head(identity))?;
+        Ok(Body::new(Box::new(self.part.create("body")?)))
     }
 
     /// Whether the result was renamed and only the folder was left: the body is gone, and its bytes are in the place.
@@ -232,8 +251,9 @@ impl Folder {
         let Some((last, _)) = found.records.last() else { return false };
         let settled = matches!(last.kept, Kept::Settled(_));
         settled
-            && !self.path.join("body").exists()
-            && File::open(&self.place).is_ok_and(|mut f| found.settled(&mut f) == found.records.len())
+            && matches!(self.part.reopen("body"), Ok(None))
+            && choreo_files::open_file(&self.place)
+                .is_ok_and(|mut f| found.settled(&mut f) == found.records.len())
     }
 
     /// Uses what is whole of the journal, the body and the kept frames; gives how many frames that are.
@@ -247,7 +267,12 @@ impl Folder {
         let shown = self.shown.clone();
         let failed = |e: io::Error| output_error(&shown, &e);
         let export_failed = |e| export_failure(&shown, e);
-        let mut file = self.create("body").map_err(failed)?;
+        let not_written = |e| write_failure(&shown, e);
+        let mut file = match self.part.reopen("body").map_err(not_written)? {
+            Some(file) => file,
+            None => self.part.create("body").map_err(not_written)?,
+        };
+        self.frames = self.part.reopen("frames").map_err(not_written)?;
         let settled = found.settled(&mut file);
         let states = found.records[..settled].iter().filter_map(|(record, _)| match &record.kept {
             Kept::Settled(state) => Some(state.clone()),
@@ -278,18 +303,16 @@ impl Folder {
             drop((sink, out));
             return Ok((self.begin(exporter, info, identity)?, 0));
         }
-        self.journal.set_len(found.records[done - 1].1).map_err(failed)?;
-        self.journal.seek(SeekFrom::End(0)).map_err(failed)?;
+        let mut journal = self.part.lock_file();
+        journal.set_len(found.records[done - 1].1).map_err(failed)?;
+        journal.seek(SeekFrom::End(0)).map_err(failed)?;
         out.measured().map_err(failed)?;
-        self.done = done;
+        self.finished(done);
         Ok((Video { shown, sink, body: out, end: End::Folder(Box::new(self)) }, done))
     }
 
     fn kept_frame(&mut self, span: &Span, info: &VideoInfo) -> Option<&[u8]> {
-        let frames = match &mut self.frames {
-            Some(frames) => frames,
-            none => none.insert(File::options().read(true).write(true).open(self.path.join("frames")).ok()?),
-        };
+        let frames = self.frames.as_mut()?;
         frames.seek(SeekFrom::Start(span.at)).ok()?;
         self.scratch.clear();
         frames.take(u64::from(span.length)).read_to_end(&mut self.scratch).ok()?;
@@ -304,7 +327,7 @@ impl Folder {
     /// Writes down the frame that the sink has just taken.
     fn mark(&mut self, mark: Mark<'_>, body: &Body) -> io::Result<()> {
         // Without this a render would go on for hours into files that have lost their names.
-        if !part::is_at(&self.journal, &self.path.join("journal")) {
+        if !self.part.is_there() {
             return Err(io::ErrorKind::NotFound.into());
         }
         let kept = match mark {
@@ -317,15 +340,25 @@ impl Folder {
             Mark::Open(parts) => Kept::Open(self.keep_frame(&parts)?),
         };
         let (body, crc) = body.measured()?;
-        journal::append(&mut self.journal, &Record { body, crc, kept })?;
-        self.done += 1;
+        journal::append(&mut self.part.lock_file(), &Record { body, crc, kept })?;
+        self.finished(self.done + 1);
         Ok(())
+    }
+
+    /// So many frames are finished: they stay, also where a signal ends the program.
+    fn finished(&mut self, frames: usize) {
+        self.done = frames;
+        if !self.policy.discard {
+            self.part.keep(true);
+            let Policy { again, .. } = &self.policy;
+            *kept() = Some((frames, self.part.path(), again.clone()));
+        }
     }
 
     fn keep_frame(&mut self, parts: &[&[u8]; 3]) -> io::Result<Span> {
         self.changes.encode(parts, &mut self.scratch);
         if self.frames.is_none() {
-            self.frames = Some(self.create("frames")?);
+            self.frames = Some(self.part.create("frames").map_err(io::Error::other)?);
         }
         let span = Span {
             at: self.frames_end,
@@ -342,29 +375,16 @@ impl Folder {
         Ok(span)
     }
 
-    fn finish(mut self, head: &[u8]) -> io::Result<()> {
-        let body = self.path.join("body");
+    fn finish(mut self, head: &[u8]) -> Result<(), WriteError> {
         if head.is_empty() {
-            std::fs::rename(&body, &self.place)?;
+            self.part.finish("body")?;
         } else {
-            let result = self.path.join("result");
-            joined(head, &mut File::open(&body)?, File::create(&result)?)?;
-            std::fs::rename(&result, &self.place)?;
+            let mut body = self.part.reopen("body")?.ok_or(io::Error::from(io::ErrorKind::NotFound))?;
+            joined(head, &mut body, self.part.create("result")?)?;
+            self.part.finish("result")?;
         }
-        // What is left is removed by `drop`, now that the result has its name.
-        self.keep = false;
+        kept().take();
         Ok(())
-    }
-}
-
-impl Drop for Folder {
-    /// The lock is given back after the folder is gone.
-    fn drop(&mut self) {
-        let mut parts = part::parts();
-        if !self.keep || self.done == 0 {
-            part::remove_folder(&self.path);
-        }
-        parts.remove(&self.path);
     }
 }
 

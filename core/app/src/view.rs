@@ -3,9 +3,11 @@
 
 use crate::args::ViewArgs;
 use crate::failure::Failure;
-use std::env;
+use crate::interrupt;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, ExitStatus};
+use std::time::Duration;
+use std::{env, io};
 
 pub fn run(args: ViewArgs) -> Result<(), Failure> {
     let here =
@@ -22,15 +24,34 @@ pub fn run(args: ViewArgs) -> Result<(), Failure> {
             viewer.display()
         )));
     }
-    let status = Command::new(&viewer).arg(&args.input).args(&args.rest).status();
-    let status =
-        status.map_err(|e| Failure::Device(format!("{}: cannot be started: {e}", viewer.display())))?;
+    let status = wait(Command::new(&viewer).arg(&args.input).args(&args.rest))
+        .map_err(|e| Failure::Device(format!("{}: cannot be started: {e}", viewer.display())))?;
+    let Some(status) = status else { return Err(Failure::Interrupted) };
     match status.code() {
         Some(0) => Ok(()),
         // It has said why.
         Some(code) => Err(Failure::Told(u8::try_from(code).unwrap_or(1))),
         None => Err(Failure::Device("the viewer was ended from outside".into())),
     }
+}
+
+/// How it ended; `None` where a signal ended this program, and the viewer with it: it would stay without anybody to end it.
+fn wait(command: &mut Command) -> io::Result<Option<ExitStatus>> {
+    interrupt::watch(true);
+    let mut viewer = command.spawn()?;
+    let ended = loop {
+        if let Some(status) = viewer.try_wait()? {
+            break Some(status);
+        }
+        if interrupt::interrupted() {
+            viewer.kill()?;
+            viewer.wait()?;
+            break None;
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    };
+    interrupt::watch(false);
+    Ok(ended)
 }
 
 /// With the profile of this program, whose name its folder bears.

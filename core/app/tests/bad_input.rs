@@ -191,7 +191,12 @@ fn a_full_disk_is_named() {
     let d = dir.path();
     for format in ["y4m", "mp4", "gif"] {
         let name = format!("full.{format}");
-        std::os::unix::fs::symlink("/dev/full", d.join(&name)).unwrap();
+        // The device itself: a link to it is refused.
+        let made = std::process::Command::new("mknod").arg(d.join(&name)).args(["c", "1", "7"]).output();
+        if !made.is_ok_and(|made| made.status.success()) {
+            println!("SKIP 3: this user may not make devices");
+            return;
+        }
         let small = ["--device", "cpu", "--size", "320x180", "--samples", "1", "--quiet"];
         let args: Vec<&str> = ["render", "tri.gltf", "-o", &name].into_iter().chain(small).collect();
         let (code, line) = refused(d, &args);

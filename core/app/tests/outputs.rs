@@ -157,28 +157,251 @@ fn what_must_not_be_written_is_not() {
     }
 }
 
+/// A scene with a picture, a module, a plugin and a test, in `scene`; beside it a file and a folder that nobody may change.
+fn planted() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    let scene = dir.path().join("scene");
+    std::fs::create_dir_all(scene.join("suite")).unwrap();
+    std::fs::create_dir(dir.path().join("far")).unwrap();
+    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+    write("bashrc", "alias ls='ls -l'\n");
+    write("scene/tri.gltf", &triangle(1.0));
+    write(
+        "scene/suite/box.rhai",
+        "test(\"seen\", || { cast(\"b\", shape(\"box\")); camera(\"c\").frame(); expect_picture(\"box\", #{ at: 0.0, size: [32, 18] }); });\n",
+    );
+    dir
+}
+
+/// Every name that a command writes under, with a link that a stranger has put there. Of each: the link, whether it names a
+/// folder, and the command.
 #[test]
-fn links_stay_and_what_they_name_is_replaced() {
-    let dir = folder();
-    let d = dir.path();
-    std::fs::create_dir(d.join("far")).unwrap();
-    for format in ["mp4", "png"] {
-        let link = |name: &str| format!("{name}.{format}");
-        std::fs::write(d.join("far").join(link("there")), "old").unwrap();
-        for name in ["there", "new"] {
-            symlink(Path::new("far").join(link(name)), d.join(link(name))).unwrap();
-            let run = choreo(d, &render("tri.gltf", &link(name), &["--frames", "0"]));
-            assert_eq!(run.code, 0, "{}", run.err);
-            assert!(std::fs::symlink_metadata(d.join(link(name))).unwrap().is_symlink());
-            assert!(read(d, &format!("far/{}", link(name))).len() > 100);
-        }
-        symlink(link("loop"), d.join(link("loop"))).unwrap();
-        let run = choreo(d, &render("tri.gltf", &link("loop"), &["--frames", "0"]));
-        // A circle names nothing; it is replaced as any name, or refused by the system.
-        assert!([0, 3].contains(&run.code), "{}", run.err);
+fn links_in_the_way_are_refused_and_named() {
+    let render = |output: &'static str| {
+        vec!["render", "tri.gltf", "-o", output, "--frames", "0..2", "--device", "cpu", "--size", "32x18"]
+    };
+    let video = |output: &'static str, file: &str| (format!("{output}.part/{file}"), false, render(output));
+    let stages = vec!["render", "tri.gltf", "--stages", "-o", "s", "--size", "32x18"];
+    let test = |option: &'static str| vec!["test", "suite", "--accept", option];
+    let mut cases: Vec<(String, bool, Vec<&str>)> = ["body", "journal", "frames", "result"]
+        .into_iter()
+        .flat_map(|file| [video("o.y4m", file), video("o.mp4", file), video("o.gif", file)])
+        .collect();
+    cases.extend([
+        ("o.y4m".into(), false, render("o.y4m")),
+        ("o.mp4.part".into(), true, render("o.mp4")),
+        ("o.mp4.part".into(), false, render("o.mp4")),
+        ("o.png".into(), false, render("o.png")),
+        ("o.png.part".into(), false, render("o.png")),
+        ("f/0000.png".into(), false, render("f/%04d.png")),
+        ("f/0001.png.part".into(), false, render("f/%04d.png")),
+        ("f/%04d.png.0-1.part".into(), false, render("f/%04d.png")),
+        ("f/%04d.png.1-5.part".into(), false, render("f/%04d.png")),
+        ("s/1_model.png".into(), false, stages.clone()),
+        ("s/6_shade.png.part".into(), false, stages),
+        ("p.svg".into(), false, vec!["check", "tri.gltf", "--plot", "p.svg"]),
+        ("p.svg".into(), false, vec!["explain", "tri.gltf", "--plot", "p.svg"]),
+        ("p.svg".into(), false, vec!["measure", "tri.gltf", "--only", "bake", "--plot", "p.svg"]),
+        ("m.obj".into(), false, vec!["pose", "tri.gltf", "--mesh", "m.obj"]),
+        ("m.obj.part".into(), false, vec!["pose", "tri.gltf", "--mesh", "m.obj"]),
+        ("new/it.wgsl".into(), false, vec!["new", "effect", "it", "--single", "--into", "new"]),
+        ("new/sample.it".into(), false, vec!["new", "importer", "it", "--single", "--into", "new"]),
+        (
+            "new/effect-it".into(),
+            true,
+            vec![
+                "new",
+                "effect",
+                "it",
+                "--into",
+                "new",
+                "--sources",
+                concat!(env!("CARGO_MANIFEST_DIR"), "/../.."),
+            ],
+        ),
+        ("report.html".into(), false, test("--html=report.html")),
+        ("report.xml".into(), false, test("--junit=report.xml")),
+        ("suite/pictures".into(), true, test("--quiet")),
+        ("suite/pictures/box".into(), true, test("--quiet")),
+        ("suite/pictures/box/box.png".into(), false, test("--quiet")),
+        ("target/choreo-test".into(), true, test("--quiet")),
+        ("target/choreo-test/pictures".into(), true, test("--quiet")),
+    ]);
+    for (link, is_folder, args) in &cases {
+        let dir = planted();
+        let d = dir.path().join("scene");
+        let target = dir.path().join(if *is_folder { "far" } else { "bashrc" });
+        std::fs::create_dir_all(d.join(link).parent().unwrap()).unwrap();
+        symlink(&target, d.join(link)).unwrap();
+        let run = choreo(&d, args);
+        let (said, all) = (run.err.clone() + &run.out, format!("{link} {args:?}: {}{}", run.err, run.out));
+        // A picture that cannot be accepted is a failed section.
+        let expected = if link.starts_with("suite/") { 1 } else { 3 };
+        assert_eq!(run.code, expected, "{all}");
+        let words = format!("cannot write: {link} is a symbolic link to {}; remove it", target.display());
+        assert!(said.contains(&words), "{all}");
+        assert!(std::fs::symlink_metadata(d.join(link)).unwrap().is_symlink(), "{all}");
+        assert_eq!(read(dir.path(), "bashrc"), b"alias ls='ls -l'\n", "{all}");
+        assert_eq!(names(&dir.path().join("far")), Vec::<String>::new(), "{all}");
     }
-    assert_eq!(parts(d), Vec::<String>::new());
-    assert_eq!(parts(&d.join("far")), Vec::<String>::new());
+}
+
+/// Nor does a render go on into files that are links, or that have a second name.
+#[test]
+fn parts_to_go_on_with_that_have_other_names_are_refused() {
+    for file in ["body", "journal", "frames"] {
+        for is_hard in [false, true] {
+            let dir = planted();
+            let d = dir.path().join("scene");
+            let run = with_file_limit(&d, 60, &render("tri.gltf", "o.mp4", &["--frames", "0..24"]));
+            assert!(run.code == 3 && d.join("o.mp4.part").is_dir(), "{}", run.err);
+            let (place, second) = (d.join("o.mp4.part").join(file), dir.path().join("far/second"));
+            std::fs::rename(&place, &second).unwrap();
+            match is_hard {
+                true => std::fs::hard_link(&second, &place).unwrap(),
+                false => symlink(&second, &place).unwrap(),
+            }
+            let before = std::fs::read(&second).unwrap();
+            let run = choreo(&d, &render("tri.gltf", "o.mp4", &["--resume", "--frames", "0..24"]));
+            let what = if is_hard { "a hard link" } else { "a symbolic link" };
+            let words = format!("o.mp4: cannot write: o.mp4.part/{file} is {what} to ");
+            assert!(run.code == 3 && run.err.contains(&words), "{file}: {}", run.err);
+            assert!(std::fs::read(&second).unwrap() == before, "{file} was written");
+        }
+    }
+}
+
+/// What a killed render left cannot be written through, whatever other names it has.
+#[test]
+fn a_hard_link_in_the_place_of_a_part_is_replaced() {
+    for (part, output) in
+        [("o.png.part", "o.png"), ("o.y4m.part/body", "o.y4m"), ("o.y4m.part/journal", "o.y4m")]
+    {
+        let dir = planted();
+        let d = dir.path().join("scene");
+        std::fs::create_dir_all(d.join(part).parent().unwrap()).unwrap();
+        std::fs::hard_link(dir.path().join("bashrc"), d.join(part)).unwrap();
+        let run = choreo(&d, &render("tri.gltf", output, &["--frames", "0"]));
+        assert_eq!(run.code, 0, "{part}: {}", run.err);
+        assert_eq!(read(dir.path(), "bashrc"), b"alias ls='ls -l'\n", "{part}");
+        assert!(read(&d, output).len() > 100 && parts(&d).is_empty());
+    }
+}
+
+/// The links that the system keeps are none of these. Not by `/dev/stdout`: a fault would replace it for the whole machine where
+/// root runs the tests; a unit test of choreo-files looks at it without writing.
+#[test]
+fn streams_of_the_program_can_be_written() {
+    let dir = planted();
+    let d = dir.path().join("scene");
+    for place in ["/proc/self/fd/1", "/dev/fd/1"] {
+        let run = choreo(&d, &["test", "suite", "--accept", "--quiet", &format!("--html={place}")]);
+        assert!(run.code == 0 && run.out.contains("</html>"), "{place}: {}{}", run.out, run.err);
+    }
+}
+
+/// A pipe as an output: an error where nobody reads it, else what a file would hold.
+#[test]
+fn pipes_are_written_where_somebody_reads_them() {
+    let dir = planted();
+    let d = &dir.path().join("scene");
+    let cases: [(&str, Vec<&str>); 5] = [
+        ("o.y4m", render("tri.gltf", "o.y4m", &["--frames", "0..3"])),
+        ("o.mp4", render("tri.gltf", "o.mp4", &["--frames", "0..3"])),
+        ("o.png", render("tri.gltf", "o.png", &["--frames", "0"])),
+        ("p.svg", vec!["check", "tri.gltf", "--plot", "p.svg"]),
+        ("m.obj", vec!["pose", "tri.gltf", "--mesh", "m.obj"]),
+    ];
+    for (name, args) in cases {
+        assert_eq!(choreo(d, &args).code, 0);
+        let expected = read(d, name);
+        std::fs::remove_file(d.join(name)).unwrap();
+        assert!(Command::new("mkfifo").arg(d.join(name)).status().unwrap().success());
+        // `timeout` ends what waits for ever, with code 124.
+        let mut command = Command::new("timeout");
+        command.args(["60", env!("CARGO_BIN_EXE_choreo")]).args(&args).current_dir(d).stdin(Stdio::null());
+        let run = finished(command.output().unwrap());
+        let words = format!("{name}: cannot write: nobody reads from this pipe; start its reader first\n");
+        assert!(run.code == 3 && run.err.ends_with(&words), "{name}: {} {}", run.code, run.err);
+        let reader =
+            Command::new("timeout").args(["60", "cat", name]).current_dir(d).stdout(Stdio::piped()).spawn();
+        let run = choreo(d, &args);
+        assert_eq!(run.code, 0, "{name}: {}", run.err);
+        let read = reader.unwrap().wait_with_output().unwrap();
+        assert!(read.status.success() && read.stdout == expected, "{name}: {} bytes", read.stdout.len());
+        assert_eq!(parts(d), Vec::<String>::new());
+    }
+}
+
+/// Each kind of file that a scene is made of, each kind of output, and each way to name the file.
+#[test]
+fn an_output_in_the_place_of_an_input_is_refused() {
+    let dir = planted();
+    let d = &dir.path().join("scene");
+    let write = |name: &str, bytes: &[u8]| {
+        std::fs::create_dir_all(d.join(name).parent().unwrap()).unwrap();
+        std::fs::write(d.join(name), bytes).unwrap();
+    };
+    assert_eq!(choreo(d, &render("tri.gltf", "t.png", &["--frames", "0"])).code, 0);
+    let picture = read(d, "t.png");
+    for name in ["n/2.png", "s/3_clip.png"] {
+        write(name, &picture);
+    }
+    write("mod.rhai", b"fn one() { 1.0 }");
+    assert_eq!(choreo(d, &["new", "effect", "mine", "--single"]).code, 0);
+    assert_eq!(choreo(d, &["pose", "tri.gltf", "--mesh", "model.obj"]).code, 0);
+    write(
+        "s.rhai",
+        b"import \"mod\" as m;\nstage(#{ fps: 4, length: m::one() });\ncast(\"t\", load(param(\"model\", \"tri.gltf\")));\n\
+          cast(\"p\", shape(\"plane\", #{ image: image(\"t.png\") }));\ncast(\"q\", shape(\"plane\", #{ image: image(\"n/2.png\") }));\n\
+          cast(\"r\", shape(\"plane\", #{ image: image(\"s/3_clip.png\") }));\ncamera(\"c\").at(0.0, 1.0, 4.0);\n",
+    );
+    for (input, second) in [
+        ("s.rhai", "script.svg"),
+        ("mod.rhai", "module.svg"),
+        ("tri.gltf", "model.png"),
+        ("mine.wgsl", "plugin.gif"),
+        ("t.png", "texture.mp4"),
+        ("model.obj", "set.y4m"),
+        ("suite/box.rhai", "test.html"),
+    ] {
+        std::fs::hard_link(d.join(input), d.join(second)).unwrap();
+    }
+    let draw = |output: &'static str, more: &[&'static str]| render("s.rhai", output, more);
+    let cases: Vec<(&str, &str, Vec<&str>)> = vec![
+        ("t.png", "t.png", draw("t.png", &["--at", "0"])),
+        ("./t.png", "t.png", draw("./t.png", &["--at", "0"])),
+        ("n/2.png", "n/2.png", draw("n/%d.png", &[])),
+        ("s/3_clip.png", "s/3_clip.png", draw("s", &["--stages"])),
+        ("model.png", "tri.gltf", draw("model.png", &["--at", "0"])),
+        ("plugin.gif", "mine.wgsl", draw("plugin.gif", &[])),
+        ("texture.mp4", "t.png", draw("texture.mp4", &["--resume"])),
+        ("set.y4m", "model.obj", draw("set.y4m", &["--set", "model=model.obj"])),
+        ("script.svg", "s.rhai", vec!["check", "s.rhai", "--plot", "script.svg"]),
+        ("module.svg", "mod.rhai", vec!["explain", "s.rhai", "--plot", "module.svg"]),
+        ("module.svg", "mod.rhai", vec!["measure", "s.rhai", "--only", "bake", "--plot", "module.svg"]),
+        ("model.obj", "model.obj", vec!["pose", "model.obj", "--mesh", "model.obj"]),
+        ("test.html", "suite/box.rhai", vec!["test", "suite", "--html", "test.html"]),
+        ("suite/box.rhai", "suite/box.rhai", vec!["test", "suite", "--junit", "suite/box.rhai"]),
+    ];
+    for (output, input, args) in cases {
+        let before = read(d, input);
+        let run = choreo(d, &args);
+        let words =
+            format!("{output}: cannot write: it is the input {input}; give the output another name\n");
+        assert!(run.code == 3 && run.err.ends_with(&words), "{args:?}: {} {}", run.code, run.err);
+        assert!(read(d, input) == before && read(d, output) == before, "{args:?}: written");
+    }
+    assert_eq!(names(&d.join("n")), ["2.png"]);
+    // The name under which a part would be written, too.
+    std::fs::rename(d.join("t.png"), d.join("x.png.part")).unwrap();
+    let script = std::fs::read_to_string(d.join("s.rhai")).unwrap().replace("\"t.png\"", "\"x.png.part\"");
+    write("s.rhai", script.as_bytes());
+    let run = choreo(d, &draw("x.png", &["--at", "0"]));
+    let words = "x.png: cannot write: x.png.part is the input x.png.part; give the output another name\n";
+    assert!(run.code == 3 && run.err.ends_with(words), "{}", run.err);
+    // Beside them there is room.
+    assert_eq!(choreo(d, &draw("y.png", &["--at", "0"])).code, 0);
 }
 
 #[test]

@@ -5,6 +5,7 @@ mod common;
 
 use common::*;
 use serde_json::Value;
+use std::io::Read;
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
@@ -275,44 +276,100 @@ fn a_render_made_otherwise_is_refused() {
     assert_eq!((&value["drawn"], &value["reused"]), (&2.into(), &2.into()));
 }
 
+/// Ends a render by a signal once five frames are finished; what it said. `None` where it was faster than the signal.
+fn signalled(d: &Path, name: &str, more: &[&str]) -> Option<Run> {
+    let loud: Vec<&str> = args("o.mp4", more).into_iter().filter(|a| *a != "--json").collect();
+    let mut child = command(d, &loud).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    while finished_frames(d, "o.mp4") < 5 && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    let sent = std::process::Command::new("kill").args([name, &child.id().to_string()]).status();
+    assert!(sent.unwrap().success());
+    let run = finished(child.wait_with_output().unwrap());
+    if run.code == 0 {
+        std::fs::remove_file(d.join("o.mp4")).unwrap();
+        return None;
+    }
+    assert_eq!((run.code, run.err.lines().last()), (130, Some("interrupted")), "{}", run.err);
+    assert!(!d.join("o.mp4").exists());
+    Some(run)
+}
+
+/// The command line that a message ends with, typed into a shell.
+fn type_in(d: &Path, command: &str) -> Run {
+    let mut shell = std::process::Command::new("sh");
+    finished(shell.args(["-c", command]).current_dir(d).stdin(Stdio::null()).output().unwrap())
+}
+
 #[test]
-fn with_nothing_there_it_renders_and_keeps_what_a_signal_ends() {
+fn what_a_signal_ends_is_kept_and_the_command_that_is_printed_goes_on_with_it() {
     let dir = scene();
     let d = dir.path();
-    assert_eq!(resume(d, "o.mp4"), (FRAMES, 0));
+    assert_eq!(resume(d, "o.mp4"), (FRAMES, 0), "with nothing there it renders");
     let whole = read(d, "o.mp4");
     std::fs::remove_file(d.join("o.mp4")).unwrap();
-    // Ctrl-C: with --resume the user wants to go on, without it not.
-    for (more, kept) in [(&["--resume"][..], true), (&[], false)] {
-        let mut child = start(d, "o.mp4", more);
-        while finished_frames(d, "o.mp4") < 5 && child.try_wait().unwrap().is_none() {
-            std::thread::sleep(Duration::from_micros(200));
-        }
-        let sent = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
-        assert!(sent.unwrap().success());
-        let code = child.wait().unwrap().code();
-        if code == Some(0) {
-            // It was faster than the signal.
-            std::fs::remove_file(d.join("o.mp4")).unwrap();
-            continue;
-        }
-        assert_eq!(code, Some(130));
-        assert_eq!(d.join("o.mp4.part").exists(), kept);
-        if kept {
-            let finished = finished_frames(d, "o.mp4");
-            assert_eq!(resume(d, "o.mp4"), (FRAMES - finished, finished));
-            assert!(read(d, "o.mp4") == whole);
-            std::fs::remove_file(d.join("o.mp4")).unwrap();
-        }
+    let mut ended = 0;
+    for (name, more) in [("-INT", &[][..]), ("-TERM", &["--quiet"]), ("-HUP", &[]), ("-INT", &["--resume"])] {
+        let Some(run) = signalled(d, name, more) else { continue };
+        ended += 1;
+        let finished = finished_frames(d, "o.mp4");
+        let said = format!("{finished} frames are kept in o.mp4.part; to go on with them: ");
+        let line = run.err.lines().find_map(|line| line.strip_prefix(&said));
+        let command = line.unwrap_or_else(|| panic!("{name}: no \"{said}\" in {}", run.err));
+        assert!(command.contains("choreo render --resume s.rhai -o o.mp4 --jobs 1"), "{command}");
+        assert_eq!(command.matches("--resume").count(), 1, "{command}");
+        let run = type_in(d, command);
+        assert_eq!(run.code, 0, "{command}: {}", run.err);
+        assert!(
+            more.contains(&"--quiet") || run.err.contains(&format!("{finished} of them there before")),
+            "{}",
+            run.err
+        );
+        assert!(read(d, "o.mp4") == whole && parts(d).is_empty());
+        std::fs::remove_file(d.join("o.mp4")).unwrap();
     }
-    // Without --resume everything is made anew, and that is said.
-    stopped(d, "o.mp4");
-    let plain: Vec<&str> = args("o.mp4", &[]).into_iter().filter(|a| *a != "--json").collect();
-    let run = choreo(d, &plain);
-    assert!(run.code == 0 && run.err.contains("--resume would have gone on with them"), "{}", run.err);
-    assert!(read(d, "o.mp4") == whole);
+    assert!(ended > 0, "always faster than the signal");
+    // Who says so keeps nothing.
+    if let Some(run) = signalled(d, "-INT", &["--discard"]) {
+        assert!(!run.err.contains("kept") && parts(d).is_empty(), "{}", run.err);
+    }
     let run = choreo(d, &["render", "s.rhai", "-o", "-", "--resume"]);
     assert!(run.code == 2 && run.err.contains("standard output keeps nothing"), "{}", run.err);
+}
+
+/// Frames of this very render are thrown away only where the user says so; those of another are in nobody's way.
+#[test]
+fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
+    let dir = scene();
+    let d = dir.path();
+    let plain: Vec<&str> = args("o.mp4", &[]).into_iter().filter(|a| *a != "--json").collect();
+    let finished = stopped(d, "o.mp4");
+    let journal = read(&d.join("o.mp4.part"), "journal");
+    let run = choreo(d, &plain);
+    let expected = format!(
+        "o.mp4: {finished} frames of this very render are finished in o.mp4.part\n    hint: --resume goes on with them, \
+         --discard deletes them and makes everything anew\n"
+    );
+    assert_eq!((run.code, run.err.as_str()), (3, expected.as_str()));
+    assert!(read(&d.join("o.mp4.part"), "journal") == journal && !d.join("o.mp4").exists());
+    // The script was edited since.
+    let script = std::fs::read_to_string(d.join("s.rhai")).unwrap();
+    std::fs::write(d.join("s.rhai"), format!("{script}\n// edited")).unwrap();
+    let run = choreo(d, &plain);
+    let expected = format!(
+        "o.mp4: starts anew; {finished} frames of a render that was stopped are thrown away, made with another script"
+    );
+    assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
+    assert!(d.join("o.mp4").exists() && parts(d).is_empty());
+    // Said so.
+    let finished = stopped(d, "o.mp4");
+    let run = choreo(d, &[&plain[..], &["--discard"]].concat());
+    let expected =
+        format!("o.mp4: starts anew; {finished} frames of a render that was stopped are thrown away\n");
+    assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
+    assert!(d.join("o.mp4").exists() && parts(d).is_empty());
+    let run = choreo(d, &[&plain[..], &["--discard", "--resume"]].concat());
+    assert_eq!(run.code, 2, "{}", run.err);
 }
 
 /// Killed between the renaming of the result and the removal of its folder.
@@ -321,10 +378,13 @@ fn a_result_in_its_place_is_found_there() {
     let dir = scene();
     let d = dir.path();
     stopped(d, "o.y4m");
-    // A second name, under which the journal outlives its folder.
+    // Open, the journal outlives its folder.
     let part = d.join("o.y4m.part");
-    std::fs::hard_link(part.join("journal"), d.join("journal")).unwrap();
+    let mut journal = std::fs::File::open(part.join("journal")).unwrap();
     resume(d, "o.y4m");
+    let mut records = Vec::new();
+    journal.read_to_end(&mut records).unwrap();
+    std::fs::write(d.join("journal"), records).unwrap();
     let whole = read(d, "o.y4m");
     let folder_again = || {
         std::fs::create_dir(&part).unwrap();

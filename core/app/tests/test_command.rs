@@ -73,7 +73,35 @@ fn plant(path: &Path) {
         }
     }
     let bytes = stored::encode_accepted(&stored.frame, &stored.device, "t").unwrap();
-    stored::write_whole(path, &bytes).unwrap();
+    std::fs::write(path, &bytes).unwrap();
+}
+
+/// No name in a folder that all users may write to can be foreseen, and no build folder is taken that is a link.
+#[cfg(unix)]
+#[test]
+fn without_a_build_folder_the_users_own_cache_is_used() {
+    use std::os::unix::fs::symlink;
+    let dir = suite();
+    let d = dir.path();
+    std::fs::remove_dir(d.join("target")).unwrap();
+    for name in ["shared", "cache", "far"] {
+        std::fs::create_dir(d.join(name)).unwrap();
+    }
+    let cache = d.join("cache");
+    let failing = || {
+        let mut command = command(d, &["test", "suite"]);
+        command.env("TMPDIR", d.join("shared")).env("XDG_CACHE_HOME", &cache);
+        let run = finished(command.output().unwrap());
+        assert_eq!(run.code, 1, "{}{}", run.out, run.err);
+        let seen = run.out.lines().find_map(|line| line.trim().strip_prefix("see "));
+        let seen = Path::new(seen.unwrap_or_else(|| panic!("{}", run.out)).trim()).to_path_buf();
+        assert!(seen.starts_with(cache.join("choreo/test/pictures")) && seen.exists(), "{}", run.out);
+        assert_eq!(names(&d.join("shared")), Vec::<String>::new());
+    };
+    failing();
+    symlink(d.join("far"), d.join("target")).unwrap();
+    failing();
+    assert_eq!(names(&d.join("far")), Vec::<String>::new());
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use crate::outcome::{Check, Evidence, Measures, Pictures, Place};
 use crate::painter::{Device, NoPicture, Painter, Shot};
 use crate::stored::{self, MOST_BYTES, Stored, Unreadable};
+use choreo_files::write_whole_beneath;
 use choreo_plugin::Frame;
 use choreo_render::compare::{compare, difference_picture};
 use choreo_render::flip::{flip, map_picture};
@@ -126,7 +127,7 @@ pub fn judge(
         MOST_BYTES >> 10
     );
     if options.accept.takes(&wanted.name) {
-        let done = if light { stored::write_whole(&stored_at, &bytes) } else { Err(weight.clone()) };
+        let done = if light { stored::write(whose.path, &wanted.name, &bytes) } else { Err(weight.clone()) };
         match done {
             Ok(()) => {
                 check.passed = true;
@@ -335,22 +336,22 @@ fn hint(check: &mut Check, text: String) {
 
 /// The three pictures where a person can open them.
 fn write(folder: &Path, file: &str, pictures: &mut Pictures, check: &mut Check) {
-    let folder = folder.join(flat(file));
     for (kind, bytes) in
         [("expected", &pictures.expected), ("got", &pictures.got), ("difference", &pictures.difference)]
     {
-        let path = folder.join(format!("{}.{kind}.png", pictures.name));
+        let name = Path::new(&flat(file)).join(format!("{}.{kind}.png", pictures.name));
+        let path = folder.join(&name);
         if bytes.is_empty() {
             // Of an earlier run; not this failure's.
             let _ = std::fs::remove_file(&path);
             pictures.written.push(PathBuf::new());
             continue;
         }
-        match stored::write_whole(&path, bytes) {
+        match write_whole_beneath(folder, &name, bytes) {
             Ok(()) => pictures.written.push(path),
-            Err(text) => {
+            Err(e) => {
                 pictures.written.push(PathBuf::new());
-                hint(check, text);
+                hint(check, format!("{}: cannot write: {e}", path.display()));
             }
         }
     }

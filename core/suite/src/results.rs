@@ -7,7 +7,7 @@
 
 use crate::collect::Case;
 use crate::outcome::{Outcome, Status};
-use crate::stored::write_whole;
+use choreo_files::write_whole_beneath;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -127,7 +127,8 @@ impl Results {
             outcome: outcome.clone(),
         };
         if let Ok(text) = serde_json::to_vec(&entry) {
-            let _ = write_whole(&place, &text);
+            let name = place.file_name().unwrap_or_default();
+            let _ = write_whole_beneath(&self.folder, name.as_ref(), &text);
         }
     }
 

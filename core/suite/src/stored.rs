@@ -1,9 +1,8 @@
 //! Pictures as they lie beside the tests: PNG files that say on which class of device they were accepted.
 
+use choreo_files::write_whole_beneath;
 use choreo_plugin::Frame;
-use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What a stored picture may weigh unless it is marked as large: they are kept in version control for ever.
 pub const MOST_BYTES: usize = 20 << 10;
@@ -116,25 +115,12 @@ pub fn encode_accepted(frame: &Frame, device: &str, name: &str) -> Result<Vec<u8
     encode(frame, &[(DEVICE, device), ("choreo:test", name)])
 }
 
-/// Writes a file whole or not at all, with the folders it needs.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), String> {
-    let failed = |e: std::io::Error| format!("{}: cannot write: {e}", path.display());
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(failed)?;
-    }
-    // Two threads may write one file: the later one wins, whole.
-    static COUNT: AtomicU64 = AtomicU64::new(0);
-    let number = COUNT.fetch_add(1, Ordering::Relaxed);
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(format!(".{}.{number}.part", std::process::id()));
-    let part = path.with_file_name(name);
-    let written = std::fs::File::create(&part)
-        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.flush()))
-        .and_then(|()| std::fs::rename(&part, path));
-    if written.is_err() {
-        let _ = std::fs::remove_file(&part);
-    }
-    written.map_err(failed)
+/// Writes the bytes of a picture to its [`place`], through no link on the way from the test's folder. The error is complete.
+pub fn write(test_file: &Path, name: &str, bytes: &[u8]) -> Result<(), String> {
+    let (folder, place) = (test_file.parent().unwrap_or(Path::new("")), place(test_file, name));
+    let beneath = place.strip_prefix(folder).unwrap_or(&place);
+    let written = write_whole_beneath(folder, beneath, bytes);
+    written.map_err(|e| format!("{}: cannot write: {e}", place.display()))
 }
 
 #[cfg(test)]
@@ -174,14 +160,37 @@ mod tests {
     }
 
     #[test]
-    fn a_file_is_written_whole_with_its_folders() {
+    fn a_picture_is_written_with_its_folders() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a/b/c.txt");
-        write_whole(&path, b"one").unwrap();
-        write_whole(&path, b"two").unwrap();
-        assert_eq!(std::fs::read(&path).unwrap(), b"two");
-        assert_eq!(std::fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
-        assert!(write_whole(&path.join("below"), b"x").unwrap_err().contains("cannot write"));
-        assert_eq!(read(&dir.path().join("none.png")), Err(Unreadable::Missing));
+        let test = dir.path().join("walk.rhai");
+        assert_eq!(read(&place(&test, "start")), Err(Unreadable::Missing));
+        write(&test, "start", b"one").unwrap();
+        write(&test, "start", b"two").unwrap();
+        assert_eq!(std::fs::read(dir.path().join("pictures/walk/start.png")).unwrap(), b"two");
+        assert_eq!(std::fs::read_dir(dir.path().join("pictures/walk")).unwrap().count(), 1);
+    }
+
+    /// Each folder on the way to the picture, and the picture itself.
+    #[test]
+    #[cfg(unix)]
+    fn a_picture_is_written_through_no_link() {
+        let dir = tempfile::tempdir().unwrap();
+        let far = dir.path().join("far");
+        std::fs::create_dir_all(far.join("walk")).unwrap();
+        let test = dir.path().join("suite/walk.rhai");
+        for name in ["pictures", "pictures/walk", "pictures/walk/start.png"] {
+            let link = dir.path().join("suite").join(name);
+            std::fs::create_dir_all(link.parent().unwrap()).unwrap();
+            std::os::unix::fs::symlink(&far, &link).unwrap();
+            let expected = format!(
+                "{}: cannot write: {} is a symbolic link to {}; remove it",
+                place(&test, "start").display(),
+                link.display(),
+                far.display()
+            );
+            assert_eq!(write(&test, "start", b"one"), Err(expected));
+            std::fs::remove_file(&link).unwrap();
+        }
+        assert_eq!(std::fs::read_dir(far.join("walk")).unwrap().count(), 0);
     }
 }

@@ -81,7 +81,7 @@ impl Bench {
             change(i as u32 % width, i as u32 / width, pixel);
         }
         let bytes = stored::encode_accepted(&frame, &stored.device, "t").unwrap();
-        stored::write_whole(&self.stored(), &bytes).unwrap();
+        std::fs::write(self.stored(), &bytes).unwrap();
     }
 }
 
@@ -202,7 +202,7 @@ fn pictures_of_other_devices_are_refused_unless_told() {
         ("", "an unknown device"),
     ] {
         let bytes = stored::encode_accepted(&same, device, "t").unwrap();
-        stored::write_whole(&bench.stored(), &bytes).unwrap();
+        std::fs::write(bench.stored(), &bytes).unwrap();
         let check = bench.check();
         assert!(!check.passed && check.expected.contains(named), "{check:?}");
         assert!(check.hint.contains("--any-device"), "{check:?}");

@@ -6,10 +6,11 @@ use crate::app::Viewer;
 use crate::difference;
 use crate::placing::Wanted;
 use crate::selection::{Selected, actor};
+use choreo_files::{WriteError, write_whole};
 use choreo_live::edit::{Edit, Object, Part, Refused, follows, marker, plain, set_time};
 use choreo_script::Place;
 use choreo_stage::Actor;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Changes that can be taken back and made again, the newest last.
@@ -275,17 +276,56 @@ fn read(path: &Path) -> Result<String, String> {
     std::fs::read_to_string(path).map_err(|e| format!("{}: cannot read: {e}", path.display()))
 }
 
-/// Beside it and renamed: whole or not at all. A link stays one.
+/// Whole or not at all. A link to another file of the script's folder stays a link.
 pub(crate) fn write(path: &Path, text: &str) -> Result<(), String> {
-    let failed = |e: std::io::Error| format!("{}: cannot write: {e}", path.display());
-    let place = path.canonicalize().map_err(failed)?;
-    let name = place.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let part: PathBuf = place.with_file_name(format!(".{name}.{}.part", std::process::id()));
-    let written = std::fs::write(&part, text)
-        .and_then(|()| std::fs::set_permissions(&part, std::fs::metadata(&place)?.permissions()))
-        .and_then(|()| std::fs::rename(&part, &place));
-    written.map_err(|e| {
-        let _ = std::fs::remove_file(&part);
-        failed(e)
-    })
+    let failed = |e: WriteError| format!("{}: cannot write: {e}", path.display());
+    let place = path.canonicalize().map_err(|e| failed(e.into()))?;
+    let folder = path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if path.is_symlink() && folder.canonicalize().is_ok_and(|folder| !place.starts_with(folder)) {
+        return Err(format!(
+            "{}: cannot write: it is a symbolic link to {}, outside its folder; open that file itself",
+            path.display(),
+            place.display()
+        ));
+    }
+    write_whole(&place, text.as_bytes()).map_err(failed)
+}
+
+#[cfg(test)]
+#[cfg(unix)]
+mod tests {
+    use super::write;
+    use std::fs::{self, hard_link};
+    use std::os::unix::fs::{PermissionsExt, symlink};
+
+    /// A link that the user made within the folder stays one; one that leads out of it is not followed.
+    #[test]
+    fn a_script_that_is_a_link_is_followed_within_its_folder_only() {
+        let dir = tempfile::tempdir().unwrap();
+        let (inside, outside) = (dir.path().join("scene"), dir.path().join("bashrc"));
+        fs::create_dir_all(inside.join("versions")).unwrap();
+        fs::write(inside.join("versions/2.rhai"), "old").unwrap();
+        fs::write(&outside, "mine").unwrap();
+        let script = inside.join("s.rhai");
+        symlink("versions/2.rhai", &script).unwrap();
+        write(&script, "new").unwrap();
+        assert_eq!(fs::read_to_string(inside.join("versions/2.rhai")).unwrap(), "new");
+        assert!(script.is_symlink());
+        fs::remove_file(&script).unwrap();
+        symlink(&outside, &script).unwrap();
+        let expected = format!(
+            "{}: cannot write: it is a symbolic link to {}, outside its folder; open that file itself",
+            script.display(),
+            outside.canonicalize().unwrap().display()
+        );
+        assert_eq!(write(&script, "new"), Err(expected));
+        fs::remove_file(&script).unwrap();
+        // A second name keeps the old text, and the file its permissions.
+        hard_link(&outside, &script).unwrap();
+        fs::set_permissions(&outside, PermissionsExt::from_mode(0o640)).unwrap();
+        write(&script, "new").unwrap();
+        assert_eq!(fs::read_to_string(&outside).unwrap(), "mine");
+        assert_eq!(fs::metadata(&script).unwrap().permissions().mode() & 0o777, 0o640);
+        assert_eq!(fs::read_dir(&inside).unwrap().count(), 2);
+    }
 }

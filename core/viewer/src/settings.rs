@@ -1,6 +1,7 @@
 //! What the window remembers between runs: where its panels lie, light or dark, how large. A small JSON file in the user's state
 //! folder; one that cannot be read counts as none.
 
+use choreo_files::write_whole_beneath;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -50,14 +51,8 @@ impl Settings {
     /// Failure is no reason to stop: the next window looks as at first.
     pub fn write(&self, file: &Path) {
         let value = json!({ "light": self.light, "scale": self.scale, "layout": self.layout });
-        let part = file.with_extension(format!("{}.part", std::process::id()));
-        let written = file
-            .parent()
-            .map_or(Ok(()), std::fs::create_dir_all)
-            .and_then(|()| std::fs::write(&part, format!("{value:#}\n")))
-            .and_then(|()| std::fs::rename(&part, file));
-        if written.is_err() {
-            let _ = std::fs::remove_file(&part);
+        if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
+            let _ = write_whole_beneath(folder, name.as_ref(), format!("{value:#}\n").as_bytes());
         }
     }
 }
@@ -80,5 +75,18 @@ mod tests {
             std::fs::write(&file, garbage).unwrap();
             assert_eq!(Settings::read(&file), Settings::default(), "{garbage}");
         }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn settings_are_written_through_no_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, other) = (folder.path().join("view.json"), folder.path().join("other"));
+        std::fs::write(&other, "mine").unwrap();
+        std::os::unix::fs::symlink(&other, &file).unwrap();
+        Settings::default().write(&file);
+        assert_eq!(std::fs::read_to_string(&other).unwrap(), "mine");
+        assert!(file.is_symlink(), "the link is the user's");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 }

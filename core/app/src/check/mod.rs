@@ -26,7 +26,7 @@ pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
     let findings = scene.places.findings(&on_stage);
     if let Some(path) = &args.plot {
         let sheet = sheet::sheet(&scene.name, &scene.stage, &scene.places.marks(&on_stage));
-        plot::write(path, &sheet.svg())?;
+        plot::write(path, &sheet.svg(), &scene.inputs)?;
     }
     let count = |severity| findings.iter().filter(|f| f.severity == severity).count();
     let (warnings, notes) = (scene.warnings.len() + count(Severity::Warning), count(Severity::Note));

@@ -43,7 +43,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let inside = Inside { stage, catalog: &catalog, places: &scene.places, parts };
     if let Some(path) = &args.plot {
         let title = format!("{} at {} s: what one frame holds on the device", scene.name, at.as_secs());
-        plot::write(path, &byte_bars(&title, &inside.amounts()))?;
+        plot::write(path, &byte_bars(&title, &inside.amounts()), &scene.inputs)?;
     }
     let mut plan = plan;
     plan.left_out.extend(recording.left_out(&plan));

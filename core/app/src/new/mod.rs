@@ -1,7 +1,9 @@
 //! `choreo new importer NAME` and `new effect NAME`: the example crates under a new name, or with `--single` one file.
 
 use crate::args::{HookArg, Kind, NewArgs};
-use crate::failure::{Failure, print, reason};
+use crate::failure::{Failure, print, write_failure};
+use choreo_files::{Folder, WriteError};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Of a crate: file name, text. "example" and "Example" become the new name.
@@ -77,14 +79,14 @@ fn single(args: &NewArgs, into: &Path) -> Result<(), Failure> {
         ),
         Kind::Effect => (format!("{name}.wgsl"), hook_text(args.hook), None),
     };
-    let mut files = vec![(into.join(&file), named(text))];
-    files.extend(sample.map(|text| (into.join(format!("sample.{name}")), named(text))));
-    write(&files)?;
+    let mut files = vec![(PathBuf::from(&file), named(text))];
+    files.extend(sample.map(|text| (PathBuf::from(format!("sample.{name}")), named(text))));
+    write(into, &files)?;
     let try_it = match args.kind {
         Kind::Importer => format!("choreo info {}", into.join(format!("sample.{name}")).display()),
         Kind::Effect => format!("effect(\"{name}\") in a script beside it"),
     };
-    print(&format!("{}: written\n    try: {try_it}\n", files[0].0.display()))
+    print(&format!("{}: written\n    try: {try_it}\n", into.join(file).display()))
 }
 
 fn whole(args: &NewArgs, into: &Path) -> Result<(), Failure> {
@@ -94,17 +96,16 @@ fn whole(args: &NewArgs, into: &Path) -> Result<(), Failure> {
         Kind::Importer => ("import", IMPORTER, &NEEDS[0]),
         Kind::Effect => ("effect", EFFECT, &NEEDS[1]),
     };
-    let folder = into.join(format!("{prefix}-{}", name.replace('_', "-")));
-    if folder.exists() {
-        return Err(Failure::Output(format!("{}: it exists already; nothing was written", folder.display())));
-    }
+    let own = PathBuf::from(format!("{prefix}-{}", name.replace('_', "-")));
+    let folder = into.join(&own);
+    free(&folder)?;
     let here = if into.as_os_str().is_empty() { Path::new(".") } else { into };
     let in_workspace = here.canonicalize().is_ok_and(|h| h == sources.join("plugins"));
-    let mut all = vec![(folder.join("Cargo.toml"), cargo_toml(prefix, name, needs, &sources, in_workspace))];
+    let mut all = vec![(own.join("Cargo.toml"), cargo_toml(prefix, name, needs, &sources, in_workspace))];
     for (file, text) in files {
-        all.push((folder.join(renamed(file, name)), renamed(text, name)));
+        all.push((own.join(renamed(file, name)), renamed(text, name)));
     }
-    write(&all)?;
+    write(into, &all)?;
     print(&format!(
         "{}: written\n    try: cargo test --manifest-path {}/Cargo.toml\n",
         folder.display(),
@@ -196,18 +197,31 @@ fn cargo_toml(
     )
 }
 
-/// All files or none: nothing that exists is touched.
-fn write(files: &[(PathBuf, String)]) -> Result<(), Failure> {
-    if let Some((path, _)) = files.iter().find(|(path, _)| path.exists()) {
-        return Err(Failure::Output(format!("{}: it exists already; nothing was written", path.display())));
-    }
-    for (path, text) in files {
-        let failed =
-            |e: std::io::Error| Failure::Output(format!("{}: cannot write: {}", path.display(), reason(&e)));
-        if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
-            std::fs::create_dir_all(folder).map_err(failed)?;
-        }
-        std::fs::write(path, text).map_err(failed)?;
+/// All files or none, by names beneath a folder: nothing that exists is touched, and no link is followed.
+fn write(into: &Path, files: &[(PathBuf, String)]) -> Result<(), Failure> {
+    files.iter().try_for_each(|(name, _)| free(&into.join(name)))?;
+    for (name, text) in files {
+        create(into, name, text).map_err(|e| write_failure(&into.join(name).display().to_string(), e))?;
     }
     Ok(())
+}
+
+/// Refuses what exists. A link is named where it is to be created over.
+fn free(path: &Path) -> Result<(), Failure> {
+    match std::fs::symlink_metadata(path) {
+        Ok(there) if !there.is_symlink() => {
+            Err(Failure::Output(format!("{}: it exists already; nothing was written", path.display())))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn create(into: &Path, name: &Path, text: &str) -> Result<(), WriteError> {
+    if !into.as_os_str().is_empty() {
+        std::fs::create_dir_all(into)?;
+    }
+    let folder = Folder::open(into)?.create_folders(name.parent().unwrap_or(Path::new("")))?;
+    let name = Path::new(name.file_name().unwrap_or_default());
+    let mut file = folder.create_new(name).map_err(|e| WriteError::at(folder.path().join(name), e))?;
+    Ok(file.write_all(text.as_bytes())?)
 }

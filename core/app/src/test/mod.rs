@@ -4,8 +4,10 @@ mod tell;
 mod watch;
 
 use crate::args::{Device, TestArgs};
-use crate::failure::{Failure, print, print_json};
+use crate::failure::{Failure, print, print_json, write_failure};
+use crate::inputs::Inputs;
 use crate::{device, plugin_files, ranges};
+use choreo_files::{Folder, WriteError, write_whole};
 use choreo_plugin::Registry;
 use choreo_script::testing::TestOptions;
 use choreo_script::{Limits, ScriptOptions, did_you_mean};
@@ -13,7 +15,7 @@ use choreo_suite::collect::{self, Case, NothingToRun, Selection, quoted};
 use choreo_suite::pictures::{Accept, PictureOptions};
 use choreo_suite::report::{html, json, junit, terminal};
 use choreo_suite::run::{Report, RunOptions, run as run_cases};
-use choreo_suite::{painter, results, stored};
+use choreo_suite::{painter, results};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -76,20 +78,15 @@ impl Job {
                 ));
             }
         };
-        let (work, results) = folders();
+        let (pictures, results) = if args.list { (None, None) } else { folders()? };
         // A program that cannot be told from another build of it must not take over that one's results.
         let program = results::program();
         let options = RunOptions {
             // A project is tested from its folder: its tests may use its scenes and assets.
             test: TestOptions { script, root: std::env::current_dir().ok() },
-            pictures: PictureOptions {
-                accept,
-                device,
-                any_device: args.any_device,
-                failures: Some(work.join("pictures")),
-            },
+            pictures: PictureOptions { accept, device, any_device: args.any_device, failures: pictures },
             jobs: args.jobs.as_deref().map(ranges::jobs).transpose()?.unwrap_or(0),
-            results: program.is_some().then_some(results),
+            results: results.filter(|_| program.is_some()),
             // After a save only what it touches is of interest.
             changed: args.changed || args.watch,
             program: program.unwrap_or_default(),
@@ -147,21 +144,33 @@ fn writable(path: &Path) -> Result<(), Failure> {
 }
 
 /// Where failures' pictures go, and earlier results are kept: with the other build products of a project that has such a
-/// folder, else a temporary and the user's cache folder.
-fn folders() -> (PathBuf, PathBuf) {
+/// folder, else in the user's cache folder. No user but this one may write to either: a shared temporary folder would not do.
+fn folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
     let target = Path::new("target");
-    if target.is_dir() {
+    if std::fs::symlink_metadata(target).is_ok_and(|m| m.is_dir()) {
         let work = target.join("choreo-test");
-        return (work.clone(), work.join("results"));
+        let folder = |name: &str| {
+            let folder = work.join(name);
+            let made =
+                Folder::open(Path::new("")).map_err(WriteError::Io).and_then(|f| f.create_folders(&folder));
+            match made {
+                // Without results and pictures the tests still run.
+                Ok(_) | Err(WriteError::Io(_)) => Ok(Some(folder)),
+                Err(e) => Err(write_failure(&work.display().to_string(), e)),
+            }
+        };
+        return Ok((folder("pictures")?, folder("results")?));
     }
     let here = std::env::current_dir().unwrap_or_default();
-    let work = std::env::temp_dir().join(format!("choreo-test-{}", results::short_hash(&here)));
-    let results = device::cache_dir().map_or_else(|| work.join("results"), |cache| cache.join("test"));
-    (work, results)
+    let cache = device::cache_dir().map(|cache| cache.join("test"));
+    let pictures = cache.as_ref().map(|c| c.join("pictures").join(results::short_hash(&here)));
+    Ok((pictures, cache))
 }
 
 /// One run with all that is told about it.
 fn once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Result<Report, Failure> {
+    let inputs = Inputs::new(cases.iter().map(|case| case.path.clone()), registry);
+    [&args.junit, &args.html].into_iter().flatten().try_for_each(|path| inputs.refuse(path))?;
     let mut teller = tell::Teller::new(args, cases);
     let report = run_cases(cases, registry, &job.options, &mut |outcome| teller.tell(outcome));
     teller.finish(&report)?;
@@ -174,8 +183,11 @@ fn once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Resu
             did_you_mean(name, report.pictures.iter().map(String::as_str))
         )));
     }
-    let write =
-        |path: &Path, text: String| stored::write_whole(path, text.as_bytes()).map_err(Failure::Output);
+    let inputs = Inputs::new(report.files.iter().cloned(), registry);
+    let write = |path: &Path, text: String| {
+        inputs.refuse(path)?;
+        write_whole(path, text.as_bytes()).map_err(|e| write_failure(&path.display().to_string(), e))
+    };
     if let Some(path) = &args.junit {
         write(path, junit::report(&report))?;
     }

@@ -4,6 +4,7 @@ use super::context::Context;
 use super::error::Named;
 use crate::RenderError;
 use ash::vk;
+use choreo_files::write_whole_beneath;
 use std::path::{Path, PathBuf};
 
 const CHECKSUM: usize = 32;
@@ -38,14 +39,8 @@ impl PipelineCache {
         if std::fs::read(file).is_ok_and(|old| old == bytes) {
             return;
         }
-        let part = file.with_extension(format!("{}.part", std::process::id()));
-        let written = file
-            .parent()
-            .map_or(Ok(()), std::fs::create_dir_all)
-            .and_then(|()| std::fs::write(&part, &bytes))
-            .and_then(|()| std::fs::rename(&part, file));
-        if written.is_err() {
-            let _ = std::fs::remove_file(&part);
+        if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
+            let _ = write_whole_beneath(folder, name.as_ref(), &bytes);
         }
     }
 

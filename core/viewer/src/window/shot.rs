@@ -1,5 +1,6 @@
 //! A viewport's picture as a file, whole or not at all.
 
+use choreo_files::Part;
 use choreo_plugin::{Frame, Registry, VideoInfo};
 use std::path::Path;
 
@@ -21,17 +22,13 @@ pub fn save(
         provenance: Vec::new(),
         options: Default::default(),
     };
-    let part = file.with_file_name(format!(".{name}.{}.part", std::process::id()));
     let write = || -> Result<(), String> {
-        let out = std::fs::File::create(&part).map_err(|e| e.to_string())?;
-        let mut sink =
-            exporter.begin(&info, Box::new(std::io::BufWriter::new(out))).map_err(|e| e.to_string())?;
+        let part = Part::create(file).map_err(|e| e.to_string())?;
+        let out = part.writer().map_err(|e| e.to_string())?;
+        let mut sink = exporter.begin(&info, Box::new(out)).map_err(|e| e.to_string())?;
         sink.frame(frame).map_err(|e| e.to_string())?;
         sink.finish().map_err(|e| e.to_string())?;
-        std::fs::rename(&part, file).map_err(|e| e.to_string())
+        part.commit().map_err(|e| e.to_string())
     };
-    write().map_err(|e| {
-        let _ = std::fs::remove_file(&part);
-        format!("{shown}: cannot write: {e}")
-    })
+    write().map_err(|e| format!("{shown}: cannot write: {e}"))
 }

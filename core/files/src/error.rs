@@ -1,0 +1,52 @@
+//! Why a file was not opened.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// The reason, without the file's name, which the caller's message starts with.
+#[derive(Debug, Error)]
+pub enum FileError {
+    #[error("it is a symbolic link to {}", shown(.0))]
+    Link(PathBuf),
+    #[error("it leads out of the folder")]
+    Outside,
+    #[error("it is {0}, not a regular file")]
+    NotRegular(&'static str),
+    /// The limit in bytes.
+    #[error("it has more than {0} bytes")]
+    TooLarge(u64),
+    #[error("{}", words(.0))]
+    Io(#[from] io::Error),
+}
+
+impl FileError {
+    /// Whether nothing is there under that name.
+    pub fn is_missing(&self) -> bool {
+        matches!(self, FileError::Io(e) if e.kind() == io::ErrorKind::NotFound)
+    }
+}
+
+/// The system's words without "(os error 2)".
+pub fn words(error: &io::Error) -> String {
+    use io::ErrorKind::*;
+    let text = match error.kind() {
+        NotFound => "no such file or folder".to_string(),
+        PermissionDenied => "permission denied".to_string(),
+        StorageFull => "the disk is full".to_string(),
+        QuotaExceeded => "the disk quota is used up".to_string(),
+        ReadOnlyFilesystem => "the file system is read-only".to_string(),
+        IsADirectory => "it is a folder".to_string(),
+        NotADirectory => "a part of the path is a file, not a folder".to_string(),
+        AlreadyExists => "it exists already".to_string(),
+        InvalidFilename => "the name is too long or not allowed".to_string(),
+        _ => error.to_string(),
+    };
+    text.split_once(" (os error").map_or(text.clone(), |(words, _)| words.to_string())
+}
+
+/// A path without what would steer a terminal: strangers choose what links say.
+pub(crate) fn shown(path: &Path) -> String {
+    let text = path.to_string_lossy();
+    text.chars().map(|c| if c.is_control() { c.escape_default().to_string() } else { c.into() }).collect()
+}

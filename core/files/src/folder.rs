@@ -1,0 +1,187 @@
+//! An open folder, and the files in it.
+
+use crate::{FileError, WriteError};
+use cap_fs_ext::{DirExt, FollowSymlinks, OpenOptionsFollowExt, OpenOptionsSyncExt};
+use cap_std::ambient_authority;
+use cap_std::fs::{Dir, OpenOptions};
+use std::fs::{File, FileType};
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+
+/// An open folder. It stays the same folder when its path is renamed or replaced.
+#[derive(Debug)]
+pub struct Folder {
+    dir: Dir,
+    path: PathBuf,
+}
+
+impl Folder {
+    /// Opens a folder by a path that the user chose: links in it are followed. An empty path is the current folder.
+    pub fn open(path: &Path) -> io::Result<Folder> {
+        let here = if path.as_os_str().is_empty() { Path::new(".") } else { path };
+        Ok(Folder { dir: Dir::open_ambient_dir(here, ambient_authority())?, path: path.to_path_buf() })
+    }
+
+    /// The path it was opened by, for messages.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Opens a regular file beneath the folder for reading. Links are followed to places beneath the folder.
+    pub fn open_file(&self, name: &Path) -> Result<File, FileError> {
+        let mut options = OpenOptions::new();
+        options.read(true).nonblock(true);
+        let file = self.dir.open_with(name, &options).map_err(|error| {
+            // cap-std's own refusal carries no error number of the system.
+            match error.kind() == io::ErrorKind::PermissionDenied && error.raw_os_error().is_none() {
+                true => FileError::Outside,
+                false => FileError::Io(error),
+            }
+        })?;
+        regular(file.into_std())
+    }
+
+    /// Reads a regular file beneath the folder, of at most `most` bytes.
+    pub fn read(&self, name: &Path, most: u64) -> Result<Vec<u8>, FileError> {
+        read_at_most(self.open_file(name)?, most)
+    }
+
+    /// Creates a file that did not exist, for reading and writing. `name` is one component, as in all functions that write.
+    pub fn create_new(&self, name: &Path) -> Result<File, FileError> {
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create_new(true).follow(FollowSymlinks::No);
+        let file = self.dir.open_with(name, &options).map_err(|e| self.reason(name, e))?;
+        Ok(file.into_std())
+    }
+
+    /// Opens an existing regular file for reading and writing, and no link.
+    pub fn open_existing(&self, name: &Path) -> Result<File, FileError> {
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).nonblock(true).follow(FollowSymlinks::No);
+        let file = self.dir.open_with(name, &options).map_err(|e| self.reason(name, e))?;
+        regular(file.into_std())
+    }
+
+    /// Opens whatever has that name for writing, and no link; does not wait for the reader of a pipe.
+    pub(crate) fn open_for_writing(&self, name: &Path) -> Result<File, FileError> {
+        let mut options = OpenOptions::new();
+        options.write(true).nonblock(true).follow(FollowSymlinks::No);
+        // The system's own reason tells a pipe that nobody reads.
+        Ok(self.dir.open_with(name, &options)?.into_std())
+    }
+
+    /// Opens a folder in this one, and no link to a folder.
+    pub fn subfolder(&self, name: &Path) -> Result<Folder, FileError> {
+        let dir = self.dir.open_dir_nofollow(name).map_err(|e| self.reason(name, e))?;
+        Ok(Folder { dir, path: self.path.join(name) })
+    }
+
+    /// Opens a folder in this one, and creates it where nothing has that name.
+    pub fn create_subfolder(&self, name: &Path) -> Result<Folder, FileError> {
+        match self.dir.create_dir(name) {
+            Err(e) if e.kind() != io::ErrorKind::AlreadyExists => Err(e.into()),
+            _ => self.subfolder(name),
+        }
+    }
+
+    /// Opens the folder of this path beneath this one, creates what is missing, and follows no link on the way.
+    pub fn create_folders(self, path: &Path) -> Result<Folder, WriteError> {
+        path.components().try_fold(self, |folder, component| {
+            let name = Path::new(component.as_os_str());
+            folder.create_subfolder(name).map_err(|e| WriteError::at(folder.path.join(name), e))
+        })
+    }
+
+    /// How many names the open file has.
+    pub(crate) fn names_of(file: &File) -> io::Result<u64> {
+        use cap_fs_ext::MetadataExt;
+        Ok(cap_std::fs::File::from_std(file.try_clone()?).metadata()?.nlink())
+    }
+
+    /// Gives an open file the permissions of the one of that name, where there is one.
+    pub(crate) fn copy_permissions(&self, name: &Path, to: &File) -> io::Result<()> {
+        let Some(there) = self.kind(name).filter(|m| m.is_file()) else { return Ok(()) };
+        cap_std::fs::File::from_std(to.try_clone()?).set_permissions(there.permissions())
+    }
+
+    /// Refuses a link of that name.
+    pub(crate) fn no_link(&self, name: &Path) -> Result<(), WriteError> {
+        match self.kind(name).is_some_and(|there| there.is_symlink()) {
+            true => Err(WriteError::Link { at: self.path.join(name), to: self.link_target(name)? }),
+            false => Ok(()),
+        }
+    }
+
+    /// What the link of that name says.
+    fn link_target(&self, name: &Path) -> io::Result<PathBuf> {
+        self.dir.read_link_contents(name)
+    }
+
+    /// Whether the open file is the one of that name now.
+    pub fn contains(&self, name: &Path, file: &File) -> bool {
+        use cap_fs_ext::MetadataExt;
+        let there = self.dir.symlink_metadata(name);
+        let open = file.try_clone().and_then(|f| cap_std::fs::File::from_std(f).metadata());
+        matches!((there, open), (Ok(a), Ok(b)) if (a.dev(), a.ino()) == (b.dev(), b.ino()))
+    }
+
+    /// What has that name: `None` where nothing has, a link as itself.
+    pub fn kind(&self, name: &Path) -> Option<cap_std::fs::Metadata> {
+        self.dir.symlink_metadata(name).ok()
+    }
+
+    /// Renames a file of this folder, over what `to_name` was in the folder `to`; a link there is replaced, not followed.
+    pub fn rename(&self, name: &Path, to: &Folder, to_name: &Path) -> io::Result<()> {
+        self.dir.rename(name, &to.dir, to_name)
+    }
+
+    /// Removes a file, or a link itself.
+    pub fn remove_file(&self, name: &Path) -> io::Result<()> {
+        self.dir.remove_file(name)
+    }
+
+    /// Removes an empty folder.
+    pub fn remove_subfolder(&self, name: &Path) -> io::Result<()> {
+        self.dir.remove_dir(name)
+    }
+
+    /// A link is named as such, whatever the system says of the attempt to open it.
+    fn reason(&self, name: &Path, error: io::Error) -> FileError {
+        match self.dir.read_link_contents(name) {
+            Ok(target) => FileError::Link(target),
+            Err(_) => match self.kind(name).map(|m| m.file_type()) {
+                Some(kind) if kind.is_dir() => FileError::NotRegular("a folder"),
+                // A pipe that nobody reads from: the system's own word is "no such device".
+                Some(kind) if !kind.is_file() => FileError::NotRegular("a pipe or device"),
+                _ => FileError::Io(error),
+            },
+        }
+    }
+}
+
+/// Opens a regular file for reading by a path that the user chose: links in it are followed.
+pub fn open_file(path: &Path) -> Result<File, FileError> {
+    let mut options = OpenOptions::new();
+    options.read(true).nonblock(true);
+    regular(cap_std::fs::File::open_ambient_with(path, &options, ambient_authority())?.into_std())
+}
+
+/// Reads a regular file of at most `most` bytes by a path that the user chose.
+pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, FileError> {
+    read_at_most(open_file(path)?, most)
+}
+
+fn regular(file: File) -> Result<File, FileError> {
+    let kind = file.metadata()?.file_type();
+    if kind.is_file() { Ok(file) } else { Err(FileError::NotRegular(name_of(kind))) }
+}
+
+fn name_of(kind: FileType) -> &'static str {
+    if kind.is_dir() { "a folder" } else { "a pipe or device" }
+}
+
+fn read_at_most(file: File, most: u64) -> Result<Vec<u8>, FileError> {
+    let mut bytes = Vec::new();
+    file.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most { Err(FileError::TooLarge(most)) } else { Ok(bytes) }
+}

@@ -1,0 +1,61 @@
+//! What must be removed when a signal ends the program: files that are not finished.
+
+use crate::Folder;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// A file in a folder, or a folder with files of given names.
+#[derive(Clone, Debug)]
+pub enum Leftover {
+    File(Arc<Folder>, PathBuf),
+    Folder { parent: Arc<Folder>, name: PathBuf, folder: Arc<Folder>, files: &'static [&'static str] },
+}
+
+impl Leftover {
+    /// By open folders, so that nothing else can be meant, whatever has its name now.
+    pub fn remove(&self) {
+        match self {
+            Leftover::File(folder, name) => drop(folder.remove_file(name)),
+            Leftover::Folder { parent, name, folder, files } => {
+                for file in *files {
+                    let _ = folder.remove_file(Path::new(file));
+                }
+                let _ = parent.remove_subfolder(name);
+            }
+        }
+    }
+}
+
+/// Locked while an unfinished file is made, renamed or removed, and for ever by [`remove_unfinished`].
+#[derive(Debug, Default)]
+pub struct Leftovers {
+    next: u64,
+    all: BTreeMap<u64, Leftover>,
+}
+
+static LEFTOVERS: Mutex<Leftovers> = Mutex::new(Leftovers { next: 0, all: BTreeMap::new() });
+
+pub fn leftovers() -> MutexGuard<'static, Leftovers> {
+    LEFTOVERS.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Leftovers {
+    /// Gives its number.
+    pub fn add(&mut self, leftover: Leftover) -> u64 {
+        self.next += 1;
+        self.all.insert(self.next, leftover);
+        self.next
+    }
+
+    pub fn forget(&mut self, number: u64) {
+        self.all.remove(&number);
+    }
+}
+
+/// Removes every unfinished file and keeps others from making or finishing more: the program must end next.
+pub fn remove_unfinished() {
+    let leftovers = leftovers();
+    leftovers.all.values().for_each(Leftover::remove);
+    std::mem::forget(leftovers);
+}

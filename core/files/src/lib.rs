@@ -1,0 +1,31 @@
+//! Access to files in folders that strangers may have filled.
+//!
+//! A folder beside a script can contain symbolic links, pipes and devices under names that the program is about to read or
+//! write. Two rules follow from that, and this crate is the one place that holds them:
+//!
+//! - **Reading** follows a link only to a place beneath the folder that was opened ([`Folder::open_file`]).
+//! - **Writing** follows no link at all, and creates new files exclusively ([`Part`], [`PartFolder`], [`write_whole`]). A file
+//!   appears whole or not at all; what is unfinished when a signal ends the program goes by [`remove_unfinished`].
+//!
+//! Reading refuses everything but regular files, writing opens a pipe or device only under the name that the user gave, and
+//! neither waits for the other end of a pipe. Paths are resolved relative to an
+//! open folder (`openat2` on Linux, by cap-std elsewhere), so that a folder that is replaced meanwhile changes nothing.
+
+mod error;
+mod folder;
+mod identity;
+mod leftovers;
+mod part;
+mod part_folder;
+mod pipe;
+mod place;
+mod write_error;
+
+pub use error::{FileError, words};
+pub use folder::{Folder, open_file, read};
+pub use identity::Identity;
+pub use leftovers::remove_unfinished;
+pub use part::{Part, part_of, write_whole, write_whole_beneath};
+pub use part_folder::PartFolder;
+pub use place::Place;
+pub use write_error::WriteError;

@@ -1,0 +1,177 @@
+//! Files appear whole or not at all: each is written beside its place and renamed when it is complete.
+
+use crate::leftovers::{Leftover, leftovers};
+use crate::write_error::WriteError;
+use crate::{Folder, Place};
+use std::fs::{File, TryLockError};
+use std::io::{self, BufWriter, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// `o.png` → `o.png.part`.
+pub fn part_of(name: &Path) -> PathBuf {
+    let mut part = name.file_name().unwrap_or_default().to_os_string();
+    part.push(".part");
+    name.with_file_name(part)
+}
+
+/// One file on its way to its place. Dropped, it is removed.
+#[derive(Debug)]
+pub struct Part {
+    file: File,
+    /// `None` where the place is a pipe or device, which is written directly.
+    way: Option<Way>,
+}
+
+#[derive(Debug)]
+struct Way {
+    folder: Arc<Folder>,
+    part: PathBuf,
+    name: PathBuf,
+    number: u64,
+}
+
+impl Part {
+    /// Written as `NAME.part`, which is locked: a second writer gets [`WriteError::Busy`]. The path is one that the user chose,
+    /// see [`Place::of`].
+    pub fn create(path: &Path) -> Result<Part, WriteError> {
+        match Place::of(path)? {
+            Place::File { folder, name } => Part::take(folder, part_of(&name), name),
+            Place::Direct(file) => Ok(Part { file, way: None }),
+        }
+    }
+
+    /// A locked file of this name that never gets another: what it says is that somebody holds it.
+    pub fn claim(folder: Arc<Folder>, name: PathBuf) -> Result<Part, WriteError> {
+        Part::take(folder, name.clone(), name)
+    }
+
+    fn take(folder: Arc<Folder>, part: PathBuf, name: PathBuf) -> Result<Part, WriteError> {
+        let mut leftovers = leftovers();
+        let file = take(&folder, &part)?;
+        let number = leftovers.add(Leftover::File(folder.clone(), part.clone()));
+        Ok(Part { file, way: Some(Way { folder, part, name, number }) })
+    }
+
+    /// Under a name of its own, so that of several writers the last one wins.
+    fn unlocked(place: Place) -> Result<Part, WriteError> {
+        let (folder, name) = match place {
+            Place::File { folder, name } => (folder, name),
+            Place::Direct(file) => return Ok(Part { file, way: None }),
+        };
+        let mut leftovers = leftovers();
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        // One that a killed process left, or that was put there, costs a number.
+        for _ in 0..100 {
+            let number = COUNT.fetch_add(1, Ordering::Relaxed);
+            let process = std::process::id();
+            let part = PathBuf::from(format!(".{}.{process}.{number}.part", name.to_string_lossy()));
+            match folder.create_new(&part) {
+                Err(crate::FileError::Link(_)) => {}
+                Err(crate::FileError::Io(e)) if e.kind() == ErrorKind::AlreadyExists => {}
+                Err(e) => return Err(WriteError::at(folder.path().join(part), e)),
+                Ok(file) => {
+                    let number = leftovers.add(Leftover::File(folder.clone(), part.clone()));
+                    return Ok(Part { file, way: Some(Way { folder, part, name, number }) });
+                }
+            }
+        }
+        Err(io::Error::from(ErrorKind::AlreadyExists).into())
+    }
+
+    /// A writer to its end. It must be flushed and dropped before [`Part::commit`].
+    pub fn writer(&self) -> io::Result<BufWriter<File>> {
+        Ok(BufWriter::with_capacity(1 << 16, self.file.try_clone()?))
+    }
+
+    /// Moves the finished file to its place.
+    pub fn commit(mut self) -> Result<(), WriteError> {
+        let Some(way) = &self.way else { return Ok(()) };
+        let mut leftovers = leftovers();
+        // An error leaves the part to `drop`, which takes the lock again.
+        way.folder.rename(&way.part, &way.folder, &way.name)?;
+        leftovers.forget(way.number);
+        self.way = None;
+        Ok(())
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        if let Some(way) = self.way.take() {
+            let mut leftovers = leftovers();
+            let _ = way.folder.remove_file(&way.part);
+            leftovers.forget(way.number);
+        }
+    }
+}
+
+/// Writes a file whole or not at all, by a path that the user chose ([`Place::of`]). A file that is there keeps its permissions.
+/// Of several writers the last one wins.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
+    write(Place::of(path)?, bytes)
+}
+
+/// As [`write_whole`], beneath a folder that the user chose: the folders on the way of `name` are no links. Makes those that are
+/// missing.
+pub fn write_whole_beneath(folder: &Path, name: &Path, bytes: &[u8]) -> Result<(), WriteError> {
+    let (above, name) = (name.parent().unwrap_or(Path::new("")), name.file_name());
+    if !folder.as_os_str().is_empty() {
+        std::fs::create_dir_all(folder)?;
+    }
+    let folder = Folder::open(folder)?.create_folders(above)?;
+    write(Place::beneath(folder, name.ok_or(WriteError::IsFolder)?.as_ref())?, bytes)
+}
+
+fn write(place: Place, bytes: &[u8]) -> Result<(), WriteError> {
+    let part = Part::unlocked(place)?;
+    let mut file = &part.file;
+    file.write_all(bytes)?;
+    if let Some(way) = &part.way {
+        way.folder.copy_permissions(&way.name, file)?;
+    }
+    part.commit()
+}
+
+/// Creates a file, and locks it for this process. One that a killed process left is replaced by a new one: nothing is written
+/// into a file that was there.
+pub(crate) fn take(folder: &Folder, name: &Path) -> Result<File, WriteError> {
+    let at = || folder.path().join(name);
+    loop {
+        if folder.kind(name).is_some() {
+            let stale = match folder.open_existing(name) {
+                // Its owner has just ended.
+                Err(e) if e.is_missing() => continue,
+                stale => stale.map_err(|e| WriteError::at(at(), e))?,
+            };
+            lock(&stale)?;
+            // Its owner may have renamed or removed it between the opening and the lock.
+            if folder.contains(name, &stale) {
+                folder.remove_file(name)?;
+            } else {
+                continue;
+            }
+        }
+        let file = match folder.create_new(name) {
+            // Another process was faster, and has the lock soon.
+            Err(crate::FileError::Io(e)) if e.kind() == ErrorKind::AlreadyExists => continue,
+            file => file.map_err(|e| WriteError::at(at(), e))?,
+        };
+        lock(&file)?;
+        if folder.contains(name, &file) {
+            return Ok(file);
+        }
+    }
+}
+
+/// Locks a file for this process.
+pub(crate) fn lock(file: &File) -> Result<(), WriteError> {
+    match file.try_lock() {
+        Ok(()) => Ok(()),
+        Err(TryLockError::WouldBlock) => Err(WriteError::Busy),
+        // A file system without locks: as good as it gets.
+        Err(TryLockError::Error(e)) if e.kind() == ErrorKind::Unsupported => Ok(()),
+        Err(TryLockError::Error(e)) => Err(e.into()),
+    }
+}

@@ -1,0 +1,67 @@
+//! Where an output goes: to a name in a folder, or into a pipe or device that has that name.
+
+use crate::write_error::WriteError;
+use crate::{Folder, pipe};
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The place of an output, found before anything is written.
+#[derive(Debug)]
+pub enum Place {
+    /// A file of this name in this folder, which may exist already.
+    File { folder: Arc<Folder>, name: PathBuf },
+    /// A pipe or device, open for writing.
+    Direct(File),
+}
+
+impl Place {
+    /// Looks at a path that the user chose: links on the way to its folder are followed, a link under its name is refused.
+    /// The exception are the links that the system itself keeps in `/dev` and `/proc`: `/dev/stdout`, `/proc/self/fd/3`.
+    pub fn of(path: &Path) -> Result<Place, WriteError> {
+        let parent = path.parent().unwrap_or(Path::new(""));
+        let name = path.file_name().ok_or(WriteError::IsFolder)?;
+        if let Some(stream) = system_link(parent, name.as_ref()) {
+            return stream.map(Place::Direct);
+        }
+        Place::beneath(Folder::open(parent)?, name.as_ref())
+    }
+
+    /// As [`Place::of`], in an open folder and without the exception.
+    pub fn beneath(folder: Folder, name: &Path) -> Result<Place, WriteError> {
+        folder.no_link(name)?;
+        match folder.kind(name) {
+            Some(there) if there.is_dir() => Err(WriteError::IsFolder),
+            Some(there) if !there.is_file() => pipe::open(&folder, name).map(Place::Direct),
+            Some(there) if there.permissions().readonly() => Err(WriteError::ReadOnly),
+            _ => Ok(Place::File { folder: Arc::new(folder), name: name.to_path_buf() }),
+        }
+    }
+}
+
+/// What a link of the system leads to. Nobody but the system makes links in `/proc`; in `/dev`, which has folders that all users
+/// may write to, those of root count.
+#[cfg(unix)]
+fn system_link(parent: &Path, name: &Path) -> Option<Result<File, WriteError>> {
+    use std::os::fd::AsFd;
+    use std::os::unix::fs::MetadataExt;
+    let parent = parent.canonicalize().ok().filter(|p| p.starts_with("/proc") || p.starts_with("/dev"))?;
+    let link = std::fs::symlink_metadata(parent.join(name)).ok().filter(|m| m.is_symlink())?;
+    if !parent.starts_with("/proc") && link.uid() != 0 {
+        return None;
+    }
+    // The program's own streams are not opened once more: a file would then be written from its start.
+    let wanted = std::fs::metadata(parent.join(name)).ok()?;
+    for stream in [std::io::stdout().as_fd(), std::io::stderr().as_fd()] {
+        let Ok(stream) = stream.try_clone_to_owned().map(File::from) else { continue };
+        if stream.metadata().is_ok_and(|m| (m.dev(), m.ino()) == (wanted.dev(), wanted.ino())) {
+            return Some(Ok(stream));
+        }
+    }
+    Some(pipe::open_through(&parent.join(name)))
+}
+
+#[cfg(not(unix))]
+fn system_link(_: &Path, _: &Path) -> Option<Result<File, WriteError>> {
+    None
+}

@@ -1,0 +1,41 @@
+//! Why an output was not written.
+
+use crate::FileError;
+use crate::error::{shown, words};
+use std::io;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// The reason, without the output's name, which the caller's message starts with. What is in the way is named.
+#[derive(Debug, Error)]
+pub enum WriteError {
+    #[error("{} is a symbolic link to {}; remove it", shown(at), shown(to))]
+    Link { at: PathBuf, to: PathBuf },
+    /// A file with a second name would change under that name, too.
+    #[error("{} is a hard link to a file that has other names; remove it", shown(.0))]
+    HardLink(PathBuf),
+    #[error("{} is in the way; remove it", shown(.0))]
+    InTheWay(PathBuf),
+    #[error("it is a folder")]
+    IsFolder,
+    #[error("the file there is read-only")]
+    ReadOnly,
+    #[error("nobody reads from this pipe; start its reader first")]
+    NoReader,
+    /// Another process has the lock of the part file.
+    #[error("another program is writing it")]
+    Busy,
+    #[error("{}", words(.0))]
+    Io(#[from] io::Error),
+}
+
+impl WriteError {
+    /// Of an attempt to open or create `at`.
+    pub fn at(at: PathBuf, error: FileError) -> WriteError {
+        match error {
+            FileError::Link(to) => WriteError::Link { at, to },
+            FileError::Io(e) => WriteError::Io(e),
+            _ => WriteError::InTheWay(at),
+        }
+    }
+}
