@@ -271,14 +271,29 @@ fn guest_line(file: &Path, x: f64, text: &str) -> String {
     format!("let {name} = cast(\"{name}\", load(\"{shown}\")){at};\n")
 }
 
-fn read(path: &Path) -> Result<String, String> {
-    std::fs::read_to_string(path).map_err(|e| format!("{}: cannot read: {e}", path.display()))
+/// Some editors write it before a text; places in scripts do not count it, so that edits must not either.
+const MARK: &str = "\u{feff}";
+
+/// A script's text without a byte order mark.
+pub(crate) fn read(path: &Path) -> Result<String, String> {
+    let text = read_all(path)?;
+    Ok(text.strip_prefix(MARK).map(str::to_string).unwrap_or(text))
 }
 
-/// Beside it and renamed: whole or not at all. A link stays one.
+fn read_all(path: &Path) -> Result<String, String> {
+    /// More than a script may have.
+    const MOST_BYTES: u64 = 64 << 20;
+    let shown = path.display();
+    let bytes = choreo_files::read(path, MOST_BYTES).map_err(|e| format!("{shown}: cannot read: {e}"))?;
+    String::from_utf8(bytes).map_err(|_| format!("{shown}: cannot read: it is no UTF-8 text"))
+}
+
+/// Beside it and renamed: whole or not at all. A link stays one, and a byte order mark stays before the text.
 pub(crate) fn write(path: &Path, text: &str) -> Result<(), String> {
     let failed = |e: std::io::Error| format!("{}: cannot write: {e}", path.display());
     let place = path.canonicalize().map_err(failed)?;
+    let mark = if read_all(&place).is_ok_and(|old| old.starts_with(MARK)) { MARK } else { "" };
+    let text = format!("{mark}{text}");
     let name = place.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let part: PathBuf = place.with_file_name(format!(".{name}.{}.part", std::process::id()));
     let written = std::fs::write(&part, text)
