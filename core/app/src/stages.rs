@@ -57,7 +57,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let registry = plugin_files::registry(plugins, &args.scene.import.plugins, &[&args.scene.input])?;
     let args = RenderArgs { at: args.at.clone().or_else(|| Some("0".into())), ..args.clone() };
     let job = render::prepare(&args, target, &registry, None)?;
-    let effects = registry.effects();
+    let effects = job.scene.registry.effects();
     let mut renderer = CpuRenderer::new(effects);
     // One sample: the pixels that a triangle covers are the subject.
     let samples = job.samples.unwrap_or(1);
