@@ -12,7 +12,7 @@ use crate::{device, interrupt, provenance};
 use choreo_files::Part;
 use choreo_media::journal::Identity;
 use choreo_motion::Time;
-use choreo_plugin::{Registry, VideoInfo};
+use choreo_plugin::VideoInfo;
 use choreo_render::exposure::plan_at;
 use choreo_render::{Catalog, PlanOptions, Renderer};
 use choreo_stage::Evaluator;
@@ -36,7 +36,6 @@ pub struct Drawn {
 pub fn draw(
     args: &RenderArgs,
     job: &Job,
-    registry: &Registry,
     started: device::Started,
     jobs: Option<usize>,
 ) -> Result<Drawn, Failure> {
@@ -59,7 +58,7 @@ pub fn draw(
     let said = job.scene.printed.iter().chain(&job.scene.warnings).chain(&job.notes).cloned();
     said.chain(job.exporter.notes(&info)).chain(started.note).for_each(|line| say(&line));
     let device = renderer.device().name.clone();
-    let drawing = Drawing { args, job, registry, info: &info, samples, jobs };
+    let drawing = Drawing { args, job, info: &info, samples, jobs };
     let made = job.target.prepare()?;
     interrupt::watch(true);
     let result = drawing.run(renderer, &say);
@@ -75,7 +74,6 @@ pub fn draw(
 struct Drawing<'a> {
     args: &'a RenderArgs,
     job: &'a Job,
-    registry: &'a Registry,
     info: &'a VideoInfo,
     samples: u32,
     jobs: Option<usize>,
@@ -156,13 +154,13 @@ impl Drawing<'_> {
         }
         let catalog = Arc::new(Catalog::new(&self.job.scene.stage));
         let failed = crate::pipeline::render_failure;
-        renderer.set_effects(self.registry.effects()).map_err(failed)?;
+        let effects = self.job.scene.registry.effects();
+        renderer.set_effects(effects).map_err(failed)?;
         renderer.load(catalog.clone()).map_err(failed)?;
         let size = self.job.settings.size;
         let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
         let mut evaluator = Evaluator::new(self.job.scene.stage.clone()).for_pictures(aspect);
-        let options =
-            PlanOptions { effects: self.registry.effects(), ..PlanOptions::new(size, self.samples) };
+        let options = PlanOptions { effects, ..PlanOptions::new(size, self.samples) };
         let (started, limit) = (Instant::now(), self.job.scene.limits.render_seconds);
         let plan: PlanAt = Box::new(move |time| {
             if started.elapsed().as_secs_f64() > limit {

@@ -23,7 +23,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     let registry = plugin_files::registry(plugins, &args.scene.import.plugins, &[&args.scene.input])?;
     let scene = scene::open(&args.scene, &registry, Opening::TO_DRAW)?;
     args.plot.as_deref().map_or(Ok(()), |path| scene.inputs.refuse(path))?;
-    let stage = &scene.stage;
+    let (stage, registry) = (&scene.stage, &scene.registry);
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(registry.effects()))];
     let mut note = None;
     if args.device != Device::Cpu && keys.contains(&"renderer") {
@@ -36,7 +36,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     let middle = Time(stage.settings.length.0 / 2);
     let mut measured = Scene {
         stage,
-        registry: &registry,
+        registry,
         at: at.unwrap_or(middle),
         size: size.unwrap_or(stage.settings.size),
         renderers,

@@ -1,10 +1,11 @@
 //! A model file in place of a script: found, imported, and put on a stage of its own.
 
 use crate::args::ImportArgs;
-use crate::failure::{Failure, reason};
+use crate::failure::Failure;
 use crate::importing::Bar;
 use crate::ranges;
 use crate::scene::Opening;
+use choreo_files::FileError;
 pub use choreo_live::model::list;
 use choreo_plugin::Registry;
 use choreo_script::{BUILT_IN, ImportChoice, Imports, Limits, LoadError, Loader, Touched, did_you_mean};
@@ -26,7 +27,7 @@ pub fn must_be_file(path: &Path) -> Result<(), Failure> {
     }
     match std::fs::metadata(path) {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Err(Failure::input(missing(path))),
-        Err(e) => Err(Failure::input(format!("{shown}: cannot read: {}", reason(&e)))),
+        Err(e) => Err(Failure::input(format!("{shown}: cannot read: {}", FileError::Io(e)))),
         Ok(m) if m.is_dir() => {
             Err(Failure::input(format!("{shown}: cannot read: it is a folder, not a file{}", contents(path))))
         }
@@ -73,9 +74,9 @@ pub fn head(path: &Path) -> Result<Vec<u8>, Failure> {
     if is_built_in(path) {
         return Ok(head);
     }
-    let failed = |e| Failure::input(format!("{}: cannot read: {}", path.display(), reason(&e)));
-    let file = std::fs::File::open(path).map_err(failed)?;
-    file.take(16 << 20).read_to_end(&mut head).map_err(failed)?;
+    let failed = |e: FileError| Failure::input(format!("{}: cannot read: {e}", path.display()));
+    let file = choreo_files::open_file(path).map_err(failed)?;
+    file.take(16 << 20).read_to_end(&mut head).map_err(|e| failed(e.into()))?;
     Ok(head)
 }
 

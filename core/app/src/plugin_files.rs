@@ -1,28 +1,19 @@
-//! Plugins that are files ([`choreo_live::plugin_files`]), with what is wrong with them as failures of a command.
+//! Plugins that are files ([`choreo_live::plugin_files`]), with what is wrong with their folders as failures of a command.
 
-use crate::failure::{Failure, Problem};
-use choreo_live::plugin_files::{FolderError, found as find};
+use crate::failure::Failure;
+use choreo_live::plugin_files::{FolderError, Listing, list};
 use choreo_plugin::Registry;
 use std::path::{Path, PathBuf};
 
-/// The plugins given and those of the files found.
+/// The plugins given and those of the files found; files that nothing uses are not compiled.
 pub fn registry(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Registry, Failure> {
-    let (registry, problems) = found(plugins, named, inputs)?;
-    match problems.is_empty() {
-        true => Ok(registry),
-        false => Err(Failure::Input(problems)),
-    }
+    listing(plugins, named, inputs).map(|listing| listing.registry)
 }
 
-/// The same, with what is wrong with single files beside it.
-pub fn found(
-    plugins: &Registry,
-    named: &[PathBuf],
-    inputs: &[&Path],
-) -> Result<(Registry, Vec<Problem>), Failure> {
-    let found = find(plugins, named, inputs).map_err(|error| match error {
+/// The same, to be asked what is wrong with the files.
+pub fn listing(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Listing, Failure> {
+    list(plugins, named, inputs, None).map_err(|error| match error {
         FolderError::Missing { .. } => Failure::Usage(error.to_string()),
-        FolderError::Unreadable { .. } => Failure::input(error.to_string()),
-    })?;
-    Ok((found.registry, found.problems.into_iter().map(|p| Problem::Text(p.text)).collect()))
+        FolderError::Unreadable { .. } | FolderError::Link { .. } => Failure::input(error.to_string()),
+    })
 }

@@ -1,7 +1,7 @@
 //! The plugins that this program is built with, and `choreo plugins`.
 
 use crate::args::PluginsArgs;
-use crate::failure::{Failure, print, print_json};
+use crate::failure::{Failure, Problem, print, print_json};
 use crate::{model, plugin_files};
 use choreo_plugin::{Claim, Manifest, OptionKind, OptionSpec, OptionValue, PluginFile, Registry, Source};
 use serde_json::{Value, json};
@@ -43,7 +43,10 @@ pub fn registry() -> Registry {
 
 pub fn run(args: PluginsArgs, plugins: &Registry) -> Result<(), Failure> {
     let beside: Vec<&Path> = std::iter::once(Path::new(".")).chain(args.file.as_deref()).collect();
-    let (registry, problems) = plugin_files::found(plugins, &args.plugins, &beside)?;
+    let listing = plugin_files::listing(plugins, &args.plugins, &beside)?;
+    // All are compiled here, used or not.
+    let problems: Vec<Problem> = listing.problems().into_iter().map(Problem::Text).collect();
+    let registry = listing.registry.settled();
     if let Some(file) = &args.file {
         claims(file, &registry, args.json)?;
     } else {

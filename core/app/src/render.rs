@@ -45,7 +45,7 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let prepared = prepare(&args, target, &registry, None);
     let started = starting.wait();
     let job = prepared?;
-    let drawn = draw::draw(&args, &job, &registry, started?, jobs)?;
+    let drawn = draw::draw(&args, &job, started?, jobs)?;
     summary::report(&args, &job, &drawn, start.elapsed().as_secs_f64())
 }
 

@@ -9,6 +9,7 @@ use crate::{device, draw, interrupt, memory, plugin_files, ranges, render, summa
 use choreo_live::plugin_files::ENDINGS;
 use choreo_live::{Interest, Waited, Watch};
 use choreo_plugin::Registry;
+use choreo_script::content_of;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -34,7 +35,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             renderer.begin().map_err(crate::pipeline::render_failure)?;
             let started =
                 device::Started { renderer: Box::new(renderer.clone()), time: None, note: note.take() };
-            let mut drawn = draw::draw(args, &job, &registry, started, jobs)?;
+            let mut drawn = draw::draw(args, &job, started, jobs)?;
             drawn.drawn -= renderer.reused().min(drawn.drawn);
             summary::report(args, &job, &drawn, begun.elapsed().as_secs_f64())
         };
@@ -68,15 +69,14 @@ fn interest(args: &RenderArgs, keep: &Keep) -> Interest {
     let mut interest = Interest::default();
     interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
     for path in touched.looked_for {
-        let there = std::fs::read(&path).ok().map(|bytes| *blake3::hash(&bytes).as_bytes());
+        let there = content_of(&path);
         interest.files.entry(path).or_insert(there);
     }
     let named = &args.scene.import.plugins;
     let inputs = [args.scene.input.as_path()];
-    if let Ok(listing) = choreo_live::plugin_files::read(&Registry::default(), named, &inputs) {
-        for file in &listing.files {
-            let hash = *blake3::hash(file.text.as_bytes()).as_bytes();
-            interest.files.insert(file.path.clone(), Some(hash));
+    if let Ok(listing) = choreo_live::plugin_files::list(&Registry::default(), named, &inputs, None) {
+        for file in listing.files() {
+            interest.files.entry(file.to_path_buf()).or_insert_with(|| content_of(file));
         }
         for folder in listing.folders {
             if let Ok(folder) = std::path::absolute(folder) {
@@ -88,7 +88,7 @@ fn interest(args: &RenderArgs, keep: &Keep) -> Interest {
     // What a render that failed before it read anything was about.
     if let Ok(input) = std::path::absolute(Path::new(&args.scene.input)) {
         let input = input.canonicalize().unwrap_or(input);
-        let there = std::fs::read(&input).ok().map(|bytes| *blake3::hash(&bytes).as_bytes());
+        let there = content_of(&input);
         interest.files.entry(input).or_insert(there);
     }
     interest

@@ -16,6 +16,8 @@ pub struct Scene {
     /// The file's name without folders.
     pub name: String,
     pub stage: Arc<Stage>,
+    /// The plugins, with those of the plugin files that the scene uses.
+    pub registry: Registry,
     pub is_script: bool,
     /// What was guessed or left; each complete with its place.
     pub warnings: Vec<String>,
@@ -111,6 +113,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
         return Ok(Scene {
             name,
             stage: Arc::new(script.stage),
+            registry: registry.settled(),
             is_script,
             warnings,
             asset_warnings,
@@ -142,6 +145,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
     Ok(Scene {
         name,
         stage: Arc::new(stage),
+        registry: registry.settled(),
         is_script,
         asset_warnings: warnings.clone(),
         warnings,

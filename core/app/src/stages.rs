@@ -61,7 +61,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     for (number, name) in (1..).zip(STAGES) {
         job.scene.inputs.refuse(&file(number, name))?;
     }
-    let effects = registry.effects();
+    let effects = job.scene.registry.effects();
     let mut renderer = CpuRenderer::new(effects);
     // One sample: the pixels that a triangle covers are the subject.
     let samples = job.samples.unwrap_or(1);

@@ -72,7 +72,7 @@ impl Script {
             expects: Vec::new(),
             exits: Vec::new(),
         };
-        for line in text.lines().map_while(|l| l.strip_prefix("// ")) {
+        for line in text.trim_start_matches('\u{feff}').lines().map_while(|l| l.strip_prefix("// ")) {
             if line == "good" {
                 script.good = true;
             } else if let Some(with) = line.strip_prefix("with: ") {

@@ -100,14 +100,161 @@ fn a_broken_plugin_says_its_file_and_line() {
     let dir = prepared();
     std::fs::write(dir.path().join("plugins/bad.wgsl"), EFFECT.replace("color.bgra", "colr")).unwrap();
     std::fs::write(dir.path().join("plugins/bad.importer.rhai"), "fn manifest() {\n  let = 1;\n}").unwrap();
-    for command in [&["check", "s.rhai"][..], &["plugins"]] {
-        let run = choreo(dir.path(), command);
-        assert_eq!(run.code, 1);
-        assert!(run.err.contains("plugins/bad.wgsl:5:23: "), "{}", run.err);
-        assert!(run.err.contains("plugins/bad.importer.rhai:2:7: "), "{}", run.err);
+    let run = choreo(dir.path(), &["plugins"]);
+    assert_eq!(run.code, 1);
+    // As the other one, it is named swap; a later one of the same name is not used, and reported all the same.
+    assert!(run.err.contains("plugins/bad.wgsl:5:23: "), "{}", run.err);
+    assert!(run.err.contains("plugins/bad.importer.rhai:2:7: "), "{}", run.err);
+    assert!(run.out.contains("dots"), "what works is listed: {}", run.out);
+}
+
+/// A faulty plugin is an error where it is used, with the place of its use, and nowhere else.
+#[test]
+fn a_broken_plugin_breaks_only_what_uses_it() {
+    let dir = prepared();
+    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+    write("plugins/bad.wgsl", &EFFECT.replace("swap", "bad").replace("color.bgra", "colr"));
+    write(
+        "plugins/deep.wgsl",
+        &EFFECT.replace("swap", "deep").replace("p[amount]", &format!("1.0{}", "+uv.x".repeat(20_000))),
+    );
+    let else_ifs = " else if uv.x < 0.1 { return color; }".repeat(3_000);
+    let else_ifs = format!("if uv.x < 0.0 {{ return color; }}{else_ifs} return");
+    write("plugins/else_ifs.wgsl", &EFFECT.replace("swap", "else_ifs").replace("return", &else_ifs));
+    write("plugins/nameless.wgsl", "fn effect() {}\n");
+    write(
+        "plugins/bad.importer.rhai",
+        &IMPORTER.replace("dots", "bad").replace("DOTS", "BAD").replace("file.options", "= file"),
+    );
+    write("plugins/worse.importer.rhai", "fn manifest() {\n  let = 1;\n}");
+    good(dir.path(), &["check", "s.rhai"]);
+    good(dir.path(), &["render", "s.rhai", "-o", "o.png", "--at", "0", "--device", "cpu", "-q"]);
+    good(dir.path(), &["info", "a.dots"]);
+    let error = |line: &str| {
+        write("bad.rhai", &SCRIPT.replace("effect(\"swap\");", line));
+        let run = choreo(dir.path(), &["check", "bad.rhai"]);
+        assert_eq!(run.code, 1, "{line}: {}", run.err);
+        run.err
+    };
+    let text = error("effect(\"bad\");");
+    assert!(text.contains("bad.rhai:4:1: plugins/bad.wgsl:5:23: no definition in scope"), "{text}");
+    let levels = "nested more than 350 levels deep: a bracket counts 5, an operator or else if of one statement 1; part it into \
+        several with let, or use a loop or switch";
+    let text = error("effect(\"deep\");");
+    assert!(text.contains(&format!("bad.rhai:4:1: plugins/deep.wgsl:5:853: {levels}")), "{text}");
+    let text = error("effect(\"else_ifs\");");
+    assert!(text.contains(&format!("bad.rhai:4:1: plugins/else_ifs.wgsl:5:11896: {levels}")), "{text}");
+    write("a.bad", "BAD 0 0 0");
+    let text = error("cast(\"b\", load(\"a.bad\"));");
+    assert!(text.contains("a.bad: plugins/bad.importer.rhai:9:"), "{text}");
+    // Where something is not found, the files that are no plugins are named.
+    let text = error("effect(\"worse\");");
+    let faulty =
+        "; no plugin, and choreo plugins says why: plugins/nameless.wgsl, plugins/worse.importer.rhai";
+    assert!(text.contains("bad.rhai:4:8: unknown effect \"worse\"") && text.contains(faulty), "{text}");
+    write("a.worse", "WORSE 0 0 0");
+    let text = error("cast(\"b\", load(\"a.worse\"));");
+    assert!(text.contains("no importer knows this kind of file") && text.contains(faulty), "{text}");
+    let run = choreo(dir.path(), &["plugins"]);
+    assert_eq!((run.code, run.err.lines().count()), (1, 6), "{}", run.err);
+}
+
+/// What a stranger can put beside a script: links out of its folder, and pipes that nobody writes to.
+#[test]
+#[cfg(unix)]
+fn links_out_of_the_folder_and_pipes_are_not_read() {
+    use std::os::unix::fs::symlink;
+    let dir = folder();
+    let scene = dir.path().join("scene");
+    std::fs::create_dir_all(scene.join("plugins/inner")).unwrap();
+    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+    write("swap.wgsl", EFFECT);
+    write("dots.importer.rhai", IMPORTER);
+    write("scene/a.dots", "DOTS 0 0 0, 1 0 0, 0 1 0");
+    write("scene/s.rhai", SCRIPT);
+    symlink("../../swap.wgsl", scene.join("plugins/swap.wgsl")).unwrap();
+    symlink("../../dots.importer.rhai", scene.join("plugins/dots.importer.rhai")).unwrap();
+    let run = choreo(&scene, &["plugins"]);
+    let refused = "cannot read: it is a link that leads out of";
+    assert_eq!(run.code, 1);
+    for name in ["plugins/swap.wgsl", "plugins/dots.importer.rhai"] {
+        assert!(run.err.contains(&format!("{name}: {refused}")), "{}", run.err);
     }
-    let out = choreo(dir.path(), &["plugins"]).out;
-    assert!(out.contains("dots"), "what works is listed: {out}");
+    let run = choreo(&scene, &["check", "s.rhai"]);
+    assert!(run.code == 1 && run.err.contains("no importer knows this kind of file"), "{}", run.err);
+    // Links to other places of the script's folder are followed.
+    let into = |name: &str| {
+        std::fs::remove_file(scene.join("plugins").join(name)).unwrap();
+        std::fs::copy(dir.path().join(name), scene.join(name)).unwrap();
+        symlink(Path::new("..").join(name), scene.join("plugins").join(name)).unwrap();
+    };
+    into("swap.wgsl");
+    into("dots.importer.rhai");
+    good(&scene, &["check", "s.rhai"]);
+    // Textures: no link out of the effect's folder, no pipe.
+    write("out.tga", "secret");
+    let inked = EFFECT.replace("// param", "// texture ink = ink.tga: it\n// param");
+    std::fs::remove_file(scene.join("plugins/swap.wgsl")).unwrap();
+    write("scene/plugins/swap.wgsl", &inked);
+    let told = || {
+        let run = choreo(&scene, &["check", "s.rhai"]);
+        assert_eq!(run.code, 1);
+        run.err
+    };
+    symlink("../../out.tga", scene.join("plugins/ink.tga")).unwrap();
+    let place = "plugins/swap.wgsl:3:1: texture ink: \"ink.tga\": ";
+    assert!(told().contains(&format!("{place}a plugin reads files of its own folder only")), "{}", told());
+    std::fs::remove_file(scene.join("plugins/ink.tga")).unwrap();
+    pipe(&scene.join("plugins/ink.tga"));
+    assert!(told().contains(&format!("{place}it is a pipe or device, not a regular file")), "{}", told());
+    // Plugin files that are pipes: no plugins.
+    std::fs::remove_file(scene.join("swap.wgsl")).unwrap();
+    std::fs::remove_file(scene.join("plugins/swap.wgsl")).unwrap();
+    pipe(&scene.join("plugins/swap.wgsl"));
+    assert!(told().contains("unknown effect \"swap\""), "{}", told());
+    let run = choreo(&scene, &["plugins"]);
+    let expected = "plugins/swap.wgsl: cannot read: it is a pipe or device, not a regular file";
+    assert!(run.code == 1 && run.err.contains(expected), "{}", run.err);
+    // The folder itself.
+    std::fs::rename(scene.join("plugins"), dir.path().join("shared")).unwrap();
+    symlink("../shared", scene.join("plugins")).unwrap();
+    let expected = "plugins: it is a symbolic link that leads out of the script's folder; to use the plugins there, name their folder with --plugins";
+    for command in [&["check", "s.rhai"][..], &["plugins"]] {
+        let run = choreo(&scene, command);
+        assert_eq!((run.code, run.err.trim_end().trim_start_matches("./")), (1, expected));
+    }
+    // A folder that the user names can be a link.
+    let run = choreo(&scene, &["plugins", "--plugins", "plugins"]);
+    assert!(!run.err.contains(expected), "{}", run.err);
+}
+
+#[cfg(unix)]
+fn pipe(path: &Path) {
+    assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
+}
+
+#[test]
+fn a_byte_order_mark_before_any_text_is_passed_over() {
+    let dir = prepared();
+    let write =
+        |name: &str, text: &str| std::fs::write(dir.path().join(name), format!("\u{feff}{text}")).unwrap();
+    write("plugins/dots.importer.rhai", IMPORTER);
+    write("plugins/swap.wgsl", EFFECT);
+    write("half.rhai", "fn half(x) { x / 2.0 }");
+    write("tri.gltf", &triangle(1.0));
+    let script =
+        format!("import \"half\" as h; cast(\"t\", load(\"tri.gltf\")).at(h::half(2.0), 0.0, 0.0);{SCRIPT}");
+    write("s.rhai", &script);
+    good(dir.path(), &["check", "s.rhai"]);
+    good(dir.path(), &["plugins"]);
+    // A place on the first line is where an editor shows it.
+    write("s.rhai", "cast(\"t\", lod(\"tri.gltf\"));");
+    let run = choreo(dir.path(), &["check", "s.rhai"]);
+    assert!(run.err.starts_with("s.rhai:1:11: unknown function"), "{}", run.err);
+    write("half.rhai", "fn half(x) { x / }");
+    write("s.rhai", "import \"half\" as h;");
+    let run = choreo(dir.path(), &["check", "s.rhai"]);
+    assert!(run.err.starts_with("half.rhai:1:18: "), "{}", run.err);
 }
 
 #[test]
@@ -150,8 +297,9 @@ fn single_files_beside_the_script() {
     good(dir.path(), &["info", "a.dots"]);
     // Meant as a plugin, it must be one.
     std::fs::write(dir.path().join("part.wgsl"), "// effect: part\nfn helper() {}\n").unwrap();
-    let run = choreo(dir.path(), &["check", "s.rhai"]);
+    let run = choreo(dir.path(), &["plugins"]);
     assert!(run.code == 1 && run.err.contains("part.wgsl"), "{}", run.err);
+    good(dir.path(), &["check", "s.rhai"]);
 }
 
 #[test]

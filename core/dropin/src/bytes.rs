@@ -196,8 +196,10 @@ impl Bytes {
 
     fn json(&self) -> Result<Dynamic, Refused> {
         self.budget.take(8 * self.slice().len())?;
+        let bytes = self.slice();
+        let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
         let value: serde_json::Value =
-            serde_json::from_slice(self.slice()).map_err(|e| refuse(format!("json: {e}")))?;
+            serde_json::from_slice(bytes).map_err(|e| refuse(format!("json: {e}")))?;
         script_value(value)
     }
 }

@@ -15,6 +15,8 @@ pub const MOST_TEXT: usize = 64 << 20;
 
 /// Steps of the interpreter for one file: some seconds.
 const STEPS: u64 = 50_000_000;
+/// Steps that `manifest` may take.
+const MANIFEST_STEPS: u64 = 10_000;
 /// Beyond this a run is ended even within its steps, which a busy machine needs many times as long for.
 const SECONDS: u64 = 60;
 
@@ -63,6 +65,15 @@ pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
     maths(&mut engine);
     bytes::register(&mut engine);
     numbers::register(&mut engine, budget);
+    engine
+}
+
+/// For `fn manifest()`, which runs for every file that is listed: fewer steps, and none that copies much.
+pub fn manifest_engine() -> Engine {
+    let mut engine = engine(&Budget::for_file(0), Some(MANIFEST_STEPS));
+    engine.set_max_string_size(64 << 10);
+    engine.set_max_array_size(1000);
+    engine.set_max_map_size(1000);
     engine
 }
 

@@ -2,7 +2,7 @@
 
 use crate::budget::{Budget, refuse};
 use crate::bytes::Bytes;
-use crate::engine::{MOST_CALLS, MOST_IN_ARRAY, MOST_TEXT, engine};
+use crate::engine::{MOST_CALLS, MOST_IN_ARRAY, MOST_TEXT, engine, manifest_engine};
 use crate::manifest;
 use crate::scene::{self, Request, Scene};
 use choreo_plugin::suggest::did_you_mean;
@@ -21,7 +21,7 @@ pub const ENDING: &str = ".importer.rhai";
 /// Deep enough for the call levels and expressions that the engine allows, in builds without optimisation too.
 const STACK: usize = 64 << 20;
 
-/// Steps that `manifest` and `claim` may take: they run for files that are none of the importer's.
+/// Steps that `claim` may take: it runs for files that are none of the importer's.
 const FEW_STEPS: u64 = 100_000;
 
 /// What is wrong with an importer's script, and where.
@@ -52,8 +52,9 @@ pub struct RhaiImporter {
 impl RhaiImporter {
     /// Compiles the script and asks it for its manifest. `file` is its name in messages.
     pub fn from_text(file: &str, text: &str) -> Result<RhaiImporter, ScriptError> {
+        let text = without_mark(text);
         let budget = Budget::for_file(0);
-        let engine = engine(&budget, Some(FEW_STEPS));
+        let engine = engine(&budget, None);
         let failed = |e| script_error(file, e, &[], line_of(text, "manifest"));
         let mut ast = engine.compile(text).map_err(|e| failed(e.into()))?;
         if let Some(at) = open_comment(&engine, text) {
@@ -82,13 +83,7 @@ impl RhaiImporter {
         let has_claim = has("claim", 1);
         // Statements outside functions are not run: an importer is its functions.
         let ast = ast.clone_functions_only();
-        let value: Dynamic = engine.call_fn(&mut Scope::new(), &ast, "manifest", ()).map_err(failed)?;
-        let manifest = manifest::read(&value).map_err(|message| ScriptError {
-            file: file.into(),
-            line: line_of(text, "manifest"),
-            column: 1,
-            message,
-        })?;
+        let manifest = manifest_of(&ast, file, text)?;
         Ok(RhaiImporter {
             file: file.into(),
             ast,
@@ -171,17 +166,9 @@ impl Importer for RhaiImporter {
 
     /// `fn claim(file)` answers true, false or a score from 0 to 100; one that fails claims nothing.
     fn claim(&self, source: &Source) -> Claim {
-        let plain = || {
-            if self.manifest.magic.iter().any(|m| source.bytes.starts_with(m)) {
-                Claim::Content(90)
-            } else if self.manifest.has_extension(&source.extension()) {
-                Claim::Extension
-            } else {
-                Claim::NotMine
-            }
-        };
+        let plain = self.manifest.claim(source);
         if !self.has_claim {
-            return plain();
+            return plain;
         }
         let budget = Budget::for_file(0);
         let engine = engine(&budget, Some(FEW_STEPS));
@@ -194,7 +181,7 @@ impl Importer for RhaiImporter {
                 _ => Claim::NotMine,
             },
             // Too short for the header, say: where the name is right, `import` tells what is wrong.
-            Err(_) => plain().min(Claim::Extension),
+            Err(_) => plain.min(Claim::Extension),
         }
     }
 
@@ -239,6 +226,20 @@ impl Importer for RhaiImporter {
             hint: None,
         })
     }
+}
+
+/// What `fn manifest()` gives. `file` is the text's name in messages.
+pub fn manifest_of(ast: &AST, file: &str, text: &str) -> Result<Manifest, ScriptError> {
+    let line = line_of(text, "manifest");
+    let called = manifest_engine().call_fn(&mut Scope::new(), ast, "manifest", ());
+    let value: Dynamic = called.map_err(|e| script_error(file, e, &[], line))?;
+    let wrong = |message| ScriptError { file: file.into(), line, column: 1, message };
+    manifest::read(&value).map_err(wrong)
+}
+
+/// A text without the byte order mark that some editors put before it.
+pub fn without_mark(text: &str) -> &str {
+    text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
 /// Where a comment without an end begins in a text that compiles: Rhai takes it for the end of the script, without a word. A

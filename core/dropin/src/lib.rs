@@ -12,8 +12,10 @@ mod fields;
 mod importer;
 mod manifest;
 mod numbers;
+mod on_use;
 mod scene;
 
 pub use fields::{Fields, mesh_data};
 pub use importer::{ENDING, RhaiImporter, ScriptError};
 pub use numbers::Numbers;
+pub use on_use::ImporterOnUse;

@@ -4,6 +4,7 @@ use crate::{FileError, WriteError};
 use cap_fs_ext::{DirExt, FollowSymlinks, OpenOptionsFollowExt, OpenOptionsSyncExt};
 use cap_std::ambient_authority;
 use cap_std::fs::{Dir, OpenOptions};
+use std::ffi::OsString;
 use std::fs::{File, FileType};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -31,14 +32,26 @@ impl Folder {
     pub fn open_file(&self, name: &Path) -> Result<File, FileError> {
         let mut options = OpenOptions::new();
         options.read(true).nonblock(true);
-        let file = self.dir.open_with(name, &options).map_err(|error| {
-            // cap-std's own refusal carries no error number of the system.
-            match error.kind() == io::ErrorKind::PermissionDenied && error.raw_os_error().is_none() {
-                true => FileError::Outside,
-                false => FileError::Io(error),
-            }
-        })?;
-        regular(file.into_std())
+        regular(self.dir.open_with(name, &options).map_err(beneath)?.into_std())
+    }
+
+    /// Opens a folder beneath this one. Links are followed to places beneath the folder.
+    pub fn folder(&self, name: &Path) -> Result<Folder, FileError> {
+        let dir = self.dir.open_dir(name).map_err(beneath)?;
+        Ok(Folder { dir, path: self.path.join(name) })
+    }
+
+    /// The path relative to the folder, with every link on the way followed to a place beneath the folder.
+    pub fn resolve(&self, name: &Path) -> Result<PathBuf, FileError> {
+        self.dir.canonicalize(name).map_err(beneath)
+    }
+
+    /// Names in the folder, of at most `most` of its entries, sorted.
+    pub fn names(&self, most: usize) -> io::Result<Vec<OsString>> {
+        let entries = self.dir.entries()?.take(most);
+        let mut names = entries.map(|entry| Ok(entry?.file_name())).collect::<io::Result<Vec<_>>>()?;
+        names.sort();
+        Ok(names)
     }
 
     /// Reads a regular file beneath the folder, of at most `most` bytes.
@@ -169,6 +182,14 @@ pub fn open_file(path: &Path) -> Result<File, FileError> {
 /// Reads a regular file of at most `most` bytes by a path that the user chose.
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, FileError> {
     read_at_most(open_file(path)?, most)
+}
+
+/// Why a path beneath a folder was not opened. A refusal of cap-std itself carries no error number of the system.
+fn beneath(error: io::Error) -> FileError {
+    match error.kind() == io::ErrorKind::PermissionDenied && error.raw_os_error().is_none() {
+        true => FileError::Outside,
+        false => FileError::Io(error),
+    }
 }
 
 fn regular(file: File) -> Result<File, FileError> {

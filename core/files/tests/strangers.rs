@@ -43,6 +43,22 @@ fn reading_stays_beneath_the_folder_and_never_waits() {
 }
 
 #[test]
+fn folders_below_are_opened_as_files_are() {
+    let (_outer, inside) = planted();
+    let folder = Folder::open(&inside).unwrap();
+    symlink("below", inside.join("door")).unwrap();
+    let below = folder.folder(Path::new("door")).unwrap();
+    assert_eq!(below.read(Path::new("file"), 100).unwrap(), b"text");
+    assert!(matches!(below.read(Path::new("../out"), 100), Err(FileError::Outside)));
+    assert!(matches!(folder.folder(Path::new("up")), Err(FileError::Outside)));
+    assert_eq!(folder.resolve(Path::new("door/file")).unwrap(), Path::new("below/file"));
+    assert_eq!(folder.resolve(Path::new("within")).unwrap(), Path::new("below/file"));
+    assert!(matches!(folder.resolve(Path::new("up/secret")), Err(FileError::Outside)));
+    assert_eq!(folder.names(100).unwrap(), ["below", "dangling", "door", "out", "pipe", "up", "within"]);
+    assert_eq!(folder.names(2).unwrap().len(), 2);
+}
+
+#[test]
 fn writing_follows_no_link() {
     let (outer, inside) = planted();
     let folder = Folder::open(&inside).unwrap();

@@ -2,12 +2,15 @@
 //! folders given with `--plugins`, and in those that the environment variable CHOREO_PLUGINS names. No other place is read.
 //! Beside a script there can be WGSL of any kind: only what begins as an effect is taken for one.
 
-use choreo_dropin::RhaiImporter;
+use choreo_dropin::{ImporterOnUse, RhaiImporter, ScriptError};
+use choreo_files::{FileError, Folder};
 use choreo_import::pictures::{Encoded, Formats};
 use choreo_look::{Picture, WgslEffect};
-use choreo_plugin::{BesideFile, PluginFile, Registry};
+use choreo_plugin::{BesideFile, Effect, EffectOnUse, PluginFault, PluginFile, Registry};
+use std::io::Read;
 use std::path::{Component, Path, PathBuf};
-use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 use thiserror::Error;
 
 /// Folders named as the system's PATH is.
@@ -21,6 +24,8 @@ pub const ENDINGS: [&str; 2] = [choreo_dropin::ENDING, choreo_look::ENDING];
 /// Bytes of a plugin's text, and files looked at in one folder.
 const MOST_BYTES: u64 = 4 << 20;
 const MOST_FILES: usize = 10_000;
+/// Bytes of an effect's text that are read to find its name.
+const HEAD_BYTES: u64 = 64 << 10;
 /// Bytes of a file that a plugin reads.
 const MOST_BESIDE: u64 = 32 << 20;
 
@@ -30,178 +35,302 @@ pub enum FolderError {
     #[error("{flag} {}: no such folder", folder.display())]
     Missing { flag: &'static str, folder: PathBuf },
     #[error("{}: cannot read: {error}", folder.display())]
-    Unreadable { folder: PathBuf, error: std::io::Error },
+    Unreadable { folder: PathBuf, error: FileError },
+    #[error(
+        "{}: it is a symbolic link that leads out of the script's folder; to use the plugins there, name their folder with --plugins",
+        folder.display()
+    )]
+    Link { folder: PathBuf },
 }
 
-/// What is wrong with one plugin file: what the user reads, and the file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PluginProblem {
-    /// Complete with its place.
-    pub text: String,
-    pub file: PathBuf,
-}
-
-/// What was found.
-pub struct Found {
+/// The plugin files that were found. Of an effect the name was read, of an importer the manifest; the rest is read and
+/// compiled when something uses it.
+pub struct Listing {
     /// The plugins given and those of the files. Later folders win over earlier ones: those of CHOREO_PLUGINS, then those named
     /// in order, then the inputs' own folders and those beside the inputs.
     pub registry: Registry,
-    pub problems: Vec<PluginProblem>,
-    /// The text of every plugin file.
-    pub files: Vec<PluginFile>,
+    entries: Vec<Entry>,
     /// Where a plugin file put there would be found; those beside the inputs need not be there.
     pub folders: Vec<PathBuf>,
+    /// How many plugin files were compiled, here and in the listings before.
+    compiled: Arc<AtomicU64>,
 }
 
-/// The texts of plugin files, not yet compiled.
-pub struct Listing {
-    plugins: Registry,
-    /// As the user named each.
-    shown: Vec<String>,
-    pub files: Vec<PluginFile>,
-    pub problems: Vec<PluginProblem>,
-    /// As in [`Found`].
-    pub folders: Vec<PathBuf>,
+/// One plugin file.
+struct Entry {
+    source: Source,
+    plugin: Plugin,
+    /// What was compiled, once it was.
+    read: Arc<OnceLock<Result<PluginFile, String>>>,
 }
 
-pub fn found(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Found, FolderError> {
-    read(plugins, named, inputs).map(Listing::compile)
+#[derive(Clone)]
+enum Plugin {
+    Effect(Arc<EffectOnUse>),
+    Importer(Arc<ImporterOnUse>),
+    /// It has no name to be used by.
+    Faulty(String),
 }
 
-/// Reads the files in the order in which they count.
-pub fn read(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Listing, FolderError> {
-    let mut folders = Vec::new();
-    let variable = std::env::var_os(VARIABLE).unwrap_or_default();
-    for folder in std::env::split_paths(&variable).filter(|f| !f.as_os_str().is_empty()) {
-        folders.push((folder, VARIABLE));
-    }
-    folders.extend(named.iter().map(|f| (f.clone(), "--plugins")));
-    for (folder, flag) in &folders {
-        if !folder.is_dir() {
-            return Err(FolderError::Missing { flag, folder: folder.clone() });
-        }
-    }
-    let mut folders: Vec<(PathBuf, bool)> = folders.into_iter().map(|(folder, _)| (folder, false)).collect();
-    for input in inputs {
-        let folder = if input.is_dir() { input } else { input.parent().unwrap_or(Path::new("")) };
-        let own = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-        for (folder, is_own) in [(own.to_path_buf(), true), (folder.join(BESIDE), false)] {
-            if !folders.iter().any(|(known, _)| is_same(known, &folder)) {
-                folders.push((folder, is_own));
-            }
-        }
-    }
+/// Where a plugin file lies.
+#[derive(Clone)]
+struct Source {
+    /// Links are followed beneath this folder only.
+    folder: Arc<Folder>,
+    /// Relative to the folder.
+    name: PathBuf,
+    /// As messages name it.
+    shown: String,
+    /// Canonical, but for links that lead nowhere.
+    path: PathBuf,
+}
+
+/// A folder in which plugin files are looked for.
+struct Place {
+    /// As the user named it.
+    path: PathBuf,
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Named,
+    /// The folder of an input, where other WGSL may lie.
+    Own,
+    /// `plugins` in the folder of an input.
+    Beside,
+}
+
+/// Finds the plugin files, in the order in which they count. `before`: an earlier listing, whose compiled plugins are used
+/// again where their files are the same.
+pub fn list(
+    plugins: &Registry,
+    named: &[PathBuf],
+    inputs: &[&Path],
+    before: Option<&Listing>,
+) -> Result<Listing, FolderError> {
+    let places = places(named, inputs)?;
     let mut listing = Listing {
-        plugins: plugins.clone(),
-        shown: Vec::new(),
-        files: Vec::new(),
-        problems: Vec::new(),
+        registry: plugins.clone(),
+        entries: Vec::new(),
         folders: Vec::new(),
+        compiled: before.map(|b| b.compiled.clone()).unwrap_or_default(),
     };
-    for (folder, is_own) in folders.iter().filter(|(f, _)| f.is_dir()) {
-        let files = match files(folder) {
-            // A script can stand in a folder that may not be listed.
-            Err(_) if *is_own => continue,
-            files => files.map_err(|error| FolderError::Unreadable { folder: folder.clone(), error })?,
-        };
-        for path in files {
-            match read_one(&path) {
-                Ok(file) if *is_own && !is_meant(&file) => {}
-                Ok(file) => {
-                    listing.shown.push(path.display().to_string());
-                    listing.files.push(file);
+    for place in places.iter().filter(|p| p.path.is_dir()) {
+        for source in sources(place)? {
+            if let Some(entry) = listing.entry(source, place.kind, before) {
+                match &entry.plugin {
+                    Plugin::Effect(effect) => listing.registry.add_effect_on_use(effect.clone()),
+                    Plugin::Importer(importer) => listing.registry.add_shared_importer(importer.clone()),
+                    Plugin::Faulty(_) => listing.registry.add_faulty(entry.source.shown.clone()),
                 }
-                Err(text) => {
-                    let file = path.canonicalize().unwrap_or(path);
-                    listing.problems.push(PluginProblem { text, file });
-                }
+                listing.entries.push(entry);
             }
         }
     }
-    listing.folders = folders.into_iter().map(|(folder, _)| folder).collect();
+    listing.folders = places.into_iter().map(|place| place.path).collect();
     Ok(listing)
 }
 
-impl Listing {
-    pub fn compile(self) -> Found {
-        let Listing { plugins, shown, files, problems, folders } = self;
-        let mut found = Found { registry: plugins, problems, files, folders };
-        for (shown, file) in shown.iter().zip(&found.files) {
-            if let Err(text) = compile(&mut found.registry, shown, file) {
-                found.problems.push(PluginProblem { text, file: file.path.clone() });
+/// The folders in the order in which they count, each once.
+fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<Place>, FolderError> {
+    let variable = std::env::var_os(VARIABLE).unwrap_or_default();
+    let of_variable = std::env::split_paths(&variable).filter(|f| !f.as_os_str().is_empty());
+    let of_variable = of_variable.map(|folder| (folder, VARIABLE));
+    let mut places: Vec<Place> = Vec::new();
+    for (folder, flag) in of_variable.chain(named.iter().map(|f| (f.clone(), "--plugins"))) {
+        if !folder.is_dir() {
+            return Err(FolderError::Missing { flag, folder });
+        }
+        places.push(Place { path: folder, kind: Kind::Named });
+    }
+    for input in inputs {
+        let folder = if input.is_dir() { input } else { input.parent().unwrap_or(Path::new("")) };
+        let own = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        for (path, kind) in [(own.to_path_buf(), Kind::Own), (folder.join(BESIDE), Kind::Beside)] {
+            if !places.iter().any(|known| is_same(&known.path, &path)) {
+                places.push(Place { path, kind });
             }
         }
-        found
     }
+    Ok(places)
 }
 
 fn is_same(a: &Path, b: &Path) -> bool {
     a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-/// An importer by its name, an effect by its head: `// effect: NAME`.
-fn is_meant(file: &PluginFile) -> bool {
-    let is_comment = |l: &&str| l.trim().is_empty() || l.trim_start().starts_with("//");
-    let names_effect = |l: &str| l.trim().trim_start_matches('/').trim_start().starts_with("effect:");
-    let wgsl = file.path.to_string_lossy().ends_with(choreo_look::ENDING);
-    !wgsl || file.text.lines().take_while(is_comment).any(names_effect)
-}
-
 /// Plugin files of a folder, by name, so that the order is the same on every machine.
-fn files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder)?.take(MOST_FILES) {
-        let path = entry?.path();
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let is_plugin = ENDINGS.iter().any(|ending| name.ends_with(ending));
-        if is_plugin && !name.starts_with('.') && path.is_file() {
-            files.push(path);
-        }
-    }
-    files.sort();
-    Ok(files)
-}
-
-fn read_one(path: &Path) -> Result<PluginFile, String> {
-    let shown = path.display();
-    let failed = |e: std::io::Error| format!("{shown}: cannot read: {}", reason(&e));
-    let length = std::fs::metadata(path).map_err(failed)?.len();
-    if length > MOST_BYTES {
-        return Err(format!("{shown}: a plugin of {length} bytes, at most {MOST_BYTES}"));
-    }
-    let bytes = std::fs::read(path).map_err(failed)?;
-    let text = String::from_utf8(bytes)
-        .map_err(|e| format!("{shown}: byte {} is no UTF-8 text", e.utf8_error().valid_up_to()))?;
-    let path = path.canonicalize().map_err(failed)?;
-    let named = if path.to_string_lossy().ends_with(choreo_look::ENDING) {
-        choreo_look::files(&text)
-    } else {
-        Vec::new()
+fn sources(place: &Place) -> Result<Vec<Source>, FolderError> {
+    let unreadable = |error: FileError| FolderError::Unreadable { folder: place.path.clone(), error };
+    // What lies in `plugins` may be a link to elsewhere in the script's folder, and not out of it.
+    let (root, below) = match place.kind {
+        Kind::Beside => (place.path.parent().unwrap_or(Path::new("")), Path::new(BESIDE)),
+        _ => (place.path.as_path(), Path::new("")),
     };
-    let beside = named.into_iter().map(|name| beside(&path, name)).collect();
-    Ok(PluginFile { path, text, beside })
+    let root = if root.as_os_str().is_empty() { Path::new(".") } else { root };
+    let opened = Folder::open(root).map_err(FileError::Io).and_then(|folder| {
+        let names = match place.kind {
+            Kind::Beside => folder.folder(below)?.names(MOST_FILES)?,
+            _ => folder.names(MOST_FILES)?,
+        };
+        Ok((folder, names))
+    });
+    let (folder, names) = match opened {
+        Ok(opened) => opened,
+        Err(FileError::Outside) => return Err(FolderError::Link { folder: place.path.clone() }),
+        // A script can stand in a folder that may not be listed.
+        Err(_) if place.kind == Kind::Own => return Ok(Vec::new()),
+        Err(error) => return Err(unreadable(error)),
+    };
+    let folder = Arc::new(folder);
+    let canonical = root.canonicalize().unwrap_or_else(|_| root.to_path_buf());
+    let is_plugin = |name: &str| ENDINGS.iter().any(|e| name.ends_with(e)) && !name.starts_with('.');
+    let names = names.into_iter().filter(|name| is_plugin(&name.to_string_lossy()));
+    let source = |name: std::ffi::OsString| {
+        let shown = place.path.join(&name).display().to_string();
+        let name = below.join(&name);
+        let path = canonical.join(folder.resolve(&name).unwrap_or_else(|_| name.clone()));
+        Source { folder: folder.clone(), name, shown, path }
+    };
+    Ok(names.map(source).filter(|source| !source.path.is_dir()).collect())
 }
 
-/// A file in the folder of a plugin's own or below it.
-fn beside(plugin: &Path, name: String) -> BesideFile {
-    let folder = plugin.parent().unwrap_or(Path::new(""));
-    let path = folder.join(&name);
-    let bytes = (|| {
-        let inside = Path::new(&name).components().all(|c| matches!(c, Component::Normal(_)));
-        if !inside {
-            return Err("a plugin reads files of its own folder only".to_string());
+impl Listing {
+    /// What a file is: `None` where it is not meant as a plugin.
+    fn entry(&self, source: Source, kind: Kind, before: Option<&Listing>) -> Option<Entry> {
+        let is_it = |e: &&Entry| e.read.get().is_some() && e.source.path == source.path;
+        let known = before.and_then(|b| b.entries.iter().find(is_it));
+        if let Some(known) = known.filter(|k| k.source.shown == source.shown)
+            && known.read.get().is_some_and(|read| *read == source.read())
+        {
+            let (plugin, read) = (known.plugin.clone(), known.read.clone());
+            return Some(Entry { source, plugin, read });
         }
-        let found = path.canonicalize().map_err(|e| reason(&e))?;
-        if !found.starts_with(folder) {
-            return Err("a plugin reads files of its own folder only".to_string());
+        let read = Arc::new(OnceLock::new());
+        let (of, slot, compiled) = (source.clone(), read.clone(), self.compiled.clone());
+        let reading = move || {
+            compiled.fetch_add(1, Ordering::Relaxed);
+            let file = of.read();
+            // Made once, so that the slot is empty.
+            let _ = slot.set(file.clone());
+            let text = |text| PluginFault { text, files: vec![of.path.clone()] };
+            file.map_err(text).map(|file| (of.shown.clone(), file))
+        };
+        let plugin = if source.is_wgsl() {
+            let head = match source.head() {
+                Ok(head) => head,
+                Err(text) => return Some(Entry { source, plugin: Plugin::Faulty(text), read }),
+            };
+            if kind == Kind::Own && !choreo_look::is_meant(&head) {
+                return None;
+            }
+            match choreo_look::name(&head) {
+                Some(name) => {
+                    let make = move || reading().and_then(|(shown, file)| effect(&shown, file));
+                    Plugin::Effect(Arc::new(EffectOnUse::new(&name, make)))
+                }
+                None => Plugin::Faulty(source.fault()),
+            }
+        } else {
+            let make = move || reading().and_then(|(shown, file)| importer(&shown, file));
+            let listed = source.text().and_then(|text| {
+                ImporterOnUse::new(&source.shown, &text, make).map_err(|e: ScriptError| e.to_string())
+            });
+            listed.map_or_else(Plugin::Faulty, |importer| Plugin::Importer(Arc::new(importer)))
+        };
+        Some(Entry { source, plugin, read })
+    }
+
+    /// Compiles every plugin file; what is wrong with them, complete with its place.
+    pub fn problems(&self) -> Vec<String> {
+        let fault = |entry: &Entry| match &entry.plugin {
+            Plugin::Effect(effect) => effect.get().err().map(|fault| fault.text.clone()),
+            Plugin::Importer(importer) => importer.get().err().map(|fault| fault.text.clone()),
+            Plugin::Faulty(text) => Some(text.clone()),
+        };
+        self.entries.iter().filter_map(fault).collect()
+    }
+
+    /// The plugin files, canonical.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.entries.iter().map(|entry| entry.source.path.as_path())
+    }
+
+    /// How many plugin files were compiled so far.
+    pub fn compiled(&self) -> u64 {
+        self.compiled.load(Ordering::Relaxed)
+    }
+}
+
+impl Source {
+    fn is_wgsl(&self) -> bool {
+        self.shown.ends_with(choreo_look::ENDING)
+    }
+
+    fn failed(&self, error: &FileError) -> String {
+        let shown = &self.shown;
+        match error {
+            FileError::TooLarge(most) => format!("{shown}: a plugin of more than {most} bytes"),
+            FileError::Outside => {
+                format!(
+                    "{shown}: cannot read: it is a link that leads out of {}",
+                    self.folder.path().display()
+                )
+            }
+            error => format!("{shown}: cannot read: {error}"),
         }
-        let length = std::fs::metadata(&found).map_err(|e| reason(&e))?.len();
-        if length > MOST_BESIDE {
-            return Err(format!("{length} bytes, at most {MOST_BESIDE}"));
-        }
-        std::fs::read(&found).map(Arc::from).map_err(|e| reason(&e))
-    })();
-    BesideFile { name, path, bytes }
+    }
+
+    /// The beginning of the text; letters that are none are left to the compiler.
+    fn head(&self) -> Result<String, String> {
+        let file = self.folder.open_file(&self.name).map_err(|e| self.failed(&e))?;
+        let mut bytes = Vec::new();
+        let read = file.take(HEAD_BYTES).read_to_end(&mut bytes);
+        read.map_err(|e| self.failed(&FileError::Io(e)))?;
+        Ok(String::from_utf8_lossy(&bytes).into_owned())
+    }
+
+    fn text(&self) -> Result<String, String> {
+        let bytes = self.folder.read(&self.name, MOST_BYTES).map_err(|e| self.failed(&e))?;
+        String::from_utf8(bytes)
+            .map_err(|e| format!("{}: byte {} is no UTF-8 text", self.shown, e.utf8_error().valid_up_to()))
+    }
+
+    /// The text with the files that it names.
+    fn read(&self) -> Result<PluginFile, String> {
+        let text = self.text()?;
+        let named = if self.is_wgsl() { choreo_look::files(&text) } else { Vec::new() };
+        let beside = named.into_iter().map(|name| self.beside(name)).collect();
+        Ok(PluginFile { path: self.path.clone(), text, beside })
+    }
+
+    /// A file in the folder of the plugin's own or below it.
+    fn beside(&self, name: String) -> BesideFile {
+        let path = self.path.with_file_name(&name);
+        let refused = || "a plugin reads files of its own folder only".to_string();
+        let bytes = (|| {
+            if !Path::new(&name).components().all(|c| matches!(c, Component::Normal(_))) {
+                return Err(refused());
+            }
+            let inside = self.folder.resolve(&self.name).map_err(|e| e.to_string())?;
+            let parent = inside.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            let own = self.folder.folder(parent).map_err(|e| e.to_string())?;
+            own.read(Path::new(&name), MOST_BESIDE).map(Arc::from).map_err(|error| match error {
+                FileError::Outside => refused(),
+                error => error.to_string(),
+            })
+        })();
+        BesideFile { name, path, bytes }
+    }
+
+    /// What is wrong with an effect without a name.
+    fn fault(&self) -> String {
+        let compiled = self.text().and_then(|text| {
+            WgslEffect::from_text(&self.shown, &text).map(|_| String::new()).map_err(|e| e.to_string())
+        });
+        compiled.unwrap_or_else(|text| text)
+    }
 }
 
 /// Pixels of a file that an effect names.
@@ -220,26 +349,21 @@ fn picture(file: &PluginFile, name: &str) -> Result<Picture, String> {
     })
 }
 
-fn compile(registry: &mut Registry, shown: &str, file: &PluginFile) -> Result<(), String> {
-    if shown.ends_with(choreo_look::ENDING) {
-        let effect = WgslEffect::with_pictures(shown, &file.text, |name| picture(file, name))
-            .map_err(|e| e.to_string())?;
-        registry.add_effect(effect.with_file(file.clone()));
-    } else {
-        let importer = RhaiImporter::from_text(shown, &file.text).map_err(|e| e.to_string())?;
-        registry.add_importer(importer.with_file(file.clone()));
+fn effect(shown: &str, file: PluginFile) -> Result<Arc<dyn Effect>, PluginFault> {
+    let compiled = WgslEffect::with_pictures(shown, &file.text, |name| picture(&file, name));
+    match compiled {
+        Ok(effect) => Ok(Arc::new(effect.with_file(file))),
+        Err(error) => {
+            let beside = file.beside.into_iter().map(|b| b.path);
+            let files = std::iter::once(file.path).chain(beside).collect();
+            Err(PluginFault { text: error.to_string(), files })
+        }
     }
-    Ok(())
 }
 
-/// The system's words without "(os error 2)".
-fn reason(error: &std::io::Error) -> String {
-    match error.kind() {
-        std::io::ErrorKind::NotFound => "no such file or folder".to_string(),
-        std::io::ErrorKind::PermissionDenied => "permission denied".to_string(),
-        _ => {
-            let text = error.to_string();
-            text.split_once(" (os error").map_or(text.clone(), |(words, _)| words.to_string())
-        }
+fn importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginFault> {
+    match RhaiImporter::from_text(shown, &file.text) {
+        Ok(importer) => Ok(importer.with_file(file)),
+        Err(error) => Err(PluginFault { text: error.to_string(), files: vec![file.path] }),
     }
 }

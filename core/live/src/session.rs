@@ -1,12 +1,12 @@
 //! A scene made again and again from files that change.
 
-use crate::plugin_files::{self, ENDINGS, Found};
+use crate::plugin_files::{self, ENDINGS, Listing};
 use crate::{Interest, Recipe, Waited, Waker, Watch, WatchError, model};
-use choreo_plugin::{PluginFile, Registry};
+use choreo_plugin::Registry;
 use choreo_render::Catalog;
 use choreo_script::{
     AssetCache, BUILT_IN, Diagnostic, Folders, Imports, Loader, Parameter, Places, ScriptOptions, Severity,
-    Touched, run_file_touching,
+    Touched, content_of, run_file_touching,
 };
 use choreo_stage::{Asset, Evaluator, Stage};
 use std::collections::BTreeSet;
@@ -40,7 +40,7 @@ pub struct Work {
     pub builds: u64,
     /// Assets read by an importer.
     pub imports: u64,
-    /// Times that plugin files were compiled, all of them together.
+    /// How many plugin files were compiled.
     pub plugins: u64,
 }
 
@@ -68,8 +68,8 @@ pub struct Session {
     assets: AssetCache,
     imports: Imports,
     watch: Option<Watch>,
-    /// Plugin files as they were read last, and what they gave.
-    files: Option<(Vec<PluginFile>, Registry)>,
+    /// Plugin files as they were found last, with those that were compiled.
+    files: Option<Listing>,
     work: Work,
     last: Option<Arc<Scene>>,
     /// How many imports there had been when unused assets were dropped last.
@@ -137,12 +137,12 @@ impl Session {
         let shaders = self.recipe.shaders.as_ref().and_then(|folder| folder.canonicalize().ok());
         interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
         for path in touched.looked_for {
-            let there = std::fs::read(&path).ok().map(|bytes| *blake3::hash(&bytes).as_bytes());
+            let there = content_of(&path);
             interest.files.entry(path).or_insert(there);
         }
         if let Some(folder) = &shaders {
             for path in wgsl_files(folder) {
-                let there = std::fs::read(&path).ok().map(|bytes| *blake3::hash(&bytes).as_bytes());
+                let there = content_of(&path);
                 interest.files.insert(path, there);
             }
             interest.folders.insert((folder.clone(), choreo_look_ending()));
@@ -164,6 +164,7 @@ impl Session {
             }
         }
         self.work.imports = self.assets.imports();
+        self.work.plugins = self.files.as_ref().map_or(0, Listing::compiled);
         let shaders = shaders.is_some_and(|folder| changed.iter().any(|c| c.starts_with(&folder)));
         Version { number, scene, problems, changed, shaders, work: self.work, took: start.elapsed() }
     }
@@ -192,14 +193,15 @@ impl Session {
         // What fails at once is faulty; what fails later is told when that time is shown.
         let zero = choreo_motion::Time::ZERO;
         evaluator.at(zero).map_err(|error| vec![Diagnostic::error(error.to_string())])?;
+        let registry = registry.settled();
         let scene = Scene { number, stage, catalog, evaluator, registry, places, parameters, printed };
         Ok((scene, warnings))
     }
 
-    /// The program's plugins with those of the plugin files, which are compiled where they have changed.
+    /// The program's plugins with those of the plugin files, which are compiled again where they have changed.
     fn registry(&mut self, interest: &mut Interest) -> Result<Registry, Vec<Problem>> {
         let inputs = [self.recipe.input.as_path()];
-        let found = plugin_files::read(&self.plugins, &self.recipe.plugins, &inputs);
+        let found = plugin_files::list(&self.plugins, &self.recipe.plugins, &inputs, self.files.as_ref());
         let listing = found.map_err(|error| vec![Diagnostic::error(error.to_string())])?;
         for folder in &listing.folders {
             // Made from here, where it is not there yet.
@@ -207,31 +209,13 @@ impl Session {
                 folder.canonicalize().ok().or_else(|| above(folder)).unwrap_or_else(|| folder.clone());
             interest.folders.extend(ENDINGS.iter().map(|ending| (folder.clone(), ending.to_string())));
         }
-        for file in &listing.files {
-            let hash = *blake3::hash(file.text.as_bytes()).as_bytes();
-            interest.files.insert(file.path.clone(), Some(hash));
-            for beside in &file.beside {
-                let hash = beside.bytes.as_ref().ok().map(|bytes| *blake3::hash(bytes).as_bytes());
-                interest.files.insert(beside.path.clone(), hash);
-            }
+        if self.watch.is_some() {
+            // Those that are not used, too: an edit can give one the name that the script asks for.
+            interest.files.extend(listing.files().map(|file| (file.to_path_buf(), content_of(file))));
         }
-        if let Some((files, registry)) = &self.files
-            && *files == listing.files
-            && listing.problems.is_empty()
-        {
-            return Ok(registry.clone());
-        }
-        let found: Found = listing.compile();
-        self.work.plugins += u64::from(!found.files.is_empty());
-        if !found.problems.is_empty() {
-            for problem in &found.problems {
-                // Of one that could not even be read there is nothing to compare.
-                interest.files.entry(problem.file.clone()).or_insert(None);
-            }
-            return Err(found.problems.into_iter().map(|p| Diagnostic::error(p.text)).collect());
-        }
-        self.files = Some((found.files, found.registry.clone()));
-        Ok(found.registry)
+        let registry = listing.registry.clone();
+        self.files = Some(listing);
+        Ok(registry)
     }
 
     fn script(&self, registry: &Registry, touched: &mut Touched) -> Result<Built, Vec<Problem>> {

@@ -290,7 +290,7 @@ impl Watch {
     fn changed(&mut self, candidates: &BTreeSet<PathBuf>) -> BTreeSet<PathBuf> {
         let mut changed = BTreeSet::new();
         for path in candidates {
-            let now = std::fs::read(path).ok().map(|bytes| *blake3::hash(&bytes).as_bytes());
+            let now = choreo_script::content_of(path);
             if self.interest.files.get(path).copied().flatten() != now {
                 // Told once.
                 self.interest.files.insert(path.clone(), now);

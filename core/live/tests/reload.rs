@@ -200,6 +200,28 @@ fn plugin_files_come_change_and_break() {
     good(version);
 }
 
+/// What nothing uses is not compiled, and heard of when it gets the name that the script asks for.
+#[test]
+fn a_plugin_file_that_nothing_uses_breaks_nothing() {
+    let mut place = Place::new(|_| ());
+    place.write("plugins/glow.wgsl", GLOW);
+    place.write(
+        "plugins/bad.wgsl",
+        &GLOW.replace("effect: glow", "effect: bad").replace("return color", "return colour"),
+    );
+    let first = place.session.build(BTreeSet::new());
+    assert_eq!(first.work.plugins, 0);
+    assert!(good(first).registry.effect("glow").is_none());
+    place.write("a.rhai", &format!("{SCRIPT}\neffect(\"late\");\n"));
+    assert!(first_error(&place.next()).contains("unknown effect \"late\""));
+    place.write("plugins/bad.wgsl", &GLOW.replace("effect: glow", "effect: late"));
+    let version = place.next();
+    assert_eq!(version.work.plugins, 1);
+    let scene = good(version);
+    let names: Vec<&str> = scene.registry.effects().iter().map(|e| e.manifest().name.as_str()).collect();
+    assert_eq!(names, ["late"]);
+}
+
 /// One texel, red 127, green 64, blue `blue`: type 2, 1 × 1, 32 bits from the top.
 fn tga(blue: u8) -> String {
     String::from_utf8(

@@ -5,7 +5,7 @@ use crate::forms::{EDGES, Form, Host, LINE, TRIANGLE, form};
 use crate::head::{self, Head};
 use crate::prepare::has_pointer_arguments;
 use crate::program::Program;
-use crate::{parameters, slips, trial};
+use crate::{depth, parameters, slips, trial};
 use choreo_plugin::{Hook, Manifest};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{Function, Module, SourceLocation};
@@ -61,14 +61,30 @@ impl Text<'_> {
     }
 }
 
-/// `file` is the text's name in messages.
+/// The parser and the validator go down trees, whatever thread they are called on: as deep as [`depth`] lets pass, many times over.
+const STACK: usize = 64 << 20;
+
+/// `file` is the text's name in messages. A byte order mark before the text is passed over.
 pub fn compile(file: &str, text: &str) -> Result<Compiled, LookError> {
+    let text = head::without_mark(text);
+    let refuse = |line, column, message| LookError { file: file.into(), line, column, message };
+    if text.len() > MOST_BYTES {
+        return Err(refuse(1, 1, format!("the text is {} bytes long, at most {MOST_BYTES}", text.len())));
+    }
+    depth::check(text).map_err(|deep| refuse(deep.line, deep.column, deep.message))?;
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().name("effect".into()).stack_size(STACK);
+        match thread.spawn_scoped(scope, || compile_here(file, text)).map(|thread| thread.join()) {
+            Ok(Ok(compiled)) => compiled,
+            Ok(Err(panic)) => std::panic::resume_unwind(panic),
+            Err(e) => Err(refuse(1, 1, format!("cannot start a thread to compile it: {e}"))),
+        }
+    })
+}
+
+fn compile_here(file: &str, text: &str) -> Result<Compiled, LookError> {
     let mut author = Text { file, whole: String::new() };
     let at_line = |author: &Text, (line, message)| author.at(line, 1, message);
-    if text.len() > MOST_BYTES {
-        let long = format!("the text is {} bytes long, at most {MOST_BYTES}", text.len());
-        return Err(author.at(1, 1, long));
-    }
     let manifest = parameters::manifest(text).map_err(|e| at_line(&author, e))?;
     let head = head::head(text, &manifest).map_err(|e| at_line(&author, e))?;
     let form = form(head.hook);

@@ -106,13 +106,30 @@ fn fields(text: &str) -> impl Iterator<Item = (usize, &str, &str)> {
 
 /// Files that the head names, whatever else is wrong with it.
 pub fn files(text: &str) -> Vec<String> {
-    let lines = comment(text).filter_map(|(_, line)| {
+    let lines = comment(without_mark(text)).filter_map(|(_, line)| {
         let rest = line.trim().trim_start_matches('/').trim().strip_prefix("texture ")?;
         let (file, _) = rest.split_once('=')?.1.split_once(':')?;
         let file = file.trim();
         Some(file.strip_suffix(" as data").unwrap_or(file).trim().to_string())
     });
     lines.take(MOST_TEXTURES).collect()
+}
+
+/// Whether a text is meant as an effect: its head has a line `// effect: NAME`, right or wrong.
+pub fn is_meant(text: &str) -> bool {
+    fields(without_mark(text)).any(|(_, name, _)| name == "effect")
+}
+
+/// The effect's name, whatever else is wrong with its head. `None`: it cannot be used by any name.
+pub fn name(text: &str) -> Option<String> {
+    // As in the manifest, the last one counts.
+    let named = fields(without_mark(text)).filter(|(_, name, _)| *name == "effect").last();
+    named.and_then(|(_, _, value)| Some(identifier(value).ok()?.to_string()))
+}
+
+/// A text without the byte order mark that some editors put before it.
+pub fn without_mark(text: &str) -> &str {
+    text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
 pub fn head(text: &str, manifest: &Manifest) -> Result<Head, HeadError> {

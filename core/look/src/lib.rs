@@ -8,6 +8,7 @@
 
 mod around;
 mod compile;
+mod depth;
 mod effect;
 mod forms;
 mod head;
@@ -21,4 +22,4 @@ mod slips;
 mod trial;
 
 pub use effect::{ENDING, LookError, Picture, WgslEffect};
-pub use head::files;
+pub use head::{files, is_meant, name};

@@ -16,6 +16,48 @@ pub struct Code {
     pub memory: usize,
 }
 
+/// Statements and calls within one another that a run may be in: the evaluator goes down by recursion.
+const MOST_STATEMENTS: usize = 200;
+
+/// Refuses a function whose statements, with those of the functions that they call, are too deep within one another. `known`:
+/// the levels of the functions before it, which are those that it can call.
+pub fn levels(function: &Function, known: &[usize]) -> Result<usize, Unsupported> {
+    let mut deepest = 0;
+    within(&function.body, 1, known, &mut deepest)?;
+    Ok(deepest)
+}
+
+fn within(block: &Block, level: usize, known: &[usize], deepest: &mut usize) -> Result<(), Unsupported> {
+    for (statement, span) in block.span_iter() {
+        let called = match statement {
+            Statement::Call { function, .. } => known.get(function.index()).copied().unwrap_or(0),
+            _ => 0,
+        };
+        if level + called > MOST_STATEMENTS {
+            return Err(Unsupported {
+                what: format!("more than {MOST_STATEMENTS} statements and calls within one another"),
+                span: *span,
+            });
+        }
+        *deepest = (*deepest).max(level + called);
+        let mut below = |block: &Block| within(block, level + 1, known, deepest);
+        match statement {
+            Statement::Block(block) => below(block)?,
+            Statement::If { accept, reject, .. } => {
+                below(accept)?;
+                below(reject)?;
+            }
+            Statement::Switch { cases, .. } => cases.iter().try_for_each(|case| below(&case.body))?,
+            Statement::Loop { body, continuing, .. } => {
+                below(body)?;
+                below(continuing)?;
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
 /// Works out shapes and memory, and refuses what is not known.
 pub fn code(
     module: &Module,

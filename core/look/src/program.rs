@@ -4,7 +4,7 @@
 
 use crate::forms::Host;
 use crate::maths;
-use crate::prepare::{Code, code};
+use crate::prepare::{self, Code, code};
 use crate::shape::{self, MOST, Value};
 use naga::valid::ModuleInfo;
 use naga::{
@@ -89,6 +89,11 @@ impl Program {
                 ),
                 span,
             });
+        }
+        // naga orders functions so that those that are called come first.
+        let mut levels = Vec::with_capacity(module.functions.len());
+        for (_, function) in module.functions.iter() {
+            levels.push(prepare::levels(function, &levels)?);
         }
         let functions =
             module.functions.iter().map(|(h, f)| code(&module, info, h, f)).collect::<Result<_, _>>()?;

@@ -12,14 +12,7 @@ pub trait Importer: Send + Sync {
     /// Whether the bytes are this importer's own. Looks only at `source`, and must be fast.
     /// By default: the magic bytes of the manifest, else its extensions.
     fn claim(&self, source: &Source) -> Claim {
-        let m = self.manifest();
-        if m.magic.iter().any(|magic| source.bytes.starts_with(magic)) {
-            Claim::Content(90)
-        } else if m.has_extension(&source.extension()) {
-            Claim::Extension
-        } else {
-            Claim::NotMine
-        }
+        self.manifest().claim(source)
     }
 
     /// The file that it was read from, where it is no part of the program: what it makes depends on that file too.

@@ -6,6 +6,7 @@ pub mod effect_texture;
 pub mod exporter;
 pub mod importer;
 pub mod manifest;
+pub mod on_use;
 pub mod overlay;
 pub mod registry;
 pub mod suggest;
@@ -21,5 +22,6 @@ pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source,
 };
 pub use manifest::{BesideFile, Manifest, OptionError, OptionKind, OptionSpec, PluginFile};
+pub use on_use::{EffectOnUse, PluginFault};
 pub use overlay::{Body, Label, Lattice, Overlay, Scene, Stroke, Triangle};
 pub use registry::Registry;

@@ -1,7 +1,7 @@
 //! What a plugin says of itself, as data: `choreo plugins`, `--help` and the script read it from here.
 
 use crate::suggest::{did_you_mean, list};
-use crate::{ImportOptions, OptionValue};
+use crate::{Claim, ImportOptions, OptionValue, Source};
 use std::ops::RangeInclusive;
 use thiserror::Error;
 
@@ -137,6 +137,17 @@ impl Manifest {
 
     pub fn has_extension(&self, extension: &str) -> bool {
         self.extensions.iter().any(|e| e == extension)
+    }
+
+    /// Whether a file is of this format by its first bytes, else by its name.
+    pub fn claim(&self, source: &Source) -> Claim {
+        if self.magic.iter().any(|magic| source.bytes.starts_with(magic)) {
+            Claim::Content(90)
+        } else if self.has_extension(&source.extension()) {
+            Claim::Extension
+        } else {
+            Claim::NotMine
+        }
     }
 
     /// The option `name`; the error says which there are.

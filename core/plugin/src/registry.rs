@@ -1,7 +1,10 @@
 //! All plugins known to the program.
 
 use crate::suggest::{did_you_mean, list};
-use crate::{Claim, Effect, Exporter, Files, ImportError, ImportOptions, Importer, Needs, Source};
+use crate::{
+    Claim, Effect, EffectOnUse, Exporter, Files, ImportError, ImportOptions, Importer, Needs, PluginFault,
+    Source,
+};
 use choreo_stage::Asset;
 use std::sync::Arc;
 
@@ -10,21 +13,41 @@ pub struct Registry {
     importers: Vec<Arc<dyn Importer>>,
     exporters: Vec<Arc<dyn Exporter>>,
     effects: Vec<Arc<dyn Effect>>,
+    /// Clones share what was made of them.
+    on_use: Vec<Arc<EffectOnUse>>,
+    /// Files that were meant as plugins and are none, as messages name them.
+    faulty: Vec<String>,
 }
 
 impl Registry {
     /// One of the same name is replaced, here and below: a plugin of the user's own comes in place of ours.
     pub fn add_importer(&mut self, plugin: impl Importer + 'static) {
+        self.add_shared_importer(Arc::new(plugin));
+    }
+    pub fn add_shared_importer(&mut self, plugin: Arc<dyn Importer>) {
         self.importers.retain(|p| p.manifest().name != plugin.manifest().name);
-        self.importers.push(Arc::new(plugin));
+        self.importers.push(plugin);
     }
     pub fn add_exporter(&mut self, plugin: impl Exporter + 'static) {
         self.exporters.retain(|p| p.manifest().name != plugin.manifest().name);
         self.exporters.push(Arc::new(plugin));
     }
     pub fn add_effect(&mut self, plugin: impl Effect + 'static) {
-        self.effects.retain(|p| p.manifest().name != plugin.manifest().name);
+        self.forget_effect(&plugin.manifest().name);
         self.effects.push(Arc::new(plugin));
+    }
+    /// An effect of a plugin file, made when it is used first.
+    pub fn add_effect_on_use(&mut self, plugin: Arc<EffectOnUse>) {
+        self.forget_effect(plugin.name());
+        self.on_use.push(plugin);
+    }
+    fn forget_effect(&mut self, name: &str) {
+        self.effects.retain(|p| p.manifest().name != name);
+        self.on_use.retain(|p| p.name() != name);
+    }
+    /// A file that was meant as a plugin and is none: told where something is looked for and not found.
+    pub fn add_faulty(&mut self, file: String) {
+        self.faulty.push(file);
     }
     pub fn importers(&self) -> &[Arc<dyn Importer>] {
         &self.importers
@@ -32,11 +55,40 @@ impl Registry {
     pub fn exporters(&self) -> &[Arc<dyn Exporter>] {
         &self.exporters
     }
+    /// The effects that are ready. Those of plugin files that were used are among them after [`Registry::settled`].
     pub fn effects(&self) -> &[Arc<dyn Effect>] {
         &self.effects
     }
+    /// An effect that is ready, or was made of a plugin file.
     pub fn effect(&self, name: &str) -> Option<&Arc<dyn Effect>> {
-        self.effects.iter().find(|e| e.manifest().name == name)
+        let made = || self.on_use.iter().find(|e| e.name() == name)?.made();
+        self.effects.iter().find(|e| e.manifest().name == name).or_else(made)
+    }
+    /// An effect to be used: that of a plugin file is made now. `None` where no effect has the name.
+    pub fn use_effect(&self, name: &str) -> Result<Option<&Arc<dyn Effect>>, &PluginFault> {
+        let of_file = || self.on_use.iter().find(|e| e.name() == name).map(|e| e.get()).transpose();
+        self.effects.iter().find(|e| e.manifest().name == name).map_or_else(of_file, |e| Ok(Some(e)))
+    }
+    /// Names of all effects, ready or not.
+    pub fn effect_names(&self) -> impl Iterator<Item = &str> {
+        self.effects.iter().map(|e| e.manifest().name.as_str()).chain(self.on_use.iter().map(|e| e.name()))
+    }
+    /// The same plugins, with the effects of plugin files that were used so far among those that are ready: for renderers,
+    /// after a script has run. Effects that nothing used have no place in it.
+    pub fn settled(&self) -> Registry {
+        let mut settled = Registry { on_use: Vec::new(), ..self.clone() };
+        settled.effects.extend(self.on_use.iter().filter_map(|e| e.made()).cloned());
+        settled
+    }
+    /// Where plugin files are faulty: which, for the hint of something that was not found. Empty where none is.
+    pub fn faulty_hint(&self) -> String {
+        match self.faulty.as_slice() {
+            [] => String::new(),
+            faulty => {
+                let names = list(faulty.iter().map(String::as_str), 8);
+                format!("; no plugin, and choreo plugins says why: {names}")
+            }
+        }
     }
 
     /// The exporter for an output file name, by extension.
@@ -70,14 +122,18 @@ impl Registry {
         if let Some(named) = named {
             return self.importers.iter().rfind(|i| i.manifest().name == named).ok_or_else(|| {
                 let what = format!("unknown importer \"{named}\"{}", did_you_mean(named, names()));
-                error(what, format!("importers: {}", list(names(), 30)))
+                error(what, format!("importers: {}{}", list(names(), 30), self.faulty_hint()))
             });
         }
         match self.claims(source).first() {
             Some((claim, importer)) if *claim > Claim::NotMine => Ok(importer),
             _ => Err(error(
                 "no importer knows this kind of file".into(),
-                format!("known importers: {}; name one with #{{ importer: … }}", list(names(), 30)),
+                format!(
+                    "known importers: {}; name one with #{{ importer: … }}{}",
+                    list(names(), 30),
+                    self.faulty_hint()
+                ),
             )),
         }
     }
@@ -155,6 +211,45 @@ mod tests {
         assert_eq!(order(&[("ours", "dat", c), ("yours", "dat", c)]), ["yours", "ours"]);
     }
 
+    struct Named(Manifest);
+
+    impl Effect for Named {
+        fn manifest(&self) -> &Manifest {
+            &self.0
+        }
+    }
+
+    fn named(name: &str) -> Arc<dyn Effect> {
+        Arc::new(Named(Manifest::new(name, "1", "")))
+    }
+
+    #[test]
+    fn an_effect_of_a_file_is_made_once_and_only_when_used() {
+        use std::sync::atomic::{AtomicUsize, Ordering};
+        let made = Arc::new(AtomicUsize::new(0));
+        let mut registry = Registry::default();
+        registry.add_effect(Named(Manifest::new("fog", "1", "the program's")));
+        let count = made.clone();
+        registry.add_effect_on_use(Arc::new(EffectOnUse::new("fog", move || {
+            count.fetch_add(1, Ordering::Relaxed);
+            Ok(named("fog"))
+        })));
+        let fault = PluginFault { text: "bad.wgsl:1:1: faulty".into(), files: Vec::new() };
+        let same = fault.clone();
+        registry.add_effect_on_use(Arc::new(EffectOnUse::new("bad", move || Err(same.clone()))));
+        assert_eq!(registry.effect_names().collect::<Vec<_>>(), ["fog", "bad"]);
+        assert!(registry.effect("fog").is_none() && registry.settled().effects().is_empty());
+        assert_eq!(made.load(Ordering::Relaxed), 0);
+        let clone = registry.clone();
+        assert!(clone.use_effect("fog").unwrap().is_some() && clone.use_effect("none").unwrap().is_none());
+        assert_eq!(clone.use_effect("bad").err(), Some(&fault));
+        registry.use_effect("fog").unwrap();
+        assert_eq!(made.load(Ordering::Relaxed), 1);
+        assert!(registry.effect("fog").is_some() && registry.effect("bad").is_none());
+        let names = |r: &Registry| r.effects().iter().map(|e| e.manifest().name.clone()).collect::<Vec<_>>();
+        assert_eq!(names(&registry.settled()), ["fog"]);
+    }
+
     #[test]
     fn nobody_reads_what_nobody_claims() {
         let mut registry = Registry::default();
@@ -167,5 +262,11 @@ mod tests {
             "a.dat: unknown importer \"glft\"; did you mean \"gltf\"?"
         );
         assert!(registry.importer_for(&source, Some("gltf")).is_ok());
+        registry.add_faulty("plugins/dots.importer.rhai".into());
+        let hint = registry.importer_for(&source, None).err().unwrap().hint.unwrap();
+        assert!(
+            hint.ends_with("; no plugin, and choreo plugins says why: plugins/dots.importer.rhai"),
+            "{hint}"
+        );
     }
 }

@@ -1,8 +1,9 @@
 //! Which files a script may reach: those under its own folder and the search paths given, and no others.
 
 use crate::suggest::{closest, list};
-use std::io::Read;
+use choreo_files::{FileError, Folder};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A refusal or failure: what, and what to do.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,11 +32,29 @@ impl std::error::Error for LoadError {}
 
 #[derive(Clone, Debug)]
 pub struct Folders {
-    /// As given, for messages, and canonical.
-    roots: Vec<(PathBuf, PathBuf)>,
+    roots: Vec<Root>,
     /// How many of them are the script's own: modules come from these only.
     own: usize,
     max_bytes: u64,
+}
+
+/// A folder that may be read.
+#[derive(Clone, Debug)]
+struct Root {
+    /// As the caller named it, for messages.
+    given: PathBuf,
+    canonical: PathBuf,
+    /// Files are opened relative to it, so that nothing can be put in their place after they were found. `None`: it may be
+    /// entered and not be opened.
+    open: Option<Arc<Folder>>,
+}
+
+impl Root {
+    fn new(given: &Path) -> std::io::Result<Root> {
+        let canonical = given.canonicalize()?;
+        let open = Folder::open(&canonical).ok().map(Arc::new);
+        Ok(Root { given: given.to_path_buf(), canonical, open })
+    }
 }
 
 /// A file found within the folders.
@@ -45,17 +64,7 @@ pub struct Found {
     pub path: PathBuf,
 }
 
-/// The system's words without "(os error 20)".
-fn words(error: &std::io::Error) -> String {
-    match error.kind() {
-        std::io::ErrorKind::NotADirectory => "a part of the path is a file, not a folder".to_string(),
-        std::io::ErrorKind::PermissionDenied => "permission denied".to_string(),
-        _ => {
-            let text = error.to_string();
-            text.split_once(" (os error").map_or(text.clone(), |(words, _)| words.to_string())
-        }
-    }
-}
+const LINK_OUT: &str = "it is a link that leads out of the folders this script may read";
 
 impl Folders {
     /// The script's folder first, then the search paths in order.
@@ -64,16 +73,15 @@ impl Folders {
         for (i, given) in std::iter::once(base).chain(search.iter().map(PathBuf::as_path)).enumerate() {
             let here = if given.as_os_str().is_empty() { Path::new(".") } else { given };
             let what = if i == 0 { "script folder" } else { "search path" };
-            let canonical = here
-                .canonicalize()
+            let root = Root::new(here)
                 .map_err(|e| LoadError::new(format!("cannot use {what} \"{}\": {e}", here.display())))?;
-            if !canonical.is_dir() {
+            if !root.canonical.is_dir() {
                 return Err(LoadError::new(format!(
                     "cannot use {what} \"{}\": it is not a folder",
                     here.display()
                 )));
             }
-            roots.push((here.to_path_buf(), canonical));
+            roots.push(root);
         }
         Ok(Folders { roots, own: 1, max_bytes })
     }
@@ -81,18 +89,17 @@ impl Folders {
     /// For tests: all that lies in `root`, which holds the script's folder, is the script's own too, and a name is looked
     /// for from the script's folder on, up to there.
     pub fn with_root(mut self, root: &Path) -> Result<Folders, LoadError> {
-        let canonical = root
-            .canonicalize()
+        let outer = Root::new(root)
             .map_err(|e| LoadError::new(format!("cannot use folder \"{}\": {e}", root.display())))?;
-        if !self.base().starts_with(&canonical) {
+        if !self.base().starts_with(&outer.canonical) {
             return Err(LoadError::new(format!(
                 "\"{}\" does not lie in \"{}\"",
                 self.base().display(),
                 root.display()
             )));
         }
-        if self.base() != canonical {
-            self.roots.insert(1, (root.to_path_buf(), canonical));
+        if self.base() != outer.canonical {
+            self.roots.insert(1, outer);
             self.own = 2;
         }
         Ok(self)
@@ -104,7 +111,7 @@ impl Folders {
     }
 
     pub fn base(&self) -> &Path {
-        &self.roots[0].1
+        &self.roots[0].canonical
     }
 
     /// Finds `name` relative to `start` (a canonical folder within the roots), else in each root.
@@ -154,11 +161,12 @@ impl Folders {
                 }
                 Err(e) => {
                     told(&candidate);
-                    return Err(LoadError::new(format!("cannot read \"{}\": {}", cut(name), words(&e))));
+                    let why = FileError::Io(e);
+                    return Err(LoadError::new(format!("cannot read \"{}\": {why}", cut(name))));
                 }
             };
-            if !self.roots.iter().any(|(_, r)| path.starts_with(r)) {
-                return refuse("it is a link that leads out of the folders this script may read");
+            if !self.roots.iter().any(|r| path.starts_with(&r.canonical)) {
+                return refuse(LINK_OUT);
             }
             if path.is_dir() {
                 return Err(LoadError::new(format!("cannot read \"{name}\": it is a folder, not a file")));
@@ -176,36 +184,41 @@ impl Folders {
 
     /// Reads a found file, up to the limit.
     pub fn read(&self, found: &Found, name: &str) -> Result<Vec<u8>, LoadError> {
-        let fail = |e: std::io::Error| LoadError::new(format!("cannot read \"{name}\": {}", words(&e)));
-        let file = std::fs::File::open(&found.path).map_err(fail)?;
-        let mut bytes = Vec::new();
-        file.take(self.max_bytes.saturating_add(1)).read_to_end(&mut bytes).map_err(fail)?;
-        if bytes.len() as u64 > self.max_bytes {
-            return Err(LoadError::new(format!("cannot read \"{name}\": it is too large"))
-                .hint(crate::limits::raise_hint("file", format!("{} bytes", self.max_bytes))));
-        }
-        Ok(bytes)
+        let within = |root: &Root| {
+            Some((root.open.clone()?, found.path.strip_prefix(&root.canonical).ok()?.to_path_buf()))
+        };
+        // The script itself may lie elsewhere: the user named it.
+        let read = match self.roots.iter().find_map(within) {
+            Some((folder, inside)) => folder.read(&inside, self.max_bytes),
+            None => choreo_files::read(&found.path, self.max_bytes),
+        };
+        read.map_err(|error| match error {
+            FileError::TooLarge(most) => LoadError::new(format!("cannot read \"{name}\": it is too large"))
+                .hint(crate::limits::raise_hint("file", format!("{most} bytes"))),
+            FileError::Outside => LoadError::new(format!("cannot read \"{name}\": {LINK_OUT}")),
+            error => LoadError::new(format!("cannot read \"{name}\": {error}")),
+        })
     }
 
     /// Folders to start from, as (parts below the root, canonical root).
     fn starts(&self, start: Option<&Path>) -> Vec<(Vec<String>, PathBuf)> {
         let mut starts = Vec::new();
         if let Some(start) = start.or((self.own > 1).then(|| self.base())) {
-            for (_, root) in &self.roots {
-                if let Ok(below) = start.strip_prefix(root) {
+            for root in &self.roots {
+                if let Ok(below) = start.strip_prefix(&root.canonical) {
                     let parts =
                         below.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
-                    starts.push((parts, root.clone()));
+                    starts.push((parts, root.canonical.clone()));
                 }
             }
         }
-        starts.extend(self.roots.iter().map(|(_, root)| (Vec::new(), root.clone())));
+        starts.extend(self.roots.iter().map(|root| (Vec::new(), root.canonical.clone())));
         starts
     }
 
     fn shown(&self) -> String {
         let names: Vec<String> =
-            self.roots.iter().map(|(given, _)| format!("\"{}\"", given.display())).collect();
+            self.roots.iter().map(|root| format!("\"{}\"", root.given.display())).collect();
         names.join(", ")
     }
 
@@ -219,7 +232,7 @@ impl Folders {
             let dir = parts.iter().fold(root, |p, part| p.join(part));
             // A link out of the folders must not be listed either.
             let inside =
-                dir.canonicalize().is_ok_and(|d| self.roots.iter().any(|(_, root)| d.starts_with(root)));
+                dir.canonicalize().is_ok_and(|d| self.roots.iter().any(|r| d.starts_with(&r.canonical)));
             if let (true, Ok(entries)) = (inside, std::fs::read_dir(&dir)) {
                 names.extend(
                     entries
@@ -263,4 +276,36 @@ fn flatten(prefix: &[String], name: &str) -> Option<Vec<String>> {
         }
     }
     Some(parts)
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::fs;
+    use std::os::unix::fs::symlink;
+
+    /// What is put in a file's place after it was found is not read.
+    #[test]
+    fn a_file_that_is_exchanged_after_it_was_found_is_refused() {
+        let outer = tempfile::tempdir().unwrap();
+        let inside = outer.path().join("inside");
+        fs::create_dir_all(inside.join("below")).unwrap();
+        fs::write(outer.path().join("secret"), "secret").unwrap();
+        fs::write(inside.join("a"), "text").unwrap();
+        fs::write(inside.join("below/secret"), "text").unwrap();
+        let folders = Folders::new(&inside, &[], 100).unwrap();
+        let (a, below) = (folders.find(None, "a").unwrap(), folders.find(None, "below/secret").unwrap());
+        assert_eq!(folders.read(&a, "a").unwrap(), b"text");
+        fs::remove_file(inside.join("a")).unwrap();
+        symlink("../secret", inside.join("a")).unwrap();
+        let message = |found, name: &str| folders.read(found, name).unwrap_err().message;
+        let refused = "it is a link that leads out of the folders this script may read";
+        assert_eq!(message(&a, "a"), format!("cannot read \"a\": {refused}"));
+        fs::remove_dir_all(inside.join("below")).unwrap();
+        symlink("..", inside.join("below")).unwrap();
+        assert_eq!(message(&below, "b"), format!("cannot read \"b\": {refused}"));
+        fs::remove_file(inside.join("a")).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(inside.join("a")).status().unwrap().success());
+        assert_eq!(message(&a, "a"), "cannot read \"a\": it is a pipe or device, not a regular file");
+    }
 }

@@ -122,6 +122,11 @@ impl Loader {
         self.state().looked_for.clone()
     }
 
+    /// Remembers files on which something depends that failed.
+    pub fn note_looked_for(&self, files: &[PathBuf]) {
+        self.state().looked_for.extend(files.iter().cloned());
+    }
+
     /// [`Folders::find`], remembering where it looked.
     pub fn find_in(&self, folders: &Folders, start: Option<&Path>, name: &str) -> Result<Found, LoadError> {
         let mut told = Vec::new();

@@ -124,9 +124,11 @@ pub fn read_text(shared: &Shared, found: &crate::folders::Found, name: &str) -> 
         )));
     }
     shared.loader.note_used(&found.path, &bytes);
-    String::from_utf8(bytes).map_err(|e| {
+    let text = String::from_utf8(bytes).map_err(|e| {
         let good = &e.as_bytes()[..e.utf8_error().valid_up_to()];
         let line = good.iter().filter(|b| **b == b'\n').count() + 1;
         ApiError::new(format!("\"{name}\" is not a text file: line {line} is not UTF-8"))
-    })
+    })?;
+    // Some editors put a byte order mark before the text; it takes no column.
+    Ok(text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text))
 }

@@ -66,6 +66,24 @@ impl Painter {
         }
     }
 
+    /// Draws with these effects from now on: those of the program and of the plugin files that a section uses.
+    pub fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), NoPicture> {
+        let same = self.effects.len() == effects.len()
+            && self.effects.iter().zip(effects).all(|(a, b)| Arc::ptr_eq(a, b));
+        if same {
+            return Ok(());
+        }
+        self.effects = effects.to_vec();
+        let failed = |e: RenderError| NoPicture::Failed(e.to_string());
+        if let Some(cpu) = &mut self.cpu {
+            cpu.set_effects(effects).map_err(failed)?;
+        }
+        if let Some(Ok(vulkan)) = &mut self.vulkan {
+            vulkan.set_effects(effects).map_err(failed)?;
+        }
+        Ok(())
+    }
+
     /// The picture, and the class of device that drew it (see [`device_class`]).
     pub fn draw(&mut self, stage: &Arc<Stage>, shot: &Shot) -> Result<(Frame, String), NoPicture> {
         let [width, height] = shot.size;

@@ -8,6 +8,7 @@
 use crate::collect::Case;
 use crate::outcome::{Outcome, Status};
 use choreo_files::write_whole_beneath;
+use choreo_script::content_of;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -17,6 +18,8 @@ use std::sync::{Mutex, PoisonError};
 const FORMAT: u32 = 1;
 /// An entry is a few kilobytes.
 const MOST_BYTES: u64 = 4 << 20;
+/// More than a script may have.
+const MOST_SCRIPT: u64 = 64 << 20;
 
 type Hash = [u8; 32];
 
@@ -59,14 +62,12 @@ impl Results {
 
     /// The earlier outcome, where all is as it was. Entries that are damaged, old or somebody else's count as none.
     pub fn find(&self, case: &Case) -> Option<Reused> {
-        let file = std::fs::File::open(self.place(case)?).ok()?;
-        let mut bytes = Vec::new();
-        std::io::Read::read_to_end(&mut std::io::Read::take(file, MOST_BYTES), &mut bytes).ok()?;
+        let bytes = choreo_files::read(&self.place(case)?, MOST_BYTES).ok()?;
         let entry: Entry = serde_json::from_slice(&bytes).ok()?;
         let same = |(path, hash): &(PathBuf, String)| self.content(path).is_some_and(|h| hex(&h) == *hash);
         let good = entry.format == FORMAT
             && entry.outcome.status == Status::Passed
-            && entry.base == hex(&self.base(case, &std::fs::read(&case.path).ok()?)?)
+            && entry.base == hex(&self.base(case, &choreo_files::read(&case.path, MOST_SCRIPT).ok()?)?)
             && entry.elsewhere.iter().all(|(path, there)| path.exists() == *there)
             && entry.files.iter().chain(&entry.pictures).all(same);
         if !good {
@@ -93,7 +94,7 @@ impl Results {
         pictures: &[(PathBuf, Option<Hash>)],
         roots: &[PathBuf],
     ) {
-        let Ok(text) = std::fs::read(&case.path) else { return };
+        let Ok(text) = choreo_files::read(&case.path, MOST_SCRIPT) else { return };
         let (Some(base), Some(place)) = (self.base(case, &text), self.place(case)) else { return };
         let own = case.path.canonicalize().ok();
         // Saved while it ran: what passed is not what is there now.
@@ -169,7 +170,7 @@ impl Results {
         if let Some(known) = self.seen.lock().unwrap_or_else(PoisonError::into_inner).get(path) {
             return *known;
         }
-        let hash = hash_of(path).ok();
+        let hash = content_of(path);
         self.seen.lock().unwrap_or_else(PoisonError::into_inner).insert(path.to_path_buf(), hash);
         hash
     }
@@ -192,21 +193,8 @@ fn elsewhere(files: &[(PathBuf, String)], roots: &[PathBuf]) -> Vec<(PathBuf, bo
 
 /// Tells this program from any other build of it: version and content hash of its file; `None` where it cannot be read.
 pub fn program() -> Option<String> {
-    let hash = hash_of(&std::env::current_exe().ok()?).ok()?;
+    let hash = content_of(&std::env::current_exe().ok()?)?;
     Some(format!("choreo {} {}", env!("CARGO_PKG_VERSION"), hex(&hash)))
-}
-
-/// Of a file's content, read in pieces.
-fn hash_of(path: &Path) -> std::io::Result<Hash> {
-    let mut file = std::fs::File::open(path)?;
-    let mut hasher = blake3::Hasher::new();
-    let mut piece = vec![0; 1 << 18];
-    loop {
-        match std::io::Read::read(&mut file, &mut piece)? {
-            0 => return Ok(*hasher.finalize().as_bytes()),
-            n => hasher.update(&piece[..n]),
-        };
-    }
 }
 
 /// Tells one folder from another in a name.

@@ -81,10 +81,16 @@ pub fn run(
         }
     };
     outcome.printed = run.printed.clone();
+    // With the effects of plugin files that the section uses, and perhaps those of others.
+    let registry = registry.settled();
+    if let Err(NoPicture::Failed(why) | NoPicture::NoDevice(why)) = painter.set_effects(registry.effects()) {
+        outcome.status = Status::Error(why);
+        return without(outcome);
+    }
     // What a known bug draws is not what is expected.
     let without_accept = PictureOptions { accept: Accept::None, ..picture_options.clone() };
     let picture_options = if info.fails.is_some() { &without_accept } else { picture_options };
-    let mut ran = judge(case, outcome, &run, registry, picture_options, painter);
+    let mut ran = judge(case, outcome, &run, &registry, picture_options, painter);
     if let Some(why) = &info.fails {
         known_bug(&mut ran.outcome, why);
     }

@@ -1,6 +1,6 @@
 //! Pictures as they lie beside the tests: PNG files that say on which class of device they were accepted.
 
-use choreo_files::write_whole_beneath;
+use choreo_files::{FileError, Folder, write_whole_beneath};
 use choreo_plugin::Frame;
 use std::path::{Path, PathBuf};
 
@@ -32,16 +32,19 @@ pub fn place(test_file: &Path, name: &str) -> PathBuf {
 }
 
 pub fn read(path: &Path) -> Result<(Stored, Vec<u8>), Unreadable> {
-    let damaged = |e: std::io::Error| Unreadable::Damaged(e.to_string());
-    let file = match std::fs::File::open(path) {
-        Ok(file) => file,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Err(Unreadable::Missing),
-        Err(e) => return Err(damaged(e)),
-    };
-    let mut bytes = Vec::new();
-    std::io::Read::read_to_end(&mut std::io::Read::take(file, MOST_FILE_BYTES), &mut bytes)
-        .map_err(damaged)?;
+    let bytes = beside(path).map_err(|error| match error.is_missing() {
+        true => Unreadable::Missing,
+        false => Unreadable::Damaged(error.to_string()),
+    })?;
     decode(&bytes).map(|stored| (stored, bytes)).map_err(Unreadable::Damaged)
+}
+
+/// The bytes of a golden image. Links lead to places beneath the test's folder only.
+fn beside(path: &Path) -> Result<Vec<u8>, FileError> {
+    // FOLDER/pictures/FILE/NAME.png, as `place` has it.
+    let Some(folder) = path.ancestors().nth(3) else { return choreo_files::read(path, MOST_FILE_BYTES) };
+    let inside = path.strip_prefix(folder).unwrap_or(path);
+    Folder::open(folder)?.read(inside, MOST_FILE_BYTES)
 }
 
 /// The picture in a PNG file's bytes, 8 bits a channel; else why not, without the file's name.
@@ -192,5 +195,27 @@ mod tests {
             std::fs::remove_file(&link).unwrap();
         }
         assert_eq!(std::fs::read_dir(far.join("walk")).unwrap().count(), 0);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn golden_images_are_not_read_through_links_or_pipes() {
+        use std::os::unix::fs::symlink;
+        let dir = tempfile::tempdir().unwrap();
+        let image = |name: &str| place(&dir.path().join("tests/a.rhai"), name);
+        write_whole(&dir.path().join("secret.png"), &encode_accepted(&frame(255), "cpu", "t").unwrap())
+            .unwrap();
+        write_whole(&image("good"), &encode_accepted(&frame(255), "cpu", "t").unwrap()).unwrap();
+        symlink("../../../secret.png", image("out")).unwrap();
+        symlink("good.png", image("within")).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(image("pipe")).status().unwrap().success());
+        let damaged = |why: &str| Err(Unreadable::Damaged(why.into()));
+        assert_eq!(read(&image("out")), damaged("it leads out of the folder"));
+        assert_eq!(read(&image("pipe")), damaged("it is a pipe or device, not a regular file"));
+        assert!(read(&image("good")).is_ok() && read(&image("within")).is_ok());
+        // The folder of the images can be a link too.
+        std::fs::rename(dir.path().join("tests/pictures"), dir.path().join("pictures")).unwrap();
+        symlink("../pictures", dir.path().join("tests/pictures")).unwrap();
+        assert_eq!(read(&image("good")), damaged("it leads out of the folder"));
     }
 }

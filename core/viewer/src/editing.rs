@@ -272,11 +272,24 @@ fn guest_line(file: &Path, x: f64, text: &str) -> String {
     format!("let {name} = cast(\"{name}\", load(\"{shown}\")){at};\n")
 }
 
-fn read(path: &Path) -> Result<String, String> {
-    std::fs::read_to_string(path).map_err(|e| format!("{}: cannot read: {e}", path.display()))
+/// Some editors write it before a text; places in scripts do not count it, so that edits must not either.
+const MARK: &str = "\u{feff}";
+
+/// A script's text without a byte order mark.
+pub(crate) fn read(path: &Path) -> Result<String, String> {
+    let text = read_all(path)?;
+    Ok(text.strip_prefix(MARK).map(str::to_string).unwrap_or(text))
 }
 
-/// Whole or not at all. A link to another file of the script's folder stays a link.
+fn read_all(path: &Path) -> Result<String, String> {
+    /// More than a script may have.
+    const MOST_BYTES: u64 = 64 << 20;
+    let shown = path.display();
+    let bytes = choreo_files::read(path, MOST_BYTES).map_err(|e| format!("{shown}: cannot read: {e}"))?;
+    String::from_utf8(bytes).map_err(|_| format!("{shown}: cannot read: it is no UTF-8 text"))
+}
+
+/// Whole or not at all. A link to another file of the script's folder stays a link, and a byte order mark stays before the text.
 pub(crate) fn write(path: &Path, text: &str) -> Result<(), String> {
     let failed = |e: WriteError| format!("{}: cannot write: {e}", path.display());
     let place = path.canonicalize().map_err(|e| failed(e.into()))?;
@@ -288,7 +301,8 @@ pub(crate) fn write(path: &Path, text: &str) -> Result<(), String> {
             place.display()
         ));
     }
-    write_whole(&place, text.as_bytes()).map_err(failed)
+    let mark = if read_all(&place).is_ok_and(|old| old.starts_with(MARK)) { MARK } else { "" };
+    write_whole(&place, format!("{mark}{text}").as_bytes()).map_err(failed)
 }
 
 #[cfg(test)]

@@ -39,6 +39,17 @@ fn a_change_is_one_number_in_the_file_and_can_be_taken_back() {
     assert_eq!(place.viewer.undo().unwrap_err(), "there is nothing to take back");
 }
 
+/// On the first line, too, which is one character shorter to the script than to the file.
+#[test]
+fn a_byte_order_mark_stays_before_the_text() {
+    let script = SCRIPT.replacen('\n', " ", 3);
+    let mut place = Place::new(&format!("\u{feff}{script}"));
+    place.viewer.set_cue(&cue(0), Part::Start, 0.72).unwrap();
+    assert_eq!(place.text(), format!("\u{feff}{}", script.replace(".from(0.5)", ".from(0.72)")));
+    place.viewer.undo().unwrap();
+    assert_eq!(place.text(), format!("\u{feff}{script}"));
+}
+
 #[test]
 fn where_two_clips_meet_is_the_end_of_the_first() {
     let mut place = Place::new(SCRIPT);

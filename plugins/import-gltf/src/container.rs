@@ -37,9 +37,14 @@ pub fn json_chunk(glb: &[u8]) -> &[u8] {
     }
 }
 
+/// JSON without the byte order mark that some editors and exporters put before it.
+pub fn without_mark(json: &[u8]) -> &[u8] {
+    json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json)
+}
+
 pub fn split(bytes: &[u8]) -> Result<Container<'_>> {
     if !bytes.starts_with(GLB_MAGIC) {
-        let json = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+        let json = without_mark(bytes);
         let json_offset = bytes.len() - json.len();
         return Ok(Container { json, json_offset, bin: None, warnings: Vec::new() });
     }
@@ -79,7 +84,10 @@ pub fn split(bytes: &[u8]) -> Result<Container<'_>> {
             .hint("the file is damaged or was cut off; fetch or export it again"));
         };
         match kind {
-            CHUNK_JSON if json.is_none() => json = Some((chunk, start)),
+            CHUNK_JSON if json.is_none() => {
+                let text = without_mark(chunk);
+                json = Some((text, start + chunk.len() - text.len()));
+            }
             CHUNK_BIN if bin.is_none() => bin = Some(chunk),
             _ => warnings
                 .push((format!("byte {at}"), format!("chunk of unknown type {kind:#010x} is ignored"))),
@@ -240,6 +248,24 @@ mod tests {
             ("asset.version", "glTF 1.0 is not supported, only 2.0")
         );
         assert_eq!(p.hint.as_deref(), Some(repair::CONVERT_1));
+    }
+
+    #[test]
+    fn a_byte_order_mark_before_the_json_is_passed_over() {
+        let json = "\u{feff}{\"asset\":{\"version\":-5}}";
+        let glb = |json: &[u8]| {
+            let mut glb = GLB_MAGIC.to_vec();
+            for word in [2, 20 + json.len() as u32, json.len() as u32, CHUNK_JSON] {
+                glb.extend(word.to_le_bytes());
+            }
+            glb.extend(json);
+            glb
+        };
+        for (bytes, at) in [(json.as_bytes().to_vec(), 3), (glb(json.as_bytes()), 23)] {
+            let container = split(&bytes).unwrap();
+            assert!(container.json.starts_with(b"{"));
+            assert_eq!(container.json_offset, at);
+        }
     }
 
     #[test]

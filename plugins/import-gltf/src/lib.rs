@@ -81,7 +81,7 @@ impl Importer for GltfImporter {
             return Claim::Content(95);
         }
         let named = MANIFEST.has_extension(&source.extension());
-        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
+        let text = container::without_mark(bytes).trim_ascii_start();
         if !text.starts_with(b"{") {
             return if named { Claim::Extension } else { Claim::NotMine };
         }

@@ -117,8 +117,7 @@ pub fn has_extension(bytes: &[u8], names: &[&str]) -> Option<bool> {
     struct Top {
         extensions: Option<std::collections::BTreeMap<String, serde::de::IgnoredAny>>,
     }
-    let json = json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json);
-    let top: Top = serde_json::from_slice(json).ok()?;
+    let top: Top = serde_json::from_slice(container::without_mark(json)).ok()?;
     Some(top.extensions.is_some_and(|e| names.iter().any(|n| e.contains_key(*n))))
 }
 

@@ -22,7 +22,7 @@ pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
     if !args.json {
         scene.printed.iter().for_each(|line| eprintln!("{line}"));
     }
-    let (problems, on_stage) = look(&scene, &registry);
+    let (problems, on_stage) = look(&scene);
     let findings = scene.places.findings(&on_stage);
     if let Some(path) = &args.plot {
         let sheet = sheet::sheet(&scene.name, &scene.stage, &scene.places.marks(&on_stage));
@@ -63,8 +63,8 @@ pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
 }
 
 /// What is wrong, and what of the stage is hardly meant.
-fn look(scene: &Scene, registry: &Registry) -> (Vec<Problem>, Vec<Finding>) {
-    let stage = &scene.stage;
+fn look(scene: &Scene) -> (Vec<Problem>, Vec<Finding>) {
+    let (stage, registry) = (&scene.stage, &scene.registry);
     let mut problems: Vec<Problem> = stage.check().iter().map(|e| Problem::Text(e.to_string())).collect();
     problems.extend(unknown_effects(stage, registry));
     problems.extend(callbacks::failures(stage, &scene.limits));
@@ -127,7 +127,7 @@ fn failures<'a>(
 
 fn unknown_effects(stage: &Stage, registry: &Registry) -> Vec<Problem> {
     let unknown = stage.effects.iter().filter(|used| registry.effect(&used.plugin).is_none());
-    let names = || registry.effects().iter().map(|e| e.manifest().name.as_str());
+    let names = || registry.effect_names();
     unknown
         .map(|used| {
             let near = choreo_script::did_you_mean(&used.plugin, names());

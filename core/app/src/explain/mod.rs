@@ -34,7 +34,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
     let mut evaluator = Evaluator::new(stage.clone()).for_pictures(aspect);
     let snapshot = evaluator.at(at).map_err(|e| Failure::input(e.to_string()))?;
-    let options = PlanOptions { effects: registry.effects(), ..PlanOptions::new(size, samples) };
+    let options = PlanOptions { effects: scene.registry.effects(), ..PlanOptions::new(size, samples) };
     let plan = plan_alone(&catalog, stage, &snapshot, &options, |at| evaluator.at(at))
         .map_err(|e| Failure::input(e.to_string()))?;
     let triangles = |p: u32| catalog.primitives[p as usize].primitive().indices.len() / 3;

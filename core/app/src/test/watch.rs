@@ -6,6 +6,7 @@ use crate::args::TestArgs;
 use crate::failure::{Failure, print};
 use choreo_live::{Interest, Waited, Watch, WatchError};
 use choreo_plugin::Registry;
+use choreo_script::content_of;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -76,10 +77,6 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
         let shown = changed.strip_prefix(&here).unwrap_or(&changed);
         print(&format!("\nchanged: {}\n", choreo_suite::collect::shown(shown)))?;
     }
-}
-
-fn content_of(path: &Path) -> Option<[u8; 32]> {
-    Some(*blake3::hash(&std::fs::read(path).ok()?).as_bytes())
 }
 
 fn folder_of(path: &Path) -> &Path {

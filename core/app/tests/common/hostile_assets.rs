@@ -27,8 +27,36 @@ pub fn make(inside: &Path, outside: &Path) {
         write(&format!("chain/m{i}.rhai"), format!("import \"m{}\" as m;", i + 1).as_bytes());
     }
     write("chain/m100.rhai", b"fn end() { 1 }");
+    write("modules/marked.rhai", "\u{feff}fn one() { 1 }".as_bytes());
+    write("marked.gltf", format!("\u{feff}{}", triangle(1.0)).as_bytes());
     models(&write);
+    plugins(&write);
     links(inside, outside);
+}
+
+/// Files that no script but those about them uses: nothing of them may be felt.
+fn plugins(write: &impl Fn(&str, &[u8])) {
+    let effect = |name: &str, body: &str| {
+        let parameters = "color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>";
+        let text = format!("// effect: {name}\nfn effect({parameters}) -> vec4<f32> {{\n{body}\n}}\n");
+        write(&format!("plugins/{name}.wgsl"), text.as_bytes());
+    };
+    effect("sum", &format!("return vec4(1.0{});", "+uv.x".repeat(20_000)));
+    let else_ifs = " else if uv.x < 0.1 { return color; }".repeat(3_000);
+    effect("else_ifs", &format!("if uv.x < 0.0 {{ return color; }}{else_ifs} return color;"));
+    effect("types", &format!("var a: {}f32{}; return color;", "array<".repeat(9_000), ",1>".repeat(9_000)));
+    effect("endless", "loop { } return color;");
+    effect("wrong", "return colour;");
+    write("plugins/nameless.wgsl", b"fn effect() {}");
+    write("plugins/noise.wgsl", &[0xff; 5000]);
+    write("plugins/open.importer.rhai", b"fn manifest() { #{ name: \"open\", extensions: \"open\" ");
+    let deep = format!(
+        "fn manifest() {{ let a = {}1{}; }}\nfn load(f) {{}}",
+        "(".repeat(50_000),
+        ")".repeat(50_000)
+    );
+    write("plugins/deep.importer.rhai", deep.as_bytes());
+    write("plugins/slow.importer.rhai", b"fn manifest() { loop { } }\nfn load(f) {}");
 }
 
 fn models(write: &impl Fn(&str, &[u8])) {
@@ -143,6 +171,11 @@ fn crc(bytes: &[u8]) -> u32 {
 #[cfg(unix)]
 fn links(inside: &Path, outside: &Path) {
     use std::os::unix::fs::symlink;
+    symlink(outside.join("secret.rhai"), inside.join("plugins/secret.importer.rhai")).unwrap();
+    symlink(outside.join("secret.rhai"), inside.join("plugins/secret.wgsl")).unwrap();
+    for name in ["plugins/pipe.wgsl", "plugins/pipe.importer.rhai", "pipe_module.rhai"] {
+        assert!(std::process::Command::new("mkfifo").arg(inside.join(name)).status().unwrap().success());
+    }
     symlink(outside.join("secret.gltf"), inside.join("link_out.gltf")).unwrap();
     symlink(outside, inside.join("door")).unwrap();
     symlink("/dev/zero", inside.join("link_zero.gltf")).unwrap();

@@ -64,6 +64,26 @@ pub fn compile(
     entries: &[(&'static str, naga::ShaderStage)],
     point_size: bool,
 ) -> Result<Vec<Entry>, RenderError> {
+    /// naga goes down trees, whatever thread this is called on.
+    const STACK: usize = 64 << 20;
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().name("shader".into()).stack_size(STACK);
+        match thread.spawn_scoped(scope, || compile_here(files, on, entries, point_size)) {
+            Ok(thread) => thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+            Err(e) => {
+                let text = format!("cannot start a thread to compile it: {e}");
+                Err(RenderError::Shader { file: lines_name(files), text })
+            }
+        }
+    })
+}
+
+fn compile_here(
+    files: &[SourceFile],
+    on: &[&str],
+    entries: &[(&'static str, naga::ShaderStage)],
+    point_size: bool,
+) -> Result<Vec<Entry>, RenderError> {
     let (module, info) = parse(files, on)?;
     let mut flags = spv::WriterFlags::empty();
     if point_size {

@@ -13,7 +13,8 @@ pub use textures::{texture_bytes, texture_functions};
 
 use crate::RenderError;
 use crate::plan::{Features, Glass, PipelineKey};
-use std::path::PathBuf;
+use choreo_files::Folder;
+use std::path::{Path, PathBuf};
 
 /// Where the text of a module comes from: the program itself, or a folder for live editing (whose files win), as it was when
 /// it was read: a file that is being edited changes nothing before it is read again as a whole.
@@ -87,19 +88,25 @@ pub struct SourceFile {
 impl ShaderSources {
     /// Reads the folder's modules.
     pub fn read(folder: Option<PathBuf>) -> Result<ShaderSources, RenderError> {
+        /// More than any module has.
+        const MOST_BYTES: u64 = 4 << 20;
         let mut texts = Vec::new();
         if let Some(folder) = &folder {
-            for (name, _) in EMBEDDED {
-                let path = folder.join(name);
-                let name = path.display().to_string();
-                match std::fs::read_to_string(&path) {
-                    Ok(text) => texts.push(SourceFile { name, text }),
+            // One that is not there holds no module.
+            let opened = Folder::open(folder).ok();
+            for (module, _) in EMBEDDED {
+                let Some(opened) = &opened else { break };
+                let name = folder.join(module).display().to_string();
+                let failed = |why: String| RenderError::Shader { file: name.clone(), text: why };
+                let bytes = match opened.read(Path::new(module), MOST_BYTES) {
+                    Ok(bytes) => bytes,
                     // A folder may hold only the modules that somebody is editing.
-                    Err(e) if e.kind() == std::io::ErrorKind::NotFound => {}
-                    Err(e) => {
-                        return Err(RenderError::Shader { file: name, text: format!("cannot read: {e}") });
-                    }
-                }
+                    Err(e) if e.is_missing() => continue,
+                    Err(e) => return Err(failed(format!("cannot read: {e}"))),
+                };
+                let text = String::from_utf8(bytes).map_err(|_| failed("it is no UTF-8 text".into()))?;
+                let text = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
+                texts.push(SourceFile { name, text });
             }
         }
         Ok(ShaderSources { folder, texts })

@@ -48,9 +48,19 @@ pub const DEFS: &[Def] = &[
 
 fn effect(c: &mut Call) -> Reply {
     let name = c.text(0)?;
-    let effects = c.shared.loader.registry().effects();
-    let Some(plugin) = c.shared.loader.registry().effect(&name) else {
-        return Err(unknown("effect", &name, "", effects.iter().map(|e| e.manifest().name.as_str())));
+    let registry = c.shared.loader.registry();
+    let plugin = match registry.use_effect(&name) {
+        Ok(Some(plugin)) => plugin,
+        Ok(None) => {
+            let names: Vec<&str> = registry.effect_names().collect();
+            let error = unknown("effect", &name, "", names);
+            let hint = format!("{}{}", error.hint.as_deref().unwrap_or_default(), registry.faulty_hint());
+            return Err(error.hint(hint));
+        }
+        Err(fault) => {
+            c.shared.loader.note_looked_for(&fault.files);
+            return Err(ApiError::new(&fault.text));
+        }
     };
     if let Some(file) = plugin.file() {
         c.shared.loader.note_used(&file.path, file.text.as_bytes());

@@ -1,6 +1,7 @@
 //! The script's text, read-only; lines of what is on at the playhead, of the selection and of problems are marked.
 
 use crate::app::Viewer;
+use crate::editing::read;
 use crate::selection::Selected;
 use egui::{Color32, FontId, RichText, ScrollArea, Sense, TextStyle, Ui};
 use std::collections::BTreeSet;
@@ -10,8 +11,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let places = viewer.scene.as_ref().map(|s| s.places.clone());
     let shown = places.as_ref().and_then(|p| p.sources.get(&p.main).cloned());
     // Where the newest version is faulty, its own text is what the messages are about.
-    let newest =
-        viewer.faulty.then(|| viewer.path.as_ref().and_then(|p| std::fs::read_to_string(p).ok())).flatten();
+    let newest = viewer.faulty.then(|| viewer.path.as_ref().and_then(|p| read(p).ok())).flatten();
     let Some(text) = newest.map(Arc::<str>::from).or(shown) else {
         ui.label("there is no script");
         return;

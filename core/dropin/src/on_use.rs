@@ -1,0 +1,205 @@
+//! An importer file of which only the manifest is read from the start; the rest is compiled when a file is loaded that it
+//! might claim.
+
+use crate::engine::manifest_engine;
+use crate::importer::{RhaiImporter, ScriptError, manifest_of, without_mark};
+use choreo_plugin::{
+    Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, PluginFault, PluginFile, Source,
+};
+use choreo_stage::Asset;
+use rhai::{Engine, Position, Token};
+use std::sync::OnceLock;
+
+type Made = Result<RhaiImporter, PluginFault>;
+
+/// An importer that is compiled when it is used first.
+pub struct ImporterOnUse {
+    manifest: Manifest,
+    /// Its text may define `fn claim(file)`, which is asked about every file.
+    may_have_claim: bool,
+    make: Box<dyn Fn() -> Made + Send + Sync>,
+    made: OnceLock<Made>,
+}
+
+impl ImporterOnUse {
+    /// Runs `fn manifest()` of the text alone; the whole text is compiled for it only where it calls other functions. `file` is
+    /// the text's name in messages, `make` reads the file again and compiles all of it.
+    pub fn new(
+        file: &str,
+        text: &str,
+        make: impl Fn() -> Made + Send + Sync + 'static,
+    ) -> Result<ImporterOnUse, ScriptError> {
+        let text = without_mark(text);
+        let alone = manifest_function(text).and_then(|function| {
+            let ast = manifest_engine().compile(function).ok()?.clone_functions_only();
+            manifest_of(&ast, file, text).ok()
+        });
+        let manifest = match alone {
+            Some(manifest) => manifest,
+            None => RhaiImporter::from_text(file, text)?.manifest().clone(),
+        };
+        let may_have_claim = text.contains("claim");
+        Ok(ImporterOnUse { manifest, may_have_claim, make: Box::new(make), made: OnceLock::new() })
+    }
+
+    /// The importer, compiled now where it was not compiled before; other threads that use it wait.
+    pub fn get(&self) -> Result<&RhaiImporter, &PluginFault> {
+        self.made.get_or_init(&self.make).as_ref()
+    }
+}
+
+impl Importer for ImporterOnUse {
+    fn manifest(&self) -> &Manifest {
+        &self.manifest
+    }
+
+    fn file(&self) -> Option<&PluginFile> {
+        self.get().ok()?.file()
+    }
+
+    /// One that cannot be compiled claims by its manifest, and by extension at most: `import` reports what is wrong with it.
+    fn claim(&self, source: &Source) -> Claim {
+        let plain = self.manifest.claim(source);
+        if !self.may_have_claim {
+            return plain;
+        }
+        self.get().map_or(plain.min(Claim::Extension), |importer| importer.claim(source))
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        files: &dyn Files,
+        needs: Needs,
+        options: &ImportOptions,
+    ) -> Result<Asset, ImportError> {
+        let error =
+            |what: String| ImportError { file: source.name.clone(), place: String::new(), what, hint: None };
+        let importer = self.get().map_err(|fault| error(fault.text.clone()))?;
+        if *importer.manifest() != self.manifest {
+            // The options were checked by the manifest.
+            let name = &self.manifest.name;
+            return Err(error(format!("the importer \"{name}\" was changed while it was read; try again")));
+        }
+        importer.import(source, files, needs, options)
+    }
+}
+
+/// The text of `fn manifest()` alone, with blanks in place of what stands before it, so that lines and columns stay. `None`
+/// where the text does not begin as Rhai does.
+fn manifest_function(text: &str) -> Option<String> {
+    let engine = Engine::new_raw();
+    let texts = [text];
+    let (tokens, _) = engine.lex(&texts);
+    let (mut start, mut named, mut depth) = (None, false, 0u32);
+    for (token, at) in tokens {
+        match &token {
+            // Its inside is tokens again only where the parser says so.
+            Token::LexError(_) | Token::InterpolatedString(_) => return None,
+            Token::Fn if !named => start = Some(at),
+            Token::Identifier(name) if start.is_some() && !named => match name.as_str() {
+                "manifest" => named = true,
+                _ => start = None,
+            },
+            Token::LeftBrace | Token::MapStart if named => depth += 1,
+            Token::RightBrace if named => {
+                depth = depth.checked_sub(1)?;
+                if depth == 0 {
+                    let (from, to) = (byte_of(text, start?)?, byte_of(text, at)?);
+                    let before = text[..from].chars();
+                    let blanks: String = before.map(|c| if c == '\n' { '\n' } else { ' ' }).collect();
+                    return Some(blanks + &text[from..=to]);
+                }
+            }
+            Token::EOF => return None,
+            _ => {}
+        }
+    }
+    None
+}
+
+/// Where a place of Rhai's begins; its columns count characters.
+fn byte_of(text: &str, at: Position) -> Option<usize> {
+    let start: usize = text.split_inclusive('\n').take(at.line()?.checked_sub(1)?).map(str::len).sum();
+    let (within, _) = text.get(start..)?.char_indices().nth(at.position()?.checked_sub(1)?)?;
+    Some(start + within)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_plugin::Registry;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    const TEXT: &str = "// é \"}\n/* } */ fn load(file) { mesh(#{ positions: [0.0] }); }\n\
+        fn manifest() { #{ name: \"dots\", extensions: \"dots\", about: \"}\" } }\n fn after() { 1 }\n";
+
+    fn source(name: &str) -> Source {
+        Source { name: name.into(), bytes: Arc::default() }
+    }
+
+    /// The importer, and how often it was compiled.
+    fn on_use(text: &str) -> (Result<ImporterOnUse, ScriptError>, Arc<AtomicUsize>) {
+        let made = Arc::new(AtomicUsize::new(0));
+        let (count, all) = (made.clone(), text.to_string());
+        let make = move || {
+            count.fetch_add(1, Ordering::Relaxed);
+            let fault = |e: ScriptError| PluginFault { text: e.to_string(), files: Vec::new() };
+            RhaiImporter::from_text("d.importer.rhai", &all).map_err(fault)
+        };
+        (ImporterOnUse::new("d.importer.rhai", text, make), made)
+    }
+
+    #[test]
+    fn the_manifest_is_read_without_compiling_the_rest() {
+        let function = manifest_function(TEXT).unwrap();
+        assert_eq!(function.lines().nth(2).unwrap(), TEXT.lines().nth(2).unwrap());
+        assert!(!function.contains("load") && !function.contains("after"));
+        // What stands behind is not even looked at.
+        let (importer, made) = on_use(&format!("\u{feff}{TEXT} fn broken( {{ ) ` ${{"));
+        let mut registry = Registry::default();
+        registry.add_importer(importer.unwrap());
+        let known = registry.importer_for(&source("a.dots"), None).unwrap();
+        assert_eq!(known.manifest().name, "dots");
+        assert!(registry.importer_for(&source("a.other"), None).is_err());
+        assert_eq!(made.load(Ordering::Relaxed), 0);
+        struct NoFiles;
+        impl Files for NoFiles {
+            fn read(&self, _: &str) -> Result<Arc<Vec<u8>>, String> {
+                Err("none".into())
+            }
+        }
+        let import = known.import(&source("a.dots"), &NoFiles, Needs::ALL, &ImportOptions::default());
+        let error = import.unwrap_err().to_string();
+        assert!(error.starts_with("a.dots: d.importer.rhai:5:13: "), "{error}");
+        assert_eq!(made.load(Ordering::Relaxed), 1);
+    }
+
+    #[test]
+    fn a_manifest_that_calls_functions_is_read_too() {
+        let text = "fn manifest() { #{ name: name(), extensions: `${name()}` } }\nfn name() { \"dots\" }\nfn load(f) {}";
+        let (importer, made) = on_use(text);
+        assert_eq!(importer.unwrap().manifest().extensions, ["dots"]);
+        assert_eq!(made.load(Ordering::Relaxed), 0);
+    }
+
+    #[test]
+    fn an_importer_with_a_claim_is_compiled_when_a_file_is_asked_about() {
+        let (importer, made) = on_use(&format!("{TEXT} fn claim(file) {{ file.name == \"a.other\" }}"));
+        let importer = importer.unwrap();
+        assert_eq!(importer.claim(&source("a.other")), Claim::Content(90));
+        assert_eq!(importer.claim(&source("a.third")), Claim::NotMine);
+        assert_eq!(made.load(Ordering::Relaxed), 1);
+        // A fault is no claim.
+        let (importer, _) = on_use(&format!("{TEXT} fn claim(file) {{"));
+        assert_eq!(importer.unwrap().claim(&source("a.dots")), Claim::Extension);
+    }
+
+    #[test]
+    fn a_manifest_that_works_without_end_is_refused_soon() {
+        let text = "fn manifest() { let a = \"x\"; loop { a += a; } }\nfn load(f) {}";
+        let error = on_use(text).0.err().unwrap();
+        assert!(error.message.contains("which is the limit"), "{error}");
+    }
+}
