@@ -1,7 +1,7 @@
 //! Drawing a job's frames into its outputs.
 
 use crate::args::RenderArgs;
-use crate::failure::Failure;
+use crate::failure::{Failure, print_message};
 use crate::output::Target;
 use crate::part::Part;
 use crate::pictures::{self, Claim};
@@ -53,10 +53,11 @@ pub fn draw(
     };
     let say = |line: &str| {
         if !args.quiet {
-            eprintln!("{line}");
+            print_message(line);
         }
     };
-    let said = job.scene.printed.iter().chain(&job.scene.warnings).chain(&job.notes).cloned();
+    let printed = job.scene.printed.iter().flat_map(|text| text.lines()).map(str::to_string);
+    let said = printed.chain(job.scene.warnings.iter().chain(&job.notes).cloned());
     said.chain(job.exporter.notes(&info)).chain(started.note).for_each(|line| say(&line));
     let device = renderer.device().name.clone();
     let drawing = Drawing { args, job, registry, info: &info, samples, jobs };

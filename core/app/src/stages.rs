@@ -1,7 +1,7 @@
 //! `choreo render --stages`: what the CPU renderer does on the way to a frame, a picture a stage.
 
 use crate::args::RenderArgs;
-use crate::failure::{Failure, output_error};
+use crate::failure::{Failure, output_error, print_message};
 use crate::output::Target;
 use crate::pipeline::render_failure;
 use crate::{plugin_files, provenance, render};
@@ -99,7 +99,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             return Err(Failure::Output(format!("{shown}: {error}")));
         }
         if !args.quiet {
-            eprintln!("{shown}");
+            print_message(shown);
         }
     }
     Ok(())
