@@ -10,6 +10,8 @@ Exit codes:
   2    the command line is wrong
   3    the output cannot be written
   4    no device can render it
+  5    the system gives it too little memory or too few threads (ulimit -v, ulimit -u)
+  6    choreo itself failed; please report it
   130  interrupted (Ctrl-C, SIGTERM or SIGHUP)
   141  the reader of standard output has gone
 
@@ -310,6 +312,10 @@ pub struct TestArgs {
     /// Raise a limit of the scripts, as operations=50000000; repeatable
     #[arg(long = "limit", value_name = "NAME=NUMBER")]
     pub limit: Vec<String>,
+    /// Seconds that a section may take: its script, its files, its frames and its images. One that takes longer fails, the
+    /// others go on. A file that is being read, or an image that is being drawn, is finished first
+    #[arg(long, value_name = "SECONDS", default_value = "300")]
+    pub timeout: String,
     /// Sections at once (default: one for each core)
     #[arg(long, value_name = "N")]
     pub jobs: Option<String>,

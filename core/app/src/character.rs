@@ -1,44 +1,41 @@
 //! What makes a model a character, for `choreo info`: bones of a human body, expressions, springs, eyes.
 
 use crate::model::list;
+use crate::page::Page;
 use choreo_motion::spring::parameters::ColliderShape;
 use choreo_stage::{Asset, EyesMovedBy};
 use serde_json::{Value, json};
-use std::fmt::Write;
 
 /// Lines of the overview; `joints`: each bone with its joint too.
-pub fn text(asset: &Asset, joints: bool) -> String {
-    let mut t = String::new();
+pub fn text(t: &mut Page, asset: &Asset, joints: bool) {
     for (label, about) in &asset.origin.about {
-        let _ = writeln!(t, "{label:<10} {about}");
+        t.line(format_args!("{label:<10} {about}"));
     }
     let name = |joint: u32| asset.skeleton.names().get(joint as usize).map_or("?", String::as_str);
     if let Some(humanoid) = asset.skeleton.humanoid() {
-        let _ = writeln!(t, "humanoid   {} bones", humanoid.bones().count());
+        t.line(format_args!("humanoid   {} bones", humanoid.bones().count()));
         if joints {
             for (bone, joint) in humanoid.bones() {
-                let _ = writeln!(t, "  {:<24} {}", bone.name(), name(joint));
+                t.line(format_args!("  {:<24} {}", bone.name(), name(joint)));
             }
         }
     }
     if !asset.expressions.is_empty() {
         let names = list(asset.expressions.iter().map(|e| e.name.as_str()), 24);
-        let _ = writeln!(t, "expressions {}: {names}", asset.expressions.len());
+        t.line(format_args!("expressions {}: {names}", asset.expressions.len()));
     }
     let springs = &asset.springs;
     if !springs.is_empty() {
         let swinging: usize = springs.chains.iter().map(|c| c.joints.len()).sum();
-        let _ = writeln!(
-            t,
+        t.line(format_args!(
             "springs    {} chains, {swinging} joints, {} colliders",
             springs.chains.len(),
             springs.colliders.len()
-        );
+        ));
         for chain in springs.chains.iter().take(if joints { usize::MAX } else { 8 }) {
             let Some(first) = chain.joints.first() else { continue };
             let named = if chain.name.is_empty() { String::new() } else { format!(" \"{}\"", chain.name) };
-            let _ = writeln!(
-                t,
+            t.line(format_args!(
                 "  {}{named}: {} joints, stiffness {}, drag {}, gravity {}, radius {} m, {} colliders",
                 name(first.joint),
                 chain.joints.len(),
@@ -47,7 +44,7 @@ pub fn text(asset: &Asset, joints: bool) -> String {
                 first.gravity_power,
                 first.hit_radius,
                 chain.colliders.len()
-            );
+            ));
         }
     }
     if let Some(eyes) = &asset.eyes {
@@ -55,9 +52,8 @@ pub fn text(asset: &Asset, joints: bool) -> String {
             EyesMovedBy::Bones => "their bones",
             EyesMovedBy::Expressions => "expressions (lookLeft, lookRight, lookUp, lookDown)",
         };
-        let _ = writeln!(t, "eyes       moved by {by}");
+        t.line(format_args!("eyes       moved by {by}"));
     }
-    t
 }
 
 pub fn json(asset: &Asset) -> Value {

@@ -38,21 +38,30 @@ pub struct Started {
 }
 
 /// A renderer on its way.
-pub struct Starting(JoinHandle<Result<Started, Failure>>);
+pub enum Starting {
+    OnThread(JoinHandle<Result<Started, Failure>>),
+    /// No thread could be had: it is started by the one that waits for it.
+    WhenWaitedFor(Wanted, Vec<Arc<dyn Effect>>),
+}
 
-pub fn start(wanted: impl Into<Wanted>, jobs: Option<usize>, effects: &[Arc<dyn Effect>]) -> Starting {
-    let wanted = wanted.into();
-    if let Some(jobs) = jobs {
-        // The CPU renderer's threads. Fails only where the pool runs already; it does not yet.
-        let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global();
+pub fn start(wanted: impl Into<Wanted>, effects: &[Arc<dyn Effect>]) -> Starting {
+    let (wanted, effects) = (wanted.into(), effects.to_vec());
+    let (its_wanted, its_effects) = (wanted.clone(), effects.clone());
+    let thread =
+        std::thread::Builder::new().name("device".into()).spawn(move || open(its_wanted, its_effects));
+    match thread {
+        Ok(thread) => Starting::OnThread(thread),
+        Err(_) => Starting::WhenWaitedFor(wanted, effects),
     }
-    let effects = effects.to_vec();
-    Starting(std::thread::spawn(move || open(wanted, effects)))
 }
 
 impl Starting {
     pub fn wait(self) -> Result<Started, Failure> {
-        self.0.join().unwrap_or_else(|_| Err(Failure::Device("the renderer failed to start".into())))
+        let failed = |_| Err(Failure::Device("the renderer failed to start".into()));
+        match self {
+            Starting::OnThread(thread) => thread.join().unwrap_or_else(failed),
+            Starting::WhenWaitedFor(wanted, effects) => open(wanted, effects),
+        }
     }
 }
 

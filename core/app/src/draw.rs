@@ -1,7 +1,7 @@
 //! Drawing a job's frames into its outputs.
 
 use crate::args::RenderArgs;
-use crate::failure::{Failure, write_failure};
+use crate::failure::{Failure, print_message, write_failure};
 use crate::output::Target;
 use crate::pictures::{self, Claim};
 use crate::pipeline::{Encode, Pipeline, PlanAt};
@@ -52,10 +52,11 @@ pub fn draw(
     };
     let say = |line: &str| {
         if !args.quiet {
-            eprintln!("{line}");
+            print_message(line);
         }
     };
-    let said = job.scene.printed.iter().chain(&job.scene.warnings).chain(&job.notes).cloned();
+    let printed = job.scene.printed.iter().flat_map(|text| text.lines()).map(str::to_string);
+    let said = printed.chain(job.scene.warnings.iter().chain(&job.notes).cloned());
     said.chain(job.exporter.notes(&info)).chain(started.note).for_each(|line| say(&line));
     let device = renderer.device().name.clone();
     let drawing = Drawing { args, job, info: &info, samples, jobs };

@@ -1,6 +1,6 @@
 //! A bar while files are read and imported, on a terminal, for what takes longer than a moment.
 
-use choreo_script::{ImportProgress, Imports};
+use choreo_script::{ImportProgress, Imports, printable_line};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -44,7 +44,7 @@ impl Bar {
 
 fn show(bar: &ProgressBar, now: &ImportProgress) {
     let names = choreo_plugin::suggest::list(now.names.iter().map(String::as_str), 2);
-    bar.set_message(format!("{} of {} files: {names}", now.done, now.files));
+    bar.set_message(printable_line(&format!("{} of {} files: {names}", now.done, now.files)));
     bar.set_length(now.bytes.max(1));
     bar.set_position(now.bytes_done);
 }

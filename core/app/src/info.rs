@@ -3,12 +3,13 @@
 use crate::args::InfoArgs;
 use crate::compressed::Savings;
 use crate::failure::{Failure, print, print_json};
+use crate::page::Page;
 use crate::scene::{self, Opening};
 use crate::{character, model, plugin_files};
 use choreo_media::Media;
 use choreo_motion::Clip;
 use choreo_plugin::{Registry, Source};
-use choreo_script::{Limits, mapping_lines, printable};
+use choreo_script::{Limits, mapping_lines};
 use choreo_stage::{Asset, Light, LightKind, Origin, Projection};
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -51,15 +52,13 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
         }
         return print_json(&json);
     }
-    let mut text = text(&asset, &facts, args.joints);
-    for line in followed.unwrap_or_default() {
-        text.push_str(&line);
-        text.push('\n');
-    }
+    let mut page = Page::default();
+    text(&mut page, &asset, &facts, args.joints);
+    page.lines(followed.unwrap_or_default());
     if let Some(savings) = savings {
-        text.push_str(&savings.text());
+        page.text(&savings.text());
     }
-    print(&printable(&text))
+    print(page.as_str())
 }
 
 /// How the file's first clip goes on another body; where it has none, how any would.
@@ -85,23 +84,23 @@ fn print_media(args: &InfoArgs, media: &Media) -> Result<(), Failure> {
             "size": [media.width, media.height], "provenance": made,
         }));
     }
-    let mut text = format!("{}: {}, {}×{}\n", args.file.display(), media.format, media.width, media.height);
+    let mut text = Page::default();
+    text.line(format_args!("{}: {}, {}×{}", args.file.display(), media.format, media.width, media.height));
     for (key, value) in media.provenance.iter().take(MOST_ENTRIES) {
-        let _ = writeln!(
-            text,
+        text.line(format_args!(
             "  {:<12} {}",
             one_line(key.strip_prefix("choreo:").unwrap_or(key)),
             one_line(value)
-        );
+        ));
     }
     let more = media.provenance.len().saturating_sub(MOST_ENTRIES);
     if more > 0 {
-        let _ = writeln!(text, "  and {more} more; --json tells all");
+        text.line(format_args!("  and {more} more; --json tells all"));
     }
     if media.provenance.is_empty() {
-        text.push_str("  does not say how it was made\n");
+        text.line(format_args!("  does not say how it was made"));
     }
-    print(&printable(&text))
+    print(text.as_str())
 }
 
 /// Whoever wrote the file: what is shown of it stays readable.
@@ -140,34 +139,34 @@ fn facts(asset: &Asset, importer: (String, String)) -> Facts {
     }
 }
 
-fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
-    let mut t = String::new();
+fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
     let texts = scene::texts(asset);
-    let _ = writeln!(t, "{}: {} ({})", asset.name, facts.importer.0, facts.importer.1);
+    t.line(format_args!("{}: {} ({})", asset.name, facts.importer.0, facts.importer.1));
     if !asset.origin.format.is_empty() {
         let told = asset.warnings.iter().any(|w| w.text.starts_with("the format has no unit"));
         let guessed = asset.origin.unit_is_assumed && told;
-        let _ = writeln!(t, "file       {}", origin(&asset.origin, guessed));
+        t.line(format_args!("file       {}", origin(&asset.origin, guessed)));
     }
     if let Some([min, max]) = facts.extents {
         let size: [f32; 3] = std::array::from_fn(|i| max[i] - min[i]);
-        let _ =
-            writeln!(t, "size       {:.3} × {:.3} × {:.3} m at rest (x, y up, z)", size[0], size[1], size[2]);
+        t.line(format_args!(
+            "size       {:.3} × {:.3} × {:.3} m at rest (x, y up, z)",
+            size[0], size[1], size[2]
+        ));
     }
-    let _ = writeln!(
-        t,
+    t.line(format_args!(
         "meshes     {} with {}, {}, {}",
         asset.meshes.len(),
         count(facts.primitives, "primitive", "primitives"),
         count(facts.vertices, "vertex", "vertices"),
         count(facts.triangles, "triangle", "triangles")
-    );
+    ));
     let copied: Vec<usize> =
         asset.instances.iter().filter(|i| !i.copies.is_empty()).map(|i| asset.times(i)).collect();
     if !copied.is_empty() {
         let copies: usize = copied.iter().sum();
         let of = count(copied.len(), "mesh", "meshes");
-        let _ = writeln!(t, "copies     {copies}, of {of} drawn many times");
+        t.line(format_args!("copies     {copies}, of {of} drawn many times"));
     }
     let skins: Vec<String> = asset.skins.iter().map(|s| s.joints.len().to_string()).collect();
     let in_skins = match skins.as_slice() {
@@ -177,52 +176,46 @@ fn text(asset: &Asset, facts: &Facts, joints: bool) -> String {
     };
     let (nodes, skins) = (asset.skeleton.len(), skins.len());
     let (nodes, skins) = (count(nodes, "node", "nodes"), count(skins, "skin", "skins"));
-    let _ = writeln!(t, "joints     {nodes}, {skins}{in_skins}");
+    t.line(format_args!("joints     {nodes}, {skins}{in_skins}"));
     for mesh in asset.meshes.iter().filter(|m| m.morph_targets > 0) {
         let names = model::list(mesh.morph_names.iter().map(String::as_str), 12);
         let targets = count(mesh.morph_targets, "target", "targets");
-        let _ = writeln!(t, "morphs     {}: {targets} {names}", mesh.name);
+        t.line(format_args!("morphs     {}: {targets} {names}", mesh.name));
     }
-    let _ = writeln!(
-        t,
+    t.line(format_args!(
         "materials  {}, images {} ({:.1} MB in memory)",
         asset.materials.len(),
         asset.images.len(),
         facts.image_bytes as f64 / 1e6
-    );
+    ));
     for image in &asset.images {
-        let _ = writeln!(t, "  image    {} {}×{}", image.name, image.width, image.height);
+        t.line(format_args!("  image    {} {}×{}", image.name, image.width, image.height));
     }
-    let _ = writeln!(t, "clips      {}", asset.clips.len());
+    t.line(format_args!("clips      {}", asset.clips.len()));
     for clip in &asset.clips {
-        let _ = writeln!(
-            t,
+        t.line(format_args!(
             "  {:<28} {:8.3} s, {}",
             clip.name,
             clip.duration.as_secs(),
             count(clip.curves().len() + clip.properties().len(), "curve", "curves")
-        );
+        ));
     }
-    t.push_str(&character::text(asset, joints));
+    character::text(t, asset, joints);
     for camera in &asset.cameras {
-        let _ = writeln!(t, "camera     {} ({})", camera.name, projection(&camera.projection));
+        t.line(format_args!("camera     {} ({})", camera.name, projection(&camera.projection)));
     }
     for light in &asset.lights {
-        let _ = writeln!(
-            t,
+        t.line(format_args!(
             "light      {} ({}, {})",
             light.name,
             kind(&light.light.kind),
             brightness(&light.light)
-        );
+        ));
     }
     if joints {
-        t.push_str(&tree(asset));
+        tree(t, asset);
     }
-    for warning in texts {
-        let _ = writeln!(t, "{warning}");
-    }
-    t
+    t.lines(texts);
 }
 
 fn count(number: usize, one: &str, many: &str) -> String {
@@ -249,7 +242,7 @@ fn origin(o: &Origin, guessed: bool) -> String {
 }
 
 /// Joints indented below their parents.
-fn tree(asset: &Asset) -> String {
+fn tree(t: &mut Page, asset: &Asset) {
     let skeleton = &asset.skeleton;
     let mut depth = vec![0usize; skeleton.len()];
     let mut children = vec![Vec::new(); skeleton.len()];
@@ -263,15 +256,14 @@ fn tree(asset: &Asset) -> String {
             None => roots.push(i),
         }
     }
-    let mut text = String::from("tree\n");
+    t.line(format_args!("tree"));
     let mut stack: Vec<usize> = roots.into_iter().rev().collect();
     while let Some(joint) = stack.pop() {
         // Deeper than any real skeleton, the indentation would grow quadratically.
         let indent = "  ".repeat(depth[joint].min(40) + 1);
-        let _ = writeln!(text, "{indent}{}", skeleton.names()[joint]);
+        t.line(format_args!("{indent}{}", skeleton.names()[joint]));
         stack.extend(children[joint].iter().rev());
     }
-    text
 }
 
 fn projection(p: &Projection) -> String {

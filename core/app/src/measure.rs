@@ -1,7 +1,7 @@
 //! `choreo measure`: error against run time for the choices that a scene could make.
 
 use crate::args::{Device, MeasureArgs};
-use crate::failure::{Failure, print, print_json};
+use crate::failure::{Failure, print, print_json, print_message};
 use crate::scene::{self, Opening};
 use crate::{device, plot, plugin_files, ranges};
 use choreo_measure::scene::{KEYS, Scene, measure};
@@ -27,7 +27,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(registry.effects()))];
     let mut note = None;
     if args.device != Device::Cpu && keys.contains(&"renderer") {
-        let started = device::start(args.device, None, registry.effects()).wait()?;
+        let started = device::start(args.device, registry.effects()).wait()?;
         note = started.note;
         if started.renderer.device().kind != DeviceKind::CpuTwin {
             renderers.push(started.renderer);
@@ -45,7 +45,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     let mut choices: Vec<Choice> = Vec::new();
     let mut left_out: Vec<(&'static str, String)> = Vec::new();
     if !args.json {
-        note.iter().for_each(|n| eprintln!("{n}"));
+        note.iter().for_each(print_message);
         let [w, h] = measured.size;
         print(&format!(
             "{}: pictures at {} s, {w}×{h}; → is what it would take\n",

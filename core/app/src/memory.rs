@@ -1,7 +1,7 @@
 //! The last resort where memory runs out: a script is told by the interpreter at which line; importers and renderers are
 //! watched from outside, and ended before the machine suffers.
 
-use crate::failure::Failure;
+use crate::failure::{Failure, print_message};
 use crate::video;
 use choreo_script::memory::in_use;
 use std::sync::OnceLock;
@@ -67,6 +67,6 @@ fn end(now: u64, limit: u64) -> ! {
          need less; the limit is {limit} bytes; raise it with --limit memory=NUMBER if the scene means it",
         now / 1_000_000
     ));
-    failure.lines().iter().chain(&video::take_kept()).for_each(|line| eprintln!("{line}"));
+    failure.lines().iter().chain(&video::take_kept()).for_each(print_message);
     std::process::exit(i32::from(failure.code()))
 }

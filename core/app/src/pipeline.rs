@@ -4,6 +4,7 @@
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Progress;
+use crate::threads::too_few;
 use choreo_motion::Time;
 use choreo_plugin::Frame;
 use choreo_render::{Plan, RenderError, Renderer};
@@ -71,11 +72,17 @@ impl Pipeline<'_> {
         let (frame_to, pictures) = sync_channel(0);
         let pictures = Mutex::new(pictures);
         std::thread::scope(|scope| {
-            scope.spawn(|| make_plans(&shared, frames, plan, plan_to));
-            for encode in encoders {
-                scope.spawn(|| encode_pictures(&shared, &pictures, encode, progress));
+            let thread = |name: &str| std::thread::Builder::new().name(name.into());
+            let planner = thread("plan").spawn_scoped(scope, || make_plans(&shared, frames, plan, plan_to));
+            // One that encodes is enough.
+            let started = encoders.into_iter().map(|encode| {
+                thread("encode").spawn_scoped(scope, || encode_pictures(&shared, &pictures, encode, progress))
+            });
+            let encoding = started.filter(Result::is_ok).count();
+            match planner {
+                Ok(_) if encoding > 0 => draw(&shared, renderer, plans, frame_to),
+                _ => shared.fail(0, too_few("none can be started to plan and encode frames")),
             }
-            draw(&shared, renderer, plans, frame_to);
         });
         if interrupt::interrupted() {
             return Err(Failure::Interrupted);

@@ -2,6 +2,7 @@
 
 use crate::args::PoseArgs;
 use crate::failure::{Failure, output_error, print, print_json, write_failure};
+use crate::page::Page;
 use crate::scene::{self, Opening};
 use crate::{plugin_files, ranges};
 use choreo_files::Part;
@@ -9,7 +10,6 @@ use choreo_plugin::Registry;
 use choreo_stage::{Asset, Evaluator, Snapshot, Stage, Topology, posed_meshes};
 use glam::{Affine3A, DAffine3, DMat4, Mat3, Vec3};
 use serde_json::{Value, json};
-use std::fmt::Write as _;
 use std::io::Write;
 
 pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
@@ -40,7 +40,7 @@ pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
     }
     match args.json {
         true => print_json(&pose_json(&scene.name, &scene.stage, &snapshot)),
-        false => print(&pose_text(&scene.stage, &snapshot)),
+        false => print(pose_text(&scene.stage, &snapshot).as_str()),
     }
 }
 
@@ -98,16 +98,18 @@ fn pose_json(name: &str, stage: &Stage, snapshot: &Snapshot) -> Value {
 }
 
 /// Positions only: what a person looks for.
-fn pose_text(stage: &Stage, snapshot: &Snapshot) -> String {
-    let mut t = String::new();
+fn pose_text(stage: &Stage, snapshot: &Snapshot) -> Page {
+    let mut t = Page::default();
     for (actor, state) in stage.actors.iter().zip(&snapshot.actors) {
         let hidden = if state.visible { "" } else { ", invisible" };
         let p = state.world_from_model.translation;
-        let _ =
-            writeln!(t, "{} ({}{hidden}) at {:.4} {:.4} {:.4}", actor.name, actor.asset.name, p.x, p.y, p.z);
+        t.line(format_args!(
+            "{} ({}{hidden}) at {:.4} {:.4} {:.4}",
+            actor.name, actor.asset.name, p.x, p.y, p.z
+        ));
         for (name, m) in actor.asset.skeleton.names().iter().zip(&state.model_from_joint) {
             let p = world_from_joint(state.world_from_model, m).w_axis;
-            let _ = writeln!(t, "  {name:<32} {:9.4} {:9.4} {:9.4}", p.x, p.y, p.z);
+            t.line(format_args!("  {name:<32} {:9.4} {:9.4} {:9.4}", p.x, p.y, p.z));
         }
     }
     t

@@ -92,6 +92,12 @@ pub fn at(text: &str) -> Result<Time, Failure> {
     }
 }
 
+/// `--timeout`: seconds, above 0.
+pub fn timeout(text: &str) -> Result<f64, Failure> {
+    let seconds = text.parse().ok().filter(|s: &f64| *s > 0.0 && s.is_finite());
+    seconds.ok_or_else(|| Failure::Usage(format!("--timeout {text}: write seconds above 0, as 60 or 0.5")))
+}
+
 pub fn jobs(text: &str) -> Result<usize, Failure> {
     match text.parse::<usize>() {
         Ok(n) if (1..=1024).contains(&n) => Ok(n),

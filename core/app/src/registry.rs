@@ -2,10 +2,10 @@
 
 use crate::args::PluginsArgs;
 use crate::failure::{Failure, Problem, print, print_json};
+use crate::page::Page;
 use crate::{model, plugin_files};
 use choreo_plugin::{Claim, Manifest, OptionKind, OptionSpec, OptionValue, PluginFile, Registry, Source};
 use serde_json::{Value, json};
-use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -69,17 +69,17 @@ fn list(registry: &Registry, as_json: bool) -> Result<(), Failure> {
         }
         return print_json(&Value::Object(all));
     }
-    let mut text = String::new();
+    let mut text = Page::default();
     for (kind, rows) in kinds {
-        let _ = writeln!(text, "{kind}");
+        text.line(format_args!("{kind}"));
         for (m, file) in rows {
             let extensions: Vec<String> = m.extensions.iter().map(|e| format!(".{e}")).collect();
             let from = file.map(|f| format!(" ({})", f.path.display())).unwrap_or_default();
-            let _ = writeln!(text, "  {:<12} {:<14} {}{from}", m.name, extensions.join(" "), m.about);
-            text += &option_rows(m);
+            text.line(format_args!("  {:<12} {:<14} {}{from}", m.name, extensions.join(" "), m.about));
+            text.text(&option_rows(m));
         }
     }
-    print(&text)
+    print(text.as_str())
 }
 
 /// A line an option.
@@ -107,14 +107,15 @@ fn claims(file: &Path, registry: &Registry, as_json: bool) -> Result<(), Failure
             .collect();
         return print_json(&json!({ "file": source.name, "read_by": reader, "claims": all }));
     }
-    let mut text = match reader {
-        Some(name) => format!("{}: read by {name}\n", source.name),
-        None => format!("{}: no importer knows this kind of file\n", source.name),
-    };
-    for (claim, importer) in &claims {
-        let _ = writeln!(text, "  {:<12} {claim}", importer.manifest().name);
+    let mut text = Page::default();
+    match reader {
+        Some(name) => text.line(format_args!("{}: read by {name}", source.name)),
+        None => text.line(format_args!("{}: no importer knows this kind of file", source.name)),
     }
-    print(&text)
+    for (claim, importer) in &claims {
+        text.line(format_args!("  {:<12} {claim}", importer.manifest().name));
+    }
+    print(text.as_str())
 }
 
 fn range(option: &OptionSpec) -> String {

@@ -41,7 +41,7 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
         return Err(Failure::Usage("--resume goes on with a file; standard output keeps nothing".into()));
     }
     // The driver takes as long to start as the script and its assets: side by side.
-    let starting = device::start(wanted(&args), jobs, registry.effects());
+    let starting = device::start(wanted(&args), registry.effects());
     let prepared = prepare(&args, target, &registry, None);
     let started = starting.wait();
     let job = prepared?;

@@ -1,7 +1,7 @@
 //! `choreo render --watch`: after every save, the frames that it touches are drawn again and the output is written anew.
 
 use crate::args::RenderArgs;
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print, print_message};
 use crate::output::Target;
 use crate::remember::Remembering;
 use crate::scene::Keep;
@@ -23,7 +23,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     }
     let failed = |e: choreo_live::WatchError| Failure::input(format!("--watch: {e}"));
     let mut watch = Watch::new().map_err(failed)?;
-    let started = device::start(args.device, jobs, plugins.effects()).wait()?;
+    let started = device::start(args.device, plugins.effects()).wait()?;
     let renderer = Remembering::new(started.renderer);
     let mut note = started.note;
     let keep = Keep::default();
@@ -45,7 +45,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             Err(failure @ (Failure::Interrupted | Failure::ClosedPipe | Failure::Usage(_))) => {
                 return Err(failure);
             }
-            Err(failure) => failure.lines().iter().for_each(|line| eprintln!("{line}")),
+            Err(failure) => failure.lines().iter().for_each(print_message),
         }
         watch.set(interest(args, &keep));
         memory::rest();

@@ -4,10 +4,11 @@ use crate::args::SceneArgs;
 use crate::failure::{Failure, Problem};
 use crate::importing::Bar;
 use crate::inputs::Inputs;
+use crate::threads::too_few;
 use crate::{memory, model, ranges};
 use choreo_plugin::{Needs, Registry};
 use choreo_script::{
-    AssetCache, Diagnostic, Limits, Places, ScriptOptions, Severity, Touched, run_file_touching,
+    AssetCache, Diagnostic, Limits, NO_THREAD, Places, ScriptOptions, Severity, Touched, run_file_touching,
 };
 use choreo_stage::Stage;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -106,7 +107,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
         if let Some(keep) = opening.keep {
             keep.set_touched(touched);
         }
-        let script = script.map_err(|d| Failure::Input(errors(d)))?;
+        let script = script.map_err(failure)?;
         let mut warnings: Vec<String> = script.warnings.iter().map(ToString::to_string).collect();
         let asset_warnings = asset_warnings(&script.stage);
         warnings.extend(asset_warnings.iter().cloned());
@@ -157,6 +158,14 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
         input_hash,
         inputs: Inputs::new(files, registry),
     })
+}
+
+/// What is wrong with a script, or with the machine.
+fn failure(diagnostics: Vec<Diagnostic>) -> Failure {
+    match diagnostics.iter().find_map(|d| d.message.strip_prefix(NO_THREAD)) {
+        Some(why) => too_few(&format!("none can be started for the script ({why})")),
+        None => Failure::Input(errors(diagnostics)),
+    }
 }
 
 fn errors(mut diagnostics: Vec<Diagnostic>) -> Vec<Problem> {

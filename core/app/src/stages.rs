@@ -1,7 +1,7 @@
 //! `choreo render --stages`: what the CPU renderer does on the way to a frame, a picture a stage.
 
 use crate::args::RenderArgs;
-use crate::failure::{Failure, output_error};
+use crate::failure::{Failure, output_error, print_message};
 use crate::output::Target;
 use crate::pipeline::render_failure;
 use crate::{pictures, plugin_files, provenance, render};
@@ -89,7 +89,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
         let path = file(number, name);
         pictures::write_to(&path, Part::create(&path), &*job.exporter, &info, picture)?;
         if !args.quiet {
-            eprintln!("{}", path.display());
+            print_message(path.display());
         }
     }
     Ok(())

@@ -2,7 +2,7 @@
 
 use crate::args::RenderArgs;
 use crate::draw::Drawn;
-use crate::failure::{Failure, print_json};
+use crate::failure::{Failure, print_json, print_json_message, print_message};
 use crate::output::Target;
 use crate::render::Job;
 
@@ -30,7 +30,7 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
             value["device_seconds"] = secs.into();
         }
         if job.target == Target::Stdout {
-            eprintln!("{value}");
+            print_json_message(&value);
             return Ok(());
         }
         return print_json(&value);
@@ -42,20 +42,18 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
             reused if args.watch => format!(", {reused} of them drawn before,"),
             reused => format!(", {reused} of them there before,"),
         };
-        eprintln!(
+        print_message(format_args!(
             "{frames} {plural}{there} in {secs:.1} s ({:.0} a second) on {}: {}",
             drawn.drawn as f64 / secs,
             drawn.device,
             job.target.shown()
-        );
+        ));
         match drawn.device_time {
-            Some((frames, secs)) => {
-                eprintln!(
-                    "the device was busy for {:.3} ms a frame, by its own clock",
-                    secs * 1e3 / frames as f64
-                )
-            }
-            None if args.timings => eprintln!("no time of the device: it has no clock, or the CPU drew"),
+            Some((frames, secs)) => print_message(format_args!(
+                "the device was busy for {:.3} ms a frame, by its own clock",
+                secs * 1e3 / frames as f64
+            )),
+            None if args.timings => print_message("no time of the device: it has no clock, or the CPU drew"),
             None => {}
         }
     }

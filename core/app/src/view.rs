@@ -2,8 +2,9 @@
 //! than everything else together, and no other command needs it.
 
 use crate::args::ViewArgs;
-use crate::failure::Failure;
+use crate::failure::{Failure, print_message};
 use crate::interrupt;
+use std::env;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus};
 use std::time::Duration;
@@ -62,7 +63,7 @@ fn build(cargo: &Path, here: &Path, viewer: &Path) -> Result<(), Failure> {
         Some(name) => name.to_string(),
     };
     if !viewer.is_file() {
-        eprintln!("building the viewer, once: its toolkit takes some minutes");
+        print_message("building the viewer, once: its toolkit takes some minutes");
     }
     let manifest = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../viewer/Cargo.toml");
     let quiet = ["build", "--quiet", "--profile", &profile, "--manifest-path"];

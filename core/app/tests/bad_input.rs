@@ -328,3 +328,171 @@ fn several_script_errors_are_told_together() {
     assert_eq!((at(0), at(1)), ((Some("s.rhai"), Some(1), Some(14)), (Some("s.rhai"), Some(2), Some(14))));
     assert!(errors[1]["message"].as_str().unwrap().contains("did you mean \"tri.gltf\"?"));
 }
+
+/// Errors of the command line are printed as JSON, too, wherever `--json` stands.
+#[test]
+fn command_lines_that_are_wrong_are_told_as_json() {
+    let dir = folder();
+    for (args, kind, message) in [
+        (&["check", "tri.gltf", "--jsn", "--json"][..], "usage", "unexpected argument '--jsn' found"),
+        (&["--json", "check", "tri.gltf"], "usage", "unexpected argument '--json' found"),
+        (&["render", "--json", "tri.gltf"], "usage", "the following required arguments were not provided"),
+        (&["chek", "--json"], "usage", "unrecognized subcommand 'chek'"),
+        (&["render", "tri.gltf", "-o", "x.png", "--device", "gpu", "--json"], "usage", "invalid value 'gpu'"),
+        (&["render", "tri.gltf", "-o", "x.png", "--size", "big", "--json"], "usage", "--size big"),
+        (&["test", "--timeout", "0", "--json"], "usage", "--timeout 0: write seconds above 0, as 60 or 0.5"),
+        (&["pose", "trj.gltf", "--json"], "input", "trj.gltf: no such file; did you mean \"tri.gltf\"?"),
+    ] {
+        let run = choreo(dir.path(), args);
+        let value: serde_json::Value = serde_json::from_str(&run.out)
+            .unwrap_or_else(|e| panic!("{args:?}: {e}: {}{}", run.out, run.err));
+        let code = if kind == "usage" { 2 } else { 1 };
+        assert_eq!((run.code, &value["exit_code"], &value["kind"]), (code, &code.into(), &kind.into()));
+        let told = value["errors"][0]["message"].as_str().unwrap();
+        assert!(told.starts_with(message) && !told.contains("Usage:"), "{args:?}: {told}");
+        assert!(run.err.contains(message), "{args:?}: {}", run.err);
+    }
+    // Standard output is the video's.
+    let run = choreo(dir.path(), &["render", "tri.gltf", "-o", "-", "--frmes", "1", "--json"]);
+    assert_eq!((run.code, run.out.as_str()), (2, ""));
+    assert!(run.err.contains(r#"{"errors":[{"message":"unexpected argument '--frmes' found"#), "{}", run.err);
+    let run = choreo(dir.path(), &["render", "trj.gltf", "-o", "-", "--json"]);
+    assert!(run.out.is_empty() && run.err.contains(r#""kind":"input""#), "{}", run.err);
+    // After "--" it is a name; and help is no error.
+    assert_eq!(choreo(dir.path(), &["check", "--", "tri.gltf", "--json"]).out, "");
+    assert!(choreo(dir.path(), &["check", "--json", "--help"]).out.starts_with("Find everything"));
+}
+
+#[test]
+fn help_tells_limits_and_exit_codes() {
+    let dir = folder();
+    let help = choreo(dir.path(), &["render", "--help"]).out;
+    let row = |name: &str| help.lines().find(|l| l.trim_start().starts_with(name)).unwrap_or_default();
+    assert!(row("memory ").contains(" 4 GiB = 4294967296  bytes of memory"), "{}", row("memory "));
+    assert!(
+        row("output ").contains(" 64 GiB = 68719476736  bytes that a render writes"),
+        "{}",
+        row("output ")
+    );
+    for code in ["  5    the system gives it too little memory", "  6    choreo itself failed"] {
+        assert!(help.contains(code), "{help}");
+    }
+    let help = choreo(dir.path(), &["test", "--help"]).out;
+    assert!(help.contains("--timeout <SECONDS>") && help.contains("[default: 300]"), "{help}");
+}
+
+/// Runs the program with at most so many threads; `None`: this machine cannot limit them.
+#[cfg(target_os = "linux")]
+fn with_threads(folder: &Path, most: u32, args: &[&str]) -> Option<Run> {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt};
+    use std::process::Command;
+    let limit = format!("--nproc={most}:{most}");
+    let owner = std::fs::metadata(folder).unwrap().uid();
+    let mut command = match owner {
+        // The limit does not hold for root. Threads are counted by user: one that nobody else is.
+        0 => {
+            let user = (100_000 + std::process::id() % 1_000_000).to_string();
+            let mode = std::fs::Permissions::from_mode(0o777);
+            std::fs::set_permissions(folder, mode).unwrap();
+            let program = folder.join("choreo");
+            if !program.exists() {
+                std::fs::copy(env!("CARGO_BIN_EXE_choreo"), &program).unwrap();
+            }
+            let mut command = Command::new("setpriv");
+            command.args(["--reuid", &user, "--regid", &user, "--clear-groups", "prlimit", &limit]);
+            command.arg(program);
+            command
+        }
+        // Others have threads already: more than one is beyond the limit.
+        _ if most > 1 => return None,
+        _ => {
+            let mut command = Command::new("prlimit");
+            command.args([&limit, env!("CARGO_BIN_EXE_choreo")]);
+            command
+        }
+    };
+    command.current_dir(folder).args(args).stdin(std::process::Stdio::null());
+    Some(finished(command.output().ok()?))
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn few_threads_are_told_or_enough() {
+    let dir = folder();
+    let d = dir.path();
+    std::fs::write(
+        d.join("s.rhai"),
+        "let m = load(\"tri.gltf\");\ncast(\"a\", m).play(m.clip(\"Slide\"));\n",
+    )
+    .unwrap();
+    std::fs::write(d.join("t.rhai"), "test(\"a\", || { expect(1).equals(1); });\n").unwrap();
+    let commands = [
+        &["render", "s.rhai", "-o", "x.mp4", "--size", "64x36", "--device", "cpu"][..],
+        &["render", "s.rhai", "-o", "f/%04d.png", "--frames", "0..2", "--size", "64x36", "--device", "cpu"],
+        &["check", "s.rhai"],
+        &["pose", "tri.gltf"],
+        &["explain", "tri.gltf"],
+        &["info", "tri.gltf"],
+        &["test", "t.rhai"],
+    ];
+    let mut enough = 0;
+    for most in (1..=14).chain([40]) {
+        for args in commands {
+            let Some(run) = with_threads(d, most, args) else {
+                println!(
+                    "SKIP 1: {most} threads cannot be set apart from those of the user's other programs"
+                );
+                continue;
+            };
+            match run.code {
+                0 => enough += 1,
+                code => {
+                    assert_eq!(code, 5, "{most} threads, {args:?}: {}", run.err);
+                    assert!(run.err.starts_with("too few threads: "), "{}", run.err);
+                    assert!(most < 12, "{most} threads are not enough for {args:?}: {}", run.err);
+                }
+            }
+            if most == 1 {
+                assert_eq!(run.code, 5);
+            }
+        }
+    }
+    assert!(enough == 0 || enough >= 4 * commands.len(), "{enough} runs had enough");
+}
+
+/// Whatever allocation or thread is the first that fails.
+#[cfg(target_os = "linux")]
+#[test]
+fn little_memory_ends_with_an_exit_code() {
+    let dir = folder();
+    let d = dir.path();
+    std::fs::write(
+        d.join("s.rhai"),
+        "let m = load(\"tri.gltf\");\ncast(\"a\", m).play(m.clip(\"Slide\"));\n",
+    )
+    .unwrap();
+    let mut codes = Vec::new();
+    for kib in [40_000, 60_000, 90_000, 130_000, 180_000, 240_000, 300_000, 360_000, 450_000, 4_000_000] {
+        for args in [
+            &["render", "s.rhai", "-o", "x.mp4", "--size", "1280x720", "--device", "cpu"][..],
+            &["explain", "s.rhai"],
+        ] {
+            let shell = format!("ulimit -v {kib}; ulimit -c 0; exec \"$@\"");
+            let mut command = std::process::Command::new("sh");
+            command.args(["-c", &shell, "sh", env!("CARGO_BIN_EXE_choreo")]).args(args);
+            let run = finished(command.current_dir(d).env_remove("RUST_BACKTRACE").output().unwrap());
+            match (kib, run.code) {
+                // Below that, the system's own loader ends it.
+                (..90_000, 127) => continue,
+                (4_000_000, code) => assert_eq!(code, 0, "{}", run.err),
+                (_, 5) => {
+                    let told = ["too few threads: ", "memory allocation of "];
+                    assert!(told.iter().any(|t| run.err.starts_with(t)), "{kib}: {}", run.err);
+                }
+                (_, code) => assert_eq!(code, 0, "{kib} KiB, {args:?}: {}", run.err),
+            }
+            codes.push(run.code);
+        }
+    }
+    assert!(codes.iter().filter(|code| **code == 5).count() >= 4, "{codes:?}");
+}

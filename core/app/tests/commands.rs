@@ -343,3 +343,70 @@ fn body_parts_that_do_not_follow_are_named_by_every_command() {
         assert!(run.code == 1 && run.err.contains(nothing), "{command:?}: {}{}", run.out, run.err);
     }
 }
+
+/// ESC, carriage return, a line of its own, a line separator of terminals (C1), and characters that turn the order around.
+const EVIL: &str = "e\u{1b}[31mv\r\nerror: il\u{9b}2J\u{202e}\u{2066}";
+
+/// The triangle with such a name for everything that has one.
+fn hostile_model() -> String {
+    let evil = serde_json::to_string(EVIL).unwrap();
+    let evil = evil.trim_matches('"');
+    let mut text = triangle(1.0);
+    for name in ["Root", "Slider", "Tri", "Slide"] {
+        text = text.replace(&format!("\"name\": \"{name}\""), &format!("\"name\": \"{name}{evil}\""));
+    }
+    let material = format!(r#""materials": [{{ "name": "Mat{evil}", "alphaMode": "BLEND" }}],"#);
+    text.replace("\"indices\": 3 }", "\"indices\": 3, \"material\": 0 }")
+        .replace("\"accessors\":", &format!("{material}\n  \"accessors\":"))
+}
+
+/// No command lets names of a file steer the terminal or begin a line; as JSON they are what they are.
+#[test]
+fn names_of_files_do_not_reach_the_terminal_as_they_are() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    std::fs::write(d.join("evil.gltf"), hostile_model()).unwrap();
+    let script = format!(
+        "let m = load(\"evil.gltf\");\nlet a = cast({0}, m).play(m.clip(0));\nprint({0});\na.joint({0});\n",
+        serde_json::to_string(&format!("anna{EVIL}")).unwrap().replace("\\u001b", "\\x1b")
+    );
+    std::fs::write(d.join("evil.rhai"), &script).unwrap();
+    let section = "test(\"s\\x1b[2J\\nerror: x\", || { expect(1).equals(2); });";
+    std::fs::write(d.join("evil_test.rhai"), section).unwrap();
+    let steers = |c: char| {
+        (c.is_control() && c != '\n') || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
+    let mut named = 0;
+    for args in [
+        &["info", "evil.gltf", "--joints"][..],
+        &["info", "evil.gltf", "--on", "evil.gltf"],
+        &["info", "evil.gltf", "--compress", "0.001"],
+        &["pose", "evil.gltf"],
+        &["explain", "evil.gltf"],
+        &["check", "evil.gltf", "--notes"],
+        &["check", "evil.rhai", "--notes"],
+        &["check", "evil.gltf", "--clip", "none"],
+        &["render", "evil.gltf", "-o", "x.png", "--size", "32x18", "--device", "cpu"],
+        &["render", "evil.gltf", "-o", "y.png", "--clip", "none", "--device", "cpu"],
+        &["measure", "evil.gltf", "--only", "crossfade"],
+        &["plugins", "--for", "evil.gltf"],
+        &["test", "evil_test.rhai"],
+        &["test", "evil_test.rhai", "--list"],
+    ] {
+        let run = choreo(d, args);
+        let text = format!("{}{}", run.out, run.err);
+        assert_eq!(text.chars().find(|c| steers(*c)), None, "{args:?}: {}", text.escape_debug());
+        assert!(!text.lines().any(|line| line.starts_with("error: ")), "{args:?}: {text}");
+        named += usize::from(text.contains("\u{fffd}"));
+        if let ["info" | "pose" | "explain" | "check", ..] = args {
+            let run = choreo(d, &[args, &["--json"]].concat());
+            assert_eq!(run.out.chars().find(|c| steers(*c)), None, "{args:?}: {}", run.out.escape_debug());
+            let value: Value = serde_json::from_str(&run.out).unwrap();
+            let whole = value.to_string();
+            assert!(!whole.contains('\u{fffd}'), "{args:?}: {whole}");
+        }
+    }
+    assert!(named >= 9, "the names are told by {named} commands");
+    let value = json(d, &["pose", "evil.gltf", "--json"]);
+    assert_eq!(value["actors"][0]["joints"][0]["name"], format!("Root{EVIL}"));
+}

@@ -205,7 +205,7 @@ fn judge(yard: &Yard, script: &Script, command: &str) -> Result<Run, String> {
     let run = yard.run(script, command, further)?;
     println!("{:6.2} s {} {command}", started.elapsed().as_secs_f64(), script.name);
     let text = format!("{}{}", run.out, run.err);
-    if text.contains("panicked") || text.contains("RUST_BACKTRACE") {
+    if ["panicked", "RUST_BACKTRACE", "internal error"].iter().any(|sign| text.contains(sign)) {
         return Err(format!("panics:\n{text}"));
     }
     if text.len() > MOST_TEXT {

@@ -472,3 +472,49 @@ fn a_save_runs_what_it_touches_again() {
     child.kill().unwrap();
     child.wait().unwrap();
 }
+
+/// Time is looked at in the script, in frames that are evaluated, and between images; the others go on.
+#[test]
+fn a_section_that_takes_too_long_fails_and_the_others_go_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    write(
+        d,
+        "slow.rhai",
+        r#"
+test("endless", || { let n = 0; while true { n += 1; } });
+test("many looks", || {
+    let a = cast("a", shape("box", #{ size: [1, 1, 1] }));
+    on_frame(|t| { let n = 0; while n < 50000 { n += 1; } a.at(n, 0.0, 0.0); });
+    stage(#{ length: 100.0 });
+    expect(a).near([0.0, 0.0, 0.0], 1e9);
+});
+test("many images", || {
+    cast("a", shape("box", #{ size: [1, 1, 1] }));
+    camera("c").at(1.0, 1.6, 4.0).look_at([0.0, 0.6, 0.0]);
+    for i in 0..2000 { expect_picture(`p${i}`, #{ at: 0.0, size: [640, 360] }); }
+});
+test("quick", || { expect(1).equals(1); });
+"#,
+    );
+    let started = std::time::Instant::now();
+    let (code, report) = report(d, &["slow.rhai", "--timeout", "1.5", "--limit", "frame_operations=1000000"]);
+    assert_eq!(code, 1);
+    assert!(started.elapsed() < Duration::from_secs(120));
+    let all = report["sections"].as_array().unwrap();
+    assert_eq!(all.len(), 4, "{report}");
+    for section in all {
+        let text = section.to_string();
+        match section["section"].as_str().or(section["name"].as_str()).unwrap_or_default() {
+            name if name.contains("quick") => assert!(text.contains("passed"), "{text}"),
+            _ => assert!(text.contains("this section takes longer than 1.5 s"), "{text}"),
+        }
+    }
+    let run = test(d, &["slow.rhai", "--timeout", "0.5", "--filter", "endless"]);
+    assert!(run.out.contains("ERROR slow.rhai > endless\n  slow.rhai:2:"), "{}", run.out);
+    assert!(
+        run.out.contains("hint: make it shorter, or raise the time with --timeout SECONDS"),
+        "{}",
+        run.out
+    );
+}

@@ -146,13 +146,18 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
     let rest = std::thread::scope(|scope| {
         let (done, told) = channel();
         let workers: Vec<_> = (0..cores.min(MAX_WORKERS).min(entries.len()))
-            .map(|_| {
+            .map_while(|_| {
                 let done = done.clone();
-                scope.spawn(|| work(done))
+                let thread = std::thread::Builder::new().name("picture".into());
+                thread.spawn_scoped(scope, || work(done)).ok()
             })
             .collect();
-        drop(done);
         let rest = rest();
+        if workers.is_empty() {
+            // No thread could be had.
+            work(done.clone());
+        }
+        drop(done);
         let all: u64 = entries.iter().map(Encoded::pixels).sum();
         let mut sum = 0;
         while let Ok(pixels) = told.recv() {

@@ -94,7 +94,9 @@ impl Table {
         };
         out += &line(self.columns.iter().map(|c| c.title.as_str()).collect());
         for row in &self.rows {
-            out += &line(row.iter().map(|c| c.text.as_str()).collect());
+            // A name from a file cannot begin a row of its own.
+            let cells: Vec<String> = row.iter().map(|c| c.text.replace('\n', "\u{fffd}")).collect();
+            out += &line(cells.iter().map(String::as_str).collect());
         }
         for note in &self.notes {
             out += &format!("  {note}\n");

@@ -6,7 +6,7 @@ use crate::import::Import;
 use crate::limits::{Limits, raise_hint};
 use crate::load::Load;
 use crate::loader::Loader;
-use crate::testing::TestState;
+use crate::testing::{TestState, Timeout};
 use choreo_motion::{Clip, Curve, RootParts, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3};
@@ -26,7 +26,7 @@ pub struct Shared {
     /// Text of the script and its modules by the name shown in messages.
     pub sources: Mutex<BTreeMap<String, Arc<str>>>,
     /// Functions that the script defines, with their number of arguments.
-    pub functions: Mutex<Vec<(String, usize)>>,
+    pub functions: Mutex<Arc<Vec<(String, usize)>>>,
     /// Where the token read last begins, as line and column.
     pub last_token: Mutex<(usize, usize)>,
     /// Time to stop; moved on by what loading takes.
@@ -34,6 +34,8 @@ pub struct Shared {
     /// Set once the engine is made: what runs later, callbacks and formulas, keeps it alive.
     pub engine: Mutex<Weak<rhai::Engine>>,
     pub mode: Mode,
+    /// When the section that is being run must be over, files being loaded counted too.
+    pub timeout: Option<Timeout>,
     pub test: Mutex<TestState>,
 }
 
@@ -49,9 +51,13 @@ pub enum Mode {
 }
 
 impl Shared {
-    /// Whether the script has used up its time.
-    pub fn late(&self) -> bool {
-        self.deadline.lock().unwrap_or_else(PoisonError::into_inner).is_some_and(|d| Instant::now() > d)
+    /// Which limit of time the script has reached.
+    pub fn late(&self) -> Option<&'static str> {
+        if self.timeout.is_some_and(|timeout| timeout.check().is_err()) {
+            return Some("timeout");
+        }
+        let deadline = *self.deadline.lock().unwrap_or_else(PoisonError::into_inner);
+        deadline.is_some_and(|d| Instant::now() > d).then_some("seconds")
     }
 
     pub fn test(&self) -> MutexGuard<'_, TestState> {

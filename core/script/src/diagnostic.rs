@@ -101,7 +101,12 @@ impl std::error::Error for Diagnostic {}
 
 /// Without what would steer a terminal or turn the reading direction around: names in messages come from files and scripts.
 pub fn printable(text: &str) -> String {
-    text.chars().map(|c| if c != '\n' && steers(c) { '\u{fffd}' } else { c }).collect()
+    text.chars().map(|c| if c != '\n' && steers_terminal(c) { '\u{fffd}' } else { c }).collect()
+}
+
+/// As [`printable`], on one line.
+pub fn printable_line(text: &str) -> String {
+    printable(text).replace('\n', "\u{fffd}")
 }
 
 /// Printable, of a length that somebody reads, and with its further lines set in: none can pass for a message of its own.
@@ -116,7 +121,7 @@ fn one_message(text: &str) -> String {
 }
 
 /// Control characters, and those of Unicode's bidirectional algorithm (UAX #9), which show a text in another order than it has.
-fn steers(c: char) -> bool {
+pub fn steers_terminal(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
@@ -130,7 +135,7 @@ fn excerpt(line: &str, column: usize) -> (String, usize) {
         .map(|c| {
             if c.is_control() {
                 ' '
-            } else if steers(c) {
+            } else if steers_terminal(c) {
                 '\u{fffd}'
             } else {
                 c

@@ -12,8 +12,8 @@ use crate::testing::ExpectRef;
 use crate::value::*;
 use rhai::packages::*;
 use rhai::{
-    AST, Dynamic, Engine, EvalAltResult, LexError, NativeCallContext, ParseError, ParseErrorType, Position,
-    Scope, Token,
+    AST, ASTNode, Dynamic, Engine, EvalAltResult, Expr, LexError, NativeCallContext, ParseError,
+    ParseErrorType, Position, Scope, Stmt, Token,
 };
 use std::any::TypeId;
 use std::collections::BTreeSet;
@@ -24,6 +24,7 @@ use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 pub const REFUSED: &[(&str, &str)] = &[
     ("eval", "all code of a script stands in its files"),
     ("sleep", "a script only describes the scene; times are given to .from, .until and .key"),
+    ("curry", "a closure, || f(x), takes along what it uses"),
     ("timestamp", "the same script must give the same scene at any time"),
     ("**", "write pow(x, y), which gives the same result on every machine"),
 ];
@@ -105,10 +106,10 @@ fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
             return Some("operations".into());
         }
         // A single step may copy a large array, so the clock is read often.
-        if steps & 0x3f == 0 && watched.upgrade().is_some_and(|shared| shared.late()) {
-            return Some("seconds".into());
+        if steps & 0x3f != 0 {
+            return None;
         }
-        None
+        watched.upgrade().and_then(|shared| shared.late()).map(Into::into)
     });
 }
 
@@ -135,6 +136,7 @@ pub fn compile(engine: &Engine, shared: &Shared, text: &str) -> Result<AST, Pars
     let last_token = || *shared.last_token.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     *shared.last_token.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = (0, 0);
     let ast = engine.compile_with_scope(&constants(), text)?;
+    check_calls(&ast)?;
     if !text.contains("/*") {
         return Ok(ast);
     }
@@ -158,6 +160,42 @@ pub fn compile(engine: &Engine, shared: &Shared, text: &str) -> Result<AST, Pars
     Err(ParseError(Box::new(ParseErrorType::BadInput(why)), place))
 }
 
+fn is_refused(name: &str) -> bool {
+    REFUSED.iter().any(|(refused, _)| *refused == name)
+}
+
+/// Methods that are refused, and calls of too many arguments: Rhai looks for a function in time that grows with their number
+/// and with 2 to the power of up to 16 of them, in one step that no limit interrupts.
+fn check_calls(ast: &AST) -> Result<(), ParseError> {
+    let mut wrong = None;
+    ast.walk(&mut |path| {
+        let (call, at) = match path.last() {
+            Some(ASTNode::Expr(Expr::MethodCall(call, at))) if is_refused(&call.name) => {
+                wrong = Some((call.name.to_string(), *at));
+                return false;
+            }
+            Some(ASTNode::Expr(Expr::FnCall(call, at) | Expr::MethodCall(call, at))) => (call, at),
+            Some(ASTNode::Stmt(Stmt::FnCall(call, at))) => (call, at),
+            _ => return true,
+        };
+        // What a closure captures is passed to `curry`, which is not looked for.
+        if call.args.len() > MOST_ARGUMENTS && call.name != "curry" {
+            wrong = Some((MANY_ARGUMENTS.to_string(), *at));
+        }
+        wrong.is_none()
+    });
+    match wrong {
+        None => Ok(()),
+        Some((why, at)) => Err(ParseError(Box::new(ParseErrorType::BadInput(LexError::Runtime(why))), at)),
+    }
+}
+
+/// Of one call.
+pub const MOST_ARGUMENTS: usize = 64;
+
+/// What a call of more ends with; `errors` knows it.
+pub const MANY_ARGUMENTS: &str = "arguments";
+
 /// What the parser ends with in a comment without an end; `errors` knows it.
 pub const OPEN_COMMENT: &str = "comment";
 
@@ -180,7 +218,7 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
             *shared.last_token.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = here;
         }
         if count.fetch_add(1, Ordering::Relaxed) & 0x3f == 0x3f
-            && watched.upgrade().is_some_and(|shared| shared.late())
+            && watched.upgrade().is_some_and(|shared| shared.late().is_some())
         {
             return Token::LexError(Box::new(rhai::LexError::Runtime(TOO_SLOW.into())));
         }
@@ -199,12 +237,18 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
         }
         let word = match &token {
             Token::Reserved(word) => word.to_string(),
+            Token::LexError(error) => match &**error {
+                LexError::ImproperSymbol(word, _) => word.clone(),
+                _ => return token,
+            },
             // `call` and its like keep their meaning; literals and symbols have no letters.
             token if token.is_standard_keyword() => token.literal_syntax().to_string(),
             _ => return token,
         };
         let is_method = api::all().any(|def| def.on != Kind::None && def.name == word);
-        if is_method { Token::Identifier(Box::new(word.as_str().into())) } else { token }
+        // What is refused is a name here, too: the parser would complain of the dot.
+        let is_name = is_method || is_refused(&word);
+        if is_name { Token::Identifier(Box::new(word.as_str().into())) } else { token }
     });
 }
 

@@ -152,6 +152,10 @@ fn limit_reached(limit: &Dynamic, shared: &Shared) -> ApiError {
             .hint(raise_hint(&name, format!("{} s a frame", limits.frame_seconds))),
         "seconds" => ApiError::new("the script takes too long; does a loop never end?")
             .hint(raise_hint(&name, format!("{} s", limits.seconds))),
+        "timeout" => match shared.timeout.map(|timeout| timeout.error()) {
+            Some((what, hint)) => ApiError::new(what).hint(hint),
+            None => ApiError::new("the section takes too long"),
+        },
         "memory" => ApiError::new("the script uses too much memory")
             .hint(raise_hint(&name, format!("{} bytes", limits.memory))),
         _ => ApiError::new("the script takes too many steps; does a loop never end?")
@@ -183,10 +187,21 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
         ParseErrorType::Reserved(word) | ParseErrorType::UnknownOperator(word) if word_refused(word) => {
             refused(word)
         }
-        ParseErrorType::BadInput(LexError::ImproperSymbol(word, _)) if word_refused(word) => refused(word),
+        ParseErrorType::BadInput(LexError::ImproperSymbol(word, _) | LexError::Runtime(word))
+            if word_refused(word) =>
+        {
+            refused(word)
+        }
         ParseErrorType::BadInput(LexError::Runtime(why)) if why == crate::engine::TOO_SLOW => {
             ApiError::new("the script takes too long to read; split it into functions and modules")
                 .hint(raise_hint("seconds", format!("{} s", shared.limits.seconds)))
+        }
+        ParseErrorType::BadInput(LexError::Runtime(why)) if why == crate::engine::MANY_ARGUMENTS => {
+            ApiError::new(format!(
+                "this call has too many arguments: {} at most",
+                crate::engine::MOST_ARGUMENTS
+            ))
+            .hint("give it an array")
         }
         ParseErrorType::BadInput(LexError::Runtime(why)) if why == crate::engine::OPEN_COMMENT => {
             ApiError::new("this comment is never closed: nothing after it is read")

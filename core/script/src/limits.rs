@@ -36,7 +36,15 @@ macro_rules! limits {
 
         impl Limits {
             /// Name, default and what it holds back, of every limit.
-            pub const ALL: &[(&str, f64, &str)] = &[$((stringify!($name), $default as f64, $about),)*];
+            pub const ALL: &[(&str, f64, &str)] = &[$((
+                stringify!($name),
+                {
+                    // Of the limit's own type: as an i32, 4 << 30 would be 0.
+                    let default: $kind = $default;
+                    default as f64
+                },
+                $about,
+            ),)*];
 
             fn slot(&mut self, name: &str) -> Option<Slot<'_>> {
                 match name {
@@ -131,9 +139,19 @@ impl Limits {
     /// All limits with their defaults, a line each, for `--help` and API.md.
     pub fn table() -> String {
         let width = Limits::names().map(str::len).max().unwrap_or(0);
-        let row =
-            |(name, default, about): &(&str, f64, &str)| format!("  {name:width$}  {default:>12}  {about}\n");
+        let row = |(name, default, about): &(&str, f64, &str)| {
+            format!("  {name:width$}  {:>20}  {about}\n", Limits::shown(*default, about))
+        };
         Limits::ALL.iter().map(row).collect()
+    }
+
+    /// A default as it is typed; whole KiB, MiB and GiB also in that unit.
+    pub fn shown(default: f64, about: &str) -> String {
+        let units = [(30, "GiB"), (20, "MiB"), (10, "KiB")].map(|(bits, unit)| ((1u64 << bits) as f64, unit));
+        match units.iter().find(|(size, _)| about.starts_with("bytes") && default % size == 0.0) {
+            Some((size, unit)) => format!("{} {unit} = {default}", default / size),
+            None => default.to_string(),
+        }
     }
 }
 

@@ -52,7 +52,7 @@ pub fn reference() -> String {
         "\n## Limits\n\nSet with `--limit NAME=NUMBER`; the message that one is reached names it.\n"
     );
     for (name, default, about) in Limits::ALL {
-        let _ = writeln!(out, "- `{name}` = {default} — {about}");
+        let _ = writeln!(out, "- `{name}` = {} — {about}", Limits::shown(*default, about));
     }
     out
 }

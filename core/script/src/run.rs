@@ -13,10 +13,11 @@ use crate::limits::Limits;
 use crate::lint::Places;
 use crate::loader::Loader;
 use crate::modules::read_text;
+use crate::parsed::Parsed;
 use crate::suggest::{did_you_mean, list};
 use choreo_plugin::{Needs, Registry};
 use choreo_stage::Stage;
-use rhai::Engine;
+use rhai::{AST, Engine};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -198,9 +199,13 @@ fn new_shared(folders: Folders, mode: Mode, registry: &Registry, options: &Scrip
         deadline: Mutex::default(),
         engine: Mutex::default(),
         mode,
+        timeout: None,
         test: Mutex::default(),
     })
 }
+
+/// How the message begins where the system gives a script no thread.
+pub const NO_THREAD: &str = "cannot start a thread for the script: ";
 
 /// On a thread of its own: its stack is known to hold the deepest calls and expressions that the limits allow,
 /// whatever thread this is called on.
@@ -212,37 +217,42 @@ pub fn on_own_thread<T: Send + 'static>(
     match worker.spawn(work).map(std::thread::JoinHandle::join) {
         Ok(Ok(result)) => result,
         Ok(Err(panic)) => std::panic::resume_unwind(panic),
-        Err(e) => Err(vec![Diagnostic::error(format!("cannot start a thread for the script: {e}"))]),
+        Err(e) => Err(vec![Diagnostic::error(format!("{NO_THREAD}{e}"))]),
     }
 }
 
-/// Compiles and runs the text; what is wrong is noted among the build's diagnostics.
-pub fn execute(name: &str, text: &str, shared: &Arc<Shared>) -> Arc<Engine> {
+/// The engine of a run, whose time begins now.
+pub fn begin(name: &str, text: &str, shared: &Arc<Shared>) -> Arc<Engine> {
     shared.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
     let engine = Arc::new(engine::engine(shared));
     *shared.engine.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(&engine);
+    let limit = Duration::try_from_secs_f64(shared.limits.seconds).unwrap_or(Duration::MAX);
+    *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now().checked_add(limit);
+    engine
+}
+
+/// Runs the statements of a script, or what is wrong with its text; all that is wrong is noted among the build's diagnostics.
+pub fn execute(
+    engine: &Engine,
+    name: &str,
+    shared: &Shared,
+    script: Result<(&Parsed, &AST), rhai::ParseError>,
+) {
     let failed = |error: &rhai::EvalAltResult| {
         let (place, error) = errors::explain(error, name, shared);
         shared.note(Severity::Error, &place, &error);
     };
-    let limit = Duration::try_from_secs_f64(shared.limits.seconds).unwrap_or(Duration::MAX);
-    let set_deadline =
-        |to: Option<Instant>| *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = to;
-    set_deadline(Instant::now().checked_add(limit));
-    match engine::compile(&engine, shared, text) {
+    match script {
         Err(e) => failed(&e.into()),
-        Ok(mut ast) => {
-            ast.set_source(name);
-            shared.of_clips_only(&ast, name);
-            let declared = crate::lint::declared(&ast, name, text);
-            shared.build.lock().unwrap_or_else(PoisonError::into_inner).declared = declared;
-            *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) =
-                ast.iter_functions().map(|f| (f.name.to_string(), f.params.len())).collect();
-            shared.test().ends = ast
-                .iter_fn_def()
-                .map(|f| (f.name.to_string(), f.body.end_position().line().unwrap_or(0)))
-                .collect();
-            let result = engine.run_ast_with_scope(&mut engine::constants(), &ast);
+        Ok((parsed, ast)) => {
+            shared
+                .clips_only
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .extend(parsed.clips_only.iter().cloned());
+            *shared.functions.lock().unwrap_or_else(PoisonError::into_inner) = parsed.functions.clone();
+            shared.test().ends = parsed.ends.clone();
+            let result = engine.run_ast_with_scope(&mut engine::constants(), ast);
             if let Err(e) = result {
                 failed(&e);
             } else {
@@ -250,12 +260,17 @@ pub fn execute(name: &str, text: &str, shared: &Arc<Shared>) -> Arc<Engine> {
             }
         }
     }
-    set_deadline(None);
-    engine
+    *shared.deadline.lock().unwrap_or_else(PoisonError::into_inner) = None;
 }
 
 fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<Diagnostic>> {
-    let engine = execute(name, text, shared);
+    let engine = begin(name, text, shared);
+    let parsed = Parsed::new(&engine, shared, name, text);
+    if let Ok(parsed) = &parsed {
+        let declared = crate::lint::declared(&parsed.ast, name, text);
+        shared.build.lock().unwrap_or_else(PoisonError::into_inner).declared = declared;
+    }
+    execute(&engine, name, shared, parsed.as_ref().map(|p| (p, &p.ast)).map_err(Clone::clone));
     let script_hash = hash(text, shared);
     let identity = hex(&script_hash);
     let (stage, mut places) = finish(shared, &engine, &|_| identity.clone());

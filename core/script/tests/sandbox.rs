@@ -57,15 +57,24 @@ fn limits_are_set_by_name() {
     assert_eq!(limits.set("things").unwrap_err(), "a limit is written NAME=NUMBER, not \"things\"");
 }
 
-/// Each limit that a name sets is told in `--help` and the reference, with its default.
+/// Each limit that a name sets is in `--help` and in the reference, with the default that counts.
 #[test]
 fn every_limit_is_in_the_table() {
     let table = Limits::table();
+    let reference = choreo_script::reference();
+    let row = |name: &str| table.lines().find(|l| l.trim_start().starts_with(&format!("{name} "))).unwrap();
     for (name, default, about) in Limits::ALL {
-        let row = table.lines().find(|l| l.trim_start().starts_with(&format!("{name} "))).unwrap_or_default();
-        assert!(row.contains(&default.to_string()) && row.ends_with(about), "{name}: {row}");
+        assert!(*default > 0.0 && row(name).contains(&default.to_string()) && row(name).ends_with(about));
+        assert!(reference.contains(&format!("- `{name}` = {} — ", Limits::shown(*default, about))), "{name}");
         Limits::default().set(&format!("{name}=7")).unwrap();
+        // What the table says is what holds.
+        let mut set = Limits::default();
+        set.set(&format!("{name}={default}")).unwrap();
+        assert_eq!(set, Limits::default(), "{name}");
     }
+    assert!(row("memory").contains(" 4 GiB = 4294967296  bytes"), "{}", row("memory"));
+    assert!(row("output").contains(" 64 GiB = 68719476736  bytes"), "{}", row("output"));
+    assert!(row("seconds").contains("  20  seconds"), "{}", row("seconds"));
 }
 
 #[test]
@@ -84,6 +93,38 @@ fn the_clock_stops_the_reading_of_a_script() {
     let errors = assets().run_text(&text, &ScriptOptions { limits, ..ScriptOptions::default() }).unwrap_err();
     assert_eq!(errors[0].message, "the script takes too long to read; split it into functions and modules");
     assert!(errors[0].line > 1);
+}
+
+/// Each was one step of the interpreter, in which no clock was read, for minutes.
+#[test]
+fn a_call_of_very_many_arguments_is_refused_where_it_stands() {
+    let started = std::time::Instant::now();
+    let many = |n: usize| vec!["1"; n].join(",");
+    for call in ["max(#)", "f(#)", "g.call(#)", "[1].push(#)", "g(#)"] {
+        let text = format!("fn f(a) {{ a }}\nlet g = |a| a;\nlet x = {};", call.replace('#', &many(300_000)));
+        let errors = assets().run_text(&text, &ScriptOptions::default()).unwrap_err();
+        let column = 9 + call.find('(').unwrap();
+        assert_eq!(errors[0].message, "this call has too many arguments: 64 at most", "{call}");
+        assert_eq!((errors[0].line, errors[0].hint.as_deref()), (3, Some("give it an array")), "{call}");
+        assert!(errors[0].column <= column, "{call}: {}", errors[0].column);
+    }
+    let errors = assets().run_text(&format!("foo({});", many(64)), &ScriptOptions::default()).unwrap_err();
+    assert_eq!(errors[0].message, "unknown function \"foo\"");
+    assert!(started.elapsed().as_secs() < 60, "{:?}", started.elapsed());
+}
+
+/// Each `f.curry(f)` takes along all that the one before has: 2 to the power of the steps.
+#[test]
+fn nothing_is_curried() {
+    for text in ["let f = |a| a;\nf.curry(1);", "let f = |a| a;\ncurry(f, 1);"] {
+        let errors = assets().run_text(text, &ScriptOptions::default()).unwrap_err();
+        let wanted = "\"curry\" cannot be used in a script: a closure, || f(x), takes along what it uses";
+        assert_eq!((errors[0].message.as_str(), errors[0].line), (wanted, 2), "{text}");
+    }
+    // What captures is as ever.
+    assets()
+        .run_text("let n = 2; let f = |a| a * n; if f.call(3) != 6 { throw }", &ScriptOptions::default())
+        .unwrap();
 }
 
 #[test]

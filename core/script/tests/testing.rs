@@ -3,8 +3,8 @@
 mod common;
 
 use choreo_motion::Time;
+use choreo_script::Diagnostic;
 use choreo_script::testing::*;
-use choreo_script::{Diagnostic, ScriptOptions};
 use common::*;
 
 const SUITE: &str = r#"// Shared by all sections.
@@ -35,8 +35,23 @@ fn list(folder: &Folder, name: &str) -> Vec<SectionInfo> {
     list_sections(&folder.file(name), &registry(), &options()).unwrap_or_else(|e| panic!("{}", show(&e)))
 }
 
+/// Run twice: with all calls of `test`, and, once the sections are listed, without those of the others. Nothing differs.
 fn section(folder: &Folder, name: &str, index: usize) -> SectionRun {
-    run_section(&folder.file(name), index, &registry(), &options()).unwrap_or_else(|e| panic!("{}", show(&e)))
+    let (file, registry, listed) = (folder.file(name), registry(), options());
+    let run = |options: &TestOptions| {
+        run_section(&file, index, &registry, options).unwrap_or_else(|e| panic!("{}", show(&e)))
+    };
+    let whole = run(&options());
+    list_sections(&file, &registry, &listed).unwrap_or_else(|e| panic!("{}", show(&e)));
+    let alone = run(&listed);
+    let facts = |run: &SectionRun| {
+        let sound = run.broken.is_empty();
+        let stages: Vec<_> = run.stages.iter().filter(|_| sound).map(|stage| stage.content_hash()).collect();
+        let said = (&run.expectations, &run.expected, &run.printed, run.hash, run.hash_again);
+        format!("{:?}", (&run.info, stages, said, &run.errors, &run.warnings, &run.broken))
+    };
+    assert_eq!(facts(&alone), facts(&whole));
+    alone
 }
 
 fn suite(text: &str) -> Folder {
@@ -259,7 +274,7 @@ fn assets_are_imported_once_and_again_when_their_files_change() {
             "let hero = load(\"hero.toy\"); test(\"a\", || { cast(\"a\", hero); expect(1).equals(1); });",
         ),
     ]);
-    let options = TestOptions { script: ScriptOptions::default(), root: None };
+    let options = TestOptions::default();
     let asset = || {
         let run = run_section(&folder.file("t.rhai"), 0, &registry(), &options).unwrap();
         assert!(run.errors.is_empty(), "{}", show(&run.errors));
@@ -271,4 +286,95 @@ fn assets_are_imported_once_and_again_when_their_files_change() {
     std::fs::write(folder.file("skin.png"), "2").unwrap();
     let (other, other_hash) = asset();
     assert!(!std::sync::Arc::ptr_eq(&first, &other) && hash != other_hash);
+}
+
+/// The code around the sections counts wherever it stands; what others do inside does not.
+#[test]
+fn a_section_run_alone_is_what_it_is_among_the_others() {
+    let folder = suite(
+        r#"
+let n = 1;
+let list = [0];
+let bump = |v| { v += 1; v };
+test("first", || { n += 1; list.push(n); print(`first ${n} ${list}`); expect(n).equals(2); });
+n += 10;
+print(`between ${n} ${bump.call(n)} ${n}`);
+test("second", #{ tags: ["a", "b"] }, || { n += 100; print(`second ${n} ${list}`); expect(n).equals(111); });
+let n = 5;
+for row in [1, 2, 3] {
+    test(`row ${row}`, || { n += row; print(`row ${n}`); expect(n).equals(5 + row); });
+}
+fn table(rows) { for row in rows { test("in a function " + row, || { expect(row).above(0); }); } }
+table([1, 2]);
+let copy = n;
+copy += 1;
+print(`end ${n} ${copy} ${bump.call(n)} ${n}`);
+test("last", || { print(`last ${n}`); expect(copy).equals(6); });
+"#,
+    );
+    let count = list(&folder, "t.rhai").len();
+    assert_eq!(count, 8);
+    let printed: Vec<Vec<String>> =
+        (0..count).map(|index| section(&folder, "t.rhai", index).printed).collect();
+    assert_eq!(printed[0][0], "first 2 [0, 2]");
+    assert_eq!(printed[1][1], "second 111 [0]");
+    assert_eq!(printed[7].last().unwrap(), "last 5");
+    let told = printed[4].iter().find(|line| line.starts_with("row")).unwrap();
+    assert_eq!(told, "row 8");
+}
+
+/// A file that has changed since it was listed is run as it is now.
+#[test]
+fn a_section_of_a_file_that_has_changed() {
+    let folder = suite(
+        "test(\"a\", || { print(1); expect(1).equals(1); });\ntest(\"b\", || { expect(2).equals(2); });",
+    );
+    let options = options();
+    let run = |index| run_section(&folder.file("t.rhai"), index, &registry(), &options);
+    list_sections(&folder.file("t.rhai"), &registry(), &options).unwrap();
+    assert_eq!(run(0).unwrap().printed, ["1"]);
+    std::fs::write(folder.file("t.rhai"), "test(\"c\", || { print(3); expect(1).equals(1); });").unwrap();
+    assert_eq!((run(0).unwrap().info.name.as_str(), run(0).unwrap().printed.len()), ("c", 1));
+    assert!(show(&run(1).unwrap_err()).contains("section 1 is gone: the file has 1 now"));
+}
+
+/// Processor time of a section in a file of 32 times as many; it was 32 times as long and more.
+#[test]
+fn a_section_costs_the_same_in_a_long_file() {
+    let file = |sections: usize| -> String {
+        let one =
+            |i| format!("test(\"number {i}\", || {{\n    let x = {i};\n    expect(x).equals({i});\n}});\n");
+        (0..sections).map(one).collect()
+    };
+    let folder = Folder::new(&[("short.rhai", &file(60)), ("long.rhai", &file(1920))]);
+    let mut options = options();
+    options.script.limits.functions = 10_000;
+    let least = |name: &str| {
+        assert!(list_sections(&folder.file(name), &registry(), &options).is_ok());
+        let registry = registry();
+        let round = || {
+            let started = std::time::Instant::now();
+            for index in 0..20 {
+                run_section(&folder.file(name), index, &registry, &options).unwrap();
+            }
+            started.elapsed()
+        };
+        (0..5).map(|_| round()).min().unwrap()
+    };
+    let (short, long) = (least("short.rhai"), least("long.rhai"));
+    println!("20 sections: {short:?} of 60, {long:?} of 1920");
+    assert!(long < 4 * short, "20 sections: {short:?} of 60, {long:?} of 1920");
+}
+
+#[test]
+fn a_section_ends_at_its_timeout() {
+    let folder = suite("test(\"a\", || { let n = 0;\nwhile true { n += 1; } });");
+    let options = TestOptions { timeout: Some(Timeout::after(0.05)), ..options() };
+    let run = run_section(&folder.file("t.rhai"), 0, &registry(), &options).unwrap();
+    assert!(run.errors.len() == 1 && (1..=2).contains(&run.errors[0].line), "{}", show(&run.errors));
+    assert_eq!(run.errors[0].message, "this section takes longer than 0.05 s");
+    assert_eq!(
+        run.errors[0].hint.as_deref(),
+        Some("make it shorter, or raise the time with --timeout SECONDS")
+    );
 }

@@ -29,6 +29,8 @@ pub struct Results {
     run: Hash,
     /// Content hashes of files seen in this run; `None` = cannot be read.
     seen: Mutex<HashMap<PathBuf, Option<Hash>>>,
+    /// Of test files: the hash of the text, and that of the lines outside its sections.
+    around: Mutex<HashMap<PathBuf, (Hash, Hash)>>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -57,7 +59,12 @@ impl Results {
         for text in identity {
             add(&mut hasher, text.as_bytes());
         }
-        Results { folder, run: *hasher.finalize().as_bytes(), seen: Mutex::default() }
+        Results {
+            folder,
+            run: *hasher.finalize().as_bytes(),
+            seen: Mutex::default(),
+            around: Mutex::default(),
+        }
     }
 
     /// The earlier outcome, where all is as it was. Entries that are damaged, old or somebody else's count as none.
@@ -156,14 +163,31 @@ impl Results {
         add(&mut hasher, info.name.as_bytes());
         add(&mut hasher, format!("{:?} {:?}", info.skip, info.fails).as_bytes());
         add(&mut hasher, case.root.as_deref().unwrap_or(Path::new("")).to_string_lossy().as_bytes());
-        for (index, line) in text.lines().enumerate() {
-            let others = case.spans.iter().any(|(from, to)| (*from..=*to).contains(&(index + 1)));
-            let own = (info.line..=info.end_line).contains(&(index + 1));
-            if own || !others {
-                add(&mut hasher, line.as_bytes());
-            }
-        }
+        add(&mut hasher, &self.around(case, &text));
+        let own = text.lines().skip(info.line.saturating_sub(1)).take(info.end_line + 1 - info.line);
+        own.for_each(|line| add(&mut hasher, line.as_bytes()));
         Some(*hasher.finalize().as_bytes())
+    }
+
+    /// Of the lines that belong to no section: found once for all sections of a file.
+    fn around(&self, case: &Case, text: &str) -> Hash {
+        let whole = *blake3::hash(text.as_bytes()).as_bytes();
+        let mut known = self.around.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, around)) = known.get(&case.path).filter(|(of, _)| *of == whole) {
+            return *around;
+        }
+        let lines: Vec<&str> = text.lines().collect();
+        let mut in_section = vec![false; lines.len() + 1];
+        for (from, to) in case.spans.iter().filter(|(from, _)| *from <= lines.len()) {
+            in_section[*from..=(*to).clamp(*from, lines.len())].fill(true);
+        }
+        let mut hasher = blake3::Hasher::new();
+        for (line, _) in lines.iter().zip(&in_section[1..]).filter(|(_, inside)| !**inside) {
+            add(&mut hasher, line.as_bytes());
+        }
+        let around = *hasher.finalize().as_bytes();
+        known.insert(case.path.clone(), (whole, around));
+        around
     }
 
     fn content(&self, path: &Path) -> Option<Hash> {

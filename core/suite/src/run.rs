@@ -7,7 +7,7 @@ use crate::pictures::PictureOptions;
 use crate::results::Results;
 use crate::section::{self, Ran, blank};
 use choreo_plugin::Registry;
-use choreo_script::testing::TestOptions;
+use choreo_script::testing::{TestOptions, Timeout};
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
@@ -21,6 +21,8 @@ pub struct RunOptions {
     pub pictures: PictureOptions,
     /// Sections at once; 0 = one a core.
     pub jobs: usize,
+    /// Seconds that a section may take; `None`: any.
+    pub timeout: Option<f64>,
     /// Where outcomes are kept for the next run; `None`: nowhere.
     pub results: Option<PathBuf>,
     /// Outcomes of earlier runs are taken over where nothing has changed.
@@ -122,27 +124,30 @@ pub fn run(
         report: Report::default(),
         claims: BTreeMap::new(),
     });
-    std::thread::scope(|scope| {
-        for _ in 0..workers {
-            scope.spawn(|| {
-                // A few sections on many cores: each picture is drawn by several threads.
-                let pool = rayon::ThreadPoolBuilder::new().num_threads((jobs / workers).max(1)).build();
-                let mut painter = Painter::new(registry.effects(), options.gpu_cache.clone());
-                loop {
-                    let index = next.fetch_add(1, Ordering::SeqCst);
-                    let Some(case) = cases.get(index) else { return };
-                    let mut work = || one(case, registry, options, results.as_ref(), &mut painter);
-                    let ran = catch_unwind(AssertUnwindSafe(|| match &pool {
-                        Ok(pool) => pool.install(&mut work),
-                        Err(_) => work(),
-                    }));
-                    let ran = ran.unwrap_or_else(|panic| {
-                        painter = Painter::new(registry.effects(), options.gpu_cache.clone());
-                        broken(case, panic.as_ref())
-                    });
-                    teller.lock().unwrap_or_else(PoisonError::into_inner).tell(index, ran);
-                }
+    let worker = || {
+        // A few sections on many cores: each picture is drawn by several threads.
+        let pool = rayon::ThreadPoolBuilder::new().num_threads((jobs / workers).max(1)).build();
+        let mut painter = Painter::new(registry.effects(), options.gpu_cache.clone());
+        loop {
+            let index = next.fetch_add(1, Ordering::SeqCst);
+            let Some(case) = cases.get(index) else { return };
+            let mut work = || one(case, registry, options, results.as_ref(), &mut painter);
+            let ran = catch_unwind(AssertUnwindSafe(|| match &pool {
+                Ok(pool) => pool.install(&mut work),
+                Err(_) => work(),
+            }));
+            let ran = ran.unwrap_or_else(|panic| {
+                painter = Painter::new(registry.effects(), options.gpu_cache.clone());
+                broken(case, panic.as_ref())
             });
+            teller.lock().unwrap_or_else(PoisonError::into_inner).tell(index, ran);
+        }
+    };
+    std::thread::scope(|scope| {
+        let thread = || std::thread::Builder::new().name("section".into()).spawn_scoped(scope, worker);
+        // With fewer threads it takes longer; with none, this one does the work.
+        if (0..workers).map_while(|_| thread().ok()).count() == 0 {
+            worker();
         }
     });
     let Teller { mut report, claims, .. } = teller.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -166,7 +171,9 @@ fn one(
         let pictures = found.pictures.into_iter().map(|p| (p, None)).collect();
         return Ran { outcome: found.outcome, files, pictures, keep: false };
     }
-    let mut ran = section::run(case, registry, &options.test, &options.pictures, painter);
+    let timeout = options.timeout.map(Timeout::after);
+    let test = TestOptions { timeout, ..options.test.clone() };
+    let mut ran = section::run(case, registry, &test, &options.pictures, painter);
     if let Some(results) = results {
         if ran.keep {
             let roots = roots(case, &options.test);

@@ -94,6 +94,11 @@ pub fn run(
     if let Some(why) = &info.fails {
         known_bug(&mut ran.outcome, why);
     }
+    if let Some(Err(why)) = run.timeout.map(|timeout| timeout.check()) {
+        ran.outcome.status = Status::Error(format!("{}: {why}", ran.outcome.place));
+        ran.outcome.checks.clear();
+        ran.keep = false;
+    }
     ran.outcome.seconds = start.elapsed().as_secs_f64();
     ran.files = run.files_used;
     ran
@@ -128,6 +133,9 @@ fn judge(
     if run.broken.is_empty() {
         for expectation in &run.expectations {
             let Claim::Picture(wanted) = &expectation.claim else { continue };
+            if run.timeout.is_some_and(|timeout| timeout.check().is_err()) {
+                break;
+            }
             let at = &expectation.place;
             let place = Place { file: at.file.clone(), line: at.line, column: at.column };
             let Some(stage) = run.stages.get(expectation.stage) else { continue };

@@ -5,7 +5,7 @@ mod callbacks;
 mod sheet;
 
 use crate::args::CheckArgs;
-use crate::failure::{Failure, Problem, print, print_json};
+use crate::failure::{Failure, Problem, print, print_json, print_message};
 use crate::scene::{self, Opening, Scene};
 use crate::{plot, plugin_files};
 use choreo_plugin::{Effect, Hook, Registry};
@@ -20,7 +20,7 @@ pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
     let registry = plugin_files::registry(plugins, &args.scene.import.plugins, &[&args.scene.input])?;
     let scene = scene::open(&args.scene, &registry, Opening::TO_TELL)?;
     if !args.json {
-        scene.printed.iter().for_each(|line| eprintln!("{line}"));
+        scene.printed.iter().flat_map(|text| text.lines()).for_each(print_message);
     }
     let (problems, on_stage) = look(&scene);
     let findings = scene.places.findings(&on_stage);
@@ -49,8 +49,8 @@ pub fn run(args: CheckArgs, plugins: &Registry) -> Result<(), Failure> {
         let all: Vec<serde_json::Value> = of_assets.chain(all).collect();
         return print_json(&json!({ "ok": true, "frames": frames, "warnings": texts, "findings": all }));
     }
-    scene.warnings.iter().for_each(|w| eprintln!("{w}"));
-    findings.iter().filter(shown).for_each(|d| eprintln!("{d}"));
+    scene.warnings.iter().for_each(print_message);
+    findings.iter().filter(shown).for_each(print_message);
     let many = |n: usize, one: &str| if n == 1 { format!("1 {one}") } else { format!("{n} {one}s") };
     let warned = if warnings == 0 { "no warnings".to_string() } else { many(warnings, "warning") };
     let noted = match (notes, args.notes) {

@@ -83,8 +83,9 @@ impl Job {
         let program = results::program();
         let options = RunOptions {
             // A project is tested from its folder: its tests may use its scenes and assets.
-            test: TestOptions { script, root: std::env::current_dir().ok() },
+            test: TestOptions { script, root: std::env::current_dir().ok(), ..TestOptions::default() },
             pictures: PictureOptions { accept, device, any_device: args.any_device, failures: pictures },
+            timeout: Some(ranges::timeout(&args.timeout)?),
             jobs: args.jobs.as_deref().map(ranges::jobs).transpose()?.unwrap_or(0),
             results: results.filter(|_| program.is_some()),
             // After a save only what it touches is of interest.

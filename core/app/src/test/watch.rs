@@ -3,7 +3,7 @@
 
 use super::{Job, once};
 use crate::args::TestArgs;
-use crate::failure::{Failure, print};
+use crate::failure::{Failure, print, print_message};
 use choreo_live::{Interest, Waited, Watch, WatchError};
 use choreo_plugin::Registry;
 use choreo_script::content_of;
@@ -36,7 +36,7 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
         match ran {
             Ok(report) => read.extend(report.files),
             Err(Failure::ClosedPipe) => return Err(Failure::ClosedPipe),
-            Err(failure) => failure.lines().iter().for_each(|line| eprintln!("{line}")),
+            Err(failure) => failure.lines().iter().for_each(print_message),
         }
         for path in read {
             if let Entry::Vacant(unknown) = known.entry(path) {

@@ -13,7 +13,7 @@ use crate::testing::{Claim, ExpectRef, PictureExpectation, PlanOptions, Scene, S
 use crate::value::*;
 use choreo_motion::Time;
 use choreo_stage::Stage;
-use rhai::{Dynamic, EvalAltResult, FnPtr, Map};
+use rhai::{Dynamic, EvalAltResult, FnPtr, ImmutableString, Map};
 use std::sync::{Arc, PoisonError};
 
 pub const DEFS: &[Def] = &[
@@ -80,6 +80,17 @@ pub const DEFS: &[Def] = &[
 ];
 
 fn test(c: &mut Call) -> Reply {
+    let reply = section(c);
+    if reply.is_err() {
+        c.shared.test().refused = true;
+    }
+    reply
+}
+
+fn section(c: &mut Call) -> Reply {
+    if passed_over(c) {
+        return Ok(Dynamic::UNIT);
+    }
     let name = c.text(0)?;
     let last = c.len() - 1;
     let Some(section) = c.value(last).try_cast::<FnPtr>() else {
@@ -106,8 +117,10 @@ fn test(c: &mut Call) -> Reply {
             return Err(error.focus(info.name));
         }
         room(test.sections.len(), "sections", &c.shared.limits)?;
-        test.sections.push(info.clone());
-        if c.shared.mode != Mode::Section(info.index) {
+        let index = test.wanted.as_ref().map_or(info.index, |wanted| wanted.index);
+        test.sections.push(info);
+        test.calls.push((c.place.line, c.place.column));
+        if c.shared.mode != Mode::Section(index) {
             return Ok(Dynamic::UNIT);
         }
         test.running = true;
@@ -120,6 +133,13 @@ fn test(c: &mut Call) -> Reply {
         Err(e) => failed(c, *e),
         Ok(_) => Ok(Dynamic::UNIT),
     }
+}
+
+/// Where the sections of the file are known to be in order, only the one that is run is looked at.
+fn passed_over(c: &Call) -> bool {
+    let test = c.shared.test();
+    let Some(wanted) = test.wanted.as_ref().filter(|_| !test.running) else { return false };
+    c.value(0).read_lock::<ImmutableString>().is_some_and(|name| *name != wanted.name)
 }
 
 /// Notes what ended a function of the script, which then counts as done; a limit that is reached ends the script.

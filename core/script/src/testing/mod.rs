@@ -6,12 +6,16 @@
 
 pub(crate) mod comments;
 mod expectation;
+mod file;
 pub(crate) mod run;
 mod state;
+mod timeout;
 
 pub use expectation::*;
+pub use file::TestFiles;
 pub use run::{list_sections, run_section};
 pub(crate) use state::{ExpectRef, Measure, Scene, TestState};
+pub use timeout::Timeout;
 
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::run::ScriptOptions;
@@ -65,6 +69,10 @@ pub struct TestOptions {
     pub script: ScriptOptions,
     /// A folder that holds the test file; `scene` and `load` may read in it, by paths relative to the test file or to it.
     pub root: Option<PathBuf>,
+    /// When the section that is run must be over.
+    pub timeout: Option<Timeout>,
+    /// Files that runs with clones of this have read: each is parsed once for all of its sections.
+    pub files: TestFiles,
 }
 
 /// One section after its run. Nothing has been judged but its diagnostics.
@@ -87,6 +95,8 @@ pub struct SectionRun {
     pub hash_again: Option<[u8; 32]>,
     /// How long judging it may take.
     pub seconds: f64,
+    /// When all of it must be over.
+    pub timeout: Option<Timeout>,
     /// Lines of `print` and `debug`.
     pub printed: Vec<String>,
     /// Canonical paths of all that was read, the file itself included, with the BLAKE3 of their content; sorted.

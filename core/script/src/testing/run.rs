@@ -1,10 +1,11 @@
 //! Lists and runs the sections of a file.
 
+use super::file::Listing;
 use super::*;
 use crate::build::{Mode, Shared};
 use crate::call::{ApiError, Place};
 use crate::finish::finish;
-use crate::run::{Opened, execute, hex, on_own_thread, open};
+use crate::run::{Opened, begin, execute, hex, on_own_thread, open};
 use choreo_plugin::Registry;
 use rhai::Engine;
 use std::path::Path;
@@ -19,14 +20,28 @@ pub fn list_sections(
 ) -> Result<Vec<SectionInfo>, Vec<Diagnostic>> {
     let root = options.root.as_deref();
     let opened = open(path, root, Mode::List, registry, &options.script).map_err(|e| vec![e])?;
+    let files = options.files.clone();
     on_own_thread(move || {
+        let Opened { name, text, shared } = &opened;
         // Kept alive to the end: handles hold parts of it.
-        let _engine = execute(&opened.name, &opened.text, &opened.shared);
-        let mut sections = std::mem::take(&mut opened.shared.test().sections);
-        if sections.is_empty() {
-            sections.push(as_it_stands(&opened.name, &opened.text));
+        let engine = begin(name, text, shared);
+        let file = files.read(&engine, shared, name, text);
+        execute(
+            &engine,
+            name,
+            shared,
+            file.as_ref().map(|f| (&f.parsed, &f.parsed.ast)).map_err(Clone::clone),
+        );
+        let mut test = std::mem::take(&mut *shared.test());
+        if test.sections.is_empty() {
+            return Ok(vec![as_it_stands(name, text)]);
         }
-        Ok(sections)
+        if let Ok(file) = &file
+            && !test.refused
+        {
+            files.list(file, Listing::new(&file.parsed, test.sections.clone(), &test.calls));
+        }
+        Ok(std::mem::take(&mut test.sections))
     })
 }
 
@@ -51,15 +66,13 @@ pub fn run_section(
     registry: &Registry,
     options: &TestOptions,
 ) -> Result<SectionRun, Vec<Diagnostic>> {
-    let root = options.root.as_deref();
-    let opened = open(path, root, Mode::Section(index), registry, &options.script).map_err(|e| vec![e])?;
+    let opened = reopened(path, index, registry, options)?;
     if !sees_pixels(&opened.text) && options.script.needs.pixels {
         // Decoding pictures takes longer than everything else: it is left out where the text shows that nobody looks.
-        let mut script = options.script.clone();
-        script.needs.pixels = false;
-        let opened = open(path, root, Mode::Section(index), registry, &script).map_err(|e| vec![e])?;
+        let mut plain = options.clone();
+        plain.script.needs.pixels = false;
+        let opened = reopened(path, index, registry, &plain)?;
         let shared = opened.shared.clone();
-        let plain = TestOptions { script, root: options.root.clone() };
         let run = section(path, index, registry, &plain, opened)?;
         // A module may look in its place.
         let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
@@ -82,41 +95,83 @@ fn section(
     options: &TestOptions,
     opened: Opened,
 ) -> Result<SectionRun, Vec<Diagnostic>> {
-    let root = options.root.as_deref();
-    let mut run = on_own_thread(move || run_here(&opened.name, &opened.text, index, &opened.shared))?;
-    if run.info.as_it_stands() && run.errors.is_empty() && run.broken.is_empty() {
-        let opened =
-            open(path, root, Mode::Section(index), registry, &options.script).map_err(|e| vec![e])?;
-        let again = on_own_thread(move || run_here(&opened.name, &opened.text, index, &opened.shared))?;
-        run.hash_again = Some(again.stages[0].content_hash());
+    let run = |opened: Opened, whole: bool| {
+        let files = options.files.clone();
+        on_own_thread(move || run_here(&opened, index, &files, whole))
+    };
+    let again = || reopened(path, index, registry, options);
+    let mut section = match run(opened, false)? {
+        Some(section) => section,
+        // Something is other than when the sections were listed.
+        None => run(again()?, true)?.ok_or_else(Vec::new)?,
+    };
+    if section.info.as_it_stands() && section.errors.is_empty() && section.broken.is_empty() {
+        let again = run(again()?, true)?.ok_or_else(Vec::new)?;
+        section.hash_again = Some(again.stages[0].content_hash());
     }
-    Ok(run)
+    Ok(section)
 }
 
-fn run_here(
-    name: &str,
-    text: &str,
+fn reopened(
+    path: &Path,
     index: usize,
-    shared: &Arc<Shared>,
-) -> Result<SectionRun, Vec<Diagnostic>> {
-    let engine = execute(name, text, shared);
+    registry: &Registry,
+    options: &TestOptions,
+) -> Result<Opened, Vec<Diagnostic>> {
+    let root = options.root.as_deref();
+    let mut opened =
+        open(path, root, Mode::Section(index), registry, &options.script).map_err(|e| vec![e])?;
+    if let Some(shared) = Arc::get_mut(&mut opened.shared) {
+        shared.timeout = options.timeout;
+    }
+    Ok(opened)
+}
+
+/// `whole`: with all calls of `test`, as if it were not known which sections the file has. `None`: it is known, but the one that
+/// is wanted was not come by.
+fn run_here(
+    opened: &Opened,
+    index: usize,
+    files: &TestFiles,
+    whole: bool,
+) -> Result<Option<SectionRun>, Vec<Diagnostic>> {
+    let Opened { name, text, shared } = opened;
+    let engine = begin(name, text, shared);
+    let file = files.read(&engine, shared, name, text);
+    let listing = file.as_ref().ok().and_then(|f| f.listing()).filter(|_| !whole).cloned();
+    let listing = listing.filter(|listing| index < listing.sections.len());
+    let alone = match (&file, &listing) {
+        (Ok(file), Some(listing)) => {
+            shared.test().wanted = Some(listing.sections[index].clone());
+            Some(listing.alone(index, &file.parsed))
+        }
+        _ => None,
+    };
+    let script = file.as_ref().map(|f| (&f.parsed, alone.as_ref().unwrap_or(&f.parsed.ast)));
+    execute(&engine, name, shared, script.map_err(Clone::clone));
     let (mut stage, mut broken) = finish_stage(shared, &engine);
     let mut test = std::mem::take(&mut *shared.test());
-    let info = match test.sections.get(index) {
+    if test.wanted.is_some() && !test.ran {
+        return Ok(None);
+    }
+    let sections = listing.as_ref().map_or(&test.sections, |listing| &listing.sections);
+    let info = match sections.get(index) {
         Some(info) => info.clone(),
-        None if test.sections.is_empty() && index == 0 => as_it_stands(name, text),
+        None if sections.is_empty() && index == 0 => as_it_stands(name, text),
         None => {
-            let count = test.sections.len();
+            let count = sections.len();
             let error = Diagnostic::error(format!("section {index} is gone: the file has {count} now"));
             return Err(vec![error.in_file(name)]);
         }
     };
-    let (mut expected, wrong_comments) = comments::parse(name, text);
-    // What the other sections expect is theirs.
-    let in_section = |s: &SectionInfo, line: usize| (s.line..=s.end_line).contains(&line);
-    expected.retain(|e| {
-        in_section(&info, e.line) || !test.sections.iter().any(|other| in_section(other, e.line))
-    });
+    let (all_expected, wrong_comments) = match &file {
+        Ok(file) => (&file.expected, file.wrong_comments.clone()),
+        Err(_) => {
+            let (expected, wrong) = comments::parse(name, text);
+            (&expected.clone(), wrong)
+        }
+    };
+    let mut expected = of_section(all_expected, &info, sections);
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
     let mut came = std::mem::take(&mut build.diagnostics);
     let warning = |d: &Diagnostic| d.severity == Severity::Warning;
@@ -134,7 +189,7 @@ fn run_here(
     let files_used: Vec<_> = shared.loader.used().into_iter().collect();
     let mut stages = vec![Arc::new(stage)];
     stages.append(&mut test.stages);
-    Ok(SectionRun {
+    Ok(Some(SectionRun {
         hash: hash(&info, shared, &files_used),
         info,
         stages,
@@ -146,9 +201,25 @@ fn run_here(
         hash_again: None,
         // Running the script may take as long; looking at it at many times takes longer.
         seconds: 3.0 * shared.limits.seconds,
+        timeout: shared.timeout,
         printed: std::mem::take(&mut build.printed),
         files_used,
-    })
+    }))
+}
+
+/// Without what the other sections expect, which is theirs.
+fn of_section(
+    expected: &[ExpectedDiagnostic],
+    own: &SectionInfo,
+    all: &[SectionInfo],
+) -> Vec<ExpectedDiagnostic> {
+    let Some(last) = expected.iter().map(|e| e.line).max() else { return Vec::new() };
+    let mut in_section = vec![false; last + 1];
+    for s in all.iter().filter(|s| s.line <= last) {
+        in_section[s.line..=s.end_line.min(last)].fill(true);
+    }
+    let own = own.line..=own.end_line;
+    expected.iter().filter(|e| own.contains(&e.line) || !in_section[e.line]).cloned().collect()
 }
 
 /// The stage that has been built, and what is wrong with it as a whole.

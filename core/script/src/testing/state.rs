@@ -14,6 +14,12 @@ use std::sync::Arc;
 pub struct TestState {
     /// In the order of the script.
     pub sections: Vec<SectionInfo>,
+    /// Line and column of the call for each of them.
+    pub calls: Vec<(usize, usize)>,
+    /// A call of `test` was wrong.
+    pub refused: bool,
+    /// The section to be run, where all of the file are known: the calls for others are passed over.
+    pub wanted: Option<SectionInfo>,
     /// The section that was asked for is being run.
     pub running: bool,
     pub ran: bool,
@@ -31,7 +37,7 @@ pub struct TestState {
     /// Where `scene` was called for the stage being built.
     pub scene_at: Option<Place>,
     /// Last line of each function of the script.
-    pub ends: BTreeMap<String, usize>,
+    pub ends: Arc<BTreeMap<String, usize>>,
 }
 
 /// Another script while it runs.

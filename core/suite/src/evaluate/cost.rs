@@ -35,6 +35,9 @@ pub fn judge(looks: &[Looks], e: &Expectation, other: usize, factor: f64) -> Jud
     for _ in 0..BLOCKS {
         let mut ratios: Vec<f64> = Vec::with_capacity(ROUNDS);
         for round in 0..ROUNDS {
+            if let Err(why) = looks[e.stage].go_on() {
+                return Judged::impossible(expected, why);
+            }
             let [a, b] = &mut runs;
             // Whoever comes second finds warmer caches.
             let (own, others) = match round % 2 {

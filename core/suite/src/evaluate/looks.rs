@@ -3,7 +3,7 @@
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::Catalog;
-use choreo_script::testing::{Expectation, Subject, When};
+use choreo_script::testing::{Expectation, Subject, Timeout, When};
 use choreo_stage::{
     ActorState, Attachment, CameraState, Channel, Cut, Evaluator, LightState, Property, Snapshot, Stage,
 };
@@ -22,15 +22,17 @@ const KEPT: usize = 4096;
 pub struct Deadline {
     at: Option<Instant>,
     seconds: f64,
+    timeout: Option<Timeout>,
 }
 
 impl Deadline {
-    pub fn after(seconds: f64) -> Deadline {
+    pub fn after(seconds: f64, timeout: Option<Timeout>) -> Deadline {
         let span = Duration::try_from_secs_f64(seconds).ok();
-        Deadline { at: span.and_then(|span| Instant::now().checked_add(span)), seconds }
+        Deadline { at: span.and_then(|span| Instant::now().checked_add(span)), seconds, timeout }
     }
 
     fn check(&self) -> Result<(), String> {
+        self.timeout.map_or(Ok(()), |timeout| timeout.check())?;
         match self.at.is_some_and(|at| Instant::now() > at) {
             true => Err(format!(
                 "judging this section takes longer than {} s: look at less, or raise --limit seconds=NUMBER",

@@ -47,7 +47,7 @@ pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
         }
         return checks;
     }
-    let deadline = Deadline::after(run.seconds);
+    let deadline = Deadline::after(run.seconds, run.timeout);
     let mut looks: Vec<Looks> =
         run.stages.iter().map(|stage| Looks::new(stage, registry, deadline)).collect();
     if run.info.as_it_stands() {

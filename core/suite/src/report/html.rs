@@ -2,11 +2,12 @@
 
 use super::html_trace::plots;
 use super::junit::escaped;
-use super::{accept, printable, rerun};
+use super::{accept, rerun};
 use crate::collect::shown;
 use crate::outcome::{Check, Evidence, Outcome, Pictures, Status};
 use crate::run::Report;
 use base64::Engine;
+use choreo_script::printable;
 use std::fmt::Write;
 
 const STYLE: &str = include_str!("report.css");

@@ -9,11 +9,6 @@ pub mod terminal;
 use crate::collect::quoted;
 use crate::outcome::{Evidence, Outcome};
 
-/// Without what would steer a terminal or break a document: names and texts come from files and scripts.
-pub fn printable(text: &str) -> String {
-    text.chars().map(|c| if c.is_control() && c != '\n' { '\u{fffd}' } else { c }).collect()
-}
-
 /// What to type to run one section alone.
 pub fn rerun(outcome: &Outcome) -> String {
     let file = quoted(&outcome.file);

@@ -1,10 +1,11 @@
 //! Text for a person: a failure says what was expected, what came, by how much, where to look and what to type.
 
-use super::{accept, printable, rerun};
+use super::{accept, rerun};
 use crate::collect::{Case, shown};
 use crate::outcome::{Check, Evidence, Outcome, Status};
 use crate::pictures::ACCEPTED;
 use crate::run::Report;
+use choreo_script::{printable, printable_line};
 use std::fmt::Write;
 
 /// Failed checks of one section that are told in full; the rest is counted.
@@ -16,15 +17,15 @@ pub fn failure(outcome: &Outcome) -> String {
     match &outcome.status {
         Status::Passed | Status::Skipped(_) => return text,
         Status::Error(what) => {
-            let _ = writeln!(text, "ERROR {}", outcome.name());
+            let _ = writeln!(text, "ERROR {}", printable_line(&outcome.name()));
             indent(&mut text, what);
         }
         Status::Failed => {
-            let _ = writeln!(text, "FAILED {}", outcome.name());
+            let _ = writeln!(text, "FAILED {}", printable_line(&outcome.name()));
         }
     }
     for line in &outcome.printed {
-        let _ = writeln!(text, "    printed: {line}");
+        let _ = writeln!(text, "    printed: {}", line.replace('\n', "\n             "));
     }
     let failed = || outcome.checks.iter().filter(|c| !c.passed);
     for check in failed().take(MOST_CHECKS) {
@@ -37,9 +38,9 @@ pub fn failure(outcome: &Outcome) -> String {
     for warning in &outcome.warnings {
         indent(&mut text, warning);
     }
-    let _ = writeln!(text, "  alone:  {}", rerun(outcome));
+    let _ = writeln!(text, "  alone:  {}", printable_line(&rerun(outcome)));
     if let Some(accept) = accept(outcome) {
-        let _ = writeln!(text, "  accept: {accept}");
+        let _ = writeln!(text, "  accept: {}", printable_line(&accept));
     }
     printable(&text)
 }
@@ -81,7 +82,7 @@ pub fn summary(report: &Report) -> String {
         }
     }
     for (reason, count) in skips {
-        let _ = writeln!(text, "skipped {count}: {reason}");
+        let _ = writeln!(text, "skipped {count}: {}", printable_line(reason));
     }
     for check in report.outcomes.iter().flat_map(|o| &o.checks).filter(|c| c.by == ACCEPTED) {
         let _ = writeln!(text, "accepted {}", check.expected);
@@ -138,17 +139,12 @@ pub fn list(cases: &[Case]) -> String {
                 let _ = writeln!(text, "{}  (as it stands)", case.file);
             }
             Ok(info) => {
-                let _ = write!(text, "{}:{}  {}", case.file, info.line, info.name);
-                for tag in &info.tags {
-                    let _ = write!(text, "  #{tag}");
-                }
-                if let Some(why) = &info.skip {
-                    let _ = write!(text, "  (skipped: {why})");
-                }
-                if let Some(why) = &info.fails {
-                    let _ = write!(text, "  (known to fail: {why})");
-                }
-                text.push('\n');
+                let mut line = format!("{}:{}  {}", case.file, info.line, info.name);
+                info.tags.iter().for_each(|tag| line += &format!("  #{tag}"));
+                line += &info.skip.as_ref().map(|why| format!("  (skipped: {why})")).unwrap_or_default();
+                line +=
+                    &info.fails.as_ref().map(|why| format!("  (known to fail: {why})")).unwrap_or_default();
+                let _ = writeln!(text, "{}", printable_line(&line));
             }
             Err(_) => {
                 let _ = writeln!(text, "{}  (cannot be read)", case.file);

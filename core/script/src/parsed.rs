@@ -1,0 +1,32 @@
+//! The text of a script as it was read: what all its runs have in common.
+
+use crate::build::Shared;
+use crate::call::Place;
+use crate::engine;
+use rhai::{AST, Engine, ParseError};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+pub struct Parsed {
+    pub ast: AST,
+    /// Functions that the script defines, with their number of arguments.
+    pub functions: Arc<Vec<(String, usize)>>,
+    /// Last line of each of them.
+    pub ends: Arc<BTreeMap<String, usize>>,
+    /// Where files are loaded whose clips alone are used.
+    pub clips_only: Vec<Place>,
+}
+
+impl Parsed {
+    pub fn new(engine: &Engine, shared: &Shared, name: &str, text: &str) -> Result<Parsed, ParseError> {
+        let mut ast = engine::compile(engine, shared, text)?;
+        ast.set_source(name);
+        let end = |f: &rhai::ScriptFuncDef| f.body.end_position().line().unwrap_or(0);
+        Ok(Parsed {
+            functions: Arc::new(ast.iter_functions().map(|f| (f.name.to_string(), f.params.len())).collect()),
+            ends: Arc::new(ast.iter_fn_def().map(|f| (f.name.to_string(), end(f))).collect()),
+            clips_only: crate::clips_only::find(&ast, name),
+            ast,
+        })
+    }
+}

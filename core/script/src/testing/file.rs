@@ -1,0 +1,253 @@
+//! A test file, read once for all of its sections, so that a run of one section costs nothing for the others.
+
+use super::{ExpectedDiagnostic, SectionInfo, comments};
+use crate::build::Shared;
+use crate::diagnostic::Diagnostic;
+use crate::limits::Limits;
+use crate::parsed::Parsed;
+use rhai::{AST, Engine, Expr, ParseError, Stmt};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+pub struct TestFile {
+    name: String,
+    text: String,
+    limits: Limits,
+    pub parsed: Parsed,
+    pub expected: Vec<ExpectedDiagnostic>,
+    pub wrong_comments: Vec<Diagnostic>,
+    /// Set by the first listing in which each `test` was in order.
+    listing: OnceLock<Arc<Listing>>,
+}
+
+/// The sections of a file, and the statements that each of them needs.
+#[derive(Debug)]
+pub struct Listing {
+    pub sections: Vec<SectionInfo>,
+    /// Of each section: its own statement of the file. `None`: a loop or a function calls `test`.
+    own: Vec<Option<usize>>,
+    /// What the sections have in common, with its place among the statements of the file.
+    common: Vec<(usize, Stmt)>,
+}
+
+impl Listing {
+    /// `calls`: line and column of the `test` of each section.
+    pub fn new(parsed: &Parsed, sections: Vec<SectionInfo>, calls: &[(usize, usize)]) -> Listing {
+        let section_at: BTreeMap<(usize, usize), usize> = calls.iter().copied().zip(0..).collect();
+        let mut own = vec![None; sections.len()];
+        let mut common = Vec::new();
+        let mut shared = BTreeSet::new();
+        for (index, statement) in parsed.ast.statements().iter().enumerate() {
+            let section = plain_test(statement).and_then(|at| section_at.get(&at));
+            match section {
+                Some(section) => {
+                    own[*section] = Some(index);
+                    // A variable that a closure captures is shared from then on, whichever section runs.
+                    let captures = captures(statement).filter(|(name, _)| shared.insert(name.clone()));
+                    common.extend(captures.map(|(_, share)| (index, share)));
+                }
+                None => {
+                    if let Stmt::Var(variable, ..) = statement {
+                        shared.remove(variable.0.name.as_str());
+                    }
+                    common.push((index, statement.clone()));
+                }
+            }
+        }
+        Listing { sections, own, common }
+    }
+
+    /// The file without the sections that are not run: each is `test` with a name that is written out, at the top of the file.
+    pub fn alone(&self, section: usize, parsed: &Parsed) -> AST {
+        let own = self.own.get(section).copied().flatten();
+        let own = own.and_then(|at| Some((at, parsed.ast.statements().get(at)?)));
+        let at = own.map_or(usize::MAX, |(at, _)| at);
+        let common = |wanted: fn(usize, usize) -> bool| {
+            self.common.iter().filter(move |(place, _)| wanted(*place, at)).map(|(_, statement)| statement)
+        };
+        let statements =
+            common(|place, at| place < at).chain(own.map(|(_, s)| s)).chain(common(|p, at| p > at));
+        let mut ast = AST::new(statements.cloned(), parsed.ast.shared_lib().clone());
+        if let Some(source) = parsed.ast.source() {
+            ast.set_source(source);
+        }
+        ast
+    }
+}
+
+/// Line and column of a statement that is nothing but `test("…", || …)` or `test("…", #{ … }, || …)`, whose arguments do
+/// nothing when they are evaluated.
+fn plain_test(statement: &Stmt) -> Option<(usize, usize)> {
+    let (call, at) = match statement {
+        Stmt::FnCall(call, at) => (call, at),
+        Stmt::Expr(expr) => match &**expr {
+            Expr::FnCall(call, at) => (call, at),
+            _ => return None,
+        },
+        _ => return None,
+    };
+    let (last, others) = call.args.split_last()?;
+    let plain = call.name == "test"
+        && call.namespace.is_empty()
+        && others.iter().all(Expr::is_constant)
+        && (last.is_constant() || closure(last).is_some());
+    plain.then_some((at.line()?, at.position()?))
+}
+
+/// The variables that a closure captures: Rhai writes `{ share a, b; curry(function, a, b) }` for it.
+fn closure(expr: &Expr) -> Option<&Stmt> {
+    let Expr::Stmt(block) = expr else { return None };
+    match block.statements() {
+        [share @ Stmt::Share(..), Stmt::Expr(expr)] => {
+            matches!(&**expr, Expr::FnCall(call, _) if call.name == "curry").then_some(share)
+        }
+        [share @ Stmt::Share(..), Stmt::FnCall(call, _)] => (call.name == "curry").then_some(share),
+        _ => None,
+    }
+}
+
+/// What a plain `test` does to the variables that its closure captures, a statement each.
+fn captures(statement: &Stmt) -> impl Iterator<Item = (String, Stmt)> {
+    let call = match statement {
+        Stmt::FnCall(call, _) => Some(call),
+        Stmt::Expr(expr) => match &**expr {
+            Expr::FnCall(call, _) => Some(call),
+            _ => None,
+        },
+        _ => None,
+    };
+    let share = call.and_then(|call| closure(call.args.last()?));
+    let variables = match share {
+        Some(Stmt::Share(variables)) => variables.to_vec(),
+        _ => Vec::new(),
+    };
+    variables.into_iter().map(|variable| {
+        let name = variable.0.name.to_string();
+        (name, Stmt::Share(Box::new([variable].into_iter().collect())))
+    })
+}
+
+/// Test files that were read lately: workers take sections of a file one after the other.
+#[derive(Clone, Default)]
+pub struct TestFiles(Arc<Mutex<Kept>>);
+
+#[derive(Default)]
+struct Kept {
+    lately: VecDeque<Arc<TestFile>>,
+    /// Of all files, by name; with the text that they are the sections of.
+    listings: BTreeMap<String, (blake3::Hash, Arc<Listing>)>,
+}
+
+impl TestFiles {
+    /// Trees of statements take many times the memory of their text.
+    const MOST: usize = 16;
+
+    pub fn read(
+        &self,
+        engine: &Engine,
+        shared: &Shared,
+        name: &str,
+        text: &str,
+    ) -> Result<Arc<TestFile>, ParseError> {
+        let same = |f: &&Arc<TestFile>| f.name == name && f.text == text && f.limits == shared.limits;
+        if let Some(known) = self.kept().lately.iter().find(same) {
+            return Ok(known.clone());
+        }
+        let parsed = Parsed::new(engine, shared, name, text)?;
+        let (expected, wrong_comments) = comments::parse(name, text);
+        let file = Arc::new(TestFile {
+            name: name.to_string(),
+            text: text.to_string(),
+            limits: shared.limits.clone(),
+            parsed,
+            expected,
+            wrong_comments,
+            listing: OnceLock::new(),
+        });
+        let mut kept = self.kept();
+        if let Some((_, listing)) = kept.listings.get(name).filter(|(hash, _)| *hash == file.hash()) {
+            // Set here for the first time.
+            let _ = file.listing.set(listing.clone());
+        }
+        kept.lately.push_front(file.clone());
+        kept.lately.truncate(Self::MOST);
+        Ok(file)
+    }
+
+    /// Keeps the sections that a listing has found.
+    pub fn list(&self, file: &TestFile, listing: Listing) {
+        let listing = Arc::new(listing);
+        self.kept().listings.insert(file.name.clone(), (file.hash(), listing.clone()));
+        // The same text has the same sections.
+        let _ = file.listing.set(listing);
+    }
+
+    fn kept(&self) -> std::sync::MutexGuard<'_, Kept> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl TestFile {
+    pub fn listing(&self) -> Option<&Arc<Listing>> {
+        self.listing.get()
+    }
+
+    /// Of all that decides which sections there are.
+    fn hash(&self) -> blake3::Hash {
+        blake3::hash(format!("{:?}{}", self.limits, self.text).as_bytes())
+    }
+}
+
+impl std::fmt::Debug for TestFiles {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} test files", self.kept().listings.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Statements that a run of each section has.
+    fn statements(text: &str, calls: &[(usize, usize)]) -> Vec<usize> {
+        let mut engine = Engine::new_raw();
+        engine.set_allow_shadowing(true);
+        let ast = engine.compile(text).unwrap();
+        let parsed = Parsed { ast, functions: Arc::default(), ends: Arc::default(), clips_only: Vec::new() };
+        let section = |index: usize| SectionInfo {
+            index,
+            name: index.to_string(),
+            file: String::new(),
+            line: calls[index].0,
+            end_line: calls[index].0,
+            skip: None,
+            fails: None,
+            tags: Vec::new(),
+        };
+        let listing = Listing::new(&parsed, (0..calls.len()).map(section).collect(), calls);
+        (0..calls.len()).map(|i| listing.alone(i, &parsed).statements().len()).collect()
+    }
+
+    #[test]
+    fn a_section_alone_has_what_is_common_and_itself() {
+        let common = "let n = 1;\nlet m = 2;\n";
+        let plain: String =
+            (0..50).map(|i| format!("test(\"{i}\", #{{ tags: [\"a\"] }}, || 1);\n")).collect();
+        let calls: Vec<_> = (0..50).map(|i| (i + 3, 1)).collect();
+        assert_eq!(statements(&(format!("{common}{plain}")), &calls), vec![3; 50]);
+        // One statement more for each variable that is captured, however often.
+        let captures: String = (0..50).map(|i| format!("test(\"{i}\", || n + m);\n")).collect();
+        let alone = statements(&(format!("{common}{captures}")), &calls);
+        assert!(alone.iter().all(|count| (3..=5).contains(count)), "{alone:?}");
+    }
+
+    #[test]
+    fn what_may_do_something_stays() {
+        for text in
+            ["test(f(), || 1);", "test(\"a\", f());", "x.test(\"a\", || 1);", "if x { test(\"a\", || 1); }"]
+        {
+            let text = format!("let x = 1; fn f() {{ 1 }}\n{text}\ntest(\"b\", || 2);");
+            assert_eq!(statements(&text, &[(2, 1), (3, 1)])[1], 3, "{text}");
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! How long a section may take, everything counted: its script, its files, its frames and its images.
+
+use std::time::{Duration, Instant};
+
+/// A point in time, and how it is told.
+#[derive(Clone, Copy, Debug)]
+pub struct Timeout {
+    /// `None`: beyond what the clock can count to.
+    at: Option<Instant>,
+    seconds: f64,
+}
+
+impl Timeout {
+    /// From now on.
+    pub fn after(seconds: f64) -> Timeout {
+        let span = Duration::try_from_secs_f64(seconds).ok();
+        Timeout { at: span.and_then(|span| Instant::now().checked_add(span)), seconds }
+    }
+
+    /// An error once the time is used up: what is wrong, with what to do.
+    pub fn check(&self) -> Result<(), String> {
+        let (what, hint) = self.error();
+        match self.at.is_some_and(|at| Instant::now() > at) {
+            true => Err(format!("{what}\n    hint: {hint}")),
+            false => Ok(()),
+        }
+    }
+
+    /// What is wrong once the time is used up, and what to do.
+    pub fn error(&self) -> (String, &'static str) {
+        let what = format!("this section takes longer than {} s", self.seconds);
+        (what, "make it shorter, or raise the time with --timeout SECONDS")
+    }
+}
