@@ -109,7 +109,7 @@ impl Drawing<'_> {
             }
         };
         // Also with --quiet: the user must know that they are there.
-        video::take_kept().iter().for_each(|line| eprintln!("{line}"));
+        video::take_kept().iter().for_each(print_message);
         drawn
     }
 

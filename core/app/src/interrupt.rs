@@ -1,7 +1,7 @@
 //! Ctrl-C, SIGTERM and SIGHUP: the render stops between two frames, unfinished files are removed, the finished frames of a video
 //! are kept, the exit code is 130.
 
-use crate::failure::Failure;
+use crate::failure::{Failure, print_message};
 use crate::video;
 use choreo_suite::collect::quoted;
 use std::ffi::OsString;
@@ -24,8 +24,8 @@ pub fn install() {
             std::thread::sleep(Duration::from_millis(20));
         }
         choreo_files::remove_unfinished();
-        video::take_kept().iter().for_each(|line| eprintln!("{line}"));
-        eprintln!("interrupted");
+        video::take_kept().iter().for_each(print_message);
+        print_message("interrupted");
         std::process::exit(i32::from(Failure::Interrupted.code()));
     });
 }

@@ -4,7 +4,6 @@
 use crate::args::ViewArgs;
 use crate::failure::{Failure, print_message};
 use crate::interrupt;
-use std::env;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus};
 use std::time::Duration;
