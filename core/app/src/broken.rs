@@ -30,8 +30,8 @@ pub fn install() {
 fn exit_code_of_abort() {
     #[cfg(unix)]
     {
-        use nix::sys::resource::{RLIM_INFINITY, Resource, getrlimit};
-        let limited = getrlimit(Resource::RLIMIT_AS).is_ok_and(|(soft, _)| soft != RLIM_INFINITY);
+        use rustix::process::{Resource, getrlimit};
+        let limited = getrlimit(Resource::As).current.is_some();
         let why = if limited { Failure::Machine(String::new()) } else { Failure::Internal(String::new()) };
         let always = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(true));
         // Fails only for signals that no program may handle.
