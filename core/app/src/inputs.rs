@@ -2,7 +2,6 @@
 
 use crate::failure::Failure;
 use choreo_files::{Identity, part_of};
-use choreo_plugin::{PluginFile, Registry};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -11,17 +10,9 @@ use std::path::{Path, PathBuf};
 pub struct Inputs(BTreeMap<Identity, PathBuf>);
 
 impl Inputs {
-    /// `files`: the script or model and all that was read for it. The plugin files that were found belong to them.
-    pub fn new(files: impl IntoIterator<Item = PathBuf>, registry: &Registry) -> Inputs {
-        let effects = registry.effects().iter().filter_map(|e| e.file());
-        let importers = registry.importers().iter().filter_map(|i| i.file());
-        let of_plugin = |file: &PluginFile| {
-            let beside = file.beside.iter().map(|b| b.path.clone());
-            beside.chain([file.path.clone()]).collect::<Vec<_>>()
-        };
-        let plugins = effects.chain(importers).flat_map(of_plugin);
-        let all = files.into_iter().chain(plugins);
-        Inputs(all.filter_map(|path| Some((Identity::of(&path)?, path))).collect())
+    /// `files`: the script or model and all that was read for it, files of plugins that were used included.
+    pub fn new(files: impl IntoIterator<Item = PathBuf>) -> Inputs {
+        Inputs(files.into_iter().filter_map(|path| Some((Identity::of(&path)?, path))).collect())
     }
 
     /// Refuses an output that is one of the files, or whose part file is.

@@ -354,7 +354,7 @@ fn an_output_in_the_place_of_an_input_is_refused() {
         "s.rhai",
         b"import \"mod\" as m;\nstage(#{ fps: 4, length: m::one() });\ncast(\"t\", load(param(\"model\", \"tri.gltf\")));\n\
           cast(\"p\", shape(\"plane\", #{ image: image(\"t.png\") }));\ncast(\"q\", shape(\"plane\", #{ image: image(\"n/2.png\") }));\n\
-          cast(\"r\", shape(\"plane\", #{ image: image(\"s/3_clip.png\") }));\ncamera(\"c\").at(0.0, 1.0, 4.0);\n",
+          cast(\"r\", shape(\"plane\", #{ image: image(\"s/3_clip.png\") }));\ncamera(\"c\").at(0.0, 1.0, 4.0);\neffect(\"mine\");\n",
     );
     for (input, second) in [
         ("s.rhai", "script.svg"),

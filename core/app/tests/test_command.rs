@@ -498,7 +498,19 @@ test("quick", || { expect(1).equals(1); });
 "#,
     );
     let started = std::time::Instant::now();
-    let (code, report) = report(d, &["slow.rhai", "--timeout", "1.5", "--limit", "frame_operations=1000000"]);
+    let (code, report) = report(
+        d,
+        &[
+            "slow.rhai",
+            "--timeout",
+            "1.5",
+            "--limit",
+            "frame_operations=1000000",
+            // A fast machine must not reach the limit of steps first.
+            "--limit",
+            "operations=1000000000000",
+        ],
+    );
     assert_eq!(code, 1);
     assert!(started.elapsed() < Duration::from_secs(120));
     let all = report["sections"].as_array().unwrap();
@@ -510,7 +522,10 @@ test("quick", || { expect(1).equals(1); });
             _ => assert!(text.contains("this section takes longer than 1.5 s"), "{text}"),
         }
     }
-    let run = test(d, &["slow.rhai", "--timeout", "0.5", "--filter", "endless"]);
+    let run = test(
+        d,
+        &["slow.rhai", "--timeout", "0.5", "--filter", "endless", "--limit", "operations=1000000000000"],
+    );
     assert!(run.out.contains("ERROR slow.rhai > endless\n  slow.rhai:2:"), "{}", run.out);
     assert!(
         run.out.contains("hint: make it shorter, or raise the time with --timeout SECONDS"),

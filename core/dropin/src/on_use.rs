@@ -4,21 +4,18 @@
 use crate::engine::manifest_engine;
 use crate::importer::{RhaiImporter, ScriptError, manifest_of, without_mark};
 use choreo_plugin::{
-    Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, PluginFault, PluginFile, Source,
+    Claim, Files, ImportError, ImportOptions, Importer, MadeOnce, Manifest, Needs, PluginFault, PluginFile,
+    Source,
 };
 use choreo_stage::Asset;
 use rhai::{Engine, Position, Token};
-use std::sync::OnceLock;
-
-type Made = Result<RhaiImporter, PluginFault>;
 
 /// An importer that is compiled when it is used first.
 pub struct ImporterOnUse {
     manifest: Manifest,
     /// Its text may define `fn claim(file)`, which is asked about every file.
     may_have_claim: bool,
-    make: Box<dyn Fn() -> Made + Send + Sync>,
-    made: OnceLock<Made>,
+    made: MadeOnce<RhaiImporter>,
 }
 
 impl ImporterOnUse {
@@ -27,7 +24,7 @@ impl ImporterOnUse {
     pub fn new(
         file: &str,
         text: &str,
-        make: impl Fn() -> Made + Send + Sync + 'static,
+        make: impl FnOnce() -> Result<RhaiImporter, PluginFault> + Send + 'static,
     ) -> Result<ImporterOnUse, ScriptError> {
         let text = without_mark(text);
         let alone = manifest_function(text).and_then(|function| {
@@ -39,12 +36,12 @@ impl ImporterOnUse {
             None => RhaiImporter::from_text(file, text)?.manifest().clone(),
         };
         let may_have_claim = text.contains("claim");
-        Ok(ImporterOnUse { manifest, may_have_claim, make: Box::new(make), made: OnceLock::new() })
+        Ok(ImporterOnUse { manifest, may_have_claim, made: MadeOnce::new(make) })
     }
 
     /// The importer, compiled now where it was not compiled before; other threads that use it wait.
     pub fn get(&self) -> Result<&RhaiImporter, &PluginFault> {
-        self.made.get_or_init(&self.make).as_ref()
+        self.made.get()
     }
 }
 

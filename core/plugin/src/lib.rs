@@ -22,6 +22,6 @@ pub use importer::{
     Claim, ExportOptions, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source,
 };
 pub use manifest::{BesideFile, Manifest, OptionError, OptionKind, OptionSpec, PluginFile};
-pub use on_use::{EffectOnUse, PluginFault};
+pub use on_use::{EffectOnUse, MadeOnce, PluginFault};
 pub use overlay::{Body, Label, Lattice, Overlay, Scene, Stroke, Triangle};
 pub use registry::Registry;

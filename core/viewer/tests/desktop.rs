@@ -144,12 +144,12 @@ fn another_scale(managed: bool) {
                 screen.save(&window, &format!("scale_{dpi}.png"));
                 ((now as f64 - button as f64 * scale).abs() <= 3.0).then_some(())
             });
-            let [left, top, right, bottom] = until("a picture", || {
+            // For a moment after the resize the old frame is cut off by the window.
+            until("a picture of 16:9", || {
                 let [left, top, right, bottom] = screen.shot(&window).bounds(BACKGROUND);
-                (left + 100 < right).then_some([left, top, right, bottom])
+                let shape = right.checked_sub(left)? as f64 / bottom.checked_sub(top)? as f64;
+                (left + 100 < right && (shape - 16.0 / 9.0).abs() < 0.02).then_some(())
             });
-            let shape = (right - left) as f64 / (bottom - top) as f64;
-            assert!((shape - 16.0 / 9.0).abs() < 0.02, "{left} {top} {right} {bottom}");
             screen.save(&window, &format!("scale_{dpi}.png"));
             screen.xdotool(&["windowsize", "--sync", &window, &width, &height]);
         }

@@ -170,7 +170,7 @@ fn folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
 
 /// One run with all that is told about it.
 fn once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Result<Report, Failure> {
-    let inputs = Inputs::new(cases.iter().map(|case| case.path.clone()), registry);
+    let inputs = Inputs::new(cases.iter().map(|case| case.path.clone()));
     [&args.junit, &args.html].into_iter().flatten().try_for_each(|path| inputs.refuse(path))?;
     let mut teller = tell::Teller::new(args, cases);
     let report = run_cases(cases, registry, &job.options, &mut |outcome| teller.tell(outcome));
@@ -184,7 +184,7 @@ fn once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Resu
             did_you_mean(name, report.pictures.iter().map(String::as_str))
         )));
     }
-    let inputs = Inputs::new(report.files.iter().cloned(), registry);
+    let inputs = Inputs::new(report.files.iter().cloned());
     let write = |path: &Path, text: String| {
         inputs.refuse(path)?;
         write_whole(path, text.as_bytes()).map_err(|e| write_failure(&path.display().to_string(), e))
