@@ -39,24 +39,31 @@ pub enum Command {
     #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Render(RenderArgs),
     /// Open a window on a script, or a model: every save is seen at once
+    #[command(after_help = EXIT_CODES)]
     View(ViewArgs),
     /// Find everything that can be found without drawing
-    #[command(after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Check(CheckArgs),
     /// What is in a model file; how a picture or video was made
+    #[command(after_help = EXIT_CODES)]
     Info(InfoArgs),
     /// What a scene needs, what was left out, and why
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Explain(ExplainArgs),
     /// Error against run time for each numerical choice that this scene could make
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Measure(MeasureArgs),
     /// Every actor's joints in world space at one time
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Pose(PoseArgs),
     /// Scenes tested by scripts: sections with assertions and pictures
     #[command(after_help = EXIT_CODES)]
     Test(TestArgs),
     /// The importers, effects and exporters that this program has
+    #[command(after_help = EXIT_CODES)]
     Plugins(PluginsArgs),
     /// Begin a plugin of your own: a crate, or with --single one file
+    #[command(after_help = EXIT_CODES)]
     New(NewArgs),
 }
 

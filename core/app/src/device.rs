@@ -3,6 +3,7 @@
 use crate::args::Device;
 use crate::failure::Failure;
 use crate::pipeline::render_failure;
+use crate::threads::{room_for_a_driver, too_few};
 use choreo_plugin::Effect;
 use choreo_render::cpu::CpuRenderer;
 use choreo_render::gpu::{DeviceTime, GpuOptions, SteadyRenderer};
@@ -70,6 +71,14 @@ fn open(wanted: Wanted, effects: Vec<Arc<dyn Effect>>) -> Result<Started, Failur
     let cpu = |note| Ok(Started { renderer: Box::new(CpuRenderer::new(&effects)), time: None, note });
     if device == Device::Cpu {
         return cpu(None);
+    }
+    if !room_for_a_driver() {
+        return match device == Device::Vulkan || wanted.gpu.is_some() {
+            true => Err(too_few("a Vulkan driver needs more of them; --device cpu needs fewer")),
+            false => cpu(Some(
+                "rendering on the CPU: too few threads, or too little memory, for a Vulkan driver".into(),
+            )),
+        };
     }
     let time = wanted.timings.then(Arc::<DeviceTime>::default);
     let options = GpuOptions {

@@ -5,20 +5,38 @@ use choreo_files::{Identity, part_of};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// By identity, so that links, hard links and other ways to write a path make no difference.
 #[derive(Debug, Default)]
-pub struct Inputs(BTreeMap<Identity, PathBuf>);
+pub struct Inputs {
+    /// By identity, so that links, hard links and other ways to write a path make no difference.
+    files: BTreeMap<Identity, PathBuf>,
+    /// The folder of the script or model, canonical.
+    folder: Option<PathBuf>,
+}
 
 impl Inputs {
     /// `files`: the script or model and all that was read for it, files of plugins that were used included.
     pub fn new(files: impl IntoIterator<Item = PathBuf>) -> Inputs {
-        Inputs(files.into_iter().filter_map(|path| Some((Identity::of(&path)?, path))).collect())
+        let files = files.into_iter().filter_map(|path| Some((Identity::of(&path)?, path))).collect();
+        Inputs { files, folder: None }
     }
 
-    /// Refuses an output that is one of the files, or whose part file is.
+    /// `input`: the script or model, whose folder strangers may have filled.
+    pub fn in_folder_of(self, input: &Path) -> Inputs {
+        let folder = input.parent().map(|f| if f.as_os_str().is_empty() { Path::new(".") } else { f });
+        Inputs { folder: folder.and_then(|f| f.canonicalize().ok()), ..self }
+    }
+
+    /// Refuses an output that is one of the files, or whose part file is, or that a link in the folder would lead out of it.
     pub fn refuse(&self, output: &Path) -> Result<(), Failure> {
+        if let Some(link) = self.folder.as_deref().and_then(|folder| link_out(output, folder)) {
+            return Err(Failure::Output(format!(
+                "{}: cannot write: {} is a symbolic link that leads out of the scene's folder; remove it, or name the folder it leads to",
+                output.display(),
+                shown(&link)
+            )));
+        }
         for place in [output.to_path_buf(), part_of(output)] {
-            let Some(input) = Identity::of(&place).and_then(|identity| self.0.get(&identity)) else {
+            let Some(input) = Identity::of(&place).and_then(|identity| self.files.get(&identity)) else {
                 continue;
             };
             let what = if place == output { "it".to_string() } else { place.display().to_string() };
@@ -30,6 +48,20 @@ impl Inputs {
         }
         Ok(())
     }
+}
+
+/// The first link on the way from the folder to an output in it that ends elsewhere.
+fn link_out(output: &Path, folder: &Path) -> Option<PathBuf> {
+    let below = std::path::absolute(output).ok()?;
+    let below = below.parent()?.strip_prefix(folder).ok()?.to_path_buf();
+    let mut place = folder.to_path_buf();
+    for part in below.components() {
+        place.push(part);
+        if place.is_symlink() && !place.canonicalize().is_ok_and(|real| real.starts_with(folder)) {
+            return Some(place);
+        }
+    }
+    None
 }
 
 /// As the user would type it where the current folder is above it.

@@ -103,7 +103,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
         let bar = Bar::over(&options.imports, opening.quiet);
         let (script, touched) = run_file_touching(&args.input, registry, &options);
         drop(bar);
-        let inputs = Inputs::new(touched.read.keys().cloned());
+        let inputs = Inputs::new(touched.read.keys().cloned()).in_folder_of(&args.input);
         if let Some(keep) = opening.keep {
             keep.set_touched(touched);
         }
@@ -156,7 +156,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
         printed: Vec::new(),
         arguments,
         input_hash,
-        inputs: Inputs::new(files),
+        inputs: Inputs::new(files).in_folder_of(&args.input),
     })
 }
 

@@ -31,6 +31,15 @@ pub fn start(wanted: Option<usize>) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Whether a Vulkan driver that draws on the processor can start its threads, one a core and some more, beside those that
+/// come later: where it cannot, such a driver waits for them for ever.
+pub fn room_for_a_driver() -> bool {
+    let wanted = cores() + 4 + LATER;
+    let held: Vec<Sender<()>> =
+        (0..wanted).map_while(|i| hold(if i == 0 { STACK } else { 2 << 20 })).collect();
+    held.len() == wanted
+}
+
 /// A thread that does nothing until the sender is dropped.
 fn hold(stack: usize) -> Option<Sender<()>> {
     let (end, ended): (_, Receiver<()>) = channel();

@@ -220,7 +220,7 @@ impl Folder {
         let why: Vec<&str> = found.iter().map(|(keyword, ..)| keyword.as_str()).collect();
         let why = match why.is_empty() {
             true => String::new(),
-            false => format!(", made with another {}", why.join(", ")),
+            false => format!(", because these differ: {}", why.join(", ")),
         };
         Ok(Some(format!("{shown}: starts anew; {frames} of a render that was stopped are thrown away{why}")))
     }

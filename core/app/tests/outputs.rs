@@ -333,6 +333,28 @@ fn pipes_are_written_where_somebody_reads_them() {
     }
 }
 
+/// A folder beside the script that is a link to elsewhere. What the user's own path leads to is followed.
+#[test]
+fn a_linked_folder_in_the_scenes_own_leads_no_output_out_of_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let (scene, far) = (dir.path().join("scene"), dir.path().join("far"));
+    std::fs::create_dir_all(scene.join("inner")).unwrap();
+    std::fs::create_dir_all(&far).unwrap();
+    std::fs::copy(folder().path().join("tri.gltf"), scene.join("tri.gltf")).unwrap();
+    std::os::unix::fs::symlink("../far", scene.join("frames")).unwrap();
+    std::os::unix::fs::symlink("inner", scene.join("within")).unwrap();
+    for output in ["frames/%04d.png", "frames/new/o.y4m", "./frames/o.mp4", "inner/../frames/o.png"] {
+        let run = choreo(&scene, &render("tri.gltf", output, &["--frames", "0"]));
+        let words = "frames is a symbolic link that leads out of the scene's folder; remove it, or name the folder it leads to\n";
+        assert!(run.code == 3 && run.err.ends_with(words), "{output}: {} {}", run.code, run.err);
+        assert_eq!(std::fs::read_dir(&far).unwrap().count(), 0, "{output}");
+    }
+    for output in ["within/o.png", "../scene/inner/p.png", "../far/o.png"] {
+        let run = choreo(&scene, &render("tri.gltf", output, &["--frames", "0"]));
+        assert_eq!(run.code, 0, "{output}: {}", run.err);
+    }
+}
+
 /// Each kind of file that a scene is made of, each kind of output, and each way to name the file.
 #[test]
 fn an_output_in_the_place_of_an_input_is_refused() {

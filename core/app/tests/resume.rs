@@ -357,7 +357,7 @@ fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
     std::fs::write(d.join("s.rhai"), format!("{script}\n// edited")).unwrap();
     let run = choreo(d, &plain);
     let expected = format!(
-        "o.mp4: starts anew; {finished} frames of a render that was stopped are thrown away, made with another script"
+        "o.mp4: starts anew; {finished} frames of a render that was stopped are thrown away, because these differ: script"
     );
     assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
     assert!(d.join("o.mp4").exists() && parts(d).is_empty());

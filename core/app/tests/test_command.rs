@@ -473,6 +473,24 @@ fn a_save_runs_what_it_touches_again() {
     child.wait().unwrap();
 }
 
+/// A file that is found in a folder is not read through a link out of it; one that the user names is.
+#[test]
+fn scripts_that_are_links_out_of_the_folder_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    std::fs::create_dir(d.join("t")).unwrap();
+    write(d, "secret", "secret words of somebody else");
+    write(d, "t/a.rhai", "test(\"a\", || { expect(1).equals(1); });");
+    std::os::unix::fs::symlink("a.rhai", d.join("t/b.rhai")).unwrap();
+    assert_eq!(test(d, &["t"]).code, 0);
+    std::os::unix::fs::symlink("../secret", d.join("t/c.rhai")).unwrap();
+    let run = test(d, &["t"]);
+    let expected = "t/c.rhai: it is a symbolic link that leads out of t; remove it, or name the file itself";
+    assert!(run.code == 1 && run.err.contains(expected), "{} {}", run.code, run.err);
+    assert!(!format!("{}{}", run.out, run.err).contains("words"), "{}", run.out);
+    assert!(test(d, &["t/c.rhai"]).out.contains("words"));
+}
+
 /// Time is looked at in the script, in frames that are evaluated, and between images; the others go on.
 #[test]
 fn a_section_that_takes_too_long_fails_and_the_others_go_on() {

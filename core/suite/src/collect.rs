@@ -145,6 +145,18 @@ fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>)
                     shown(root)
                 )));
             }
+            // A file that only the folder names must lie in it: its text can be in messages.
+            let leads_out = || {
+                let real = path.canonicalize().ok().zip(root.canonicalize().ok());
+                !real.is_some_and(|(path, root)| path.starts_with(root))
+            };
+            if kind.is_symlink() && leads_out() {
+                return Err(NothingToRun::Input(format!(
+                    "{}: it is a symbolic link that leads out of {}; remove it, or name the file itself",
+                    shown(&path),
+                    shown(root)
+                )));
+            }
             // "./a.rhai" is named "a.rhai" everywhere.
             let path = path.strip_prefix(".").map_or(path.clone(), Path::to_path_buf);
             files.push((path, Some(root.to_path_buf())));

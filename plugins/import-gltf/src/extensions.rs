@@ -97,8 +97,18 @@ pub fn check(file: &File<'_>, needs: Needs, own: &[&str]) -> Result<()> {
         return Err(unsupported("extensionsRequired", &names, &without));
     }
     for name in crate::profile::used(&file.root) {
-        if !known(name) {
-            file.warn("extensionsUsed", format!("{name} is not supported; what it says is ignored"));
+        if known(name) {
+            continue;
+        }
+        // Most of such files can be read without it, so that it is no error.
+        match file.root.extensions_required.contains(name) {
+            true => file.warn(
+                "extensionsRequired",
+                format!(
+                    "the file requires {name}, which is not supported; without it the model may look wrong"
+                ),
+            ),
+            false => file.warn("extensionsUsed", format!("{name} is not supported; what it says is ignored")),
         }
     }
     Ok(())

@@ -338,7 +338,9 @@ fn versions_and_extensions() {
     json["extensionsRequired"] = json!(["VENDOR_thing"]);
     let warnings = import(&json, &bin).unwrap().warnings;
     assert_eq!(warnings.len(), 2);
-    assert_eq!(warnings[1].text, "VENDOR_thing is not supported; what it says is ignored");
+    let expected =
+        "the file requires VENDOR_thing, which is not supported; without it the model may look wrong";
+    assert_eq!((warnings[1].text.as_str(), warnings[1].place.as_str()), (expected, "extensionsRequired"));
 }
 
 #[test]

@@ -6,12 +6,14 @@ mod watch;
 use crate::args::{Device, TestArgs};
 use crate::failure::{Failure, print, print_json, write_failure};
 use crate::inputs::Inputs;
+use crate::threads::too_few;
 use crate::{device, plugin_files, ranges};
 use choreo_files::{Folder, WriteError, write_whole};
 use choreo_plugin::Registry;
 use choreo_script::testing::TestOptions;
-use choreo_script::{Limits, ScriptOptions, did_you_mean};
+use choreo_script::{Limits, NO_THREAD, ScriptOptions, did_you_mean};
 use choreo_suite::collect::{self, Case, NothingToRun, Selection, quoted};
+use choreo_suite::outcome::Status;
 use choreo_suite::pictures::{Accept, PictureOptions};
 use choreo_suite::report::{html, json, junit, terminal};
 use choreo_suite::run::{Report, RunOptions, run as run_cases};
@@ -38,6 +40,9 @@ pub fn run(args: TestArgs, plugins: &Registry) -> Result<(), Failure> {
     let report = once(&args, &job, &cases, &registry)?;
     match report.failure() {
         None => Ok(()),
+        Some(why) if without_thread(&report) => {
+            Err(too_few(&format!("none can be started for some sections; {why}")))
+        }
         Some(why) => Err(Failure::Tests(why)),
     }
 }
@@ -166,6 +171,12 @@ fn folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
     let cache = device::cache_dir().map(|cache| cache.join("test"));
     let pictures = cache.as_ref().map(|c| c.join("pictures").join(results::short_hash(&here)));
     Ok((pictures, cache))
+}
+
+/// Whether the system gave a section no thread, which says nothing of the section.
+fn without_thread(report: &Report) -> bool {
+    let mut statuses = report.outcomes.iter().map(|outcome| &outcome.status);
+    statuses.any(|status| matches!(status, Status::Error(text) if text.contains(NO_THREAD)))
 }
 
 /// One run with all that is told about it.
