@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 /// The latest panic.
 static LATEST: Mutex<Option<String>> = Mutex::new(None);
 
-/// What a scope of threads panics with once one of its threads has panicked, which says nothing of the cause.
+/// The panic text of a thread scope after one of its threads has panicked; it does not name the cause.
 const CONSEQUENCE: &str = "a scoped thread panicked";
 
 /// From now on a panic is noted in place of being printed. With RUST_BACKTRACE, whoever looks for the fault has both.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Default)]
 pub struct Inputs {
-    /// By identity, so that links, hard links and other ways to write a path make no difference.
+    /// Keyed by device and inode, so that links, hard links and other spellings of a path make no difference.
     files: BTreeMap<Identity, PathBuf>,
     /// The folder of the script or model, canonical.
     folder: Option<PathBuf>,

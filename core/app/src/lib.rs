@@ -102,7 +102,7 @@ fn unread(args: &[OsString], error: &clap::Error) -> ExitCode {
     let _ = error.print();
     if error.use_stderr() && args.iter().skip(1).take_while(|a| *a != "--").any(|a| a == "--json") {
         let text = error.render().to_string();
-        // What follows is how a command line is written, for people.
+        // The usage text that follows is for people, not for programs.
         let what = text.split("\n\nUsage:").next().unwrap_or_default();
         let what = what.strip_prefix("error: ").unwrap_or(what).trim();
         write_json(&Failure::Usage(what.to_string()), writes_video_to_stdout(args));
@@ -119,7 +119,7 @@ fn writes_video_to_stdout(args: &[OsString]) -> bool {
 fn write_json(failure: &Failure, to_stderr: bool) {
     match to_stderr {
         true => print_json_message(&failure.json()),
-        // Where nobody reads any more, the exit code is left.
+        // If the reader of the pipe has gone, the exit code is all that remains.
         false => drop(print_json(&failure.json())),
     }
 }

@@ -79,7 +79,7 @@ fn fps(settings: &Settings) -> String {
     }
 }
 
-/// What differs between two renders: keyword, what it was, what it is.
+/// The differences between two renders: keyword, old value, new value.
 pub fn differences(was: &[(String, String)], is: &[(String, String)]) -> Vec<(String, String, String)> {
     let value = |list: &[(String, String)], keyword: &str| -> String {
         let found = list.iter().find(|(k, _)| k == keyword);

@@ -160,7 +160,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<S
     })
 }
 
-/// What is wrong with a script, or with the machine.
+/// The failure that a script's diagnostics mean: an error of the script, or too few threads.
 fn failure(diagnostics: Vec<Diagnostic>) -> Failure {
     match diagnostics.iter().find_map(|d| d.message.strip_prefix(NO_THREAD)) {
         Some(why) => too_few(&format!("none can be started for the script ({why})")),

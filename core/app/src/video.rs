@@ -37,7 +37,7 @@ pub struct Begun {
     pub note: Option<String>,
 }
 
-/// What a part folder can hold, the lock last.
+/// The only files that a part folder contains, the lock file last.
 const FILES: &[&str] = &["frames", "body", "result", "journal"];
 
 struct Folder {
@@ -52,11 +52,11 @@ struct Folder {
     scratch: Vec<u8>,
     /// Finished frames that the journal tells of.
     done: usize,
-    /// What becomes of them when the render ends without a result.
+    /// The fate of the finished frames if the render ends without a result.
     policy: Policy,
 }
 
-/// What the user wants of finished frames.
+/// The user's choice for the finished frames of an earlier render.
 struct Policy {
     resume: bool,
     discard: bool,
@@ -127,7 +127,7 @@ impl Video {
         Ok((Some(video), Begun { done, note: None }))
     }
 
-    /// Into a pipe or device.
+    /// The output is a pipe or device and is written directly.
     fn direct(shown: String, to: File, exporter: &dyn Exporter, info: &VideoInfo) -> Result<Video, Failure> {
         let failed = |e: io::Error| output_error(&shown, &e);
         let (end, out) = match exporter.head_comes_last() {
@@ -171,7 +171,7 @@ impl Video {
         if folder.done == 0 || !wanted {
             folder.part.keep(false);
         }
-        // Where the folder was moved away, nobody knows where the frames are.
+        // If the folder was moved away, the place of the frames is unknown.
         if folder.done == 0 || !wanted || !folder.part.is_there() {
             kept().take();
         }
@@ -345,7 +345,7 @@ impl Folder {
         Ok(())
     }
 
-    /// So many frames are finished: they stay, also where a signal ends the program.
+    /// Records the number of finished frames; they are kept even if a signal ends the program.
     fn finished(&mut self, frames: usize) {
         self.done = frames;
         if !self.policy.discard {

@@ -47,7 +47,7 @@ fn the_example_scripts_have_no_warnings() {
     let scripts = scripts(&root.join("scripts"));
     assert!(scripts.len() >= 7);
     for path in scripts {
-        // Of the clock, which on a busy machine goes faster than a script.
+        // A limit of the clock, which a script on a busy machine reaches earlier.
         let unhurried =
             ["--limit", "seconds=900", "--limit", "frame_seconds=900", "--limit", "check_seconds=900"];
         let args = [&["check", "--strict", path.to_str().unwrap()][..], &unhurried].concat();

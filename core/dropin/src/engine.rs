@@ -68,7 +68,7 @@ pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
     engine
 }
 
-/// For `fn manifest()`, which runs for every file that is listed: fewer steps, and none that copies much.
+/// The engine for `fn manifest()`, which runs for every listed file: fewer steps, small texts and arrays.
 pub fn manifest_engine() -> Engine {
     let mut engine = engine(&Budget::for_file(0), Some(MANIFEST_STEPS));
     engine.set_max_string_size(64 << 10);

@@ -115,7 +115,7 @@ fn manifest_function(text: &str) -> Option<String> {
     None
 }
 
-/// Where a place of Rhai's begins; its columns count characters.
+/// The byte offset of a Rhai position, whose columns count characters.
 fn byte_of(text: &str, at: Position) -> Option<usize> {
     let start: usize = text.split_inclusive('\n').take(at.line()?.checked_sub(1)?).map(str::len).sum();
     let (within, _) = text.get(start..)?.char_indices().nth(at.position()?.checked_sub(1)?)?;

@@ -125,7 +125,7 @@ impl Folder {
         }
     }
 
-    /// What the link of that name says.
+    /// The target of the link of that name, as it is written.
     fn link_target(&self, name: &Path) -> io::Result<PathBuf> {
         self.dir.read_link_contents(name)
     }
@@ -138,7 +138,7 @@ impl Folder {
         matches!((there, open), (Ok(a), Ok(b)) if (a.dev(), a.ino()) == (b.dev(), b.ino()))
     }
 
-    /// What has that name: `None` where nothing has, a link as itself.
+    /// Metadata of the file of that name, without following a link. `None` if there is none.
     pub fn kind(&self, name: &Path) -> Option<cap_std::fs::Metadata> {
         self.dir.symlink_metadata(name).ok()
     }

@@ -12,7 +12,7 @@ pub struct Identity(u64, u64);
 pub struct Identity(std::path::PathBuf);
 
 impl Identity {
-    /// Of the file that a path leads to, `None` where there is none.
+    /// The identity of the file that a path leads to. `None` if there is none.
     #[cfg(unix)]
     pub fn of(path: &Path) -> Option<Identity> {
         use std::os::unix::fs::MetadataExt;

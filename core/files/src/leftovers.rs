@@ -1,4 +1,4 @@
-//! What must be removed when a signal ends the program: files that are not finished.
+//! Unfinished files, which are removed when a signal ends the program.
 
 use crate::Folder;
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ pub enum Leftover {
 }
 
 impl Leftover {
-    /// By open folders, so that nothing else can be meant, whatever has its name now.
+    /// Refers to open folders, because another folder can have the path by now.
     pub fn remove(&self) {
         match self {
             Leftover::File(folder, name) => drop(folder.remove_file(name)),

@@ -13,7 +13,7 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct PartFolder {
     parent: Arc<Folder>,
-    /// Of the output.
+    /// The output's name.
     name: PathBuf,
     part: PathBuf,
     folder: Arc<Folder>,

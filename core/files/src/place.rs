@@ -1,4 +1,4 @@
-//! Where an output goes: to a name in a folder, or into a pipe or device that has that name.
+//! The place of an output: a name in a folder, or a pipe or device of that name.
 
 use crate::write_error::WriteError;
 use crate::{Folder, pipe};

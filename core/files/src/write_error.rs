@@ -30,7 +30,7 @@ pub enum WriteError {
 }
 
 impl WriteError {
-    /// Of an attempt to open or create `at`.
+    /// Makes the error of an attempt to open or create `at`.
     pub fn at(at: PathBuf, error: FileError) -> WriteError {
         match error {
             FileError::Link(to) => WriteError::Link { at, to },

@@ -21,13 +21,13 @@ pub fn elsewhere() -> bool {
     let text = String::from_utf8_lossy(&output.stdout);
     let words = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{name}, alone: {}\n{text}{words}", output.status);
-    // What counts tests must not count this one twice.
+    // The closing count of the tests must not count this one twice.
     assert!(text.contains("test result: ok. 1 passed"), "{name} was not found again:\n{text}");
     print!("{}", own_lines(&text, name));
     true
 }
 
-/// What the test itself has printed, without the lines of libtest.
+/// The lines that the test itself printed, without those of libtest.
 fn own_lines(output: &str, name: &str) -> String {
     // With one thread libtest names a test before it runs, on the line that its output goes on.
     let begun = format!("test {name} ... ");

@@ -62,7 +62,7 @@ fn angle(p: &Primitive, corner: usize) -> f64 {
 /// Corners by position: equal bits are the same place, whatever the vertex.
 struct Around {
     place_of_vertex: Vec<u32>,
-    /// By place, where its corners begin; one more than there are places.
+    /// For each position, the index of its first entry in `corners`; one entry more than positions.
     start: Vec<u32>,
     /// None for a place with more than [`MAX_AROUND`].
     corners: Vec<u32>,

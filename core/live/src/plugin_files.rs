@@ -60,7 +60,7 @@ pub struct Listing {
 struct Entry {
     source: Source,
     plugin: Plugin,
-    /// What was compiled, once it was.
+    /// The text that was compiled; empty until the plugin is used.
     read: Arc<OnceLock<Result<PluginFile, String>>>,
 }
 
@@ -72,7 +72,7 @@ enum Plugin {
     Faulty(String),
 }
 
-/// Where a plugin file lies.
+/// The place of a plugin file.
 #[derive(Clone)]
 struct Source {
     /// Links are followed beneath this folder only.
@@ -163,7 +163,7 @@ fn is_same(a: &Path, b: &Path) -> bool {
 /// Plugin files of a folder, by name, so that the order is the same on every machine.
 fn sources(place: &Place) -> Result<Vec<Source>, FolderError> {
     let unreadable = |error: FileError| FolderError::Unreadable { folder: place.path.clone(), error };
-    // What lies in `plugins` may be a link to elsewhere in the script's folder, and not out of it.
+    // A file in `plugins` may be a link to another place in the script's folder, but not out of it.
     let (root, below) = match place.kind {
         Kind::Beside => (place.path.parent().unwrap_or(Path::new("")), Path::new(BESIDE)),
         _ => (place.path.as_path(), Path::new("")),
@@ -197,7 +197,7 @@ fn sources(place: &Place) -> Result<Vec<Source>, FolderError> {
 }
 
 impl Listing {
-    /// What a file is: `None` where it is not meant as a plugin.
+    /// The plugin of a file. `None` if the file is not meant as a plugin.
     fn entry(&self, source: Source, kind: Kind, before: Option<&Listing>) -> Option<Entry> {
         let is_it = |e: &&Entry| e.read.get().is_some() && e.source.path == source.path;
         let known = before.and_then(|b| b.entries.iter().find(is_it));
@@ -324,7 +324,7 @@ impl Source {
         BesideFile { name, path, bytes }
     }
 
-    /// What is wrong with an effect without a name.
+    /// The error of an effect that has no name.
     fn fault(&self) -> String {
         let compiled = self.text().and_then(|text| {
             WgslEffect::from_text(&self.shown, &text).map(|_| String::new()).map_err(|e| e.to_string())

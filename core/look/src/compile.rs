@@ -77,7 +77,7 @@ pub fn compile(file: &str, text: &str) -> Result<Compiled, LookError> {
         match thread.spawn_scoped(scope, || compile_here(file, text)).map(|thread| thread.join()) {
             Ok(Ok(compiled)) => compiled,
             Ok(Err(panic)) => std::panic::resume_unwind(panic),
-            // What `depth` lets pass needs a fourth of the smallest stack that threads have.
+            // The deepest text that `depth` accepts needs a quarter of the smallest thread stack.
             Err(_) => compile_here(file, text),
         }
     })

@@ -10,19 +10,19 @@ const BRACKET: usize = 5;
 /// Declarations of a text. Each can use another, and naga orders them by recursion: 4,200 structs overflow 2 MiB.
 pub const MOST_DECLARATIONS: usize = 1_000;
 
-/// What ends a comment: every line break of WGSL, so that no code hides behind one.
+/// The characters that end a line comment: all line breaks of WGSL, so that no code hides behind one.
 const LINE_ENDS: [char; 7] = ['\n', '\u{b}', '\u{c}', '\r', '\u{85}', '\u{2028}', '\u{2029}'];
 
-/// Where a text is nested too deeply, and what is.
+/// The place where a text is nested too deeply, with the message.
 #[derive(Debug, PartialEq, Eq)]
 pub struct TooDeep {
-    /// From 1, in characters.
+    /// Column in characters, from 1.
     pub line: usize,
     pub column: usize,
     pub message: String,
 }
 
-/// What is open between two brackets.
+/// The state between an opening and a closing bracket.
 #[derive(Clone, Copy, Default)]
 struct Level {
     /// Levels of the expression so far.

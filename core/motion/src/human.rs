@@ -95,7 +95,7 @@ impl Human {
         }
     }
 
-    /// What carries both thighs is the hips, whatever it is called: Rigify calls it "spine", CMU's motion capture "root".
+    /// The joint that carries both thighs is the hips, whatever its name: "spine" in Rigify, "root" in CMU's motion capture.
     fn pelvis(&mut self, skeleton: &Skeleton) {
         let (None, Some(left), Some(right)) =
             (self.joint("hips"), self.joint("left upleg"), self.joint("right upleg"))

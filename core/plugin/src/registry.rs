@@ -45,7 +45,7 @@ impl Registry {
         self.effects.retain(|p| p.manifest().name != name);
         self.on_use.retain(|p| p.name() != name);
     }
-    /// A file that was meant as a plugin and is none: told where something is looked for and not found.
+    /// A file that was meant as a plugin and is none. It is named in the hint when a plugin is not found.
     pub fn add_faulty(&mut self, file: String) {
         self.faulty.push(file);
     }

@@ -193,7 +193,7 @@ fn check_calls(ast: &AST) -> Result<(), ParseError> {
 /// Of one call.
 pub const MOST_ARGUMENTS: usize = 64;
 
-/// What a call of more ends with; `errors` knows it.
+/// The end of the message for a call with more arguments; `errors` recognizes it.
 pub const MANY_ARGUMENTS: &str = "arguments";
 
 /// What the parser ends with in a comment without an end; `errors` knows it.

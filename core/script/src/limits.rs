@@ -39,7 +39,7 @@ macro_rules! limits {
             pub const ALL: &[(&str, f64, &str)] = &[$((
                 stringify!($name),
                 {
-                    // Of the limit's own type: as an i32, 4 << 30 would be 0.
+                    // The number has the limit's own type: as an i32, 4 << 30 would be 0.
                     let default: $kind = $default;
                     default as f64
                 },

@@ -29,7 +29,7 @@ pub struct Results {
     run: Hash,
     /// Content hashes of files seen in this run; `None` = cannot be read.
     seen: Mutex<HashMap<PathBuf, Option<Hash>>>,
-    /// Of test files: the hash of the text, and that of the lines outside its sections.
+    /// For each test file, the hash of the text and that of the lines outside its sections.
     around: Mutex<HashMap<PathBuf, (Hash, Hash)>>,
 }
 

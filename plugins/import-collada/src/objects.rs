@@ -173,7 +173,7 @@ pub fn convention<'a, 'i>(xml: &Xml<'a, 'i>) -> (f64, &'static str) {
     (metres, up)
 }
 
-/// What `meter` says; some programs write the decimal comma of their user's language.
+/// The number in `meter`; some programs write the decimal comma of their user's language.
 fn metres<'a, 'i>(xml: &Xml<'a, 'i>, unit: Node<'a, 'i>) -> f64 {
     let Some(text) = unit.attribute("meter").map(str::trim) else { return 1.0 };
     let value = |text: &str| number(text.as_bytes()).filter(|v| (1e-6..=1e6).contains(v));

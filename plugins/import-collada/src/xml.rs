@@ -6,7 +6,7 @@ use choreo_import::{Budget, Notes, Problem, Progress, Result};
 use choreo_plugin::Files;
 use std::collections::HashMap;
 
-/// What becomes of an instance that refers to nothing.
+/// The end of the warning for an instance that refers to nothing.
 pub const LEFT_OUT: &str = "it is left out";
 
 pub struct Xml<'a, 'i> {

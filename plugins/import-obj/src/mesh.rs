@@ -95,14 +95,14 @@ impl Counted {
 struct Builder<'a> {
     model: &'a Model,
     settings: &'a Settings,
-    /// By vertex of the file, that of the primitive; emptied after each primitive.
+    /// For each vertex of the file, the primitive's vertex; reset after each primitive.
     own: Vec<u32>,
     triangulator: Triangulator,
     crossing: Counted,
     too_much: Counted,
 }
 
-/// What the vertices of a primitive have beside their places.
+/// The attributes of a primitive's vertices besides their positions.
 #[derive(Clone, Copy)]
 struct Attributes {
     normals: bool,
@@ -135,7 +135,7 @@ impl Builder<'_> {
             (Shape::Point, n) => n,
         };
         out.indices.reserve_exact(run.iter().map(indices).sum());
-        // By triangle, where normals are to be made.
+        // The smoothing group of each triangle, if normals are computed.
         let mut smoothing = Vec::new();
         for (_, index) in run {
             self.list(*index as usize, shape, &mut out, attributes);

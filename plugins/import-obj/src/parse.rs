@@ -147,7 +147,7 @@ pub fn read(
 struct Parser<'a> {
     notes: &'a Notes,
     model: Model,
-    /// What `tobj` reads.
+    /// The normalized text for `tobj`.
     text: Vec<u8>,
     /// Positions, texture coordinates and normals so far.
     counts: [usize; 3],

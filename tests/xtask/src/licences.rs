@@ -80,7 +80,7 @@ impl Deny {
         }
     }
 
-    /// What of the workspace's graph is against these lists, a line for each.
+    /// Violations of these lists in the dependency graph, one line each.
     pub fn faults(&self, packages: &BTreeMap<String, Package>) -> Vec<String> {
         let mut faults = Vec::new();
         for package in packages.values().filter(|p| !p.is_ours) {

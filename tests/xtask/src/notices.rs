@@ -11,7 +11,7 @@ const PLATFORM: &str = "x86_64-unknown-linux-gnu";
 const PROGRAMS: [(&str, &str); 2] = [("choreo", "`choreo`"), ("choreo-viewer", "`choreo-view`")];
 const BEGIN: &str = "<!-- Written by `cargo xtask notices` from here to the end of the file. -->\n";
 
-/// What cargo knows of one crate of the lock file.
+/// Cargo's metadata of one crate in the lock file.
 #[derive(Debug)]
 pub struct Package {
     pub name: String,
@@ -127,7 +127,7 @@ pub fn notices() -> Result<(), String> {
     if all.is_empty() { Ok(()) } else { Err(all.join("\n")) }
 }
 
-/// What a file of notices lacks, a line for each fault.
+/// Faults of a notices file, one line each.
 fn faults(file: &str, packages: &BTreeMap<String, Package>) -> Result<Vec<String>, String> {
     let (by_hand, written) = halves(file)?;
     let expected = table(packages);

@@ -1,4 +1,4 @@
-//! What `cargo test` and `choreo test` print, read line by line: counts, skips, and the name of everything that failed.
+//! Reads the output of `cargo test` and `choreo test` line by line: counts, skips, and the name of each failure.
 
 use std::collections::BTreeSet;
 
@@ -148,7 +148,7 @@ impl Binary {
         self.rerun.as_deref().unwrap_or(&self.header)
     }
 
-    /// What to type to run each failed test alone.
+    /// The command that runs each failed test alone.
     fn failures(&self) -> impl Iterator<Item = String> {
         self.failed.iter().map(|test| match test.contains(' ') {
             true => format!("cargo test {} -- --exact '{test}'", self.name()),

@@ -20,7 +20,7 @@ const PARTS: [&str; 9] = [
 /// Unmatched joints below a hand from which on it is said to have fingers: what it holds has one or two.
 const FINGER_JOINTS: usize = 3;
 
-/// What of a clip goes over to another skeleton.
+/// The part of a clip that another skeleton follows.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Coverage {
     /// Joints that the clip moves.

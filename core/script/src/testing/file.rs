@@ -26,7 +26,7 @@ pub struct Listing {
     pub sections: Vec<SectionInfo>,
     /// Of each section: its own statement of the file. `None`: a loop or a function calls `test`.
     own: Vec<Option<usize>>,
-    /// What the sections have in common, with its place among the statements of the file.
+    /// The statements outside all sections, each with its index in the file.
     common: Vec<(usize, Stmt)>,
 }
 
@@ -106,7 +106,7 @@ fn closure(expr: &Expr) -> Option<&Stmt> {
     }
 }
 
-/// What a plain `test` does to the variables that its closure captures, a statement each.
+/// The `Share` statements of the variables that the closure of a plain `test` captures.
 fn captures(statement: &Stmt) -> impl Iterator<Item = (String, Stmt)> {
     let call = match statement {
         Stmt::FnCall(call, _) => Some(call),
@@ -134,7 +134,7 @@ pub struct TestFiles(Arc<Mutex<Kept>>);
 #[derive(Default)]
 struct Kept {
     lately: VecDeque<Arc<TestFile>>,
-    /// Of all files, by name; with the text that they are the sections of.
+    /// The sections of each file by its name, with the hash of the text they belong to.
     listings: BTreeMap<String, (blake3::Hash, Arc<Listing>)>,
 }
 
@@ -192,7 +192,7 @@ impl TestFile {
         self.listing.get()
     }
 
-    /// Of all that decides which sections there are.
+    /// The hash of everything that determines the sections of the file.
     fn hash(&self) -> blake3::Hash {
         blake3::hash(format!("{:?}{}", self.limits, self.text).as_bytes())
     }

@@ -26,7 +26,7 @@ impl Timeout {
         }
     }
 
-    /// What is wrong once the time is used up, and what to do.
+    /// The error after the time is used up, with a hint.
     pub fn error(&self) -> (String, &'static str) {
         let what = format!("this section takes longer than {} s", self.seconds);
         (what, "make it shorter, or raise the time with --timeout SECONDS")
