@@ -1,65 +1,22 @@
 //! Plan → recording → frame. The plan says what a frame needs and what was left out; the Vulkan renderer
 //! (`gpu`, the only place that knows ash) and its CPU twin (`cpu`, the specification of each shader) draw the same plan.
 
-pub mod area;
-pub mod bounds;
-pub mod catalog;
-mod catalog_sequences;
-pub mod closed;
-pub mod compare;
-pub mod content;
+pub mod commands;
 pub mod cpu;
-pub mod detail;
-pub mod deviation;
 pub mod explain;
-mod explain_posed;
-mod explain_targets;
-pub mod exposure;
-pub mod flat;
-pub mod flip;
-#[allow(unsafe_code, reason = "calls of Vulkan")]
-pub mod gpu;
-pub mod gpu_types;
-pub mod light_lists;
-pub mod mip;
-pub mod morphs;
-mod needs;
-mod needs_layers;
+pub mod layers_2d;
 pub mod plan;
-mod plan_draw;
-mod plan_left_out;
-mod plan_options;
-mod plan_post;
-mod planner;
-mod planner_deferred;
-mod planner_effects;
-mod planner_glass;
-mod planner_items;
-mod planner_lights;
-mod planner_overdraw;
-mod planner_overlay;
-mod planner_shadows;
-mod planner_skins;
-mod planner_transparency;
-pub mod posed;
-pub mod record;
-mod record_deferred;
-mod record_draws;
-mod record_text;
 pub mod renderer;
+pub mod scene_resources;
 pub mod shader;
-mod shadows;
 pub mod sky;
-mod textures_fit;
-pub mod tiles;
-pub mod vertex;
-pub mod view;
-pub mod wide;
+#[allow(unsafe_code, reason = "calls of Vulkan")]
+pub mod vulkan;
 
-pub use catalog::Catalog;
 pub use cpu::CpuRenderer;
-pub use gpu::{GpuOptions, SteadyRenderer, VulkanRenderer};
 pub use plan::Plan;
-pub use plan_options::PlanOptions;
-pub use planner_effects::effect_parameters;
+pub use plan::build::effects::effect_parameters;
+pub use plan::options::PlanOptions;
 pub use renderer::{DeviceInfo, DeviceKind, Held, RenderError, Renderer, Work};
+pub use scene_resources::Catalog;
+pub use vulkan::{GpuOptions, SteadyRenderer, VulkanRenderer};

@@ -2,9 +2,10 @@
 
 mod common;
 
+use choreo_image_diff::compare;
+use choreo_render::commands::{Command, Cull, RecordOptions, record};
 use choreo_render::plan::Draw;
-use choreo_render::record::{Command, Cull, RecordOptions, record};
-use choreo_render::{Catalog, GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer, compare};
+use choreo_render::{Catalog, GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
 use choreo_stage::*;
 use common::*;
 use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
@@ -152,18 +153,18 @@ fn vulkan_draws_the_same_without_them() {
         let front = draw_plan(&mut renderer, &catalog, plan.clone());
         let whole = draw_plan(&mut renderer, &catalog, both);
         // Where an edge between front and back runs through a pixel's middle, either may have it.
-        let c = compare::compare(&front, &whole, 2).unwrap();
+        let c = compare(&front, &whole, 2).unwrap();
         println!("{samples} samples, against both faces: {c}");
         assert!(c.share_beyond < 3e-4, "{c}");
         let twin = draw_at(&boxes(), SIZE, samples);
-        let c = compare::compare(&front, &twin, 2).unwrap();
+        let c = compare(&front, &twin, 2).unwrap();
         println!("{samples} samples, against the CPU: {c}");
         assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{c}");
         // What is open lacks its inside if it counts as closed.
         let mut wrong = plan;
         wrong.draws.iter_mut().for_each(|d| d.closed = 60);
         let wrong = draw_plan(&mut renderer, &catalog, wrong);
-        assert!(compare::compare(&wrong, &whole, 2).unwrap().share_beyond > 0.01);
+        assert!(compare(&wrong, &whole, 2).unwrap().share_beyond > 0.01);
     }
     renderer.load(Arc::default()).unwrap();
 }

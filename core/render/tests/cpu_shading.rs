@@ -2,8 +2,8 @@
 
 mod common;
 
+use choreo_image_diff::compare;
 use choreo_plugin::Effect;
-use choreo_render::compare::compare;
 use choreo_render::{CpuRenderer, PlanOptions, Renderer};
 use choreo_stage::*;
 use common::*;

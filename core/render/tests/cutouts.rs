@@ -2,9 +2,9 @@
 
 mod common;
 
+use choreo_image_diff::compare;
 use choreo_plugin::Frame;
-use choreo_render::compare::compare;
-use choreo_render::gpu::Ability;
+use choreo_render::vulkan::Ability;
 use choreo_render::*;
 use choreo_stage::*;
 use common::*;
@@ -90,7 +90,7 @@ fn edges_of_cut_outs_are_smooth_with_several_samples() {
 fn only_cut_outs_with_several_samples_ask_for_them() {
     let text = |scene: &Scene, samples: u32| {
         let (_, plan) = scene.plan(&PlanOptions::new([SIDE; 2], samples));
-        record::record(&plan, Default::default(), |_| 2).to_string()
+        commands::record(&plan, Default::default(), |_| 2).to_string()
     };
     assert!(text(&disc(), 4).contains(" COVERAGE"));
     assert!(!text(&disc(), 1).contains(" COVERAGE"));

@@ -2,11 +2,11 @@
 
 mod common;
 
+use choreo_image_diff::{Comparison, compare};
 use choreo_plugin::{Effect, Frame};
-use choreo_render::compare::{Comparison, compare};
-use choreo_render::gpu::Ability;
+use choreo_render::commands::{Command, RecordOptions, record};
 use choreo_render::plan::{DeferredCause, Features};
-use choreo_render::record::{Command, RecordOptions, record};
+use choreo_render::vulkan::Ability;
 use choreo_render::*;
 use choreo_stage::{Pipeline, *};
 use common::layered::{bulge, layered_scene};
@@ -311,7 +311,7 @@ fn a_device_without_the_images_draws_forward_and_says_so() {
 }
 
 /// As a device that is no CPU gets it.
-fn recorded(scene: &Scene, samples: u32) -> (Plan, record::Recording) {
+fn recorded(scene: &Scene, samples: u32) -> (Plan, commands::Recording) {
     let (_, plan) = scene.plan(&PlanOptions::new(SIZE, samples));
     let recording = record(&plan, RecordOptions::default(), |_| 2);
     (plan, recording)

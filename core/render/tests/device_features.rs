@@ -3,7 +3,7 @@
 mod common;
 
 use choreo_plugin::Frame;
-use choreo_render::gpu::{Ability, DeviceTime};
+use choreo_render::vulkan::{Ability, DeviceTime};
 use choreo_render::*;
 use choreo_stage::*;
 use common::*;

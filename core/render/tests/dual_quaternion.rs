@@ -2,11 +2,11 @@
 
 mod common;
 
+use choreo_image_diff::compare;
 use choreo_motion::Skinning;
 use choreo_plugin::Frame;
-use choreo_render::bounds::PrimitiveInfo;
-use choreo_render::compare::compare;
 use choreo_render::plan::{Features, Rows};
+use choreo_render::scene_resources::bounds::PrimitiveInfo;
 use choreo_render::*;
 use choreo_stage::*;
 use common::{draw as draw_cpu, *};
@@ -167,6 +167,6 @@ fn only_who_asks_pays() {
     let features = dual.draws[0].pipeline.features;
     assert!(features.has(Features::SKIN_DUAL) && !linear.draws[0].pipeline.features.has(Features::SKIN_DUAL));
     let recording =
-        |plan: &Plan| format!("{}", record::record(plan, record::RecordOptions::default(), |_| 2));
+        |plan: &Plan| format!("{}", commands::record(plan, commands::RecordOptions::default(), |_| 2));
     assert!(recording(&linear).contains("2 joints") && recording(&dual).contains("4 joints"));
 }

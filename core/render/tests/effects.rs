@@ -2,8 +2,8 @@
 
 mod common;
 
+use choreo_image_diff::compare;
 use choreo_plugin::{Effect, Frame, Hook};
-use choreo_render::compare::compare;
 use choreo_render::plan::{Features, TopologyKey};
 use choreo_render::*;
 use choreo_stage::*;
@@ -173,7 +173,7 @@ fn fog_by_its_formula_and_only_on_surfaces() {
 
 #[test]
 fn edges_are_drawn_once_and_hidden_by_what_is_before_them() {
-    assert_eq!(vertex::edges(&[0, 1, 2, 2, 1, 3]), [0, 1, 1, 2, 0, 2, 1, 3, 2, 3]);
+    assert_eq!(scene_resources::vertex_layout::edges(&[0, 1, 2, 2, 1, 3]), [0, 1, 1, 2, 0, 2, 1, 3, 2, 3]);
     // A wall stands before a quad with lines: none is seen; beside it they are.
     let mut scene = Scene::ortho(2.0);
     scene.at(&asset(vec![quad(0.9, 0.9)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);

@@ -2,10 +2,10 @@
 
 mod common;
 
+use choreo_image_diff::compare;
 use choreo_motion::{Interpolation, Time};
 use choreo_plugin::{Effect, Frame, Hook, Manifest, Overlay, Scene as Seen, Stroke};
-use choreo_render::compare::compare;
-use choreo_render::exposure::plan_at;
+use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{Catalog, CpuRenderer, GpuOptions, PlanOptions, Renderer};
 use choreo_stage::{Channel, Evaluator, Property};
 use common::*;

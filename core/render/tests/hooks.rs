@@ -2,13 +2,13 @@
 
 mod common;
 
-use choreo_look::{Picture, WgslEffect};
+use choreo_image_diff::compare;
 use choreo_motion::Time;
 use choreo_plugin::{Effect, EffectTexture, Frame};
-use choreo_render::compare::compare;
-use choreo_render::exposure::plan_with;
+use choreo_render::plan::motion_blur::plan_with;
 use choreo_render::*;
 use choreo_stage::*;
+use choreo_wgsl_effect::{Picture, WgslEffect};
 use common::*;
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;

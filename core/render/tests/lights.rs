@@ -2,8 +2,8 @@
 
 mod common;
 
-use choreo_render::compare::compare;
-use choreo_render::light_lists::{LightLists, MANY, MOST};
+use choreo_image_diff::compare;
+use choreo_render::plan::build::light_clusters::{LightLists, MANY, MOST};
 use choreo_render::*;
 use choreo_stage::*;
 use common::*;

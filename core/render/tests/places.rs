@@ -2,9 +2,9 @@
 
 mod common;
 
+use choreo_image_diff::compare;
 use choreo_motion::Skinning;
 use choreo_plugin::Frame;
-use choreo_render::compare::compare;
 use choreo_render::plan::Features;
 use choreo_render::*;
 use choreo_stage::*;

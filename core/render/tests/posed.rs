@@ -3,11 +3,11 @@
 
 mod common;
 
+use choreo_image_diff::compare;
 use choreo_motion::Skinning;
 use choreo_plugin::{Effect, Frame};
-use choreo_render::compare::compare;
+use choreo_render::commands::{Command, RecordOptions, Recording, record};
 use choreo_render::plan::Features;
-use choreo_render::record::{Command, RecordOptions, Recording, record};
 use choreo_render::*;
 use choreo_stage::*;
 use common::*;
@@ -258,7 +258,7 @@ fn only_what_is_drawn_more_than_once_is_posed_once() {
 /// A device without it draws the same.
 #[test]
 fn a_device_that_cannot_compute_poses_by_every_pass() {
-    let without = vec![gpu::Ability::Compute];
+    let without = vec![vulkan::Ability::Compute];
     let Some(mut device) = vulkan(GpuOptions { without, ..GpuOptions::default() }) else { return };
     let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
     let (scene, options) = (with(scene(WAYS[2]), SkinOnce::Always), PlanOptions::new([120, 90], 1));

@@ -3,8 +3,8 @@
 mod common;
 
 use choreo_plugin::Frame;
+use choreo_render::commands::{Command, RecordOptions, record};
 use choreo_render::plan::Glass;
-use choreo_render::record::{Command, RecordOptions, record};
 use choreo_render::*;
 use choreo_stage::*;
 use common::layered::layered;

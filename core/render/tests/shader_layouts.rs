@@ -1,10 +1,10 @@
 //! Shaders without a GPU: the layouts of their structs equal the Rust structs field by field.
 
-use choreo_render::gpu_types::{
+use choreo_render::plan::{ActiveMorph, Features, Instance, PipelineKey, PlanLight};
+use choreo_render::shader::uniforms::{
     FrameUniform, LayersUniform, MaterialUniform, PostUniform, RebuiltUniform, ShadowUniform, SkyUniform,
     UvTransform,
 };
-use choreo_render::plan::{ActiveMorph, Features, Instance, PipelineKey, PlanLight};
 use choreo_render::shader::*;
 use naga::TypeInner;
 use std::mem::offset_of;

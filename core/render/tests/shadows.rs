@@ -3,14 +3,15 @@
 
 mod common;
 
+use choreo_image_diff::compare;
+use choreo_render::commands::{Command, RecordOptions, record};
 use choreo_render::plan::Features;
-use choreo_render::record::{Command, RecordOptions, record};
 use choreo_render::*;
 use choreo_stage::*;
 use common::*;
 use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
 
-fn record_of(plan: &Plan) -> record::Recording {
+fn record_of(plan: &Plan) -> commands::Recording {
     record(plan, RecordOptions::default(), |_| 2)
 }
 
@@ -322,16 +323,16 @@ fn vulkan_draws_the_same_shadows() {
         for samples in [1, 4] {
             let options = PlanOptions::new([200, 150], samples);
             let (a, b) = (on_vulkan(scene, &options), draw(scene, &options));
-            let c = compare::compare(&a, &b, 2).unwrap();
+            let c = compare(&a, &b, 2).unwrap();
             println!("{what}, {samples} samples: {c}");
             assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{what}: {c}");
             let forced = on_vulkan(scene, &PlanOptions { force_all: true, ..options });
-            let c = compare::compare(&a, &forced, 2).unwrap();
+            let c = compare(&a, &forced, 2).unwrap();
             assert!(c.mean < 0.05 && c.share_beyond < 0.002, "{what}, everything forced in: {c}");
         }
     }
     // The bound finds a shadow that is missing.
     let options = PlanOptions::new([200, 150], 1);
-    let c = compare::compare(&on_vulkan(&scenes[0].1, &options), &draw(&scenes[2].1, &options), 2).unwrap();
+    let c = compare(&on_vulkan(&scenes[0].1, &options), &draw(&scenes[2].1, &options), 2).unwrap();
     assert!(c.mean > 0.15 && c.share_beyond > 0.01, "{c}");
 }

@@ -2,9 +2,9 @@
 
 mod common;
 
+use choreo_image_diff::compare;
 use choreo_plugin::{Effect, Frame};
-use choreo_render::compare::compare;
-use choreo_render::tiles::{MOST, tiles};
+use choreo_render::plan::tiles::{MOST, tiles};
 use choreo_render::*;
 use choreo_stage::*;
 use common::layered::{bulge, layered};
@@ -54,7 +54,7 @@ fn with(uses: &[(&str, &[(&str, f64)])]) -> Scene {
     scene
 }
 
-fn differ(a: &Frame, b: &Frame) -> compare::Comparison {
+fn differ(a: &Frame, b: &Frame) -> choreo_image_diff::Comparison {
     assert_eq!((a.width, a.height), (b.width, b.height));
     compare(a, b, 2).unwrap()
 }

@@ -2,13 +2,13 @@
 
 mod common;
 
-use choreo_look::WgslEffect;
 use choreo_plugin::Effect;
 use choreo_plugin::Frame;
-use choreo_render::gpu::Ability;
 use choreo_render::plan::PeelCause;
+use choreo_render::vulkan::Ability;
 use choreo_render::*;
 use choreo_stage::*;
+use choreo_wgsl_effect::WgslEffect;
 use common::*;
 use glam::{DAffine3, DQuat, DVec3, DVec4, EulerRot, Vec3, Vec4};
 

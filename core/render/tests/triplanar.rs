@@ -2,7 +2,7 @@
 
 mod common;
 
-use choreo_render::compare::compare;
+use choreo_image_diff::compare;
 use choreo_render::plan::Features;
 use choreo_render::*;
 use choreo_stage::*;

@@ -4,7 +4,7 @@
 mod common;
 
 use choreo_plugin::{Effect, Frame};
-use choreo_render::gpu::faults::{Fault, FaultKind, FaultPlace, Faults};
+use choreo_render::vulkan::faults::{Fault, FaultKind, FaultPlace, Faults};
 use choreo_render::*;
 use common::*;
 use glam::DVec3;

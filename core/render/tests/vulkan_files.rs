@@ -1,9 +1,9 @@
 //! Vulkan against the CPU twin on every glTF file of the shared assets: mean and worst difference, share of differing
 //! pixels, bounded. Skipped aloud where assets or a Vulkan driver are missing.
 
+use choreo_image_diff::compare;
 use choreo_motion::Time;
 use choreo_plugin::{Files, Frame, ImportOptions, Importer, Needs, Source};
-use choreo_render::compare::compare;
 use choreo_render::*;
 use choreo_stage::{Camera, Cue, Rig, Stage};
 use std::path::{Path, PathBuf};

@@ -3,9 +3,9 @@
 
 mod common;
 
+use choreo_image_diff::{Comparison, compare};
 use choreo_plugin::{Effect, Frame};
-use choreo_render::compare::{Comparison, compare};
-use choreo_render::record::{Counts, RecordOptions, Recording};
+use choreo_render::commands::{Counts, RecordOptions, Recording};
 use choreo_render::*;
 use choreo_stage::*;
 use common::{draw as draw_cpu, *};
@@ -58,7 +58,7 @@ impl Effect for Swap {
 
 /// As a device that is no CPU gets it.
 fn record(plan: &Plan) -> Recording {
-    choreo_render::record::record(plan, RecordOptions::default(), |_| 2)
+    choreo_render::commands::record(plan, RecordOptions::default(), |_| 2)
 }
 
 fn wall(material: Material) -> Scene {
@@ -264,9 +264,11 @@ fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
     scene.at(&asset(vec![quad(0.5, 0.5)], vec![double_sided], vec![]), 0.0, 0.0, 0.0);
     let text = |samples, cpu_device, triangles| {
         let (_, plan) = scene.plan(&PlanOptions::new([64, 64], samples));
-        choreo_render::record::record(&plan, RecordOptions { cpu_device, ..RecordOptions::default() }, |_| {
-            triangles
-        })
+        choreo_render::commands::record(
+            &plan,
+            RecordOptions { cpu_device, ..RecordOptions::default() },
+            |_| triangles,
+        )
         .to_string()
     };
     let gpu = text(1, false, 2);
@@ -289,7 +291,7 @@ fn a_cpu_device_gets_rows_copied_and_back_faces_last() {
     scene.at(&asset(vec![quad(1.9, 1.9)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
     let (_, plan) = scene.plan(&PlanOptions::new([64, 64], 4));
     let cpu = RecordOptions { cpu_device: true, ..RecordOptions::default() };
-    let whole = choreo_render::record::record(&plan, cpu, |_| 2).to_string();
+    let whole = choreo_render::commands::record(&plan, cpu, |_| 2).to_string();
     assert!(!whole.contains("copy background") && whole.contains("  background\n"), "{whole}");
 }
 
@@ -310,12 +312,13 @@ fn a_part_drawn_with_samples_is_as_if_all_were() {
             r.collect(None).unwrap()
         };
         let part = frame(plan.clone());
-        let whole = frame(Plan { area: choreo_render::area::Area::EVERYTHING, ..plan.clone() });
+        let whole =
+            frame(Plan { area: choreo_render::plan::build::dirty_rect::Area::EVERYTHING, ..plan.clone() });
         let c = compare(&part, &whole, 1).unwrap();
         println!("{}", c.worst);
         assert!(c.worst <= 1, "{c:?}");
         // What is said to be elsewhere is cut off.
-        let wrong = frame(Plan { area: choreo_render::area::Area::NOTHING, ..plan });
+        let wrong = frame(Plan { area: choreo_render::plan::build::dirty_rect::Area::NOTHING, ..plan });
         assert!(compare(&wrong, &whole, 1).unwrap().worst > 50);
     }
 }

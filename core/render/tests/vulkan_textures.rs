@@ -2,8 +2,8 @@
 
 mod common;
 
-use choreo_render::compare::compare;
-use choreo_render::record::texture_slots;
+use choreo_image_diff::compare;
+use choreo_render::commands::texture_slots;
 use choreo_render::*;
 use choreo_stage::*;
 use common::layered::{bulge, layered};
@@ -72,7 +72,7 @@ fn the_least_visible_are_left_out_and_named() {
         assert_eq!(differs.share_beyond > 0.02, !out.is_empty(), "{most:?}: {differs}");
         // Bound textures are counted in the recording.
         let bound = r.last_recording().unwrap().commands.iter().find_map(|c| match c {
-            choreo_render::record::Command::BindMaterial { slots, .. } => Some(slots.count_ones()),
+            choreo_render::commands::Command::BindMaterial { slots, .. } => Some(slots.count_ones()),
             _ => None,
         });
         assert_eq!(bound, Some(8 - out.len() as u32));

@@ -1,7 +1,7 @@
 //! The command line.
 
-use choreo_live::Recipe;
 use choreo_script::{ImportChoice, Limits};
+use choreo_session::Recipe;
 use clap::Parser;
 use std::ffi::OsString;
 use std::path::PathBuf;

@@ -7,8 +7,8 @@ use crate::difference;
 use crate::placing::Wanted;
 use crate::selection::{Selected, actor};
 use choreo_files::{WriteError, write_whole};
-use choreo_live::edit::{Edit, Object, Part, Refused, follows, marker, plain, set_time};
 use choreo_script::Place;
+use choreo_session::edit::{Edit, Object, Part, Refused, follows, marker, plain, set_time};
 use choreo_stage::Actor;
 use std::path::Path;
 use std::sync::Arc;
@@ -78,7 +78,9 @@ impl Viewer {
         let scene = self.scene.as_ref().ok_or("there is nothing to change yet")?;
         let place = scene.places.cuts.get(index).ok_or("it is no longer there")?.clone();
         let twins = scene.places.cuts.iter().filter(|p| **p == place).count();
-        self.change(&place, twins, |text| choreo_live::edit::set_call(text, place.line, place.column, secs))
+        self.change(&place, twins, |text| {
+            choreo_session::edit::set_call(text, place.line, place.column, secs)
+        })
     }
 
     /// Moves a named time of the stage.
@@ -258,7 +260,7 @@ impl Viewer {
 
 /// The line that casts a file of the script's folder at `x`, under a name that `text` has not yet.
 fn guest_line(file: &Path, x: f64, text: &str) -> String {
-    let stem = choreo_live::model::name(file);
+    let stem = choreo_session::model::name(file);
     let name = stem.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' });
     let mut name: String = name.collect();
     if !name.starts_with(|c: char| c.is_ascii_lowercase()) {

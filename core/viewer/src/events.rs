@@ -1,9 +1,9 @@
 //! What happens at one time: keys, who appears and goes, what a body begins to do, named times of clips.
 
 use crate::selection::Selected;
-use choreo_live::Scene;
 use choreo_motion::{Repeat, Time};
 use choreo_script::{ClipMarkers, Place};
+use choreo_session::Scene;
 use choreo_stage::{Actor, Channel, Cue, FlatContent, GoalKind, Property, Stage};
 use std::sync::Arc;
 

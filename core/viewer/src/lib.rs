@@ -2,7 +2,7 @@
 //! `choreo-view`.
 //!
 //! ```text
-//! choreo_live::Live ─ versions ─► Viewer (app: plain state) ─ wishes ─► choreo_live::Painter ─ frames ─┐
+//! choreo_session::Live ─ versions ─► Viewer (app: plain state) ─ wishes ─► choreo_session::Painter ─ frames ─┐
 //!                                    ▲ panels (egui)                                                   │
 //!                                    └─────────────── window (winit, Vulkan) ◄─────────────────────────┘
 //! ```

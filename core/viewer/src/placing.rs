@@ -5,8 +5,8 @@ use crate::app::Viewer;
 use crate::gizmo::Change;
 use crate::orbit::Orbit;
 use crate::selection::{Selected, actor};
-use choreo_live::edit::{Edit, Object, Refused, Value, When, plain};
 use choreo_motion::Time;
+use choreo_session::edit::{Edit, Object, Refused, Value, When, plain};
 use choreo_stage::{Actor, Placement, Property, Rig, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
 

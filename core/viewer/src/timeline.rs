@@ -2,9 +2,9 @@
 
 use crate::events::{self, Event, Gathered};
 use crate::selection::Selected;
-use choreo_live::{Problem, Scene};
 use choreo_motion::{FrameRate, Repeat, Time};
 use choreo_script::Place;
+use choreo_session::{Problem, Scene};
 use choreo_stage::{Cue, Layer, Stage};
 
 /// What was made where in the script.

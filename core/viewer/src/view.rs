@@ -1,8 +1,8 @@
 //! One viewport: from where it looks, what is laid over the picture, and which frame it shows and wishes for.
 
 use crate::orbit::Orbit;
-use choreo_live::{Eye, Marks, Shown};
 use choreo_motion::Time;
+use choreo_session::{Eye, Marks, Shown};
 use choreo_stage::{CameraState, Snapshot, Stage};
 use glam::DVec3;
 

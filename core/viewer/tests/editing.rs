@@ -2,8 +2,8 @@
 
 mod place;
 
-use choreo_live::edit::Part;
 use choreo_motion::Time;
+use choreo_session::edit::Part;
 use choreo_viewer::selection::Selected;
 use egui::{pos2, vec2};
 use egui_kittest::kittest::Queryable;

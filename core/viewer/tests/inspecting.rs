@@ -3,7 +3,7 @@
 
 mod place;
 
-use choreo_live::{Problem, Recipe, Session};
+use choreo_session::{Problem, Recipe, Session};
 use choreo_viewer::gizmo::Change;
 use choreo_viewer::selection::Selected;
 use egui::{Key, Modifiers, pos2, vec2};

@@ -2,9 +2,9 @@
 
 mod place;
 
-use choreo_live::{Painted, Painter, Recipe, Session, Version};
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
+use choreo_session::{Painted, Painter, Recipe, Session, Version};
 use choreo_viewer::app::{ViewCamera, Viewer};
 use choreo_viewer::panels::Panels;
 use choreo_viewer::selection::Selected;

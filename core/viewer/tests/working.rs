@@ -3,8 +3,8 @@
 
 mod place;
 
-use choreo_live::Eye;
 use choreo_motion::Time;
+use choreo_session::Eye;
 use choreo_viewer::app::ViewCamera;
 use choreo_viewer::lens::Lens;
 use choreo_viewer::pick;

@@ -32,7 +32,7 @@ impl Effect for Example {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use choreo_look::WgslEffect;
+    use choreo_wgsl_effect::WgslEffect;
 
     /// The text that the GPU runs, evaluated: its manifest and its pixels are those of the twin.
     #[test]

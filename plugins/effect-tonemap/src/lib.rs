@@ -89,7 +89,7 @@ impl Effect for Tonemap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use choreo_look::WgslEffect;
+    use choreo_wgsl_effect::WgslEffect;
 
     fn map(curve: f32, stops: f32, color: Vec3) -> Vec3 {
         let p = [curve, stops, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];

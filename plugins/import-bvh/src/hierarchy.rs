@@ -1,8 +1,8 @@
 //! HIERARCHY: joints with offsets and channels.
 
 use crate::Convention;
-use choreo_import::text::{Lines, integer, number, shown};
-use choreo_import::{Notes, Problem, Result};
+use choreo_importer_kit::text::{Lines, integer, number, shown};
+use choreo_importer_kit::{Notes, Problem, Result};
 use choreo_motion::Transform;
 use glam::{DVec3, Quat};
 

@@ -4,8 +4,8 @@ mod hierarchy;
 mod motion;
 mod units;
 
-use choreo_import::text::stem;
-use choreo_import::{Notes, Problem, Progress, Result, bones};
+use choreo_importer_kit::text::stem;
+use choreo_importer_kit::{Notes, Problem, Progress, Result, bones};
 use choreo_motion::Skeleton;
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::Asset;

@@ -2,8 +2,8 @@
 
 use crate::Convention;
 use crate::hierarchy::{Channel, Joint, Rest};
-use choreo_import::text::{Lines, count as counted, integer, next_word, number, shown, words};
-use choreo_import::{Notes, Problem, Progress, Result};
+use choreo_importer_kit::text::{Lines, count as counted, integer, next_word, number, shown, words};
+use choreo_importer_kit::{Notes, Problem, Progress, Result};
 use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Path, Time};
 use glam::{DQuat, DVec3};
 use std::sync::Arc;

@@ -1,7 +1,7 @@
 //! A BVH file does not say its unit. People are between one and two metres tall.
 
 use crate::hierarchy::Joint;
-use choreo_import::Notes;
+use choreo_importer_kit::Notes;
 use glam::DVec3;
 
 /// Upper bound of the skeleton's greatest extent in the file's units, metres a unit, name. The bounds lie where the

@@ -1,6 +1,6 @@
 //! Damaged, hostile and odd files.
 
-use choreo_import_testing::{
+use choreo_importer_kit_testing::{
     Companions, alone, assets, damage, error_text, import_bytes, options, sound, source, warnings,
 };
 use choreo_plugin::{Claim, Importer, Needs, OptionValue};
@@ -133,7 +133,7 @@ fn options_are_followed() {
     let z = import(&[("up", OptionValue::Text("z".into()))]);
     assert!((z.skeleton.rest()[0].translation - Vec3::new(0.0, 0.0, -1.4)).length() < 1e-6);
     assert_eq!(z.origin.up, "+Z");
-    let elbow_end = choreo_import_testing::pose::at(&z, Some(0), 0.5)[2].translation;
+    let elbow_end = choreo_importer_kit_testing::pose::at(&z, Some(0), 0.5)[2].translation;
     // The elbow turned by 90° about the file's z: the forearm points along its y.
     assert!((Vec3::from(elbow_end) - Vec3::new(0.3, 0.0, -1.65)).length() < 1e-6, "{elbow_end}");
 }
@@ -141,7 +141,7 @@ fn options_are_followed() {
 #[test]
 fn what_is_not_needed_is_not_made() {
     let import = |needs: Needs| {
-        choreo_import_testing::import(&BvhImporter, &source("arm.bvh", ARM), &Companions::none(), needs)
+        choreo_importer_kit_testing::import(&BvhImporter, &source("arm.bvh", ARM), &Companions::none(), needs)
             .unwrap()
     };
     let clips = import(Needs { geometry: false, clips: true, textures: false, pixels: false });
@@ -155,8 +155,13 @@ fn what_is_not_needed_is_not_made() {
     let broken = ARM.replace("0 0 0  90 0 0", "no numbers");
     let needs = Needs { geometry: true, clips: false, textures: false, pixels: false };
     assert!(
-        choreo_import_testing::import(&BvhImporter, &source("x.bvh", broken), &Companions::none(), needs)
-            .is_ok()
+        choreo_importer_kit_testing::import(
+            &BvhImporter,
+            &source("x.bvh", broken),
+            &Companions::none(),
+            needs
+        )
+        .is_ok()
     );
 }
 

@@ -3,7 +3,7 @@
 
 mod oracle;
 
-use choreo_import_testing::{assets, import_bytes, pose, warnings};
+use choreo_importer_kit_testing::{assets, import_bytes, pose, warnings};
 use import_bvh::BvhImporter;
 use oracle::{Fault, Oracle};
 use std::path::PathBuf;

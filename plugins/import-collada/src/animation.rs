@@ -6,8 +6,8 @@ use crate::nodes::Tree;
 use crate::sampler::Sampler;
 use crate::tree::{Node, NodeId};
 use crate::xml::{LEFT_OUT, Xml, child, children, descendant, name_of};
-use choreo_import::text::{self, shown};
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::text::{self, shown};
+use choreo_importer_kit::{Problem, Result};
 use choreo_motion::{Clip, Time};
 use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
@@ -34,7 +34,8 @@ pub fn read<'a, 'i>(
         for (index, clip) in children(library, "animation_clip").enumerate() {
             let time = |name: &str| -> Result<Option<Time>> {
                 let Some(text) = clip.attribute(name) else { return Ok(None) };
-                let secs = choreo_import::text::number(text.trim().as_bytes()).filter(|t| t.abs() <= 1e7);
+                let secs =
+                    choreo_importer_kit::text::number(text.trim().as_bytes()).filter(|t| t.abs() <= 1e7);
                 let secs = secs.ok_or_else(|| {
                     xml.problem(clip, format!("{name}=\"{}\" is not a time", shown(text.as_bytes())))
                 })?;

@@ -1,6 +1,6 @@
 //! Bytes of an XML file to text: UTF-8, UTF-16 by its mark or its look, and Latin-1 where the file says so.
 
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::{Problem, Result};
 use std::borrow::Cow;
 
 pub fn decode(bytes: &[u8]) -> Result<Cow<'_, str>> {

@@ -3,10 +3,10 @@
 use crate::source::{Floats, Input, floats, inputs};
 use crate::tree::{Node, NodeId};
 use crate::xml::{Xml, child, children, name_of};
-use choreo_import::corners::Joined;
-use choreo_import::polygon::{Cut, Triangulator};
-use choreo_import::text;
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::corners::Joined;
+use choreo_importer_kit::polygon::{Cut, Triangulator};
+use choreo_importer_kit::text;
+use choreo_importer_kit::{Problem, Result};
 use choreo_stage::asset::{Primitive, Topology};
 use glam::{Vec2, Vec3, Vec4};
 use std::collections::HashMap;

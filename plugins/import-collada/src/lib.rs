@@ -14,9 +14,9 @@ mod source;
 mod tree;
 mod xml;
 
-use choreo_import::text::{shown, stem};
-use choreo_import::textures::is_normal_map;
-use choreo_import::{Budget, Notes, Result, bones, normals, tangents};
+use choreo_importer_kit::text::{shown, stem};
+use choreo_importer_kit::textures::is_normal_map;
+use choreo_importer_kit::{Budget, Notes, Result, bones, normals, tangents};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::asset::{Asset, Origin, Topology};
 use glam::{DMat4, DVec4};
@@ -84,7 +84,9 @@ fn import(source: &Source, files: &dyn Files, needs: Needs, options: &ImportOpti
     let root = xml.root();
     if xml::name_of(root) != "COLLADA" {
         let what = format!("the root element is {}, not COLLADA", shown(xml::name_of(root).as_bytes()));
-        return Err(choreo_import::Problem::new("line 1", what).hint("this is another kind of XML file"));
+        return Err(
+            choreo_importer_kit::Problem::new("line 1", what).hint("this is another kind of XML file")
+        );
     }
     let (metres, up) = objects::convention(&xml);
     let tool = animation::authoring_tool(&xml).to_string();

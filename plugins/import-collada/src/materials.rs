@@ -2,9 +2,9 @@
 
 use crate::tree::Node;
 use crate::xml::{Xml, child, children, descendant, name_of, text_of};
-use choreo_import::Result;
-use choreo_import::color::linear_from_srgb;
-use choreo_import::textures::Textures;
+use choreo_importer_kit::Result;
+use choreo_importer_kit::color::linear_from_srgb;
+use choreo_importer_kit::textures::Textures;
 use choreo_plugin::Files;
 use choreo_stage::Reflection;
 use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};

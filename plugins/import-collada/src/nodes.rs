@@ -2,8 +2,8 @@
 
 use crate::tree::{Node, NodeId};
 use crate::xml::{LEFT_OUT, Xml, child, descendant, name_of};
-use choreo_import::decompose::{Parts, decompose};
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::decompose::{Parts, decompose};
+use choreo_importer_kit::{Problem, Result};
 use choreo_motion::{Skeleton, Transform};
 use glam::{DMat4, DQuat, DVec3};
 use std::collections::HashMap;

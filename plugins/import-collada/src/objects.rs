@@ -3,8 +3,8 @@
 use crate::nodes::Tree;
 use crate::tree::Node;
 use crate::xml::{LEFT_OUT, Xml, child, children, descendant, name_of};
-use choreo_import::Result;
-use choreo_import::text::{number, shown};
+use choreo_importer_kit::Result;
+use choreo_importer_kit::text::{number, shown};
 use choreo_stage::asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
 use glam::Vec3;
 use std::f64::consts::PI;

@@ -3,7 +3,7 @@
 use crate::source::{doubles, inputs, names};
 use crate::tree::Node;
 use crate::xml::Xml;
-use choreo_import::Result;
+use choreo_importer_kit::Result;
 use choreo_motion::Time;
 
 /// As in the other importers: about 115 days.

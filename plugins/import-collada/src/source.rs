@@ -2,7 +2,7 @@
 
 use crate::tree::Node;
 use crate::xml::{Xml, child, children, name_of};
-use choreo_import::Result;
+use choreo_importer_kit::Result;
 
 /// Floats with the layout that the accessor gives.
 pub struct Floats {

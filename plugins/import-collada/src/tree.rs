@@ -3,8 +3,8 @@
 //!
 //! Most of a file is numbers: text is not looked at here beyond its end, and nothing of it is copied.
 
-use choreo_import::text::shown;
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::text::shown;
+use choreo_importer_kit::{Problem, Result};
 use memchr::{memchr, memchr_iter, memmem};
 use std::borrow::Cow;
 use std::cell::OnceCell;

@@ -1,8 +1,8 @@
 //! The parsed file: elements by id, places of elements, lists of numbers.
 
 use crate::tree::{Document, Node};
-use choreo_import::text::{next_integer, next_number, shown};
-use choreo_import::{Budget, Notes, Problem, Progress, Result};
+use choreo_importer_kit::text::{next_integer, next_number, shown};
+use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result};
 use choreo_plugin::Files;
 use std::collections::HashMap;
 

@@ -1,6 +1,6 @@
 //! Damaged and hostile files.
 
-use choreo_import_testing::{alone, assets, damage, error_text, import_bytes, sound, warnings};
+use choreo_importer_kit_testing::{alone, assets, damage, error_text, import_bytes, sound, warnings};
 use import_collada::ColladaImporter;
 
 const ARM: &str = include_str!("data/arm.dae");

@@ -1,6 +1,8 @@
 //! One small file with a skin, two uv sets, a texture, a camera and lights; and changes of it.
 
-use choreo_import_testing::{Companions, error_text, import, import_bytes, pose, sound, source, warnings};
+use choreo_importer_kit_testing::{
+    Companions, error_text, import, import_bytes, pose, sound, source, warnings,
+};
 use choreo_motion::{Interpolation, Path};
 use choreo_plugin::{Claim, Importer, Needs};
 use choreo_stage::asset::{AlphaMode, Asset, LightKind, Projection, Shading, Wrap};

@@ -1,6 +1,6 @@
 //! Clips against f64 evaluations that share no code with the importer.
 
-use choreo_import_testing::{Companions, assets, import, import_bytes, pose, source, warnings};
+use choreo_importer_kit_testing::{Companions, assets, import, import_bytes, pose, source, warnings};
 use choreo_motion::Time;
 use choreo_plugin::Needs;
 use choreo_stage::Asset;

@@ -16,7 +16,7 @@ use crate::objects::Object;
 use crate::properties;
 use crate::sampled;
 use crate::weights::Track;
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::{Problem, Result};
 use choreo_motion::clip::MAX_WEIGHTS;
 use choreo_motion::{Clip, Curve, Interpolation, Path, PropertyCurve, Time};
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,6 +1,6 @@
 //! ufbx's numbers as ours.
 
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::{Problem, Result};
 use choreo_motion::Transform;
 use glam::{DAffine3, DMat4, DQuat, DVec3, Mat4, Quat, Vec3};
 

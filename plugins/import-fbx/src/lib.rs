@@ -30,7 +30,7 @@ mod textures;
 mod vertices;
 mod weights;
 
-use choreo_import::{Problem, Result, bones, pictures};
+use choreo_importer_kit::{Problem, Result, bones, pictures};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::Asset;
 use file::File;

@@ -1,8 +1,8 @@
 //! The file through ufbx: what it is asked for, the limits it works under, what it says when it gives up.
 
 use crate::file::File;
-use choreo_import::text::count;
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::text::count;
+use choreo_importer_kit::{Problem, Result};
 use choreo_plugin::{Files, Needs};
 use std::cell::Cell;
 use std::sync::Arc;

@@ -4,7 +4,7 @@
 use crate::convert::vec3;
 use crate::file::File;
 use crate::geometry::Geometry;
-use choreo_import::Result;
+use choreo_importer_kit::Result;
 use glam::Vec3;
 use ufbx::{BlendChannel, BlendShape, Mesh};
 

@@ -3,7 +3,7 @@
 use crate::convert;
 use crate::file::{File, place_of};
 use crate::local::Local;
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::{Problem, Result};
 use choreo_motion::{Skeleton, Transform};
 use ufbx::{ElementType, Node, PropFlags};
 

@@ -4,7 +4,7 @@ use crate::convert::vec3;
 use crate::file::{File, place_of};
 use crate::lens;
 use crate::nodes::Tree;
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::{Problem, Result};
 use choreo_stage::asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;

@@ -11,7 +11,7 @@ use crate::lens::{self, Lens};
 use crate::objects::Object;
 use crate::refine::Part;
 use crate::sampled;
-use choreo_import::Result;
+use choreo_importer_kit::Result;
 use choreo_motion::{Path, PropertyCurve, PropertyTarget};
 use std::f64::consts::PI;
 use ufbx::{AnimCurve, Element};

@@ -1,7 +1,7 @@
 //! Files made by dice — rotation orders, pivots, offsets, units, axes, every kind of key — against what ufbx evaluates.
 
 use crate::accuracy::{Choice, worst};
-use choreo_import_testing::damage::random;
+use choreo_importer_kit_testing::damage::random;
 use std::fmt::Write;
 
 const SECOND: i64 = 46_186_158_000;

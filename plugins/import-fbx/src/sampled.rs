@@ -4,7 +4,7 @@
 use crate::curve::Span;
 use crate::file::File;
 use crate::refine::{Part, Rows, refine};
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::{Problem, Result};
 use choreo_motion::Time;
 use ufbx::{Anim, AnimCurve, Interpolation, Keyframe};
 

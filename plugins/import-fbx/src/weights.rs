@@ -5,7 +5,7 @@ use crate::file::File;
 use crate::morphs;
 use crate::refine::Part;
 use crate::sampled;
-use choreo_import::Result;
+use choreo_importer_kit::Result;
 use choreo_motion::Time;
 use ufbx::{Anim, AnimCurve, BlendChannel};
 

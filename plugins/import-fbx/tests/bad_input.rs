@@ -2,7 +2,7 @@
 
 mod common;
 
-use choreo_import_testing::{alone, damage, error_text, import_bytes};
+use choreo_importer_kit_testing::{alone, damage, error_text, import_bytes};
 use choreo_plugin::{Claim, Importer};
 use import_fbx::FbxImporter;
 

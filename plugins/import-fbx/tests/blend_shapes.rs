@@ -3,7 +3,7 @@
 
 mod common;
 
-use choreo_import_testing::{Companions, import, sound};
+use choreo_importer_kit_testing::{Companions, import, sound};
 use choreo_plugin::Needs;
 use choreo_stage::Asset;
 use glam::DVec3;

@@ -2,7 +2,7 @@
 
 mod common;
 
-use choreo_import_testing::sound;
+use choreo_importer_kit_testing::sound;
 use choreo_motion::bind_clip;
 
 #[test]

@@ -2,7 +2,7 @@
 
 mod common;
 
-use choreo_import_testing::{Companions, import, sound, warnings};
+use choreo_importer_kit_testing::{Companions, import, sound, warnings};
 use choreo_motion::{Clip, Interpolation, PropertyTarget, Time};
 use choreo_plugin::Needs;
 use choreo_stage::Asset;

@@ -7,7 +7,7 @@ use crate::pointers::Pointers;
 use crate::problem::{Problem, Result, element};
 use crate::profile::Document;
 use crate::uri;
-use choreo_import::{Budget, Notes};
+use choreo_importer_kit::{Budget, Notes};
 use choreo_plugin::Files;
 use choreo_stage::asset::Warning;
 use gltf::json::Root;

@@ -4,8 +4,8 @@
 use crate::file::{Bytes, File};
 use crate::problem::{Result, element};
 use crate::uri;
-use choreo_import::pictures::{Encoded, Formats};
-use choreo_import::search;
+use choreo_importer_kit::pictures::{Encoded, Formats};
+use choreo_importer_kit::search;
 
 /// Images in the order in which materials ask for them.
 #[derive(Default)]

@@ -24,8 +24,8 @@ mod topology;
 mod uri;
 mod variants;
 
-pub use choreo_import::problem;
-use choreo_import::{bones, pictures};
+pub use choreo_importer_kit::problem;
+use choreo_importer_kit::{bones, pictures};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::Asset;
 use choreo_stage::asset::{Material, TextureRef};

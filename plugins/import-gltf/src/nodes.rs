@@ -2,7 +2,7 @@
 
 use crate::file::File;
 use crate::problem::{Problem, Result, element};
-use choreo_import::decompose::decompose;
+use choreo_importer_kit::decompose::decompose;
 use choreo_motion::{Skeleton, Transform};
 use choreo_stage::Asset;
 use glam::{DMat4, Quat, Vec3};

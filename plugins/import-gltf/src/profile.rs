@@ -7,7 +7,7 @@ use crate::container;
 use crate::materials::MaterialTextures;
 use crate::nodes::Tree;
 use crate::problem::{Problem, Result};
-use choreo_import::{Budget, Notes};
+use choreo_importer_kit::{Budget, Notes};
 use choreo_plugin::{Files, ImportError, ImportOptions, Needs, Source};
 use choreo_stage::asset::{Asset, Material};
 use gltf::json::Root;

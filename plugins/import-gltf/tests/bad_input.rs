@@ -2,7 +2,7 @@
 
 mod common;
 
-use choreo_import_testing::alone;
+use choreo_importer_kit_testing::alone;
 use choreo_plugin::{Claim, Files, ImportOptions, Importer, Needs};
 use choreo_stage::Asset;
 use common::sample::{POSITIONS, ROTATIONS, TIMES, WEIGHTS, sample};

@@ -4,10 +4,10 @@ mod mesh;
 mod mtl;
 mod parse;
 
-use choreo_import::search;
-use choreo_import::text::{Lines, next_word, stem};
-use choreo_import::textures::{Textures, is_normal_map};
-use choreo_import::{Budget, Notes, Problem, Progress, Result, normals, tangents};
+use choreo_importer_kit::search;
+use choreo_importer_kit::text::{Lines, next_word, stem};
+use choreo_importer_kit::textures::{Textures, is_normal_map};
+use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result, normals, tangents};
 use choreo_motion::{Skeleton, Transform};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::asset::{
@@ -79,7 +79,8 @@ fn looks_like_obj(bytes: &[u8]) -> bool {
             Some(b"mtllib") => sure |= !rest.trim_ascii().is_empty(),
             Some(b"v") => {
                 let words = std::iter::from_fn(|| next_word(&mut rest));
-                let numbers = words.take(3).filter(|w| choreo_import::text::number(w).is_some()).count();
+                let numbers =
+                    words.take(3).filter(|w| choreo_importer_kit::text::number(w).is_some()).count();
                 if numbers < 3 {
                     return false;
                 }

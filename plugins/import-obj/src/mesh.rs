@@ -1,9 +1,9 @@
 //! Faces to indexed primitives: one a group and material.
 
 use crate::parse::{Model, NONE, Shape};
-use choreo_import::polygon::{Cut, Triangulator};
-use choreo_import::text::count;
-use choreo_import::{Notes, smooth};
+use choreo_importer_kit::polygon::{Cut, Triangulator};
+use choreo_importer_kit::text::count;
+use choreo_importer_kit::{Notes, smooth};
 use choreo_stage::asset::{Primitive, Topology};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 

@@ -1,9 +1,9 @@
 //! MTL material libraries.
 
-use choreo_import::color::linear_from_srgb;
-use choreo_import::text::{Lines, next_word, number, shown};
-use choreo_import::textures::Textures;
-use choreo_import::{Budget, Notes};
+use choreo_importer_kit::color::linear_from_srgb;
+use choreo_importer_kit::text::{Lines, next_word, number, shown};
+use choreo_importer_kit::textures::Textures;
+use choreo_importer_kit::{Budget, Notes};
 use choreo_plugin::Files;
 use choreo_stage::Reflection;
 use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};

@@ -2,8 +2,8 @@
 //!
 //! Each line is checked and handed on in a form in which `tobj` loses nothing; README.md lists what it loses else.
 
-use choreo_import::text::{self, Lines, integer, next_word, number, shown};
-use choreo_import::{Budget, Notes, Problem, Progress, Result};
+use choreo_importer_kit::text::{self, Lines, integer, next_word, number, shown};
+use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result};
 use glam::{DVec3, Vec2, Vec3};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};

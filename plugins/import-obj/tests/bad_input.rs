@@ -1,6 +1,6 @@
 //! Damaged and hostile files.
 
-use choreo_import_testing::{
+use choreo_importer_kit_testing::{
     Companions, alone, assets, damage, error_text, import, import_bytes, sound, source, warnings,
 };
 use choreo_plugin::Needs;

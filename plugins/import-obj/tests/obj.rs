@@ -1,6 +1,6 @@
 //! What comes out of OBJ and MTL files.
 
-use choreo_import_testing::{Companions, import, options, sound, source, warnings};
+use choreo_importer_kit_testing::{Companions, import, options, sound, source, warnings};
 use choreo_plugin::{Claim, Importer, Needs, OptionValue};
 use choreo_stage::asset::{AlphaMode, Asset, Shading, Topology, Wrap};
 use glam::{Vec2, Vec3, Vec4};

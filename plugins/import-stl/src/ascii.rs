@@ -1,8 +1,8 @@
 //! ASCII STL: `solid`, `facet normal`, `outer loop`, `vertex`, in any letter case and with any spaces.
 
 use crate::Solid;
-use choreo_import::text::{Lines, next_number, next_word, shown};
-use choreo_import::{Notes, Problem, Progress, Result};
+use choreo_importer_kit::text::{Lines, next_number, next_word, shown};
+use choreo_importer_kit::{Notes, Problem, Progress, Result};
 use glam::Vec3;
 
 /// Every solid is a node: bounds the memory of empty ones.

@@ -1,8 +1,8 @@
 //! Binary STL: 80 bytes of header, a count, 50 bytes a triangle.
 
 use crate::Solid;
-use choreo_import::text::count as counted;
-use choreo_import::{Notes, Problem, Progress, Result};
+use choreo_importer_kit::text::count as counted;
+use choreo_importer_kit::{Notes, Problem, Progress, Result};
 use glam::Vec3;
 
 const HEADER: usize = 80;

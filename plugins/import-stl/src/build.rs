@@ -1,8 +1,8 @@
 //! Solids to nodes and meshes, in metres and +Y up.
 
 use crate::Solid;
-use choreo_import::text::{count, stem};
-use choreo_import::{Notes, Problem, Result, smooth};
+use choreo_importer_kit::text::{count, stem};
+use choreo_importer_kit::{Notes, Problem, Result, smooth};
 use choreo_motion::{Skeleton, Transform};
 use choreo_plugin::{ImportOptions, Needs, Source};
 use choreo_stage::asset::{Asset, Material, Mesh, MeshInstance, Origin, Primitive};
@@ -180,6 +180,6 @@ fn primitive(
 
 /// sRGB bytes to linear.
 fn linear(rgb: [u8; 3]) -> Vec4 {
-    let [r, g, b] = rgb.map(|c| choreo_import::color::linear_from_srgb(f32::from(c) / 255.0));
+    let [r, g, b] = rgb.map(|c| choreo_importer_kit::color::linear_from_srgb(f32::from(c) / 255.0));
     Vec4::new(r, g, b, 1.0)
 }

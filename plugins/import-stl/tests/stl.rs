@@ -1,6 +1,6 @@
 //! What comes out of STL files, good and bad.
 
-use choreo_import_testing::{
+use choreo_importer_kit_testing::{
     Companions, alone, assets, assimp, damage, error_text, import, import_bytes, import_path, options, sound,
     source, warnings,
 };

@@ -2,7 +2,7 @@
 
 use crate::json::At;
 use crate::{about, gaze, human};
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::{Problem, Result};
 use choreo_motion::{Clip, Curve, ExpressionCurve, Path};
 use choreo_stage::asset::Asset;
 use import_gltf::profile::Document;

@@ -1,8 +1,8 @@
 //! Facial expressions: VRM 1.0 `expressions`, and `blendShapeMaster` of VRM 0.x under 1.0's names.
 
 use crate::json::At;
-use choreo_import::color::linear_from_srgb;
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::color::linear_from_srgb;
+use choreo_importer_kit::{Problem, Result};
 use choreo_plugin::Needs;
 use choreo_stage::asset::Asset;
 use choreo_stage::{

@@ -5,7 +5,7 @@
 //! Skins follow by their bind matrices. What hangs on a joint without a skin (meshes, cameras, lights) gets a joint of its own
 //! between, which rests at R, and keeps its vertices.
 
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::{Problem, Result};
 use choreo_motion::spring::parameters::Springs;
 use choreo_motion::{Clip, Curve, Path, Skeleton, Transform};
 use choreo_stage::asset::Asset;

@@ -2,7 +2,7 @@
 
 use crate::json::At;
 use crate::set_humanoid;
-use choreo_import::Result;
+use choreo_importer_kit::Result;
 use choreo_motion::{HumanBone, Humanoid};
 use choreo_stage::asset::Asset;
 use import_gltf::profile::Document;
@@ -85,7 +85,7 @@ impl Body<'_, '_> {
         // Each bone and each joint once: this cannot fail.
         match Humanoid::new(self.joints.into_iter().map(|(joint, bone)| (bone, joint))) {
             Ok(humanoid) => set_humanoid(asset, humanoid, place),
-            Err(e) => Err(choreo_import::Problem::new(place, e.to_string())),
+            Err(e) => Err(choreo_importer_kit::Problem::new(place, e.to_string())),
         }
     }
 }

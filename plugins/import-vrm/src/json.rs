@@ -1,6 +1,6 @@
 //! JSON values with their places, for messages.
 
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::{Problem, Result};
 use glam::Vec3;
 use serde_json::Value;
 

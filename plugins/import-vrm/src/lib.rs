@@ -13,7 +13,7 @@ mod rest;
 mod springs;
 mod springs_v0;
 
-use choreo_import::{Problem, Result, bones};
+use choreo_importer_kit::{Problem, Result, bones};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::asset::{Asset, Material};
 use import_gltf::MaterialTextures;

@@ -2,7 +2,7 @@
 
 use crate::json::At;
 use crate::rest::model_from_joints;
-use choreo_import::{Problem, Result};
+use choreo_importer_kit::{Problem, Result};
 use choreo_motion::Skeleton;
 use choreo_motion::spring::parameters::{ColliderShape, SpringChain, SpringCollider, SpringJoint, Springs};
 use choreo_stage::asset::Asset;
@@ -34,7 +34,8 @@ pub fn read(document: &Document<'_>, springs: &At<'_>, asset: &Asset) -> Result<
         let mut group = Vec::new();
         for index in at.list("colliders")? {
             let Some(number) = index.own_index()? else { continue };
-            let collider = choreo_import::problem::element(&place_of, number, "colliders", || index.place())?;
+            let collider =
+                choreo_importer_kit::problem::element(&place_of, number, "colliders", || index.place())?;
             group.extend(*collider);
         }
         groups.push(group);
@@ -65,7 +66,7 @@ pub fn colliders(document: &Document<'_>, at: &At<'_>, groups: &[Vec<u32>]) -> R
     let mut all = BTreeSet::new();
     for group in at.list("colliderGroups")? {
         let Some(index) = group.own_index()? else { continue };
-        let group = choreo_import::problem::element(groups, index, "colliderGroups", || group.place())?;
+        let group = choreo_importer_kit::problem::element(groups, index, "colliderGroups", || group.place())?;
         document.charge(group.len() as u64, 32, &|| at.place())?;
         all.extend(group);
     }

@@ -4,7 +4,7 @@ use crate::facing::from_unity;
 use crate::json::At;
 use crate::rest::model_from_joints;
 use crate::springs::{Numbers, colliders, gravity, once, tail};
-use choreo_import::Result;
+use choreo_importer_kit::Result;
 use choreo_motion::spring::parameters::{ColliderShape, SpringChain, SpringCollider, SpringJoint, Springs};
 use choreo_stage::asset::Asset;
 use glam::{DAffine3, DVec3, Vec3};

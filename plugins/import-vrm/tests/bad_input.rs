@@ -2,7 +2,7 @@
 
 mod common;
 
-use choreo_import_testing::{alone, assets, damage, error_text, import_bytes, sound, warnings};
+use choreo_importer_kit_testing::{alone, assets, damage, error_text, import_bytes, sound, warnings};
 use common::{Version, animation, edited, glb, glb_of};
 use import_vrm::VrmImporter;
 use serde_json::{Value, json};

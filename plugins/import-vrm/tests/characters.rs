@@ -2,7 +2,7 @@
 
 mod common;
 
-use choreo_import_testing::{Companions, error_text, import, import_bytes, sound, source, warnings};
+use choreo_importer_kit_testing::{Companions, error_text, import, import_bytes, sound, source, warnings};
 use choreo_motion::spring::parameters::ColliderShape;
 use choreo_motion::{HumanBone, Time, bind_clip};
 use choreo_plugin::{Claim, Importer, Needs};

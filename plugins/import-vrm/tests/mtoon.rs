@@ -2,7 +2,7 @@
 
 mod common;
 
-use choreo_import_testing::{error_text, import_bytes, warnings};
+use choreo_importer_kit_testing::{error_text, import_bytes, warnings};
 use choreo_stage::asset::{Material, Shading};
 use choreo_stage::{Stage, Toon, UvMotion};
 use common::{Version, edited};

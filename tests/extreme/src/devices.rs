@@ -2,7 +2,7 @@
 
 use crate::{Case, pictures, refused};
 use choreo_motion::Time;
-use choreo_render::gpu::Ability;
+use choreo_render::vulkan::Ability;
 use choreo_render::{
     Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer,
 };

@@ -1,6 +1,6 @@
 //! The matrix of extreme cases, printed.
 
-use choreo_report::{Cell, Table, quantity};
+use choreo_bench::plots::{Cell, Table, quantity};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

@@ -2,7 +2,7 @@
 //! and, behind a zero byte, what it reads (itself, where nothing follows).
 #![no_main]
 
-use choreo_dropin::RhaiImporter;
+use choreo_rhai_importer::RhaiImporter;
 use choreo_fuzz::{Beside, import};
 use libfuzzer_sys::{Corpus, fuzz_target};
 use std::sync::LazyLock;

@@ -158,7 +158,7 @@ fn main() {
         return again(Path::new(path));
     }
     let filter = args.iter().find(|a| !a.starts_with('-')).cloned().unwrap_or_default();
-    let Some(folder) = choreo_import_testing::assets(SAMPLES) else { return };
+    let Some(folder) = choreo_importer_kit_testing::assets(SAMPLES) else { return };
     if args.iter().any(|a| a == "--tolerance") {
         return tolerances(&folder);
     }

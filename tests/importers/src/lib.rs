@@ -2,7 +2,7 @@
 
 pub mod assimp;
 
-use choreo_import_testing::{Companions, source};
+use choreo_importer_kit_testing::{Companions, source};
 use choreo_plugin::{ImportError, Importer, Needs, OptionValue};
 use choreo_stage::Asset;
 use std::path::{Path, PathBuf};
@@ -78,7 +78,7 @@ pub fn import_with(path: &Path, needs: Needs, given: &[(&str, OptionValue)]) -> 
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let bytes = std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let folder = Companions::in_folder(path.parent().unwrap_or(Path::new(".")));
-    let options = choreo_import_testing::options(importer, given);
+    let options = choreo_importer_kit_testing::options(importer, given);
     importer.import(&source(&name, bytes), &folder, needs, &options)
 }
 

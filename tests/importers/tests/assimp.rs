@@ -2,7 +2,7 @@
 //! Differences stand in README.md's table with their reasons; one that is not there fails, and so does a row that is no
 //! longer true. `CHOREO_TABLE=1` prints the rows as they are.
 
-use choreo_import_testing::{assets, pose};
+use choreo_importer_kit_testing::{assets, pose};
 use choreo_stage::Asset;
 use choreo_stage::asset::Topology;
 use importers::assimp::{self, Scene};

@@ -2,7 +2,7 @@
 //! memory and time. The everyday test takes a seeded slice, small files first; all of it, some minutes in release:
 //! `cargo test --release -p importers --test damage -- --ignored --nocapture`.
 
-use choreo_import_testing::{Companions, alone, assets, damage};
+use choreo_importer_kit_testing::{Companions, alone, assets, damage};
 use importers::{GLTF_SAMPLES, SAMPLES, gltf_samples, importer, samples};
 use std::path::{Path, PathBuf};
 

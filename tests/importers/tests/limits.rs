@@ -1,7 +1,7 @@
 //! Pictures that say of themselves to be far larger than their file, in every format that names pictures: the limit is in the
 //! message, and the model is there without them. glTF holds its pictures itself; its own tests hold the words.
 
-use choreo_import_testing::{Companions, import, source, warnings};
+use choreo_importer_kit_testing::{Companions, import, source, warnings};
 use choreo_plugin::{Importer, Needs};
 
 /// A PNG of this size, as far as its first rows: an empty IDAT.

@@ -1,6 +1,6 @@
 //! Memory at its highest of files that ask for much more than they hold, each in a process of its own.
 
-use choreo_import_testing::{Companions, import, source};
+use choreo_importer_kit_testing::{Companions, import, source};
 use choreo_plugin::Needs;
 use std::path::Path;
 use std::process::Command;

@@ -1,6 +1,6 @@
 //! What a caller does not ask for is left out, and all else is the same.
 
-use choreo_import_testing::assets;
+use choreo_importer_kit_testing::assets;
 use choreo_plugin::Needs;
 use choreo_stage::Asset;
 use importers::{SAMPLES, import, samples, whole};

@@ -1,6 +1,6 @@
 //! One model in several formats: the same triangles, extents and places of points, the same joints at the same times.
 
-use choreo_import_testing::{assets, pose};
+use choreo_importer_kit_testing::{assets, pose};
 use choreo_stage::Asset;
 use glam::{Affine3A, DVec3, Vec3};
 use importers::whole;
@@ -190,7 +190,7 @@ fn the_same_motion_starts_at_the_same_time() {
     for (format, stated) in [("fbx", true), ("fbx", false), ("dae", true), ("dae", false), ("bvh", false)] {
         let name = format!("a.{format}");
         let importer = importers::importer(Path::new(&name)).unwrap();
-        let asset = choreo_import_testing::import_bytes(importer, &name, moving(format, stated));
+        let asset = choreo_importer_kit_testing::import_bytes(importer, &name, moving(format, stated));
         let asset = asset.unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(asset.clips.len(), 1, "{format}");
         assert!((asset.clips[0].duration.as_secs() - 1.0).abs() < 1e-6, "{format} {stated}");

@@ -1,10 +1,10 @@
 //! How densely motion must be sampled.
 
 use crate::{BUDGET_SECS, Section};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::Spread;
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
 use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Path, Pose, Sample, Time};
-use choreo_report::{Cell, Choice, Row, Table, quantity};
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
 

@@ -1,10 +1,10 @@
 //! Bloom: in how small a picture its light is spread, against the Gaussian at full size.
 
 use crate::{BUDGET_SECS, Random, Section};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::Spread;
+use choreo_bench::plots::{Choice, Row};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
 use choreo_plugin::{Effect, Pictures, Pixels};
-use choreo_report::{Choice, Row};
 use effect_bloom::Bloom;
 use glam::{DVec3, Vec3, Vec4};
 use std::hint::black_box;

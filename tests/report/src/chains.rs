@@ -1,10 +1,10 @@
 //! Local transforms to model space along chains of joints.
 
 use crate::{BUDGET_SECS, Random, Section};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::{self, Spread};
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::{self, Spread};
 use choreo_motion::{LocalToModel, Pose, Skeleton, Transform};
-use choreo_report::{Cell, Choice, Row, Table, quantity};
 use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3};
 
 const LENGTHS: [usize; 5] = [1, 10, 50, 200, 1000];

@@ -1,7 +1,7 @@
 //! Blending two poses.
 
 use crate::{BUDGET_SECS, Section, scenes};
-use choreo_measure::scene::crossfade::{Fade, crossfade};
+use choreo_bench::scene::crossfade::{Fade, crossfade};
 use choreo_motion::{Pose, Sample};
 
 /// Clips faded into each other, and where in each the middle of the fade lies.

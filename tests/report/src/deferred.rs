@@ -2,12 +2,12 @@
 
 use crate::pictures::{drawn, stage, times};
 use crate::{BUDGET_SECS, Section};
-use choreo_measure::timing::Clock;
+use choreo_bench::plots::{Cell, Table};
+use choreo_bench::timing::Clock;
+use choreo_image_diff::compare;
 use choreo_motion::Time;
-use choreo_render::compare::compare;
 use choreo_render::plan::DeferredCause;
 use choreo_render::{Catalog, GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
-use choreo_report::{Cell, Table};
 use choreo_stage::{Pipeline, Stage};
 use std::sync::Arc;
 

@@ -2,10 +2,10 @@
 
 use crate::pictures::{drawn, rows, stage};
 use crate::{BUDGET_SECS, Section};
-use choreo_measure::timing::Clock;
+use choreo_bench::plots::Choice;
+use choreo_bench::timing::Clock;
 use choreo_motion::Time;
 use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
-use choreo_report::Choice;
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [640, 360];

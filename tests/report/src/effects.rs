@@ -2,13 +2,13 @@
 
 use crate::pictures::{drawn, renderers, rows, stage};
 use crate::{BUDGET_SECS, Section};
-use choreo_measure::picture::Moment;
-use choreo_measure::timing::Clock;
+use choreo_bench::picture::Moment;
+use choreo_bench::plots::{Cell, Choice, Table, duration};
+use choreo_bench::timing::Clock;
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Exposure, Hook, Registry};
-use choreo_render::exposure::{plan_at, times};
+use choreo_render::plan::motion_blur::{plan_at, times};
 use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
-use choreo_report::{Cell, Choice, Table, duration};
 use choreo_stage::{Evaluator, Stage};
 use std::sync::Arc;
 

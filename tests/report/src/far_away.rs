@@ -1,11 +1,11 @@
 //! Positions far from the origin.
 
 use crate::{BUDGET_SECS, Random, Section};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::Spread;
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
 use choreo_render::plan::View;
-use choreo_render::view::relative;
-use choreo_report::{Cell, Choice, Row, Table, quantity};
+use choreo_render::plan::view::relative;
 use choreo_stage::{CameraState, Projection};
 use glam::{DAffine3, DMat4, DQuat, DVec3, DVec4, Vec3};
 

@@ -2,14 +2,14 @@
 
 use crate::pictures::{renderers, stage, times};
 use crate::{BUDGET_SECS, Section};
-use choreo_measure::picture::Moment;
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::Spread;
+use choreo_bench::picture::Moment;
+use choreo_bench::plots::{Cell, Choice, Row, Table, duration};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
 use choreo_motion::Time;
 use choreo_plugin::Registry;
-use choreo_render::cpu::film::{ORDERS, reflectance};
+use choreo_render::cpu::thin_film::{ORDERS, reflectance};
 use choreo_render::{Plan, PlanOptions};
-use choreo_report::{Cell, Choice, Row, Table, duration};
 use glam::Vec3;
 use std::f64::consts::PI;
 use std::hint::black_box;

@@ -1,10 +1,10 @@
 //! How chains of three bones or more find their target.
 
 use crate::{BUDGET_SECS, Random, Section};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::Spread;
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
 use choreo_motion::ik::{Chain, ChainBone, Limit, Solver};
-use choreo_report::{Cell, Choice, Row, Table, quantity};
 use choreo_stage::goals::{CHAIN_ITERATIONS, CHAIN_SOLVER, CHAIN_TOLERANCE};
 use glam::{DQuat, DVec3};
 

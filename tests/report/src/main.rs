@@ -33,7 +33,7 @@ mod transparency;
 mod video;
 mod yuv;
 
-use choreo_report::{Choice, Table, plot};
+use choreo_bench::plots::{Choice, Table, plot};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -240,7 +240,7 @@ impl Random {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use choreo_report::Row;
+    use choreo_bench::plots::Row;
 
     #[test]
     fn a_default_off_the_front_needs_a_reason() {

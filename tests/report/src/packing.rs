@@ -1,9 +1,9 @@
 //! Vertices in few bits.
 
 use crate::{Random, Section};
-use choreo_measure::truth::Spread;
-use choreo_measure::vertex::{NORMALS, WEIGHTS, degrees_between};
-use choreo_report::{Choice, Row};
+use choreo_bench::plots::{Choice, Row};
+use choreo_bench::truth::Spread;
+use choreo_bench::vertex::{NORMALS, WEIGHTS, degrees_between};
 use glam::{DMat3, DQuat, DVec3, Vec3};
 
 const VERTICES: usize = 20_000;

@@ -1,9 +1,9 @@
 //! Heights that are seen as depth: where a look meets them, in steps.
 
 use crate::{BUDGET_SECS, Random, Section};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::Spread;
-use choreo_report::{Choice, Row};
+use choreo_bench::plots::{Choice, Row};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
 use glam::{DVec2, Vec2};
 use std::f64::consts::TAU;
 use std::hint::black_box;

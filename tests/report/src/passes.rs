@@ -2,11 +2,11 @@
 
 use crate::pictures::{renderers, stage, times};
 use crate::{BUDGET_SECS, Section};
-use choreo_measure::picture::Moment;
+use choreo_bench::picture::Moment;
+use choreo_bench::plots::{Cell, Table};
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::Plan;
-use choreo_report::{Cell, Table};
 use choreo_stage::SkinOnce;
 
 const SIZE: [u32; 2] = [1280, 720];

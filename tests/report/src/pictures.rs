@@ -1,11 +1,11 @@
 //! What sections over pictures share: stages of a script's text, pictures of plans, their errors and their times.
 
-use choreo_measure::timing::{Case, Clock, interleaved};
+use choreo_bench::plots::{Row, quantity};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_image_diff::compare;
+use choreo_image_diff::flip;
 use choreo_plugin::{Frame, Registry};
-use choreo_render::compare::compare;
-use choreo_render::flip::flip;
 use choreo_render::{CpuRenderer, GpuOptions, Plan, Renderer, VulkanRenderer};
-use choreo_report::{Row, quantity};
 use choreo_script::{ScriptOptions, run_text};
 use choreo_stage::Stage;
 use std::cell::RefCell;

@@ -1,11 +1,11 @@
 //! Fewer keys: what a tolerance costs and saves.
 
 use crate::{BUDGET_SECS, Section, scenes};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::{self, Spread};
+use choreo_bench::plots::{Choice, Row};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::{self, Spread};
 use choreo_motion::reduce::Keep;
 use choreo_motion::{Clip, FrameRate, Pose, Sample, Skeleton, Time};
-use choreo_report::{Choice, Row};
 
 /// Millimetres in the model.
 const TOLERANCES: [f64; 6] = [0.01, 0.1, 0.5, 1.0, 2.0, 5.0];

@@ -1,11 +1,11 @@
 //! Rotations between two keys.
 
 use crate::{BUDGET_SECS, Random, Section};
-use choreo_measure::rotation::{Interpolate, WAYS};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::{Spread, angle_between};
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::rotation::{Interpolate, WAYS};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::{Spread, angle_between};
 use choreo_motion::{Clip, Curve, Interpolation, Path, Pose, Sample, Time};
-use choreo_report::{Cell, Choice, Row, Table, quantity};
 use glam::{DQuat, DVec3, Quat};
 use std::sync::Arc;
 

@@ -1,12 +1,12 @@
 //! Smooth edges: how many samples a pixel.
 
 use crate::{BUDGET_SECS, Section, scenes};
-use choreo_measure::picture::Moment;
-use choreo_measure::scene::renderer;
-use choreo_measure::scene::{Found, Scene};
+use choreo_bench::picture::Moment;
+use choreo_bench::plots::{Cell, Table, quantity};
+use choreo_bench::scene::renderer;
+use choreo_bench::scene::{Found, Scene};
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, DeviceKind, GpuOptions, Renderer, VulkanRenderer};
-use choreo_report::{Cell, Table, quantity};
 
 pub fn section() -> Result<Section, String> {
     let registry = choreo::registry();

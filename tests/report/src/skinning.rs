@@ -1,10 +1,10 @@
 //! Skins: how vertices follow joints, how many joints count, and in what numbers positions are kept.
 
 use crate::{BUDGET_SECS, Random, Section};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::Spread;
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
 use choreo_motion::{Carrier, DualQuaternion, Skin, SkinDual, stretch_of};
-use choreo_report::{Cell, Choice, Row, Table, quantity};
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3A, Vec3, Vec3A};
 
 const VERTICES: usize = 4_000;

@@ -1,14 +1,14 @@
 //! How the equation of a spring bone is stepped.
 
 use crate::{BUDGET_SECS, Section};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::Spread;
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
 use choreo_motion::spring::sphere::{exp, log};
 use choreo_motion::spring::{
     BoneState, Drive, RigBone, SpringBone, SpringRig, SpringScratch, SpringState, SpringStep,
 };
 use choreo_motion::{Skeleton, Transform};
-use choreo_report::{Cell, Choice, Row, Table, quantity};
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Vec3};
 use std::f64::consts::PI;
 

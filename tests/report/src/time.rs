@@ -1,10 +1,10 @@
 //! How a time on the timeline is held.
 
 use crate::{BUDGET_SECS, Section};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::Spread;
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
 use choreo_motion::{FrameRate, Time};
-use choreo_report::{Cell, Choice, Row, Table, quantity};
 
 const HOURS: [(f64, &str); 5] =
     [(1.0 / 3600.0, "1 s"), (1.0 / 60.0, "1 min"), (1.0, "1 h"), (100.0, "100 h"), (1000.0, "1000 h")];

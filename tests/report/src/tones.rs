@@ -2,10 +2,10 @@
 
 use crate::pictures::srgb;
 use crate::{BUDGET_SECS, Section};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::Spread;
+use choreo_bench::plots::{Choice, Row};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
 use choreo_plugin::Effect;
-use choreo_report::{Choice, Row};
 use effect_tonemap::Tonemap;
 use glam::{DMat3, DVec3, Vec2, Vec3};
 use std::hint::black_box;

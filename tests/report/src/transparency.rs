@@ -2,12 +2,12 @@
 
 use crate::pictures::{renderers, rows, srgb, stage};
 use crate::{BUDGET_SECS, Section};
-use choreo_measure::picture::Moment;
-use choreo_measure::timing::Clock;
+use choreo_bench::picture::Moment;
+use choreo_bench::plots::Choice;
+use choreo_bench::timing::Clock;
 use choreo_motion::Time;
 use choreo_plugin::Frame;
 use choreo_render::{Catalog, Plan, PlanOptions};
-use choreo_report::Choice;
 use choreo_stage::{Cutouts, Stage, Transparency};
 use std::sync::Arc;
 

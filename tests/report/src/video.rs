@@ -1,8 +1,8 @@
 //! Quality of videos.
 
 use crate::{Section, scenes};
-use choreo_measure::picture::Moment;
-use choreo_measure::scene::video::video;
+use choreo_bench::picture::Moment;
+use choreo_bench::scene::video::video;
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
 

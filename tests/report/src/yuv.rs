@@ -1,10 +1,10 @@
 //! From RGB to the video's luma and half-size chroma.
 
 use crate::{BUDGET_SECS, Section};
-use choreo_measure::timing::{Case, Clock, interleaved};
-use choreo_measure::truth::Spread;
+use choreo_bench::plots::{Choice, Row};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
 use choreo_plugin::yuv::{Matrix, Yuv420};
-use choreo_report::{Choice, Row};
 
 const WIDTH: usize = 640;
 const HEIGHT: usize = 360;

@@ -157,7 +157,7 @@ impl Binary {
     }
 }
 
-/// `     Running tests/leaks.rs (target/debug/deps/leaks-0123)`, `   Doc-tests choreo_live`.
+/// `     Running tests/leaks.rs (target/debug/deps/leaks-0123)`, `   Doc-tests choreo_session`.
 fn header(line: &str) -> Option<Binary> {
     let text = line.trim_start();
     if let Some(name) = text.strip_prefix("Doc-tests ") {
@@ -226,10 +226,10 @@ mod tests {
     #[test]
     fn a_package_that_does_not_compile_is_named() {
         let (tally, _) =
-            read("error: could not compile `choreo-live` (test \"leaks\") due to 1 previous error\n");
+            read("error: could not compile `choreo-session` (test \"leaks\") due to 1 previous error\n");
         assert_eq!(
             tally.failures,
-            ["could not compile `choreo-live` (test \"leaks\") due to 1 previous error"]
+            ["could not compile `choreo-session` (test \"leaks\") due to 1 previous error"]
         );
     }
 

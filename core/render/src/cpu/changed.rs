@@ -2,8 +2,8 @@
 
 use super::CpuRenderer;
 use super::shade::ShadeMaterial;
-use crate::catalog::CatalogMaterial;
 use crate::plan::Plan;
+use crate::scene_resources::CatalogMaterial;
 
 impl CpuRenderer {
     /// The plan's own materials, with the textures of those that they stand for.

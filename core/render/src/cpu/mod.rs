@@ -3,49 +3,50 @@
 //! vertex.rs, brdf.rs and shade.rs are the twins of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs do
 //! what Vulkan leaves to the device. Tiles are independent of each other: any number of threads gives the same bits.
 
+mod anisotropy;
+mod background_effects;
 mod brdf;
-mod brushed;
 mod changed;
 mod coverage;
 mod displace;
-pub mod film;
 mod lanes;
 mod layers;
 mod lighting;
 mod overlay;
+mod parallax;
 mod peel;
 pub mod picture;
-mod posed;
+mod preskin;
 mod raster;
 mod reflection;
 mod refraction;
-mod relief;
-mod seen;
 mod setup;
 mod shade;
 mod shadow;
 mod sky;
 mod stages;
 mod streams;
+mod surface;
 mod target;
 mod texture;
+pub mod thin_film;
 mod tile;
 mod toon;
 mod triplanar;
 mod uv;
-mod veil;
 mod vertex;
 mod wide;
 
-use crate::catalog::Catalog;
-use crate::exposure::Accumulated;
+use crate::plan::motion_blur::Accumulated;
 use crate::plan::{Draw, Features, Glass, OverlayPart, PipelineKey, Plan};
 use crate::renderer::{DeviceInfo, DeviceKind, RenderError, Renderer};
+use crate::scene_resources::Catalog;
 use crate::sky::{SkyMaps, SkyPicture};
+use background_effects::Veil;
 use choreo_plugin::{Effect, Frame, Hook};
 use choreo_stage::Background;
 use glam::{Mat4, Vec4};
-use posed::Bodies;
+use preskin::Bodies;
 use raster::{TILE_HEIGHT, TILE_WIDTH};
 use rayon::prelude::*;
 use refraction::Behind;
@@ -57,7 +58,6 @@ use std::sync::Arc;
 use target::{Float, PixelOf, Srgb8, Target};
 use texture::Texture;
 use tile::{Batch, Paint, Phase, Tile, TileBuffers, TriangleId, tiles_of};
-use veil::Veil;
 use vertex::{Hull, VertexStage};
 
 pub use stages::STAGES;
@@ -184,9 +184,10 @@ impl CpuRenderer {
                     Some(changed) => &changed_materials[changed as usize],
                     None => &self.materials[draw.material as usize],
                 };
-                let hull = features
-                    .has(Features::SHELL)
-                    .then(|| Hull { material, normals: crate::vertex::welded_normals(primitive) });
+                let hull = features.has(Features::SHELL).then(|| Hull {
+                    material,
+                    normals: crate::scene_resources::vertex_layout::welded_normals(primitive),
+                });
                 let stage = VertexStage {
                     size,
                     hull,
@@ -199,7 +200,8 @@ impl CpuRenderer {
                     wide::triangles(primitive, &vertices, pipeline, instance.width, clip_from_relative, size)
                 } else {
                     let edges = features.has(Features::EDGES);
-                    let edges = edges.then(|| crate::vertex::edges(&primitive.indices));
+                    let edges =
+                        edges.then(|| crate::scene_resources::vertex_layout::edges(&primitive.indices));
                     let indices = edges.as_ref().unwrap_or(&primitive.indices);
                     Assembly { vertices: &vertices, indices, pipeline, size }.run()
                 };
@@ -445,7 +447,7 @@ impl Renderer for CpuRenderer {
         if self.submitted.len() >= self.frames_in_flight() {
             return Err(RenderError::Usage("two frames are submitted: collect one first".into()));
         }
-        self.check(&plan).and_then(|()| crate::light_lists::check(&plan))?;
+        self.check(&plan).and_then(|()| crate::plan::build::light_clusters::check(&plan))?;
         self.submitted.push_back(plan);
         Ok(())
     }

@@ -3,7 +3,7 @@
 use super::lanes::{F4, V3};
 use super::shade::Fragment;
 use crate::plan::Features;
-use crate::planner_glass::blur;
+use crate::plan::build::refraction::blur;
 use choreo_stage::MaterialLayers;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;

@@ -2,7 +2,6 @@
 
 use super::brdf::*;
 use super::coverage::covered;
-use super::film::{film_f0, film_reflectance};
 use super::lanes::{F4, V3, Weights};
 use super::layers::*;
 use super::lighting::Lit;
@@ -10,12 +9,13 @@ use super::refraction::Behind;
 use super::shadow::ShadowMaps;
 use super::sky::Around;
 use super::texture::Texture;
+use super::thin_film::{film_f0, film_reflectance};
 use super::toon::{ToonSurface, matcap_uv};
 use super::triplanar::Planes;
 use super::vertex::Vertex;
-use crate::catalog::CatalogMaterial;
-use crate::gpu_types::{BASE_SLOTS, TEXTURE_SLOTS, film_thickness};
 use crate::plan::{Features, Glass, Plan, PlanLight};
+use crate::scene_resources::CatalogMaterial;
+use crate::shader::uniforms::{BASE_SLOTS, TEXTURE_SLOTS, film_thickness};
 use crate::sky::SkyMaps;
 use choreo_plugin::Effect;
 use choreo_stage::{AlphaMode, Primitive, Toon};

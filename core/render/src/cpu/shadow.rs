@@ -4,8 +4,8 @@ use super::lanes::{F4, V3, Weights};
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::setup::Triangle;
 use super::tile::{Batch, Paint};
-use crate::gpu_types::ShadowUniform;
 use crate::plan::{Features, PlanLight, ShadowView};
+use crate::shader::uniforms::ShadowUniform;
 use glam::{Vec2, Vec3, Vec3Swizzles, Vec4Swizzles};
 use rayon::prelude::*;
 

@@ -88,7 +88,7 @@ pub struct Backdrop<'a> {
 
 impl<'a> Backdrop<'a> {
     pub fn new(picture: &'a SkyPicture, sky: &'a PlanSky, view: &View, size: [u32; 2]) -> Backdrop<'a> {
-        Backdrop { picture, sky, size, rays: crate::view::rays(view) }
+        Backdrop { picture, sky, size, rays: crate::plan::view::rays(view) }
     }
 
     /// Of a pixel, at its middle.

@@ -2,7 +2,7 @@
 //! that triangles cover, their depths, and the shaded frame.
 
 use super::CpuRenderer;
-use super::posed::Bodies;
+use super::preskin::Bodies;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::tile::{Batch, Paint};
 use crate::plan::Plan;

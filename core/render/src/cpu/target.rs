@@ -1,6 +1,6 @@
 //! What a sample of the colour target holds: 8 bits in sRGB, or floats where full-screen passes follow.
 
-use crate::mip::{linear_to_srgb8, srgb_to_linear_table};
+use crate::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 use glam::Vec4;
 
 /// Colours go in and out as linear RGBA.

@@ -2,8 +2,8 @@
 //! bilinear within a level, linear between levels, sRGB decoded before filtering.
 
 use super::lanes::F4;
-use crate::catalog::CatalogTexture;
-use crate::mip::{Level, levels_below, srgb_to_linear_table};
+use crate::scene_resources::CatalogTexture;
+use crate::scene_resources::mipmap::{Level, levels_below, srgb_to_linear_table};
 use choreo_stage::{Image, Sampler, Wrap};
 use std::sync::Arc;
 

@@ -1,6 +1,7 @@
 //! One tile: opaque triangles into a visibility buffer, each visible one shaded once a pixel, then masked and blended
 //! ones in order, then samples resolved. The same picture as drawing one after the other, without shading what is hidden.
 
+use super::background_effects::Veil;
 use super::lanes::{F4, Weights};
 use super::overlay;
 use super::picture::Pass;
@@ -9,9 +10,8 @@ use super::refraction::Behind;
 use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
 use super::target::{PixelOf, Target};
-use super::veil::Veil;
 use super::vertex::Vertex;
-use crate::flat::FlatPicture;
+use crate::layers_2d::FlatPicture;
 use crate::plan::{Glass, OverlayVertex};
 use glam::{Vec2, Vec4};
 use std::sync::Arc;

@@ -4,8 +4,8 @@ use super::lanes::{F4, V3, Weights};
 use super::shade::{Fragment, Quad};
 use super::texture::Texture;
 use super::vertex::Vertex;
-use crate::catalog::CatalogTextureRef;
 use crate::plan::Features;
+use crate::scene_resources::CatalogTextureRef;
 use glam::{Affine2, Vec2};
 
 /// Of a quad, in the space of its mesh.

@@ -3,9 +3,9 @@
 use super::lanes::{F4, Weights};
 use super::shade::{Fragment, Quad};
 use super::texture::Texture;
-use crate::catalog::CatalogTextureRef;
-use crate::gpu_types::TOON_SLOT;
 use crate::plan::Features;
+use crate::scene_resources::CatalogTextureRef;
+use crate::shader::uniforms::TOON_SLOT;
 use glam::{Affine2, Vec2};
 
 impl Fragment<'_> {

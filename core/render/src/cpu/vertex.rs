@@ -3,9 +3,9 @@
 use super::displace::{self, Displacement};
 use super::lanes::F4;
 use super::shade::ShadeMaterial;
-use crate::catalog::CatalogPrimitive;
-use crate::gpu_types::TOON_SLOT;
 use crate::plan::{ActiveMorph, Features, Instance, Plan, Rows};
+use crate::scene_resources::CatalogPrimitive;
+use crate::shader::uniforms::TOON_SLOT;
 use choreo_plugin::Place;
 use choreo_stage::Primitive;
 use glam::{Mat4, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
@@ -49,7 +49,7 @@ pub struct VertexStage<'a> {
 /// What pushes a hull out.
 pub struct Hull<'a> {
     pub material: &'a ShadeMaterial,
-    /// In place of the primitive's normals ([`crate::vertex::welded_normals`]).
+    /// In place of the primitive's normals ([`crate::scene_resources::vertex_layout::welded_normals`]).
     pub normals: Vec<Vec3>,
 }
 

@@ -1,9 +1,9 @@
-//! Lines and points of a width as triangles on the screen; see [`crate::wide`].
+//! Lines and points of a width as triangles on the screen; see [`crate::scene_resources::thick_lines`].
 
 use super::setup::{Assembly, Triangle};
 use super::vertex::Vertex;
 use crate::plan::{Features, PipelineKey, TopologyKey};
-use crate::wide::{Spread, widened};
+use crate::scene_resources::thick_lines::{Spread, widened};
 use choreo_stage::Primitive;
 use glam::Mat4;
 

@@ -1,6 +1,8 @@
 //! WGSL modules → SPIR-V: a line-preserving `@if` preprocessor, and naga. No Vulkan here, so that every combination
 //! of features a plan can ask for is validated without a GPU.
 
+pub mod uniforms;
+
 mod compile;
 mod preprocess;
 mod surface;
@@ -156,7 +158,7 @@ pub enum LightLoop {
     /// The only one.
     One,
     All,
-    /// Those of [`crate::light_lists`].
+    /// Those of [`crate::plan::build::light_clusters`].
     Lists,
 }
 

@@ -6,7 +6,7 @@ use crate::call::{ApiError, Call, Def, Gives, Options, Reply, numbers, wrong};
 use crate::hook;
 use crate::load::from_load;
 use crate::value::{FlatRef, ImageRef, Kind};
-use choreo_import::pictures::{Encoded, Formats};
+use choreo_importer_kit::pictures::{Encoded, Formats};
 use choreo_motion::Time;
 use choreo_stage::{Align, Fit, Flat, FlatContent, FlatEdit, Font, Image};
 use glam::{DVec2, Vec4};
@@ -192,7 +192,7 @@ fn picture(c: &mut Call) -> Reply {
         None => {
             let name = c.text(0).map_err(|_| c.wrong(0, "an Image or the name of a file"))?;
             let bytes = read_file(c, &name)?;
-            let problem = |p: choreo_import::Problem| {
+            let problem = |p: choreo_importer_kit::Problem| {
                 let error = ApiError::new(format!("picture: {}", p.what)).focus(&name);
                 match p.hint {
                     Some(hint) => error.hint(hint),

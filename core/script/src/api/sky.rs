@@ -81,7 +81,7 @@ fn read(c: &Call, name: &str) -> Result<Panorama, ApiError> {
     let found = found.map_err(|e| from_load(e).focus(name))?;
     let bytes = loader.folders().read(&found, name).map_err(|e| from_load(e).focus(name))?;
     loader.note_used(&found.path, &bytes);
-    choreo_import::panorama::panorama(name, &bytes).map_err(|problem| {
+    choreo_importer_kit::panorama::panorama(name, &bytes).map_err(|problem| {
         let text = ApiError::new(format!("sky: \"{}\" {}", problem.place, problem.what)).focus(name);
         match problem.hint {
             Some(hint) => text.hint(hint),

@@ -6,8 +6,8 @@ use super::picture::ImageRef;
 use crate::api::flat::read_file;
 use crate::call::{ApiError, Call, Options};
 use crate::limits::raise_hint;
-use choreo_import::Problem;
-use choreo_import::pictures::{Encoded, Formats};
+use choreo_importer_kit::Problem;
+use choreo_importer_kit::pictures::{Encoded, Formats};
 use choreo_stage::{AlphaMode, Image, Pictures};
 use std::sync::Arc;
 

@@ -19,7 +19,7 @@ pub use texture::texture;
 use crate::api::actor::MOST_WIDE;
 use crate::call::{ApiError, Call, Options, numbers, one_of, wrong};
 use crate::limits::raise_hint;
-use choreo_import::{normals, tangents};
+use choreo_importer_kit::{normals, tangents};
 use choreo_motion::{Skeleton, Transform};
 use choreo_plugin::MeshData;
 use choreo_stage::{

@@ -4,7 +4,7 @@ use super::following::{Following, in_order};
 use super::picture::ImageRef;
 use crate::call::{ApiError, Call, Options, Reply, one_of, unknown};
 use crate::value::AssetRef;
-use choreo_import::{normals, tangents};
+use choreo_importer_kit::{normals, tangents};
 use choreo_stage::{
     AlphaMode, Asset, Material, Mesh, Reflection, Sequence, Shading, Stream, TextureRef, TextureSlot,
 };

@@ -1,7 +1,7 @@
 //! Tests in scripts: sections of a file, each run on a stage of its own, and what they expect, as data.
 //!
 //! ```text
-//! path ─► list_sections ─► SectionInfo ─► run_section ─► SectionRun { stage, expectations } ─► choreo-suite judges
+//! path ─► list_sections ─► SectionInfo ─► run_section ─► SectionRun { stage, expectations } ─► choreo-test-runner judges
 //! ```
 
 pub(crate) mod comments;

@@ -5,7 +5,7 @@ use crate::app::Viewer;
 use crate::gizmo::Tool;
 use crate::selection::Selected;
 use crate::settings::SCALES;
-use choreo_live::edit::Part;
+use choreo_session::edit::Part;
 use egui::{Key, Modifiers, Ui};
 
 /// Panels by Ctrl and their number.

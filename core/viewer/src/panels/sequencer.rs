@@ -6,8 +6,8 @@ use crate::app::Viewer;
 use crate::selection::Selected;
 use crate::span::Span;
 use crate::timeline::{Bar, Timeline};
-use choreo_live::edit::Part;
 use choreo_motion::Time;
+use choreo_session::edit::Part;
 use egui::{Align2, Color32, CornerRadius, FontId, Painter, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
 const LABELS: f32 = 120.0;

@@ -1,5 +1,5 @@
 //! The window's own Vulkan: instance, surface and device, and a frame of the window from its triangles. With `device`, the only other
-//! place beside `choreo_render::gpu` that knows ash.
+//! place beside `choreo_render::vulkan` that knows ash.
 
 use super::choose::choose;
 use super::device::Device;

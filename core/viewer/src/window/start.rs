@@ -2,10 +2,10 @@
 
 use super::News;
 use super::tell::Tell;
-use choreo_live::StartRenderer;
 use choreo_plugin::Effect;
-use choreo_render::gpu::{GpuOptions, SteadyRenderer};
+use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
 use choreo_render::{CpuRenderer, Renderer};
+use choreo_session::StartRenderer;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind, set_hook, take_hook};
 use std::path::PathBuf;

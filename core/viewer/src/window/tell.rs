@@ -1,8 +1,8 @@
 //! For tests and measurements: what the window has done and when, a line of JSON each on standard output. Hidden behind
 //! `--tell`, since nobody who works with the viewer reads it.
 
-use choreo_live::{Shown, Version};
 use choreo_render::Held;
+use choreo_session::{Shown, Version};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::time::Instant;

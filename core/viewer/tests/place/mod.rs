@@ -1,9 +1,9 @@
 //! A script in a folder of its own and the viewer that shows it, without a window of the system.
 #![allow(dead_code)]
 
-use choreo_live::{Painted, Painter, Recipe, Session};
 use choreo_plugin::Frame;
 use choreo_render::{CpuRenderer, Renderer};
+use choreo_session::{Painted, Painter, Recipe, Session};
 use choreo_viewer::app::Viewer;
 use choreo_viewer::panels::Panels;
 use egui::{TextureId, Vec2};

@@ -1,7 +1,7 @@
 //! Shared by the tests: the folder of sample files, and importing from it.
 #![allow(dead_code, unused_imports)]
 
-pub use choreo_import_testing::{assets, source};
+pub use choreo_importer_kit_testing::{assets, source};
 use choreo_motion::{Clip, LocalToModel, Pose, Sample, Time};
 use choreo_stage::Asset;
 use glam::{Affine3A, DAffine3, DVec3};
@@ -32,7 +32,7 @@ pub fn own() -> Vec<u8> {
 }
 
 pub fn import_path(path: &Path) -> Asset {
-    choreo_import_testing::import_path(&FbxImporter, path).unwrap_or_else(|e| panic!("{e}"))
+    choreo_importer_kit_testing::import_path(&FbxImporter, path).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Joints in model space and morph weights at a time of a clip.

@@ -1,0 +1,219 @@
+//! One numerical choice: what each way costs and how far it is from the truth, and which is taken.
+
+use super::number::{bytes, duration, quantity};
+use super::table::{Cell, Table};
+use serde_json::{Value, json};
+
+/// One way to do it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    pub name: String,
+    /// In the choice's unit; 0 is exact.
+    pub worst: f64,
+    /// Over all cases, the same unit; NaN where it was not taken.
+    pub mean: f64,
+    /// Where and when the worst is.
+    pub at: String,
+    /// Median time of one item, nanoseconds; `None` where time is not the price.
+    pub nanos: Option<f64>,
+    pub bytes: Option<f64>,
+    /// Anything else worth a word.
+    pub note: String,
+}
+
+impl Row {
+    pub fn new(name: impl Into<String>) -> Row {
+        Row {
+            name: name.into(),
+            worst: f64::NAN,
+            mean: f64::NAN,
+            at: String::new(),
+            nanos: None,
+            bytes: None,
+            note: String::new(),
+        }
+    }
+    pub fn error(mut self, worst: f64, mean: f64) -> Row {
+        (self.worst, self.mean) = (worst, mean);
+        self
+    }
+    pub fn at(mut self, at: impl Into<String>) -> Row {
+        self.at = at.into();
+        self
+    }
+    pub fn nanos(mut self, nanos: f64) -> Row {
+        self.nanos = Some(nanos);
+        self
+    }
+    pub fn bytes(mut self, bytes: f64) -> Row {
+        self.bytes = Some(bytes);
+        self
+    }
+    pub fn note(mut self, note: impl Into<String>) -> Row {
+        self.note = note.into();
+        self
+    }
+
+    /// What it costs on the axis of the picture: time, else size.
+    pub fn cost(&self) -> Option<f64> {
+        self.nanos.or(self.bytes)
+    }
+}
+
+/// Ways to do one thing, compared.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Choice {
+    /// A word for files and machines: `bake`.
+    pub key: String,
+    pub question: String,
+    /// What the error is measured against, and over what.
+    pub reference: String,
+    pub error_unit: &'static str,
+    /// The mean decides, not the worst: of pictures, whose worst pixel is one pixel.
+    pub by_mean: bool,
+    /// What one item is: "sample of 41 joints".
+    pub per: String,
+    pub rows: Vec<Row>,
+    pub chosen: Option<usize>,
+    pub why: String,
+}
+
+impl Choice {
+    pub fn new(key: &str, question: impl Into<String>) -> Choice {
+        Choice { key: key.into(), question: question.into(), ..Choice::default() }
+    }
+
+    /// Marks the row of a name.
+    pub fn choose(&mut self, name: &str, why: impl Into<String>) {
+        self.chosen = self.rows.iter().position(|r| r.name == name);
+        self.why = why.into();
+    }
+
+    /// The error that decides.
+    pub fn error_of(&self, row: &Row) -> f64 {
+        if self.by_mean { row.mean } else { row.worst }
+    }
+
+    /// Rows that no other beats in both error and cost, in the order of the rows. A row at the same place as another is on
+    /// the front with it. Times within 5 % of each other count as equal.
+    pub fn front(&self) -> Vec<usize> {
+        let on_front = |i: &usize| {
+            let row = &self.rows[*i];
+            let Some(cost) = row.cost() else { return false };
+            !self.rows.iter().enumerate().any(|(j, other)| {
+                let Some(other_cost) = other.cost() else { return false };
+                let slack = if row.nanos.is_some() { 1.05 } else { 1.0 };
+                let (error, other_error) = (self.error_of(row), self.error_of(other));
+                let (cheaper, better) = (other_cost * slack < cost, other_error < error);
+                j != *i && (cheaper && other_error <= error || better && other_cost <= cost)
+            })
+        };
+        (0..self.rows.len()).filter(on_front).collect()
+    }
+
+    pub fn chosen_is_on_front(&self) -> bool {
+        self.chosen.is_some_and(|chosen| self.front().contains(&chosen))
+    }
+
+    pub fn table(&self) -> Table {
+        let unit = if self.error_unit.is_empty() { String::new() } else { format!(", {}", self.error_unit) };
+        let worst = format!(">worst{unit}");
+        let mean = format!(">mean{unit}");
+        let columns = [
+            ("", "chosen"),
+            ("way", "way"),
+            (worst.as_str(), "worst"),
+            (mean.as_str(), "mean"),
+            (">time", "nanos"),
+            (">size", "bytes"),
+            ("worst at", "at"),
+            ("", "note"),
+        ];
+        let mut table = Table::new(self.question.clone(), &columns);
+        let optional = |value: Option<f64>, text: fn(f64) -> String| match value {
+            Some(value) => Cell::number(text(value), value),
+            None => Cell::empty(),
+        };
+        for (i, row) in self.rows.iter().enumerate() {
+            let chosen = self.chosen == Some(i);
+            let mean =
+                if row.mean.is_nan() { Cell::empty() } else { Cell::number(quantity(row.mean), row.mean) };
+            let worst =
+                if row.worst.is_nan() { Cell::empty() } else { Cell::number(quantity(row.worst), row.worst) };
+            table.rows.push(vec![
+                Cell { text: if chosen { "→".into() } else { String::new() }, value: json!(chosen) },
+                Cell::text(&row.name),
+                worst,
+                mean,
+                optional(row.nanos, duration),
+                optional(row.bytes, bytes),
+                Cell::text(&row.at),
+                Cell::text(&row.note),
+            ]);
+        }
+        let mut notes = Vec::new();
+        if !self.per.is_empty() {
+            notes.push(format!("time: of one {}", self.per));
+        }
+        if !self.reference.is_empty() {
+            notes.push(format!("error: {}", self.reference));
+        }
+        if let Some(chosen) = self.chosen {
+            notes.push(format!("chosen: {}, {}", self.rows[chosen].name, self.why));
+        }
+        table.notes = notes;
+        table.without_empty_columns()
+    }
+
+    pub fn json(&self) -> Value {
+        let front = self.front();
+        let finite = |v: f64| if v.is_finite() { json!(v) } else { Value::Null };
+        let rows: Vec<Value> = self
+            .rows
+            .iter()
+            .enumerate()
+            .map(|(i, r)| {
+                json!({
+                    "way": r.name, "worst": finite(r.worst), "mean": finite(r.mean), "worst_at": r.at,
+                    "nanos": r.nanos, "bytes": r.bytes, "note": r.note,
+                    "chosen": self.chosen == Some(i), "on_front": front.contains(&i),
+                })
+            })
+            .collect();
+        json!({
+            "choice": self.key, "question": self.question, "error": { "unit": self.error_unit, "against": self.reference },
+            "per": self.per, "rows": rows, "chosen": self.chosen.map(|c| self.rows[c].name.clone()), "why": self.why,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_front_is_what_no_other_beats() {
+        let mut c = Choice::new("c", "?");
+        c.error_unit = "mm";
+        for (name, worst, nanos) in [
+            ("slow, exact", 0.0, 100.0),
+            ("fast, rough", 5.0, 10.0),
+            ("slow, rough", 5.0, 50.0),
+            ("middle", 1.0, 40.0),
+        ] {
+            c.rows.push(Row::new(name).error(worst, worst / 2.0).nanos(nanos));
+        }
+        assert_eq!(c.front(), [0, 1, 3]);
+        c.choose("slow, rough", "on purpose");
+        assert!(!c.chosen_is_on_front());
+        c.choose("middle", "it is enough");
+        assert!(c.chosen_is_on_front());
+        let text = c.table().text();
+        assert!(
+            text.contains("  →  middle") && text.contains("worst, mm") && !text.contains("size"),
+            "{text}"
+        );
+        assert_eq!(c.json()["rows"][3]["chosen"], true);
+        assert_eq!(c.json()["rows"][2]["on_front"], false);
+    }
+}

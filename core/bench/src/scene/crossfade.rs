@@ -1,0 +1,123 @@
+//! How two poses are blended while one clip fades into the next.
+
+use super::{Found, Limits, Scene, pick};
+use crate::blend::{add_errors, blended, exact};
+use crate::plots::{Choice, Row};
+use crate::rotation::WAYS;
+use crate::timing::{Case, Clock, interleaved};
+use crate::truth::Spread;
+use choreo_motion::{Blend, LocalToModel, Pose, Sample, Skeleton, Time};
+use choreo_stage::Cue;
+use glam::Affine3A;
+use std::sync::Arc;
+
+const MOST_FADES: usize = 16;
+const WEIGHTS: [f32; 5] = [0.1, 0.25, 0.4, 0.7, 0.9];
+/// A fade has no authored speed: a joint that is ahead or behind on its arc is another easing, which a hand makes up for in
+/// a frame or two.
+const LIMITS: Limits =
+    Limits { rounding: 0.01, seen: 20.0, said: "2 cm along the way of a fade, which is another easing" };
+const NOW: &str = "nlerp, eight at once";
+
+/// Two poses that are blended somewhere in the scene.
+pub struct Fade {
+    pub from: Pose,
+    pub to: Pose,
+    pub skeleton: Arc<Skeleton>,
+    /// For people: `anna, Walk → Run at 2.25 s`.
+    pub place: String,
+}
+
+pub fn choices(scene: &Scene) -> Found {
+    let fades = fades(scene);
+    if fades.is_empty() {
+        return Found::None("no clip fades into another".into());
+    }
+    Found::Choices(vec![crossfade(&fades, scene.budget_secs)])
+}
+
+/// In the middle of every fade of a base layer.
+fn fades(scene: &Scene) -> Vec<Fade> {
+    let mut fades = Vec::new();
+    for actor in &scene.stage.actors {
+        let Some(layer) = actor.layers.first().filter(|l| l.mask.is_none()) else { continue };
+        for pair in layer.cues.windows(2).filter(|p| p[1].fade_in > Time::ZERO) {
+            if fades.len() == MOST_FADES {
+                return fades;
+            }
+            let at = pair[1].start + Time(pair[1].fade_in.0 / 2);
+            let skeleton = actor.asset.skeleton.clone();
+            let pose = |cue: &Cue| {
+                let time = cue.playback().at_played(cue.played(at));
+                let mut pose = Pose::rest(&skeleton);
+                Sample { clip: &cue.clip, time, pose: &mut pose }.run();
+                pose
+            };
+            let place = format!(
+                "{}, \"{}\" → \"{}\" at {:.2} s",
+                actor.name,
+                pair[0].clip.name,
+                pair[1].clip.name,
+                at.as_secs()
+            );
+            fades.push(Fade { from: pose(&pair[0]), to: pose(&pair[1]), skeleton: skeleton.clone(), place });
+        }
+    }
+    fades
+}
+
+/// The choice for these pairs of poses.
+pub fn crossfade(fades: &[Fade], budget_secs: f64) -> Choice {
+    let mut choice = Choice::new("crossfade", "How are rotations blended in a crossfade?");
+    choice.error_unit = "mm";
+    choice.reference =
+        "joints in model space against f64 slerp of the same two poses, at five weights".into();
+    let joints = fades.iter().map(|f| f.skeleton.len()).sum::<usize>() / fades.len().max(1);
+    choice.per = format!("blend of {joints} joints");
+    let names: Vec<&str> = WAYS.iter().map(|w| w.0).chain([NOW]).collect();
+    let blend = |way: usize, fade: &Fade, weight: f32, out: &mut Pose| match WAYS.get(way) {
+        Some((_, way)) => blended(&fade.from, &fade.to, weight, *way, out),
+        None => Blend { from: &fade.from, to: &fade.to, weight, mask: None, out }.run(),
+    };
+    let mut errors = vec![Spread::default(); names.len()];
+    let mut places = vec![String::new(); names.len()];
+    for fade in fades {
+        let mut out = Pose::rest(&fade.skeleton);
+        let mut matrices = vec![Affine3A::IDENTITY; fade.skeleton.len()];
+        for weight in WEIGHTS {
+            let truth = exact(&fade.skeleton, &fade.from, &fade.to, f64::from(weight));
+            for way in 0..names.len() {
+                blend(way, fade, weight, &mut out);
+                LocalToModel { skeleton: &fade.skeleton, pose: &out, model_from_joint: &mut matrices }.run();
+                if let Some(joint) = add_errors(&mut errors[way], &matrices, &truth) {
+                    places[way] =
+                        format!("{}, {}, weight {weight}", fade.skeleton.names()[joint], fade.place);
+                }
+            }
+        }
+    }
+    let mut outs: Vec<Pose> = names.iter().map(|_| Pose::rest(&fades[0].skeleton)).collect();
+    let mut cases: Vec<Case> = outs
+        .iter_mut()
+        .enumerate()
+        .map(|(way, out)| {
+            Case::new(WEIGHTS.len(), move || {
+                for weight in WEIGHTS {
+                    blend(way, &fades[0], weight, out);
+                    std::hint::black_box(out.blocks());
+                }
+            })
+        })
+        .collect();
+    let nanos = interleaved(Clock::Thread, budget_secs, &mut cases);
+    drop(cases);
+    for (((name, error), place), nanos) in names.iter().zip(&errors).zip(places).zip(nanos) {
+        let row = Row::new(*name).error(error.worst, error.mean()).at(place).nanos(nanos);
+        choice.rows.push(match *name {
+            NOW => row.note("what runs now"),
+            _ => row.note("one joint at a time"),
+        });
+    }
+    pick(&mut choice, &LIMITS);
+    choice
+}

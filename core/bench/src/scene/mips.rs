@@ -1,0 +1,167 @@
+//! How the levels of a texture are made.
+
+use super::{Found, Scene};
+use crate::picture::Moment;
+use crate::plots::{Choice, Row};
+use crate::timing::{Case, Clock, interleaved};
+use crate::truth::Spread;
+use choreo_render::scene_resources::mipmap::{levels_below, linear_to_srgb8, srgb_to_linear_table};
+use choreo_stage::Image;
+
+/// Larger ones are judged by a part of this many pixels a side.
+const MOST_SIDE: u32 = 512;
+
+/// Names of the ways; the first is what runs.
+const WAYS: [&str; 3] = ["linear light, unrounded levels", "linear light, rounded levels", "sRGB codes"];
+
+pub fn choices(scene: &Scene, moment: &Moment) -> Found {
+    let textures = moment.catalog.textures.iter().filter(|t| t.srgb && t.mipmaps);
+    let largest = textures.max_by_key(|t| u64::from(t.image.width) * u64::from(t.image.height));
+    let Some(texture) = largest.filter(|t| t.image.width > 1 && t.image.height > 1) else {
+        return Found::None("no texture of colors has mipmaps".into());
+    };
+    Found::Choices(vec![mips(&part(&texture.image), scene.budget_secs)])
+}
+
+/// The top left corner.
+fn part(image: &Image) -> Image {
+    let (width, height) = (image.width.min(MOST_SIDE), image.height.min(MOST_SIDE));
+    let row = |y: u32| {
+        let from = (y * image.width) as usize * 4;
+        image.rgba[from..from + width as usize * 4].iter().copied()
+    };
+    Image { name: image.name.clone(), width, height, rgba: (0..height).flat_map(row).collect() }
+}
+
+/// The choice for this image.
+pub fn mips(image: &Image, budget_secs: f64) -> Choice {
+    let mut choice = Choice::new("mips", "In what light, and from what, are mipmaps averaged?");
+    choice.error_unit = "steps of 255";
+    choice.reference =
+        "the mean in f64 of the light of all pixels of the image that a texel covers, at all levels".into();
+    choice.per = "pixel of the image".into();
+    let made: Vec<Vec<Level>> = (0..WAYS.len()).map(|way| levels(image, way)).collect();
+    let mut errors = vec![Spread::default(); WAYS.len()];
+    let mut places = vec![String::new(); WAYS.len()];
+    let depth = made.iter().map(Vec::len).min().unwrap_or(0);
+    for level in 0..depth {
+        let (width, height, _) = made[0][level];
+        let exact = exact_level(image, width, height);
+        for (way, levels) in made.iter().enumerate() {
+            for (i, exact) in exact.iter().enumerate() {
+                let got = &levels[level].2[i * 4..i * 4 + 3];
+                let error = got.iter().zip(exact).map(|(g, e)| (f64::from(*g) - e).abs()).fold(0.0, f64::max);
+                if errors[way].add(error) {
+                    places[way] = format!("level {} of \"{}\"", level + 1, image.name);
+                }
+            }
+        }
+    }
+    let pixels = (image.width * image.height) as usize;
+    let case = |way: usize| Case::new(pixels, move || drop(std::hint::black_box(levels(image, way))));
+    let mut cases: Vec<Case> = (0..WAYS.len()).map(case).collect();
+    // The first is made by all threads.
+    let nanos = interleaved(Clock::Process, budget_secs, &mut cases);
+    drop(cases);
+    for (((name, error), place), nanos) in WAYS.iter().zip(&errors).zip(places).zip(nanos) {
+        choice.rows.push(Row::new(*name).error(error.worst, error.mean()).at(place).nanos(nanos));
+    }
+    choice.choose(WAYS[0], "exact to the rounding of the last step; it is made once");
+    choice
+}
+
+type Level = (u32, u32, Vec<u8>);
+
+fn levels(image: &Image, way: usize) -> Vec<Level> {
+    if way == 0 {
+        return levels_below(image, true).into_iter().map(|l| (l.width, l.height, l.rgba)).collect();
+    }
+    let mut levels: Vec<Level> = Vec::new();
+    let (mut width, mut height) = (image.width, image.height);
+    let mut above = image.rgba.clone();
+    while width > 1 || height > 1 {
+        let next = halved(&above, width, height, way == 1);
+        (width, height) = ((width / 2).max(1), (height / 2).max(1));
+        above.clone_from(&next);
+        levels.push((width, height, next));
+    }
+    levels
+}
+
+/// Two by two, dropping what is odd, as the simplest code does; each level rounded to bytes.
+fn halved(rgba: &[u8], width: u32, height: u32, linear: bool) -> Vec<u8> {
+    let table = srgb_to_linear_table();
+    let (w, h) = ((width / 2).max(1), (height / 2).max(1));
+    let mut out = Vec::with_capacity((w * h * 4) as usize);
+    let at = |x: u32, y: u32| &rgba[((y.min(height - 1) * width + x.min(width - 1)) * 4) as usize..][..4];
+    for y in 0..h {
+        for x in 0..w {
+            let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| at(2 * x + dx, 2 * y + dy));
+            for c in 0..3 {
+                out.push(match linear {
+                    true => {
+                        linear_to_srgb8(four.iter().map(|p| table[usize::from(p[c])]).sum::<f32>() * 0.25)
+                    }
+                    false => ((four.iter().map(|p| u32::from(p[c])).sum::<u32>() + 2) / 4) as u8,
+                });
+            }
+            out.push(((four.iter().map(|p| u32::from(p[3])).sum::<u32>() + 2) / 4) as u8);
+        }
+    }
+    out
+}
+
+/// By area from the image itself, in sRGB steps but not rounded.
+fn exact_level(image: &Image, width: u32, height: u32) -> Vec<[f64; 3]> {
+    let table = srgb_to_linear_table();
+    // How much of each pixel of a side every texel covers.
+    let shares = |size: u32, level: u32| -> Vec<Vec<(u32, f64)>> {
+        let scale = f64::from(size) / f64::from(level);
+        let of_texel = |i: u32| {
+            let (from, to) = (f64::from(i) * scale, f64::from(i + 1) * scale);
+            let last = (to.ceil() as u32).min(size);
+            let part = |p: u32| (p, (to.min(f64::from(p + 1)) - from.max(f64::from(p))).max(0.0) / scale);
+            (from as u32..last).map(part).collect()
+        };
+        (0..level).map(of_texel).collect()
+    };
+    let (columns, rows) = (shares(image.width, width), shares(image.height, height));
+    let mut out = Vec::with_capacity((width * height) as usize);
+    for row in &rows {
+        for column in &columns {
+            let mut sum = [0.0f64; 3];
+            for (y, wy) in row {
+                for (x, wx) in column {
+                    let pixel = &image.rgba[((y * image.width + x) * 4) as usize..][..3];
+                    for (sum, code) in sum.iter_mut().zip(pixel) {
+                        *sum += f64::from(table[usize::from(*code)]) * wx * wy;
+                    }
+                }
+            }
+            out.push(sum.map(encoded));
+        }
+    }
+    out
+}
+
+/// IEC 61966-2-1, times 255.
+fn encoded(linear: f64) -> f64 {
+    255.0 * if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn averages_of_codes_are_too_dark_and_ours_are_not() {
+        // A checkerboard of black and white: half the light, code 188.
+        let pixels = (0..64u32).flat_map(|i| [[0, 0, 0, 255], [255; 4]][((i + i / 8) % 2) as usize]);
+        let image = Image { name: "check".into(), width: 8, height: 8, rgba: pixels.collect() };
+        let exact = exact_level(&image, 4, 4);
+        assert!((exact[0][0] - 187.5).abs() < 0.1, "{:?}", exact[0]);
+        let choice = mips(&image, 0.01);
+        assert!(choice.rows[0].worst <= 0.501, "{}", choice.rows[0].worst);
+        assert!(choice.rows[2].worst > 55.0, "{}", choice.rows[2].worst);
+    }
+}

@@ -1,0 +1,143 @@
+//! The numerical choices that one scene could make. One file a choice: each gives a [`Choice`], or says why there is none.
+
+pub mod bake;
+pub mod crossfade;
+pub mod mips;
+pub mod renderer;
+pub mod skinning;
+pub mod vertices;
+pub mod video;
+
+use crate::picture::Moment;
+use crate::plots::{Choice, Row};
+use choreo_motion::Time;
+use choreo_plugin::Registry;
+use choreo_render::Renderer;
+use choreo_stage::Stage;
+use std::sync::Arc;
+
+/// What is measured, and how thoroughly.
+pub struct Scene<'a> {
+    pub stage: &'a Arc<Stage>,
+    pub registry: &'a Registry,
+    /// When pictures are taken.
+    pub at: Time,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// The first is the CPU renderer; the last is the one that the program would draw with.
+    pub renderers: Vec<Box<dyn Renderer>>,
+    /// Seconds for the timings of one choice.
+    pub budget_secs: f64,
+}
+
+/// Choices measured, and those that the scene does not have: (key, why).
+#[derive(Default)]
+pub struct Measured {
+    pub choices: Vec<Choice>,
+    pub left_out: Vec<(&'static str, String)>,
+}
+
+/// Keys of all choices, in the order in which they are measured.
+pub const KEYS: [&str; 7] = ["bake", "crossfade", "skinning", "vertices", "mips", "renderer", "video"];
+
+/// Measures the choices of these keys; errors are of the scene or of a device.
+pub fn measure(scene: &mut Scene, keys: &[&str]) -> Result<Measured, String> {
+    let moment = Moment::new(scene.stage, scene.at, scene.registry.effects()).map_err(|e| e.to_string())?;
+    let mut measured = Measured::default();
+    for key in KEYS {
+        if !keys.contains(&key) {
+            continue;
+        }
+        let found = match key {
+            "bake" => bake::choices(scene),
+            "crossfade" => crossfade::choices(scene),
+            "skinning" => skinning::choices(scene, &moment),
+            "vertices" => vertices::choices(scene, &moment),
+            "mips" => mips::choices(scene, &moment),
+            "renderer" => renderer::choices(scene, &moment)?,
+            _ => video::choices(scene, &moment)?,
+        };
+        match found {
+            Found::Choices(choices) => measured.choices.extend(choices),
+            Found::None(why) => measured.left_out.push((key, why)),
+        }
+    }
+    Ok(measured)
+}
+
+pub enum Found {
+    Choices(Vec<Choice>),
+    /// Why there is nothing to choose.
+    None(String),
+}
+
+/// What the errors of a way mean.
+struct Limits {
+    /// Below it ways are equally exact: rounding.
+    rounding: f64,
+    /// Beyond it an error may be seen.
+    seen: f64,
+    /// That limit in words.
+    said: &'static str,
+}
+
+/// The row that is taken: the cheapest within the limit; but the most exact one where it costs at most half as much again.
+/// With no row within, the most exact. Of rows that are equal to rounding and within a tenth of the cost, the first.
+fn pick(choice: &mut Choice, limits: &Limits) {
+    const WORTH: f64 = 1.5;
+    const EQUAL: f64 = 1.1;
+    let Limits { rounding, seen: tolerance, said: tolerance_said } = *limits;
+    let cost = |r: &Row| r.cost().unwrap_or(f64::INFINITY);
+    let least = choice.rows.iter().map(|r| r.worst).fold(f64::INFINITY, f64::min);
+    let best: Vec<&Row> = choice.rows.iter().filter(|r| r.worst <= least.max(rounding)).collect();
+    let cheapest = |rows: &[&Row]| -> Option<Row> {
+        let low = rows.iter().map(|r| cost(r)).fold(f64::INFINITY, f64::min);
+        rows.iter().find(|r| cost(r) <= low * EQUAL).map(|r| (*r).clone())
+    };
+    let Some(exact) = cheapest(&best) else { return };
+    let within: Vec<&Row> = choice.rows.iter().filter(|r| r.worst <= tolerance).collect();
+    let (name, why) = match cheapest(&within) {
+        None => (exact.name, format!("no way stays within {tolerance_said}, and this one is nearest")),
+        Some(cheap) if cheap.name == exact.name => (
+            exact.name,
+            "none is more exact but for rounding, and none within the limit is cheaper".to_string(),
+        ),
+        Some(cheap) if cost(&exact) <= cost(&cheap) * WORTH => {
+            let more = (cost(&exact) / cost(&cheap) - 1.0) * 100.0;
+            (
+                exact.name,
+                format!("the most exact one, for {more:.0} % more than the cheapest within {tolerance_said}"),
+            )
+        }
+        Some(cheap) => {
+            let times = cost(&exact) / cost(&cheap);
+            let why = format!(
+                "the cheapest within {tolerance_said}; the most exact one costs {times:.1} times as much"
+            );
+            (cheap.name, why)
+        }
+    };
+    choice.choose(&name, why);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picked(rows: &[(&str, f64, f64)]) -> String {
+        let mut c = Choice::new("c", "?");
+        c.rows = rows.iter().map(|(n, e, t)| Row::new(*n).error(*e, *e).nanos(*t)).collect();
+        pick(&mut c, &Limits { rounding: 0.01, seen: 1.0, said: "1 mm" });
+        c.chosen.map_or(String::new(), |i| c.rows[i].name.clone())
+    }
+
+    #[test]
+    fn the_cheapest_within_the_tolerance_unless_the_exact_one_is_worth_it() {
+        let rows = [("exact", 0.0, 100.0), ("good", 0.5, 40.0), ("bad", 5.0, 1.0)];
+        assert_eq!(picked(&rows), "good");
+        assert_eq!(picked(&[("exact", 0.0, 50.0), ("good", 0.5, 40.0)]), "exact");
+        assert_eq!(picked(&rows[2..]), "bad");
+        // Rounding is no reason to change what runs.
+        assert_eq!(picked(&[("as it is", 0.002, 10.0), ("luckier", 0.001, 9.5)]), "as it is");
+    }
+}

@@ -1,0 +1,105 @@
+//! Which renderer draws, with how many samples a pixel.
+
+use super::{Found, Scene};
+use crate::picture::Moment;
+use crate::plots::{Choice, Row};
+use crate::timing::{Case, Clock, interleaved};
+use choreo_image_diff::compare;
+use choreo_plugin::Frame;
+use choreo_render::{DeviceKind, RenderError};
+use std::cell::RefCell;
+
+/// The reference draws 16 times as many pixels as the picture.
+const MOST_PIXELS: u32 = 1280 * 720;
+/// Differences beyond this many steps are seen side by side.
+const TOLERANCE: u8 = 8;
+
+pub fn choices(scene: &mut Scene, moment: &Moment) -> Result<Found, String> {
+    if moment.catalog.primitives.is_empty() {
+        return Ok(Found::None("there is nothing to draw".into()));
+    }
+    let [width, height] = scene.size;
+    // In steps of a whole divisor, so that the shape stays.
+    let smaller = (1..=64).find(|n| (width / n) * (height / n) <= MOST_PIXELS).unwrap_or(64);
+    let size = [width / smaller, height / smaller].map(|n| n.max(16));
+    let told = |e: RenderError| e.to_string();
+    let truth = moment.supersampled(size).map_err(told)?;
+    let mut choice = Choice::new("renderer", "Which renderer draws, with how many samples a pixel?");
+    choice.error_unit = "steps of 255";
+    choice.by_mean = true;
+    choice.reference = format!(
+        "64 samples a pixel, textures included, at {}×{}; mean over all channels of all pixels; at most {TOLERANCE} steps are \
+         hard to see",
+        size[0], size[1]
+    );
+    let mut rows = Vec::new();
+    for renderer in &mut scene.renderers {
+        renderer.load(moment.catalog.clone()).map_err(told)?;
+        let name = match renderer.device().kind {
+            DeviceKind::CpuTwin => "CPU renderer".to_string(),
+            _ => format!("Vulkan ({})", short(&renderer.device().name)),
+        };
+        for samples in [1, 4] {
+            let frame = moment.draw(renderer.as_mut(), size, samples).map_err(told)?;
+            let plural = if samples == 1 { "" } else { "s" };
+            rows.push((samples, row(format!("{name}, {samples} sample{plural}"), &frame, &truth)?));
+        }
+    }
+    let gpu = scene.renderers.iter().any(|r| r.device().kind == DeviceKind::VulkanGpu);
+    let clock = if gpu { Clock::Wall } else { Clock::Process };
+    choice.per = format!("picture, {}", clock.words());
+    // A failure after the first picture went well is not expected; it must not be timed as if it were fast.
+    let failed: RefCell<Option<RenderError>> = RefCell::new(None);
+    let cells: Vec<RefCell<_>> = scene.renderers.iter_mut().map(RefCell::new).collect();
+    let mut cases: Vec<Case> = Vec::new();
+    for cell in &cells {
+        for samples in [1, 4] {
+            let failed = &failed;
+            cases.push(Case::new(1, move || {
+                if let Err(e) = moment.draw(cell.borrow_mut().as_mut(), size, samples) {
+                    *failed.borrow_mut() = Some(e);
+                }
+            }));
+        }
+    }
+    let nanos = interleaved(clock, scene.budget_secs, &mut cases);
+    drop(cases);
+    drop(cells);
+    if let Some(e) = failed.into_inner() {
+        return Err(e.to_string());
+    }
+    let wanted = scene.stage.settings.samples.unwrap_or(4);
+    choice.rows = rows.iter().zip(nanos).map(|((_, row), nanos)| row.clone().nanos(nanos)).collect();
+    // The last renderer is the one that the program takes.
+    let chosen = rows.iter().rposition(|(samples, _)| *samples == wanted);
+    if let Some(chosen) = chosen {
+        let [one, four] = [1, 4].map(|n| {
+            let at = rows.iter().rposition(|(samples, _)| *samples == n).unwrap_or(chosen);
+            choice.rows[at].clone()
+        });
+        let times = four.nanos.unwrap_or(1.0) / one.nanos.unwrap_or(1.0);
+        let left = four.mean / one.mean.max(1e-9) * 100.0;
+        let asked = if scene.stage.settings.samples.is_some() { "as the script asks" } else { "the default" };
+        let why = format!(
+            "{asked}; 4 samples leave {left:.0} % of the mean error of 1 and take {times:.1} times as long"
+        );
+        let name = choice.rows[chosen].name.clone();
+        choice.choose(&name, why);
+    }
+    Ok(Found::Choices(vec![choice]))
+}
+
+fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
+    let c = compare(frame, truth, TOLERANCE).map_err(|e| e.to_string())?;
+    let share =
+        format!("{:.2} % of pixels beyond {TOLERANCE}, PSNR {:.1} dB", c.share_beyond * 100.0, c.psnr);
+    Ok(Row::new(name)
+        .error(f64::from(c.worst), c.mean)
+        .at(format!("pixel {}, {}", c.worst_at[0], c.worst_at[1]))
+        .note(share))
+}
+
+/// "llvmpipe (LLVM 15.0.6, 256 bits)" is llvmpipe.
+fn short(device: &str) -> &str {
+    device.split(" (").next().unwrap_or(device)
+}

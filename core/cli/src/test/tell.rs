@@ -1,0 +1,85 @@
+//! What a person sees while the tests run: a bar on a terminal, failures as they come, a line for each file, the counts.
+
+use crate::args::TestArgs;
+use crate::failure::{Failure, print};
+use choreo_test_runner::Outcome;
+use choreo_test_runner::collect::Case;
+use choreo_test_runner::report::terminal;
+use choreo_test_runner::run::Report;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+pub struct Teller {
+    quiet: bool,
+    /// Nothing but the report at the end.
+    silent: bool,
+    bar: Option<ProgressBar>,
+    /// Outcomes of the file that is being told.
+    file: Vec<Outcome>,
+    failed: usize,
+    /// The first thing that could not be written.
+    broken: Option<Failure>,
+}
+
+impl Teller {
+    pub fn new(args: &TestArgs, cases: &[Case]) -> Teller {
+        use std::io::IsTerminal;
+        let bar = (!args.quiet && !args.json && std::io::stderr().is_terminal()).then(|| {
+            let bar = ProgressBar::with_draw_target(
+                Some(cases.len() as u64),
+                ProgressDrawTarget::stderr_with_hz(10),
+            );
+            if let Ok(style) = ProgressStyle::with_template("{bar:32} {pos}/{len} sections{msg}, {elapsed}") {
+                bar.set_style(style.progress_chars("█▌·"));
+            }
+            bar
+        });
+        Teller { quiet: args.quiet, silent: args.json, bar, file: Vec::new(), failed: 0, broken: None }
+    }
+
+    pub fn tell(&mut self, outcome: &Outcome) {
+        if self.file.first().is_some_and(|first| first.file != outcome.file) {
+            self.file_done();
+        }
+        if outcome.bad() {
+            self.failed += 1;
+            self.say(&terminal::failure(outcome));
+        }
+        // Its pictures have been told and written.
+        self.file.push(Outcome { checks: Vec::new(), ..outcome.clone() });
+        if let Some(bar) = &self.bar {
+            if self.failed > 0 {
+                bar.set_message(format!(", {} failed", self.failed));
+            }
+            bar.inc(1);
+        }
+    }
+
+    fn file_done(&mut self) {
+        let line = terminal::file_line(&std::mem::take(&mut self.file));
+        if !self.quiet && !line.is_empty() {
+            self.say(&format!("{line}\n"));
+        }
+    }
+
+    fn say(&mut self, text: &str) {
+        if self.silent || self.broken.is_some() {
+            return;
+        }
+        let said = match &self.bar {
+            Some(bar) => bar.suspend(|| print(text)),
+            None => print(text),
+        };
+        self.broken = said.err();
+    }
+
+    pub fn finish(mut self, report: &Report) -> Result<(), Failure> {
+        self.file_done();
+        if let Some(bar) = self.bar.take() {
+            bar.finish_and_clear();
+        }
+        if !self.quiet || report.failure().is_some() {
+            self.say(&terminal::summary(report));
+        }
+        self.broken.map_or(Ok(()), Err)
+    }
+}

@@ -1,0 +1,138 @@
+//! Back faces of closed surfaces are not drawn (`choreo_render::scene_resources::watertight`): what that changes of every sample that bends, in its clips and in
+//! poses that push it through itself. `cargo test -p choreo --test closed_bodies -- --nocapture` prints the table.
+
+mod common;
+
+use choreo_motion::Time;
+use choreo_plugin::{Frame, Needs, Registry};
+use choreo_render::{Catalog, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer};
+use choreo_script::{Limits, Loader};
+use choreo_stage::*;
+use glam::{Affine3A, Vec4};
+use std::path::Path;
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [240, 240];
+/// How far one joint after the other is turned: two and a half radians fold any limb into the body.
+const TURN: f32 = 2.5;
+const JOINTS: usize = 10;
+
+const FILES: [&str; 9] = [
+    "choreo:mannequin",
+    "gltf/Knight.glb",
+    "gltf/CesiumMan.glb",
+    "gltf/Fox.glb",
+    "gltf/RobotExpressive.glb",
+    "gltf/AnimatedMorphCube.glb",
+    "fbx/pab/arnaud.fbx",
+    "fbx/spider.fbx",
+    "vrm/Godette_vrm_v4.vrm",
+];
+
+fn load(folder: &Path, name: &str, registry: &Registry) -> Arc<Asset> {
+    let file = folder.join("none");
+    let loader = Loader::for_file(&file, &[], registry, Needs::ALL, Limits::default().file).unwrap();
+    let loader = Arc::new(loader);
+    loader.load(name, &Default::default()).unwrap_or_else(|e| panic!("{name}: {}", e.message))
+}
+
+/// With a joint turned about its own x, and all that hangs on it.
+fn turned(snapshot: &Snapshot, asset: &Asset, joint: usize) -> Snapshot {
+    let mut turned = snapshot.clone();
+    let of = &mut turned.actors[0].model_from_joint;
+    let at = of[joint];
+    let map = at * Affine3A::from_rotation_x(TURN) * at.inverse();
+    let mut below = vec![false; of.len()];
+    for (i, parent) in asset.skeleton.parents().iter().enumerate() {
+        below[i] = i == joint || parent.is_some_and(|p| below[p as usize]);
+        if below[i] {
+            of[i] = map * of[i];
+        }
+    }
+    turned
+}
+
+/// In the middle of its first clips, and with one of its joints turned.
+fn poses(asset: &Arc<Asset>) -> (Stage, Vec<Snapshot>) {
+    let mut stage = Stage::default();
+    stage.settings.size = SIZE;
+    stage.cast("body", asset.clone());
+    let mut poses = vec![stage.at(Time::ZERO).unwrap()];
+    for clip in asset.clips.iter().take(6) {
+        let mut playing = stage.clone();
+        playing.settings.length = clip.duration.max(playing.settings.length);
+        playing.play(0, Cue { repeat: Repeat::Once, ..Cue::new(clip.clone()) });
+        poses.push(playing.at(Time(clip.duration.0 / 2)).unwrap());
+    }
+    let parents = asset.skeleton.parents();
+    let bends = |joint: &u32| parents.contains(&Some(*joint));
+    let joints: Vec<u32> = asset.skins.iter().flat_map(|s| s.joints.iter().copied()).filter(bends).collect();
+    let step = joints.len().div_ceil(JOINTS).max(1);
+    let more: Vec<Snapshot> =
+        joints.iter().step_by(step).map(|joint| turned(&poses[0], asset, *joint as usize)).collect();
+    poses.extend(more);
+    for pose in &mut poses {
+        pose.background = Background::Color(Vec4::new(1.0, 0.0, 1.0, 1.0));
+        pose.sky = None;
+    }
+    (stage, poses)
+}
+
+/// Pixels of a body, those of them where nothing is without its back faces, and those that look otherwise.
+fn lost(front: &Frame, both: &Frame) -> [usize; 3] {
+    let background = |p: &&[u8]| *p == [255, 0, 255, 255];
+    let mut counts = [0; 3];
+    for (front, both) in front.rgba.chunks_exact(4).zip(both.rgba.chunks_exact(4)) {
+        counts[0] += usize::from(!background(&both));
+        counts[1] += usize::from(background(&front) && !background(&both));
+        counts[2] += usize::from(front.iter().zip(both).any(|(a, b)| a.abs_diff(*b) > 2));
+    }
+    counts
+}
+
+#[test]
+fn bodies_that_bend_have_no_holes() {
+    let Some(folder) = common::assets() else { return };
+    let registry = choreo::registry();
+    let effects = registry.effects().to_vec();
+    let options = GpuOptions { validation: true, effects, ..GpuOptions::default() };
+    let mut renderer = match VulkanRenderer::new(options) {
+        Ok(renderer) => renderer,
+        Err(RenderError::NoVulkan { why }) => {
+            println!("SKIP 1: {}", why.lines().next().unwrap_or_default());
+            return;
+        }
+        Err(e) => panic!("{e}"),
+    };
+    println!("{:<32} triangles closed  poses  lost  beyond 2: mean, worst", "");
+    let mut without = 0;
+    for name in FILES {
+        let asset = load(&folder, name, &registry);
+        let (stage, poses) = poses(&asset);
+        let catalog = Arc::new(Catalog::new(&stage));
+        renderer.load(catalog.clone()).unwrap();
+        let (mut closed, mut worst_lost, mut shares) = (0, 0, Vec::new());
+        for pose in &poses {
+            let plan = Plan::new(&catalog, &stage, pose, &PlanOptions::new(SIZE, 1));
+            closed = closed.max(plan.draws.iter().map(|d| d.closed / 3).sum());
+            let mut both = plan.clone();
+            both.draws.iter_mut().for_each(|d| d.closed = 0);
+            let mut draw = |plan: Plan| {
+                renderer.submit(plan).unwrap();
+                renderer.collect(None).unwrap()
+            };
+            let [covered, lost, other] = lost(&draw(plan), &draw(both));
+            assert!(covered > 100, "{name}: {covered} pixels");
+            worst_lost = worst_lost.max(lost);
+            shares.push(other as f64 / covered as f64);
+        }
+        let (worst, mean) = (
+            shares.iter().copied().fold(0.0, f64::max) * 100.0,
+            shares.iter().sum::<f64>() / shares.len() as f64 * 100.0,
+        );
+        println!("{name:<32} {closed:>16} {:>6} {worst_lost:>5} {mean:>8.3} %, {worst:.3} %", poses.len());
+        assert!(worst_lost <= 2, "{name}: {worst_lost} pixels are a hole");
+        without += usize::from(closed > 0);
+    }
+    assert!(without >= 3, "of {} bodies {without} have closed surfaces", FILES.len());
+}

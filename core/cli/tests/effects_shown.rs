@@ -1,0 +1,103 @@
+//! Each effect that the program has is a crate with a README, a sample with its picture, a lesson that uses it, and a section with
+//! a picture of it; its twin is compared in `twins.rs`. `CHOREO_ACCEPT=1` draws the samples' pictures anew.
+
+use choreo_image_diff::compare;
+use choreo_plugin::Frame;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// All scripts below a folder.
+fn scripts(folder: &Path, out: &mut Vec<String>) {
+    let mut entries: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();
+    entries.sort();
+    for path in entries {
+        if path.is_dir() {
+            scripts(&path, out);
+        } else if path.extension().is_some_and(|e| e == "rhai") {
+            out.push(std::fs::read_to_string(&path).unwrap());
+        }
+    }
+}
+
+/// What an effect lacks.
+fn lacks(name: &str, lessons: &[String], suite: &[String]) -> Vec<&'static str> {
+    let call = format!("effect(\"{name}\"");
+    let readme = root().join("plugins").join(format!("effect-{}", name.replace('_', "-"))).join("README.md");
+    let mut out = Vec::new();
+    if !std::fs::read_to_string(readme).is_ok_and(|text| text.contains(&call)) {
+        out.push("a README that says how it is called");
+    }
+    if !lessons.iter().any(|text| text.contains(&call)) {
+        out.push("a lesson");
+    }
+    let sections = suite.iter().flat_map(|text| text.split("\ntest(").skip(1));
+    if !sections.clone().any(|s| s.contains(&call) && s.contains("expect_picture(")) {
+        out.push("a section with a picture");
+    }
+    out
+}
+
+#[test]
+fn every_effect_has_a_readme_a_lesson_and_a_picture() {
+    let (mut lessons, mut suite) = (Vec::new(), Vec::new());
+    scripts(&root().join("scripts"), &mut lessons);
+    scripts(&root().join("tests/suite"), &mut suite);
+    let registry = choreo::registry();
+    // Those of the script's own folder are not the program's; the example is there to be copied.
+    let names: Vec<String> =
+        registry.effects().iter().map(|e| e.manifest().name.clone()).filter(|n| *n != "example").collect();
+    assert!(names.len() >= 14, "{names:?}");
+    for name in &names {
+        assert_eq!(lacks(name, &lessons, &suite), Vec::<&str>::new(), "{name}");
+    }
+    assert_eq!(lacks("sparkle", &lessons, &suite).len(), 3, "what is not there is found");
+}
+
+/// What the CPU renderer makes of a script at half a second.
+fn drawn(script: &Path, out: &Path) -> Frame {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_choreo"));
+    command.args(["render", "--device", "cpu", "--at", "0.5", "-o"]).arg(out).arg(script);
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    read(out).unwrap()
+}
+
+fn read(file: &Path) -> Option<Frame> {
+    let picture = image::open(file).ok()?.to_rgba8();
+    Some(Frame { width: picture.width(), height: picture.height(), rgba: picture.into_raw() })
+}
+
+#[test]
+fn every_sample_shows_its_effect() {
+    let folder = tempfile::tempdir().unwrap();
+    let accept = std::env::var_os("CHOREO_ACCEPT").is_some();
+    let registry = choreo::registry();
+    for effect in registry.effects().iter().filter(|e| e.manifest().name != "example") {
+        let name = &effect.manifest().name;
+        let crate_folder = root().join("plugins").join(format!("effect-{}", name.replace('_', "-")));
+        let (script, picture) = (crate_folder.join("sample.rhai"), crate_folder.join("sample.png"));
+        let readme = std::fs::read_to_string(crate_folder.join("README.md")).unwrap();
+        assert!(readme.contains("](sample.png)") && readme.contains("(sample.rhai)"), "README of {name}");
+        let got = drawn(&script, &folder.path().join("got.png"));
+        if accept {
+            std::fs::copy(folder.path().join("got.png"), &picture).unwrap();
+        }
+        let expected = read(&picture).unwrap_or_else(|| panic!("no {}", picture.display()));
+        let off = compare(&got, &expected, 2).unwrap();
+        assert!(off.share_beyond < 0.001, "{name}: {off:?}");
+        // Without the effect the picture is another one.
+        let text = std::fs::read_to_string(&script).unwrap();
+        let call = format!("effect(\"{name}\"");
+        let rest: Vec<&str> = text.lines().filter(|line| !line.starts_with(&call)).collect();
+        assert!(rest.len() < text.lines().count(), "{name}");
+        let without = folder.path().join("without.rhai");
+        std::fs::write(&without, rest.join("\n")).unwrap();
+        let plain = drawn(&without, &folder.path().join("without.png"));
+        let seen = compare(&got, &plain, 2).unwrap();
+        assert!(seen.share_beyond > 0.004, "{name} is hardly seen in its sample: {seen:?}");
+    }
+}

@@ -1,0 +1,383 @@
+//! What scenes cost, each rung of a ladder with one thing more than the one below it: commands, pipelines, bytes, compiled
+//! shaders. A rung that pays for what only a higher one needs fails. `cargo test -p choreo --test ladder -- --nocapture`
+//! prints the table.
+
+use choreo_image_diff::compare;
+use choreo_motion::Time;
+use choreo_plugin::{Frame, Registry};
+use choreo_render::commands::{RecordOptions, Recording, record};
+use choreo_render::explain::{Kind, Part, explain};
+use choreo_render::{
+    Catalog, CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer,
+};
+use choreo_script::{ScriptOptions, run_text};
+use choreo_stage::Stage;
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [320, 180];
+
+/// One thing more than the rung below.
+struct Rung {
+    name: &'static str,
+    /// Goes on from the scripts of the rungs below.
+    script: &'static str,
+    samples: u32,
+    /// Shader features that come in here, as `explain` names them.
+    features: &'static [&'static str],
+    /// Short cuts of the rungs below that are none here any more.
+    gone: &'static [&'static str],
+    /// Kinds of per-frame data that come in here, without their counts.
+    data: &'static [&'static str],
+    cost: Cost,
+}
+
+/// Counts must be these; bytes may be fewer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Cost {
+    commands: usize,
+    passes: usize,
+    draws: usize,
+    pipelines: usize,
+    frame_bytes: u64,
+    resource_bytes: u64,
+    target_bytes: u64,
+}
+
+impl Cost {
+    fn of(recording: &Recording, parts: &[Part]) -> Cost {
+        let counts = recording.counts();
+        let bytes = |kinds: &[Kind]| {
+            parts.iter().filter(|p| kinds.contains(&p.kind)).filter_map(|p| p.bytes).sum::<u64>()
+        };
+        Cost {
+            commands: recording.commands.len(),
+            passes: counts.passes + counts.post_passes,
+            draws: counts.draws,
+            pipelines: parts.iter().filter(|p| p.kind == Kind::Pipeline).count(),
+            frame_bytes: bytes(&[Kind::FrameData]),
+            resource_bytes: bytes(&[Kind::Mesh, Kind::Material, Kind::Texture]),
+            target_bytes: bytes(&[Kind::Target]),
+        }
+    }
+
+    fn within(&self, bound: &Cost) -> bool {
+        let counts = |c: &Cost| [c.commands, c.passes, c.draws, c.pipelines];
+        let bytes = |c: &Cost| [c.frame_bytes, c.resource_bytes, c.target_bytes];
+        counts(self) == counts(bound) && bytes(self).iter().zip(bytes(bound)).all(|(is, most)| *is <= most)
+    }
+}
+
+const LADDER: &[Rung] = &[
+    Rung {
+        name: "a triangle",
+        script: r#"
+            stage(#{ size: [320, 180], background: "black" });
+            camera("c").at(0, 1.2, 6).look_at([0, 0.8, 0]);
+            let triangle = mesh(#{ positions: [[-1, 0, 0], [1, 0, 0], [0, 1.5, 0]], unlit: true });
+            cast("triangle", triangle).at(0, 0, -1);"#,
+        samples: 1,
+        features: &[],
+        gone: &[],
+        data: &["camera and ambient light", "copies"],
+        cost: Cost {
+            commands: 9,
+            passes: 1,
+            draws: 1,
+            pipelines: 1,
+            frame_bytes: 256,
+            resource_bytes: 506,
+            target_bytes: 691200,
+        },
+    },
+    Rung {
+        name: "an unlit prop with a picture",
+        script: r#"cast("prop", shape("box", #{ size: 0.8, checker: "white", color: "teal", unlit: true })).at(-1.6, 0, 0);"#,
+        samples: 1,
+        features: &["BASE_COLOR_TEXTURE", "UV0", "UV_TRANSFORM"],
+        gone: &[],
+        data: &[],
+        cost: Cost {
+            commands: 13,
+            passes: 1,
+            draws: 2,
+            pipelines: 2,
+            frame_bytes: 336,
+            resource_bytes: 1542,
+            target_bytes: 691200,
+        },
+    },
+    Rung {
+        name: "a lit prop",
+        script: r#"
+            sun(#{ direction: [-1, -2, -1] });
+            cast("lit", shape("sphere", #{ size: 0.8, color: "tomato" })).at(1.6, 0, 0);"#,
+        samples: 1,
+        features: &["LIT", "METALLIC_ROUGHNESS", "NORMAL", "NORMAL_OUT", "ONE_LIGHT", "PLACE"],
+        gone: &[],
+        data: &["lights"],
+        cost: Cost {
+            commands: 17,
+            passes: 1,
+            draws: 3,
+            pipelines: 3,
+            frame_bytes: 480,
+            resource_bytes: 39714,
+            target_bytes: 691200,
+        },
+    },
+    Rung {
+        name: "a skinned actor",
+        script: r#"
+            let figure = load("choreo:mannequin");
+            cast("actor", figure).at(0, 0, 1).play(figure.clip("Dance_Groove"));"#,
+        samples: 1,
+        features: &["EMISSIVE", "JOINTS_UNIFORM", "SKIN"],
+        gone: &[],
+        data: &["joint matrices"],
+        cost: Cost {
+            commands: 31,
+            passes: 1,
+            draws: 7,
+            pipelines: 5,
+            frame_bytes: 3440,
+            resource_bytes: 425186,
+            target_bytes: 691200,
+        },
+    },
+    Rung {
+        name: "25 actors",
+        script: r#"for i in 1..25 {
+            cast(`actor ${i}`, figure).at(0.7 * (i % 5) - 1.4, 0, -0.7 * (i / 5)).play(figure.clip("Dance_Groove"));
+        }"#,
+        samples: 1,
+        features: &[],
+        gone: &["JOINTS_UNIFORM"],
+        data: &[],
+        cost: Cost {
+            commands: 31,
+            passes: 1,
+            draws: 7,
+            pipelines: 5,
+            frame_bytes: 74480,
+            resource_bytes: 425186,
+            target_bytes: 691200,
+        },
+    },
+    Rung {
+        name: "25 actors and shadows",
+        script: r#"
+            cast("floor", shape("plane", #{ size: 8 }));
+            sun(#{ direction: [1, -2, -1], intensity: 1.0, shadow: #{ size: 512 } });"#,
+        samples: 1,
+        features: &["SHADOW", "SHADOW_PASS"],
+        gone: &["ONE_LIGHT"],
+        data: &["views of shadow maps"],
+        cost: Cost {
+            commands: 56,
+            passes: 2,
+            draws: 16,
+            pipelines: 7,
+            frame_bytes: 83216,
+            resource_bytes: 773590,
+            target_bytes: 1739776,
+        },
+    },
+    Rung {
+        name: "… and 4 samples, effect",
+        script: r#"effect("vignette");"#,
+        samples: 4,
+        features: &[],
+        gone: &[],
+        data: &["parameters of vignette"],
+        cost: Cost {
+            commands: 57,
+            passes: 3,
+            draws: 16,
+            pipelines: 7,
+            frame_bytes: 83280,
+            resource_bytes: 773590,
+            target_bytes: 4734976,
+        },
+    },
+];
+
+/// The scripts of all rungs up to this one, one after the other.
+fn stage(index: usize, registry: &Registry) -> Stage {
+    let text: String = LADDER[..=index].iter().map(|r| format!("{}\n", r.script)).collect();
+    let name = LADDER[index].name;
+    let script = run_text(name, &text, Path::new("."), registry, &ScriptOptions::default());
+    script.unwrap_or_else(|e| panic!("{name}: {e:?}")).stage
+}
+
+/// A frame of a rung, ready to be drawn.
+struct Scene {
+    stage: Stage,
+    catalog: Arc<Catalog>,
+}
+
+impl Scene {
+    fn new(index: usize, registry: &Registry) -> Scene {
+        let stage = stage(index, registry);
+        let catalog = Arc::new(Catalog::new(&stage));
+        Scene { stage, catalog }
+    }
+
+    fn plan(&self, options: &PlanOptions) -> Plan {
+        let snapshot = self.stage.at(Time::from_secs(0.5)).unwrap();
+        Plan::new(&self.catalog, &self.stage, &snapshot, options)
+    }
+
+    fn parts(&self, plan: &Plan) -> (Recording, Vec<Part>) {
+        let triangles = |p: u32| self.catalog.primitives[p as usize].primitive().indices.len() / 3;
+        let recording = record(plan, RecordOptions::default(), triangles);
+        let parts = explain(&self.catalog, plan, &recording);
+        (recording, parts)
+    }
+
+    fn draw(&self, renderer: &mut dyn Renderer, options: &PlanOptions) -> Frame {
+        renderer.load(self.catalog.clone()).unwrap();
+        renderer.submit(self.plan(options)).unwrap();
+        renderer.collect(None).unwrap()
+    }
+}
+
+fn options<'a>(index: usize, registry: &'a Registry) -> PlanOptions<'a> {
+    PlanOptions { effects: registry.effects(), ..PlanOptions::new(SIZE, LADDER[index].samples) }
+}
+
+/// Names of the parts of a kind, without how many of them there are.
+fn names(parts: &[Part], kind: Kind) -> BTreeSet<String> {
+    let name = |p: &Part| p.what.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ').to_owned();
+    parts.iter().filter(|p| p.kind == kind).map(name).collect()
+}
+
+/// What a rung has that neither it nor one below it asked for, and what it lacks.
+fn faults(index: usize, recording: &Recording, parts: &[Part]) -> Vec<String> {
+    let mut faults = Vec::new();
+    let rungs = &LADDER[..=index];
+    let asked = |of: fn(&Rung) -> &'static [&'static str]| -> BTreeSet<String> {
+        let gone: BTreeSet<&str> = rungs.iter().flat_map(|r| r.gone).copied().collect();
+        let names = rungs.iter().flat_map(&of).filter(|name| !gone.contains(*name));
+        names.map(|name| name.to_string()).collect()
+    };
+    for (kind, wanted) in [(Kind::Feature, asked(|r| r.features)), (Kind::FrameData, asked(|r| r.data))] {
+        let found = names(parts, kind);
+        faults.extend(found.difference(&wanted).map(|n| format!("pays for {} {n}", kind.word())));
+        faults.extend(wanted.difference(&found).map(|n| format!("lacks {} {n}", kind.word())));
+    }
+    let (cost, bound) = (Cost::of(recording, parts), LADDER[index].cost);
+    if !cost.within(&bound) {
+        faults.push(format!("costs {cost:?} in place of {bound:?}"));
+    }
+    faults
+}
+
+#[test]
+fn no_rung_pays_for_a_higher_one() {
+    let registry = choreo::registry();
+    println!(
+        "{:<34} commands passes draws pipelines  frame B  resources B   targets B",
+        "320×180, one frame"
+    );
+    for (index, rung) in LADDER.iter().enumerate() {
+        let scene = Scene::new(index, &registry);
+        let (recording, parts) = scene.parts(&scene.plan(&options(index, &registry)));
+        let c = Cost::of(&recording, &parts);
+        println!(
+            "{:<34} {:>8} {:>6} {:>5} {:>9} {:>8} {:>12} {:>11}",
+            rung.name,
+            c.commands,
+            c.passes,
+            c.draws,
+            c.pipelines,
+            c.frame_bytes,
+            c.resource_bytes,
+            c.target_bytes
+        );
+        assert_eq!(faults(index, &recording, &parts), Vec::<String>::new(), "{}", rung.name);
+    }
+}
+
+/// The ladder can fail: everything forced in is found on every rung, and so are four samples a pixel where one was asked for.
+#[test]
+fn a_rung_that_pays_too_much_is_found() {
+    let registry = choreo::registry();
+    for (index, rung) in LADDER.iter().enumerate() {
+        let (scene, usual) = (Scene::new(index, &registry), options(index, &registry));
+        let found = |options: PlanOptions| {
+            let (recording, parts) = scene.parts(&scene.plan(&options));
+            faults(index, &recording, &parts)
+        };
+        let forced = found(PlanOptions { force_all: true, ..usual.clone() });
+        assert!(forced.iter().any(|f| f.contains("pays for")), "{}: {forced:?}", rung.name);
+        if usual.samples == 1 {
+            let samples = found(PlanOptions { samples: 4, ..usual });
+            assert!(samples.iter().any(|f| f.contains("target_bytes")), "{}: {samples:?}", rung.name);
+        }
+    }
+}
+
+/// What is left out would not have changed a pixel.
+#[test]
+fn everything_forced_in_looks_the_same() {
+    let registry = choreo::registry();
+    let mut renderers: Vec<(&str, Box<dyn Renderer>)> =
+        vec![("CPU", Box::new(CpuRenderer::new(registry.effects())))];
+    let effects = registry.effects().to_vec();
+    match VulkanRenderer::new(GpuOptions { validation: true, effects, ..GpuOptions::default() }) {
+        Ok(vulkan) => renderers.push(("Vulkan", Box::new(vulkan))),
+        Err(RenderError::NoVulkan { why }) => println!("SKIP {}: {why}", LADDER.len()),
+        Err(e) => panic!("{e}"),
+    }
+    for (index, rung) in LADDER.iter().enumerate() {
+        let (scene, usual) = (Scene::new(index, &registry), options(index, &registry));
+        for (device, renderer) in &mut renderers {
+            let needed = scene.draw(&mut **renderer, &usual);
+            let all = scene.draw(&mut **renderer, &PlanOptions { force_all: true, ..usual.clone() });
+            let apart = compare(&needed, &all, 0).unwrap();
+            assert!(
+                needed.rgba.chunks_exact(4).any(|p| p != &needed.rgba[..4]),
+                "{}: nothing drawn",
+                rung.name
+            );
+            assert!(apart.worst <= 1, "{} on {device}: {apart}", rung.name);
+            // What is not neutral is seen: everything forced in, and another colour.
+            let mut other = scene.plan(&PlanOptions { force_all: true, ..usual.clone() });
+            let instances = other.instances.iter_mut();
+            instances.for_each(|i| i.tint *= glam::Vec4::new(0.9, 1.0, 1.0, 1.0));
+            renderer.submit(other).unwrap();
+            let apart = compare(&needed, &renderer.collect(None).unwrap(), 0).unwrap();
+            assert!(apart.worst > 1, "{} on {device}: the fault is not seen", rung.name);
+        }
+    }
+}
+
+/// A renderer compiles what a rung needs, once: a second frame compiles nothing, nor does a lower rung after the others.
+#[test]
+fn shaders_are_compiled_once() {
+    let registry = choreo::registry();
+    let effects = registry.effects().to_vec();
+    let mut vulkan =
+        match VulkanRenderer::new(GpuOptions { validation: true, effects, ..GpuOptions::default() }) {
+            Ok(vulkan) => vulkan,
+            Err(RenderError::NoVulkan { why }) => return println!("SKIP {}: {why}", LADDER.len()),
+            Err(e) => panic!("{e}"),
+        };
+    let mut before = 0;
+    for (index, rung) in LADDER.iter().enumerate() {
+        let (scene, usual) = (Scene::new(index, &registry), options(index, &registry));
+        let new = BTreeSet::from_iter(names(&scene.parts(&scene.plan(&usual)).1, Kind::Pipeline));
+        scene.draw(&mut vulkan, &usual);
+        let made = vulkan.pipeline_count();
+        println!("{:<34} {} compiled", rung.name, made - before);
+        assert!(made - before <= new.len(), "{}: {} compiled for {new:?}", rung.name, made - before);
+        scene.draw(&mut vulkan, &usual);
+        assert_eq!(vulkan.pipeline_count(), made, "{}: a second frame compiled again", rung.name);
+        before = made;
+    }
+    let (lowest, usual) = (Scene::new(0, &registry), options(0, &registry));
+    lowest.draw(&mut vulkan, &usual);
+    assert_eq!(vulkan.pipeline_count(), before, "the lowest rung compiled again");
+}

@@ -1,0 +1,189 @@
+//! Equal bits on machines with different processors, as far as one machine can tell: hashes of poses and pictures that
+//! are written down here, and a look through the sources for what differs between processors and systems.
+//!
+//! The hashes were the same with AVX2, on `qemu-x86_64 -cpu Nehalem` (no AVX, no FMA) and `-cpu Haswell`. When a change
+//! of formulas is meant to change pictures, `CHOREO_ACCEPT=1 cargo test -p choreo --test machines -- --nocapture` prints
+//! the new ones.
+
+#[path = "common/unhurried.rs"]
+mod unhurried;
+
+use choreo_motion::{Level, LocalToModel, Pose, Sample, Time};
+use choreo_plugin::{Files, Importer, Needs, Registry, Source};
+use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_script::run_file;
+use choreo_stage::Evaluator;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+struct Nothing;
+
+impl Files for Nothing {
+    fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
+        Err(format!("{relative}: no such file"))
+    }
+}
+
+/// Every joint of every clip of the built-in figure at 25 times, before and after the clip's ends too.
+fn poses(level: Level) -> String {
+    let source = Source { name: "choreo:mannequin".into(), bytes: Arc::default() };
+    let asset =
+        import_mannequin::Mannequin.import(&source, &Nothing, Needs::ALL, &Default::default()).unwrap();
+    let mut hasher = blake3::Hasher::new();
+    for clip in &asset.clips {
+        for i in -2..23 {
+            let time = clip.duration.scaled(f64::from(i) / 20.0);
+            let mut pose = Pose::rest(&asset.skeleton);
+            Sample { clip, time, pose: &mut pose }.run_on(level);
+            let mut model = vec![glam::Affine3A::IDENTITY; asset.skeleton.len()];
+            let mut job =
+                LocalToModel { skeleton: &asset.skeleton, pose: &pose, model_from_joint: &mut model };
+            job.run_on(level);
+            for number in model.iter().flat_map(|m| m.to_cols_array()) {
+                hasher.update(&number.to_bits().to_le_bytes());
+            }
+        }
+    }
+    assert!(asset.clips.len() >= 8);
+    hasher.finalize().to_hex()[..16].to_string()
+}
+
+fn pictures(name: &str, secs: &[f64]) -> String {
+    let mut registry = Registry::default();
+    registry.add_importer(import_mannequin::Mannequin);
+    registry.add_effect(effect_vignette::Vignette);
+    let mut stage =
+        run_file(&root().join("scripts").join(name), &registry, &unhurried::unhurried()).unwrap().stage;
+    stage.settings.size = [160, 90];
+    let catalog = Arc::new(Catalog::new(&stage));
+    let mut renderer = CpuRenderer::new(registry.effects());
+    renderer.load(catalog.clone()).unwrap();
+    let mut evaluator = Evaluator::new(Arc::new(stage));
+    let options = PlanOptions { effects: registry.effects(), ..PlanOptions::new([160, 90], 4) };
+    let mut hasher = blake3::Hasher::new();
+    for secs in secs {
+        let snapshot = evaluator.at(Time::from_secs(*secs)).unwrap();
+        renderer.submit(Plan::new(&catalog, evaluator.stage(), &snapshot, &options)).unwrap();
+        hasher.update(&renderer.collect(None).unwrap().rgba);
+    }
+    hasher.finalize().to_hex()[..16].to_string()
+}
+
+fn equal(what: &str, found: &str, stored: &str) {
+    if std::env::var_os("CHOREO_ACCEPT").is_some() {
+        println!("{what}: {found}");
+        return;
+    }
+    assert_eq!(
+        found, stored,
+        "{what}: not the bits of other machines. Where a change of formulas meant this, write the new hash into this test; \
+         where only the machine changed, something depends on the processor"
+    );
+}
+
+#[test]
+fn poses_are_those_of_other_machines() {
+    assert_eq!(poses(Level::Portable), poses(Level::best()), "one machine's own levels");
+    equal("poses", &poses(Level::best()), POSES);
+}
+
+#[test]
+fn pictures_are_those_of_other_machines() {
+    for (name, secs, stored) in PICTURES {
+        equal(name, &pictures(name, secs), stored);
+    }
+}
+
+/// What gives other bits on other processors or systems, or on other days.
+#[test]
+fn the_sources_hold_nothing_that_differs_between_machines() {
+    // Rust leaves the precision of these open; `mul_add` is one rounding or two; the types tell the time or roll dice.
+    const METHODS: &[&str] = &[
+        ".sin()",
+        ".cos()",
+        ".tan()",
+        ".asin()",
+        ".acos()",
+        ".atan()",
+        ".atan2(",
+        ".sin_cos()",
+        ".sinh()",
+        ".cosh()",
+        ".tanh()",
+        ".exp()",
+        ".exp2()",
+        ".exp_m1()",
+        ".ln()",
+        ".ln_1p()",
+        ".log(",
+        ".log2()",
+        ".log10()",
+        ".powf(",
+        ".powi(",
+        ".cbrt()",
+        ".hypot(",
+        ".mul_add(",
+    ];
+    const TYPES: &[&str] = &["SystemTime", "thread_rng", "RandomState"];
+    // One rounding on every machine: an instruction on 64-bit ARM, and made of f64 arithmetic elsewhere.
+    const FUSED: &[&str] = &["core/motion/src/simd/fused.rs"];
+    // Asks only whether a file was written while tests ran, to run them again.
+    const CLOCKS: &[&str] = &["core/cli/src/test/watch.rs"];
+    let mut read = 0;
+    let mut found = Vec::new();
+    let mut open: Vec<PathBuf> = ["core", "plugins"].iter().map(|f| root().join(f)).collect();
+    while let Some(folder) = open.pop() {
+        for entry in std::fs::read_dir(&folder).unwrap().map(|e| e.unwrap().path()) {
+            let name = entry.file_name().unwrap().to_string_lossy().into_owned();
+            // Tests and benchmarks compare with the system's mathematics.
+            if entry.is_dir() && !["tests", "benches", "examples", "target"].contains(&name.as_str()) {
+                open.push(entry);
+            } else if name.ends_with(".rs") {
+                read += 1;
+                let types = if CLOCKS.iter().any(|c| entry.ends_with(c)) { &TYPES[1..] } else { TYPES };
+                let fused = FUSED.iter().any(|f| entry.ends_with(f));
+                let methods: Vec<&str> =
+                    METHODS.iter().copied().filter(|m| !(fused && *m == ".mul_add(")).collect();
+                found.extend(differing(&entry, &methods, types));
+            }
+        }
+    }
+    assert!(read > 100, "{read} files");
+    assert!(found.is_empty(), "{} places:\n{}", found.len(), found.join("\n"));
+    // A planted fault is found.
+    let planted = tempfile::tempdir().unwrap();
+    let file = planted.path().join("x.rs");
+    std::fs::write(&file, "fn f(x: f32) -> f32 {\n    // x.cos()\n    x.sin()\n}\n").unwrap();
+    assert_eq!(differing(&file, METHODS, TYPES).len(), 1);
+}
+
+fn differing(file: &Path, methods: &[&str], types: &[&str]) -> Vec<String> {
+    let text = std::fs::read_to_string(file).unwrap();
+    // What stands below are the file's own tests.
+    let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+    let shown = file.strip_prefix(root()).unwrap_or(file).display().to_string();
+    let mut found = Vec::new();
+    for (number, line) in code.lines().enumerate() {
+        let line = line.split("//").next().unwrap_or_default();
+        let of_libm = line.contains("libm::");
+        for what in methods
+            .iter()
+            .filter(|m| !of_libm && line.contains(**m))
+            .chain(types.iter().filter(|t| line.contains(**t)))
+        {
+            found.push(format!("{shown}:{}: {what}", number + 1));
+        }
+    }
+    found
+}
+
+const POSES: &str = "28b2f144c66d6d9c";
+const PICTURES: &[(&str, &[f64], &str)] = &[
+    ("01_first_dance.rhai", &[0.5, 3.2], "b42b4f6b0c679561"),
+    ("05_lights.rhai", &[1.0], "4e789cbf25842788"),
+    ("07_keys_and_frames.rhai", &[1.4, 2.9], "082c40f3ececb880"),
+];

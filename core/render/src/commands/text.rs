@@ -1,0 +1,73 @@
+//! A recording as text, a line a command.
+
+use crate::commands::{Command, Recording};
+use std::fmt;
+
+impl fmt::Display for Recording {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}×{}", self.size[0], self.size[1])?;
+        for command in &self.commands {
+            match command {
+                Command::UploadFrameData { instances, joints, morphs, lights } => writeln!(
+                    f,
+                    "upload {instances} instances, {joints} joints, {morphs} morphs, {lights} lights"
+                )?,
+                Command::Pose { variant, primitive, count, .. } => {
+                    writeln!(f, "pose {count} of mesh {primitive}: {}", variant.switches().join(" "))?
+                }
+                Command::EndPoses => writeln!(f, "end of poses")?,
+                Command::BeginShadows { size: [w, h], .. } => writeln!(f, "begin shadow maps {w}×{h}")?,
+                Command::ShadowView { index, at, size: [w, h] } => {
+                    writeln!(f, "  view {index}: {w}×{h} at {at:?}")?
+                }
+                Command::BeginGeometry => writeln!(f, "begin what is kept of surfaces")?,
+                Command::DrawLight { area } => {
+                    let area = area.map_or(String::new(), |[x, y, w, h]| format!(", {w}×{h} at {x}, {y}"));
+                    writeln!(f, "  light{area}")?
+                }
+                Command::CopyBackground => writeln!(f, "copy background")?,
+                Command::DrawSky { .. } => writeln!(f, "  draw sky")?,
+                Command::DrawUnder => writeln!(f, "  draw layers under the scene")?,
+                Command::SetCull(cull) => writeln!(f, "  cull {cull:?}")?,
+                Command::BeginPass { target, samples, clear, depth, area, .. } => {
+                    let clear = clear.map_or("load".into(), |c| format!("clear {c}"));
+                    let depth = if *depth { ", depth" } else { "" };
+                    let area = area.map_or(String::new(), |[x, y, w, h]| format!(", {w}×{h} at {x}, {y}"));
+                    writeln!(f, "begin {target:?}, {samples} samples, {clear}{depth}{area}")?
+                }
+                Command::BeginPeel { layer, .. } => writeln!(f, "begin depths of layer {layer}")?,
+                Command::BeginLayer { layer, rest, .. } => writeln!(
+                    f,
+                    "begin {} layer {layer}",
+                    if *rest { "what is nearer than" } else { "colours of" }
+                )?,
+                Command::BindPipeline(v) => {
+                    writeln!(f, "  pipeline {:?} {}", v.key.topology, crate::shader::switches(v).join(" "))?
+                }
+                Command::BindMaterial { material, .. } => writeln!(f, "  material {material}")?,
+                Command::BindMesh { primitive, morphs, .. } => {
+                    writeln!(f, "  mesh {primitive}{}", if *morphs { ", morphs" } else { "" })?
+                }
+                Command::Draw { first_instance, instance_count, indices } => {
+                    let part = indices.map_or(String::new(), |[i, n]| format!(", indices {i} to {}", i + n));
+                    writeln!(f, "  draw {instance_count} from {first_instance}{part}")?
+                }
+                Command::CopyBehind { levels, .. } => writeln!(f, "copy behind glass, {levels} levels")?,
+                Command::DrawBackground { .. } => writeln!(f, "  background")?,
+                Command::EndPass => writeln!(f, "end")?,
+                Command::PostPass { effect, from, to, size, .. } => {
+                    let [w, h] = *size;
+                    let size = if *size == self.size { String::new() } else { format!(", {w}×{h}") };
+                    writeln!(f, "post {effect} {from:?} → {to:?}{size}")?
+                }
+                Command::DrawOverlay { effect, over, count, .. } => {
+                    let over = if *over { ", over everything" } else { "" };
+                    writeln!(f, "  {} triangles of {effect}{over}", count / 3)?
+                }
+                Command::ReadBack => writeln!(f, "read back")?,
+                Command::ReadBackLinear => writeln!(f, "read back linear")?,
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,42 @@
+//! What of a material's textures a device that binds few leaves out.
+
+use crate::commands::{BASE_TEXTURES, texture_slots};
+use crate::plan::Features;
+use crate::scene_resources::CatalogMaterial;
+
+/// The least visible first: factors stand in for what is left out.
+pub const LEAST_VISIBLE: [(Features, &str); 12] = [
+    (Features::IRIDESCENCE_THICKNESS_TEXTURE, "thickness of the film"),
+    (Features::SHEEN_ROUGHNESS_TEXTURE, "roughness of the sheen"),
+    (Features::CLEARCOAT_ROUGHNESS_TEXTURE, "roughness of the coat"),
+    (Features::DIFFUSE_TRANSMISSION_TEXTURE, "diffuse transmission"),
+    (Features::THICKNESS_TEXTURE, "thickness"),
+    (Features::SPECULAR_TEXTURE, "specular"),
+    (Features::CLEARCOAT_NORMAL_TEXTURE, "normals of the coat"),
+    (Features::IRIDESCENCE_TEXTURE, "iridescence"),
+    (Features::ANISOTROPY_TEXTURE, "anisotropy"),
+    (Features::OCCLUSION_TEXTURE, "occlusion"),
+    (Features::SPECULAR_COLOR_TEXTURE, "specular colour"),
+    (Features::SHEEN_COLOR_TEXTURE, "sheen colour"),
+];
+
+/// The features with as few textures as a device can bind, and the names of those left out.
+pub fn fitting(features: Features, most: Option<u32>) -> (Features, Vec<&'static str>) {
+    let (mut features, mut out) = (features, Vec::new());
+    let too_many = |f: Features| most.is_some_and(|most| texture_slots(f).count_ones() > most);
+    for (bit, name) in LEAST_VISIBLE {
+        if too_many(features) && features.has(bit) {
+            features = features.without(bit);
+            out.push(name);
+        }
+    }
+    (features, out)
+}
+
+/// Names of a material's textures that a device that binds so many leaves out.
+pub fn textures_beyond(material: &CatalogMaterial, most: u32) -> Vec<&'static str> {
+    let bits = BASE_TEXTURES.iter().chain(&crate::plan::features_layers::TEXTURES);
+    let there = bits.zip(material.texture_refs()).filter(|(_, t)| t.is_some());
+    let features = there.fold(Features::default(), |all, (bit, _)| all.with(*bit));
+    fitting(features, Some(most)).1
+}

@@ -1,0 +1,63 @@
+//! Bodies that are drawn more than once a frame — into the picture, shadow maps, hulls — are posed once.
+//! Twin of posed.wgsl: what [`VertexStage::posed`] gives, shared by all draws.
+
+use super::CpuRenderer;
+use super::vertex::{Hull, Vertex, VertexStage};
+use crate::plan::{Draw, Features, Instance, Plan};
+use choreo_stage::SkinOnce;
+use glam::Mat4;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// A mesh, how it is posed, whether normals are those of a hull, and the instance's pose.
+type Body = (u32, Features, bool, [u32; 15]);
+
+/// Vertices before they are seen from anywhere.
+#[derive(Default)]
+pub struct Bodies(BTreeMap<Body, Vec<Vertex>>);
+
+fn body(draw: &Draw, instance: &Instance) -> Option<Body> {
+    let features = draw.pipeline.features;
+    let pose = Features(features.0 & Features::POSE.0);
+    // Effects that move corners look at what a draw has of them.
+    let shared = pose != Features::default() && draw.pipeline.displaced == 0;
+    shared.then(|| (draw.primitive, pose, features.has(Features::SHELL), instance.pose()))
+}
+
+impl Bodies {
+    /// Those of the plan that are drawn more than once.
+    pub fn of(renderer: &CpuRenderer, plan: &Plan) -> Bodies {
+        if plan.skin_once == SkinOnce::Never {
+            return Bodies::default();
+        }
+        // What any of its draws needs, an instance of its own, how many draws.
+        let mut wanted: BTreeMap<Body, (Features, &Instance, u32)> = BTreeMap::new();
+        for draw in plan.draws.iter().chain(plan.shadow_draws()) {
+            let first = draw.first_instance as usize;
+            for instance in &plan.instances[first..first + draw.instance_count as usize] {
+                let Some(body) = body(draw, instance) else { continue };
+                let of = wanted.entry(body).or_insert((Features::default(), instance, 0));
+                of.0 = of.0.with(draw.pipeline.features);
+                of.2 += 1;
+            }
+        }
+        wanted.retain(|_, (.., draws)| *draws > 1);
+        let wanted: Vec<_> = wanted.into_iter().collect();
+        let pose = |(body, (features, instance, _)): (Body, (Features, &Instance, u32))| {
+            let entry = &renderer.catalog.primitives[body.0 as usize];
+            let stage = VertexStage::new(entry, features, plan, instance, &Mat4::IDENTITY);
+            let welded =
+                body.2.then(|| crate::scene_resources::vertex_layout::welded_normals(stage.primitive));
+            (body, stage.posed(welded.as_deref()))
+        };
+        Bodies(wanted.into_par_iter().map(pose).collect())
+    }
+
+    /// A draw's vertices as this stage would make them.
+    pub fn vertices(&self, draw: &Draw, stage: &VertexStage<'_>) -> Vec<Vertex> {
+        match body(draw, stage.instance).and_then(|body| self.0.get(&body)) {
+            Some(posed) => stage.seen(posed.clone()),
+            None => stage.seen(stage.posed(stage.hull.as_ref().map(|hull: &Hull| &hull.normals[..]))),
+        }
+    }
+}

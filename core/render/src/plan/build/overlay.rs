@@ -1,0 +1,184 @@
+//! Triangles, lines, points and lattices of effects as triangles on the screen, the same for both renderers.
+
+use crate::layers_2d::FlatLabel;
+use crate::plan::build::effects::{effect_parameters, uses};
+use crate::plan::options::PlanOptions;
+use crate::plan::{LeftOut, PlanOverlay, View};
+use crate::plan::{OverlayPart, OverlayVertex};
+use choreo_plugin::{Hook, Label, Lattice, Overlay, Scene, Stroke, Triangle};
+use choreo_stage::{Snapshot, Stage};
+use glam::{DVec3, Vec2, Vec4, Vec4Swizzles};
+
+/// More could not be read.
+const MOST_LABELS: usize = 2_000;
+
+pub fn overlays(
+    stage: &Stage,
+    snapshot: &Snapshot,
+    view: &View,
+    options: &PlanOptions,
+) -> (PlanOverlay, Vec<FlatLabel>, Vec<LeftOut>) {
+    let (mut overlay, mut labels, mut left_out) = (PlanOverlay::default(), Vec::new(), Vec::new());
+    let size = Vec2::new(options.size[0] as f32, options.size[1] as f32);
+    for (used, state) in uses(stage, snapshot) {
+        let effect = options.effects.iter().find(|e| e.manifest().name == used.plugin);
+        let Some(effect) = effect.filter(|e| e.hook() == Hook::Overlay) else { continue };
+        let parameters = effect_parameters(effect.as_ref(), &state.parameters);
+        let mut drawn =
+            effect.overlay(&Scene { stage, snapshot, before: options.before, on: &used.on }, &parameters);
+        // Six corners of 64 bytes a stroke: 38 MB.
+        let most = Overlay::MOST;
+        let counts = [("lines and points", drawn.strokes.len()), ("triangles", drawn.triangles.len())];
+        let many = counts.into_iter().filter(|(_, count)| *count > most);
+        drawn.left_out.extend(many.map(|(what, n)| format!("{n} {what}, at most {most} are drawn")));
+        drawn.strokes.truncate(most);
+        drawn.triangles.truncate(most);
+        let what = format!("part of effect \"{}\"", used.plugin);
+        left_out.extend(drawn.left_out.into_iter().map(|why| LeftOut { what: what.clone(), why }));
+        labels
+            .extend(drawn.labels.into_iter().filter_map(|l| label(l, view)).take(MOST_LABELS - labels.len()));
+        let first = overlay.vertices.len();
+        drawn.lattices.iter().for_each(|l| lattice(l, view, &mut overlay.vertices));
+        triangles(&drawn.triangles, view, &mut overlay.vertices);
+        drawn.strokes.iter().for_each(|s| stroke(s, view, size, &mut overlay.vertices));
+        let count = overlay.vertices.len() - first;
+        if count > 0 {
+            overlay.parts.push(OverlayPart {
+                effect: used.plugin.clone(),
+                over: drawn.over,
+                first: first as u32,
+                count: count as u32,
+            });
+        }
+    }
+    (overlay, labels, left_out)
+}
+
+/// Where a label stands in the picture; `None` outside of it.
+fn label(l: Label, view: &View) -> Option<FlatLabel> {
+    let clip = view.clip_from_relative * (l.at - view.position).as_vec3().extend(1.0);
+    let seen = clip.w > 1e-6 && clip.z <= clip.w && clip.x.abs() <= clip.w && clip.y.abs() <= clip.w;
+    let at = clip.xy() / clip.w * 0.5 + 0.5;
+    let good = l.size.is_finite() && l.beside.is_finite() && l.color.is_finite();
+    (seen && good && !l.text.is_empty()).then(|| FlatLabel {
+        at: at.as_dvec2(),
+        size: l.size.clamp(4.0, 256.0),
+        beside: l.beside,
+        color: l.color,
+        text: l.text,
+    })
+}
+
+/// Those that may be seen, back to front by the depth of their middles; of equal depth as they are given.
+fn triangles(all: &[Triangle], view: &View, out: &mut Vec<OverlayVertex>) {
+    let mut seen: Vec<(f32, [Vec4; 3], Vec4)> = Vec::new();
+    for t in all.iter().filter(|t| t.color.is_finite() && t.color.w > 0.0) {
+        let relative = t.corners.map(|c| (c - view.position).as_vec3());
+        let clip = relative.map(|r| view.clip_from_relative * r.extend(1.0));
+        let beside = |c: &Vec4| [c.w - c.z, c.z, c.w + c.x, c.w - c.x, c.w + c.y, c.w - c.y];
+        let [a, b, c] = [0, 1, 2].map(|i| beside(&clip[i]));
+        let outside = (0..6).any(|i| a[i] < 0.0 && b[i] < 0.0 && c[i] < 0.0);
+        if clip.iter().all(|c| c.is_finite()) && !outside {
+            let middle = (relative[0] + relative[1] + relative[2]) / 3.0;
+            seen.push((view.depth(middle), clip, t.color));
+        }
+    }
+    seen.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let corner =
+        |clip, color| OverlayVertex { clip, color, lattice: Vec4::X * 2.0, ..OverlayVertex::default() };
+    out.extend(seen.into_iter().flat_map(|(_, clip, color)| clip.map(|clip| corner(clip, color))));
+}
+
+/// A rectangle in the picture's plane, half a line's width and a pixel more around what is seen of it.
+fn stroke(s: &Stroke, view: &View, size: Vec2, out: &mut Vec<OverlayVertex>) {
+    let clip = |world: DVec3| {
+        let relative = (world - view.position).as_vec3();
+        view.clip_from_relative * relative.extend(1.0)
+    };
+    let Some([a, b]) = clipped(clip(s.from), clip(s.to)) else { return };
+    // As the picture has it: interpolated straight.
+    let flat = |c: Vec4| (c.xyz() / c.w).extend(1.0);
+    let (a, b) = (flat(a), flat(b));
+    if !a.is_finite() || !b.is_finite() || !s.color.is_finite() {
+        return;
+    }
+    let way = (b.xy() - a.xy()) * size * 0.5;
+    let length = way.dot(way).sqrt();
+    let along = if length > 1e-4 { way / length } else { Vec2::X };
+    let radius = s.width.clamp(1.0, 64.0) * 0.5;
+    let reach = radius + 1.0;
+    let corner = |end: Vec4, along_by: f32, across_by: f32, at: f32| {
+        let off = along * along_by + Vec2::new(-along.y, along.x) * across_by;
+        OverlayVertex {
+            clip: end + (off * 2.0 / size).extend(0.0).extend(0.0),
+            color: s.color,
+            shape: Vec4::new(at + along_by, across_by, length, radius),
+            lattice: Vec4::ZERO,
+        }
+    };
+    let corners = [
+        corner(a, -reach, -reach, 0.0),
+        corner(a, -reach, reach, 0.0),
+        corner(b, reach, -reach, length),
+        corner(b, reach, reach, length),
+    ];
+    out.extend([0, 1, 2, 2, 1, 3].map(|i| corners[i]));
+}
+
+/// The part of a segment in front of the near plane, before the far one, and not far beside the picture.
+fn clipped(a: Vec4, b: Vec4) -> Option<[Vec4; 2]> {
+    // Reversed Z: nearer than the near plane is z > w. Widths reach into the picture from outside.
+    let planes = |c: Vec4| {
+        [c.w - c.z, c.z, 2.0 * c.w + c.x, 2.0 * c.w - c.x, 2.0 * c.w + c.y, 2.0 * c.w - c.y, c.w - 1e-6]
+    };
+    let (mut from, mut to) = (0.0f32, 1.0f32);
+    for (fa, fb) in planes(a).into_iter().zip(planes(b)) {
+        if fa < 0.0 && fb < 0.0 {
+            return None;
+        }
+        if fa < 0.0 {
+            from = from.max(fa / (fa - fb));
+        } else if fb < 0.0 {
+            to = to.min(fa / (fa - fb));
+        }
+    }
+    (from <= to).then(|| [a + (b - a) * from, a + (b - a) * to])
+}
+
+/// A square of the plane around the point below the viewer. Numbers count cells from a thick line nearby, so that they are
+/// small wherever the viewer is.
+fn lattice(l: &Lattice, view: &View, out: &mut Vec<OverlayVertex>) {
+    let good = l.cell > 0.0 && l.cell.is_finite() && l.fade > 0.0 && l.fade.is_finite();
+    if !good || !l.origin.is_finite() || !l.along.iter().all(|a| a.is_finite()) {
+        return;
+    }
+    let every = f64::from(l.every.max(1));
+    let period = l.cell * every;
+    let beside = view.position - l.origin;
+    // The thick lines' crossing next to the foot, and the foot from there; in f64, both exact far from the origin.
+    let foot = l.along.map(|a| beside.dot(a));
+    let crossing = foot.map(|f| libm::floor(f / period + 0.5) * period);
+    let middle = l.origin + l.along[0] * crossing[0] + l.along[1] * crossing[1];
+    let off = [foot[0] - crossing[0], foot[1] - crossing[1]];
+    let corner = |x: f64, y: f64| {
+        let (x, y) = (off[0] + x * l.fade, off[1] + y * l.fade);
+        let world = middle + l.along[0] * x + l.along[1] * y;
+        let relative = (world - view.position).as_vec3();
+        let cells = (x / l.cell, y / l.cell);
+        OverlayVertex {
+            clip: view.clip_from_relative * relative.extend(1.0),
+            color: l.color,
+            shape: Vec4::new(
+                cells.0 as f32,
+                cells.1 as f32,
+                ((x - off[0]) / l.fade) as f32,
+                ((y - off[1]) / l.fade) as f32,
+            ),
+            lattice: Vec4::new(1.0, every as f32, l.widths[0], l.widths[1]),
+        }
+    };
+    let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0)];
+    if corners.iter().all(|c| c.clip.is_finite()) {
+        out.extend([0, 1, 2, 2, 1, 3].map(|i| corners[i]));
+    }
+}

@@ -1,0 +1,451 @@
+//! Where shadow maps look and how fine they are: a sun's map is fitted to what it lights of what the camera sees, in cascades
+//! where the view reaches far; a spot has one map, a point light up to six.
+//!
+//! Texels of a sun's map lie on a grid that stands still in the world, and their size moves in steps: shadows do not swim.
+
+use crate::plan::{PlanLight, View};
+use crate::scene_resources::bounds::{Aabb, outside};
+use choreo_stage::Shadow;
+use glam::{DMat4, DVec3, DVec4, Mat4, Vec2};
+
+/// Maps of one frame; as many as the shader's array holds.
+pub const MAX_VIEWS: usize = 32;
+/// Texels of the image that all maps share, each way: 256 MB.
+pub const MAX_IMAGE: u32 = 8192;
+const MAX_CASCADES: usize = 4;
+/// Texels that the filter averages over.
+const FILTER: f64 = 3.0;
+/// Texels kept free on each side: the filter's reach and the step along the normal.
+const MARGIN: f64 = 6.0;
+/// Casters nearer than this to a lamp (its bulb) throw no shadow. Metres.
+const LAMP_NEAR: f64 = 0.05;
+
+/// What is seen and who casts, in camera-relative space.
+pub struct Region<'a> {
+    pub view: &'a View,
+    /// Pixels.
+    pub picture: [u32; 2],
+    /// Boxes of all that is lit and in view.
+    pub receivers: &'a [Aabb],
+    pub casters: &'a [Aabb],
+}
+
+/// A map before it has its place.
+pub struct Fitted {
+    pub clip_from_relative: Mat4,
+    pub size: [u32; 2],
+    pub texel: f32,
+    /// Indices into `Region::casters`.
+    pub casters: Vec<usize>,
+}
+
+/// The maps of one light; none where nothing casts on what it lights.
+pub fn fit(light: &PlanLight, shadow: Shadow, region: &Region<'_>) -> Vec<Fitted> {
+    let direction = light.direction.truncate().as_dvec3().normalize_or(DVec3::NEG_Y);
+    let most = f64::from(shadow.size.clamp(*Shadow::SIZES.start(), *Shadow::SIZES.end()) / 16 * 16);
+    let softness = f64::from(shadow.softness.max(0.0));
+    if region.receivers.is_empty() || region.casters.is_empty() {
+        return Vec::new();
+    }
+    match light.direction.w {
+        0.0 => sun(Axes::along(direction), most, softness, region),
+        kind => lamp(light, direction, kind == 2.0, most, softness, region),
+    }
+}
+
+/// Right, up and forward of a light, as a camera's: unit, at right angles.
+#[derive(Clone, Copy)]
+struct Axes {
+    right: DVec3,
+    up: DVec3,
+    forward: DVec3,
+}
+
+impl Axes {
+    fn along(forward: DVec3) -> Axes {
+        let hint = if forward.y.abs() < 0.9 { DVec3::Y } else { DVec3::Z };
+        let right = forward.cross(hint).normalize();
+        Axes { right, up: right.cross(forward), forward }
+    }
+}
+
+/// From and to along an axis.
+#[derive(Clone, Copy)]
+struct Span([f64; 2]);
+
+impl Span {
+    const EMPTY: Span = Span([f64::INFINITY, f64::NEG_INFINITY]);
+
+    fn of(b: &Aabb, axis: DVec3) -> Span {
+        let center = (b.min.as_dvec3() + b.max.as_dvec3()) * 0.5;
+        let half = (b.max.as_dvec3() - b.min.as_dvec3()) * 0.5;
+        let (middle, reach) = (axis.dot(center), axis.abs().dot(half));
+        Span([middle - reach, middle + reach])
+    }
+    fn union(self, o: Span) -> Span {
+        Span([self.0[0].min(o.0[0]), self.0[1].max(o.0[1])])
+    }
+    fn meet(self, o: Span) -> Span {
+        Span([self.0[0].max(o.0[0]), self.0[1].min(o.0[1])])
+    }
+    fn length(self) -> f64 {
+        self.0[1] - self.0[0]
+    }
+    fn is_finite(self) -> bool {
+        self.0.iter().all(|v| v.is_finite())
+    }
+}
+
+fn spans(boxes: &[Aabb], axis: DVec3) -> Span {
+    boxes.iter().fold(Span::EMPTY, |all, b| all.union(Span::of(b, axis)))
+}
+
+/// Up in steps of a quarter of a doubling, so that what moves a little changes nothing.
+fn stepped(v: f64) -> f64 {
+    libm::exp2(libm::ceil(libm::log2(v) * 4.0) * 0.25)
+}
+
+/// What of the view lies between two depths: middle and radius of a sphere around it, which turning the camera leaves as it is.
+fn slice(region: &Region<'_>, from: f64, to: f64) -> (DVec3, f64) {
+    let m = &region.view.clip_from_view;
+    let back = region.view.view_from_relative.row(2).truncate().as_dvec3();
+    let half = |scale: f32| 1.0 / f64::from(scale.abs()).max(1e-9);
+    let (x, y) = (half(m.x_axis.x), half(m.y_axis.y));
+    let k = x * x + y * y;
+    let (depth, radius) = if region.view.eye.w == 0.0 {
+        let half_depth = (to - from) * 0.5;
+        ((from + to) * 0.5, (k + half_depth * half_depth).sqrt())
+    } else {
+        let depth = ((from + to) * 0.5 * (1.0 + k)).min(to);
+        let far = (to - depth) * (to - depth) + to * to * k;
+        let near = (from - depth) * (from - depth) + from * from * k;
+        (depth, far.max(near).sqrt())
+    };
+    (back * -depth, radius)
+}
+
+fn sun(axes: Axes, most: f64, softness: f64, region: &Region<'_>) -> Vec<Fitted> {
+    let forward = -region.view.view_from_relative.row(2).truncate().as_dvec3();
+    let depths = spans(region.receivers, forward);
+    if !depths.is_finite() || depths.0[1] <= 0.0 {
+        return Vec::new();
+    }
+    let far = depths.0[1];
+    let near = depths.0[0].max(far * 1e-3);
+    let perspective = region.view.eye.w != 0.0;
+    // The first cascade begins where the view does, but is not made finer for what lies under the camera's feet.
+    let finest = near.max(far / 64.0);
+    // What a pixel covers at a depth.
+    let pixel = |depth: f64| {
+        2.0 * if perspective { depth } else { 1.0 }
+            / f64::from(region.view.clip_from_view.y_axis.y.abs()).max(1e-9)
+            / f64::from(region.picture[1].max(1))
+    };
+    // Twelve pixels of penumbra where the view begins, and 24 where another cascade does, which are fewer behind; another map
+    // costs every caster again.
+    let fine_enough = |cascade: usize, depth: f64| {
+        let pixels = if cascade == 0 { 4.0 } else { 8.0 };
+        (pixels * pixel(depth.max(finest))).max(1.2 * softness / FILTER)
+    };
+    let lit = [axes.right, axes.up, axes.forward].map(|axis| spans(region.receivers, axis));
+    if !lit.iter().all(|s| s.is_finite()) {
+        return Vec::new();
+    }
+    let mut cascades: Vec<(Span, Span, f64, bool)> = Vec::new();
+    for count in 1..=MAX_CASCADES {
+        cascades = (0..count)
+            .map(|i| {
+                let split = |i: usize| match i {
+                    0 => near,
+                    i => finest * libm::pow(far / finest, i as f64 / count as f64),
+                };
+                let (middle, radius) = slice(region, split(i), split(i + 1));
+                let around = |axis: DVec3| Span([axis.dot(middle) - radius, axis.dot(middle) + radius]);
+                let across = lit[0].meet(around(axes.right));
+                let up = lit[1].meet(around(axes.up));
+                let texel = (across.length().max(up.length()) / (most - 2.0 * MARGIN)).max(softness / FILTER);
+                let texel = texel.max(1e-6);
+                (across, up, texel, texel <= fine_enough(i, split(i)))
+            })
+            .collect();
+        // Where each is: one that is fine near and coarse behind melts shadows that a smaller map keeps apart.
+        if !perspective || cascades.iter().all(|c| c.3) {
+            break;
+        }
+    }
+    let cascades = cascades.into_iter().filter(|(across, up, ..)| across.length() > 0.0 && up.length() > 0.0);
+    cascades
+        .filter_map(|(across, up, texel, _)| sun_map(axes, [across, up, lit[2]], stepped(texel), region))
+        .collect()
+}
+
+fn sun_map(axes: Axes, [across, up, deep]: [Span; 3], texel: f64, region: &Region<'_>) -> Option<Fitted> {
+    // Texel borders at whole multiples of a texel in the world.
+    let margin = MARGIN * texel;
+    let grid = |v: f64, world: f64, round: fn(f64) -> f64| round((v + world) / texel) * texel - world;
+    let (at_x, at_y) = (axes.right.dot(region.view.position), axes.up.dot(region.view.position));
+    let left = grid(across.0[0] - margin, at_x, libm::floor);
+    let top = grid(up.0[1] + margin, at_y, libm::ceil);
+    let texels =
+        |from_edge: f64| (libm::ceil((from_edge + margin) / texel / 16.0) * 16.0).clamp(16.0, 8192.0);
+    let (w, h) = (texels(across.0[1] - left), texels(top - up.0[0]));
+    let (right, bottom) = (left + w * texel, top - h * texel);
+    let mut depth = deep;
+    let mut casters = Vec::new();
+    for (i, b) in region.casters.iter().enumerate() {
+        let [x, y, z] = [axes.right, axes.up, axes.forward].map(|axis| Span::of(b, axis));
+        let beside = x.0[1] < left || x.0[0] > right || y.0[1] < bottom || y.0[0] > top;
+        // Behind all that is lit it shades nothing.
+        if beside || z.0[0] > deep.0[1] || !z.is_finite() {
+            continue;
+        }
+        casters.push(i);
+        depth = depth.union(z);
+    }
+    if casters.is_empty() {
+        return None;
+    }
+    let (near, far) = (depth.0[0] - margin, depth.0[1] + margin);
+    let row = |axis: DVec3, scale: f64, offset: f64| (axis * scale).extend(offset);
+    let rows = [
+        row(axes.right, 2.0 / (w * texel), -2.0 * left / (w * texel) - 1.0),
+        row(axes.up, -2.0 / (h * texel), 2.0 * top / (h * texel) - 1.0),
+        row(axes.forward, -1.0 / (far - near), far / (far - near)),
+        DVec4::W,
+    ];
+    fitted(rows, [w as u32, h as u32], texel, casters)
+}
+
+fn fitted(rows: [DVec4; 4], size: [u32; 2], texel: f64, casters: Vec<usize>) -> Option<Fitted> {
+    let clip = DMat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose().as_mat4();
+    clip.is_finite().then_some(Fitted { clip_from_relative: clip, size, texel: texel as f32, casters })
+}
+
+/// A spot's cone, or as many faces of a cube around a lamp as see casters.
+fn lamp(
+    light: &PlanLight,
+    direction: DVec3,
+    is_spot: bool,
+    most: f64,
+    softness: f64,
+    region: &Region<'_>,
+) -> Vec<Fitted> {
+    let position = light.position.truncate().as_dvec3();
+    // cos(outer) from clamp(cos · scale + offset).
+    let cos_outer = if is_spot { f64::from(-light.cone.y / light.cone.x).clamp(-1.0, 1.0) } else { -1.0 };
+    // How far the light's maps must be sharp: to the middle of what is lit.
+    let middle = region.receivers.iter().fold(DVec3::ZERO, |sum, b| sum + b.center().as_dvec3())
+        / region.receivers.len() as f64;
+    let distance = middle.distance(position).max(0.1);
+    let side = |tan: f64| {
+        let wanted = 2.0 * tan * distance * FILTER / softness.max(1e-6);
+        (libm::ceil(stepped(wanted.clamp(128.0, 8192.0)) / 16.0) * 16.0).clamp(64.0, most)
+    };
+    // Further than all that is lit, or than the light reaches, nothing casts.
+    let farthest = |b: &Aabb| {
+        b.corners().map(|c| c.as_dvec3().distance_squared(position)).into_iter().fold(0.0, f64::max)
+    };
+    let lit = region.receivers.iter().map(farthest).fold(0.0, f64::max);
+    let range = if light.position.w <= 0.0 { f64::INFINITY } else { 1.0 / f64::from(light.position.w) };
+    let reaches = |b: &Aabb| {
+        let nearest = position.clamp(b.min.as_dvec3(), b.max.as_dvec3());
+        nearest.distance_squared(position) <= lit.min(range)
+    };
+    let map = |axes: Axes, tan: f64, side: f64| {
+        // Wider by the margin, so that the filter has its texels at the edge of the cone or the face.
+        let tan = tan * side / (side - 2.0 * MARGIN);
+        let row = |axis: DVec3| axis.extend(-axis.dot(position));
+        let depth = DVec4::new(0.0, 0.0, 0.0, LAMP_NEAR);
+        let rows = [row(axes.right) / tan, -row(axes.up) / tan, depth, row(axes.forward)];
+        let clip = DMat4::from_cols_array_2d(&rows.map(|r| r.to_array())).transpose().as_mat4();
+        let seen = |boxes: &[Aabb]| -> Vec<usize> {
+            (0..)
+                .zip(boxes)
+                .filter(|(_, b)| reaches(b) && !outside(**b, &clip, Vec2::ZERO))
+                .map(|(i, _)| i)
+                .collect()
+        };
+        let casters = seen(region.casters);
+        if casters.is_empty() || seen(region.receivers).is_empty() {
+            return None;
+        }
+        fitted(rows, [side as u32; 2], 2.0 * tan / side, casters)
+    };
+    // Up to 60° to each side one map does; wider ones would spend their texels on the rim.
+    if cos_outer >= 0.5 {
+        let tan = (1.0 - cos_outer * cos_outer).sqrt() / cos_outer;
+        return map(Axes::along(direction), tan.max(1e-3), side(tan)).into_iter().collect();
+    }
+    let faces = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
+    let side = side(1.0);
+    faces.into_iter().filter_map(|face| map(Axes::along(face), 1.0, side)).collect()
+}
+
+/// Places of the maps in rows of an image, and its size; `None` where they do not fit.
+pub fn pack(sizes: &[[u32; 2]]) -> Option<(Vec<[u32; 2]>, [u32; 2])> {
+    let width = sizes.iter().map(|s| s[0]).max()?.max(4096);
+    let (mut x, mut y, mut row, mut used) = (0, 0, 0, [0, 0]);
+    let mut places = Vec::with_capacity(sizes.len());
+    for &[w, h] in sizes {
+        if x + w > width {
+            (x, y, row) = (0, y + row, 0);
+        }
+        places.push([x, y]);
+        x += w;
+        row = row.max(h);
+        used = [used[0].max(x), used[1].max(y + h)];
+    }
+    used.iter().all(|s| *s <= MAX_IMAGE).then_some((places, used))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_stage::{CameraState, Projection};
+    use glam::{DAffine3, Vec3, Vec4};
+
+    fn view(x: f64) -> View {
+        let projection = Projection::Perspective { yfov: 0.7, near: 0.1, far: None };
+        let world_from_view = DAffine3::from_translation(DVec3::new(x, 1.0, 8.0));
+        View::new(&CameraState { camera: None, world_from_view, projection }, [1280, 720])
+    }
+
+    fn around(view: &View, at: DVec3, half: f32) -> Aabb {
+        let c = (at - view.position).as_vec3();
+        Aabb { min: c - half, max: c + half }
+    }
+
+    fn light(direction: Vec4, position: Vec4, cone: Vec4) -> PlanLight {
+        PlanLight { direction, position, cone, color: Vec4::ONE }
+    }
+
+    fn fit_in(view: &View, light: &PlanLight, receiver: f32) -> Vec<Fitted> {
+        let receivers = [around(view, DVec3::ZERO, receiver)];
+        let casters = [around(view, DVec3::Y, 0.5), around(view, DVec3::new(900.0, 0.0, 0.0), 1.0)];
+        let region = Region { view, picture: [1280, 720], receivers: &receivers, casters: &casters };
+        fit(light, Shadow::default(), &region)
+    }
+
+    #[test]
+    fn what_is_lit_lies_in_the_map_and_far_casters_do_not() {
+        let v = view(0.0);
+        let sun = light(Vec4::new(-0.4, -0.8, -0.45, 0.0), Vec4::ZERO, Vec4::ZERO);
+        let maps = fit_in(&v, &sun, 3.0);
+        assert_eq!(maps.len(), 1, "a small scene needs no cascades");
+        assert_eq!(maps[0].casters, [0]);
+        for corner in around(&v, DVec3::ZERO, 3.0).corners() {
+            let p = maps[0].clip_from_relative * corner.extend(1.0);
+            assert!(p.x.abs() < 1.0 && p.y.abs() < 1.0 && (0.0..=1.0).contains(&p.z), "{p}");
+        }
+        // Nearer to the light is greater.
+        let depth = |p: DVec3| (maps[0].clip_from_relative * (p - v.position).as_vec3().extend(1.0)).z;
+        assert!(depth(DVec3::Y) > depth(DVec3::ZERO));
+    }
+
+    #[test]
+    fn a_far_view_gets_cascades_the_finest_first() {
+        let sun = light(Vec4::new(-0.4, -0.8, -0.45, 0.0), Vec4::ZERO, Vec4::ZERO);
+        let v = view(0.0);
+        let receivers = [around(&v, DVec3::new(0.0, -500.0, 0.0), 500.0)];
+        let casters: Vec<Aabb> =
+            (0..40).map(|i| around(&v, DVec3::new(0.0, 1.0, 4.0 - 10.0 * f64::from(i)), 1.0)).collect();
+        let region = Region { view: &v, picture: [1280, 720], receivers: &receivers, casters: &casters };
+        let maps = fit(&sun, Shadow { softness: 0.0, ..Shadow::default() }, &region);
+        assert!(maps.len() > 2, "{}", maps.len());
+        assert!(maps.windows(2).all(|m| m[0].texel < m[1].texel));
+        assert!(maps[0].casters.len() < casters.len() / 2, "each map has its own casters");
+        assert!(maps.iter().all(|m| m.size.iter().all(|s| *s <= 2048)));
+    }
+
+    /// Along the ground ahead, the map that a shader takes is as fine as it need be, or as the map of a smaller shadow is.
+    #[test]
+    fn more_texels_are_nowhere_coarser_than_fewer() {
+        let sun = light(Vec4::new(-0.4, -0.8, -0.45, 0.0), Vec4::ZERO, Vec4::ZERO);
+        let v = view(0.0);
+        // It goes on under the camera.
+        let ground = Aabb { min: Vec3::new(-6.0, -0.4, -11.0), max: Vec3::new(6.0, -0.4, 3.0) };
+        let region = Region { view: &v, picture: [2560, 1440], receivers: &[ground], casters: &[ground] };
+        let depths: Vec<f32> = (0..97).map(|i| 1.2 + 0.1 * i as f32).collect();
+        let softness = 0.01;
+        let texels = |size: u32| -> Vec<f32> {
+            let maps = fit(&sun, Shadow { size, softness }, &region);
+            let at = |depth: &f32| {
+                let inside = |m: &&Fitted| {
+                    let p = m.clip_from_relative * Vec4::new(0.0, -0.4, -depth, 1.0);
+                    p.x.abs() < 1.0 && p.y.abs() < 1.0
+                };
+                maps.iter().find(inside).map_or(f32::INFINITY, |m| m.texel)
+            };
+            depths.iter().map(at).collect()
+        };
+        let of_size: Vec<Vec<f32>> = [256, 384, 512, 640, 768, 1024, 2048, 4096].map(texels).into();
+        for (smaller, larger) in of_size.iter().zip(&of_size[1..]) {
+            for (i, (depth, many)) in depths.iter().zip(larger).enumerate() {
+                // Coarser texels are kept free around a map, so that it ends a little later.
+                let near = &smaller[i.saturating_sub(3)..(i + 4).min(smaller.len())];
+                let few = near.iter().copied().fold(0.0, f32::max);
+                // Eight pixels, or nearly a texel of the softness; sizes go up in steps of a quarter of a doubling.
+                let pixel = 2.0 * depth * libm::tanf(0.35) / 1440.0;
+                let fine = (8.0 * pixel).max(1.2 * softness / 3.0) * 1.19;
+                assert!(*many <= few.max(fine), "at {depth} m {many}, with fewer {few}, fine is {fine}");
+            }
+        }
+        assert!(of_size[0].iter().any(|t| *t > 0.02) && of_size[7].iter().all(|t| *t < 0.01));
+    }
+
+    #[test]
+    fn a_moving_camera_moves_whole_texels() {
+        let sun = light(Vec4::new(-0.4, -0.8, -0.45, 0.0), Vec4::ZERO, Vec4::ZERO);
+        let world = DVec3::new(0.3, 0.2, 0.1);
+        let place = |x: f64| {
+            let v = view(x);
+            let map = fit_in(&v, &sun, 3.0).remove(0);
+            let p = map.clip_from_relative * (world - v.position).as_vec3().extend(1.0);
+            let texel = |c: f32, size: u32| (f64::from(c) * 0.5 + 0.5) * f64::from(size);
+            (map.texel, [texel(p.x, map.size[0]), texel(p.y, map.size[1])])
+        };
+        let (texel, at) = place(0.0);
+        for i in 1..30 {
+            let (other, moved) = place(0.0137 * f64::from(i));
+            assert_eq!(texel, other);
+            for (a, b) in at.iter().zip(moved) {
+                let off = (a - b) - (a - b).round();
+                assert!(off.abs() < 2e-3, "{a} {b}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_spot_has_one_map_and_a_lamp_those_faces_that_see_casters() {
+        let v = view(0.0);
+        let at = (DVec3::new(0.0, 4.0, 0.0) - v.position).as_vec3().extend(0.0);
+        // 30° to each side.
+        let (cos_in, cos_out) = (0.9f32, 0.8660254f32);
+        let scale = 1.0 / (cos_in - cos_out);
+        let cone = Vec4::new(scale, -cos_out * scale, 0.0, 0.0);
+        let maps = fit_in(&v, &light(Vec3::NEG_Y.extend(2.0), at, cone), 3.0);
+        assert_eq!(maps.len(), 1);
+        let p = maps[0].clip_from_relative * (DVec3::Y - v.position).as_vec3().extend(1.0);
+        assert!((p.x / p.w).abs() < 1e-5 && (p.w - 3.0).abs() < 1e-4, "{p}");
+        let lamp = fit_in(&v, &light(Vec3::NEG_Y.extend(1.0), at, Vec4::ZERO), 3.0);
+        assert_eq!(lamp.len(), 1, "the caster is below; nothing else is in reach of the other faces");
+        // Out of the lamp's range nothing casts.
+        let short = light(Vec3::NEG_Y.extend(1.0), at.truncate().extend(1.0), Vec4::ZERO);
+        assert!(fit_in(&v, &short, 3.0).is_empty());
+    }
+
+    #[test]
+    fn maps_do_not_overlap() {
+        let sizes = [[2048, 1024], [2048, 2048], [1024, 512], [4096, 16]];
+        let (places, used) = pack(&sizes).unwrap();
+        for (i, (a, s)) in places.iter().zip(sizes).enumerate() {
+            assert!(a[0] + s[0] <= used[0] && a[1] + s[1] <= used[1]);
+            for (b, t) in places[..i].iter().zip(sizes) {
+                let apart =
+                    a[0] + s[0] <= b[0] || b[0] + t[0] <= a[0] || a[1] + s[1] <= b[1] || b[1] + t[1] <= a[1];
+                assert!(apart, "{i}");
+            }
+        }
+        assert_eq!(pack(&[[4096, 4096]; 8]), None);
+    }
+}

@@ -1,0 +1,209 @@
+//! How far apart two surfaces of triangles are at most: the Hausdorff distance, by samples.
+//!
+//! From each vertex of the one to the other surface, and from a grid of places on each of the other's triangles back: what a
+//! coarser version leaves out are vertices, and between its corners it lies off the finer one. After P. Cignoni, C. Rocchini,
+//! R. Scopigno, "Metro: Measuring Error on Simplified Surfaces", Computer Graphics Forum 1998.
+
+use crate::scene_resources::bounds::Aabb;
+use glam::Vec3;
+
+/// Places along an edge of a triangle: 25 of it, its middle and those of its edges among them, without its corners.
+const STEPS: u32 = 6;
+/// Triangles of a leaf.
+const FEW: usize = 4;
+
+/// Positions and triangles; indices in range.
+#[derive(Clone, Copy)]
+pub struct Surface<'a> {
+    pub positions: &'a [Vec3],
+    pub indices: &'a [u32],
+}
+
+impl<'a> Surface<'a> {
+    fn triangles(self) -> impl Iterator<Item = [Vec3; 3]> + 'a {
+        self.indices.chunks_exact(3).map(move |t| [t[0], t[1], t[2]].map(|i| self.positions[i as usize]))
+    }
+}
+
+/// Metres between a surface and a coarser version of it, some of whose vertices it has; 0 where either has no triangles.
+pub fn deviation(fine: Surface, coarse: Surface) -> f32 {
+    let (of_fine, of_coarse) = (Tree::new(fine), Tree::new(coarse));
+    let mut worst = 0.0f32;
+    for corner in fine.triangles().flatten() {
+        worst = of_coarse.farther(corner, worst);
+    }
+    for [a, b, c] in coarse.triangles() {
+        for i in 0..=STEPS {
+            for j in 0..=STEPS - i {
+                let [u, v] = [i, j].map(|n| n as f32 / STEPS as f32);
+                worst = of_fine.farther(a + (b - a) * u + (c - a) * v, worst);
+            }
+        }
+    }
+    worst.sqrt()
+}
+
+/// Boxes in boxes around triangles: each node's are those from `first`, its halves the next node and the one named.
+struct Tree {
+    triangles: Vec<[Vec3; 3]>,
+    nodes: Vec<Node>,
+}
+
+struct Node {
+    bounds: Aabb,
+    first: u32,
+    count: u32,
+    /// 0: a leaf.
+    second: u32,
+}
+
+impl Tree {
+    fn new(surface: Surface) -> Tree {
+        let mut tree = Tree { triangles: surface.triangles().collect(), nodes: Vec::new() };
+        let count = tree.triangles.len();
+        if count > 0 {
+            tree.split(0, count);
+        }
+        tree
+    }
+
+    fn split(&mut self, first: usize, count: usize) -> u32 {
+        let all = &mut self.triangles[first..first + count];
+        let middle = |t: &[Vec3; 3]| t[0] + t[1] + t[2];
+        let bounds = Aabb::of(all.iter().flatten().copied());
+        let node = self.nodes.len() as u32;
+        self.nodes.push(Node { bounds, first: first as u32, count: count as u32, second: 0 });
+        if count > FEW {
+            let spread = Aabb::of(all.iter().map(middle));
+            let size = spread.max - spread.min;
+            let axis = size.max_position();
+            let half = count / 2;
+            all.select_nth_unstable_by(half, |a, b| middle(a)[axis].total_cmp(&middle(b)[axis]));
+            self.split(first, half);
+            let second = self.split(first + half, count - half);
+            self.nodes[node as usize].second = second;
+        }
+        node
+    }
+
+    /// The greater of a squared distance and that of a place to the nearest triangle.
+    fn farther(&self, from: Vec3, than: f32) -> f32 {
+        let outside = |b: &Aabb| from.distance_squared(from.clamp(b.min, b.max));
+        let mut nearest = f32::INFINITY;
+        let mut open: Vec<u32> = Vec::with_capacity(32);
+        open.extend((!self.nodes.is_empty()).then_some(0));
+        while let Some(at) = open.pop() {
+            let node = &self.nodes[at as usize];
+            if outside(&node.bounds) >= nearest {
+                continue;
+            }
+            if node.second == 0 {
+                let all = &self.triangles[node.first as usize..(node.first + node.count) as usize];
+                nearest = all.iter().fold(nearest, |least, t| least.min(squared_distance(from, *t)));
+                // So near that it cannot be the farthest.
+                if nearest <= than {
+                    return than;
+                }
+                continue;
+            }
+            // The nearer half first.
+            let halves = [at + 1, node.second];
+            let [a, b] = halves.map(|half| outside(&self.nodes[half as usize].bounds));
+            open.extend(if a < b { [halves[1], halves[0]] } else { halves });
+        }
+        if nearest.is_finite() { nearest.max(than) } else { than }
+    }
+}
+
+/// To the nearest place of a triangle (C. Ericson, "Real-Time Collision Detection", 5.1.5).
+fn squared_distance(p: Vec3, [a, b, c]: [Vec3; 3]) -> f32 {
+    let (ab, ac) = (b - a, c - a);
+    let to = |from: Vec3, edge: Vec3, length: f32, along: f32| {
+        let share = if length > 0.0 { (along / length).clamp(0.0, 1.0) } else { 0.0 };
+        p.distance_squared(from + edge * share)
+    };
+    let edge = |from: Vec3, edge: Vec3| to(from, edge, edge.length_squared(), edge.dot(p - from));
+    let n = ab.cross(ac);
+    let square = n.length_squared();
+    let inside = square > 0.0 && {
+        let w = p - a;
+        let (u, v) = (w.cross(ac).dot(n), ab.cross(w).dot(n));
+        u >= 0.0 && v >= 0.0 && u + v <= square
+    };
+    if inside {
+        let along = (p - a).dot(n);
+        return along * along / square;
+    }
+    edge(a, ab).min(edge(a, ac)).min(edge(b, c - b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Squares of a grid over heights.
+    fn sheet(squares: u32, height: impl Fn(f32, f32) -> f32) -> (Vec<Vec3>, Vec<u32>) {
+        let n = squares + 1;
+        let at = |i: u32| i as f32 / squares as f32;
+        let positions = (0..n * n).map(|i| {
+            let (x, y) = (at(i % n), at(i / n));
+            Vec3::new(x, y, height(x, y))
+        });
+        let squares = (0..squares * squares).map(|i| i / squares * n + i % squares);
+        let indices = squares.flat_map(|i| [i, i + 1, i + n + 1, i, i + n + 1, i + n]);
+        (positions.collect(), indices.collect())
+    }
+
+    fn between(a: &(Vec<Vec3>, Vec<u32>), b: &(Vec<Vec3>, Vec<u32>)) -> f32 {
+        let of = |s: &'_ (Vec<Vec3>, Vec<u32>)| (s.0.clone(), s.1.clone());
+        let ((ap, ai), (bp, bi)) = (of(a), of(b));
+        deviation(Surface { positions: &ap, indices: &ai }, Surface { positions: &bp, indices: &bi })
+    }
+
+    #[test]
+    fn it_is_the_height_of_what_is_left_out() {
+        let flat = sheet(1, |_, _| 0.0);
+        assert!(between(&sheet(16, |_, _| 0.0), &flat) < 1e-6);
+        // One bump on a plane, off its diagonal.
+        let bump = sheet(16, |x, y| if (x, y) == (0.75, 0.25) { 0.03 } else { 0.0 });
+        assert!((between(&bump, &flat) - 0.03).abs() < 1e-6);
+        assert!((between(&flat, &bump) - 0.03).abs() < 1e-3, "either way");
+        // A sphere's cap of radius 2 under a square: its sagitta is where both diagonals meet.
+        let cap = |x: f32, y: f32| (4.0 - (x - 0.5) * (x - 0.5) - (y - 0.5) * (y - 0.5)).sqrt();
+        let sagitta = cap(0.5, 0.5) - cap(0.0, 0.0);
+        let found = between(&sheet(32, cap), &sheet(1, cap));
+        assert!((found - sagitta).abs() < 0.01 * sagitta, "{found} for {sagitta}");
+    }
+
+    #[test]
+    fn the_tree_finds_what_all_triangles_say() {
+        let wavy = sheet(9, |x, y| 0.1 * libm::sinf(9.0 * x) * libm::cosf(7.0 * y));
+        let surface = Surface { positions: &wavy.0, indices: &wavy.1 };
+        let tree = Tree::new(surface);
+        for i in 0..200 {
+            let f = |k: u32| (i * k % 97) as f32 / 60.0 - 0.3;
+            let p = Vec3::new(f(31), f(57), f(11) * 0.5);
+            let least = surface.triangles().map(|t| squared_distance(p, t)).fold(f32::INFINITY, f32::min);
+            assert_eq!(tree.farther(p, 0.0), least);
+            assert_eq!(tree.farther(p, 2.0 * least + 1e-9), 2.0 * least + 1e-9);
+        }
+    }
+
+    #[test]
+    fn distances_to_corners_edges_and_the_face() {
+        let t = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        for (p, square) in [
+            (Vec3::new(0.2, 0.2, 3.0), 9.0),
+            (Vec3::new(-3.0, -4.0, 0.0), 25.0),
+            (Vec3::new(0.5, -2.0, 0.0), 4.0),
+            (Vec3::new(1.0, 1.0, 0.0), 0.5),
+            (Vec3::new(2.0, 0.0, 1.0), 2.0),
+        ] {
+            assert!((squared_distance(p, t) - square).abs() < 1e-6, "{p}");
+        }
+        // Without area: its edges.
+        assert_eq!(squared_distance(Vec3::new(0.5, 1.0, 0.0), [Vec3::ZERO, Vec3::X, Vec3::X]), 1.0);
+        let nothing = Surface { positions: &[], indices: &[] };
+        assert_eq!(deviation(nothing, nothing), 0.0);
+    }
+}

@@ -1,0 +1,155 @@
+//! What is kept of surfaces until they are lit: its images, the pass that fills them and the draw that lights it.
+
+use super::context::Context;
+use super::descriptors::{Layouts, Pools, write_buffer, write_image};
+use super::execute::{Execution, to_color, to_depth};
+use super::frame_in_flight::Slot;
+use super::{Ability, VulkanRenderer};
+use crate::commands::{Cull, RecordOptions};
+use crate::plan::DeferredCause;
+use crate::shader::uniforms::RebuiltUniform;
+use crate::{DeviceKind, Plan, RenderError};
+use ash::vk;
+
+/// Normals and shares, colours, depth: see shaders/deferred.wgsl. Vulkan promises these formats, and as many images, on
+/// every device (Vulkan 1.3, "Required Format Support", `maxColorAttachments`).
+pub const FORMATS: [vk::Format; 3] =
+    [vk::Format::R32G32B32A32_UINT, vk::Format::R32G32B32A32_UINT, vk::Format::R32_SFLOAT];
+/// Bytes of a pixel, in their order.
+pub const BYTES: [u64; 3] = [16, 16, 4];
+
+/// Of set 3 where what was kept is lit.
+pub const BINDINGS: [(u32, vk::DescriptorType, vk::ShaderStageFlags); 4] = [
+    (0, vk::DescriptorType::UNIFORM_BUFFER, vk::ShaderStageFlags::FRAGMENT),
+    (1, vk::DescriptorType::SAMPLED_IMAGE, vk::ShaderStageFlags::FRAGMENT),
+    (2, vk::DescriptorType::SAMPLED_IMAGE, vk::ShaderStageFlags::FRAGMENT),
+    (3, vk::DescriptorType::SAMPLED_IMAGE, vk::ShaderStageFlags::FRAGMENT),
+];
+
+/// Whether a device draws into what is kept, and reads it.
+pub fn color_attachments(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
+    let wanted = vk::FormatFeatureFlags::COLOR_ATTACHMENT | vk::FormatFeatureFlags::SAMPLED_IMAGE;
+    // SAFETY: the device belongs to the instance.
+    let (limits, has) = unsafe {
+        let has = FORMATS.map(|format| {
+            let format = instance.get_physical_device_format_properties(physical, format);
+            format.optimal_tiling_features.contains(wanted)
+        });
+        (instance.get_physical_device_properties(physical).limits, has)
+    };
+    limits.max_color_attachments as usize >= FORMATS.len() && has == [true; 3]
+}
+
+impl VulkanRenderer {
+    /// What pays here, and what the device cannot do.
+    pub(super) fn record_options(&mut self, plan: &Plan) -> RecordOptions {
+        let has = |ability| self.gpu.abilities.has(ability);
+        let no_deferred = !has(Ability::ColorAttachments);
+        let options = RecordOptions {
+            cpu_device: self.gpu.info.kind == DeviceKind::VulkanCpu,
+            textures: Some(self.textures()),
+            no_coverage: !has(Ability::AlphaToOne),
+            no_layers: plan.samples > 1 && !has(Ability::SampleRateShading),
+            no_deferred,
+            no_compute: !has(Ability::Compute),
+        };
+        // An answer to the script, not to the plan's own choice.
+        let asked = plan.deferred.as_ref().is_some_and(|d| d.cause == DeferredCause::Asked);
+        if asked && no_deferred && !std::mem::replace(&mut self.told_forward, true) {
+            let ability = Ability::ColorAttachments;
+            let note = format!(
+                "pipeline \"deferred\": this device lacks {}: {}",
+                ability.name(),
+                ability.fallback()
+            );
+            self.notes.push(note);
+        }
+        options
+    }
+}
+
+impl Slot {
+    /// `buffer`: where how places are rebuilt lies in the frame's data.
+    pub(super) fn write_kept(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        pools: &mut Pools,
+        views: [vk::ImageView; 3],
+        (buffer, at): (vk::Buffer, u64),
+    ) -> Result<(), RenderError> {
+        let set = match self.kept_set {
+            Some(set) => set,
+            None => *self.kept_set.insert(pools.allocate(gpu, layouts.light()?.set, "kept set")?),
+        };
+        let (uniform, image) = (vk::DescriptorType::UNIFORM_BUFFER, vk::DescriptorType::SAMPLED_IMAGE);
+        write_buffer(gpu, set.raw, 0, uniform, buffer, at, size_of::<RebuiltUniform>() as u64);
+        for (binding, view) in (1..).zip(views) {
+            write_image(gpu, set.raw, binding, image, view, vk::Sampler::null());
+        }
+        Ok(())
+    }
+}
+
+impl Execution<'_> {
+    /// Depth, and what is kept: where nothing is drawn it stays undefined, and the depth says so.
+    pub(super) fn begin_geometry(&self) -> Result<(), RenderError> {
+        let targets = self.targets;
+        let (Some(depth), true) = (&targets.depth, targets.needs.kept) else {
+            return Err(RenderError::Usage("what is kept of surfaces was not prepared".into()));
+        };
+        let mut barriers: Vec<_> = targets.kept.iter().map(to_color).collect();
+        barriers.push(to_depth(depth));
+        self.barriers(&barriers);
+        let kept = |view| {
+            vk::RenderingAttachmentInfo::default()
+                .image_view(view)
+                .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+                .load_op(vk::AttachmentLoadOp::DONT_CARE)
+                .store_op(vk::AttachmentStoreOp::STORE)
+        };
+        let colors: Vec<_> = targets.kept.iter().map(|image| kept(image.view)).collect();
+        // Reversed Z: 0 is infinitely far.
+        let far = vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 };
+        let depth = vk::RenderingAttachmentInfo::default()
+            .image_view(depth.view)
+            .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::CLEAR)
+            .store_op(vk::AttachmentStoreOp::STORE)
+            .clear_value(vk::ClearValue { depth_stencil: far });
+        let [width, height] = targets.needs.size;
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let info = vk::RenderingInfo::default()
+            .render_area(area)
+            .layer_count(1)
+            .color_attachments(&colors)
+            .depth_attachment(&depth);
+        // SAFETY: the command buffer is being recorded, outside a pass; the attachments are in the layouts named.
+        unsafe { self.gpu.device.cmd_begin_rendering(self.slot.commands, &info) };
+        self.set_area([0; 2], [width, height]);
+        Ok(())
+    }
+
+    /// With the pipeline that was bound before.
+    pub(super) fn light(&self, area: Option<[u32; 4]>) -> Result<(), RenderError> {
+        let set =
+            self.slot.kept_set.ok_or_else(|| RenderError::Usage("the kept set was not prepared".into()))?;
+        self.bind_set(self.layouts.light()?.pipeline, 3, set.raw);
+        self.set_cull(Cull::None);
+        let [width, height] = self.targets.needs.size;
+        let scissor = |[x, y, w, h]: [u32; 4]| vk::Rect2D {
+            offset: vk::Offset2D { x: x as i32, y: y as i32 },
+            extent: vk::Extent2D { width: w, height: h },
+        };
+        let whole = [0, 0, width, height];
+        let (device, commands) = (&self.gpu.device, self.slot.commands);
+        // SAFETY: the command buffer is being recorded; the pipeline reads no vertices, its sets are bound, and every pipeline
+        // has the scissor dynamic.
+        unsafe {
+            device.cmd_set_scissor(commands, 0, &[scissor(area.unwrap_or(whole))]);
+            device.cmd_draw(commands, 3, 1, 0, 0);
+            device.cmd_set_scissor(commands, 0, &[scissor(whole)]);
+        }
+        Ok(())
+    }
+}

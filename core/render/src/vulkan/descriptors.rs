@@ -1,0 +1,331 @@
+//! Descriptor set layouts, and pools that grow.
+
+use super::context::Context;
+use super::error::Named;
+use crate::RenderError;
+use crate::commands::{Command, Recording};
+use crate::shader::uniforms::{LayersUniform, TEXTURE_SLOTS, TOON_SLOT};
+use ash::vk;
+use std::collections::BTreeMap;
+
+/// Set 0: per frame. Set 1: morph offsets of a primitive. Set 2: shadow maps, the picture behind glass, the sky. Set 3: per material, last because its layout
+/// differs with the textures that a shader reads and must disturb no other. Set 0 of a post pass.
+pub struct Layouts {
+    pub frame: vk::DescriptorSetLayout,
+    materials: BTreeMap<u32, MaterialLayout>,
+    pub morphs: vk::DescriptorSetLayout,
+    pub shadow: vk::DescriptorSetLayout,
+    pub post: vk::DescriptorSetLayout,
+    /// Set 3 of the pass that lights what was kept of surfaces, where a frame has one.
+    light: Option<MaterialLayout>,
+    /// Bodies to be posed and their vertices: set 3 of the compute stage, after the frame's, morph offsets and the mesh.
+    pub posed: vk::DescriptorSetLayout,
+    pub posed_pipeline: vk::PipelineLayout,
+}
+
+/// Of the materials of which a shader reads the same textures.
+#[derive(Clone, Copy)]
+pub struct MaterialLayout {
+    pub set: vk::DescriptorSetLayout,
+    /// With the sets before it.
+    pub pipeline: vk::PipelineLayout,
+}
+
+fn create(
+    gpu: &Context,
+    name: &str,
+    bindings: &[(u32, vk::DescriptorType, vk::ShaderStageFlags)],
+) -> Result<vk::DescriptorSetLayout, RenderError> {
+    let bindings: Vec<_> = bindings
+        .iter()
+        .map(|(binding, kind, stages)| {
+            vk::DescriptorSetLayoutBinding::default()
+                .binding(*binding)
+                .descriptor_type(*kind)
+                .descriptor_count(1)
+                .stage_flags(*stages)
+        })
+        .collect();
+    let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+    // SAFETY: the device is alive; destroyed by `Layouts::destroy`.
+    let layout = unsafe { gpu.device.create_descriptor_set_layout(&info, None) }.named(name)?;
+    gpu.name(layout, name);
+    Ok(layout)
+}
+
+impl Layouts {
+    pub fn new(gpu: &Context) -> Result<Layouts, RenderError> {
+        use vk::DescriptorType as T;
+        let (vertex, fragment) = (vk::ShaderStageFlags::VERTEX, vk::ShaderStageFlags::FRAGMENT);
+        let mut layouts = Layouts {
+            frame: vk::DescriptorSetLayout::null(),
+            materials: BTreeMap::new(),
+            morphs: vk::DescriptorSetLayout::null(),
+            shadow: vk::DescriptorSetLayout::null(),
+            post: vk::DescriptorSetLayout::null(),
+            light: None,
+            posed: vk::DescriptorSetLayout::null(),
+            posed_pipeline: vk::PipelineLayout::null(),
+        };
+        let both = vertex | fragment;
+        let compute = vk::ShaderStageFlags::COMPUTE;
+        let poses = vertex | compute;
+        let frame = super::frame_in_flight::FRAME_BINDINGS.map(|(binding, kind)| {
+            let stages = [both, vertex, poses, poses, fragment, poses, both, vertex, both, fragment];
+            (binding, kind, stages[binding as usize])
+        });
+        let post = [
+            (0, T::UNIFORM_BUFFER, fragment),
+            (1, T::SAMPLED_IMAGE, fragment),
+            (2, T::SAMPLED_IMAGE, fragment),
+            (3, T::STORAGE_BUFFER, fragment),
+        ];
+        let made = (|| {
+            layouts.frame = create(gpu, "frame set layout", &frame)?;
+            layouts.morphs = create(gpu, "morph set layout", &[(0, T::STORAGE_BUFFER, poses)])?;
+            let shadow = [
+                (0, T::UNIFORM_BUFFER, fragment),
+                (1, T::SAMPLED_IMAGE, fragment),
+                (2, T::SAMPLER, fragment),
+                (3, T::SAMPLED_IMAGE, fragment),
+                (4, T::SAMPLER, fragment),
+                // The sky: numbers, maps, their sampler, the panorama itself.
+                (5, T::UNIFORM_BUFFER, fragment),
+                (6, T::SAMPLED_IMAGE, fragment),
+                (7, T::SAMPLER, fragment),
+                (8, T::SAMPLED_IMAGE, fragment),
+                // Layers under the scene.
+                (9, T::SAMPLED_IMAGE, fragment),
+                // Depths of the layer before, of what is seen through.
+                (10, T::SAMPLED_IMAGE, fragment),
+            ];
+            layouts.shadow = create(gpu, "shadow set layout", &shadow)?;
+            layouts.post = create(gpu, "post set layout", &post)?;
+            let posed = [(0, T::STORAGE_BUFFER, compute), (1, T::STORAGE_BUFFER, compute)];
+            layouts.posed = create(gpu, "set layout of bodies to be posed", &posed)?;
+            let sets = [layouts.frame, layouts.morphs, layouts.morphs, layouts.posed];
+            let constants = [vk::PushConstantRange::default().stage_flags(compute).size(8)];
+            let info =
+                vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&constants);
+            // SAFETY: the set layouts belong to this device; destroyed by `destroy`.
+            layouts.posed_pipeline =
+                unsafe { gpu.device.create_pipeline_layout(&info, None) }.named("pose pipeline layout")?;
+            gpu.name(layouts.posed_pipeline, "pose pipeline layout");
+            Ok(())
+        })();
+        match made {
+            Ok(()) => Ok(layouts),
+            Err(e) => {
+                layouts.destroy(gpu);
+                Err(e)
+            }
+        }
+    }
+
+    /// Makes the layout of materials with these textures (a bit a slot), where it is not there.
+    pub fn prepare_material(&mut self, gpu: &Context, slots: u32) -> Result<(), RenderError> {
+        if self.materials.contains_key(&slots) {
+            return Ok(());
+        }
+        use vk::DescriptorType as T;
+        let fragment = vk::ShaderStageFlags::FRAGMENT;
+        // Outlines are as wide as the vertex shader makes them.
+        let vertex = vk::ShaderStageFlags::VERTEX;
+        let mut bindings = vec![(0, T::UNIFORM_BUFFER, vertex | fragment)];
+        for slot in (0..TEXTURE_SLOTS as u32).filter(|slot| slots & (1 << slot) != 0) {
+            let stage = if slot == TOON_SLOT as u32 { vertex } else { fragment };
+            bindings.push((1 + 2 * slot, T::SAMPLED_IMAGE, stage));
+            bindings.push((2 + 2 * slot, T::SAMPLER, stage));
+        }
+        bindings.push((LayersUniform::BINDING, T::UNIFORM_BUFFER, fragment));
+        let made = self.with_set(gpu, "material set layout", &bindings)?;
+        self.materials.insert(slots, made);
+        Ok(())
+    }
+
+    /// Makes the layout of what is kept of surfaces, where a recording has any and it is not there.
+    pub fn prepare_light(&mut self, gpu: &Context, recording: &Recording) -> Result<(), RenderError> {
+        if self.light.is_none() && recording.commands.contains(&Command::BeginGeometry) {
+            self.light = Some(self.with_set(gpu, "kept set layout", &super::deferred::BINDINGS)?);
+        }
+        Ok(())
+    }
+
+    /// Prepared before.
+    pub fn light(&self) -> Result<MaterialLayout, RenderError> {
+        self.light.ok_or_else(|| RenderError::Usage("the layout of what is kept was not prepared".into()))
+    }
+
+    /// A set after the three that all scene pipelines share.
+    fn with_set(
+        &self,
+        gpu: &Context,
+        name: &str,
+        bindings: &[(u32, vk::DescriptorType, vk::ShaderStageFlags)],
+    ) -> Result<MaterialLayout, RenderError> {
+        let set = create(gpu, name, bindings)?;
+        let sets = [self.frame, self.morphs, self.shadow, set];
+        let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+        // SAFETY: the set layouts belong to this device; destroyed by `destroy`.
+        match unsafe { gpu.device.create_pipeline_layout(&info, None) }.named("scene pipeline layout") {
+            Ok(pipeline) => {
+                gpu.name(pipeline, "scene pipeline layout");
+                Ok(MaterialLayout { set, pipeline })
+            }
+            Err(e) => {
+                // SAFETY: just made, used by nothing.
+                unsafe { gpu.device.destroy_descriptor_set_layout(set, None) };
+                Err(e)
+            }
+        }
+    }
+
+    /// Prepared before.
+    pub fn material(&self, slots: u32) -> Result<MaterialLayout, RenderError> {
+        let known = self.materials.get(&slots).copied();
+        known.ok_or_else(|| RenderError::Usage("a material's layout was not prepared".into()))
+    }
+
+    pub fn destroy(&mut self, gpu: &Context) {
+        let light = self.light.take();
+        let materials = std::mem::take(&mut self.materials);
+        for MaterialLayout { set, pipeline } in materials.into_values().chain(light) {
+            // SAFETY: made from this device; no pipeline or set is created from it any more.
+            unsafe {
+                gpu.device.destroy_pipeline_layout(pipeline, None);
+                gpu.device.destroy_descriptor_set_layout(set, None);
+            }
+        }
+        // SAFETY: made from this device (or null); no pipeline is created from it any more.
+        unsafe { gpu.device.destroy_pipeline_layout(self.posed_pipeline, None) };
+        for layout in [self.frame, self.morphs, self.shadow, self.post, self.posed] {
+            // SAFETY: made from this device (or null); no pipeline or set is created from it any more.
+            unsafe { gpu.device.destroy_descriptor_set_layout(layout, None) };
+        }
+    }
+}
+
+/// A set and the pool it goes back to.
+#[derive(Clone, Copy)]
+pub struct Set {
+    pub raw: vk::DescriptorSet,
+    pool: vk::DescriptorPool,
+}
+
+#[derive(Default)]
+pub struct Pools {
+    pools: Vec<vk::DescriptorPool>,
+}
+
+const SETS_PER_POOL: u32 = 64;
+
+impl Pools {
+    pub fn count(&self) -> usize {
+        self.pools.len()
+    }
+
+    pub fn allocate(
+        &mut self,
+        gpu: &Context,
+        layout: vk::DescriptorSetLayout,
+        name: &str,
+    ) -> Result<Set, RenderError> {
+        for &pool in self.pools.iter().rev() {
+            if let Ok(set) = allocate(gpu, pool, layout) {
+                gpu.name(set.raw, name);
+                return Ok(set);
+            }
+        }
+        let pool = self.grow(gpu)?;
+        let set = allocate(gpu, pool, layout).named(name)?;
+        gpu.name(set.raw, name);
+        Ok(set)
+    }
+
+    fn grow(&mut self, gpu: &Context) -> Result<vk::DescriptorPool, RenderError> {
+        let size = |ty, each: u32| vk::DescriptorPoolSize { ty, descriptor_count: each * SETS_PER_POOL };
+        // Enough of each kind for a pool full of the set that has most of it.
+        let sizes = [
+            size(vk::DescriptorType::UNIFORM_BUFFER, 4),
+            size(vk::DescriptorType::STORAGE_BUFFER, 5),
+            size(vk::DescriptorType::SAMPLED_IMAGE, TEXTURE_SLOTS as u32),
+            size(vk::DescriptorType::SAMPLER, TEXTURE_SLOTS as u32),
+        ];
+        let info = vk::DescriptorPoolCreateInfo::default()
+            .flags(vk::DescriptorPoolCreateFlags::FREE_DESCRIPTOR_SET)
+            .max_sets(SETS_PER_POOL)
+            .pool_sizes(&sizes);
+        // SAFETY: the device is alive; destroyed by `Pools::destroy`.
+        let pool = unsafe { gpu.device.create_descriptor_pool(&info, None) }.named("descriptor pool")?;
+        self.pools.push(pool);
+        Ok(pool)
+    }
+
+    /// The caller sees to it that no frame in flight uses the set.
+    pub fn free(&mut self, gpu: &Context, set: Set) {
+        // SAFETY: allocated from this pool, which allows freeing. The call cannot fail (it only returns success).
+        let _ = unsafe { gpu.device.free_descriptor_sets(set.pool, &[set.raw]) };
+    }
+
+    pub fn destroy(&mut self, gpu: &Context) {
+        for pool in self.pools.drain(..) {
+            // SAFETY: made from this device; no frame in flight uses its sets.
+            unsafe { gpu.device.destroy_descriptor_pool(pool, None) };
+        }
+    }
+}
+
+fn allocate(
+    gpu: &Context,
+    pool: vk::DescriptorPool,
+    layout: vk::DescriptorSetLayout,
+) -> Result<Set, vk::Result> {
+    let layouts = [layout];
+    let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+    // SAFETY: pool and layout belong to this device.
+    let sets = unsafe { gpu.device.allocate_descriptor_sets(&info) }?;
+    Ok(Set { raw: sets[0], pool })
+}
+
+/// One write of a whole buffer range.
+pub fn write_buffer(
+    gpu: &Context,
+    set: vk::DescriptorSet,
+    binding: u32,
+    kind: vk::DescriptorType,
+    buffer: vk::Buffer,
+    offset: u64,
+    range: u64,
+) {
+    let info = [vk::DescriptorBufferInfo { buffer, offset, range }];
+    let write = vk::WriteDescriptorSet::default()
+        .dst_set(set)
+        .dst_binding(binding)
+        .descriptor_type(kind)
+        .buffer_info(&info);
+    // SAFETY: set and buffer are alive, and no frame in flight uses the set.
+    unsafe { gpu.device.update_descriptor_sets(&[write], &[]) };
+}
+
+/// An image in shader-read layout, or a sampler.
+pub fn write_image(
+    gpu: &Context,
+    set: vk::DescriptorSet,
+    binding: u32,
+    kind: vk::DescriptorType,
+    view: vk::ImageView,
+    sampler: vk::Sampler,
+) {
+    let info = [vk::DescriptorImageInfo {
+        sampler,
+        image_view: view,
+        image_layout: vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
+    }];
+    let write = vk::WriteDescriptorSet::default()
+        .dst_set(set)
+        .dst_binding(binding)
+        .descriptor_type(kind)
+        .image_info(&info);
+    // SAFETY: set, view and sampler are alive, and no frame in flight uses the set.
+    unsafe { gpu.device.update_descriptor_sets(&[write], &[]) };
+}

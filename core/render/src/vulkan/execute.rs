@@ -1,0 +1,476 @@
+//! A recording, command by command, into a Vulkan command buffer.
+
+use super::context::Context;
+use super::descriptors::{Layouts, write_image};
+use super::frame_in_flight::Slot;
+use super::memory::{Image, range};
+use super::pipelines::{Id, Pipelines};
+use super::resources::Resources;
+use super::targets::Targets;
+use crate::commands::{Command, Cull, Part, Recording, Target};
+use crate::plan::Features;
+use crate::{Catalog, RenderError};
+use ash::vk;
+use glam::Vec4;
+
+pub struct Execution<'a> {
+    pub gpu: &'a Context,
+    pub layouts: &'a Layouts,
+    pub catalog: &'a Catalog,
+    pub resources: &'a Resources,
+    pub pipelines: &'a Pipelines,
+    pub targets: &'a Targets,
+    pub slot: &'a Slot,
+}
+
+impl Execution<'_> {
+    pub fn run(&self, recording: &Recording, ids: &[Option<Id>]) -> Result<(), RenderError> {
+        let device = &self.gpu.device;
+        let commands = self.slot.commands;
+        let missing = |what: &str| RenderError::Usage(format!("{what} was not prepared"));
+        let pipeline_of = |i: usize| {
+            let id = ids[i].as_ref();
+            id.and_then(|id| self.pipelines.get(id)).ok_or_else(|| missing("a pipeline"))
+        };
+        let mut index_count = 0;
+        for (i, command) in recording.commands.iter().enumerate() {
+            match command {
+                Command::UploadFrameData { .. } => {}
+                Command::Pose { variant, primitive, layout, first, count } => {
+                    let morphs = variant.features.has(Features::MORPH);
+                    self.pose(pipeline_of(i)?, (*primitive, *layout), morphs, [*first, *count])?;
+                }
+                Command::EndPoses => self.end_poses(),
+                Command::CopyBackground => self.copy_background(),
+                Command::SetCull(cull) => self.set_cull(*cull),
+                Command::BeginShadows { size, .. } => self.begin_shadows(*size)?,
+                Command::ShadowView { index, at, size } => {
+                    self.set_area(*at, *size);
+                    let set = self.slot.view_sets.get(*index).ok_or_else(|| missing("a shadow view"))?;
+                    self.bind_set(self.pipelines.layout, 0, set.raw);
+                }
+                Command::BeginGeometry => {
+                    self.begin_geometry()?;
+                    self.bind_scene_sets();
+                }
+                Command::DrawLight { area } => self.light(*area)?,
+                Command::CopyBehind { from, .. } => self.copy_behind(*from)?,
+                Command::BeginPass { target, clear, part, kept, area, .. } => {
+                    self.begin_scene(*target, *clear, (*part, *kept), *area);
+                    self.bind_scene_sets();
+                }
+                Command::BeginPeel { layer, area, .. } => {
+                    let set = self.slot.peel_sets.get(if *layer == 0 { 0 } else { 2 - *layer as usize % 2 });
+                    let set = set.ok_or_else(|| missing("a set of layers"))?;
+                    self.begin_peel(*layer, *area)?;
+                    self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
+                    self.bind_set(self.pipelines.layout, 2, set.raw);
+                }
+                Command::BeginLayer { layer, rest, target, area, .. } => {
+                    self.begin_layer(*layer, *rest, *target, *area)?;
+                    self.bind_scene_sets();
+                }
+                Command::BindPipeline(variant) => {
+                    self.bind_pipeline(pipeline_of(i)?);
+                    if variant.key.features.has(Features::POSED) {
+                        self.bind_posed()?;
+                    }
+                }
+                Command::BindMaterial { material, changed, slots } => {
+                    let kept = || self.catalog.materials.get(*material as usize);
+                    let set = match changed {
+                        Some(changed) => self.slot.changed_set(*changed, *slots),
+                        None => kept().and_then(|m| self.resources.material_set(m.hash, *slots)),
+                    };
+                    let layout = self.layouts.material(*slots)?.pipeline;
+                    self.bind_set(layout, 3, set.ok_or_else(|| missing("a material"))?);
+                }
+                Command::BindMesh { primitive, layout, morphs } => {
+                    let hash = self.catalog.primitives[*primitive as usize].hash;
+                    let mesh = self.resources.mesh(hash, *layout).ok_or_else(|| missing("a mesh"))?;
+                    // SAFETY: the command buffer is being recorded; the buffer outlives the frame.
+                    unsafe {
+                        device.cmd_bind_vertex_buffers(commands, 0, &[mesh.buffer.raw], &[0]);
+                        let at = mesh.indices_at;
+                        device.cmd_bind_index_buffer(commands, mesh.buffer.raw, at, mesh.index_type);
+                    }
+                    index_count = mesh.index_count;
+                    if *morphs {
+                        let set = self.resources.morph_set(hash, *layout);
+                        let set = set.ok_or_else(|| missing("a set of morph targets"))?;
+                        self.bind_set(self.pipelines.layout, 1, set);
+                    }
+                }
+                Command::Draw { first_instance, instance_count, indices } => {
+                    let [first, count] = indices.unwrap_or([0, index_count]);
+                    let (copies, from) = (*instance_count, *first_instance);
+                    // SAFETY: pipeline, sets and mesh are bound; indices were checked when the mesh was packed, and the range
+                    // lies in them.
+                    unsafe { device.cmd_draw_indexed(commands, count, copies, first, 0, from) };
+                }
+                Command::DrawBackground { .. } | Command::DrawSky { .. } | Command::DrawUnder => {
+                    self.bind_pipeline(pipeline_of(i)?);
+                    // SAFETY: the pipeline reads no vertices, and its one set is bound.
+                    unsafe { device.cmd_draw(commands, 3, 1, 0, 0) };
+                }
+                Command::EndPass => {
+                    // SAFETY: `BeginPass` began it.
+                    unsafe { device.cmd_end_rendering(commands) };
+                }
+                Command::PostPass { index, from, original, to, size, .. } => {
+                    self.post(pipeline_of(i)?, *index, [*from, *original, *to], *size);
+                }
+                Command::DrawOverlay { first, count, .. } => {
+                    self.bind_pipeline(pipeline_of(i)?);
+                    // SAFETY: the pipeline reads its vertices from the bound set, which holds as many.
+                    unsafe { device.cmd_draw(commands, *count, 1, *first, 0) };
+                }
+                Command::ReadBack => self.read_back(Target::Picture),
+                Command::ReadBackLinear => self.read_back(Target::Float(0)),
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn bind_scene_sets(&self) {
+        self.bind_set(self.pipelines.layout, 0, self.slot.frame_set.raw);
+        if let Some((set, _)) = &self.slot.light_set {
+            self.bind_set(self.pipelines.layout, 2, set.raw);
+        }
+    }
+
+    pub(super) fn set_cull(&self, cull: Cull) {
+        let mode = match cull {
+            Cull::None => vk::CullModeFlags::NONE,
+            Cull::Back => vk::CullModeFlags::BACK,
+            Cull::Front => vk::CullModeFlags::FRONT,
+        };
+        // SAFETY: the command buffer is being recorded; every pipeline has this state dynamic.
+        unsafe { self.gpu.device.cmd_set_cull_mode(self.slot.commands, mode) };
+    }
+
+    fn bind_pipeline(&self, pipeline: vk::Pipeline) {
+        // SAFETY: the command buffer is being recorded; the pipeline outlives the frame.
+        unsafe {
+            let bind = vk::PipelineBindPoint::GRAPHICS;
+            self.gpu.device.cmd_bind_pipeline(self.slot.commands, bind, pipeline);
+        }
+    }
+
+    pub(super) fn bind_set(&self, layout: vk::PipelineLayout, index: u32, set: vk::DescriptorSet) {
+        // SAFETY: the command buffer is being recorded; the set fits the layout and outlives the frame.
+        unsafe {
+            let bind = vk::PipelineBindPoint::GRAPHICS;
+            self.gpu.device.cmd_bind_descriptor_sets(self.slot.commands, bind, layout, index, &[set], &[]);
+        }
+    }
+
+    pub(super) fn barriers(&self, barriers: &[vk::ImageMemoryBarrier2<'_>]) {
+        let info = vk::DependencyInfo::default().image_memory_barriers(barriers);
+        // SAFETY: the command buffer is being recorded, outside a pass; the images are alive.
+        unsafe { self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info) };
+    }
+
+    /// The whole picture from the host's gradient.
+    fn copy_background(&self) {
+        let (picture, Some(rows)) = (&self.targets.picture, self.targets.background()) else { return };
+        self.barriers(&[color_barrier(picture)
+            .src_stage_mask(vk::PipelineStageFlags2::COPY)
+            .dst_stage_mask(vk::PipelineStageFlags2::COPY)
+            .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+            .new_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)]);
+        let region = [self.whole_picture()];
+        // SAFETY: the command buffer is being recorded; the buffer holds one picture.
+        unsafe {
+            let layout = vk::ImageLayout::TRANSFER_DST_OPTIMAL;
+            let commands = self.slot.commands;
+            self.gpu.device.cmd_copy_buffer_to_image(commands, rows, picture.raw, layout, &region);
+        }
+    }
+
+    fn whole_picture(&self) -> vk::BufferImageCopy {
+        let [width, height] = self.targets.needs.size;
+        let layer =
+            vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+        let extent = vk::Extent3D { width, height, depth: 1 };
+        vk::BufferImageCopy::default().image_subresource(layer).image_extent(extent)
+    }
+
+    /// Depth alone, into the part of the image that the maps lie in.
+    fn begin_shadows(&self, [width, height]: [u32; 2]) -> Result<(), RenderError> {
+        let Some(target) = &self.targets.shadow else {
+            return Err(RenderError::Usage("the shadow maps were not prepared".into()));
+        };
+        // The frame before may still read it.
+        let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
+        let barrier = to_depth(&target.image);
+        self.barriers(&[barrier.src_stage_mask(barrier.src_stage_mask | read)]);
+        let far = vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 };
+        let depth = vk::RenderingAttachmentInfo::default()
+            .image_view(target.image.view)
+            .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::CLEAR)
+            .store_op(vk::AttachmentStoreOp::STORE)
+            .clear_value(vk::ClearValue { depth_stencil: far });
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let info = vk::RenderingInfo::default().render_area(area).layer_count(1).depth_attachment(&depth);
+        // SAFETY: the command buffer is being recorded, outside a pass; the image is in the layout named.
+        unsafe { self.gpu.device.cmd_begin_rendering(self.slot.commands, &info) };
+        Ok(())
+    }
+
+    /// Viewport and scissor.
+    pub(super) fn set_area(&self, at: [u32; 2], [width, height]: [u32; 2]) {
+        let viewport = vk::Viewport {
+            x: at[0] as f32,
+            y: at[1] as f32,
+            width: width as f32,
+            height: height as f32,
+            min_depth: 0.0,
+            max_depth: 1.0,
+        };
+        let offset = vk::Offset2D { x: at[0] as i32, y: at[1] as i32 };
+        let area = vk::Rect2D { offset, extent: vk::Extent2D { width, height } };
+        // SAFETY: the command buffer is being recorded; every pipeline has this state dynamic.
+        unsafe {
+            self.gpu.device.cmd_set_viewport(self.slot.commands, 0, &[viewport]);
+            self.gpu.device.cmd_set_scissor(self.slot.commands, 0, &[area]);
+        }
+    }
+
+    /// `after_geometry`: the depth is there, and what was kept is read.
+    fn begin_scene(
+        &self,
+        target: Target,
+        clear: Option<Vec4>,
+        (part, after_geometry): (Part, bool),
+        area: Option<[u32; 4]>,
+    ) {
+        let resolved = self.targets.image(target);
+        let multisampled = self.targets.multisampled.as_ref();
+        let kept = part != Part::Whole;
+        let resumed = matches!(part, Part::AfterCopy | Part::AfterLayers);
+        let goes_on = matches!(part, Part::UntilCopy | Part::UntilLayers);
+        let mut barriers = vec![match clear {
+            // The copy left the picture to be drawn into; with several samples it is only resolved into.
+            _ if resumed => again(to_color(resolved), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
+            Some(_) if area.is_none() => to_color(resolved),
+            // As the background's copy left it: all of it, or what lies around the area.
+            _ => color_barrier(resolved)
+                .src_stage_mask(vk::PipelineStageFlags2::COPY)
+                .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+                .dst_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+                .dst_access_mask(
+                    vk::AccessFlags2::COLOR_ATTACHMENT_WRITE | vk::AccessFlags2::COLOR_ATTACHMENT_READ,
+                )
+                .old_layout(vk::ImageLayout::TRANSFER_DST_OPTIMAL)
+                .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
+        }];
+        let (of_samples, of_depth) = (multisampled.map(to_color), self.targets.depth.as_ref().map(to_depth));
+        if resumed {
+            barriers.extend(of_samples.map(|b| again(b, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)));
+            barriers.extend(of_depth.map(|b| again(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)));
+        } else {
+            barriers.extend(of_samples);
+            barriers.extend(of_depth.map(|b| match after_geometry {
+                true => again(b, vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL),
+                false => b,
+            }));
+            if after_geometry {
+                barriers.extend(self.targets.kept.iter().map(from_color));
+            }
+            barriers.extend(self.targets.shadow.as_ref().map(|s| from_depth(&s.image)));
+        }
+        self.barriers(&barriers);
+
+        let load = if clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD };
+        let float32 = clear.unwrap_or_default().to_array();
+        let clear = vk::ClearValue { color: vk::ClearColorValue { float32 } };
+        let mut color = vk::RenderingAttachmentInfo::default()
+            .image_view(multisampled.unwrap_or(resolved).view)
+            .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+            .load_op(load)
+            .store_op(vk::AttachmentStoreOp::STORE)
+            .clear_value(clear);
+        if multisampled.is_some() {
+            color = color
+                .store_op(if goes_on {
+                    vk::AttachmentStoreOp::STORE
+                } else {
+                    vk::AttachmentStoreOp::DONT_CARE
+                })
+                .resolve_mode(vk::ResolveModeFlags::AVERAGE)
+                .resolve_image_view(resolved.view)
+                .resolve_image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
+            if part == Part::UntilLayers {
+                color = color.resolve_mode(vk::ResolveModeFlags::NONE);
+            }
+        }
+        // Reversed Z: 0 is infinitely far.
+        let far = vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 };
+        let depth = self.targets.depth.as_ref().map(|image| {
+            vk::RenderingAttachmentInfo::default()
+                .image_view(image.view)
+                .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+                .load_op(if resumed || after_geometry {
+                    vk::AttachmentLoadOp::LOAD
+                } else {
+                    vk::AttachmentLoadOp::CLEAR
+                })
+                .store_op(if kept { vk::AttachmentStoreOp::STORE } else { vk::AttachmentStoreOp::DONT_CARE })
+                .clear_value(vk::ClearValue { depth_stencil: far })
+        });
+        self.begin(Some(&color), depth.as_ref(), area);
+    }
+
+    pub(super) fn begin(
+        &self,
+        color: Option<&vk::RenderingAttachmentInfo<'_>>,
+        depth: Option<&vk::RenderingAttachmentInfo<'_>>,
+        part: Option<[u32; 4]>,
+    ) {
+        let [width, height] = self.targets.needs.size;
+        let [x, y, w, h] = part.unwrap_or([0, 0, width, height]);
+        let offset = vk::Offset2D { x: x as i32, y: y as i32 };
+        let area = vk::Rect2D { offset, extent: vk::Extent2D { width: w, height: h } };
+        let colors = Vec::from_iter(color.copied());
+        let mut info =
+            vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
+        if let Some(depth) = depth {
+            info = info.depth_attachment(depth);
+        }
+        // SAFETY: the command buffer is being recorded, outside a pass; the attachments are in the layouts named.
+        unsafe { self.gpu.device.cmd_begin_rendering(self.slot.commands, &info) };
+        self.set_area([0; 2], [width, height]);
+        // SAFETY: the command buffer is being recorded; every pipeline has this state dynamic.
+        unsafe { self.gpu.device.cmd_set_scissor(self.slot.commands, 0, &[area]) };
+    }
+
+    fn post(
+        &self,
+        pipeline: vk::Pipeline,
+        index: usize,
+        [from, original, to]: [Target; 3],
+        [w, h]: [u32; 2],
+    ) {
+        let (first, from) = (original == from, self.targets.image(from));
+        // An effect's later pass finds what its first one got as that left it: to be read.
+        let original = if first { from } else { self.targets.image(original) };
+        let set = self.slot.post_sets[index].raw;
+        let sampled = vk::DescriptorType::SAMPLED_IMAGE;
+        write_image(self.gpu, set, 1, sampled, from.view, vk::Sampler::null());
+        write_image(self.gpu, set, 2, sampled, original.view, vk::Sampler::null());
+        let target = self.targets.image(to);
+        self.barriers(&[from_color(from), to_color(target)]);
+        let color = vk::RenderingAttachmentInfo::default()
+            .image_view(target.view)
+            .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::DONT_CARE)
+            .store_op(vk::AttachmentStoreOp::STORE);
+        self.begin(Some(&color), None, Some([0, 0, w, h]));
+        self.set_cull(Cull::None);
+        self.bind_pipeline(pipeline);
+        self.bind_set(self.pipelines.post_layout, 0, set);
+        // SAFETY: the pipeline reads no vertices, and its one set is bound.
+        unsafe {
+            self.gpu.device.cmd_draw(self.slot.commands, 3, 1, 0, 0);
+            self.gpu.device.cmd_end_rendering(self.slot.commands);
+        }
+    }
+
+    fn read_back(&self, from: Target) {
+        let picture = self.targets.image(from);
+        self.barriers(&[color_barrier(picture)
+            .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+            .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::COPY)
+            .dst_access_mask(vk::AccessFlags2::TRANSFER_READ)
+            .old_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+            .new_layout(vk::ImageLayout::TRANSFER_SRC_OPTIMAL)]);
+        let Some(readback) = &self.slot.readback else { return };
+        let region = [self.whole_picture()];
+        let to_host = [vk::MemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::COPY)
+            .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::HOST)
+            .dst_access_mask(vk::AccessFlags2::HOST_READ)];
+        // SAFETY: the command buffer is being recorded; the buffer holds at least one picture.
+        unsafe {
+            self.gpu.device.cmd_copy_image_to_buffer(
+                self.slot.commands,
+                picture.raw,
+                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+                readback.raw,
+                &region,
+            );
+            let info = vk::DependencyInfo::default().memory_barriers(&to_host);
+            self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info);
+        }
+    }
+}
+
+pub(super) fn color_barrier(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    vk::ImageMemoryBarrier2::default().image(image.raw).subresource_range(range(vk::ImageAspectFlags::COLOR))
+}
+
+/// Drawn; from now on shaders read it.
+pub(super) fn from_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    color_barrier(image)
+        .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+        .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
+        .dst_stage_mask(vk::PipelineStageFlags2::FRAGMENT_SHADER)
+        .dst_access_mask(vk::AccessFlags2::SHADER_SAMPLED_READ)
+        .old_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+        .new_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)
+}
+
+/// Contents kept, which are in this layout.
+pub(super) fn again(
+    barrier: vk::ImageMemoryBarrier2<'static>,
+    layout: vk::ImageLayout,
+) -> vk::ImageMemoryBarrier2<'static> {
+    barrier.old_layout(layout)
+}
+
+/// Contents dropped; after whatever the frame before did with it.
+pub(super) fn to_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    color_barrier(image)
+        .src_stage_mask(
+            vk::PipelineStageFlags2::COPY
+                | vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT
+                | vk::PipelineStageFlags2::FRAGMENT_SHADER,
+        )
+        .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
+        .dst_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+        .dst_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE | vk::AccessFlags2::COLOR_ATTACHMENT_READ)
+        .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+}
+
+pub(super) fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    let stages = vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS;
+    vk::ImageMemoryBarrier2::default()
+        .image(image.raw)
+        .subresource_range(range(vk::ImageAspectFlags::DEPTH))
+        .src_stage_mask(stages)
+        .src_access_mask(vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE)
+        .dst_stage_mask(stages)
+        .dst_access_mask(
+            vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE
+                | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ,
+        )
+        .new_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+}
+
+/// Drawn; from now on shaders read it.
+pub(super) fn from_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    let stages = vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS;
+    vk::ImageMemoryBarrier2::default()
+        .image(image.raw)
+        .subresource_range(range(vk::ImageAspectFlags::DEPTH))
+        .src_stage_mask(stages)
+        .src_access_mask(vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE)
+        .dst_stage_mask(vk::PipelineStageFlags2::FRAGMENT_SHADER)
+        .dst_access_mask(vk::AccessFlags2::SHADER_SAMPLED_READ)
+        .old_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+        .new_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)
+}

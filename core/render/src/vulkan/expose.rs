@@ -1,0 +1,108 @@
+//! Exposures: frames that are the mean of several. Each of those is drawn as any frame and read back linear; the host adds
+//! them up and runs what comes over the picture, by the functions that are the passes' specification.
+
+use super::VulkanRenderer;
+use super::context;
+use crate::cpu::picture;
+use crate::plan::motion_blur::{Accumulated, half};
+use crate::{Plan, RenderError};
+use choreo_plugin::Frame;
+use glam::Vec4;
+use std::collections::VecDeque;
+
+impl VulkanRenderer {
+    /// In place of handing a plan to the device: one with an exposure needs all slots to itself, and who comes after it waits.
+    pub(super) fn waits(&self, plan: &Plan) -> bool {
+        !plan.exposed.is_empty() || self.is_tiled(plan) || !self.later.is_empty()
+    }
+
+    /// The oldest of the plans that wait. Nothing is in flight.
+    pub(super) fn collect_later(&mut self, plan: Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
+        if self.is_tiled(&plan) {
+            return self.collect_tiled(&plan, reuse);
+        }
+        if plan.exposed.is_empty() {
+            self.submit_now(&plan)?;
+            return self.collect_now(reuse);
+        }
+        let [width, height] = plan.size;
+        let mut sum = Accumulated::new(width as usize * height as usize);
+        let mut before = Vec::with_capacity(plan.before.len());
+        let mut waiting: VecDeque<&Plan> = plan.parts().collect();
+        let mut done = 0;
+        while !waiting.is_empty() || !self.pending.is_empty() {
+            while self.pending.len() < self.slots.len()
+                && let Some(part) = waiting.pop_front()
+            {
+                self.submit_now(part)?;
+            }
+            if done < plan.exposed.len() {
+                self.add_oldest(&mut sum)?;
+            } else {
+                // A sum of one is the picture itself.
+                let mut one = Accumulated::new(width as usize * height as usize);
+                self.add_oldest(&mut one)?;
+                before.push(one.mean());
+            }
+            done += 1;
+        }
+        let mut frame = reuse.unwrap_or(Frame { width, height, rgba: Vec::new() });
+        (frame.width, frame.height) = (width, height);
+        frame.rgba.resize(width as usize * height as usize * 4, 0);
+        let passes = picture::passes(&plan.post, plan.size, self.pipelines.effects())?;
+        picture::run(&passes, plan.size, sum.mean(), &before, &mut frame.rgba);
+        if let Some(over) = &plan.over {
+            over.over(&mut frame);
+        }
+        Ok(frame)
+    }
+
+    /// Waits for the oldest frame in flight, a linear one.
+    fn add_oldest(&mut self, sum: &mut Accumulated) -> Result<(), RenderError> {
+        let mapped = self.finished(8)?;
+        let pixel = |bytes: &[u8; 8]| {
+            let part = |i: usize| half(u16::from_le_bytes([bytes[2 * i], bytes[2 * i + 1]]));
+            Vec4::new(part(0), part(1), part(2), part(3))
+        };
+        sum.add(mapped.as_chunks::<8>().0.iter().map(pixel));
+        self.gpu.check_messages()
+    }
+
+    /// The bytes of the oldest frame in flight, once it is done.
+    pub(super) fn finished(&mut self, bytes_a_pixel: usize) -> Result<&[u8], RenderError> {
+        let index = *self
+            .pending
+            .front()
+            .ok_or_else(|| RenderError::Usage("no frame was submitted that is not yet collected".into()))?;
+        self.wait_for(self.slots[index].done_at)?;
+        self.pending.pop_front();
+        if let Some(clock) = &self.clock {
+            clock.read(&self.gpu, index)?;
+        }
+        self.slots[index].release_staging(&self.gpu);
+        if std::mem::take(&mut self.fresh) {
+            context::give_back_freed_memory();
+        }
+        let slot = &self.slots[index];
+        let bytes = slot.size[0] as usize * slot.size[1] as usize * bytes_a_pixel;
+        slot.readback.as_ref().and_then(|b| b.mapped().get(..bytes)).ok_or_else(|| RenderError::Vulkan {
+            object: "read-back buffer".into(),
+            result: "it is not mapped".into(),
+        })
+    }
+
+    pub(super) fn collect_now(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
+        let mut rgba = reuse.map(|f| f.rgba).unwrap_or_default();
+        rgba.clear();
+        let index = self.pending.front().copied().unwrap_or_default();
+        rgba.extend_from_slice(self.finished(4)?);
+        let over = self.slots[index].over.take();
+        let [width, height] = self.slots[index].size;
+        self.gpu.check_messages()?;
+        let mut frame = Frame { width, height, rgba };
+        if let Some(over) = over {
+            over.over(&mut frame);
+        }
+        Ok(frame)
+    }
+}

@@ -1,0 +1,499 @@
+//! The Vulkan renderer: executes recordings on a Vulkan 1.3 device, without a window.
+//!
+//! Compromises, on one page: one queue, one primary command buffer a frame; targets shared by the frames in flight (the
+//! queue runs them in order anyway), everything a frame writes from the host in one mapped buffer of its own;
+//! resources are made when a frame first draws them and kept by content; `load` waits for the device. What fails here is not
+//! tried again here: `steady` does, with a new device that is asked for less.
+
+mod cache;
+mod clock;
+mod context;
+pub mod deferred;
+mod descriptors;
+mod device_features;
+mod device_recovery;
+mod error;
+mod execute;
+mod expose;
+pub mod faults;
+mod frame_in_flight;
+mod gbuffer;
+mod memory;
+mod memory_budget;
+mod options;
+mod parts;
+mod peel;
+mod pipeline_ids;
+mod pipelines;
+mod preskin;
+mod resources;
+mod scene_color_copy;
+mod shadow;
+mod sky;
+mod state;
+mod streams;
+mod targets;
+mod tiled;
+mod upload;
+
+use crate::commands::{Command, RecordOptions, Recording, record, texture_slots};
+use crate::shader::ShaderSources;
+use crate::{Catalog, DeviceInfo, DeviceKind, Held, Plan, RenderError, Renderer, Work};
+use ash::vk;
+use choreo_plugin::{Effect, Frame};
+use choreo_stage::Background;
+pub use clock::DeviceTime;
+use context::{Context, ContextOptions};
+use descriptors::{Layouts, Pools};
+pub use device_features::Ability;
+pub use device_recovery::SteadyRenderer;
+use error::Named;
+use execute::Execution;
+use faults::FaultPlace;
+use frame_in_flight::Slot;
+use memory::Buffer;
+pub use options::GpuOptions;
+use options::frames_in_flight;
+use pipelines::Pipelines;
+use resources::Resources;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use targets::{Needs, Seen, Targets};
+use upload::Uploads;
+
+/// A frame that takes longer is given up: a driver that hangs must not hang the program. Five minutes: a driver that draws
+/// on a busy CPU takes seconds for a large frame, and drivers of GPUs give up by themselves after some seconds.
+pub const TIMEOUT_SECS: u64 = 300;
+
+/// Bytes that a frugal renderer sends to the device at once.
+const FRUGAL_UPLOAD: usize = 8 << 20;
+
+pub struct VulkanRenderer {
+    gpu: Context,
+    layouts: Layouts,
+    pools: Pools,
+    pipelines: Pipelines,
+    resources: Resources,
+    targets: Option<Targets>,
+    /// Textures of effects.
+    texels: Option<Buffer>,
+    slots: Vec<Slot>,
+    /// Indices into `slots`, the oldest first.
+    pending: VecDeque<usize>,
+    /// Submitted after those, and drawn when they are collected; the oldest first.
+    later: VecDeque<Plan>,
+    timeline: vk::Semaphore,
+    submitted: u64,
+    catalog: Arc<Catalog>,
+    last: Option<Recording>,
+    /// No frame of this catalogue was collected yet: its uploads and pipelines still leave freed memory behind.
+    fresh: bool,
+    frugal: bool,
+    /// What was left out, for the user.
+    notes: Vec<String>,
+    most_textures: Option<u32>,
+    /// That what the stage asks for is drawn forward was said.
+    told_forward: bool,
+    clock: Option<clock::Clock>,
+    longest_side: u32,
+}
+
+impl VulkanRenderer {
+    pub fn new(options: GpuOptions) -> Result<VulkanRenderer, RenderError> {
+        let gpu = Context::new(&ContextOptions {
+            validation: options.validation,
+            device: options.device.as_deref(),
+            instance_extensions: &options.instance_extensions,
+            device_extensions: &options.device_extensions,
+            frugal: options.frugal,
+            faults: options.faults,
+            without: &options.without,
+            storage_range: options.storage_range,
+        })?;
+        let mut layouts = Layouts::new(&gpu)?;
+        let cache_dir = options.cache_dir.as_deref();
+        let pipelines = ShaderSources::read(options.shader_dir)
+            .and_then(|sources| Pipelines::new(&gpu, &layouts, cache_dir, sources, options.effects));
+        let pipelines = match pipelines {
+            Ok(pipelines) => pipelines,
+            Err(e) => {
+                layouts.destroy(&gpu);
+                return Err(e);
+            }
+        };
+        let usual = if gpu.info.kind == DeviceKind::VulkanGpu { 16.0 } else { 1.0 };
+        let mut resources = Resources::default();
+        resources.anisotropy = options.anisotropy.unwrap_or(usual);
+        let mut renderer = VulkanRenderer {
+            gpu,
+            layouts,
+            pools: Pools::default(),
+            pipelines,
+            resources,
+            targets: None,
+            texels: None,
+            slots: Vec::new(),
+            pending: VecDeque::new(),
+            later: VecDeque::new(),
+            timeline: vk::Semaphore::null(),
+            submitted: 0,
+            catalog: Arc::default(),
+            last: None,
+            fresh: true,
+            notes: Vec::new(),
+            most_textures: options.textures,
+            told_forward: false,
+            clock: None,
+            longest_side: options.longest_side.unwrap_or(u32::MAX).max(1),
+            frugal: options.frugal,
+        };
+        // From here on `drop` cleans up.
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        // SAFETY: the device is alive and has the feature; destroyed by `drop`.
+        renderer.timeline =
+            unsafe { renderer.gpu.device.create_semaphore(&info, None) }.named("frame timeline")?;
+        renderer.gpu.name(renderer.timeline, "frame timeline");
+        for _ in 0..frames_in_flight(renderer.gpu.info.kind, options.frugal) {
+            let slot = Slot::new(&renderer.gpu, &renderer.layouts, &mut renderer.pools)?;
+            renderer.slots.push(slot);
+        }
+        let slots = renderer.slots.len() as u32;
+        renderer.clock = clock::Clock::new(&renderer.gpu, options.device_time, slots)?;
+        renderer.gpu.check_messages()?;
+        Ok(renderer)
+    }
+
+    /// The commands of the frame submitted last.
+    pub fn last_recording(&self) -> Option<&Recording> {
+        self.last.as_ref()
+    }
+
+    /// Pipelines made so far.
+    pub fn pipeline_count(&self) -> usize {
+        self.pipelines.count()
+    }
+
+    /// Meshes, textures and materials on the device.
+    pub fn resource_counts(&self) -> [usize; 3] {
+        self.resources.counts()
+    }
+
+    /// Outlives the renderer: what the validation layer says while it is dropped can still be read.
+    pub fn validation_messages(&self) -> Arc<std::sync::Mutex<Vec<String>>> {
+        self.gpu.messages.clone()
+    }
+
+    /// Bytes of device memory in use, by what the allocator handed out.
+    pub fn allocated_bytes(&self) -> u64 {
+        self.gpu.allocator().generate_report().total_allocated_bytes
+    }
+
+    fn wait_idle(&self) -> Result<(), RenderError> {
+        self.wait_for(self.submitted)
+    }
+
+    fn wait_for(&self, value: u64) -> Result<(), RenderError> {
+        let (semaphores, values) = ([self.timeline], [value]);
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        self.gpu.fault(FaultPlace::Wait).named(&format!("frame {value}"))?;
+        // SAFETY: the semaphore is alive.
+        unsafe { self.gpu.device.wait_semaphores(&info, TIMEOUT_SECS * 1_000_000_000) }
+            .named(&format!("frame {value}"))
+    }
+
+    fn check(&self, plan: &Plan) -> Result<(), RenderError> {
+        let limit = self.longest_side().max(crate::plan::tiles::MOST);
+        for (what, value) in [("picture width", plan.size[0]), ("picture height", plan.size[1])] {
+            if value == 0 {
+                return Err(RenderError::Usage(format!("the {what} is 0")));
+            }
+            if value > limit {
+                let (value, limit) = (value as u64, limit as u64);
+                return Err(RenderError::Limit { what: what.into(), value, limit });
+            }
+        }
+        let counts = self.gpu.limits().framebuffer_color_sample_counts
+            & self.gpu.limits().framebuffer_depth_sample_counts;
+        if !plan.samples.is_power_of_two() || !counts.contains(vk::SampleCountFlags::from_raw(plan.samples)) {
+            let what = "number of samples".into();
+            return Err(RenderError::Limit { what, value: plan.samples as u64, limit: 4 });
+        }
+        crate::plan::build::light_clusters::check(plan)
+    }
+
+    fn free_slot(&self) -> Option<usize> {
+        (0..self.slots.len()).find(|s| !self.pending.contains(s))
+    }
+
+    fn prepare_targets(&mut self, plan: &Plan, recording: &Recording) -> Result<(), RenderError> {
+        let needs = Needs::of(recording);
+        if self.targets.as_ref().is_none_or(|t| t.needs != needs) {
+            self.wait_idle()?;
+            if let Some(mut old) = self.targets.take() {
+                old.destroy(&self.gpu);
+            }
+            self.targets = Some(Targets::new(&self.gpu, needs)?);
+        }
+        let copied = recording.commands.contains(&Command::CopyBackground);
+        let (top, bottom) = match plan.background {
+            Background::Gradient { top, bottom } => (top.extend(1.0), bottom.extend(1.0)),
+            Background::Color(color) => (color, color),
+        };
+        if copied && self.targets.as_ref().is_some_and(|t| !t.has_background(top, bottom)) {
+            // Rows are shared by the frames in flight: a gradient that changes with time waits for them.
+            self.wait_idle()?;
+            if let Some(targets) = &mut self.targets {
+                targets.set_background(&self.gpu, top, bottom)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Records into the slot's command buffer.
+    fn record_commands(
+        &mut self,
+        index: usize,
+        recording: &Recording,
+        ids: &[Option<pipelines::Id>],
+        uploads: Uploads,
+    ) -> Result<(), RenderError> {
+        let gpu = &self.gpu;
+        let slot = &mut self.slots[index];
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the slot's last frame is done, so its commands are not pending.
+        unsafe {
+            gpu.device
+                .reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty())
+                .named("command pool")?;
+            gpu.device.begin_command_buffer(slot.commands, &begin).named("frame commands")?;
+        }
+        if let Some(clock) = &self.clock {
+            clock.begin(gpu, slot.commands, index);
+        }
+        if !uploads.is_empty() {
+            slot.staging = Some(uploads.record(gpu, slot.commands)?);
+        }
+        let slot = &self.slots[index];
+        let Some(targets) = &self.targets else {
+            return Err(RenderError::Usage("targets were not prepared".into()));
+        };
+        let execution = Execution {
+            gpu,
+            layouts: &self.layouts,
+            catalog: &self.catalog,
+            resources: &self.resources,
+            pipelines: &self.pipelines,
+            targets,
+            slot,
+        };
+        execution.run(recording, ids)?;
+        if let Some(clock) = &self.clock {
+            clock.end(gpu, slot.commands, index);
+        }
+        // SAFETY: recording was begun above.
+        unsafe { gpu.device.end_command_buffer(slot.commands) }.named("frame commands")
+    }
+
+    fn queue(&mut self, index: usize) -> Result<(), RenderError> {
+        self.run(index)?;
+        self.slots[index].done_at = self.submitted;
+        self.pending.push_back(index);
+        Ok(())
+    }
+
+    /// Sends the slot's commands to the device.
+    fn run(&mut self, index: usize) -> Result<(), RenderError> {
+        let value = self.submitted + 1;
+        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(self.slots[index].commands)];
+        let signals = [vk::SemaphoreSubmitInfo::default()
+            .semaphore(self.timeline)
+            .value(value)
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let submit =
+            [vk::SubmitInfo2::default().command_buffer_infos(&commands).signal_semaphore_infos(&signals)];
+        self.gpu.fault(FaultPlace::Submit).named(&format!("frame {value}"))?;
+        // SAFETY: queue and semaphore belong to the device; only this renderer submits to the queue.
+        unsafe { self.gpu.device.queue_submit2(self.gpu.queue, &submit, vk::Fence::null()) }
+            .named(&format!("frame {value}"))?;
+        self.submitted = value;
+        Ok(())
+    }
+
+    /// As [`Renderer::submit`], and the plan stays the caller's.
+    pub fn submit_plan(&mut self, plan: &Plan) -> Result<(), RenderError> {
+        if self.pending.len() + self.later.len() >= self.slots.len() {
+            let text = format!("{} frames are in flight; collect one first", self.slots.len());
+            return Err(RenderError::Usage(text));
+        }
+        if self.waits(plan) {
+            self.check(plan)?;
+            plan.parts().try_for_each(|part| self.check(part))?;
+            self.later.push_back(plan.clone());
+            return Ok(());
+        }
+        self.submit_now(plan)
+    }
+
+    fn submit_now(&mut self, plan: &Plan) -> Result<(), RenderError> {
+        let index = self.free_slot().ok_or_else(|| {
+            RenderError::Usage(format!("{} frames are in flight; collect one first", self.slots.len()))
+        })?;
+        self.check(plan)?;
+        let options = self.record_options(plan);
+        let entry = |primitive: u32| self.catalog.primitives.get(primitive as usize);
+        let triangles = |primitive| entry(primitive).map_or(0, |p| p.primitive().indices.len() / 3);
+        let mut recording = record(plan, options, triangles);
+        if !self.can_pose(&recording) {
+            recording = record(plan, RecordOptions { no_compute: true, ..options }, triangles);
+        }
+        let ids = pipelines::ids(&recording);
+        self.prepare_targets(plan, &recording)?;
+        self.prepare_texels(&recording)?;
+        self.layouts.prepare_light(&self.gpu, &recording)?;
+        for command in &recording.commands {
+            if let Command::BindPipeline(variant) = command {
+                self.layouts.prepare_material(&self.gpu, texture_slots(variant.key.features))?;
+            }
+        }
+        self.pipelines.prepare(&self.gpu, &self.layouts, &ids)?;
+        let mut uploads = Uploads::default();
+        let prepared = self
+            .resources
+            .prepare(&self.gpu, &self.layouts, &self.catalog, &recording, &mut uploads)
+            .and_then(|()| self.slots[index].prepare_flats(&self.gpu, plan, &mut uploads))
+            .and_then(|()| {
+                let (known, posed) = ((&*self.catalog, &self.resources), &mut self.slots[index].posed);
+                posed.prepare(&self.gpu, &self.layouts, &mut self.pools, known, plan, &recording)
+            })
+            .and_then(|()| {
+                let slot = &mut self.slots[index];
+                let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
+                let (sky, texels) = (self.resources.sky.as_ref(), self.texels.as_ref());
+                let seen = Seen { sky, texels, ..seen };
+                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, seen)
+            })
+            .and_then(|()| {
+                let (slot, pools) = (&mut self.slots[index], &mut self.pools);
+                let (layouts, catalog) = (&self.layouts, &self.catalog);
+                slot.write_changed(&self.gpu, layouts, pools, catalog, &recording, &mut self.resources)
+            })
+            .and_then(|()| match self.frugal && !uploads.is_empty() {
+                true => self.upload_in_parts(index, std::mem::take(&mut uploads)),
+                false => Ok(()),
+            })
+            .and_then(|()| self.record_commands(index, &recording, &ids, uploads))
+            .and_then(|()| self.queue(index));
+        if let Err(e) = prepared {
+            // What was to be uploaded never arrived: forget everything, the next frame makes it again.
+            self.wait_idle()?;
+            self.resources.forget(&self.gpu);
+            self.slots[index].forget_flats(&self.gpu);
+            self.slots[index].release_staging(&self.gpu);
+            return Err(e);
+        }
+        self.last = Some(recording);
+        if let Err(e) = self.gpu.check_messages() {
+            // An error means that nothing was submitted.
+            self.wait_idle()?;
+            self.pending.pop_back();
+            return Err(e);
+        }
+        Ok(())
+    }
+}
+
+impl Renderer for VulkanRenderer {
+    fn device(&self) -> &DeviceInfo {
+        &self.gpu.info
+    }
+
+    fn frames_in_flight(&self) -> usize {
+        self.slots.len()
+    }
+
+    fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError> {
+        self.wait_idle()?;
+        let before = self.resources.counts();
+        self.resources.retain(&self.gpu, &catalog);
+        self.catalog = catalog;
+        self.notes.extend(self.textures_left_out());
+        // Where nothing goes and nothing comes there is nothing to give back.
+        if before == [0; 3] || self.resources.counts() != before {
+            self.fresh = true;
+            context::give_back_freed_memory();
+        }
+        self.gpu.check_messages()
+    }
+
+    fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), RenderError> {
+        self.wait_idle()?;
+        self.forget_texels(effects);
+        self.pipelines.set_effects(&self.gpu, effects);
+        self.gpu.check_messages()
+    }
+
+    fn reload_shaders(&mut self) -> Result<(), RenderError> {
+        self.wait_idle()?;
+        self.pipelines.reload(&self.gpu, &self.layouts)?;
+        self.gpu.check_messages()
+    }
+
+    fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
+    }
+
+    fn work(&self) -> Work {
+        Work { pipelines: self.pipelines.created(), ..self.resources.work }
+    }
+
+    fn held(&self) -> Held {
+        let memory = self.gpu.allocator().generate_report();
+        Held {
+            // Each has memory of its own.
+            memory_objects: memory.allocations.len(),
+            memory_blocks: memory.blocks.len(),
+            bytes: memory.total_capacity_bytes,
+            pipelines: self.pipelines.count(),
+            descriptor_pools: self.resources.descriptor_pools(),
+        }
+    }
+
+    fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
+        self.submit_plan(&plan)
+    }
+
+    fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
+        if self.pending.is_empty()
+            && let Some(plan) = self.later.pop_front()
+        {
+            return self.collect_later(plan, reuse);
+        }
+        self.collect_now(reuse)
+    }
+}
+
+impl Drop for VulkanRenderer {
+    fn drop(&mut self) {
+        // SAFETY: nothing else submits; an error (device lost) means that nothing runs any more.
+        let _ = unsafe { self.gpu.device.device_wait_idle() };
+        if let Some(mut targets) = self.targets.take() {
+            targets.destroy(&self.gpu);
+        }
+        for slot in &mut self.slots {
+            slot.destroy(&self.gpu);
+        }
+        if let Some(mut texels) = self.texels.take() {
+            texels.destroy(&self.gpu);
+        }
+        self.resources.destroy(&self.gpu);
+        self.pipelines.destroy(&self.gpu);
+        self.pools.destroy(&self.gpu);
+        self.layouts.destroy(&self.gpu);
+        if let Some(clock) = self.clock.take() {
+            clock.destroy(&self.gpu);
+        }
+        // SAFETY: the device is idle.
+        unsafe { self.gpu.device.destroy_semaphore(self.timeline, None) };
+    }
+}

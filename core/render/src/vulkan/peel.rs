@@ -1,0 +1,78 @@
+//! Layers of what is seen through: passes that find their depths, and passes that mix them into the picture.
+
+use super::execute::{Execution, again, from_depth, to_color, to_depth};
+use super::memory::Image;
+use crate::RenderError;
+use crate::commands::Target;
+use ash::vk;
+
+impl Execution<'_> {
+    fn layer(&self, layer: u32) -> Result<&Image, RenderError> {
+        let missing = || RenderError::Usage("the layers were not prepared".into());
+        self.targets.layers.get(layer as usize % 2).ok_or_else(missing)
+    }
+
+    /// Depth alone, cleared to the nearest: the farthest beyond what the shader reads stays.
+    pub(super) fn begin_peel(&self, layer: u32, area: Option<[u32; 4]>) -> Result<(), RenderError> {
+        let missing = || RenderError::Usage("the depth was not prepared".into());
+        let before = match layer {
+            0 => self.targets.depth.as_ref().ok_or_else(missing)?,
+            _ => self.layer(layer - 1)?,
+        };
+        let image = self.layer(layer)?;
+        // The layer before it was found by reading this image.
+        let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
+        let barrier = to_depth(image);
+        self.barriers(&[from_depth(before), barrier.src_stage_mask(barrier.src_stage_mask | read)]);
+        let nearest = vk::ClearDepthStencilValue { depth: 1.0, stencil: 0 };
+        let depth = vk::RenderingAttachmentInfo::default()
+            .image_view(image.view)
+            .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::CLEAR)
+            .store_op(vk::AttachmentStoreOp::STORE)
+            .clear_value(vk::ClearValue { depth_stencil: nearest });
+        self.begin(None, Some(&depth), area);
+        Ok(())
+    }
+
+    /// The picture goes on: where depths are those of the layer, or (`rest`) nearer.
+    pub(super) fn begin_layer(
+        &self,
+        layer: u32,
+        rest: bool,
+        target: Target,
+        area: Option<[u32; 4]>,
+    ) -> Result<(), RenderError> {
+        let picture = self.targets.multisampled.as_ref().unwrap_or(self.targets.image(target));
+        let image = self.layer(layer)?;
+        let mut barriers = vec![
+            again(to_color(picture), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
+            again(to_depth(image), vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL),
+        ];
+        if let (0, false, Some(depth)) = (layer, rest, &self.targets.depth) {
+            // The first layer was found from it; what follows the layers tests against it.
+            let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
+            barriers.push(again(
+                to_depth(depth).src_stage_mask(read).src_access_mask(vk::AccessFlags2::NONE),
+                vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL,
+            ));
+        }
+        self.barriers(&barriers);
+        let color = vk::RenderingAttachmentInfo::default()
+            .image_view(picture.view)
+            .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::LOAD)
+            .store_op(vk::AttachmentStoreOp::STORE);
+        let depth = vk::RenderingAttachmentInfo::default()
+            .image_view(image.view)
+            .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::LOAD)
+            .store_op(vk::AttachmentStoreOp::STORE);
+        self.begin(Some(&color), Some(&depth), area);
+        // Reversed Z: nearer is greater.
+        let compare = if rest { vk::CompareOp::GREATER } else { vk::CompareOp::EQUAL };
+        // SAFETY: the command buffer is being recorded; the pipelines of this pass have this state dynamic.
+        unsafe { self.gpu.device.cmd_set_depth_compare_op(self.slot.commands, compare) };
+        Ok(())
+    }
+}

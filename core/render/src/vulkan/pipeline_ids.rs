@@ -1,0 +1,78 @@
+//! What a pipeline is for, and which ones a recording binds.
+
+use crate::commands::preskin::PoseVariant;
+use crate::commands::{Command, Recording, Target};
+use crate::shader::SceneVariant;
+
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Id {
+    /// Vertices into their poses.
+    Pose(PoseVariant),
+    /// `surface`: the effects on it, each with its bit.
+    Scene { variant: SceneVariant, samples: u32, float: bool, surface: Vec<(u8, String)> },
+    /// `surface`: the effects on it, each with its bit.
+    Background { samples: u32, float: bool, depth: bool, what: Backdrop, surface: Vec<(u8, String)> },
+    /// `over`: not hidden by what is nearer.
+    Overlay { samples: u32, float: bool, over: bool },
+    /// One for each run of an effect: drivers that draw on the CPU execute both sides of a branch.
+    Post { effect: String, number: u32, float: bool },
+}
+
+/// What is drawn where the scene left nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Backdrop {
+    Gradient,
+    Sky,
+    /// Layers under the scene, over either.
+    Under,
+}
+
+/// The pipeline of each command of a recording, in order (`None` for commands that bind none).
+pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
+    let (mut samples, mut float, mut depth) = (1, false, false);
+    let is_float = |t: &Target| matches!(t, Target::Float(_));
+    let id = |command: &Command| match command {
+        Command::BeginPass { target, samples: s, depth: d, .. } => {
+            (samples, float, depth) = (*s, is_float(target), *d);
+            None
+        }
+        Command::BeginPeel { samples: s, .. } => {
+            samples = *s;
+            None
+        }
+        Command::BeginLayer { target, samples: s, .. } => {
+            (samples, float, depth) = (*s, is_float(target), true);
+            None
+        }
+        Command::BeginShadows { .. } | Command::BeginGeometry => {
+            (samples, float) = (1, false);
+            None
+        }
+        Command::Pose { variant, .. } => Some(Id::Pose(*variant)),
+        Command::BindPipeline(variant) => {
+            let surface = on_surface(recording, variant.key.effects());
+            Some(Id::Scene { variant: *variant, samples, float, surface })
+        }
+        Command::DrawBackground { surface } | Command::DrawSky { surface } => {
+            let surface = on_surface(recording, *surface);
+            let sky = matches!(command, Command::DrawSky { .. });
+            let what = if sky { Backdrop::Sky } else { Backdrop::Gradient };
+            Some(Id::Background { samples, float, depth, what, surface })
+        }
+        Command::DrawUnder => {
+            Some(Id::Background { samples, float, depth, what: Backdrop::Under, surface: Vec::new() })
+        }
+        Command::DrawOverlay { over, .. } => Some(Id::Overlay { samples, float, over: *over }),
+        Command::PostPass { effect, number, to, .. } => {
+            Some(Id::Post { effect: effect.clone(), number: *number, float: is_float(to) })
+        }
+        _ => None,
+    };
+    recording.commands.iter().map(id).collect()
+}
+
+/// The effects of a set of bits, each with its own.
+fn on_surface(recording: &Recording, bits: u8) -> Vec<(u8, String)> {
+    let names = (0u8..).zip(&recording.surface);
+    names.filter(|(bit, _)| bits >> bit & 1 == 1).map(|(bit, name)| (bit, name.clone())).collect()
+}

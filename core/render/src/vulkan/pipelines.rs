@@ -1,0 +1,492 @@
+//! Pipelines by what they are for, made when a frame first asks, several at once.
+
+use super::cache::PipelineCache;
+use super::context::Context;
+use super::descriptors::Layouts;
+use super::error::Named;
+use super::faults::FaultPlace;
+use super::pipeline_ids::Backdrop;
+pub use super::pipeline_ids::{Id, ids};
+use super::preskin;
+use super::state::{Mix, State, format_of, vertex_format};
+use super::targets::DEPTH;
+use crate::RenderError;
+use crate::commands::texture_slots;
+use crate::plan::{Features, Glass, TopologyKey};
+use crate::scene_resources::vertex_layout::VertexLayout;
+use crate::shader::{
+    BACKGROUND, DeferredPass, Entry, OVERLAY, PeelPass, SCENE, SKY, SceneEffect, ShaderSources, SourceFile,
+    UNDER, compile, surface_files, switches, texture_functions,
+};
+use ash::vk;
+use choreo_plugin::{Effect, Hook};
+use naga::ShaderStage;
+use rayon::prelude::*;
+use std::collections::{BTreeSet, HashMap};
+use std::path::Path;
+use std::sync::Arc;
+
+pub struct Pipelines {
+    cache: PipelineCache,
+    /// Of the sets that all scene pipelines share.
+    pub layout: vk::PipelineLayout,
+    pub post_layout: vk::PipelineLayout,
+    sources: ShaderSources,
+    effects: Vec<Arc<dyn Effect>>,
+    made: HashMap<Id, vk::Pipeline>,
+    /// How many were ever made.
+    created: u64,
+}
+
+impl Pipelines {
+    pub fn new(
+        gpu: &Context,
+        layouts: &Layouts,
+        cache_dir: Option<&Path>,
+        sources: ShaderSources,
+        effects: Vec<Arc<dyn Effect>>,
+    ) -> Result<Pipelines, RenderError> {
+        let mut pipelines = Pipelines {
+            cache: PipelineCache::new(gpu, cache_dir)?,
+            layout: vk::PipelineLayout::null(),
+            post_layout: vk::PipelineLayout::null(),
+            sources,
+            effects,
+            made: HashMap::new(),
+            created: 0,
+        };
+        let create = |name: &str, sets: &[vk::DescriptorSetLayout]| {
+            let info = vk::PipelineLayoutCreateInfo::default().set_layouts(sets);
+            // SAFETY: the set layouts belong to this device; destroyed by `destroy`.
+            let layout = unsafe { gpu.device.create_pipeline_layout(&info, None) }.named(name)?;
+            gpu.name(layout, name);
+            Ok(layout)
+        };
+        let made = (|| {
+            let sets = [layouts.frame, layouts.morphs, layouts.shadow];
+            pipelines.layout = create("scene pipeline layout", &sets)?;
+            pipelines.post_layout = create("post pipeline layout", &[layouts.post])?;
+            Ok(())
+        })();
+        match made {
+            Ok(()) => Ok(pipelines),
+            Err(e) => {
+                pipelines.destroy(gpu);
+                Err(e)
+            }
+        }
+    }
+
+    pub fn get(&self, id: &Id) -> Option<vk::Pipeline> {
+        self.made.get(id).copied()
+    }
+
+    pub fn count(&self) -> usize {
+        self.made.len()
+    }
+
+    /// Makes those that are missing, on all cores.
+    pub fn prepare(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        ids: &[Option<Id>],
+    ) -> Result<(), RenderError> {
+        let missing: BTreeSet<&Id> = ids.iter().flatten().filter(|id| !self.made.contains_key(id)).collect();
+        let missing: Vec<&Id> = missing.into_iter().collect();
+        let made = self.create_all(gpu, layouts, &missing)?;
+        self.created += made.len() as u64;
+        self.made.extend(missing.into_iter().cloned().zip(made));
+        Ok(())
+    }
+
+    /// All or none: where one fails the others are destroyed again.
+    fn create_all(
+        &self,
+        gpu: &Context,
+        layouts: &Layouts,
+        ids: &[&Id],
+    ) -> Result<Vec<vk::Pipeline>, RenderError> {
+        let results: Vec<_> = ids.par_iter().map(|id| self.create(gpu, layouts, id)).collect();
+        let mut error = None;
+        let mut made = Vec::with_capacity(results.len());
+        for result in results {
+            match result {
+                Ok(pipeline) => made.push(pipeline),
+                Err(e) => error = Some(error.unwrap_or(e)),
+            }
+        }
+        match error {
+            None => Ok(made),
+            Some(e) => {
+                for pipeline in made {
+                    // SAFETY: just made, never bound.
+                    unsafe { gpu.device.destroy_pipeline(pipeline, None) };
+                }
+                Err(e)
+            }
+        }
+    }
+
+    /// How many were ever made.
+    pub fn created(&self) -> u64 {
+        self.created
+    }
+
+    /// Other effects in place of those before; pipelines of those whose text is another are made again where a frame asks.
+    /// No frame may be in flight.
+    pub fn set_effects(&mut self, gpu: &Context, effects: &[Arc<dyn Effect>]) {
+        let old = std::mem::replace(&mut self.effects, effects.to_vec());
+        let text = |all: &[Arc<dyn Effect>], name: &str| {
+            let effect = all.iter().find(|e| e.manifest().name == name)?;
+            // Where its textures lie is written into its functions.
+            let textures = texture_functions(all, effect.as_ref());
+            Some((effect.wgsl().to_string(), textures, effect.hook(), effect.along_model()))
+        };
+        self.made.retain(|id, pipeline| {
+            let names: Vec<&String> = match id {
+                Id::Post { effect, .. } => vec![effect],
+                Id::Scene { surface, .. } | Id::Background { surface, .. } => {
+                    surface.iter().map(|(_, name)| name).collect()
+                }
+                Id::Overlay { .. } | Id::Pose(_) => return true,
+            };
+            let same = names.iter().all(|name| text(&old, name) == text(effects, name));
+            if !same {
+                // SAFETY: no frame in flight uses it.
+                unsafe { gpu.device.destroy_pipeline(*pipeline, None) };
+            }
+            same
+        });
+    }
+
+    /// Compiles every pipeline in use again from the shader folder; on an error the last good ones stay.
+    /// No frame may be in flight.
+    pub fn reload(&mut self, gpu: &Context, layouts: &Layouts) -> Result<(), RenderError> {
+        let before = self.sources.clone();
+        self.sources = ShaderSources::read(before.folder.clone())?;
+        let ids: Vec<Id> = self.made.keys().cloned().collect();
+        let made = match self.create_all(gpu, layouts, &ids.iter().collect::<Vec<_>>()) {
+            Ok(made) => made,
+            Err(error) => {
+                // A pipeline that a later frame asks for comes from what worked, too.
+                self.sources = before;
+                return Err(error);
+            }
+        };
+        self.created += made.len() as u64;
+        for (id, pipeline) in ids.into_iter().zip(made) {
+            if let Some(old) = self.made.insert(id, pipeline) {
+                // SAFETY: no frame in flight uses it.
+                unsafe { gpu.device.destroy_pipeline(old, None) };
+            }
+        }
+        Ok(())
+    }
+
+    fn create(&self, gpu: &Context, layouts: &Layouts, id: &Id) -> Result<vk::Pipeline, RenderError> {
+        let stages = |vs, fs| [(vs, ShaderStage::Vertex), (fs, ShaderStage::Fragment)];
+        match id {
+            Id::Pose(variant) => preskin::pipeline(gpu, layouts, &self.sources, self.cache.raw, variant),
+            Id::Scene { variant, samples, float, surface } => {
+                let wide = variant.key.features.has(Features::WIDE);
+                let points = variant.key.topology == TopologyKey::Points && !wide;
+                let mut files = self.sources.files(&SCENE)?;
+                files.extend(self.surface_texts(surface)?);
+                let key = &variant.key;
+                // Of a shadow map only holes need a fragment shader.
+                let cut_out = key.features.has(Features::ALPHA_MASK);
+                let peel = variant.peel != PeelPass::No;
+                let light = variant.deferred == DeferredPass::Light;
+                let geometry = variant.deferred == DeferredPass::Geometry;
+                let stages = match (variant.shadow_pass, cut_out) {
+                    _ if light => stages("light_vs", "fs").to_vec(),
+                    _ if peel => stages("vs", "peel_fs").to_vec(),
+                    (false, _) => stages("vs", "fs").to_vec(),
+                    (true, true) => stages("vs", "shadow_fs").to_vec(),
+                    (true, false) => stages("vs", "").first().copied().into_iter().collect(),
+                };
+                let mut on = switches(variant);
+                on.extend(self.reads_textures(surface).then_some("TEXTURES"));
+                let code = compile(&files, &on, &stages, points)?;
+                self.build(
+                    gpu,
+                    &code,
+                    &State {
+                        name: format!("scene pipeline {}", switches(variant).join(" ")),
+                        layout: match light {
+                            true => layouts.light()?.pipeline,
+                            false => layouts.material(texture_slots(key.features))?.pipeline,
+                        },
+                        vertices: (!light).then(|| VertexLayout::of(key.features)),
+                        topology: match key.topology {
+                            _ if wide => vk::PrimitiveTopology::TRIANGLE_LIST,
+                            TopologyKey::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
+                            TopologyKey::Lines => vk::PrimitiveTopology::LINE_LIST,
+                            TopologyKey::Points => vk::PrimitiveTopology::POINT_LIST,
+                        },
+                        clockwise: key.mirrored,
+                        samples: *samples,
+                        color: (!variant.shadow_pass && !peel && !geometry).then(|| format_of(*float)),
+                        kept: geometry,
+                        // Reversed Z: nearer is greater. Of a layer the farthest stays.
+                        depth: Some(match peel {
+                            // At depth 0, where anything was drawn.
+                            _ if light => (vk::CompareOp::LESS, false),
+                            true => (vk::CompareOp::LESS, true),
+                            false => (vk::CompareOp::GREATER, key.writes_depth()),
+                        }),
+                        mix: match (key.glass, key.blend) {
+                            (Glass::No | Glass::Refract, false) => Mix::Replace,
+                            (Glass::No | Glass::Refract, true) => Mix::Over,
+                            (Glass::Filter, _) => Mix::Multiply,
+                            (Glass::Light, _) => Mix::Add,
+                        },
+                        coverage: key.coverage,
+                        any_compare: key.peeled && !peel,
+                    },
+                )
+            }
+            Id::Background { samples, float, depth, what, surface } => {
+                let (files, switch, fs): (&[&str], _, _) = match what {
+                    Backdrop::Gradient => (&BACKGROUND, None, "background_fs"),
+                    Backdrop::Sky => (&SKY, Some("SKY_BACKGROUND"), "sky_fs"),
+                    Backdrop::Under => (&UNDER, None, "under_fs"),
+                };
+                let mut files = self.sources.files(files)?;
+                files.extend(self.surface_texts(surface)?);
+                let mut on = Vec::from_iter(switch);
+                on.extend(if surface.is_empty() { &[][..] } else { &["SURFACE", "EFFECTS"] });
+                on.extend(self.reads_textures(surface).then_some("TEXTURES"));
+                let code = compile(&files, &on, &stages("background_vs", fs), false)?;
+                self.build(
+                    gpu,
+                    &code,
+                    &State {
+                        name: "background pipeline".into(),
+                        samples: *samples,
+                        color: Some(format_of(*float)),
+                        // Only where the depth is still the cleared 0.
+                        depth: depth.then_some((vk::CompareOp::EQUAL, false)),
+                        mix: if *what == Backdrop::Under { Mix::Over } else { Mix::Replace },
+                        ..State::full_screen(self.layout)
+                    },
+                )
+            }
+            Id::Overlay { samples, float, over } => {
+                let files = self.sources.files(&OVERLAY)?;
+                let code = compile(&files, &[], &stages("overlay_vs", "overlay_fs"), false)?;
+                let compare = if *over { vk::CompareOp::ALWAYS } else { vk::CompareOp::GREATER };
+                self.build(
+                    gpu,
+                    &code,
+                    &State {
+                        name: "overlay pipeline".into(),
+                        samples: *samples,
+                        color: Some(format_of(*float)),
+                        depth: Some((compare, false)),
+                        mix: Mix::Over,
+                        ..State::full_screen(self.layout)
+                    },
+                )
+            }
+            Id::Post { effect, number, float } => {
+                let plugin = self.effect(effect)?;
+                let text = format!("{}{}", plugin.wgsl(), texture_functions(&self.effects, plugin.as_ref()));
+                let textures = !plugin.textures().is_empty();
+                let files = self.sources.post(effect, &text, *number, textures)?;
+                let mut on = Vec::from_iter((plugin.hook() == Hook::Picture).then_some("PICTURE"));
+                on.extend(textures.then_some("TEXTURES"));
+                let code = compile(&files, &on, &stages("post_vs", "post_fs"), false)?;
+                self.build(
+                    gpu,
+                    &code,
+                    &State {
+                        name: format!("post pipeline {effect}"),
+                        color: Some(format_of(*float)),
+                        ..State::full_screen(self.post_layout)
+                    },
+                )
+            }
+        }
+    }
+
+    /// The functions of effects on surfaces, and what calls them.
+    fn surface_texts(&self, surface: &[(u8, String)]) -> Result<Vec<SourceFile>, RenderError> {
+        if surface.is_empty() {
+            return Ok(Vec::new());
+        }
+        let used = |(bit, name): &(u8, String)| {
+            let effect = self.effect(name)?;
+            Ok(SceneEffect {
+                bit: *bit,
+                name: name.clone(),
+                wgsl: format!("{}{}", effect.wgsl(), texture_functions(&self.effects, effect.as_ref())),
+                hook: effect.hook(),
+                along_model: effect.along_model(),
+            })
+        };
+        let all: Result<Vec<_>, RenderError> = surface.iter().map(used).collect();
+        let mut files = Vec::new();
+        if self.reads_textures(surface) {
+            files.push(self.sources.file("textures.wgsl")?);
+        }
+        files.extend(surface_files(&all?));
+        Ok(files)
+    }
+
+    fn reads_textures(&self, surface: &[(u8, String)]) -> bool {
+        let reads = |name: &String| self.effect(name).is_ok_and(|e| !e.textures().is_empty());
+        surface.iter().any(|(_, name)| reads(name))
+    }
+
+    /// Effects that plans may name.
+    pub fn effects(&self) -> &[Arc<dyn Effect>] {
+        &self.effects
+    }
+
+    fn effect(&self, name: &str) -> Result<&Arc<dyn Effect>, RenderError> {
+        self.effects.iter().find(|e| e.manifest().name == name).ok_or_else(|| {
+            let known: Vec<_> = self.effects.iter().map(|e| e.manifest().name.as_str()).collect();
+            RenderError::Usage(format!(
+                "the plan uses the effect \"{name}\", which the renderer was not given; known: {}",
+                if known.is_empty() { "none".into() } else { known.join(", ") }
+            ))
+        })
+    }
+
+    fn build(&self, gpu: &Context, code: &[Entry], state: &State) -> Result<vk::Pipeline, RenderError> {
+        let name = &state.name;
+        let mut modules = Vec::with_capacity(2);
+        let result = (|| {
+            for entry in code {
+                let info = vk::ShaderModuleCreateInfo::default().code(&entry.words);
+                // SAFETY: naga validated the module and wrote the SPIR-V; destroyed below.
+                modules.push(unsafe { gpu.device.create_shader_module(&info, None) }.named(name)?);
+            }
+            self.build_from(gpu, code, &modules, state)
+        })();
+        for module in modules {
+            // SAFETY: a pipeline does not need its modules once it is made.
+            unsafe { gpu.device.destroy_shader_module(module, None) };
+        }
+        result
+    }
+
+    fn build_from(
+        &self,
+        gpu: &Context,
+        code: &[Entry],
+        modules: &[vk::ShaderModule],
+        state: &State,
+    ) -> Result<vk::Pipeline, RenderError> {
+        let names: Vec<_> = code
+            .iter()
+            .map(|e| std::ffi::CString::new(e.name))
+            .collect::<Result<_, _>>()
+            .map_err(|e| RenderError::Usage(format!("{}: {e}", state.name)))?;
+        let kinds = [vk::ShaderStageFlags::VERTEX, vk::ShaderStageFlags::FRAGMENT];
+        let stages: Vec<_> = kinds
+            .iter()
+            .zip(modules)
+            .zip(&names)
+            .map(|((stage, module), name)| {
+                vk::PipelineShaderStageCreateInfo::default().stage(*stage).module(*module).name(name)
+            })
+            .collect();
+        let (attributes, stride) = state.vertices.map(VertexLayout::attributes).unwrap_or_default();
+        let attributes: Vec<_> = attributes
+            .iter()
+            .map(|(location, offset, format)| vk::VertexInputAttributeDescription {
+                location: *location,
+                binding: 0,
+                format: vertex_format(*format),
+                offset: *offset,
+            })
+            .collect();
+        let bindings = [vk::VertexInputBindingDescription {
+            binding: 0,
+            stride,
+            input_rate: vk::VertexInputRate::VERTEX,
+        }];
+        let mut input =
+            vk::PipelineVertexInputStateCreateInfo::default().vertex_attribute_descriptions(&attributes);
+        if state.vertices.is_some() {
+            input = input.vertex_binding_descriptions(&bindings);
+        }
+        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(state.topology);
+        let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
+        let raster = vk::PipelineRasterizationStateCreateInfo::default()
+            .front_face(if state.clockwise {
+                vk::FrontFace::CLOCKWISE
+            } else {
+                vk::FrontFace::COUNTER_CLOCKWISE
+            })
+            .line_width(1.0);
+        let multisample = vk::PipelineMultisampleStateCreateInfo::default()
+            .rasterization_samples(vk::SampleCountFlags::from_raw(state.samples))
+            .alpha_to_coverage_enable(state.coverage)
+            .alpha_to_one_enable(state.coverage);
+        let (compare, write) = state.depth.unwrap_or((vk::CompareOp::ALWAYS, false));
+        let depth = vk::PipelineDepthStencilStateCreateInfo::default()
+            .depth_test_enable(state.depth.is_some())
+            .depth_write_enable(write)
+            .depth_compare_op(compare);
+        let mut attachment =
+            vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA);
+        if let Some([from, to, alpha_from, alpha_to]) = state.mix.factors() {
+            attachment = attachment
+                .blend_enable(true)
+                .src_color_blend_factor(from)
+                .dst_color_blend_factor(to)
+                .src_alpha_blend_factor(alpha_from)
+                .dst_alpha_blend_factor(alpha_to);
+        }
+        let mut colors = Vec::from_iter(state.color);
+        colors.extend(state.kept.then_some(super::deferred::FORMATS).into_iter().flatten());
+        let attachments = vec![attachment; colors.len()];
+        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
+        let mut dynamic =
+            vec![vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::CULL_MODE];
+        dynamic.extend(state.any_compare.then_some(vk::DynamicState::DEPTH_COMPARE_OP));
+        let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
+        let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&colors);
+        if state.depth.is_some() {
+            rendering = rendering.depth_attachment_format(DEPTH);
+        }
+        let info = [vk::GraphicsPipelineCreateInfo::default()
+            .stages(&stages)
+            .vertex_input_state(&input)
+            .input_assembly_state(&assembly)
+            .viewport_state(&viewport)
+            .rasterization_state(&raster)
+            .multisample_state(&multisample)
+            .depth_stencil_state(&depth)
+            .color_blend_state(&blend)
+            .dynamic_state(&dynamic)
+            .layout(state.layout)
+            .push_next(&mut rendering)];
+        gpu.fault(FaultPlace::Pipeline).named(&state.name)?;
+        // SAFETY: modules, layout and cache belong to this device; the cache is synchronised by the driver.
+        let made = unsafe { gpu.device.create_graphics_pipelines(self.cache.raw, &info, None) };
+        let pipeline = made.map_err(|(_, r)| r).named(&state.name)?[0];
+        gpu.name(pipeline, &state.name);
+        Ok(pipeline)
+    }
+
+    /// No frame may be in flight.
+    pub fn destroy(&mut self, gpu: &Context) {
+        if !self.made.is_empty() {
+            self.cache.save(gpu);
+        }
+        // SAFETY: made from this device, no longer used.
+        unsafe {
+            for (_, pipeline) in self.made.drain() {
+                gpu.device.destroy_pipeline(pipeline, None);
+            }
+            gpu.device.destroy_pipeline_layout(self.layout, None);
+            gpu.device.destroy_pipeline_layout(self.post_layout, None);
+        }
+        self.cache.destroy(gpu);
+    }
+}

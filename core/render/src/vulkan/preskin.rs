@@ -1,0 +1,322 @@
+//! Bodies posed once a frame by compute shaders; see [`crate::commands::preskin`] and posed.wgsl.
+
+use super::VulkanRenderer;
+use super::context::Context;
+use super::descriptors::{Layouts, Pools, Set, write_buffer};
+use super::error::Named;
+use super::execute::Execution;
+use super::faults::FaultPlace;
+use super::memory::Buffer;
+use super::resources::Resources;
+use crate::commands::preskin::PoseVariant;
+use crate::commands::{Command, Recording};
+use crate::plan::{Instance, Plan, Rows};
+use crate::scene_resources::vertex_layout::VertexLayout;
+use crate::shader::{POSED, ShaderSources, compile};
+use crate::{Catalog, RenderError};
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use naga::ShaderStage;
+use std::collections::HashMap;
+use std::mem::offset_of;
+
+/// Invocations of a work group, as the shader says.
+const GROUP: u32 = 64;
+
+/// A body as the shader reads it.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Job {
+    pub relative_from_mesh: Rows,
+    pub first_joint: u32,
+    pub first_morph: u32,
+    pub morph_count: u32,
+    /// Its first number.
+    pub first: u32,
+}
+
+/// What one frame in flight has of it.
+#[derive(Default)]
+pub struct Posing {
+    jobs: Option<Buffer>,
+    vertices: Option<Buffer>,
+    /// Both, for the compute stage; the vertices, for all passes.
+    write: Option<Set>,
+    read: Option<Set>,
+    /// Of each instance that reads them: its first number and how many vertices it has.
+    placed: Vec<(u32, [u32; 2])>,
+}
+
+/// Grown, never shrunk; `true` where it is another now.
+fn grow(
+    gpu: &Context,
+    buffer: &mut Option<Buffer>,
+    name: &str,
+    bytes: u64,
+    location: MemoryLocation,
+) -> Result<bool, RenderError> {
+    if buffer.as_ref().is_some_and(|b| b.size >= bytes) {
+        return Ok(false);
+    }
+    if let Some(mut old) = buffer.take() {
+        old.destroy(gpu);
+    }
+    let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
+    let size = room(bytes, u64::from(gpu.limits().max_storage_buffer_range));
+    *buffer = Some(Buffer::new(gpu, name, size, usage, location)?);
+    Ok(true)
+}
+
+impl Posing {
+    /// Where each body's vertices lie. After the resources are prepared; the slot's last frame must be done.
+    pub fn prepare(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        pools: &mut Pools,
+        (catalog, resources): (&Catalog, &Resources),
+        plan: &Plan,
+        recording: &Recording,
+    ) -> Result<(), RenderError> {
+        self.placed.clear();
+        if recording.posed.is_empty() {
+            return Ok(());
+        }
+        let mut jobs: Vec<Job> = Vec::with_capacity(recording.posed.len());
+        let mut end = 0;
+        for command in &recording.commands {
+            let Command::Pose { variant, primitive, layout, first, count } = command else { continue };
+            let hash = catalog.primitives[*primitive as usize].hash;
+            let mesh = resources.mesh(hash, *layout);
+            let vertices = mesh.map(|m| m.vertex_count).ok_or_else(|| missing("a mesh to be posed"))?;
+            for body in &recording.posed[*first as usize..(first + count) as usize] {
+                let of = body.instances.first().and_then(|i| plan.instances.get(*i as usize));
+                let Instance { relative_from_mesh, first_joint, first_morph, morph_count, .. } =
+                    *of.ok_or_else(|| missing("a body to be posed"))?;
+                let first = end as u32;
+                jobs.push(Job { relative_from_mesh, first_joint, first_morph, morph_count, first });
+                self.placed.extend(body.instances.iter().map(|i| (*i, [first, vertices])));
+                end += u64::from(vertices) * variant.numbers();
+            }
+        }
+        let bytes: &[u8] = bytemuck::cast_slice(&jobs);
+        let new = [
+            grow(gpu, &mut self.jobs, "bodies to be posed", bytes.len() as u64, MemoryLocation::CpuToGpu)?,
+            grow(gpu, &mut self.vertices, "posed vertices", 4 * end, MemoryLocation::GpuOnly)?,
+        ];
+        let (Some(jobs), Some(vertices)) = (&mut self.jobs, &self.vertices) else { return Ok(()) };
+        jobs.mapped_mut()[..bytes.len()].copy_from_slice(bytes);
+        let sets = [self.write.is_none(), self.read.is_none()];
+        if self.write.is_none() {
+            self.write = Some(pools.allocate(gpu, layouts.posed, "set of bodies to be posed")?);
+        }
+        if self.read.is_none() {
+            self.read = Some(pools.allocate(gpu, layouts.morphs, "set of posed vertices")?);
+        }
+        if let (Some(write), Some(read), true) =
+            (self.write, self.read, new.contains(&true) || sets.contains(&true))
+        {
+            let kind = vk::DescriptorType::STORAGE_BUFFER;
+            write_buffer(gpu, write.raw, 0, kind, jobs.raw, 0, vk::WHOLE_SIZE);
+            write_buffer(gpu, write.raw, 1, kind, vertices.raw, 0, vk::WHOLE_SIZE);
+            write_buffer(gpu, read.raw, 0, kind, vertices.raw, 0, vk::WHOLE_SIZE);
+        }
+        Ok(())
+    }
+
+    /// Into the instances, which lie in these bytes: what they read is posed already.
+    pub fn place(&self, instances: &mut [u8]) {
+        for (instance, place) in &self.placed {
+            let at = *instance as usize * size_of::<Instance>() + offset_of!(Instance, first_joint);
+            if let Some(bytes) = instances.get_mut(at..at + size_of::<[u32; 2]>()) {
+                bytes.copy_from_slice(bytemuck::cast_slice(place));
+            }
+        }
+    }
+
+    /// The frame must be done. Its sets go with the pools.
+    pub fn destroy(&mut self, gpu: &Context) {
+        for mut buffer in self.jobs.take().into_iter().chain(self.vertices.take()) {
+            buffer.destroy(gpu);
+        }
+    }
+}
+
+/// Bytes of a buffer that is to grow, all of which are bound: no more than the device binds, and no less than are asked for.
+fn room(bytes: u64, limit: u64) -> u64 {
+    bytes.next_power_of_two().min(limit).max(bytes)
+}
+
+impl VulkanRenderer {
+    /// Whether what the compute stage reads and writes can be bound here; else every pass poses its vertices.
+    pub(super) fn can_pose(&self, recording: &Recording) -> bool {
+        let limit = u64::from(self.gpu.limits().max_storage_buffer_range);
+        let mesh = |command: &Command| match command {
+            Command::Pose { primitive, layout, .. } => {
+                let mesh = self.catalog.primitives.get(*primitive as usize);
+                u64::from(layout.attributes().1) * mesh.map_or(0, |m| m.primitive().positions.len() as u64)
+            }
+            _ => 0,
+        };
+        let bodies = (recording.posed.len() * size_of::<Job>()) as u64;
+        bodies.max(recording.posed_bytes(&self.catalog)) <= limit
+            && recording.commands.iter().all(|command| mesh(command) <= limit)
+    }
+}
+
+fn missing(what: &str) -> RenderError {
+    RenderError::Usage(format!("{what} was not prepared"))
+}
+
+/// Sets of meshes that the compute stage reads.
+pub type Sources = HashMap<([u8; 16], VertexLayout), Set>;
+
+impl Resources {
+    /// Those of a recording, whose meshes are there.
+    pub(super) fn prepare_sources(
+        &mut self,
+        gpu: &Context,
+        layouts: &Layouts,
+        catalog: &Catalog,
+        recording: &Recording,
+    ) -> Result<(), RenderError> {
+        for command in &recording.commands {
+            let Command::Pose { primitive, layout, .. } = command else { continue };
+            let key = (catalog.primitives[*primitive as usize].hash, *layout);
+            if self.sources.contains_key(&key) {
+                continue;
+            }
+            let mesh = self.mesh(key.0, key.1).ok_or_else(|| missing("a mesh to be posed"))?;
+            // Indices lie behind the vertices; an empty mesh has neither.
+            let (raw, bytes) = (mesh.buffer.raw, mesh.indices_at.max(4));
+            let set = self.pools.allocate(gpu, layouts.morphs, "set of a mesh to be posed")?;
+            write_buffer(gpu, set.raw, 0, vk::DescriptorType::STORAGE_BUFFER, raw, 0, bytes);
+            self.sources.insert(key, set);
+        }
+        Ok(())
+    }
+
+    /// Those whose meshes stay. No frame may be in flight.
+    pub(super) fn retain_sources(&mut self, gpu: &Context, keep: impl Fn(&[u8; 16]) -> bool) {
+        let pools = &mut self.pools;
+        self.sources.retain(|(hash, _), set| {
+            let keep = keep(hash);
+            if !keep {
+                pools.free(gpu, *set);
+            }
+            keep
+        });
+    }
+}
+
+impl Execution<'_> {
+    /// The bodies of one mesh. `primitive`: of the catalogue.
+    pub(super) fn pose(
+        &self,
+        pipeline: vk::Pipeline,
+        (primitive, layout): (u32, VertexLayout),
+        morphs: bool,
+        [first, count]: [u32; 2],
+    ) -> Result<(), RenderError> {
+        let hash = self.catalog.primitives[primitive as usize].hash;
+        let mesh = self.resources.mesh(hash, layout).ok_or_else(|| missing("a mesh to be posed"))?;
+        let source =
+            self.resources.sources.get(&(hash, layout)).ok_or_else(|| missing("a mesh to be posed"))?;
+        let write = self.slot.posed.write.ok_or_else(|| missing("a set of bodies to be posed"))?;
+        let bind = |index: u32, set: vk::DescriptorSet| {
+            let (point, layout) = (vk::PipelineBindPoint::COMPUTE, self.layouts.posed_pipeline);
+            // SAFETY: the command buffer is being recorded; the set fits the layout and outlives the frame.
+            unsafe {
+                self.gpu.device.cmd_bind_descriptor_sets(
+                    self.slot.commands,
+                    point,
+                    layout,
+                    index,
+                    &[set],
+                    &[],
+                );
+            }
+        };
+        bind(0, self.slot.frame_set.raw);
+        if morphs {
+            let set = self.resources.morph_set(hash, layout);
+            bind(1, set.ok_or_else(|| missing("a set of morph targets"))?);
+        }
+        bind(2, source.raw);
+        bind(3, write.raw);
+        let posing = [first, mesh.vertex_count];
+        // SAFETY: the command buffer is being recorded, outside a pass; the pipeline outlives the frame, its sets are bound, and
+        // the constants are those of its layout.
+        unsafe {
+            let (device, commands) = (&self.gpu.device, self.slot.commands);
+            device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, pipeline);
+            let (layout, stage) = (self.layouts.posed_pipeline, vk::ShaderStageFlags::COMPUTE);
+            device.cmd_push_constants(commands, layout, stage, 0, bytemuck::cast_slice(&posing));
+            device.cmd_dispatch(commands, mesh.vertex_count.div_ceil(GROUP), count, 1);
+        }
+        Ok(())
+    }
+
+    /// All bodies are posed before a vertex is read.
+    pub(super) fn end_poses(&self) {
+        let written = [vk::MemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::COMPUTE_SHADER)
+            .src_access_mask(vk::AccessFlags2::SHADER_STORAGE_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::VERTEX_SHADER)
+            .dst_access_mask(vk::AccessFlags2::SHADER_STORAGE_READ)];
+        let info = vk::DependencyInfo::default().memory_barriers(&written);
+        // SAFETY: the command buffer is being recorded, outside a pass.
+        unsafe { self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info) };
+    }
+
+    /// Vertices that are posed, in the place of morph targets.
+    pub(super) fn bind_posed(&self) -> Result<(), RenderError> {
+        let set = self.slot.posed.read.ok_or_else(|| missing("a set of posed vertices"))?;
+        self.bind_set(self.pipelines.layout, 1, set.raw);
+        Ok(())
+    }
+}
+
+/// The compute pipeline of a way of posing.
+pub fn pipeline(
+    gpu: &Context,
+    layouts: &Layouts,
+    sources: &ShaderSources,
+    cache: vk::PipelineCache,
+    variant: &PoseVariant,
+) -> Result<vk::Pipeline, RenderError> {
+    let switches = variant.switches();
+    let name = format!("pose pipeline {}", switches.join(" "));
+    let code = compile(&sources.files(&POSED)?, &switches, &[("pose", ShaderStage::Compute)], false)?;
+    let info = vk::ShaderModuleCreateInfo::default().code(&code[0].words);
+    gpu.fault(FaultPlace::Pipeline).named(&name)?;
+    // SAFETY: naga validated the module and wrote the SPIR-V; destroyed below.
+    let module = unsafe { gpu.device.create_shader_module(&info, None) }.named(&name)?;
+    let stage = vk::PipelineShaderStageCreateInfo::default()
+        .stage(vk::ShaderStageFlags::COMPUTE)
+        .module(module)
+        .name(c"pose");
+    let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layouts.posed_pipeline)];
+    // SAFETY: module, layout and cache belong to this device; a pipeline does not need its module once it is made.
+    let made = unsafe {
+        let made = gpu.device.create_compute_pipelines(cache, &info, None);
+        gpu.device.destroy_shader_module(module, None);
+        made
+    };
+    let pipeline = made.map_err(|(_, r)| r).named(&name)?[0];
+    gpu.name(pipeline, &name);
+    Ok(pipeline)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_buffer_grows_no_further_than_it_can_be_bound() {
+        let most = u64::from(u32::MAX);
+        assert_eq!(room(5000, most), 8192);
+        assert_eq!(room(3 << 30, most), most, "twice a gigabyte and more would be 4 GiB");
+        assert_eq!((room(5000, 6000), room(5000, 4000)), (6000, 5000));
+    }
+}

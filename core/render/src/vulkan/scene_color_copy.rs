@@ -1,0 +1,163 @@
+//! The picture behind glass that bends light: a copy with as many levels as the roughest such glass blurs with.
+
+use super::context::Context;
+use super::error::Named;
+use super::execute::{Execution, color_barrier};
+use super::memory::{Image, ImageDesc};
+use super::targets::FLOAT;
+use crate::RenderError;
+use crate::commands::Target;
+use ash::vk;
+
+pub struct BehindTarget {
+    pub image: Image,
+    pub sampler: vk::Sampler,
+    levels: u32,
+}
+
+impl BehindTarget {
+    /// Floats whatever the picture holds, so that no level rounds what the one above it says.
+    pub fn new(gpu: &Context, [width, height]: [u32; 2], levels: u32) -> Result<BehindTarget, RenderError> {
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::LINEAR)
+            .min_filter(vk::Filter::LINEAR)
+            .mipmap_mode(vk::SamplerMipmapMode::LINEAR)
+            .address_mode_u(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .address_mode_w(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .max_lod(vk::LOD_CLAMP_NONE);
+        use vk::ImageUsageFlags as U;
+        let mut image = Image::new(
+            gpu,
+            &ImageDesc {
+                name: "picture behind glass",
+                width,
+                height,
+                levels,
+                samples: 1,
+                format: FLOAT,
+                usage: U::SAMPLED | U::TRANSFER_SRC | U::TRANSFER_DST,
+                aspect: vk::ImageAspectFlags::COLOR,
+            },
+        )?;
+        // SAFETY: the device is alive; destroyed by `destroy`.
+        match unsafe { gpu.device.create_sampler(&info, None) }.named("sampler of the picture behind glass") {
+            Ok(sampler) => Ok(BehindTarget { image, sampler, levels }),
+            Err(e) => {
+                image.destroy(gpu);
+                Err(e)
+            }
+        }
+    }
+
+    /// No frame may be in flight.
+    pub fn destroy(&mut self, gpu: &Context) {
+        self.image.destroy(gpu);
+        // SAFETY: made from this device, no longer used.
+        unsafe { gpu.device.destroy_sampler(self.sampler, None) };
+        self.sampler = vk::Sampler::null();
+    }
+}
+
+impl Execution<'_> {
+    /// Between two passes: what is drawn into stays as it is.
+    pub(super) fn copy_behind(&self, from: Target) -> Result<(), RenderError> {
+        let Some(behind) = &self.targets.behind else {
+            return Err(RenderError::Usage("the picture behind glass was not prepared".into()));
+        };
+        let (source, copy) = (self.targets.image(from), &behind.image);
+        use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};
+        self.barriers(&[
+            color_barrier(source)
+                .src_stage_mask(S::COLOR_ATTACHMENT_OUTPUT)
+                .src_access_mask(A::COLOR_ATTACHMENT_WRITE)
+                .dst_stage_mask(S::BLIT)
+                .dst_access_mask(A::TRANSFER_READ)
+                .old_layout(L::COLOR_ATTACHMENT_OPTIMAL)
+                .new_layout(L::TRANSFER_SRC_OPTIMAL),
+            // The frame before may still read it.
+            color_barrier(copy)
+                .src_stage_mask(S::FRAGMENT_SHADER)
+                .dst_stage_mask(S::BLIT)
+                .dst_access_mask(A::TRANSFER_WRITE)
+                .new_layout(L::TRANSFER_DST_OPTIMAL),
+        ]);
+        let size = self.targets.needs.size;
+        let half = |level: u32| size.map(|side| (side >> level).max(1));
+        self.blit(source, (0, size), copy, (0, size), vk::Filter::NEAREST);
+        for level in 0..behind.levels {
+            self.barriers(&[of_level(copy, level)
+                .src_stage_mask(S::BLIT)
+                .src_access_mask(A::TRANSFER_WRITE)
+                .dst_stage_mask(S::BLIT)
+                .dst_access_mask(A::TRANSFER_READ)
+                .old_layout(L::TRANSFER_DST_OPTIMAL)
+                .new_layout(L::TRANSFER_SRC_OPTIMAL)]);
+            if level + 1 < behind.levels {
+                let (above, below) = ((level, half(level)), (level + 1, half(level + 1)));
+                self.blit(copy, above, copy, below, vk::Filter::LINEAR);
+            }
+        }
+        self.barriers(&[
+            color_barrier(copy)
+                .src_stage_mask(S::BLIT)
+                .src_access_mask(A::TRANSFER_WRITE)
+                .dst_stage_mask(S::FRAGMENT_SHADER)
+                .dst_access_mask(A::SHADER_SAMPLED_READ)
+                .old_layout(L::TRANSFER_SRC_OPTIMAL)
+                .new_layout(L::SHADER_READ_ONLY_OPTIMAL),
+            color_barrier(source)
+                .src_stage_mask(S::BLIT)
+                .dst_stage_mask(S::COLOR_ATTACHMENT_OUTPUT)
+                .dst_access_mask(A::COLOR_ATTACHMENT_WRITE | A::COLOR_ATTACHMENT_READ)
+                .old_layout(L::TRANSFER_SRC_OPTIMAL)
+                .new_layout(L::COLOR_ATTACHMENT_OPTIMAL),
+        ]);
+        Ok(())
+    }
+
+    /// A whole level of one image onto a whole level of another: (level, texels).
+    fn blit(
+        &self,
+        from: &Image,
+        (from_level, from_size): (u32, [u32; 2]),
+        to: &Image,
+        (to_level, to_size): (u32, [u32; 2]),
+        filter: vk::Filter,
+    ) {
+        let layers = |level: u32| vk::ImageSubresourceLayers {
+            aspect_mask: vk::ImageAspectFlags::COLOR,
+            mip_level: level,
+            base_array_layer: 0,
+            layer_count: 1,
+        };
+        let corners = |[width, height]: [u32; 2]| {
+            [vk::Offset3D::default(), vk::Offset3D { x: width as i32, y: height as i32, z: 1 }]
+        };
+        let region = [vk::ImageBlit::default()
+            .src_subresource(layers(from_level))
+            .src_offsets(corners(from_size))
+            .dst_subresource(layers(to_level))
+            .dst_offsets(corners(to_size))];
+        // SAFETY: the command buffer is being recorded, outside a pass; both images are in the layouts named, and Vulkan
+        // promises that both formats can be copied and filtered so.
+        unsafe {
+            self.gpu.device.cmd_blit_image(
+                self.slot.commands,
+                from.raw,
+                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+                to.raw,
+                vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+                &region,
+                filter,
+            );
+        }
+    }
+}
+
+fn of_level(image: &Image, level: u32) -> vk::ImageMemoryBarrier2<'static> {
+    let barrier = color_barrier(image);
+    let range =
+        vk::ImageSubresourceRange { base_mip_level: level, level_count: 1, ..barrier.subresource_range };
+    barrier.subresource_range(range)
+}

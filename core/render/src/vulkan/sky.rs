@@ -1,0 +1,113 @@
+//! Pictures of 16-bit floats on the device: the maps of a sky, layers under the scene.
+
+use super::context::Context;
+use super::error::Named;
+use super::memory::{Image, ImageDesc};
+use super::upload::Uploads;
+use crate::RenderError;
+use crate::layers_2d::FlatPicture;
+use crate::sky::{SkyMaps, SkyPicture};
+use ash::vk;
+use choreo_stage::Panorama;
+use half::f16;
+use std::sync::Arc;
+
+pub struct SkyImages {
+    /// Of the panorama.
+    hash: [u8; 32],
+    pub sampler: vk::Sampler,
+    /// Once a pipeline reads them.
+    pub maps: Option<(Arc<SkyMaps>, Image)>,
+    pub picture: Option<Image>,
+}
+
+impl SkyImages {
+    pub fn new(gpu: &Context, panorama: &Panorama) -> Result<SkyImages, RenderError> {
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::LINEAR)
+            .min_filter(vk::Filter::LINEAR)
+            .address_mode_u(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE);
+        // SAFETY: the device is alive; destroyed by `destroy`.
+        let sampler = unsafe { gpu.device.create_sampler(&info, None) }.named("sky sampler")?;
+        Ok(SkyImages { hash: panorama.hash(), sampler, maps: None, picture: None })
+    }
+
+    pub fn is_of(&self, panorama: Option<&Panorama>) -> bool {
+        panorama.is_some_and(|p| p.hash() == self.hash)
+    }
+
+    /// Makes what is read and is not there yet.
+    pub fn prepare(
+        &mut self,
+        gpu: &Context,
+        panorama: &Panorama,
+        [maps, picture]: [bool; 2],
+        uploads: &mut Uploads,
+    ) -> Result<(), RenderError> {
+        if maps && self.maps.is_none() {
+            let made = SkyMaps::of(panorama);
+            let image = upload(gpu, "maps of the sky", made.size, &made.texels, uploads)?;
+            self.maps = Some((made, image));
+        }
+        if picture && self.picture.is_none() {
+            let made = SkyPicture::new(panorama, gpu.limits().max_image_dimension2_d);
+            self.picture = Some(upload(gpu, "picture of the sky", made.size, &made.texels, uploads)?);
+        }
+        Ok(())
+    }
+
+    /// Both images, one in the place of the other where only one is there: no binding is left without.
+    pub fn views(&self) -> Option<[vk::ImageView; 2]> {
+        let maps = self.maps.as_ref().map(|(_, image)| image.view);
+        let picture = self.picture.as_ref().map(|image| image.view);
+        Some([maps.or(picture)?, picture.or(maps)?])
+    }
+
+    /// No frame may be in flight.
+    pub fn destroy(&mut self, gpu: &Context) {
+        for mut image in self.maps.take().map(|(_, image)| image).into_iter().chain(self.picture.take()) {
+            image.destroy(gpu);
+        }
+        // SAFETY: made from this device, no longer used.
+        unsafe { gpu.device.destroy_sampler(self.sampler, None) };
+        self.sampler = vk::Sampler::null();
+    }
+}
+
+fn upload(
+    gpu: &Context,
+    name: &str,
+    [width, height]: [u32; 2],
+    texels: &[[f16; 4]],
+    uploads: &mut Uploads,
+) -> Result<Image, RenderError> {
+    let image = Image::new(
+        gpu,
+        &ImageDesc {
+            name,
+            width,
+            height,
+            levels: 1,
+            samples: 1,
+            format: vk::Format::R16G16B16A16_SFLOAT,
+            usage: vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST,
+            aspect: vk::ImageAspectFlags::COLOR,
+        },
+    )?;
+    let bytes: Vec<u8> = texels.iter().flatten().flat_map(|v| v.to_bits().to_ne_bytes()).collect();
+    uploads.image(image.raw, std::iter::once((width, height, &bytes[..])));
+    Ok(image)
+}
+
+/// Of the whole picture, alpha not multiplied in.
+pub fn flat_image(gpu: &Context, flat: &FlatPicture, uploads: &mut Uploads) -> Result<Image, RenderError> {
+    let [width, height] = flat.size;
+    let texel = |x: u32, y: u32| {
+        let pixel = flat.pixel(x, y);
+        let straight = pixel.truncate() / pixel.w.max(1e-6);
+        straight.extend(pixel.w).to_array().map(f16::from_f32)
+    };
+    let texels: Vec<[f16; 4]> = (0..height).flat_map(|y| (0..width).map(move |x| texel(x, y))).collect();
+    upload(gpu, "layers under the scene", flat.size, &texels, uploads)
+}

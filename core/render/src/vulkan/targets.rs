@@ -1,0 +1,262 @@
+//! Colour, depth and float images of one size; made again when size, samples or the need for them change.
+
+use super::context::Context;
+use super::error::Named;
+use super::memory::{Buffer, Image, ImageDesc};
+use super::scene_color_copy::BehindTarget;
+use super::shadow::ShadowTarget;
+use super::sky::SkyImages;
+use crate::RenderError;
+use crate::commands::{Command, Recording, Target};
+use crate::scene_resources::mipmap::linear_to_srgb8;
+use ash::vk;
+use glam::Vec4;
+use gpu_allocator::MemoryLocation;
+
+pub const PICTURE: vk::Format = vk::Format::R8G8B8A8_SRGB;
+pub const FLOAT: vk::Format = vk::Format::R16G16B16A16_SFLOAT;
+pub const DEPTH: vk::Format = vk::Format::D32_SFLOAT;
+
+pub fn format(target: Target) -> vk::Format {
+    match target {
+        Target::Picture => PICTURE,
+        Target::Float(_) => FLOAT,
+    }
+}
+
+/// What a recording needs; equal needs share the images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Needs {
+    pub size: [u32; 2],
+    pub samples: u32,
+    pub scene: Target,
+    pub depth: bool,
+    /// 0 to 3.
+    pub floats: usize,
+    /// Texels of the image of shadow maps.
+    pub shadow: Option<[u32; 2]>,
+    /// Levels of the picture behind glass.
+    pub behind: Option<u32>,
+    /// Depths of layers of what is seen through.
+    pub layers: bool,
+    /// What is kept of surfaces until they are lit.
+    pub kept: bool,
+}
+
+impl Needs {
+    pub fn of(recording: &Recording) -> Needs {
+        let mut needs = Needs {
+            size: recording.size,
+            samples: 1,
+            scene: Target::Picture,
+            depth: false,
+            floats: 0,
+            shadow: None,
+            behind: None,
+            layers: false,
+            kept: false,
+        };
+        for command in &recording.commands {
+            let float = |t: &Target| match t {
+                Target::Float(i) => *i as usize + 1,
+                Target::Picture => 0,
+            };
+            match command {
+                Command::BeginShadows { image, .. } => needs.shadow = Some(*image),
+                Command::BeginPeel { .. } => needs.layers = true,
+                Command::BeginGeometry => needs.kept = true,
+                Command::CopyBehind { levels, .. } => needs.behind = Some(*levels),
+                Command::BeginPass { target, samples, depth, .. } => {
+                    (needs.scene, needs.samples, needs.depth) = (*target, *samples, *depth);
+                    needs.floats = needs.floats.max(float(target));
+                }
+                Command::PostPass { from, to, .. } => {
+                    needs.floats = needs.floats.max(float(from)).max(float(to));
+                }
+                _ => {}
+            }
+        }
+        needs
+    }
+}
+
+pub struct Targets {
+    pub needs: Needs,
+    pub picture: Image,
+    pub floats: Vec<Image>,
+    pub depth: Option<Image>,
+    /// Depths of two layers of what is seen through, in turns.
+    pub layers: Vec<Image>,
+    /// What is kept of surfaces until they are lit.
+    pub kept: Vec<Image>,
+    /// Reads nothing: lavapipe (22.3) follows every binding of a bound set.
+    sampler: vk::Sampler,
+    /// With more than one sample: what is drawn into, resolved into the scene's target.
+    pub multisampled: Option<Image>,
+    pub shadow: Option<ShadowTarget>,
+    pub behind: Option<BehindTarget>,
+    /// The background's rows as encoded bytes, and what they were made from.
+    background: Option<(Buffer, [Vec4; 2])>,
+}
+
+/// Images of this frame that shaders of the scene read.
+#[derive(Clone, Copy, Default)]
+pub struct Seen<'a> {
+    pub shadow: Option<&'a ShadowTarget>,
+    pub behind: Option<&'a BehindTarget>,
+    pub sky: Option<&'a SkyImages>,
+    /// Depths of the scene and of even and odd layers of what is seen through.
+    pub layers: Option<([vk::ImageView; 3], vk::Sampler)>,
+    /// What is kept of surfaces.
+    pub kept: Option<[vk::ImageView; 3]>,
+    /// Textures of effects.
+    pub texels: Option<&'a Buffer>,
+}
+
+impl Targets {
+    pub fn new(gpu: &Context, needs: Needs) -> Result<Targets, RenderError> {
+        let image = |name: &str, format, usage, samples| {
+            let aspect =
+                if format == DEPTH { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR };
+            let [width, height] = needs.size;
+            Image::new(gpu, &ImageDesc { name, width, height, levels: 1, samples, format, usage, aspect })
+        };
+        use vk::ImageUsageFlags as U;
+        let picture = image("picture", PICTURE, U::COLOR_ATTACHMENT | U::TRANSFER_SRC | U::TRANSFER_DST, 1)?;
+        let mut targets = Targets {
+            needs,
+            picture,
+            floats: Vec::new(),
+            depth: None,
+            layers: Vec::new(),
+            kept: Vec::new(),
+            sampler: vk::Sampler::null(),
+            multisampled: None,
+            shadow: None,
+            behind: None,
+            background: None,
+        };
+        let made = (|| {
+            let usage = U::COLOR_ATTACHMENT | U::SAMPLED | U::TRANSFER_SRC;
+            for i in 0..needs.floats {
+                let name = format!("float target {i}");
+                targets.floats.push(image(&name, FLOAT, usage, 1)?);
+            }
+            if needs.depth {
+                let read = if needs.layers { U::SAMPLED } else { U::empty() };
+                let usage = U::DEPTH_STENCIL_ATTACHMENT | read;
+                targets.depth = Some(image("depth", DEPTH, usage, needs.samples)?);
+            }
+            if needs.layers {
+                // SAFETY: the device is alive; destroyed by `destroy`.
+                let made = unsafe { gpu.device.create_sampler(&vk::SamplerCreateInfo::default(), None) };
+                targets.sampler = made.named("sampler of layers")?;
+            }
+            for name in ["even layers", "odd layers"].into_iter().filter(|_| needs.layers) {
+                let usage = U::DEPTH_STENCIL_ATTACHMENT | U::SAMPLED;
+                targets.layers.push(image(name, DEPTH, usage, needs.samples)?);
+            }
+            for format in super::deferred::FORMATS.into_iter().filter(|_| needs.kept) {
+                let usage = U::COLOR_ATTACHMENT | U::SAMPLED;
+                targets.kept.push(image("what is kept of surfaces", format, usage, 1)?);
+            }
+            if needs.samples > 1 {
+                let format = format(needs.scene);
+                let made = image("multisampled picture", format, U::COLOR_ATTACHMENT, needs.samples)?;
+                targets.multisampled = Some(made);
+            }
+            targets.shadow = needs.shadow.map(|size| ShadowTarget::new(gpu, size)).transpose()?;
+            let behind = needs.behind.map(|levels| BehindTarget::new(gpu, needs.size, levels));
+            targets.behind = behind.transpose()?;
+            Ok(())
+        })();
+        match made {
+            Ok(()) => Ok(targets),
+            Err(e) => {
+                targets.destroy(gpu);
+                Err(e)
+            }
+        }
+    }
+
+    /// What shaders read beside materials; the sky is among the resources.
+    pub fn seen(&self) -> Seen<'_> {
+        let layers = match (&self.depth, &self.layers[..]) {
+            (Some(depth), [even, odd]) => Some(([depth.view, even.view, odd.view], self.sampler)),
+            _ => None,
+        };
+        let kept = match &self.kept[..] {
+            [a, b, c] => Some([a.view, b.view, c.view]),
+            _ => None,
+        };
+        let (shadow, behind) = (self.shadow.as_ref(), self.behind.as_ref());
+        Seen { layers, kept, shadow, behind, sky: None, texels: None }
+    }
+
+    pub fn image(&self, target: Target) -> &Image {
+        match target {
+            Target::Picture => &self.picture,
+            // `Needs::of` counted them from the same recording.
+            Target::Float(i) => &self.floats[i as usize],
+        }
+    }
+
+    /// Whether the background's rows are there and are these.
+    pub fn has_background(&self, top: Vec4, bottom: Vec4) -> bool {
+        self.background.as_ref().is_some_and(|(_, colors)| *colors == [top, bottom])
+    }
+
+    /// Twin of background.wgsl, encoded: mix(top, bottom, (y + ½) / height). No frame may be in flight.
+    pub fn set_background(&mut self, gpu: &Context, top: Vec4, bottom: Vec4) -> Result<(), RenderError> {
+        let [width, height] = self.needs.size;
+        let row_bytes = width as usize * 4;
+        let mut buffer = match self.background.take() {
+            Some((buffer, _)) => buffer,
+            None => {
+                let bytes = row_bytes as u64 * height as u64;
+                let usage = vk::BufferUsageFlags::TRANSFER_SRC;
+                Buffer::new(gpu, "background rows", bytes, usage, MemoryLocation::CpuToGpu)?
+            }
+        };
+        let rows = buffer.mapped_mut().chunks_exact_mut(row_bytes).take(height as usize);
+        for (y, row) in rows.enumerate() {
+            let t = (y as f32 + 0.5) / height as f32;
+            let color = top * (1.0 - t) + bottom * t;
+            let [r, g, b] = color.truncate().to_array().map(linear_to_srgb8);
+            let alpha = (color.w.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+            row.as_chunks_mut::<4>().0.fill([r, g, b, alpha]);
+        }
+        self.background = Some((buffer, [top, bottom]));
+        Ok(())
+    }
+
+    pub fn background(&self) -> Option<vk::Buffer> {
+        self.background.as_ref().map(|(buffer, _)| buffer.raw)
+    }
+
+    /// No frame may be in flight.
+    pub fn destroy(&mut self, gpu: &Context) {
+        self.picture.destroy(gpu);
+        if let Some((mut buffer, _)) = self.background.take() {
+            buffer.destroy(gpu);
+        }
+        for image in self
+            .floats
+            .iter_mut()
+            .chain(&mut self.layers)
+            .chain(&mut self.kept)
+            .chain(&mut self.depth)
+            .chain(&mut self.multisampled)
+        {
+            image.destroy(gpu);
+        }
+        // SAFETY: made from this device (or null), no longer used.
+        unsafe { gpu.device.destroy_sampler(self.sampler, None) };
+        if let Some(mut shadow) = self.shadow.take() {
+            shadow.destroy(gpu);
+        }
+        if let Some(mut behind) = self.behind.take() {
+            behind.destroy(gpu);
+        }
+    }
+}

@@ -1,0 +1,328 @@
+//! Importers in Rhai on files made here: what arrives, and how everything wrong is answered.
+
+use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source};
+use choreo_rhai_importer::RhaiImporter;
+use choreo_stage::Asset;
+use glam::{Quat, Vec2, Vec3};
+use std::sync::Arc;
+
+/// Magic, count, then rows of position, normal and uv, then u32 indices.
+const TRI: &str = r#"
+fn manifest() {
+    #{
+        name: "tri", about: "a table of vertices", extensions: "tri", magic: "TRI1",
+        options: #{
+            scale: #{ value: 1.0, min: 0.001, max: 1000.0, about: "metres a unit" },
+            up: #{ value: "y", one_of: ["y", "z"], about: "upward axis" },
+        },
+    }
+}
+
+fn load(file) {
+    let b = file.bytes;
+    let vertices = b.u32(4);
+    let row = 32;
+    let positions = b.f32s(8, vertices, #{ width: 3, stride: row }) * file.options.scale;
+    if file.options.up == "z" {
+        // x y z becomes x z -y.
+        positions = positions.columns(3, [0, 2, 1]) * numbers([1, 1, -1]).rows(3, numbers(zeros(vertices)));
+    }
+    let end = 8 + vertices * row;
+    mesh(#{
+        name: "table",
+        positions: positions,
+        normals: b.f32s(20, vertices, #{ width: 3, stride: row }),
+        uvs: b.f32s(32, vertices, #{ width: 2, stride: row }),
+        indices: b.u32s(end, (b.len - end) / 4),
+        material: material(#{ color: [1.0, 0.5, 0.25] }),
+    });
+}
+
+fn zeros(count) {
+    let all = [];
+    for i in 0..count { all.push(0); }
+    all
+}
+"#;
+
+fn tri_bytes() -> Vec<u8> {
+    let mut bytes = b"TRI1\x03\0\0\0".to_vec();
+    for (x, y) in [(0.0f32, 0.0f32), (1.0, 0.0), (0.0, 2.0)] {
+        for v in [x, y, 3.0, 0.0, 0.0, 1.0, x, y] {
+            bytes.extend(v.to_le_bytes());
+        }
+    }
+    bytes.extend([0u32, 1, 2].iter().flat_map(|i| i.to_le_bytes()));
+    bytes
+}
+
+struct Beside;
+
+impl Files for Beside {
+    fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
+        match relative {
+            "names.txt" => Ok(Arc::new(b"hip\nknee\n".to_vec())),
+            other => Err(format!("cannot read \"{other}\": no such file")),
+        }
+    }
+}
+
+fn importer(text: &str) -> RhaiImporter {
+    RhaiImporter::from_text("my.importer.rhai", text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn source(name: &str, bytes: &[u8]) -> Source {
+    Source { name: name.into(), bytes: Arc::new(bytes.to_vec()) }
+}
+
+fn import(text: &str, bytes: &[u8]) -> Result<Asset, ImportError> {
+    let importer = importer(text);
+    let options = importer.manifest().complete(&ImportOptions::default()).unwrap();
+    importer.import(&source("a.dat", bytes), &Beside, Needs::ALL, &options)
+}
+
+/// An importer whose `import` does this, on bytes 1 to 8.
+fn body(code: &str) -> Result<Asset, ImportError> {
+    import(
+        &format!("fn manifest() {{ #{{ name: \"x\" }} }}\nfn load(file) {{\n{code}\n}}"),
+        &[1, 2, 3, 4, 5, 6, 7, 8],
+    )
+}
+
+fn fails(code: &str) -> String {
+    body(code).err().unwrap_or_else(|| panic!("no error: {code}")).to_string()
+}
+
+#[test]
+fn a_binary_mesh_arrives_whole() {
+    let asset = import(TRI, &tri_bytes()).unwrap();
+    let p = &asset.meshes[0].primitives[0];
+    assert_eq!(p.positions, [Vec3::new(0., 0., 3.), Vec3::new(1., 0., 3.), Vec3::new(0., 2., 3.)]);
+    assert_eq!(p.normals, [Vec3::Z; 3]);
+    assert_eq!(p.uvs[0], [Vec2::ZERO, Vec2::X, Vec2::Y * 2.0]);
+    assert_eq!(p.indices, [0, 1, 2]);
+    assert_eq!(asset.materials[0].base_color.to_array(), [1.0, 0.5, 0.25, 1.0]);
+}
+
+#[test]
+fn options_come_from_the_manifest_and_reach_the_script() {
+    let importer = importer(TRI);
+    let m = importer.manifest();
+    assert_eq!(
+        (m.name.as_str(), m.extensions[0].as_str(), m.magic[0].as_slice()),
+        ("tri", "tri", &b"TRI1"[..])
+    );
+    let given = |name: &str, v| m.complete(&ImportOptions([(name.to_string(), v)].into()));
+    let wrong = given("scale", OptionValue::Number(0.0)).unwrap_err();
+    assert_eq!(wrong.message, "tri: option scale must be a number from 0.001 to 1000, got 0");
+    let mut options = given("scale", OptionValue::Number(0.5)).unwrap();
+    options.0.insert("up".into(), OptionValue::Text("z".into()));
+    let asset = importer.import(&source("a.tri", &tri_bytes()), &Beside, Needs::ALL, &options).unwrap();
+    assert_eq!(asset.meshes[0].primitives[0].positions[2], Vec3::new(0.0, 1.5, -1.0));
+}
+
+#[test]
+fn claims_are_magic_then_extension_or_the_script_s_own() {
+    let tri = importer(TRI);
+    assert_eq!(tri.claim(&source("x", b"TRI1....")), Claim::Content(90));
+    assert_eq!(tri.claim(&source("x.TRI", b"")), Claim::Extension);
+    assert_eq!(tri.claim(&source("x.obj", b"v 0 0 0")), Claim::NotMine);
+    let own = importer(
+        "fn manifest() { #{ name: \"x\", extensions: \"x\" } } fn load(file) {}
+         fn claim(file) { if file.bytes.u16(0) == 0x0201 { 70 } else { false } }",
+    );
+    assert_eq!(own.claim(&source("a", &[1, 2])), Claim::Content(70));
+    assert_eq!(own.claim(&source("a.x", &[1, 3])), Claim::NotMine);
+    // Too short for what `claim` reads: the name may still be right.
+    assert_eq!(own.claim(&source("a.x", &[1])), Claim::Extension);
+    assert_eq!(own.claim(&source("a", &[1])), Claim::NotMine);
+    let endless = importer("fn manifest() { #{ name: \"x\" } } fn load(f) {} fn claim(f) { loop {} }");
+    assert_eq!(endless.claim(&source("a", &[])), Claim::NotMine);
+}
+
+#[test]
+fn joints_clips_and_files_beside() {
+    let asset = body(
+        r#"
+        let names = read("names.txt").lines();
+        let hip = joint(names[0], -1, #{ translation: [0, 1, 0] });
+        let knee = joint(names[1], hip, #{ rotation: [0, 0, 0, 1] });
+        clip("bend", [#{ joint: knee, path: "rotation", times: [0, 0.5], values: [[0, 0, 0, 1], [1, 0, 0, 0]] }]);
+        mesh(#{ positions: [0,0,0, 1,0,0, 0,1,0], joints: [0, 1, 1], weights: [1, 1, 1], joint: hip });
+        warn("line 3", "guessed");
+        "#,
+    )
+    .unwrap();
+    assert_eq!(asset.skeleton.names(), ["hip", "knee"]);
+    assert_eq!(asset.skins[0].joints, [0, 1]);
+    assert_eq!(asset.clips[0].duration.as_secs(), 0.5);
+    assert_eq!(asset.warnings[0].place, "line 3");
+    let rest = asset.skeleton.rest();
+    assert_eq!((rest[0].translation, rest[1].rotation), (Vec3::Y, Quat::IDENTITY));
+}
+
+#[test]
+fn numbers_are_read_in_both_byte_orders_and_all_widths() {
+    body(
+        r#"
+        let b = file.bytes;
+        let same = |a, b| if a != b { throw `${a} is not ${b}`; };
+        same.call(b.u8(1), 2);          same.call(b.u16(0), 0x0201);     same.call(b.big().u16(0), 0x0102);
+        same.call(b.u32(4), 0x08070605); same.call(b.big().u32(4), 0x05060708);
+        same.call(b.part(2, 4).u8(0), 3); same.call(b.part(2, 4).len, 4);
+        same.call(b.u8s(0, 4).array(), [1.0, 2.0, 3.0, 4.0]);
+        same.call(b.u8s(0, 2, #{ stride: 3 }).array(), [1.0, 4.0]);
+        same.call(b.u8s(0, 2, #{ width: 2, stride: 4 }).array(), [1.0, 2.0, 5.0, 6.0]);
+        same.call(b.u8s(4, 1, #{ normalized: true })[0], 5.0 / 255.0);
+        same.call(b.u8s(0, 8).columns(2, [1]).array(), [2.0, 4.0, 6.0, 8.0]);
+        same.call(b.u8s(0, 4).rows(2, numbers([1, 0])).array(), [3.0, 4.0, 1.0, 2.0]);
+        same.call((b.u8s(0, 2) * 2 + 1).array(), [3.0, 5.0]);
+        same.call(numbers("1 2/3,-4e1").array(), [1.0, 2.0, 3.0, -40.0]);
+        same.call(" a  b ".words(), ["a", "b"]);
+        same.call(b.find("\x04\x05"), 3); same.call(b.find("zz"), -1);
+        same.call(b.len, 8);
+        "#,
+    )
+    .unwrap();
+    let json = import(
+        "fn manifest() { #{ name: \"j\" } }\nfn load(file) { let v = file.bytes.json(); if v.a[1].b != 2 { throw `${v}` } }",
+        br#"{"a": [1.5, {"b": 2}]}"#,
+    );
+    json.unwrap();
+}
+
+#[test]
+fn errors_have_the_importer_s_line_and_the_file_s_byte() {
+    let cases = [
+        ("file.bytes.f32s(4, 2)", "f32s: needs the bytes 4..12, the file has 8"),
+        ("file.bytes.part(4, 4).u16(3)", "u16: needs the bytes 7..9, this part is 4..8"),
+        ("file.bytes.u8(-1)", "u8: needs the bytes -1..0, the file has 8"),
+        (
+            "file.bytes.u8s(0, 9223372036854775807, #{ stride: 1000 })",
+            "u8s: 9223372036854775807 rows of 1000 bytes",
+        ),
+        (
+            "file.bytes.u8s(0, 1, #{ strid: 1 })",
+            "u8s: unknown option \"strid\"; did you mean \"stride\"?; options: width, stride, normalized",
+        ),
+        (
+            "file.bytes.f32s(0, 1, #{ normalized: true })",
+            "f32s: normalized is true or false, and for integers up to 32 bits",
+        ),
+        ("jont(\"a\")", "unknown function jont; did you mean \"joint\"?"),
+        (
+            "mesh(#{ position: [] })",
+            "mesh: unknown field \"position\"; did you mean \"positions\"?; it knows name, joint, positions, indices, normals, uvs, colors, joints, weights, inverse_bind, material",
+        ),
+        (
+            "mesh(#{ positions: [0,0,0], indices: [0, 0, 1] })",
+            "mesh \"mesh 0\": indices[2] is 1, but there are 1 vertices",
+        ),
+        (
+            "mesh(#{ positions: [0,0,0], indices: [0.5, 0, 1] })",
+            "mesh: indices[0] is 0.5, must be a whole number from 0",
+        ),
+        (
+            "mesh(#{ positions: \"a\" })",
+            "mesh: positions must be numbers, or an array of numbers, got string",
+        ),
+        ("read(\"../x\")", "cannot read \"../x\": no such file"),
+        ("loop { }", "more than 50000000 steps, which is the limit: is there an endless loop?"),
+        (
+            "let a = [1]; loop { a += a; }",
+            "an array or map of more than 1000000 elements, which is the limit; numbers(…) and f32s(…) hold more",
+        ),
+        ("let a = \"ab\"; loop { a += a; }", "a text of more than 67108864 bytes, which is the limit"),
+        ("throw \"not today\"", "not today"),
+    ];
+    for (code, message) in cases {
+        assert_eq!(fails(code).split_once(": ").unwrap().1.split_once(": ").unwrap().1, message, "{code}");
+    }
+    let deep = "fn manifest() { #{ name: \"my\" } }\nfn down(n) { down(n + 1) }\nfn load(file) { down(0) }";
+    let deep = import(deep, b"").err().unwrap_or_else(|| panic!("no error")).to_string();
+    let calls =
+        "more than 48 calls within one another, which is the limit: does one call itself without end?";
+    assert!(deep.ends_with(calls), "{deep}");
+    assert!(fails("let a = 1;\n   file.bytes.u8(9)").starts_with("a.dat: my.importer.rhai:4:15: u8: "));
+}
+
+#[test]
+fn a_clip_that_does_not_fit_the_skeleton_is_refused() {
+    let text = fails("clip(\"c\", [#{ joint: 3, path: \"scale\", times: [0], values: [1, 1, 1] }])");
+    assert!(text.starts_with("a.dat: my.importer.rhai: clip \"c\": "), "{text}");
+}
+
+#[test]
+fn memory_is_counted_and_bounded() {
+    let text = fails("let n = numbers([0]); loop { n = file.bytes.u8s(0, 8).rows(1, numbers(many())) }");
+    assert!(text.contains("unknown function many"), "{text}");
+    let text = fails(
+        "let a = []; a.pad(100000, 0); let rows = numbers(a); let n = numbers([0]);
+         loop { n = n.rows(1, rows); n = numbers([0]); }",
+    );
+    assert!(
+        text.ends_with(
+            "too much memory: all arrays together may take 64 MB, 64 and 16 times the file's size"
+        ),
+        "{text}"
+    );
+    let text = fails("let a = []; a.pad(2000000, 0)");
+    assert!(text.contains("more than 1000000 elements, which is the limit"), "{text}");
+    assert!(fails("fn_deep(1)").contains("unknown function"));
+}
+
+#[test]
+fn nothing_is_decoded_that_nobody_needs() {
+    let importer = importer(TRI);
+    let options = importer.manifest().complete(&ImportOptions::default()).unwrap();
+    let clips = Needs { geometry: false, clips: true, textures: false, pixels: false };
+    let asset = importer.import(&source("a.tri", &tri_bytes()), &Beside, clips, &options).unwrap();
+    assert!(asset.meshes.is_empty());
+}
+
+#[test]
+fn broken_importers_say_where() {
+    let cases = [
+        ("fn manifest() { #{ name: \"x\" } }", "1:1: an importer needs fn load(file)"),
+        ("fn load(f) {}", "1:1: an importer needs fn manifest()"),
+        (
+            "\nfn manifest() { #{ nam: 1 } } fn load(f) {}",
+            "2:1: manifest: unknown field \"nam\"; did you mean \"name\"?; it knows name, version, about, extensions, magic, options",
+        ),
+        (
+            "fn manifest() { #{ name: \"a b\" } } fn load(f) {}",
+            "1:1: manifest: name \"a b\" must be letters, digits, - and _, at most 60",
+        ),
+        (
+            "fn manifest() { #{ name: \"a\", options: #{ s: #{ value: 2, max: 1 } } } } fn load(f) {}",
+            "1:1: manifest: option s: the value 2 is not within -1000000000 to 1",
+        ),
+        (
+            "fn manifest() { let a = 0; loop { a += 1; } } fn load(f) {}",
+            "1:1: more than 10000 steps, which is the limit: is there an endless loop?",
+        ),
+        ("fn manifest() { 3 } fn load(f) {}", "1:1: manifest() must return an object map #{ name: …, … }"),
+        (
+            "/* /* in */ in */ fn manifest() { #{ name: \"a /* b\" } }\nfn load(f) {} /* fn claim(f) { 1 } /* */",
+            "2:15: this comment is never closed: nothing after it is read",
+        ),
+    ];
+    for (text, message) in cases {
+        let error = RhaiImporter::from_text("my.importer.rhai", text).err().unwrap().to_string();
+        assert_eq!(error, format!("my.importer.rhai:{message}"), "{text}");
+    }
+    let error = RhaiImporter::from_text("my.importer.rhai", "fn load(f) {\n  let = 3;\n}").err().unwrap();
+    assert_eq!((error.line, error.column), (2, 7), "{error}");
+}
+
+#[test]
+fn nothing_outside_can_be_reached() {
+    for code in ["eval(\"1\")", "import \"x\" as x;", "timestamp()"] {
+        let text = format!("fn manifest() {{ #{{ name: \"x\" }} }} fn load(f) {{ {code} }}");
+        let refused = match RhaiImporter::from_text("m.importer.rhai", &text) {
+            Err(_) => true,
+            Ok(i) => i.import(&source("a", &[]), &Beside, Needs::ALL, &ImportOptions::default()).is_err(),
+        };
+        assert!(refused, "{code}");
+    }
+}

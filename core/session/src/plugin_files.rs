@@ -1,0 +1,369 @@
+//! Plugins that are files: `NAME.importer.rhai` and `NAME.wgsl` beside the script and in a folder `plugins` there, in the
+//! folders given with `--plugins`, and in those that the environment variable CHOREO_PLUGINS names. No other place is read.
+//! Beside a script there can be WGSL of any kind: only what begins as an effect is taken for one.
+
+use choreo_files::{FileError, Folder};
+use choreo_importer_kit::pictures::{Encoded, Formats};
+use choreo_plugin::{BesideFile, Effect, EffectOnUse, PluginFault, PluginFile, Registry};
+use choreo_rhai_importer::{ImporterOnUse, RhaiImporter, ScriptError};
+use choreo_wgsl_effect::{Picture, WgslEffect};
+use std::io::Read;
+use std::path::{Component, Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
+use thiserror::Error;
+
+/// Folders named as the system's PATH is.
+pub const VARIABLE: &str = "CHOREO_PLUGINS";
+/// The folder beside a script.
+const BESIDE: &str = "plugins";
+
+/// Endings of the names of plugin files.
+pub const ENDINGS: [&str; 2] = [choreo_rhai_importer::ENDING, choreo_wgsl_effect::ENDING];
+
+/// Bytes of a plugin's text, and files looked at in one folder.
+const MOST_BYTES: u64 = 4 << 20;
+const MOST_FILES: usize = 10_000;
+/// Bytes of an effect's text that are read to find its name.
+const HEAD_BYTES: u64 = 64 << 10;
+/// Bytes of a file that a plugin reads.
+const MOST_BESIDE: u64 = 32 << 20;
+
+/// A folder that cannot be used at all.
+#[derive(Debug, Error)]
+pub enum FolderError {
+    #[error("{flag} {}: no such folder", folder.display())]
+    Missing { flag: &'static str, folder: PathBuf },
+    #[error("{}: cannot read: {error}", folder.display())]
+    Unreadable { folder: PathBuf, error: FileError },
+    #[error(
+        "{}: it is a symbolic link that leads out of the script's folder; to use the plugins there, name their folder with --plugins",
+        folder.display()
+    )]
+    Link { folder: PathBuf },
+}
+
+/// The plugin files that were found. Of an effect the name was read, of an importer the manifest; the rest is read and
+/// compiled when something uses it.
+pub struct Listing {
+    /// The plugins given and those of the files. Later folders win over earlier ones: those of CHOREO_PLUGINS, then those named
+    /// in order, then the inputs' own folders and those beside the inputs.
+    pub registry: Registry,
+    entries: Vec<Entry>,
+    /// Where a plugin file put there would be found; those beside the inputs need not be there.
+    pub folders: Vec<PathBuf>,
+    /// How many plugin files were compiled, here and in the listings before.
+    compiled: Arc<AtomicU64>,
+}
+
+/// One plugin file.
+struct Entry {
+    source: Source,
+    plugin: Plugin,
+    /// The text that was compiled; empty until the plugin is used.
+    read: Arc<OnceLock<Result<PluginFile, String>>>,
+}
+
+#[derive(Clone)]
+enum Plugin {
+    Effect(Arc<EffectOnUse>),
+    Importer(Arc<ImporterOnUse>),
+    /// It has no name to be used by.
+    Faulty(String),
+}
+
+/// The place of a plugin file.
+#[derive(Clone)]
+struct Source {
+    /// Links are followed beneath this folder only.
+    folder: Arc<Folder>,
+    /// Relative to the folder.
+    name: PathBuf,
+    /// As messages name it.
+    shown: String,
+    /// Canonical, but for links that lead nowhere.
+    path: PathBuf,
+}
+
+/// A folder in which plugin files are looked for.
+struct Place {
+    /// As the user named it.
+    path: PathBuf,
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Named,
+    /// The folder of an input, where other WGSL may lie.
+    Own,
+    /// `plugins` in the folder of an input.
+    Beside,
+}
+
+/// Finds the plugin files, in the order in which they count. `before`: an earlier listing, whose compiled plugins are used
+/// again where their files are the same.
+pub fn list(
+    plugins: &Registry,
+    named: &[PathBuf],
+    inputs: &[&Path],
+    before: Option<&Listing>,
+) -> Result<Listing, FolderError> {
+    let places = places(named, inputs)?;
+    let mut listing = Listing {
+        registry: plugins.clone(),
+        entries: Vec::new(),
+        folders: Vec::new(),
+        compiled: before.map(|b| b.compiled.clone()).unwrap_or_default(),
+    };
+    for place in places.iter().filter(|p| p.path.is_dir()) {
+        for source in sources(place)? {
+            if let Some(entry) = listing.entry(source, place.kind, before) {
+                match &entry.plugin {
+                    Plugin::Effect(effect) => listing.registry.add_effect_on_use(effect.clone()),
+                    Plugin::Importer(importer) => listing.registry.add_shared_importer(importer.clone()),
+                    Plugin::Faulty(_) => listing.registry.add_faulty(entry.source.shown.clone()),
+                }
+                listing.entries.push(entry);
+            }
+        }
+    }
+    listing.folders = places.into_iter().map(|place| place.path).collect();
+    Ok(listing)
+}
+
+/// The folders in the order in which they count, each once.
+fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<Place>, FolderError> {
+    let variable = std::env::var_os(VARIABLE).unwrap_or_default();
+    let of_variable = std::env::split_paths(&variable).filter(|f| !f.as_os_str().is_empty());
+    let of_variable = of_variable.map(|folder| (folder, VARIABLE));
+    let mut places: Vec<Place> = Vec::new();
+    for (folder, flag) in of_variable.chain(named.iter().map(|f| (f.clone(), "--plugins"))) {
+        if !folder.is_dir() {
+            return Err(FolderError::Missing { flag, folder });
+        }
+        places.push(Place { path: folder, kind: Kind::Named });
+    }
+    for input in inputs {
+        let folder = if input.is_dir() { input } else { input.parent().unwrap_or(Path::new("")) };
+        let own = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        for (path, kind) in [(own.to_path_buf(), Kind::Own), (folder.join(BESIDE), Kind::Beside)] {
+            if !places.iter().any(|known| is_same(&known.path, &path)) {
+                places.push(Place { path, kind });
+            }
+        }
+    }
+    Ok(places)
+}
+
+fn is_same(a: &Path, b: &Path) -> bool {
+    a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+/// Plugin files of a folder, by name, so that the order is the same on every machine.
+fn sources(place: &Place) -> Result<Vec<Source>, FolderError> {
+    let unreadable = |error: FileError| FolderError::Unreadable { folder: place.path.clone(), error };
+    // A file in `plugins` may be a link to another place in the script's folder, but not out of it.
+    let (root, below) = match place.kind {
+        Kind::Beside => (place.path.parent().unwrap_or(Path::new("")), Path::new(BESIDE)),
+        _ => (place.path.as_path(), Path::new("")),
+    };
+    let root = if root.as_os_str().is_empty() { Path::new(".") } else { root };
+    let opened = Folder::open(root).map_err(FileError::Io).and_then(|folder| {
+        let names = match place.kind {
+            Kind::Beside => folder.folder(below)?.names(MOST_FILES)?,
+            _ => folder.names(MOST_FILES)?,
+        };
+        Ok((folder, names))
+    });
+    let (folder, names) = match opened {
+        Ok(opened) => opened,
+        Err(FileError::Outside) => return Err(FolderError::Link { folder: place.path.clone() }),
+        // A script can stand in a folder that may not be listed.
+        Err(_) if place.kind == Kind::Own => return Ok(Vec::new()),
+        Err(error) => return Err(unreadable(error)),
+    };
+    let folder = Arc::new(folder);
+    let canonical = root.canonicalize().unwrap_or_else(|_| root.to_path_buf());
+    let is_plugin = |name: &str| ENDINGS.iter().any(|e| name.ends_with(e)) && !name.starts_with('.');
+    let names = names.into_iter().filter(|name| is_plugin(&name.to_string_lossy()));
+    let source = |name: std::ffi::OsString| {
+        let shown = place.path.join(&name).display().to_string();
+        let name = below.join(&name);
+        let path = canonical.join(folder.resolve(&name).unwrap_or_else(|_| name.clone()));
+        Source { folder: folder.clone(), name, shown, path }
+    };
+    Ok(names.map(source).filter(|source| !source.path.is_dir()).collect())
+}
+
+impl Listing {
+    /// The plugin of a file. `None` if the file is not meant as a plugin.
+    fn entry(&self, source: Source, kind: Kind, before: Option<&Listing>) -> Option<Entry> {
+        let is_it = |e: &&Entry| e.read.get().is_some() && e.source.path == source.path;
+        let known = before.and_then(|b| b.entries.iter().find(is_it));
+        if let Some(known) = known.filter(|k| k.source.shown == source.shown)
+            && known.read.get().is_some_and(|read| *read == source.read())
+        {
+            let (plugin, read) = (known.plugin.clone(), known.read.clone());
+            return Some(Entry { source, plugin, read });
+        }
+        let read = Arc::new(OnceLock::new());
+        let (of, slot, compiled) = (source.clone(), read.clone(), self.compiled.clone());
+        let reading = move || {
+            compiled.fetch_add(1, Ordering::Relaxed);
+            let file = of.read();
+            // Made once, so that the slot is empty.
+            let _ = slot.set(file.clone());
+            let text = |text| PluginFault { text, files: vec![of.path.clone()] };
+            file.map_err(text).map(|file| (of.shown.clone(), file))
+        };
+        let plugin = if source.is_wgsl() {
+            let head = match source.head() {
+                Ok(head) => head,
+                Err(text) => return Some(Entry { source, plugin: Plugin::Faulty(text), read }),
+            };
+            if kind == Kind::Own && !choreo_wgsl_effect::is_meant(&head) {
+                return None;
+            }
+            match choreo_wgsl_effect::name(&head) {
+                Some(name) => {
+                    let make = move || reading().and_then(|(shown, file)| effect(&shown, file));
+                    Plugin::Effect(Arc::new(EffectOnUse::new(&name, make)))
+                }
+                None => Plugin::Faulty(source.fault()),
+            }
+        } else {
+            let make = move || reading().and_then(|(shown, file)| importer(&shown, file));
+            let listed = source.text().and_then(|text| {
+                ImporterOnUse::new(&source.shown, &text, make).map_err(|e: ScriptError| e.to_string())
+            });
+            listed.map_or_else(Plugin::Faulty, |importer| Plugin::Importer(Arc::new(importer)))
+        };
+        Some(Entry { source, plugin, read })
+    }
+
+    /// Compiles every plugin file; what is wrong with them, complete with its place.
+    pub fn problems(&self) -> Vec<String> {
+        let fault = |entry: &Entry| match &entry.plugin {
+            Plugin::Effect(effect) => effect.get().err().map(|fault| fault.text.clone()),
+            Plugin::Importer(importer) => importer.get().err().map(|fault| fault.text.clone()),
+            Plugin::Faulty(text) => Some(text.clone()),
+        };
+        self.entries.iter().filter_map(fault).collect()
+    }
+
+    /// The plugin files, canonical.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        self.entries.iter().map(|entry| entry.source.path.as_path())
+    }
+
+    /// How many plugin files were compiled so far.
+    pub fn compiled(&self) -> u64 {
+        self.compiled.load(Ordering::Relaxed)
+    }
+}
+
+impl Source {
+    fn is_wgsl(&self) -> bool {
+        self.shown.ends_with(choreo_wgsl_effect::ENDING)
+    }
+
+    fn failed(&self, error: &FileError) -> String {
+        let shown = &self.shown;
+        match error {
+            FileError::TooLarge(most) => format!("{shown}: a plugin of more than {most} bytes"),
+            FileError::Outside => {
+                format!(
+                    "{shown}: cannot read: it is a link that leads out of {}",
+                    self.folder.path().display()
+                )
+            }
+            error => format!("{shown}: cannot read: {error}"),
+        }
+    }
+
+    /// The beginning of the text; letters that are none are left to the compiler.
+    fn head(&self) -> Result<String, String> {
+        let file = self.folder.open_file(&self.name).map_err(|e| self.failed(&e))?;
+        let mut bytes = Vec::new();
+        let read = file.take(HEAD_BYTES).read_to_end(&mut bytes);
+        read.map_err(|e| self.failed(&FileError::Io(e)))?;
+        Ok(String::from_utf8_lossy(&bytes).into_owned())
+    }
+
+    fn text(&self) -> Result<String, String> {
+        let bytes = self.folder.read(&self.name, MOST_BYTES).map_err(|e| self.failed(&e))?;
+        String::from_utf8(bytes)
+            .map_err(|e| format!("{}: byte {} is no UTF-8 text", self.shown, e.utf8_error().valid_up_to()))
+    }
+
+    /// The text with the files that it names.
+    fn read(&self) -> Result<PluginFile, String> {
+        let text = self.text()?;
+        let named = if self.is_wgsl() { choreo_wgsl_effect::files(&text) } else { Vec::new() };
+        let beside = named.into_iter().map(|name| self.beside(name)).collect();
+        Ok(PluginFile { path: self.path.clone(), text, beside })
+    }
+
+    /// A file in the folder of the plugin's own or below it.
+    fn beside(&self, name: String) -> BesideFile {
+        let path = self.path.with_file_name(&name);
+        let refused = || "a plugin reads files of its own folder only".to_string();
+        let bytes = (|| {
+            if !Path::new(&name).components().all(|c| matches!(c, Component::Normal(_))) {
+                return Err(refused());
+            }
+            let inside = self.folder.resolve(&self.name).map_err(|e| e.to_string())?;
+            let parent = inside.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            let own = self.folder.folder(parent).map_err(|e| e.to_string())?;
+            own.read(Path::new(&name), MOST_BESIDE).map(Arc::from).map_err(|error| match error {
+                FileError::Outside => refused(),
+                error => error.to_string(),
+            })
+        })();
+        BesideFile { name, path, bytes }
+    }
+
+    /// The error of an effect that has no name.
+    fn fault(&self) -> String {
+        let compiled = self.text().and_then(|text| {
+            WgslEffect::from_text(&self.shown, &text).map(|_| String::new()).map_err(|e| e.to_string())
+        });
+        compiled.unwrap_or_else(|text| text)
+    }
+}
+
+/// Pixels of a file that an effect names.
+fn picture(file: &PluginFile, name: &str) -> Result<Picture, String> {
+    let found = file.beside.iter().find(|b| b.name == name);
+    let found = found.ok_or_else(|| "it was not read".to_string())?;
+    let bytes = found.bytes.clone()?;
+    let place = found.path.display().to_string();
+    let decoded = Encoded::examine(place, name.to_string(), bytes, Formats::All)
+        .and_then(|encoded| encoded.decode())
+        .map_err(|problem| problem.what)?;
+    Ok(Picture {
+        size: [decoded.width, decoded.height],
+        rgba: decoded.rgba.clone(),
+        file: Some(found.path.clone()),
+    })
+}
+
+fn effect(shown: &str, file: PluginFile) -> Result<Arc<dyn Effect>, PluginFault> {
+    let compiled = WgslEffect::with_pictures(shown, &file.text, |name| picture(&file, name));
+    match compiled {
+        Ok(effect) => Ok(Arc::new(effect.with_file(file))),
+        Err(error) => {
+            let beside = file.beside.into_iter().map(|b| b.path);
+            let files = std::iter::once(file.path).chain(beside).collect();
+            Err(PluginFault { text: error.to_string(), files })
+        }
+    }
+}
+
+fn importer(shown: &str, file: PluginFile) -> Result<RhaiImporter, PluginFault> {
+    match RhaiImporter::from_text(shown, &file.text) {
+        Ok(importer) => Ok(importer.with_file(file)),
+        Err(error) => Err(PluginFault { text: error.to_string(), files: vec![file.path] }),
+    }
+}

@@ -1,0 +1,320 @@
+//! A scene made again and again from files that change.
+
+use crate::plugin_files::{self, ENDINGS, Listing};
+use crate::{Interest, Recipe, Waited, Waker, Watch, WatchError, model};
+use choreo_plugin::Registry;
+use choreo_render::Catalog;
+use choreo_script::{
+    AssetCache, BUILT_IN, Diagnostic, Folders, Imports, Loader, Parameter, Places, ScriptOptions, Severity,
+    Touched, content_of, run_file_touching,
+};
+use choreo_stage::{Asset, Evaluator, Stage};
+use std::collections::BTreeSet;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Everything that drawing frames of one version takes, and where it comes from.
+pub struct Scene {
+    /// Of the version.
+    pub number: u64,
+    pub stage: Arc<Stage>,
+    pub catalog: Arc<Catalog>,
+    /// To be cloned: clones share what was found out.
+    pub evaluator: Evaluator,
+    /// With the plugin files of this version.
+    pub registry: Registry,
+    /// Empty for a model.
+    pub places: Places,
+    pub parameters: Vec<Parameter>,
+    pub printed: Vec<String>,
+}
+
+/// Something to be told, an error or a warning.
+pub type Problem = Diagnostic;
+
+/// How much was done so far, all versions together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    pub builds: u64,
+    /// Assets read by an importer.
+    pub imports: u64,
+    /// How many plugin files were compiled.
+    pub plugins: u64,
+}
+
+/// What one build gave.
+#[derive(Clone)]
+pub struct Version {
+    /// From 1.
+    pub number: u64,
+    /// `None`: faulty. The one before stays.
+    pub scene: Option<Arc<Scene>>,
+    /// Errors where it is faulty, else warnings.
+    pub problems: Vec<Problem>,
+    /// Which files had changed.
+    pub changed: BTreeSet<PathBuf>,
+    /// A file of the shader folder is among them.
+    pub shaders: bool,
+    pub work: Work,
+    pub took: Duration,
+}
+
+pub struct Session {
+    recipe: Recipe,
+    /// The program's own plugins.
+    plugins: Registry,
+    assets: AssetCache,
+    imports: Imports,
+    watch: Option<Watch>,
+    /// Plugin files as they were found last, with those that were compiled.
+    files: Option<Listing>,
+    work: Work,
+    last: Option<Arc<Scene>>,
+    /// How many imports there had been when unused assets were dropped last.
+    dropped_at: u64,
+}
+
+/// Assets that changed so often are dropped together.
+const KEPT_IMPORTS: u64 = 64;
+
+/// What a build found out, before it is a version.
+struct Built {
+    stage: Stage,
+    places: Places,
+    parameters: Vec<Parameter>,
+    printed: Vec<String>,
+    warnings: Vec<Problem>,
+}
+
+impl Session {
+    /// `watching`: whether [`Session::wait`] will be called.
+    pub fn new(recipe: Recipe, plugins: &Registry, watching: bool) -> Result<Session, WatchError> {
+        Ok(Session {
+            recipe,
+            plugins: plugins.clone(),
+            assets: AssetCache::default(),
+            imports: Imports::default(),
+            watch: if watching { Some(Watch::new()?) } else { None },
+            files: None,
+            work: Work::default(),
+            last: None,
+            dropped_at: 0,
+        })
+    }
+
+    pub fn recipe(&self) -> &Recipe {
+        &self.recipe
+    }
+
+    /// How far files are that are being read, for who shows it.
+    pub fn imports(&self) -> Imports {
+        self.imports.clone()
+    }
+
+    pub fn waker(&self) -> Option<Waker> {
+        self.watch.as_ref().map(Watch::waker)
+    }
+
+    /// Waits until a file has changed on which the last version depends.
+    pub fn wait(&mut self, timeout: Option<Duration>) -> Result<Waited, WatchError> {
+        self.watch.as_mut().map_or(Err(WatchError::Gone), |watch| watch.wait(timeout))
+    }
+
+    /// Makes the next version. `changed` is told on.
+    pub fn build(&mut self, changed: BTreeSet<PathBuf>) -> Version {
+        let start = Instant::now();
+        self.work.builds += 1;
+        let number = self.work.builds;
+        let mut touched = Touched::default();
+        let mut interest = Interest::default();
+        let made = catch_unwind(AssertUnwindSafe(|| self.make(number, &mut touched, &mut interest)));
+        let made = made.unwrap_or_else(|_| {
+            let what = "the program itself failed on this version; please report it with the files";
+            Err(vec![Diagnostic::error(what)])
+        });
+        let shaders = self.recipe.shaders.as_ref().and_then(|folder| folder.canonicalize().ok());
+        interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
+        for path in touched.looked_for {
+            let there = content_of(&path);
+            interest.files.entry(path).or_insert(there);
+        }
+        if let Some(folder) = &shaders {
+            for path in wgsl_files(folder) {
+                let there = content_of(&path);
+                interest.files.insert(path, there);
+            }
+            interest.folders.insert((folder.clone(), choreo_look_ending()));
+        }
+        if let Some(watch) = &mut self.watch {
+            watch.set(interest);
+        }
+        let (scene, problems) = match made {
+            Ok((scene, warnings)) => (Some(Arc::new(scene)), warnings),
+            Err(errors) => (None, errors),
+        };
+        if let Some(scene) = &scene {
+            self.last = Some(scene.clone());
+            // Now and then: a file loaded for its clips alone is held by nobody else, and would be read again after it. Those of
+            // the last good version stay while one is faulty.
+            if self.assets.imports() >= self.dropped_at + KEPT_IMPORTS {
+                self.assets.drop_unused();
+                self.dropped_at = self.assets.imports();
+            }
+        }
+        self.work.imports = self.assets.imports();
+        self.work.plugins = self.files.as_ref().map_or(0, Listing::compiled);
+        let shaders = shaders.is_some_and(|folder| changed.iter().any(|c| c.starts_with(&folder)));
+        Version { number, scene, problems, changed, shaders, work: self.work, took: start.elapsed() }
+    }
+
+    fn make(
+        &mut self,
+        number: u64,
+        touched: &mut Touched,
+        interest: &mut Interest,
+    ) -> Result<(Scene, Vec<Problem>), Vec<Problem>> {
+        let registry = self.registry(interest)?;
+        let built = match self.recipe.is_script() {
+            true => self.script(&registry, touched)?,
+            false => self.model(&registry, touched)?,
+        };
+        let Built { mut stage, places, parameters, printed, mut warnings } = built;
+        stage.settings.size = self.recipe.size.unwrap_or(stage.settings.size);
+        for used in stage.effects.iter().filter(|used| registry.effect(&used.plugin).is_none()) {
+            warnings.push(Diagnostic::warning(format!("unknown effect \"{}\"; it is left out", used.plugin)));
+        }
+        let stage = Arc::new(stage);
+        let nothing = Catalog::default();
+        let before = self.last.as_ref().map_or(&nothing, |scene| &scene.catalog);
+        let catalog = Arc::new(Catalog::after(before, &stage));
+        let mut evaluator = Evaluator::new(stage.clone());
+        // What fails at once is faulty; what fails later is told when that time is shown.
+        let zero = choreo_motion::Time::ZERO;
+        evaluator.at(zero).map_err(|error| vec![Diagnostic::error(error.to_string())])?;
+        let registry = registry.settled();
+        let scene = Scene { number, stage, catalog, evaluator, registry, places, parameters, printed };
+        Ok((scene, warnings))
+    }
+
+    /// The program's plugins with those of the plugin files, which are compiled again where they have changed.
+    fn registry(&mut self, interest: &mut Interest) -> Result<Registry, Vec<Problem>> {
+        let inputs = [self.recipe.input.as_path()];
+        let found = plugin_files::list(&self.plugins, &self.recipe.plugins, &inputs, self.files.as_ref());
+        let listing = found.map_err(|error| vec![Diagnostic::error(error.to_string())])?;
+        for folder in &listing.folders {
+            // Made from here, where it is not there yet.
+            let folder =
+                folder.canonicalize().ok().or_else(|| above(folder)).unwrap_or_else(|| folder.clone());
+            interest.folders.extend(ENDINGS.iter().map(|ending| (folder.clone(), ending.to_string())));
+        }
+        if self.watch.is_some() {
+            // Those that are not used, too: an edit can give one the name that the script asks for.
+            interest.files.extend(listing.files().map(|file| (file.to_path_buf(), content_of(file))));
+        }
+        let registry = listing.registry.clone();
+        self.files = Some(listing);
+        Ok(registry)
+    }
+
+    fn script(&self, registry: &Registry, touched: &mut Touched) -> Result<Built, Vec<Problem>> {
+        let options = ScriptOptions {
+            search_paths: self.recipe.search.clone(),
+            set: self.recipe.set.clone(),
+            limits: self.recipe.limits.clone(),
+            needs: self.recipe.needs,
+            assets: self.assets.clone(),
+            imports: self.imports.clone(),
+        };
+        let (result, files) = run_file_touching(&self.recipe.input, registry, &options);
+        *touched = files;
+        let script = result?;
+        let mut warnings = script.warnings;
+        warnings.extend(asset_warnings(&script.stage));
+        Ok(Built {
+            stage: script.stage,
+            places: script.places,
+            parameters: script.parameters,
+            printed: script.printed,
+            warnings,
+        })
+    }
+
+    /// Of several those are shown that can be read; why the others are not is told.
+    fn model(&self, registry: &Registry, touched: &mut Touched) -> Result<Built, Vec<Problem>> {
+        let paths = || std::iter::once(&self.recipe.input).chain(&self.recipe.beside);
+        let (mut assets, mut failed) = (Vec::new(), Vec::new());
+        for path in paths() {
+            match self.asset(registry, path, touched) {
+                Ok(asset) => assets.push((model::name(path), asset)),
+                Err(problem) => failed.push(problem),
+            }
+        }
+        if assets.is_empty() {
+            return Err(failed);
+        }
+        let stage = match (&assets[..], paths().count()) {
+            ([(_, asset)], 1) => model::stage(asset.clone(), self.recipe.clip.as_deref())
+                .map_err(|text| vec![in_file(&self.recipe.input, text, None)])?,
+            _ => model::side_by_side(&assets),
+        };
+        let mut warnings = asset_warnings(&stage);
+        warnings.extend(failed.into_iter().map(|p| Problem { severity: Severity::Warning, ..p }));
+        let (places, parameters, printed) = Default::default();
+        Ok(Built { stage, places, parameters, printed, warnings })
+    }
+
+    fn asset(&self, registry: &Registry, path: &Path, touched: &mut Touched) -> Result<Arc<Asset>, Problem> {
+        let built_in = path.to_str().filter(|p| p.starts_with(BUILT_IN));
+        let base = if built_in.is_some() { Path::new("choreo.rhai") } else { path };
+        let folder = base.parent().unwrap_or(Path::new(""));
+        let folders = Folders::new(folder, &self.recipe.search, self.recipe.limits.file);
+        let folders = folders.map_err(|e| in_file(path, e.message, e.hint))?;
+        let loader = Loader::new(registry, folders, self.recipe.needs);
+        let loader = Arc::new(loader.with_cache(&self.assets).watched_by(&self.imports));
+        let name = built_in.or_else(|| path.file_name().and_then(|n| n.to_str())).unwrap_or_default();
+        let loaded = loader.load(name, &self.recipe.import);
+        let Touched { read, looked_for } = Touched::by(&loader);
+        touched.read.extend(read);
+        touched.looked_for.extend(looked_for);
+        loaded.map_err(|e| in_file(path, e.message, e.hint))
+    }
+}
+
+fn in_file(path: &Path, message: String, hint: Option<String>) -> Problem {
+    Problem { hint, ..Diagnostic::error(message).in_file(path.display().to_string()) }
+}
+
+/// A path as it will be once it is there: the folder above it made canonical.
+fn above(folder: &Path) -> Option<PathBuf> {
+    let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    Some(parent.canonicalize().ok()?.join(folder.file_name()?))
+}
+
+fn choreo_look_ending() -> String {
+    choreo_wgsl_effect::ENDING.to_string()
+}
+
+fn wgsl_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let files = entries.map(|e| e.path());
+    files.filter(|p| p.to_string_lossy().ends_with(choreo_wgsl_effect::ENDING)).collect()
+}
+
+/// Of every asset on stage, once.
+fn asset_warnings(stage: &Stage) -> Vec<Problem> {
+    let mut seen: Vec<&Arc<Asset>> = Vec::new();
+    let mut warnings = Vec::new();
+    for actor in &stage.actors {
+        if seen.iter().any(|a| Arc::ptr_eq(a, &actor.asset)) {
+            continue;
+        }
+        seen.push(&actor.asset);
+        for w in &actor.asset.warnings {
+            let text = if w.place.is_empty() { w.text.clone() } else { format!("{}: {}", w.place, w.text) };
+            warnings.push(Diagnostic::warning(text).in_file(actor.asset.name.clone()));
+        }
+    }
+    warnings
+}

@@ -1,0 +1,386 @@
+//! A scene that changes under one's hands: what is done again, what is not, and what a mistake leaves in place.
+
+use choreo_motion::Time;
+use choreo_plugin::{Frame, Registry};
+use choreo_render::renderer::Work;
+use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, RenderError, Renderer};
+use choreo_session::{Asked, Painted, Painter, Recipe, Scene, Session, Version, Waited};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::Duration;
+
+const SCRIPT: &str = r#"
+stage(#{ size: [96, 64], fps: 30, length: 2.0 });
+let ada = cast("ada", load("choreo:mannequin", #{ color: "coral" }));
+ada.play(load("choreo:mannequin").clip("Walk")).from(0.5);
+let box = cast("box", load("box.obj")).at(1.0, 0.0, 0.0);
+camera("c").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+sun(#{ direction: [-0.6, -1.0, -0.9] });
+"#;
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+fn registry() -> Registry {
+    let mut registry = Registry::default();
+    registry.add_importer(import_mannequin::Mannequin);
+    registry.add_importer(import_obj::ObjImporter);
+    registry
+}
+
+struct Place {
+    folder: tempfile::TempDir,
+    session: Session,
+}
+
+impl Place {
+    fn new(recipe: impl FnOnce(&mut Recipe)) -> Place {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("box.obj"), TRIANGLE).unwrap();
+        fs::write(folder.path().join("a.rhai"), SCRIPT).unwrap();
+        let mut made = Recipe::new(folder.path().join("a.rhai"));
+        recipe(&mut made);
+        let session = Session::new(made, &registry(), true).unwrap();
+        Place { folder, session }
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().canonicalize().unwrap().join(name)
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        let path = self.at(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, text).unwrap();
+    }
+
+    /// The version after the next change.
+    fn next(&mut self) -> Version {
+        match self.session.wait(Some(Duration::from_secs(300))).unwrap() {
+            Waited::Changed(files) => self.session.build(files),
+            other => panic!("nothing has changed: {other:?}"),
+        }
+    }
+
+    fn quiet(&mut self) -> bool {
+        self.session.wait(Some(Duration::from_millis(300))).unwrap() == Waited::TimedOut
+    }
+}
+
+fn good(version: Version) -> Arc<Scene> {
+    version.scene.unwrap_or_else(|| panic!("{:?}", version.problems))
+}
+
+fn first_error(version: &Version) -> String {
+    assert!(version.scene.is_none());
+    version.problems[0].to_string()
+}
+
+#[test]
+fn a_number_in_a_cue_imports_nothing_again() {
+    let mut place = Place::new(|_| ());
+    let first = good(place.session.build(BTreeSet::new()));
+    place.write("a.rhai", &SCRIPT.replace("from(0.5)", "from(0.75)"));
+    let version = place.next();
+    assert_eq!(version.changed, BTreeSet::from([place.at("a.rhai")]));
+    assert_eq!((version.number, version.work.builds, version.work.imports), (2, 2, 3), "three at first");
+    let second = good(version);
+    assert_eq!(second.stage.actors[0].layers[0].cues[0].start, Time::from_secs(0.75));
+    assert!(Arc::ptr_eq(&first.stage.actors[0].asset, &second.stage.actors[0].asset));
+    let hashes = |s: &Scene| s.catalog.primitives.iter().map(|p| p.hash).collect::<Vec<_>>();
+    assert_eq!(hashes(&first), hashes(&second));
+    // The cue's place is known.
+    assert_eq!(
+        (second.places.cues[0][0][0].line, second.places.cues[0][0][0].file.ends_with("a.rhai")),
+        (4, true)
+    );
+}
+
+#[test]
+fn an_asset_that_changed_is_the_only_one_imported() {
+    let mut place = Place::new(|_| ());
+    let first = good(place.session.build(BTreeSet::new()));
+    place.write("box.obj", "v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n");
+    let version = place.next();
+    assert_eq!(version.work.imports, 4);
+    let second = good(version);
+    assert!(Arc::ptr_eq(&first.stage.actors[0].asset, &second.stage.actors[0].asset));
+    assert!(!Arc::ptr_eq(&first.stage.actors[1].asset, &second.stage.actors[1].asset));
+}
+
+#[test]
+fn a_faulty_version_is_told_with_its_place_until_it_is_mended() {
+    let mut place = Place::new(|_| ());
+    place.session.build(BTreeSet::new());
+    place.write("a.rhai", &SCRIPT.replace("\"Walk\"", "\"Wakl\""));
+    let version = place.next();
+    let error = &version.problems[0];
+    assert!(version.scene.is_none() && error.line == 4 && error.message.contains("Wakl"), "{error}");
+    place.write("a.rhai", SCRIPT);
+    let version = place.next();
+    assert_eq!(version.work.imports, 3, "what the last good version held is still there");
+    good(version);
+    // Also where the mistake is that there is no script.
+    fs::remove_file(place.at("a.rhai")).unwrap();
+    assert!(first_error(&place.next()).contains("cannot read script"));
+    place.write("a.rhai", SCRIPT);
+    good(place.next());
+}
+
+#[test]
+fn files_that_are_missing_are_waited_for() {
+    let mut place = Place::new(|_| ());
+    place.write("a.rhai", &SCRIPT.replace("box.obj", "props/box.obj"));
+    let error = first_error(&place.session.build(BTreeSet::new()));
+    assert!(error.contains("props/box.obj"), "{error}");
+    place.write("props/box.obj", TRIANGLE);
+    good(place.next());
+    // A module, too.
+    place.write("a.rhai", &format!("import \"steps/walk\" as walk;\n{SCRIPT}"));
+    assert!(first_error(&place.next()).contains("steps/walk"));
+    place.write("steps/walk.rhai", "fn steps() { 1 }");
+    good(place.next());
+    place.write("steps/walk.rhai", "fn steps( { 1 }");
+    assert!(first_error(&place.next()).contains("walk.rhai:1:"));
+    place.write("steps/walk.rhai", "fn steps() { 2 }");
+    good(place.next());
+    assert!(place.quiet());
+}
+
+#[test]
+fn one_that_comes_into_an_earlier_folder_wins() {
+    let elsewhere = tempfile::tempdir().unwrap();
+    fs::write(elsewhere.path().join("far.obj"), TRIANGLE).unwrap();
+    let mut place = Place::new(|r| r.search = vec![elsewhere.path().to_path_buf()]);
+    place.write("a.rhai", &SCRIPT.replace("box.obj", "far.obj"));
+    good(place.session.build(BTreeSet::new()));
+    place.write("far.obj", "v 0 0 0\nv 3 0 0\nv 0 3 0\nf 1 2 3\n");
+    let version = place.next();
+    assert_eq!(version.changed, BTreeSet::from([place.at("far.obj")]));
+    good(version);
+}
+
+#[test]
+fn a_model_is_reloaded_as_a_script_is() {
+    let mut place = Place::new(|r| r.input = r.input.with_file_name("box.obj"));
+    let first = good(place.session.build(BTreeSet::new()));
+    assert_eq!(first.stage.actors.len(), 1);
+    place.write("box.obj", "garbage");
+    assert!(first_error(&place.next()).contains("box.obj"));
+    place.write("box.obj", TRIANGLE);
+    good(place.next());
+}
+
+const GLOW: &str = "// effect: glow\n// about: brighter\n// version: 1\n// param amount = 0.5 in 0..1: how much\n\
+    fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    return color * (1.0 + p[amount]);\n}\n";
+
+#[test]
+fn plugin_files_come_change_and_break() {
+    let mut place = Place::new(|_| ());
+    place.write("a.rhai", &format!("{SCRIPT}\neffect(\"glow\");\n"));
+    let before = place.session.build(BTreeSet::new());
+    assert!(before.scene.is_none() || !before.problems.is_empty(), "there is no such effect yet");
+    place.write("plugins/glow.wgsl", GLOW);
+    let version = place.next();
+    assert_eq!(version.work.plugins, 1);
+    assert!(good(version).registry.effect("glow").is_some());
+    // A script that changes does not compile it again.
+    place.write("a.rhai", &format!("{SCRIPT}\neffect(\"glow\", #{{ amount: 0.25 }});\n"));
+    let version = place.next();
+    assert_eq!(version.work.plugins, 1);
+    good(version);
+    place.write("plugins/glow.wgsl", &GLOW.replace("return color", "return colour"));
+    let error = first_error(&place.next());
+    assert!(error.contains("glow.wgsl:6:"), "{error}");
+    place.write("plugins/glow.wgsl", &GLOW.replace("1.0 +", "1.5 +"));
+    let version = place.next();
+    assert_eq!(version.work.plugins, 3);
+    good(version);
+}
+
+/// What nothing uses is not compiled, and heard of when it gets the name that the script asks for.
+#[test]
+fn a_plugin_file_that_nothing_uses_breaks_nothing() {
+    let mut place = Place::new(|_| ());
+    place.write("plugins/glow.wgsl", GLOW);
+    place.write(
+        "plugins/bad.wgsl",
+        &GLOW.replace("effect: glow", "effect: bad").replace("return color", "return colour"),
+    );
+    let first = place.session.build(BTreeSet::new());
+    assert_eq!(first.work.plugins, 0);
+    assert!(good(first).registry.effect("glow").is_none());
+    place.write("a.rhai", &format!("{SCRIPT}\neffect(\"late\");\n"));
+    assert!(first_error(&place.next()).contains("unknown effect \"late\""));
+    place.write("plugins/bad.wgsl", &GLOW.replace("effect: glow", "effect: late"));
+    let version = place.next();
+    assert_eq!(version.work.plugins, 1);
+    let scene = good(version);
+    let names: Vec<&str> = scene.registry.effects().iter().map(|e| e.manifest().name.as_str()).collect();
+    assert_eq!(names, ["late"]);
+}
+
+/// One texel, red 127, green 64, blue `blue`: type 2, 1 × 1, 32 bits from the top.
+fn tga(blue: u8) -> String {
+    String::from_utf8(
+        [&[0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 32, 0x28][..], &[blue, 64, 127, 127]].concat(),
+    )
+    .unwrap()
+}
+
+#[test]
+fn a_texture_of_an_effect_is_watched_as_its_text_is() {
+    let inked = GLOW.replace("// version", "// texture ink = ink.tga as data: t\n// version");
+    let inked = inked.replace("(1.0 +", "ink(uv) * (1.0 +");
+    let mut place = Place::new(|_| ());
+    place.write("a.rhai", &format!("{SCRIPT}\neffect(\"glow\");\n"));
+    place.write("plugins/glow.wgsl", &inked);
+    let error = first_error(&place.session.build(BTreeSet::new()));
+    assert!(error.contains("glow.wgsl:3:1: texture ink: \"ink.tga\": no such file or folder"), "{error}");
+    place.write("plugins/ink.tga", &tga(0));
+    let texel = |scene: &Scene| scene.registry.effect("glow").unwrap().textures()[0].halves[0][2];
+    let first = good(place.next());
+    assert_eq!(texel(&first), 0);
+    place.write("plugins/ink.tga", &tga(127));
+    assert!(texel(&good(place.next())) > 0);
+    place.write("plugins/ink.tga", "no picture");
+    let error = first_error(&place.next());
+    assert!(error.contains("glow.wgsl:3:1: texture ink: \"ink.tga\":"), "{error}");
+    // Nothing outside the effect's own folder is read.
+    place.write("plugins/glow.wgsl", &inked.replace("ink.tga", "../box.obj"));
+    let error = first_error(&place.next());
+    assert!(error.contains("a plugin reads files of its own folder only"), "{error}");
+}
+
+struct Studio {
+    painter: Painter,
+    painted: Receiver<Painted>,
+}
+
+impl Studio {
+    fn new(start: impl FnOnce() -> Result<Box<dyn Renderer>, RenderError> + Send + 'static) -> Studio {
+        let (to, painted) = channel();
+        let start = Box::new(move || start().map(|r| (r, None)).map_err(|e| e.to_string()));
+        let painter = Painter::start(start, move |p| drop(to.send(p))).unwrap();
+        Studio { painter, painted }
+    }
+
+    fn paint(&self, scene: &Arc<Scene>, time: f64) -> Painted {
+        self.painter.ask(Asked::new(scene.clone(), Time::from_secs(time), 4, 7));
+        self.painted.recv_timeout(Duration::from_secs(600)).unwrap()
+    }
+}
+
+fn frame(painted: &Painted) -> &Frame {
+    &painted.result.as_ref().unwrap_or_else(|e| panic!("{e}")).0
+}
+
+/// What `render` draws.
+fn rendered(scene: &Scene, time: f64, renderer: &mut dyn Renderer) -> Frame {
+    let catalog = Arc::new(choreo_render::Catalog::new(&scene.stage));
+    let snapshot = scene.stage.at(Time::from_secs(time)).unwrap();
+    let options =
+        PlanOptions { effects: scene.registry.effects(), ..PlanOptions::new(scene.stage.settings.size, 4) };
+    renderer.set_effects(scene.registry.effects()).unwrap();
+    renderer.load(catalog.clone()).unwrap();
+    renderer.submit(Plan::new(&catalog, &scene.stage, &snapshot, &options)).unwrap();
+    renderer.collect(None).unwrap()
+}
+
+#[test]
+fn the_painter_draws_what_render_draws_and_the_newest_wish_wins() {
+    let mut place = Place::new(|_| ());
+    let scene = good(place.session.build(BTreeSet::new()));
+    let studio = Studio::new(|| Ok(Box::new(CpuRenderer::new(&[]))));
+    let painted = studio.paint(&scene, 1.0);
+    let shown = &painted.result.as_ref().unwrap().1;
+    assert_eq!((painted.ticket, shown.number, shown.time), (7, 1, Time::from_secs(1.0)));
+    let expected = rendered(&scene, 1.0, &mut CpuRenderer::new(&[]));
+    assert!(frame(&painted).rgba == expected.rgba);
+    assert!(frame(&studio.paint(&scene, 0.7)).rgba != expected.rgba, "another time is another picture");
+}
+
+#[test]
+fn a_painter_whose_renderer_does_not_start_says_so_each_time() {
+    let mut place = Place::new(|_| ());
+    let scene = good(place.session.build(BTreeSet::new()));
+    let studio = Studio::new(|| Err(RenderError::NoVulkan { why: "planted".into() }));
+    for _ in 0..2 {
+        assert_eq!(
+            studio.paint(&scene, 0.0).result.err().as_deref(),
+            Some("Vulkan is not available: planted")
+        );
+    }
+}
+
+/// `None`, with a word, where there is no Vulkan.
+fn vulkan(shaders: Option<PathBuf>) -> Option<Studio> {
+    let options = GpuOptions { shader_dir: shaders, ..GpuOptions::default() };
+    if let Err(RenderError::NoVulkan { why }) = SteadyRenderer::new(options.clone()) {
+        println!("SKIP 1: {why}");
+        return None;
+    }
+    Some(Studio::new(move || Ok(Box::new(SteadyRenderer::new(options)?))))
+}
+
+#[test]
+fn a_number_in_a_cue_uploads_and_compiles_nothing_again() {
+    let Some(studio) = vulkan(None) else { return };
+    let mut place = Place::new(|_| ());
+    let first = good(place.session.build(BTreeSet::new()));
+    let before = studio.paint(&first, 1.0);
+    assert!(before.work.meshes > 1 && before.work.materials > 1 && before.work.pipelines > 0);
+    place.write("a.rhai", &SCRIPT.replace("from(0.5)", "from(0.75)"));
+    let after = studio.paint(&good(place.next()), 1.0);
+    assert_eq!(after.work, before.work);
+    assert!(frame(&after).rgba != frame(&before).rgba, "it is drawn anew all the same");
+    // Another triangle: one mesh and nothing else. (Shown able to count.)
+    place.write("box.obj", "v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n");
+    let moved = studio.paint(&good(place.next()), 1.0);
+    assert_eq!(moved.work, Work { meshes: before.work.meshes + 1, ..before.work });
+}
+
+#[test]
+fn an_effect_that_changed_is_one_pipeline() {
+    let Some(studio) = vulkan(None) else { return };
+    let mut place = Place::new(|_| ());
+    place.write("plugins/glow.wgsl", GLOW);
+    place.write("a.rhai", &format!("{SCRIPT}\neffect(\"glow\");\n"));
+    let before = studio.paint(&good(place.session.build(BTreeSet::new())), 1.0);
+    place.write("plugins/glow.wgsl", &GLOW.replace("1.0 +", "1.5 +"));
+    let scene = good(place.next());
+    let after = studio.paint(&scene, 1.0);
+    assert_eq!(after.work, Work { pipelines: before.work.pipelines + 1, ..before.work });
+    assert!(frame(&after).rgba != frame(&before).rgba);
+}
+
+#[test]
+fn a_shader_that_breaks_leaves_the_last_good_one_at_work() {
+    let shaders = tempfile::tempdir().unwrap();
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders");
+    for name in ["background.wgsl", "scene.wgsl"] {
+        fs::copy(own.join(name), shaders.path().join(name)).unwrap();
+    }
+    let folder = shaders.path().to_path_buf();
+    let Some(studio) = vulkan(Some(folder.clone())) else { return };
+    let mut place = Place::new(|r| r.shaders = Some(folder.clone()));
+    let scene = good(place.session.build(BTreeSet::new()));
+    let before = studio.paint(&scene, 1.0);
+    let text = fs::read_to_string(folder.join("scene.wgsl")).unwrap();
+    fs::write(folder.join("scene.wgsl"), format!("fn broken( {{\n{text}")).unwrap();
+    let version = place.next();
+    assert!(version.shaders);
+    let scene = good(version);
+    studio.painter.shaders_changed();
+    let broken = studio.paint(&scene, 1.0);
+    assert!(broken.notes.iter().any(|n| n.contains("scene.wgsl:1:")), "{:?}", broken.notes);
+    assert!(frame(&broken).rgba == frame(&before).rgba && broken.work == before.work);
+    fs::write(folder.join("scene.wgsl"), format!("{text}\n// mended\n")).unwrap();
+    let scene = good(place.next());
+    studio.painter.shaders_changed();
+    let mended = studio.paint(&scene, 1.0);
+    assert!(mended.notes.is_empty() && mended.work.pipelines > before.work.pipelines);
+    assert!(frame(&mended).rgba == frame(&before).rgba);
+}

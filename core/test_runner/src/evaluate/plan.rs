@@ -1,0 +1,89 @@
+//! Counts of the stage, and of what a frame of it needs.
+
+use super::looks::Looks;
+use choreo_motion::Time;
+use choreo_render::commands::{RecordOptions, record};
+use choreo_render::plan::motion_blur::plan_alone;
+use choreo_render::{Plan, PlanOptions as RenderOptions};
+use choreo_script::testing::{Count, PlanCount, PlanOptions};
+use choreo_stage::{Asset, Topology};
+use std::sync::Arc;
+
+pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan, String> {
+    let catalog = looks.catalog();
+    let snapshot = looks.at(time)?;
+    let stage = looks.stage.clone();
+    let size = options.size.unwrap_or(stage.settings.size);
+    let samples = options.samples.or(stage.settings.samples).unwrap_or(4);
+    let effects = looks.registry.effects().to_vec();
+    let options = RenderOptions { effects: &effects, ..RenderOptions::new(size, samples) };
+    let earlier = |time| looks.at(time).map(|snapshot| (*snapshot).clone());
+    let mut plan = plan_alone(&catalog, &stage, &snapshot, &options, earlier)?;
+    let triangles = |primitive: u32| catalog.primitives[primitive as usize].primitive().indices.len() / 3;
+    let recording = record(&plan, RecordOptions::default(), triangles);
+    plan.left_out.extend(recording.left_out(&plan));
+    Ok(plan)
+}
+
+pub fn count(looks: &mut Looks, options: &PlanOptions, what: PlanCount, time: Time) -> Result<usize, String> {
+    let plan = make(looks, options, time)?;
+    let catalog = looks.catalog();
+    let triangles = |primitive: u32| {
+        let primitive = catalog.primitives[primitive as usize].primitive();
+        match primitive.topology {
+            Topology::Triangles => primitive.indices.len() / 3,
+            _ => 0,
+        }
+    };
+    let counts = || record(&plan, RecordOptions::default(), triangles).counts();
+    Ok(match what {
+        PlanCount::Passes => counts().passes + plan.post.len(),
+        PlanCount::PostPasses => plan.post.len(),
+        PlanCount::Pipelines => counts().distinct_pipelines,
+        PlanCount::Draws => plan.draws.len(),
+        PlanCount::Copies => plan.draws.iter().map(|d| d.instance_count as usize).sum(),
+        PlanCount::Triangles => {
+            plan.draws.iter().map(|d| triangles(d.primitive) * d.instance_count as usize).sum()
+        }
+        PlanCount::Lights => plan.lights.len(),
+        PlanCount::JointMatrices => plan.joint_matrices.len(),
+        PlanCount::Morphs => plan.morphs.len(),
+        PlanCount::ShadowMaps => plan.shadows.as_ref().map_or(0, |s| s.views.len()),
+        PlanCount::OverlayTriangles => plan.overlay.vertices.len() / 3,
+    })
+}
+
+pub fn count_stage(looks: &Looks, what: Count) -> usize {
+    let stage = &looks.stage;
+    let of_actors = |count: fn(&Asset) -> usize| stage.actors.iter().map(|a| count(&a.asset)).sum();
+    match what {
+        Count::Actors => stage.actors.len(),
+        Count::Cameras => stage.cameras.len(),
+        Count::Cuts => stage.cuts.len(),
+        Count::Lights => stage.lights.len(),
+        Count::Effects => stage.effects.len(),
+        Count::Layers => stage.actors.iter().map(|a| a.layers.len()).sum(),
+        Count::Cues => stage.actors.iter().flat_map(|a| &a.layers).map(|l| l.cues.len()).sum(),
+        Count::Callbacks => stage.hooks.len(),
+        Count::Assets => {
+            let mut known: Vec<*const Asset> = stage.actors.iter().map(|a| Arc::as_ptr(&a.asset)).collect();
+            known.sort_unstable();
+            known.dedup();
+            known.len()
+        }
+        Count::Joints => of_actors(|asset| asset.skeleton.len()),
+        Count::Triangles => of_actors(|asset| {
+            let of_mesh = |mesh: &choreo_stage::Mesh| -> usize {
+                let triangles = mesh.primitives.iter().filter(|p| p.topology == Topology::Triangles);
+                triangles.map(|p| p.indices.len() / 3).sum()
+            };
+            let meshes = asset.instances.iter().filter_map(|i| asset.meshes.get(i.mesh as usize));
+            meshes.map(|mesh| of_mesh(mesh)).sum()
+        }),
+        Count::Vertices => of_actors(|asset| {
+            let meshes = asset.instances.iter().filter_map(|i| asset.meshes.get(i.mesh as usize));
+            meshes.flat_map(|mesh| &mesh.primitives).map(|p| p.positions.len()).sum()
+        }),
+        Count::Frames => stage.settings.fps.frames_in(stage.settings.length) as usize,
+    }
+}

@@ -1,0 +1,161 @@
+//! Draws the picture of a stage at a time: on the CPU renderer, which gives the same bytes everywhere, or on Vulkan.
+
+use choreo_motion::Time;
+use choreo_plugin::{Effect, Frame};
+use choreo_render::plan::motion_blur::plan_at;
+use choreo_render::{
+    Catalog, CpuRenderer, DeviceInfo, DeviceKind, GpuOptions, PlanOptions, RenderError, Renderer,
+    VulkanRenderer,
+};
+use choreo_stage::{Evaluator, Stage};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A test picture is small: this much is room for a "large" one, and keeps a slip of the hand from filling the memory.
+pub const MOST_PIXELS: u64 = 4 << 20;
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Device {
+    /// Our own renderer: the reference of all test pictures unless they say otherwise.
+    #[default]
+    Cpu,
+    Vulkan,
+}
+
+/// Why there is no picture.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NoPicture {
+    /// This machine has no such device; complete, with what to install.
+    NoDevice(String),
+    Failed(String),
+}
+
+/// One worker's renderers, started when first used.
+pub struct Painter {
+    effects: Vec<Arc<dyn Effect>>,
+    /// Where compiled pipelines are kept between runs.
+    gpu_cache: Option<PathBuf>,
+    /// Vulkan under the validation layer; what it says makes a picture fail.
+    pub validation: bool,
+    cpu: Option<CpuRenderer>,
+    vulkan: Option<Result<Box<VulkanRenderer>, NoPicture>>,
+    /// What each of the two holds: pictures of one stage often follow each other.
+    loaded: [Option<(Arc<Stage>, Arc<Catalog>)>; 2],
+}
+
+/// What is to be drawn.
+#[derive(Clone, Debug)]
+pub struct Shot {
+    pub at: Time,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// 1 or 4.
+    pub samples: u32,
+    pub device: Device,
+}
+
+impl Painter {
+    pub fn new(effects: &[Arc<dyn Effect>], gpu_cache: Option<PathBuf>) -> Painter {
+        Painter {
+            effects: effects.to_vec(),
+            gpu_cache,
+            validation: false,
+            cpu: None,
+            vulkan: None,
+            loaded: [None, None],
+        }
+    }
+
+    /// Draws with these effects from now on: those of the program and of the plugin files that a section uses.
+    pub fn set_effects(&mut self, effects: &[Arc<dyn Effect>]) -> Result<(), NoPicture> {
+        let same = self.effects.len() == effects.len()
+            && self.effects.iter().zip(effects).all(|(a, b)| Arc::ptr_eq(a, b));
+        if same {
+            return Ok(());
+        }
+        self.effects = effects.to_vec();
+        let failed = |e: RenderError| NoPicture::Failed(e.to_string());
+        if let Some(cpu) = &mut self.cpu {
+            cpu.set_effects(effects).map_err(failed)?;
+        }
+        if let Some(Ok(vulkan)) = &mut self.vulkan {
+            vulkan.set_effects(effects).map_err(failed)?;
+        }
+        Ok(())
+    }
+
+    /// The picture, and the class of device that drew it (see [`device_class`]).
+    pub fn draw(&mut self, stage: &Arc<Stage>, shot: &Shot) -> Result<(Frame, String), NoPicture> {
+        let [width, height] = shot.size;
+        let pixels = u64::from(width) * u64::from(height);
+        if pixels == 0 || pixels > MOST_PIXELS {
+            return Err(NoPicture::Failed(format!(
+                "a test picture of {width}x{height} pixels: it must have 1 to {MOST_PIXELS}; give a smaller size: #{{ size: [256, 144] }}"
+            )));
+        }
+        let mut stage = stage.clone();
+        if stage.settings.size != shot.size {
+            // The stage too: a camera that frames what it sees does so for the shape of this picture.
+            Arc::make_mut(&mut stage).settings.size = shot.size;
+        }
+        let failed = |e: RenderError| NoPicture::Failed(e.to_string());
+        let slot = usize::from(shot.device == Device::Vulkan);
+        let effects = self.effects.clone();
+        let known = self.loaded[slot].take().filter(|(s, _)| same_scene(s, &stage));
+        let renderer: &mut dyn Renderer = match shot.device {
+            Device::Cpu => self.cpu.get_or_insert_with(|| CpuRenderer::new(&effects)),
+            Device::Vulkan => {
+                let cache_dir = self.gpu_cache.clone();
+                let validation = self.validation;
+                let effects = effects.clone();
+                let start =
+                    || start_vulkan(GpuOptions { validation, cache_dir, effects, ..GpuOptions::default() });
+                match self.vulkan.get_or_insert_with(start) {
+                    Ok(renderer) => renderer.as_mut(),
+                    Err(why) => return Err(why.clone()),
+                }
+            }
+        };
+        let catalog = match known {
+            Some((_, catalog)) => catalog,
+            None => {
+                let catalog = Arc::new(Catalog::new(&stage));
+                renderer.load(catalog.clone()).map_err(failed)?;
+                catalog
+            }
+        };
+        let options = PlanOptions { effects: &self.effects, ..PlanOptions::new(shot.size, shot.samples) };
+        let planned = plan_at(&catalog, &mut Evaluator::new(stage.clone()), shot.at, &options, None);
+        let (_, plan) = planned.map_err(|e| NoPicture::Failed(e.to_string()))?;
+        renderer.submit(plan).map_err(failed)?;
+        let frame = renderer.collect(None).map_err(failed)?;
+        let class = device_class(renderer.device());
+        self.loaded[slot] = Some((stage, catalog));
+        Ok((frame, class))
+    }
+}
+
+/// Whether a catalogue of the one serves the other: the same assets in the same order.
+fn same_scene(a: &Stage, b: &Stage) -> bool {
+    a.actors.len() == b.actors.len()
+        && a.actors.iter().zip(&b.actors).all(|(a, b)| Arc::ptr_eq(&a.asset, &b.asset))
+}
+
+fn start_vulkan(options: GpuOptions) -> Result<Box<VulkanRenderer>, NoPicture> {
+    match VulkanRenderer::new(options) {
+        Ok(renderer) => Ok(Box::new(renderer)),
+        Err(RenderError::NoVulkan { why }) => {
+            Err(NoPicture::NoDevice(format!("no Vulkan: {}", why.lines().next().unwrap_or_default())))
+        }
+        Err(e) => Err(NoPicture::Failed(e.to_string())),
+    }
+}
+
+/// Pictures of one class compare without asking: `cpu`, which is the same everywhere, or
+/// `vulkan:DEVICE/DRIVER` with the driver's version.
+pub fn device_class(info: &DeviceInfo) -> String {
+    match info.kind {
+        DeviceKind::CpuTwin => "cpu".to_string(),
+        DeviceKind::VulkanCpu | DeviceKind::VulkanGpu => format!("vulkan:{}/{}", info.name, info.driver),
+    }
+}

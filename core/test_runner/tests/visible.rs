@@ -1,0 +1,75 @@
+//! What the visible difference is for faults that everybody can picture: the table of the README, and the bounds of its words.
+
+use choreo_image_diff::compare;
+use choreo_image_diff::flip;
+use choreo_plugin::Frame;
+use choreo_test_runner::stored;
+use std::path::Path;
+
+fn dance(number: u32) -> Frame {
+    let path = format!("../../tests/pictures/first_dance_{number}.png");
+    stored::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join(path)).unwrap().0.frame
+}
+
+/// Where somebody's face is, in the third picture.
+const FACE: [u32; 2] = [200, 68];
+
+fn changed(change: impl Fn(u32, u32, &mut [u8])) -> Frame {
+    let mut frame = dance(3);
+    let width = frame.width;
+    for (i, pixel) in frame.rgba.chunks_exact_mut(4).enumerate() {
+        change(i as u32 % width, i as u32 / width, &mut pixel[..3]);
+    }
+    frame
+}
+
+fn brighter(pixel: &mut [u8], by: u8) {
+    pixel.iter_mut().for_each(|v| *v = v.saturating_add(by));
+}
+
+/// All pixels within a square at the face.
+fn block(size: u32, by: u8) -> Frame {
+    changed(|x, y, p| {
+        if (FACE[0]..FACE[0] + size).contains(&x) && (FACE[1]..FACE[1] + size).contains(&y) {
+            brighter(p, by);
+        }
+    })
+}
+
+fn shifted() -> Frame {
+    let mut frame = dance(3);
+    let row = frame.width as usize * 4;
+    frame.rgba.chunks_exact_mut(row).for_each(|r| r.copy_within(0..row - 4, 4));
+    frame
+}
+
+#[test]
+fn words_follow_what_a_person_sees() {
+    let faults: Vec<(&str, Frame, &str)> = vec![
+        (
+            "every second pixel one step brighter",
+            changed(|x, y, p| brighter(p, ((x + y) % 2) as u8)),
+            "not visible, even",
+        ),
+        ("all one step brighter", changed(|_, _, p| brighter(p, 1)), "not visible"),
+        ("all 4 steps brighter", changed(|_, _, p| brighter(p, 4)), "visible when the two alternate"),
+        ("all 16 steps brighter", changed(|_, _, p| brighter(p, 16)), "visible at first sight"),
+        ("one pixel 8 steps brighter", block(1, 8), "not visible, even"),
+        ("one pixel 64 steps brighter", block(1, 64), "visible"),
+        ("4×4 pixels 4 steps brighter", block(4, 4), "not visible side by side"),
+        ("4×4 pixels 64 steps brighter", block(4, 64), "visible side by side"),
+        ("all one pixel to the right", shifted(), "visible"),
+        ("another moment of the scene", dance(4), "different pictures"),
+    ];
+    let mut wrong = Vec::new();
+    println!("| fault | largest | mean | words | pixels > 4 steps |\n|---|---|---|---|---|");
+    for (name, frame, words) in faults {
+        let v = flip(&dance(3), &frame).unwrap();
+        let beyond = compare(&dance(3), &frame, 4).unwrap().share_beyond;
+        println!("| {name} | {:.3} | {:.4} | {} | {:.3} % |", v.worst, v.mean, v.words(), beyond * 100.0);
+        if !v.words().starts_with(words) {
+            wrong.push(format!("{name}: {}, {:.3}, {:.4}", v.words(), v.worst, v.mean));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}

@@ -1,0 +1,171 @@
+//! Texts that are nested deeply: refused with their place before naga or the evaluator could use up a thread's stack.
+
+use choreo_plugin::Effect;
+use choreo_wgsl_effect::WgslEffect;
+use glam::{Vec2, Vec4};
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+/// A quarter of what threads have by default.
+const STACK: usize = 512 << 10;
+
+const KINDS: [&str; 17] = [
+    "chain",
+    "comparisons",
+    "else_ifs",
+    "brackets",
+    "not",
+    "minus",
+    "blocks",
+    "ifs",
+    "loops",
+    "calls",
+    "members",
+    "indices",
+    "arrays",
+    "functions",
+    "functions_back",
+    "constants",
+    "structs",
+];
+
+/// An effect of one kind of nesting, `n` deep.
+fn text(kind: &str, n: usize) -> String {
+    let r = |text: &str| text.repeat(n);
+    let body = match kind {
+        "chain" => format!("return vec4(1.0{});", r("+uv.x")),
+        "comparisons" => format!("var b = true{}; return color;", r("==true")),
+        "else_ifs" => format!(
+            "if uv.x < 0.0 {{ return color; }}{} return color;",
+            r(" else if uv.x < 0.1 { return color; }")
+        ),
+        "brackets" => format!("return vec4({}uv.x{});", r("("), r(")")),
+        "not" => format!("let b = {}true; return color;", r("!")),
+        "minus" => format!("let b = {}uv.x; return color;", r("- ")),
+        "blocks" => format!("{} {} return color;", r("{"), r("}")),
+        "ifs" => format!("{} {} return color;", r("if uv.x < 0.5 {"), r("}")),
+        "loops" => format!("{} {} return color;", r("for (var i = 0; i < 1; i++) {"), r("}")),
+        "calls" => format!("return vec4({}uv.x{});", r("sin("), r(")")),
+        "members" => format!("return color{};", r(".xyzw")),
+        "indices" => format!("var a = uv.x; let z = color{}; return color;", r("[0]")),
+        "arrays" => format!("var a: {}f32{}; return color;", r("array<"), r(",1>")),
+        _ => "return vec4(g0(uv.x));".into(),
+    };
+    let below: Vec<String> = match kind {
+        "functions" => {
+            (0..n).map(|i| format!("fn g{i}(x: f32) -> f32 {{ return g{}(x); }}\n", i + 1)).collect()
+        }
+        "functions_back" => {
+            (0..n).rev().map(|i| format!("fn g{i}(x: f32) -> f32 {{ return g{}(x); }}\n", i + 1)).collect()
+        }
+        "constants" => (0..n).map(|i| format!("const c{i} = c{};\n", i + 1)).collect(),
+        "structs" => (0..n).map(|i| format!("struct S{i} {{ a: S{} }}\n", i + 1)).collect(),
+        _ => Vec::new(),
+    };
+    let last = match kind {
+        "functions" | "functions_back" => format!("fn g{n}(x: f32) -> f32 {{ return x; }}\n"),
+        "constants" => format!("fn g0(x: f32) -> f32 {{ return c0; }}\nconst c{n} = 1.0;\n"),
+        "structs" => format!("fn g0(x: f32) -> f32 {{ var s: S0; return x; }}\nstruct S{n} {{ a: f32 }}\n"),
+        _ => String::new(),
+    };
+    let head = "// effect: deep\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {";
+    format!("{head} {body} }}\n{}{last}", below.concat())
+}
+
+fn compiled(text: &str) -> Result<WgslEffect, String> {
+    WgslEffect::from_text("deep.wgsl", text).map_err(|e| e.to_string())
+}
+
+/// As Vulkan gets it, on a small stack; whether it is valid does not matter.
+fn through_naga(text: &str) {
+    let Ok(module) = naga::front::wgsl::parse_str(text) else { return };
+    let Ok(info) = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module) else {
+        return;
+    };
+    let options = naga::back::spv::Options { lang_version: (1, 3), ..Default::default() };
+    let _ = naga::back::spv::write_vec(&module, &info, &options, None);
+}
+
+fn on_a_small_stack(work: impl FnOnce() + Send + 'static) {
+    std::thread::Builder::new().stack_size(STACK).spawn(work).unwrap().join().unwrap();
+}
+
+/// The largest depth that is not refused for its depth.
+fn deepest(kind: &str) -> usize {
+    let is_refused = |n: usize| {
+        let error = compiled(&text(kind, n)).err();
+        error.is_some_and(|e| {
+            e.contains("levels deep") || e.contains("declarations") || e.contains("within one another")
+        })
+    };
+    let (mut good, mut bad) = (1, 4096);
+    assert!(is_refused(bad), "{kind}: {:?}", compiled(&text(kind, bad)).err());
+    while bad - good > 1 {
+        let middle = (good + bad) / 2;
+        *if is_refused(middle) { &mut bad } else { &mut good } = middle;
+    }
+    good
+}
+
+/// What passes the limits goes through naga, and runs, on a quarter of a thread's usual stack. (Without the limits these texts
+/// overflow a whole one at 1,500 `else if`s, at 4,000 operators, structs or members and at 6,000 constants.)
+#[test]
+fn what_is_not_refused_needs_little_stack() {
+    for kind in KINDS {
+        let n = deepest(kind);
+        println!("{kind}: {n}");
+        let text = text(kind, n);
+        on_a_small_stack(move || {
+            through_naga(&text);
+            if let Ok(effect) = compiled(&text) {
+                effect.cpu(Vec4::ONE, Vec2::ONE, &[0.0; 8]);
+            }
+        });
+    }
+}
+
+#[test]
+fn a_text_that_is_too_deep_is_refused_where_it_is() {
+    let error = |kind: &str, n: usize| compiled(&text(kind, n)).err().unwrap();
+    let levels = "nested more than 350 levels deep: a bracket counts 5, an operator or else if of one statement 1; part it \
+        into several with let, or use a loop or switch";
+    // The cases of the report: a sum of 100 KB, and 3,000 times else if.
+    assert_eq!(error("chain", 20_000), format!("deep.wgsl:2:907: {levels}"));
+    assert_eq!(error("else_ifs", 3_000), format!("deep.wgsl:2:11968: {levels}"));
+    assert_eq!(error("structs", 2_000), "deep.wgsl:1002:1: more than 1000 declarations");
+    let calls = error("functions", 900);
+    assert!(calls.ends_with("more than 200 statements and calls within one another"), "{calls}");
+}
+
+/// Neither a comment nor a number hides what follows it.
+#[test]
+fn depth_does_not_hide() {
+    let head = "// effect: deep\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {";
+    let is_refused =
+        |body: String| compiled(&format!("{head} {body} }}")).is_err_and(|e| e.contains("levels deep"));
+    assert!(is_refused(format!("return vec4(1.0{});", ".x".repeat(400))));
+    assert!(is_refused(format!("// a comment\rreturn vec4(1.0{});", "+1.0".repeat(400))));
+    assert!(is_refused(format!("// a comment\u{2028}return vec4(1.0{});", "+1.0".repeat(400))));
+    assert!(is_refused(format!("/* /* */ */ return vec4(1.0{});", "+1.0".repeat(400))));
+    assert!(!is_refused(format!("return vec4(1.0{});", "+1.5e-3".repeat(150))));
+}
+
+/// Long texts that are not deep are none of its business.
+#[test]
+fn what_stands_one_after_the_other_is_not_deep() {
+    let head = "// effect: long\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    var a = uv.x;\n";
+    let lines = "    if a > 2.0 { a -= 1.0; } else if a < 0.0 { a += 1.0; } else { a = -a; }\n    a = sin(a * 2.0) + max(a, 0.5);\n    // ((((\n";
+    let text = format!("{head}{}    /* {{ /* {{ */ */\n    return color * a;\n}}\n", lines.repeat(400));
+    assert_eq!(compiled(&text).err(), None);
+}
+
+#[test]
+fn a_byte_order_mark_takes_no_column() {
+    let text = "\u{feff}// effect: marked\n// texture t = a.png: it\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return colour; }";
+    assert_eq!(choreo_wgsl_effect::name(text).as_deref(), Some("marked"));
+    assert!(choreo_wgsl_effect::is_meant(text));
+    assert_eq!(choreo_wgsl_effect::files(text), ["a.png"]);
+    let error = compiled(text).err().unwrap();
+    assert!(error.starts_with("deep.wgsl:3:84: no definition in scope for identifier: `colour`"), "{error}");
+    let first = compiled("\u{feff}// effect: Marked").err().unwrap();
+    assert!(first.starts_with("deep.wgsl:1:1: \"Marked\" must be"), "{first}");
+}

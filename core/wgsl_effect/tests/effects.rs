@@ -1,0 +1,299 @@
+//! Effects in WGSL: what a pixel becomes, against closed forms and a twin written in Rust, and what is refused.
+
+use choreo_plugin::{Effect, Falling, Hook, Pictures, Pixels, Place, Seen, SurfaceNeeds};
+use choreo_wgsl_effect::WgslEffect;
+use effect_fog::Fog;
+use effect_vignette::Vignette;
+use glam::{Vec2, Vec3, Vec4};
+
+fn effect(text: &str) -> WgslEffect {
+    WgslEffect::from_text("my.wgsl", text).unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
+/// `effect` with this body, at color (0.25, 0.5, 0.75, 1), uv (0.2, 0.6), p = 0, 1, 2 …
+fn body(code: &str) -> Vec4 {
+    let text = format!(
+        "// effect: a\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {{\n{code}\n}}"
+    );
+    let p = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+    effect(&text).cpu(Vec4::new(0.25, 0.5, 0.75, 1.0), Vec2::new(0.2, 0.6), &p)
+}
+
+fn error(text: &str) -> String {
+    WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}")).to_string()
+}
+
+/// The plugin in the program has a twin written by hand: the evaluator gives its bits.
+#[test]
+fn the_vignette_is_its_twin_bit_for_bit() {
+    let text = format!("// effect: v\n{}", Vignette.wgsl());
+    let mine = effect(&text);
+    for i in 0..4096u32 {
+        let uv = Vec2::new((i % 64) as f32 / 63.0, (i / 64) as f32 / 63.0);
+        let color = Vec4::new(0.1 + uv.x, uv.y, 2.0 * uv.x, 1.0);
+        let p = [uv.y, 0.99 * uv.x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(mine.cpu(color, uv, &p), Vignette.cpu(color, uv, &p), "{uv}");
+    }
+}
+
+/// An effect on surfaces sees what its twin in Rust sees.
+#[test]
+fn the_fog_is_its_twin_within_two_ulp() {
+    let mine = effect(&format!("// effect: f\n// hook: surface\n{}", Fog.wgsl()));
+    assert_eq!(mine.hook(), Hook::Surface);
+    assert_eq!(mine.surface_needs(&[0.0; 8]), SurfaceNeeds::default());
+    for i in 0..512u32 {
+        let t = i as f32 / 64.0;
+        let seen = Seen {
+            world: Vec3::new(t, t - 3.0, 1.0),
+            distance: 3.0 * t,
+            background: Vec3::new(0.1, 0.2, 0.3),
+            ..Seen::default()
+        };
+        let p = [0.1, 2.0, 0.5, 0.3, (i % 2) as f32, 0.9, 0.8, 0.7];
+        let (got, expected) = (mine.cpu_surface(Vec4::ONE, &seen, &p), Fog.cpu_surface(Vec4::ONE, &seen, &p));
+        assert!(got.abs_diff_eq(expected, 1e-6), "{t}: {got} {expected}");
+    }
+}
+
+#[test]
+fn every_part_of_a_surface_is_where_its_name_says() {
+    let part = |part: &str| {
+        let text = format!(
+            "// effect: s\n// hook: surface\n// param k = 2 in 0..4: times\n\
+             fn effect(color: vec4<f32>, seen: Seen, p: array<f32, 8>) -> vec4<f32> {{ return p[k] * vec4<f32>({part}); }}"
+        );
+        let made = effect(&text);
+        let seen = Seen {
+            world: Vec3::new(1.0, 2.0, 3.0),
+            distance: 4.0,
+            normal: Vec3::new(5.0, 6.0, 7.0),
+            facing: 8.0,
+            background: Vec3::new(9.0, 10.0, 11.0),
+            joints: Vec3::new(12.0, 13.0, 14.0),
+            uv: Vec2::new(15.0, 16.0),
+            shadow: 17.0,
+            viewer: Vec3::new(18.0, 19.0, 20.0),
+        };
+        (
+            made.cpu_surface(Vec4::ZERO, &seen, &[2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).to_array(),
+            made.surface_needs(&[0.0; 8]),
+        )
+    };
+    assert_eq!(part("seen.world, seen.distance").0, [2.0, 4.0, 6.0, 8.0]);
+    let (got, needs) = part("seen.normal, seen.facing");
+    assert_eq!((got, needs.normals, needs.uvs), ([10.0, 12.0, 14.0, 16.0], true, false));
+    assert_eq!(part("seen.background, 1.0").0, [18.0, 20.0, 22.0, 2.0]);
+    let (got, needs) = part("seen.shadow");
+    assert_eq!((got, needs.shadow, needs.normals), ([34.0; 4], true, false));
+    assert_eq!(part("seen.viewer, 1.0").0, [36.0, 38.0, 40.0, 2.0]);
+    assert_eq!(part("seen.joints, 1.0").0, [24.0, 26.0, 28.0, 2.0]);
+    let (got, needs) = part("seen.uv, 0.0, 1.0");
+    assert_eq!((got, needs.uvs), ([30.0, 32.0, 0.0, 2.0], true));
+    let wrong = "// effect: s\n// hook: surface\nfn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }";
+    assert!(
+        error(wrong).contains("effect must be fn effect(color: vec4<f32>, seen: Seen,"),
+        "{}",
+        error(wrong)
+    );
+}
+
+/// What each hook's function is given is where its name says, and it gives what it says.
+#[test]
+fn corners_lights_and_pictures_are_where_their_names_say() {
+    let p = [2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let vertex = |part: &str| {
+        effect(&format!(
+            "// effect: v\n// hook: vertex\n// reach: k\n// param k = 2 in 0..4: times\n\
+             fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> {{ return p[k] * vec3<f32>({part}); }}"
+        ))
+    };
+    let place = Place {
+        world: Vec3::new(1.0, 2.0, 3.0),
+        normal: Vec3::new(4.0, 5.0, 6.0),
+        uv: Vec2::new(7.0, 8.0),
+        model: Vec3::new(9.0, 10.0, 11.0),
+    };
+    let parts = ["place.world", "place.normal", "place.uv, 0.0", "place.model"];
+    let expected = [[2.0, 4.0, 6.0], [8.0, 10.0, 12.0], [14.0, 16.0, 0.0], [18.0, 20.0, 22.0]];
+    for (part, expected) in parts.iter().zip(expected) {
+        assert_eq!(vertex(part).cpu_vertex(&place, &p).to_array(), expected, "{part}");
+    }
+    let made = vertex("place.uv, 0.0");
+    let needs = made.surface_needs(&p);
+    assert_eq!((made.reach(&p), made.along_model(), needs.uvs, needs.normals), (2.0, false, true, false));
+
+    let lighting = |part: &str| {
+        let text = format!(
+            "// effect: l\n// hook: lighting\nfn effect(falling: Falling, p: array<f32, 8>) -> vec3<f32> {{ return vec3<f32>({part}); }}"
+        );
+        let v = |x: f32| Vec3::new(x, x + 1.0, x + 2.0);
+        let falling = Falling {
+            cosine: 1.0,
+            share: 2.0,
+            color: v(3.0),
+            base: v(6.0),
+            normal: v(9.0),
+            viewer: v(12.0),
+            light: v(15.0),
+            lit: v(18.0),
+        };
+        effect(&text).cpu_lighting(&falling, &p).to_array()
+    };
+    assert_eq!(lighting("falling.cosine, falling.share, 0.0"), [1.0, 2.0, 0.0]);
+    for (name, x) in
+        [("color", 3.0), ("base", 6.0), ("normal", 9.0), ("viewer", 12.0), ("light", 15.0), ("lit", 18.0)]
+    {
+        assert_eq!(lighting(&format!("falling.{name}")), [x, x + 1.0, x + 2.0], "{name}");
+    }
+
+    let made = effect(
+        "// effect: w\n// hook: picture\n// passes: 3\n// history: 2\n\
+         fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {\n\
+         return vec4(picture(at + vec2(1, 0)).x, original(vec2(-9, 9)).x, previous(2u, at).x, f32(pass_number) + 10.0 * f32(picture_size().x)) + previous(9u, at) * 0.0; }",
+    );
+    assert_eq!((made.passes(), made.history(&p)), (3, 2));
+    let rows = |x: f32| (0..4).map(|i| Vec4::splat(x + i as f32)).collect::<Vec<_>>();
+    let all = [rows(0.0), rows(10.0), rows(20.0), rows(30.0)];
+    let [now, original, one, two] = std::array::from_fn(|i| Pixels { size: [2, 2], rgba: &all[i] });
+    let pictures = Pictures { now, original, before: &[one, two] };
+    // The border's nearest counts: of the original its lower left.
+    assert_eq!(made.cpu_picture(&pictures, [0, 1], 2, &p), Vec4::new(3.0, 12.0, 32.0, 22.0));
+}
+
+#[test]
+fn names_of_the_program_are_not_declared_again() {
+    let text = "// effect: w\n// hook: picture\nfn picture(at: vec2<i32>) -> vec4<f32> { return vec4(0.0); }\n\
+         fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> { return picture(at); }";
+    let expected = "my.wgsl:3:1: picture is a function that the program declares; take another name";
+    assert_eq!(error(text), expected);
+    let text = "// effect: w\n// texture ink = ink.png: t\n\
+         fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return ink(uv); }";
+    assert_eq!(error(text), "my.wgsl:2:1: texture ink: \"ink.png\": a text alone has no files beside it");
+    let text = "// effect: w\n// hook: vertex\n// reach: 1\n\
+         fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }";
+    assert!(error(text).contains("effect must be fn effect(place: Place, p: array<f32, 8>) -> vec3<f32>"));
+}
+
+#[test]
+fn operators_and_functions_give_what_the_specification_says() {
+    let cases: [(&str, [f32; 4]); 16] = [
+        ("return color.bgra;", [0.75, 0.5, 0.25, 1.0]),
+        ("return vec4(uv, p[7] % 4.0, (-p[7] - 0.5) % 2.0);", [0.2, 0.6, 3.0, -1.5]),
+        (
+            "return vec4(f32(i32(p[7]) / 2), f32(i32(-p[7]) / 2), f32(u32(p[7]) / 2u), f32(i32(-p[7]) % 4));",
+            [3.0, -3.0, 3.0, -3.0],
+        ),
+        (
+            "let z = i32(p[0]); return vec4(f32(7 / z), f32(7 % z), f32(1u << 3u), f32(-8 >> 1u));",
+            [7.0, 0.0, 8.0, -4.0],
+        ),
+        ("return vec4(f32(i32(2.9)), f32(u32(-2.0)), f32(i32(-2.9)), f32(true));", [2.0, 0.0, -2.0, 1.0]),
+        ("return select(vec4(1.0), vec4(2.0), vec4(p[0]) < color);", [2.0, 2.0, 2.0, 2.0]),
+        (
+            "return vec4(mix(p[1], p[3], 0.25), step(0.5, uv.x), smoothstep(0.0, p[1], color.y), clamp(p[5], 0.0, 2.0));",
+            [1.5, 0.0, 0.5, 2.0],
+        ),
+        (
+            "return vec4(fract(-color.x), floor(-color.y), sign(-p[3]), round(p[2] + 0.5));",
+            [0.75, -1.0, -1.0, 2.0],
+        ),
+        (
+            "return vec4(dot(color.rgb, vec3(1.0)), length(vec2(p[3], 4.0)), distance(vec2(p[1]), vec2(4.0, 5.0)), 1.0);",
+            [1.5, 5.0, 5.0, 1.0],
+        ),
+        (
+            "return vec4(cross(vec3(p[1], 0.0, 0.0), vec3(0.0, 1.0, 0.0)), normalize(vec2(0.0, p[7])).y);",
+            [0.0, 0.0, 1.0, 1.0],
+        ),
+        (
+            "let m = mat2x2(p[1], 2.0, 3.0, 4.0); return vec4(m * vec2(1.0, 10.0), vec2(1.0, 10.0) * m);",
+            [31.0, 42.0, 21.0, 43.0],
+        ),
+        (
+            "let m = mat2x2(p[1], 2.0, 3.0, 4.0) * mat2x2(0.0, p[1], 1.0, 0.0); return vec4(m[0], m[1]);",
+            [3.0, 4.0, 1.0, 2.0],
+        ),
+        (
+            "return vec4(p[u32(p[3])], p[100u % 8u], f32(bitcast<u32>(p[1]) >> 23u), 0.0);",
+            [3.0, 4.0, 127.0, 0.0],
+        ),
+        (
+            "return vec4(f32(all(color > vec4(0.2))), f32(any(color > vec4(0.9))), f32(!true), f32(~0u & 255u));",
+            [1.0, 1.0, 0.0, 255.0],
+        ),
+        (
+            "return vec4(pow(p[2], 3.0), sqrt(p[4] * p[4]), exp2(p[3]), log2(p[4] * 2.0));",
+            [8.0, 4.0, 8.0, 3.0],
+        ),
+        (
+            "return vec4(f32(max(-1, i32(p[2]))), f32(abs(i32(-p[3]))), f32(min(3u, u32(p[2]))), f32(clamp(i32(9.0 * p[1]), 0, 4)));",
+            [2.0, 3.0, 2.0, 4.0],
+        ),
+    ];
+    for (code, expected) in cases {
+        assert_eq!(body(code).to_array(), expected, "{code}");
+    }
+}
+
+#[test]
+fn loops_branches_variables_and_functions() {
+    let sum = "var s = 0.0; for (var i = 0u; i < 8u; i++) { if i == 3u { continue; } if i == 6u { break; } s += p[i]; } return vec4(s);";
+    assert_eq!(body(sum).x, 0.0 + 1.0 + 2.0 + 4.0 + 5.0);
+    let array =
+        "var a = array<vec2<f32>, 3>(); a[1] = uv; a[2].y = 9.0; let k = u32(p[2]); return vec4(a[1], a[k]);";
+    assert_eq!(body(array).to_array(), [0.2, 0.6, 0.0, 9.0]);
+    let switched = "switch u32(p[2]) { case 1u: { return vec4(1.0); } case 2u, 3u: { return vec4(2.0); } default: { return vec4(3.0); } }";
+    assert_eq!(body(switched).x, 2.0);
+    let text = "// effect: a
+        const weights = array<f32, 3>(0.2126, 0.7152, 0.0722);
+        struct Pair { a: vec2<f32>, b: f32 }
+        fn pair(x: f32) -> Pair { return Pair(vec2(x, 2.0 * x), 3.0 * x); }
+        fn luma(c: vec3<f32>) -> f32 { var l = 0.0; for (var i = 0; i < 3; i++) { l += weights[i] * c[i]; } return l; }
+        fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
+            var q = pair(p[1]);
+            q.b += 1.0;
+            return vec4(q.a, q.b, luma(vec3(1.0)));
+        }";
+    let got = effect(text).cpu(Vec4::ZERO, Vec2::ZERO, &[0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    assert!(got.abs_diff_eq(Vec4::new(5.0, 10.0, 16.0, 1.0), 1e-6), "{got}");
+}
+
+#[test]
+fn parameters_are_constants_by_their_name() {
+    let text = "// effect: tint\n// about: one color for all\n// param red = 0.5 in 0..1: how red\n// param blue = 0.25 in 0..1: how blue\n\
+        fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return vec4(p[red], 0.0, p[blue], color.a); }";
+    let e = effect(text);
+    assert_eq!((e.manifest().name.as_str(), e.manifest().options.len()), ("tint", 2));
+    let p = [0.1, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    assert_eq!(e.cpu(Vec4::ONE, Vec2::ZERO, &p), Vec4::new(0.1, 0.0, 0.2, 1.0));
+}
+
+#[test]
+fn mistakes_have_the_line_that_the_author_wrote() {
+    let head = "// effect: a\n";
+    let good = "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32>";
+    assert_eq!(
+        error("fn effect() {}"),
+        "my.wgsl:1:1: the head comment must name the effect: // effect: NAME"
+    );
+    assert_eq!(
+        error(&format!("{head}fn other() {{}}")),
+        format!("my.wgsl:1:1: there is no function effect; write {good}")
+    );
+    assert_eq!(
+        error(&format!("{head}\nfn effect(c: f32) {{}}")),
+        format!("my.wgsl:3:1: effect must be {good}")
+    );
+    let text = error(&format!("{head}{good} {{\n  return colr;\n}}"));
+    assert!(text.starts_with("my.wgsl:3:10: ") && text.contains("colr"), "{text}");
+    let text = error(&format!("{head}{good} {{\n  return 1;\n}}"));
+    assert!(text.starts_with("my.wgsl:"), "{text}");
+    let text = error(&format!("{head}{good} {{\n  return color * dpdx(uv.x);\n}}"));
+    assert!(text.starts_with("my.wgsl:3:"), "{text}");
+    let text = error(&format!("{head}var<private> x: f32;\n{good} {{\n  return color * x;\n}}"));
+    assert!(text.starts_with("my.wgsl:2:1: not supported: global variable x"), "{text}");
+    let text =
+        error(&format!("{head}{good} {{\n  loop {{ if uv.x > 9.0 {{ break; }} }}\n  return color;\n}}"));
+    assert_eq!(text, "my.wgsl:3:3: a pixel takes more than 100000 steps; does a loop never end?");
+}
