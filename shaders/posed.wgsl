@@ -67,8 +67,8 @@ fn pose(@builtin(global_invocation_id) id: vec3<u32>) {
 
     @if(SKIN && !SKIN_8) let by = Influences(numbers(at + JOINTS_AT), fractions(at + JOINTS_AT + 2u));
     @if(SKIN_8) let by = Influences(numbers(at + JOINTS_AT), fractions(at + JOINTS_AT + 2u), numbers(at + JOINTS_AT + 4u), fractions(at + JOINTS_AT + 6u));
-    @if(SKIN && !SKIN_DUAL && !SKIN_PLACED) let m = skinned(jobs[job].first_joint, by);
-    @if(SKIN_DUAL || SKIN_PLACED) let m = after(jobs[job].relative_from_mesh, skinned(jobs[job].first_joint, by));
+    @if(SKIN && !DUAL_QUATERNIONS && !SKIN_INSTANCED) let m = skinned(jobs[job].first_joint, by);
+    @if(DUAL_QUATERNIONS || SKIN_INSTANCED) let m = after(jobs[job].relative_from_mesh, skinned(jobs[job].first_joint, by));
     @if(!SKIN) let m = jobs[job].relative_from_mesh;
 
     let first = jobs[job].first;

@@ -73,7 +73,7 @@ fn lists_leave_out_most_lamps_and_change_no_pixel() {
         let mut plan = plan.clone();
         let view = &plan.view;
         let mut short = plan.lights.clone();
-        short.iter_mut().filter(|l| l.position.w > 0.0).for_each(|l| l.position.w *= 16.0);
+        short.iter_mut().for_each(|l| l.inverse_range_squared *= 16.0);
         plan.light_lists = Some(LightLists::new(&short, view, SIZE));
         plan
     };

@@ -15,7 +15,7 @@ pub use crate::commands::texture_limit::{LEAST_VISIBLE, fitting, textures_beyond
 use crate::plan::{Draw, Features, Glass, TopologyKey};
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::shader::SceneVariant;
-use crate::shader::uniforms::{BASE_SLOTS, TOON_SLOTS};
+pub use crate::shader::features::texture_slots;
 use choreo_stage::Background;
 use glam::Vec4;
 
@@ -389,28 +389,9 @@ pub fn record(plan: &Plan, options: RecordOptions, triangles: impl Fn(u32) -> us
     pose_once(plan, recording, options, &triangles)
 }
 
-/// Those of every material, in the order of their slots.
-pub(crate) const BASE_TEXTURES: [Features; BASE_SLOTS] = [
-    Features::BASE_COLOR_TEXTURE,
-    Features::METALLIC_ROUGHNESS_TEXTURE,
-    Features::NORMAL_TEXTURE,
-    Features::OCCLUSION_TEXTURE,
-    Features::EMISSIVE_TEXTURE,
-    Features::SPECULAR_TEXTURE,
-    Features::SPECULAR_COLOR_TEXTURE,
-];
-
-const TOON_TEXTURES: [Features; TOON_SLOTS] = [Features::OUTLINE_WIDTH_TEXTURE, Features::UV_MASK];
-
-/// Texture slots that the features read, a bit each.
-pub fn texture_slots(features: Features) -> u32 {
-    let all = BASE_TEXTURES.iter().chain(&crate::plan::features_layers::TEXTURES).chain(&TOON_TEXTURES);
-    all.enumerate().map(|(i, f)| u32::from(features.has(*f)) << i).sum()
-}
-
 pub(crate) fn cull_of(draw: &Draw) -> Cull {
     match draw.pipeline.topology {
-        TopologyKey::Triangles if draw.pipeline.features.has(Features::SHELL) => Cull::Front,
+        TopologyKey::Triangles if draw.pipeline.features.has(Features::OUTLINE) => Cull::Front,
         TopologyKey::Triangles if !draw.pipeline.double_sided => Cull::Back,
         _ => Cull::None,
     }

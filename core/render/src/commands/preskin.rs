@@ -9,6 +9,7 @@ use crate::plan::{Features, LeftOut, Plan};
 use crate::scene_resources::Catalog;
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::shader::SceneVariant;
+use crate::shader::features::names;
 use choreo_stage::SkinOnce;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,22 +20,10 @@ pub const PAYS: f64 = 5.0;
 /// Bodies of one mesh: work groups of one dimension that every device has.
 const MOST_BODIES: usize = 65_535;
 
-impl Features {
-    /// Vertices are read where the compute stage left them. In recordings only: a plan keeps how they are posed.
-    pub const POSED: Features = Features(1 << 63);
-    /// How vertices are posed.
-    pub const POSE: Features =
-        Features(Self::SKIN.0 | Self::SKIN_8.0 | Self::SKIN_DUAL.0 | Self::SKIN_PLACED.0 | Self::MORPH.0);
-
-    const fn and(self, other: Features) -> Features {
-        Features(self.0 & other.0)
-    }
-}
-
 /// What a compute pipeline is made for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PoseVariant {
-    /// Of [`Features::POSE`].
+    /// Of [`Features::SKINNING`].
     pub features: Features,
     pub normals: bool,
     pub tangents: bool,
@@ -44,18 +33,9 @@ pub struct PoseVariant {
 impl PoseVariant {
     /// Names of the switches that are on, as the modules write them.
     pub fn switches(&self) -> Vec<&'static str> {
-        let of = |f| self.features.has(f);
-        let all = [
-            ("SKIN", of(Features::SKIN)),
-            ("SKIN_8", of(Features::SKIN_8)),
-            ("SKIN_DUAL", of(Features::SKIN_DUAL)),
-            ("SKIN_PLACED", of(Features::SKIN_PLACED)),
-            ("MORPH", of(Features::MORPH)),
-            ("NORMAL", self.normals),
-            ("TANGENT", self.tangents),
-            ("JOINTS_UNIFORM", self.joints_uniform),
-        ];
-        all.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect()
+        let others =
+            [("NORMAL", self.normals), ("TANGENT", self.tangents), ("JOINTS_UNIFORM", self.joints_uniform)];
+        names(self.features).chain(others.into_iter().filter_map(|(name, on)| on.then_some(name))).collect()
     }
 
     /// Numbers (f32) of one vertex.
@@ -112,9 +92,14 @@ fn order(variant: &SceneVariant, primitive: u32, layout: VertexLayout, sorted: &
 
 fn kind(variant: &SceneVariant, primitive: u32, layout: VertexLayout, sorted: &Sorted) -> Option<Kind> {
     let features = variant.key.features;
-    let more =
-        [Features::WIDE, Features::SEEN_JOINTS, Features::VOLUME, Features::REFRACTION, Features::TRIPLANAR];
-    let pose = features.and(Features::POSE);
+    let more = [
+        Features::THICK_LINES,
+        Features::EFFECT_JOINTS,
+        Features::VOLUME,
+        Features::REFRACTION,
+        Features::TRIPLANAR,
+    ];
+    let pose = features.only(Features::SKINNING);
     let plain = variant.key.displaced == 0 && !more.iter().any(|f| features.has(*f));
     let order = order(variant, primitive, layout, sorted) | layout.0 & VertexLayout::WELDED;
     (pose != Features::default() && plain).then_some((primitive, order, pose))
@@ -250,7 +235,7 @@ fn rewritten(
 }
 
 fn drawn_posed(v: SceneVariant, primitive: u32, order: u16) -> (SceneVariant, (u32, VertexLayout, bool)) {
-    let features = v.key.features.without(Features::POSE).with(Features::POSED);
+    let features = v.key.features.without(Features::SKINNING).with(Features::PRE_SKINNED);
     let key = crate::plan::PipelineKey { features, ..v.key };
     let layout = VertexLayout(VertexLayout::of(features).0 | order);
     (SceneVariant { key, joints_uniform: false, ..v }, (primitive, layout, false))
@@ -284,7 +269,7 @@ impl Recording {
     /// Why nothing is posed once, where something is posed.
     pub fn left_out(&self, plan: &Plan) -> Option<LeftOut> {
         let posed = |c: &Command| match c {
-            Command::BindPipeline(v) => v.key.features.and(Features::POSE) != Features::default(),
+            Command::BindPipeline(v) => v.key.features.has_any(Features::SKINNING),
             _ => false,
         };
         if !self.posed.is_empty() || !self.commands.iter().any(posed) {

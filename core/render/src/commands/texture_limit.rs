@@ -1,22 +1,27 @@
 //! What of a material's textures a device that binds few leaves out.
 
-use crate::commands::{BASE_TEXTURES, texture_slots};
 use crate::plan::Features;
+use crate::plan::features::material_textures;
 use crate::scene_resources::CatalogMaterial;
+use crate::shader::features::texture_slots;
 
 /// The least visible first: factors stand in for what is left out.
-pub const LEAST_VISIBLE: [(Features, &str); 12] = [
+pub const LEAST_VISIBLE: [(Features, &str); 16] = [
     (Features::IRIDESCENCE_THICKNESS_TEXTURE, "thickness of the film"),
     (Features::SHEEN_ROUGHNESS_TEXTURE, "roughness of the sheen"),
     (Features::CLEARCOAT_ROUGHNESS_TEXTURE, "roughness of the coat"),
     (Features::DIFFUSE_TRANSMISSION_TEXTURE, "diffuse transmission"),
     (Features::THICKNESS_TEXTURE, "thickness"),
     (Features::SPECULAR_TEXTURE, "specular"),
+    (Features::SHADING_SHIFT_TEXTURE, "shading shift"),
+    (Features::REFLECTION_TEXTURE, "reflection"),
     (Features::CLEARCOAT_NORMAL_TEXTURE, "normals of the coat"),
     (Features::IRIDESCENCE_TEXTURE, "iridescence"),
     (Features::ANISOTROPY_TEXTURE, "anisotropy"),
     (Features::OCCLUSION_TEXTURE, "occlusion"),
+    (Features::RIM_TEXTURE, "rim light"),
     (Features::SPECULAR_COLOR_TEXTURE, "specular colour"),
+    (Features::SHADE_COLOR_TEXTURE, "shade colour"),
     (Features::SHEEN_COLOR_TEXTURE, "sheen colour"),
 ];
 
@@ -35,8 +40,5 @@ pub fn fitting(features: Features, most: Option<u32>) -> (Features, Vec<&'static
 
 /// Names of a material's textures that a device that binds so many leaves out.
 pub fn textures_beyond(material: &CatalogMaterial, most: u32) -> Vec<&'static str> {
-    let bits = BASE_TEXTURES.iter().chain(&crate::plan::features_layers::TEXTURES);
-    let there = bits.zip(material.texture_refs()).filter(|(_, t)| t.is_some());
-    let features = there.fold(Features::default(), |all, (bit, _)| all.with(*bit));
-    fitting(features, Some(most)).1
+    fitting(material_textures(material), Some(most)).1
 }

@@ -10,6 +10,7 @@ mod changed;
 mod coverage;
 mod displace;
 mod lanes;
+mod layer_shading;
 mod layers;
 mod lighting;
 mod overlay;
@@ -49,7 +50,7 @@ use glam::{Mat4, Vec4};
 use preskin::Bodies;
 use raster::{TILE_HEIGHT, TILE_WIDTH};
 use rayon::prelude::*;
-use refraction::Behind;
+use refraction::SceneColorCopy;
 use setup::Assembly;
 use shade::{Fragment, ShadeMaterial};
 use shadow::ShadowMaps;
@@ -184,7 +185,7 @@ impl CpuRenderer {
                     Some(changed) => &changed_materials[changed as usize],
                     None => &self.materials[draw.material as usize],
                 };
-                let hull = features.has(Features::SHELL).then(|| Hull {
+                let hull = features.has(Features::OUTLINE).then(|| Hull {
                     material,
                     normals: crate::scene_resources::vertex_layout::welded_normals(primitive),
                 });
@@ -196,10 +197,10 @@ impl CpuRenderer {
                 };
                 let vertices = bodies.vertices(draw, &stage);
                 let pipeline = draw.pipeline;
-                let triangles = if features.has(Features::WIDE) {
+                let triangles = if features.has(Features::THICK_LINES) {
                     wide::triangles(primitive, &vertices, pipeline, instance.width, clip_from_relative, size)
                 } else {
-                    let edges = features.has(Features::EDGES);
+                    let edges = features.has(Features::WIREFRAME);
                     let edges =
                         edges.then(|| crate::scene_resources::vertex_layout::edges(&primitive.indices));
                     let indices = edges.as_ref().unwrap_or(&primitive.indices);
@@ -322,7 +323,7 @@ impl CpuRenderer {
             // Drawn as far as it is seen through such glass; then all of it, from the beginning.
             let mut pixels = vec![Vec4::ZERO; out.len()];
             bands::<T, Vec4, S>(plan, &batches[..first], veil.as_ref(), &[], &mut pixels);
-            let behind = Arc::new(Behind::new(pixels, plan.size, behind.levels));
+            let behind = Arc::new(SceneColorCopy::new(pixels, plan.size, behind.levels));
             let glass = batches[first..].iter_mut().filter(|b| refracting(b));
             glass.for_each(|b| b.paint.sees_through(&behind));
         }

@@ -18,10 +18,10 @@ pub struct Bodies(BTreeMap<Body, Vec<Vertex>>);
 
 fn body(draw: &Draw, instance: &Instance) -> Option<Body> {
     let features = draw.pipeline.features;
-    let pose = Features(features.0 & Features::POSE.0);
+    let pose = features.only(Features::SKINNING);
     // Effects that move corners look at what a draw has of them.
-    let shared = pose != Features::default() && draw.pipeline.displaced == 0;
-    shared.then(|| (draw.primitive, pose, features.has(Features::SHELL), instance.pose()))
+    let shared = !pose.is_empty() && draw.pipeline.displaced == 0;
+    shared.then(|| (draw.primitive, pose, features.has(Features::OUTLINE), instance.pose()))
 }
 
 impl Bodies {

@@ -41,7 +41,7 @@ impl ShadowMaps {
 
     /// How much of a light arrives at four places, 0 to 1. `n`: the surface's own normal; `l`: to the light.
     pub fn share(&self, light: &PlanLight, relative: V3, n: V3, l: V3) -> F4 {
-        let (first, count) = (light.cone.z as usize, light.cone.w as usize);
+        let [first, count] = light.shadow_views.map(usize::from);
         let Some(maps) = self.maps.get(first..first + count).filter(|m| !m.is_empty()) else {
             return F4::ONE;
         };

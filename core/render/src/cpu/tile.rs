@@ -6,7 +6,7 @@ use super::lanes::{F4, Weights};
 use super::overlay;
 use super::picture::Pass;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
-use super::refraction::Behind;
+use super::refraction::SceneColorCopy;
 use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
 use super::target::{PixelOf, Target};
@@ -35,7 +35,7 @@ impl Paint<'_> {
     }
 
     /// Of glass: the picture behind it.
-    pub fn sees_through(&mut self, behind: &Arc<Behind>) {
+    pub fn sees_through(&mut self, behind: &Arc<SceneColorCopy>) {
         if let Paint::Surface(fragment) = self {
             fragment.behind = Some(behind.clone());
         }

@@ -37,7 +37,7 @@ impl ToonSurface<'_> {
         let mut color = self.base * lighting;
         for light in &plan.lights {
             let (l, strength) = incoming(light, relative);
-            let arriving = V3::splat(light.color.truncate()) * strength;
+            let arriving = V3::splat(light.color) * strength;
             color = color + self.shade.mix(self.base, self.lit_share(n.dot(l)) * share(light, l)) * arriving;
             lighting = lighting + arriving;
         }

@@ -1,51 +1,28 @@
 //! What a frame does without, by name.
 
-/// Every `LeftOut::what`, but for effects without a plugin, which are told by their names.
-pub const LEFT_OUT: &[&str] = &[
+use crate::shader::features::FEATURES;
+
+/// Every `LeftOut::what`, but for effects without a plugin, which are reported by their names.
+pub fn left_out_names() -> impl Iterator<Item = &'static str> {
+    FEATURES.iter().filter_map(|f| Some(f.absence?.what)).chain(OTHERS.iter().copied())
+}
+
+/// Those that are no shader feature.
+const OTHERS: &[&str] = &[
     "hidden actors",
     "actors outside the view",
     "primitives outside the view",
     "triangles too small to see",
     "back faces of closed surfaces",
-    "skinning",
-    "influences 5 to 8",
-    "dual quaternions",
-    "copies of skinned bodies",
     "skinning once for all passes",
-    "morph targets",
     "normals, lights and ambient light",
     "lights",
     "dark lights",
     "distance and cone attenuation",
     "lists of lights",
-    "image-based light",
     "flat layers",
-    "vertex colours",
     "texture coordinates",
-    "second texture coordinates",
-    "base colour textures",
-    "metallic-roughness textures",
-    "normal maps and tangents",
-    "occlusion textures",
-    "emissive textures",
-    "specular textures",
-    "specular colour textures",
-    "reflections of Blinn–Phong",
-    "emission",
-    "outlines",
-    "edges",
     "effects on surfaces",
-    "clear coats",
-    "sheen",
-    "transmission",
-    "absorption",
-    "refraction",
-    "dispersion",
-    "iridescence",
-    "anisotropy",
-    "diffuse transmission",
-    "texture transforms",
-    "alpha test",
     "alpha to coverage",
     "blending and sorting back to front",
     "order-independent transparency",

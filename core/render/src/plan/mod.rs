@@ -5,7 +5,6 @@
 pub mod build;
 pub(crate) mod draw;
 pub(crate) mod features;
-pub(crate) mod features_layers;
 pub(crate) mod left_out;
 pub mod motion_blur;
 pub(crate) mod options;
@@ -17,15 +16,17 @@ use crate::layers_2d::FlatPicture;
 use crate::plan::build::dirty_rect::Area;
 use crate::plan::build::light_clusters::LightLists;
 use crate::scene_resources::CatalogMaterial;
-use choreo_stage::{AlphaMode, Background, Shading, SkinOnce, Topology};
-use glam::{DVec3, Mat4, Vec3, Vec4};
+use choreo_stage::{AlphaMode, Background, Shading, SkinOnce};
+use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
 pub use crate::plan::build::deferred::{Deferred, DeferredCause};
 pub use crate::plan::build::transparency::{Peel, PeelCause};
 pub use crate::plan::draw::Draw;
-pub use crate::plan::left_out::{LEFT_OUT, LeftOut};
+pub use crate::plan::left_out::{LeftOut, left_out_names};
 pub use crate::plan::post::PostPass;
+pub use crate::shader::features::Features;
+pub use crate::shader::key::{Glass, PipelineKey, TopologyKey};
 
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -51,7 +52,7 @@ pub struct Plan {
     /// Of each instance: index into `Stage::actors`.
     pub instance_actors: Vec<u32>,
     /// Linear skins, one a joint in use: relative-from-mesh, `world translation − camera`, rows of a 3×4 matrix; of bodies at
-    /// places ([`Features::SKIN_PLACED`]) model-from-mesh.
+    /// places ([`Features::SKIN_INSTANCED`]) model-from-mesh.
     /// Dual-quaternion skins, two a joint, model-from-mesh: real part, dual part, nothing; then the stretch before them.
     pub joint_matrices: Vec<Rows>,
     /// (target, weight) pairs with weight ≠ 0, ranges given by the instances.
@@ -154,19 +155,48 @@ pub struct View {
     pub eye: Vec4,
 }
 
+/// The type of a light; shaders/frame.wgsl has the same constants.
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::NoUninit)]
+pub enum LightType {
+    Directional = 0,
+    Point = 1,
+    Spot = 2,
+}
+
 /// One light, camera-relative. Laid out as the shader reads it.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::NoUninit)]
 pub struct PlanLight {
-    /// xyz position (point, spot), w = 1/range² or 0; below 0: −1 − the square's share of a polynomial.
-    pub position: Vec4,
-    /// xyz unit direction in which it shines, w = kind: 0 directional, 1 point, 2 spot.
-    pub direction: Vec4,
-    /// xyz colour · intensity, linear; w = the first power's share of a polynomial, whose rest is constant.
-    pub color: Vec4,
-    /// Spot: x = angle scale, y = angle offset (KHR_lights_punctual, "Inner and Outer Cone Angles").
-    /// z = its first view among `Shadows::views`, w = how many it has.
-    pub cone: Vec4,
+    /// Position of point and spot lights.
+    pub position: Vec3,
+    pub kind: LightType,
+    /// Unit direction in which it shines.
+    pub direction: Vec3,
+    /// Its first view among `Shadows::views`, and how many it has.
+    pub shadow_views: [u16; 2],
+    /// Color · intensity, linear.
+    pub color: Vec3,
+    /// 1/range²; 0: without end.
+    pub inverse_range_squared: f32,
+    /// Spot lights: scale and offset of the cosine (KHR_lights_punctual, "Inner and Outer Cone Angles").
+    pub cone: Vec2,
+    /// Falloff by a polynomial of the distance: the shares of its linear and its quadratic term, of which the rest is constant.
+    /// [`PlanLight::INVERSE_SQUARE`]: physical falloff.
+    pub polynomial: Vec2,
+}
+
+impl PlanLight {
+    pub const INVERSE_SQUARE: Vec2 = Vec2::new(0.0, -1.0);
+
+    pub fn is_local(&self) -> bool {
+        self.kind != LightType::Directional
+    }
+
+    /// Whether it falls off by a polynomial.
+    pub fn is_polynomial(&self) -> bool {
+        self.polynomial.y >= 0.0
+    }
 }
 
 /// The sky; its maps are in the catalogue.
@@ -241,242 +271,6 @@ pub struct Instance {
 pub struct ActiveMorph {
     pub target: u32,
     pub weight: f32,
-}
-
-/// What selects a pipeline. As few different ones as the scene needs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct PipelineKey {
-    pub features: Features,
-    pub topology: TopologyKey,
-    /// Both faces are drawn (double-sided material).
-    pub double_sided: bool,
-    /// The transform mirrors: front faces are clockwise.
-    pub mirrored: bool,
-    /// Mixed with what is behind by its alpha.
-    pub blend: bool,
-    /// Its cut-outs keep samples instead of whole pixels (alpha to coverage).
-    pub coverage: bool,
-    /// Mixed in its place among [`Plan::peel`]'s layers.
-    pub peeled: bool,
-    pub glass: Glass,
-    /// Which of `Plan::surface` change what is seen.
-    pub surface: u8,
-    /// Which of them move its corners.
-    pub displaced: u8,
-    /// Which of them say what light does on it.
-    pub lighting: u8,
-}
-
-impl PipelineKey {
-    /// Opaque triangles seen from the front, with these features and no effect.
-    pub const fn of(features: Features) -> PipelineKey {
-        PipelineKey {
-            features,
-            topology: TopologyKey::Triangles,
-            double_sided: false,
-            mirrored: false,
-            blend: false,
-            coverage: false,
-            peeled: false,
-            glass: Glass::No,
-            surface: 0,
-            displaced: 0,
-            lighting: 0,
-        }
-    }
-
-    /// Drawn back to front after everything opaque.
-    pub fn is_see_through(&self) -> bool {
-        self.blend || self.glass != Glass::No
-    }
-
-    /// Without what only light needs where none counts: MToon has its own.
-    pub fn of_lit(self) -> PipelineKey {
-        let lit = self.features.is_lit() && !self.features.has(Features::TOON);
-        PipelineKey { lighting: if lit { self.lighting } else { 0 }, ..self }
-    }
-
-    /// All of `Plan::surface` that its shader calls.
-    pub fn effects(&self) -> u8 {
-        self.surface | self.displaced | self.lighting
-    }
-
-    /// What is mixed with what is behind it leaves the depth as it is.
-    pub fn writes_depth(&self) -> bool {
-        !self.blend && matches!(self.glass, Glass::No | Glass::Refract)
-    }
-}
-
-/// Thin surfaces that let light through are drawn twice, `Filter` before `Light`; those that bend it once.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Glass {
-    #[default]
-    No,
-    /// What is behind is multiplied by the colour of what comes through.
-    Filter,
-    /// What the surface itself shows is added.
-    Light,
-    /// Shows itself and, through itself, [`Plan::behind`].
-    Refract,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum TopologyKey {
-    Triangles,
-    Lines,
-    Points,
-}
-
-impl From<Topology> for TopologyKey {
-    fn from(t: Topology) -> Self {
-        match t {
-            Topology::Triangles => TopologyKey::Triangles,
-            Topology::Lines => TopologyKey::Lines,
-            Topology::Points => TopologyKey::Points,
-        }
-    }
-}
-
-/// Shader features: a bit set. One bit, one `@if` or override in the WGSL, one branch in the CPU twin.
-///
-/// A bit may be set where primitive or material lacks the data (`PlanOptions::force_all`). The shader then reads:
-/// uv 0, colour 1, tangent 0, joint indices 0 with weights (1,0,0,0 | 0,0,0,0), normal scale 0, cutoff 0,
-/// identity uv transforms, and a white texture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Features(pub u64);
-
-impl Features {
-    pub const SKIN: Features = Features(1 << 0);
-    /// 8 influences instead of 4.
-    pub const SKIN_8: Features = Features(1 << 1);
-    pub const MORPH: Features = Features(1 << 2);
-    pub const VERTEX_COLOR: Features = Features(1 << 3);
-    pub const UV0: Features = Features(1 << 4);
-    pub const UV1: Features = Features(1 << 5);
-    /// Lit by metallic-roughness.
-    pub const METALLIC_ROUGHNESS: Features = Features(1 << 6);
-    /// Lit by Blinn–Phong. Neither this nor METALLIC_ROUGHNESS nor TOON: unlit.
-    pub const BLINN_PHONG: Features = Features(1 << 7);
-    pub const BASE_COLOR_TEXTURE: Features = Features(1 << 8);
-    pub const METALLIC_ROUGHNESS_TEXTURE: Features = Features(1 << 9);
-    pub const NORMAL_TEXTURE: Features = Features(1 << 10);
-    pub const OCCLUSION_TEXTURE: Features = Features(1 << 11);
-    pub const EMISSIVE: Features = Features(1 << 12);
-    pub const EMISSIVE_TEXTURE: Features = Features(1 << 13);
-    pub const SPECULAR_TEXTURE: Features = Features(1 << 14);
-    pub const SPECULAR_COLOR_TEXTURE: Features = Features(1 << 15);
-    pub const ALPHA_MASK: Features = Features(1 << 16);
-    /// Some texture has a uv transform other than identity.
-    pub const UV_TRANSFORM: Features = Features(1 << 17);
-    /// Point or spot lights are in, beside directional ones.
-    pub const LOCAL_LIGHTS: Features = Features(1 << 18);
-
-    /// Lit by toon shading. Its textures stand in the slots of those it does not read: matcap in metallic-roughness, rim in
-    /// occlusion, shading shift in specular, shade colour in specular colour.
-    pub const TOON: Features = Features(1 << 19);
-
-    /// Some light's shadow may fall on it.
-    pub const SHADOW: Features = Features(1 << 20);
-    /// A hull around the surface in place of it: pushed out along the normals, seen from inside, in the outline's colour.
-    pub const SHELL: Features = Features(1 << 21);
-    pub const OUTLINE_WIDTH_TEXTURE: Features = Features(1 << 22);
-    /// A mask says how much of a motion of the textures each place makes.
-    pub const UV_MASK: Features = Features(1 << 23);
-    /// Normals and joint colours are for effects on the surface, whatever its light.
-    pub const SEEN_NORMALS: Features = Features(1 << 24);
-    pub const SEEN_JOINTS: Features = Features(1 << 25);
-    /// The share of light that shadows take is for effects on the surface.
-    pub const SEEN_SHADOW: Features = Features(1 << 27);
-    /// The edges of triangles as lines, a little nearer than the surface, in the outline's colour.
-    pub const EDGES: Features = Features(1 << 26);
-    /// The skin's joints are dual quaternions. Another way rather than more of one: never forced in.
-    pub const SKIN_DUAL: Features = Features(1 << 31);
-    /// The body is posed once, in model space, and stands at places: the joints' matrices lead to the model, the copy's on from
-    /// there, as a dual-quaternion skin's always do. Never forced in.
-    pub const SKIN_PLACED: Features = Features(1 << 55);
-
-    /// Clearcoat, sheen or transmission is on: the layers' uniform is read.
-    pub const LAYERS: Features = Features(1 << 32);
-    pub const CLEARCOAT: Features = Features(1 << 33);
-    pub const CLEARCOAT_TEXTURE: Features = Features(1 << 34);
-    pub const CLEARCOAT_ROUGHNESS_TEXTURE: Features = Features(1 << 35);
-    pub const CLEARCOAT_NORMAL_TEXTURE: Features = Features(1 << 36);
-    pub const SHEEN: Features = Features(1 << 37);
-    pub const SHEEN_COLOR_TEXTURE: Features = Features(1 << 38);
-    pub const SHEEN_ROUGHNESS_TEXTURE: Features = Features(1 << 39);
-    pub const TRANSMISSION: Features = Features(1 << 40);
-    pub const TRANSMISSION_TEXTURE: Features = Features(1 << 41);
-    /// What is let through is absorbed on its way.
-    pub const VOLUME: Features = Features(1 << 42);
-    pub const THICKNESS_TEXTURE: Features = Features(1 << 43);
-
-    /// A thin film colours what the surface reflects.
-    pub const IRIDESCENCE: Features = Features(1 << 44);
-    pub const IRIDESCENCE_TEXTURE: Features = Features(1 << 45);
-    pub const IRIDESCENCE_THICKNESS_TEXTURE: Features = Features(1 << 46);
-    /// Highlights are drawn out along the tangent. Never forced in: it needs tangents.
-    pub const ANISOTROPY: Features = Features(1 << 47);
-    pub const ANISOTROPY_TEXTURE: Features = Features(1 << 48);
-    /// Light from behind comes out in front.
-    pub const DIFFUSE_TRANSMISSION: Features = Features(1 << 49);
-    pub const DIFFUSE_TRANSMISSION_TEXTURE: Features = Features(1 << 50);
-    pub const DIFFUSE_TRANSMISSION_COLOR_TEXTURE: Features = Features(1 << 51);
-
-    /// What is behind is seen where the bent ray leaves the volume.
-    pub const REFRACTION: Features = Features(1 << 52);
-    /// Each colour is bent by an index of its own.
-    pub const DISPERSION: Features = Features(1 << 53);
-    /// Textures are shifted by the heights in the normal texture's alpha. Never forced in: other files keep other things there.
-    pub const RELIEF: Features = Features(1 << 54);
-    /// A sky's maps light it. Another light rather than more of one: never forced in.
-    pub const SKY: Features = Features(1 << 60);
-    /// Blinn–Phong that mirrors its surroundings. Its textures stand in the slots of those it does not read: the reflection map in
-    /// specular, the environment map in metallic-roughness.
-    pub const REFLECTION: Features = Features(1 << 56);
-    /// Highlights of Phong in place of Blinn's. Never forced in.
-    pub const PHONG: Features = Features(1 << 61);
-    /// Some light falls off by a polynomial of the distance. Never forced in.
-    pub const POLYNOMIAL: Features = Features(1 << 62);
-
-    /// What of a draw's features its depth depends on.
-    pub const fn of_depth(self) -> Features {
-        self.of_alpha(false)
-    }
-    /// The same, and where it is `blended` its alpha.
-    pub const fn of_alpha(self, blended: bool) -> Features {
-        let shape = Self::SKIN.0 | Self::SKIN_8.0 | Self::SKIN_DUAL.0 | Self::SKIN_PLACED.0 | Self::MORPH.0;
-        let cut_out = Self::ALPHA_MASK.0
-            | Self::BASE_COLOR_TEXTURE.0
-            | Self::TRIPLANAR.0
-            | Self::VERTEX_COLOR.0
-            | Self::UV0.0
-            | Self::UV1.0
-            | Self::UV_MASK.0
-            | Self::UV_TRANSFORM.0;
-        Features(self.0 & if blended || self.has(Self::ALPHA_MASK) { shape | cut_out } else { shape })
-    }
-    /// Some normal map is read, or highlights follow the tangents.
-    pub const fn has_tangents(self) -> bool {
-        self.0 & (Self::NORMAL_TEXTURE.0 | Self::CLEARCOAT_NORMAL_TEXTURE.0 | Self::ANISOTROPY.0) != 0
-    }
-    pub const fn has_normals(self) -> bool {
-        self.is_lit() || self.0 & (Self::SHELL.0 | Self::SEEN_NORMALS.0 | Self::TRIPLANAR.0) != 0
-    }
-    pub const fn is_lit(self) -> bool {
-        self.0 & (Self::METALLIC_ROUGHNESS.0 | Self::BLINN_PHONG.0 | Self::TOON.0) != 0
-    }
-    pub const fn has(self, other: Features) -> bool {
-        self.0 & other.0 == other.0
-    }
-    pub const fn with(self, other: Features) -> Features {
-        Features(self.0 | other.0)
-    }
-    pub const fn only(self, other: Features) -> Features {
-        Features(self.0 & other.0)
-    }
-    pub const fn without(self, other: Features) -> Features {
-        Features(self.0 & !other.0)
-    }
 }
 
 /// Lit materials need normals and lights; the kind of a material's alpha decides order and discard.

@@ -95,7 +95,7 @@ impl Plan {
     /// Outlines that are a share of the picture's height.
     fn widen_outlines(&mut self, factor: f32, catalog: &Catalog) {
         let views = self.shadows.iter_mut().flat_map(|s| &mut s.views).flat_map(|v| &mut v.draws);
-        let hulls = self.draws.iter_mut().chain(views).filter(|d| d.pipeline.features.has(Features::SHELL));
+        let hulls = self.draws.iter_mut().chain(views).filter(|d| d.pipeline.features.has(Features::OUTLINE));
         let mut wider: Vec<((u32, Option<u32>), u32)> = Vec::new();
         for draw in hulls {
             let of = (draw.material, draw.changed);

@@ -1,18 +1,9 @@
 //! Lines and points of a width: for each, a polygon in the picture's plane, whose corners the vertex stage spreads out. Samples
 //! smooth its edges as those of any triangle, and no device has to know wide lines.
 
-use crate::plan::{Features, Rows};
+use crate::plan::Rows;
 use choreo_stage::{Material, Pen, Primitive, Topology};
 use glam::{Mat4, Vec2, Vec3, Vec4, Vec4Swizzles};
-
-impl Features {
-    /// Lines and points have a width. Another way of drawing rather than more of one: never forced in.
-    pub const WIDE: Features = Features(1 << 28);
-    /// Points are discs, lines have round ends.
-    pub const ROUND: Features = Features(1 << 29);
-    /// Textures come from three sides. Another way rather than more of one: never forced in.
-    pub const TRIPLANAR: Features = Features(1 << 30);
-}
 
 /// Wider is drawn as wide, pixels: a picture is no larger.
 pub const MOST_PIXELS: f32 = 16384.0;

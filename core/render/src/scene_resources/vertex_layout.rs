@@ -40,7 +40,7 @@ pub enum Format {
 impl VertexLayout {
     /// The attributes that vertex.wgsl declares for these features.
     pub fn of(features: Features) -> VertexLayout {
-        let posed = features.has(Features::POSED);
+        let posed = features.has(Features::PRE_SKINNED);
         let on = [
             !posed,
             features.has_normals() && !posed,
@@ -52,12 +52,12 @@ impl VertexLayout {
             features.has(Features::SKIN),
             features.has(Features::SKIN_8),
             features.has(Features::SKIN_8),
-            features.has(Features::WIDE),
-            features.has(Features::WIDE),
+            features.has(Features::THICK_LINES),
+            features.has(Features::THICK_LINES),
         ];
-        let welded = if features.has(Features::SHELL) && !posed { Self::WELDED } else { 0 };
-        let welded = if features.has(Features::EDGES) { welded | Self::EDGES } else { welded };
-        let wide = features.has(Features::WIDE) && features.has(Features::ROUND);
+        let welded = if features.has(Features::OUTLINE) && !posed { Self::WELDED } else { 0 };
+        let welded = if features.has(Features::WIREFRAME) { welded | Self::EDGES } else { welded };
+        let wide = features.has(Features::THICK_LINES) && features.has(Features::ROUND_LINES);
         let welded = if wide { welded | Self::ROUND } else { welded };
         VertexLayout(on.iter().enumerate().map(|(i, on)| (*on as u16) << i).sum::<u16>() | welded)
     }

@@ -72,7 +72,7 @@ impl Execution<'_> {
                 }
                 Command::BindPipeline(variant) => {
                     self.bind_pipeline(pipeline_of(i)?);
-                    if variant.key.features.has(Features::POSED) {
+                    if variant.key.features.has(Features::PRE_SKINNED) {
                         self.bind_posed()?;
                     }
                 }

@@ -3,10 +3,10 @@
 use crate::plan::build::Planner;
 use crate::plan::build::light_clusters::LightLists;
 use crate::plan::build::overdraw::InVain;
-use crate::plan::features_layers;
+use crate::plan::features::layer_features;
 use crate::plan::{Draw, Features, PipelineKey, TopologyKey};
 use crate::scene_resources::CatalogMaterial;
-use crate::shader::{DeferredPass, LightLoop, PeelPass, SceneVariant};
+use crate::shader::{DeferredPass, LightLoop, SceneVariant};
 use choreo_stage::{Pipeline, Shading};
 use std::collections::BTreeMap;
 
@@ -38,33 +38,19 @@ pub const KEEPING: f32 = 4.0;
 /// With fewer lights, and no lists of them, nothing is estimated: over each other lie hardly as many surfaces as would pay.
 const FEWEST: usize = 2;
 
-/// What lighting reads of the scene rather than of the surface.
-const LIGHTS: Features = Features::SHADOW
-    .with(Features::SKY)
-    .with(Features::LOCAL_LIGHTS)
-    .with(Features::POLYNOMIAL)
-    .with(Features::SEEN_SHADOW);
-
 impl Deferred {
     /// What the geometry pass draws with, of the pipeline that would draw it forward.
     pub fn geometry(key: PipelineKey) -> PipelineKey {
-        // Layers that are forced in and change no pixel.
-        let layers = features_layers::TEXTURES.iter().fold(features_layers::ALL, |all, f| all.with(*f));
-        let features = key.features.without(LIGHTS.with(layers).with(Features::SEEN_JOINTS));
+        // Layers are forced in here, and change no pixel.
+        let unread = Features::LIGHTS.with(Features::ALL_LAYERS).with(Features::EFFECT_JOINTS);
+        let features = key.features.without(unread);
         PipelineKey { features, surface: 0, ..key }
     }
 
     /// Of the pass that lights what was kept. `lights`: as scene shaders ask for them.
     pub fn light(&self, lights: LightLoop) -> SceneVariant {
-        SceneVariant {
-            key: PipelineKey { surface: self.surface, ..PipelineKey::of(self.features) },
-            tint: false,
-            joints_uniform: false,
-            lights,
-            shadow_pass: false,
-            peel: PeelPass::No,
-            deferred: DeferredPass::Light,
-        }
+        let key = PipelineKey { surface: self.surface, ..PipelineKey::of(self.features) };
+        SceneVariant { lights, deferred: DeferredPass::Light, ..SceneVariant::of(key) }
     }
 }
 
@@ -72,14 +58,14 @@ impl Deferred {
 fn is_kept(key: &PipelineKey, material: &CatalogMaterial) -> bool {
     let m = &material.material;
     let layers = m.layers.as_deref();
-    let on = features_layers::bits(layers, true, false);
+    let on = layer_features(layers, true, false).without(Features::LAYERS);
     let has = |f: Features| key.features.has(f);
     m.shading == Shading::MetallicRoughness
         && has(Features::METALLIC_ROUGHNESS)
-        && !on.iter().any(|(on, bit)| *on && *bit != Features::LAYERS)
+        && on.is_empty()
         && key.topology == TopologyKey::Triangles
         && !key.is_see_through()
-        && !has(Features::SHELL)
+        && !has(Features::OUTLINE)
         && key.lighting == 0
 }
 
@@ -134,7 +120,7 @@ impl Planner<'_> {
         for draw in draws {
             draw.deferred = draw.pipeline.surface == surface && is_kept(&draw.pipeline, material(draw));
             if draw.deferred {
-                let read = LIGHTS.with(Features::EMISSIVE).with(Features::SEEN_NORMALS);
+                let read = Features::LIGHTS.with(Features::EMISSIVE).with(Features::EFFECT_NORMALS);
                 features = features.with(draw.pipeline.features.only(read));
             }
         }

@@ -221,12 +221,9 @@ pub struct OnSurface {
 impl OnSurface {
     /// What a shader that moves the corners of a shape reads of them, seen from a light too.
     pub fn of_corners(&self, shape: &Primitive) -> Features {
-        let has = |on: bool, there: bool, bit| if on && there { bit } else { Features::default() };
-        has(self.corners.normals, !shape.normals.is_empty(), Features::SEEN_NORMALS).with(has(
-            self.corners.uvs,
-            !shape.uvs[0].is_empty(),
-            Features::UV0,
-        ))
+        let normals = self.corners.normals && !shape.normals.is_empty();
+        let uvs = self.corners.uvs && !shape.uvs[0].is_empty();
+        Features::EFFECT_NORMALS.when(normals).with(Features::UV0.when(uvs))
     }
 }
 

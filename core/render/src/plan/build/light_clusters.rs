@@ -5,7 +5,7 @@
 //! whose sphere or cone may touch it. What a list leaves out would add exactly nothing, so that lists change no pixel.
 
 use crate::plan::build::dirty_rect::Area;
-use crate::plan::{PlanLight, View};
+use crate::plan::{LightType, PlanLight, View};
 use crate::scene_resources::bounds::Aabb;
 use crate::{Plan, RenderError};
 use choreo_stage::Shadow;
@@ -30,20 +30,20 @@ pub struct LightLists(pub Vec<u32>);
 
 /// Metres; `None`: without end.
 fn range(light: &PlanLight) -> Option<f32> {
-    (light.direction.w != 0.0 && light.position.w > 0.0).then(|| 1.0 / light.position.w.sqrt())
+    (light.inverse_range_squared > 0.0).then(|| 1.0 / light.inverse_range_squared.sqrt())
 }
 
 /// A sphere around all that a light with a range reaches.
 fn reach(light: &PlanLight, range: f32) -> (Vec3, f32) {
-    let at = light.position.truncate();
+    let at = light.position;
     // cos(outer) from clamp(cos · scale + offset).
     let cos_outer = -light.cone.y / light.cone.x;
-    if light.direction.w != 2.0 || cos_outer.is_nan() || cos_outer < std::f32::consts::FRAC_1_SQRT_2 {
+    if light.kind != LightType::Spot || cos_outer.is_nan() || cos_outer < std::f32::consts::FRAC_1_SQRT_2 {
         return (at, range);
     }
     // Through the tip and the rim of a narrow cone.
     let radius = range / (2.0 * cos_outer.min(1.0));
-    (at + light.direction.truncate() * radius, radius)
+    (at + light.direction * radius, radius)
 }
 
 /// Where enough lamps have a range: those without to the front, each with what stands beside it.

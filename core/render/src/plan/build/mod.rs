@@ -25,7 +25,7 @@ use crate::plan::build::overlay::overlays;
 use crate::plan::build::shadow_casters::Caster;
 use crate::plan::build::skins::{PosedSkin, daffine};
 use crate::plan::build::transparency::SeenThrough;
-use crate::plan::features::{DrawNeeds, Facts, features, left_out, shell_features};
+use crate::plan::features::{DrawNeeds, Facts, features, left_out, outline_features};
 use crate::plan::options::PlanOptions;
 use crate::plan::*;
 use crate::scene_resources::bounds::{Aabb, moved, outside};
@@ -46,8 +46,8 @@ impl Plan {
         let mut planner = Planner {
             catalog,
             options,
-            local_lights: lights.iter().any(|l| l.direction.w != 0.0),
-            polynomial: lights.iter().any(|l| l.position.w < 0.0),
+            local_lights: lights.iter().any(PlanLight::is_local),
+            polynomial: lights.iter().any(PlanLight::is_polynomial),
             sky: snapshot.sky.as_ref().is_some_and(|sky| sky.strength > 0.0),
             sky_seen: snapshot.sky.as_ref().is_some_and(|sky| sky.background),
             stage,
@@ -68,7 +68,7 @@ impl Plan {
             area: Area::NOTHING,
             facts: Facts {
                 lights_exist: !lights.is_empty(),
-                sky_exists: snapshot.sky.is_some(),
+                in_stage: Features::SKY.when(snapshot.sky.is_some()),
                 dark_lights,
                 many_lights,
                 ..Facts::default()
@@ -193,8 +193,9 @@ impl Planner<'_> {
                 info.influences > 0 && info.joint_count() <= self.skins[*s].rows.len()
             });
             let morph_count = weights.iter().take(info.morph_bounds.len()).enumerate().filter(active).count();
-            self.facts.skins_exist |= posed_skin.is_some();
-            self.facts.morphs_exist |= !info.morph_bounds.is_empty();
+            let posed = Features::SKIN.when(posed_skin.is_some());
+            let morphs = Features::MORPH.when(!info.morph_bounds.is_empty());
+            self.facts.in_stage = self.facts.in_stage.with(posed).with(morphs);
             self.facts.lit_exist |= is_lit(material.material.shading);
 
             let base_color = entry.animated.map_or(Vec4::ONE, |m| {
@@ -215,17 +216,17 @@ impl Planner<'_> {
             let mut features = features(primitive, material, needs, self.options.force_all);
             let effects = self.effects_of(index, entry.of_asset);
             let seen = effects.needs;
-            let has = |on: bool, there: bool, bit| if on && there { bit } else { Features::default() };
             let shape = primitive.primitive();
+            let lit = is_lit(material.material.shading);
             features = features
-                .with(has(seen.normals, !shape.normals.is_empty(), Features::SEEN_NORMALS))
-                .with(has(seen.uvs, !shape.uvs[0].is_empty(), Features::UV0))
-                // What is behind it, where an effect asks.
-                .with(has(effects.surface != 0, self.sky && self.sky_seen, Features::SKY))
-                .with(has(seen.joints, needs.skinned && !needs.dual, Features::SEEN_JOINTS))
-                .with(has(seen.shadow, is_lit(material.material.shading), Features::SEEN_SHADOW));
+                .with(Features::EFFECT_NORMALS.when(seen.normals && !shape.normals.is_empty()))
+                .with(Features::UV0.when(seen.uvs && !shape.uvs[0].is_empty()))
+                // The sky behind the surface, where an effect asks.
+                .with(Features::SKY.when(effects.surface != 0 && self.sky && self.sky_seen))
+                .with(Features::EFFECT_JOINTS.when(seen.joints && needs.skinned && !needs.dual))
+                .with(Features::EFFECT_SHADOW.when(seen.shadow && lit));
             let of_corners = effects.of_corners(shape);
-            let drawn_wide = features.has(Features::WIDE);
+            let drawn_wide = features.has(Features::THICK_LINES);
             let wide = thick_lines::pen(shape.topology, &material.material).filter(|_| drawn_wide);
             let in_model = posed_skin.and_then(|s| self.skins[s].in_model(primitive, offset));
             let smooth = self.smooth_cutouts(index, entry.of_asset);
@@ -278,7 +279,7 @@ impl Planner<'_> {
                 let key = PipelineKey {
                     features,
                     topology: primitive.primitive().topology.into(),
-                    double_sided: material.material.double_sided || features.has(Features::WIDE),
+                    double_sided: material.material.double_sided || features.has(Features::THICK_LINES),
                     mirrored: determinant < 0.0,
                     blend,
                     peeled: false,
@@ -378,8 +379,8 @@ impl Planner<'_> {
                         let now = changed.map(|c| self.materials[c as usize].clone());
                         let of = now.as_deref().unwrap_or(&catalog.materials[entry.material as usize]);
                         let features = match edges {
-                            true => key.features.of_alpha(key.blend).with(Features::EDGES),
-                            false => shell_features(key.features, primitive, of, key.blend),
+                            true => key.features.of_alpha(key.blend).with(Features::WIREFRAME),
+                            false => outline_features(key.features, primitive, of, key.blend),
                         };
                         let topology = if edges { TopologyKey::Lines } else { key.topology };
                         let features = features.with(of_corners);
