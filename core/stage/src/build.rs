@@ -1,7 +1,9 @@
 //! A stage from Rust: what tests and tools use, and the script does the same with.
 
-use crate::*;
-use choreo_motion::{Clip, Time};
+use crate::goals::ActorSprings;
+use crate::stage::{Actor, Camera, Cue, Layer, LookAt, Placement, Rig, Stage, StageLight, Target};
+use choreo_asset::{Asset, Light, LightKind, Projection};
+use choreo_motion::{Clip, Ease, Repeat, Skinning, Time};
 use glam::{DQuat, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -15,7 +17,7 @@ impl Stage {
     /// Adds a cue to the base layer of an actor, in its place by start time. Panics where there is no such actor.
     ///
     /// ```
-    /// # use choreo_stage::*; use choreo_motion::{Clip, Time}; use std::sync::Arc;
+    /// # use choreo_asset::*; use choreo_stage::*; use choreo_motion::{Clip, Ease, Repeat, Skinning, Time}; use std::sync::Arc;
     /// # let asset = Arc::new(Asset { clips: vec![Arc::new(Clip::new("Walk".into(), 0, vec![]).unwrap())], ..Asset::default() });
     /// let mut stage = Stage::default();
     /// let anna = stage.cast("anna", asset.clone());

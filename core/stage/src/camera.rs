@@ -1,9 +1,13 @@
 //! Which camera is on, where it stands and what it sees.
 
 use crate::channels::{keyed, vec3};
+use crate::edits::FrameEdits;
 use crate::evaluate::{target_position, world_from_attachment};
 use crate::framing::Framings;
-use crate::*;
+use crate::properties;
+use crate::snapshot::{ActorState, CameraState};
+use crate::stage::{Actor, Attachment, Camera, Property, Rig, Stage, StageError, Target};
+use choreo_asset::Projection;
 use choreo_motion::{PropertyTarget, Time};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 

@@ -2,9 +2,9 @@
 
 use crate::evaluate::facing;
 use crate::inertia::Inertias;
+use crate::stage::{Placement, Stage};
 use crate::timeline::Voice;
 use crate::travel::{Travel, Travels};
-use crate::{Placement, Stage};
 use choreo_motion::Time;
 use glam::{DAffine3, DQuat, DVec3};
 

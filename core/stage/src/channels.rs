@@ -1,6 +1,6 @@
 //! Keyed properties at a time: glTF's three interpolations (2.0, Appendix C) in f64 on integer times.
 
-use crate::{Channel, Property};
+use crate::stage::{Channel, Property};
 use choreo_motion::{Interpolation, Time};
 use glam::{DQuat, DVec3, DVec4};
 

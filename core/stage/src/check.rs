@@ -1,7 +1,14 @@
 //! What a stage must be for frames to be made of it. `Stage::at` itself is lenient: it leaves out what does not exist.
 
+use crate::flat::{Fit, Flat, FlatContent};
 use crate::order::{self, Order};
-use crate::*;
+use crate::playing::Warp;
+use crate::sky::Sky;
+use crate::stage::{
+    Actor, Attachment, Background, Camera, Channel, Cue, LayerMode, Placement, Property, Rig, Settings,
+    Shadow, Stage, StageError, StageLight, Target,
+};
+use choreo_asset::{Asset, Light, LightKind, Projection};
 use choreo_motion::{Interpolation, Playback, Time};
 
 /// Everything wrong with one stage, by place.

@@ -1,6 +1,8 @@
 //! What a callback says of one frame.
 
-use crate::{EffectEdit, FlatEdit, SkyEdit};
+use crate::effects::EffectEdit;
+use crate::flat::FlatEdit;
+use crate::sky::SkyEdit;
 use glam::{DQuat, DVec3, Vec3, Vec4};
 
 /// What a hook may change for one frame: by actor, camera, light and effect index.

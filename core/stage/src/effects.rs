@@ -1,6 +1,7 @@
 //! Effects in use: on what, while what, with which parameters at a time.
 
-use crate::{Channel, FrameEdits, Stage};
+use crate::edits::FrameEdits;
+use crate::stage::{Channel, Stage};
 use choreo_motion::Time;
 
 /// An effect plugin in use, with its parameters as given in the script.

@@ -4,6 +4,7 @@
 //! (planted feet, aims, looks, reaches), places again where a goal has moved something, springs, lights, camera.
 
 use crate::carry::{self, CarryScratch, Motions};
+use crate::edits::{ActorEdit, FrameEdits};
 use crate::framing::Framings;
 use crate::goals::plant::Plants;
 use crate::goals::solve::{self, GoalScratch};
@@ -12,9 +13,13 @@ use crate::order::{self, Order, Step};
 use crate::out_of_view::{OutOfView, Reaches, stands_without_poses};
 use crate::pose::PoseScratch;
 use crate::posing::Posing;
-use crate::*;
+use crate::sky::SkyEdit;
+use crate::snapshot::{ActorState, Snapshot};
+use crate::stage::{Attachment, Placement, Rig, Stage, StageError, Target};
+use crate::{camera, effects, flat, lights, look_at, pose};
+use choreo_asset::widen;
 use choreo_motion::Time;
-use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3, Vec3};
+use glam::{DAffine3, DQuat, DVec3};
 use std::sync::{Arc, OnceLock};
 
 impl Stage {
@@ -25,7 +30,7 @@ impl Stage {
     /// its buffers, and what a framing camera has found out, from one to the next.
     ///
     /// ```
-    /// # use choreo_stage::*; use choreo_motion::Time; use std::sync::Arc;
+    /// # use choreo_asset::*; use choreo_stage::*; use choreo_motion::Time; use std::sync::Arc;
     /// let mut stage = Stage::default();
     /// let anna = stage.cast("anna", Arc::new(Asset::default()));
     /// stage.actors[anna].transform.translation.x = 2.0;
@@ -473,10 +478,6 @@ fn model_from_joint(stage: &Stage, actors: &[ActorState], actor: usize, joint: u
     let posed = &actors[actor].model_from_joint;
     let all = if posed.is_empty() { stage.actors[actor].asset.rest_model_from_joint() } else { posed };
     all.get(joint as usize).map_or(DAffine3::IDENTITY, widen)
-}
-
-pub(crate) fn widen(a: &Affine3A) -> DAffine3 {
-    DAffine3 { matrix3: Mat3::from(a.matrix3).as_dmat3(), translation: Vec3::from(a.translation).as_dvec3() }
 }
 
 /// Where a target is; `None` for actors and joints that do not exist and for places that are not finite.

@@ -1,7 +1,8 @@
 //! Flat things over and under the scene: words, pictures, panels, letterboxes; in painter's order.
 
 use crate::channels::keyed;
-use crate::{Channel, Image, Property, Stage};
+use crate::stage::{Channel, Property, Stage};
+use choreo_asset::Image;
 use choreo_motion::Time;
 pub use choreo_text::{Align, Font};
 use glam::{DVec2, Vec4};

@@ -2,9 +2,9 @@
 //! another at once takes over what is still dying down.
 
 use crate::pose::{BlendedVoice, dying, sample_voice, start_weights};
+use crate::stage::{Actor, Layer};
 use crate::timeline::{self, Voice};
 use crate::travel::Travel;
-use crate::{Actor, Layer};
 use choreo_motion::{BlendOnto, Inertia, Pose, Time, WeightInertia};
 
 /// How far apart the poses are whose difference is a velocity.

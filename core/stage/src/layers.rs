@@ -1,7 +1,8 @@
 //! Layers of one rank: mixed and summed so that their order does not count.
 
+use crate::stage::{Cue, Layer, LayerMode, Reference};
 use crate::timeline::{self, Voice};
-use crate::{Asset, Cue, Layer, LayerMode, MeshInstance, Reference};
+use choreo_asset::{Asset, MeshInstance};
 use choreo_motion::{Deltas, Mix, Pose, Sample, Time};
 
 /// Buffers; what is in them on entry does not matter.

@@ -1,8 +1,12 @@
 //! What shines: the stage's lights, those of files, or a sun where there is neither, nor a sky.
 
 use crate::channels::{keyed, vec3};
+use crate::edits::{FrameEdits, LightEdit};
 use crate::evaluate::world_from_attachment;
-use crate::*;
+use crate::properties;
+use crate::snapshot::{ActorState, LightState};
+use crate::stage::{Actor, Attachment, Property, Shadow, Stage, StageLight};
+use choreo_asset::{Light, LightKind};
 use choreo_motion::{PropertyTarget, Time};
 use glam::{DQuat, DVec3, Vec3};
 

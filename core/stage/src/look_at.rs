@@ -1,8 +1,11 @@
 //! Joints turned towards targets, after everything else has been posed and placed.
 
+use crate::Ease;
 use crate::evaluate::target_position;
+use crate::snapshot::ActorState;
+use crate::stage::{LookAt, Stage};
 use crate::timeline::{eased, fraction};
-use crate::{ActorState, Asset, Ease, EyesMovedBy, LookAt, Stage};
+use choreo_asset::{Asset, EyesMovedBy};
 use choreo_motion::{HumanBone, Time};
 use glam::{Affine3A, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 

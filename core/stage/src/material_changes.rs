@@ -1,9 +1,9 @@
 //! Materials that change with the time: by clips (KHR_animation_pointer), by expressions (VRM's colour and texture binds), by
 //! themselves (MToon's moving textures). An actor without any of these pays one look at its clips.
 
-use crate::{
-    Actor, Asset, Expression, Material, MaterialColor, Shading, TextureRef, Toon, UvMotion, properties,
-};
+use crate::properties;
+use crate::stage::Actor;
+use choreo_asset::{Expression, Material, MaterialColor, TextureRef, Toon, UvMotion};
 use choreo_motion::{MaterialProperty, PropertyTarget, Time};
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use std::collections::BTreeSet;
@@ -15,43 +15,6 @@ pub struct ChangedMaterial {
     /// Index into `Asset::materials`.
     pub material: u32,
     pub now: Material,
-}
-
-impl Asset {
-    /// Of each material: whether something in the file can change more than its base colour. Empty where nothing can.
-    pub fn changing_materials(&self) -> Vec<bool> {
-        let mut all: BTreeSet<u32> = BTreeSet::new();
-        let properties = self.clips.iter().flat_map(|clip| clip.properties());
-        all.extend(properties.filter_map(|(target, _)| match target {
-            PropertyTarget::Material(material, _) => Some(material),
-            _ => None,
-        }));
-        all.extend(self.expressions.iter().flat_map(bound));
-        all.extend((0..).zip(&self.materials).filter(|(_, m)| moves(m)).map(|(i, _)| i));
-        let mut out = Vec::new();
-        for material in all.into_iter().filter(|m| (*m as usize) < self.materials.len()) {
-            out.resize(self.materials.len(), false);
-            out[material as usize] = true;
-        }
-        out
-    }
-}
-
-fn bound(expression: &Expression) -> impl Iterator<Item = u32> {
-    let uvs = expression.uvs.iter().map(|b| b.material);
-    expression.colors.iter().map(|b| b.material).chain(uvs)
-}
-
-fn uv_motion(material: &Material) -> Option<UvMotion> {
-    match material.shading {
-        Shading::Toon => material.toon.as_ref()?.uv_motion,
-        _ => material.uv_motion,
-    }
-}
-
-/// Whether its textures change by themselves.
-fn moves(material: &Material) -> bool {
-    uv_motion(material).is_some() || material.strip.is_some()
 }
 
 /// `weights`: of the asset's expressions, settled.
@@ -66,9 +29,9 @@ pub(crate) fn at(actor: &Actor, weights: &[f32], time: Time, out: &mut Vec<Chang
         })
         .collect();
     let shown = || asset.expressions.iter().zip(weights).filter(|(_, w)| **w > 0.0);
-    let moving = (0..).zip(&asset.materials).filter(|(_, m)| moves(m)).map(|(i, _)| i);
+    let moving = (0..).zip(&asset.materials).filter(|(_, m)| m.has_uv_animation()).map(|(i, _)| i);
     let mut all: BTreeSet<u32> = driven.iter().map(|(m, _)| *m).chain(moving).collect();
-    all.extend(shown().flat_map(|(e, _)| bound(e)));
+    all.extend(shown().flat_map(|(e, _)| e.changed_materials()));
     for index in all {
         let Some(material) = asset.materials.get(index as usize) else { continue };
         let mut now = material.clone();
@@ -78,7 +41,7 @@ pub(crate) fn at(actor: &Actor, weights: &[f32], time: Time, out: &mut Vec<Chang
         for (expression, weight) in shown() {
             by_expression(expression, *weight, index, material, &mut now);
         }
-        if let Some(motion) = uv_motion(material) {
+        if let Some(motion) = material.active_uv_motion() {
             by_itself(motion, time, &mut now);
         }
         if let Some(strip) = material.strip {
@@ -103,7 +66,7 @@ fn by_clips(actor: &Actor, index: u32, properties: &[MaterialProperty], time: Ti
             MaterialProperty::Metallic => now.metallic = one(now.metallic).clamp(0.0, 1.0),
             MaterialProperty::Roughness => now.roughness = one(now.roughness).clamp(0.0, 1.0),
             MaterialProperty::AlphaCutoff => {
-                if let crate::AlphaMode::Mask(cutoff) = &mut now.alpha_mode {
+                if let choreo_asset::AlphaMode::Mask(cutoff) = &mut now.alpha_mode {
                     *cutoff = one(*cutoff);
                 }
             }
@@ -254,7 +217,7 @@ pub fn uv_transform(offset: Vec2, rotation_rad: f32, scale: Vec2) -> Affine2 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{ColorBind, UvBind};
+    use choreo_asset::{ColorBind, Shading, UvBind};
 
     #[test]
     fn a_transform_comes_apart_and_together() {
@@ -268,7 +231,7 @@ mod tests {
 
     #[test]
     fn frames_follow_each_other_from_the_top_left_and_begin_again() {
-        let strip = crate::FrameStrip { columns: 3, rows: 2, count: 5, fps: 10.0, once: false };
+        let strip = choreo_asset::FrameStrip { columns: 3, rows: 2, count: 5, fps: 10.0, once: false };
         let corner = |secs: f64| strip.cell(Time::from_secs(secs)).transform_point2(Vec2::ZERO);
         let end = |secs: f64| strip.cell(Time::from_secs(secs)).transform_point2(Vec2::ONE);
         let third = 1.0 / 3.0;
@@ -281,7 +244,7 @@ mod tests {
         // Before the beginning, and after a hundred hours.
         assert_eq!(corner(-0.05), corner(0.45));
         assert_eq!(corner(360_000.2), corner(0.2));
-        let none = crate::FrameStrip { columns: 0, rows: 0, count: 0, fps: 1.0, once: true };
+        let none = choreo_asset::FrameStrip { columns: 0, rows: 0, count: 0, fps: 1.0, once: true };
         assert_eq!(none.cell(Time::from_secs(3.0)), Affine2::IDENTITY);
     }
 

@@ -1,6 +1,6 @@
 //! In which order actors can be placed: after what they are attached to, and turned after what they face has its place.
 
-use crate::{Stage, StageError};
+use crate::stage::{Stage, StageError};
 
 /// A step of placing actors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

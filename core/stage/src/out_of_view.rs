@@ -5,10 +5,11 @@
 //! outside the picture, as all that its shadow could fall on, needs neither pose nor draw. Where that cannot be told (goals,
 //! springs, morphs, splines, cameras that hang on joints, effects …) everybody counts as seen.
 
+use crate::edits::FrameEdits;
 use crate::order::Step;
-use crate::{
-    Actor, ActorState, CameraState, FrameEdits, LayerMode, LightKind, Projection, Rig, Stage, Target,
-};
+use crate::snapshot::{ActorState, CameraState};
+use crate::stage::{Actor, LayerMode, Rig, Stage, Target};
+use choreo_asset::{LightKind, Projection};
 use choreo_motion::{Clip, Interpolation, Path, Skinning, Time};
 use glam::{DMat3, DVec3};
 

@@ -1,6 +1,6 @@
 //! Paths: a smooth curve through points, gone along by its length.
 
-use crate::Placement;
+use crate::stage::Placement;
 use choreo_motion::Time;
 use glam::{DQuat, DVec3};
 

@@ -1,6 +1,6 @@
 //! Where a cue is in its clip at a time: a function of the time alone, in whole ticks however long it plays.
 
-use crate::{Channel, Cue, Layer};
+use crate::stage::{Channel, Cue, Layer};
 use choreo_motion::{Interpolation, Playback, Repeat, Time};
 
 /// Clip time that changes its speed: keyed over stage time. Integrals are closed forms; nothing is stepped through.

@@ -1,11 +1,15 @@
 //! One actor's pose at a time: layers of clips, then hook edits, then model space.
 
+use crate::channels;
+use crate::edits::ActorEdit;
+use crate::goals::GoalKind;
 use crate::inertia::{Inertias, Switch};
 use crate::layers::{self, GroupScratch};
 use crate::mirroring::MirrorScratch;
+use crate::stage::{Actor, Layer, Property};
 use crate::timeline::{self, Voice};
 use crate::travel::{CueRoot, Travel};
-use crate::{Actor, ActorEdit, Asset, GoalKind, Layer, MeshInstance, Property, channels, expression};
+use choreo_asset::{Asset, MeshInstance, expression};
 use choreo_motion::{BlendOnto, Clip, Crossfade, HumanBone, LocalToModel, Pose, Sample, Time};
 use glam::{Affine3A, DAffine3, DQuat, DVec3};
 
@@ -400,7 +404,11 @@ fn set_expressions<'e>(
 }
 
 /// Placement of an actor as keyed, before hooks, and of its state what needs no pose.
-pub(crate) fn keyed_placement(actor: &Actor, time: Time, state: &mut crate::ActorState) -> crate::Placement {
+pub(crate) fn keyed_placement(
+    actor: &Actor,
+    time: Time,
+    state: &mut crate::snapshot::ActorState,
+) -> crate::stage::Placement {
     let mut placement = actor.transform;
     (state.visible, state.tint) = (actor.visible, actor.tint);
     (state.pen_width, state.copies) = (actor.pen_width, actor.copies);

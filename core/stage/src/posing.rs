@@ -1,11 +1,13 @@
 //! All poses of one time, on all cores where there are many.
 
 use crate::carry::Motions;
+use crate::edits::ActorEdit;
 use crate::evaluate::Need;
-use crate::expression::Faces;
+use crate::faces::Faces;
 use crate::goals::gaze;
 use crate::pose::{self, PoseScratch};
-use crate::{Actor, ActorEdit, ActorState};
+use crate::snapshot::ActorState;
+use crate::stage::Actor;
 use choreo_motion::Time;
 use rayon::prelude::*;
 

@@ -1,6 +1,6 @@
 //! Numbers of a file's cameras, lights and materials that its clips animate (KHR_animation_pointer), blended as poses are.
 
-use crate::{Actor, Asset, LayerMode};
+use crate::stage::{Actor, LayerMode};
 use choreo_motion::{PropertyTarget, Time};
 use glam::Vec4;
 
@@ -37,22 +37,6 @@ pub(crate) fn at<const N: usize>(
         }
     }
     Some(value)
-}
-
-impl Asset {
-    /// Of each material: whether some clip of the file animates its base colour. Empty where none does.
-    pub fn animated_base_colors(&self) -> Vec<bool> {
-        let mut out = Vec::new();
-        for (target, _) in self.clips.iter().flat_map(|clip| clip.properties()) {
-            if let PropertyTarget::BaseColor(material) = target
-                && (material as usize) < self.materials.len()
-            {
-                out.resize(self.materials.len(), false);
-                out[material as usize] = true;
-            }
-        }
-        out
-    }
 }
 
 /// The base colour factors of an actor's materials; empty where its clips animate none.

@@ -1,6 +1,11 @@
 //! The stage at one time: what the renderer, `choreo pose` and tests look at.
 
-use crate::{Background, ChangedMaterial, EffectState, FlatState, Light, Projection, Shadow, SkyState};
+use crate::effects::EffectState;
+use crate::flat::FlatState;
+use crate::material_changes::ChangedMaterial;
+use crate::sky::SkyState;
+use crate::stage::{Background, Shadow};
+use choreo_asset::{Light, Projection};
 use choreo_motion::{Skinning, Time};
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
 
@@ -28,7 +33,7 @@ pub struct ActorState {
     pub visible: bool,
     pub world_from_model: DAffine3,
     /// One per joint of the asset's skeleton. Empty, like the weights, where the actor is invisible and nothing seen hangs on
-    /// its joints, unless [`Evaluator::posing_hidden`](crate::Evaluator::posing_hidden) asks for them.
+    /// its joints, unless [`Evaluator::posing_hidden`](crate::evaluate::Evaluator::posing_hidden) asks for them.
     pub model_from_joint: Vec<Affine3A>,
     /// One list per mesh instance of the asset; empty lists where the mesh has no morph targets.
     pub morph_weights: Vec<Vec<f32>>,
@@ -44,7 +49,7 @@ pub struct ActorState {
     /// Materials of which clips, expressions or they themselves change more than that, in the asset's order.
     pub materials: Vec<ChangedMaterial>,
     /// Neither it nor its shadow is in the picture that the snapshot is for, so that it is not posed for its own sake; see
-    /// [`Evaluator::for_pictures`](crate::Evaluator::for_pictures).
+    /// [`Evaluator::for_pictures`](crate::evaluate::Evaluator::for_pictures).
     pub out_of_view: bool,
 }
 
@@ -82,6 +87,6 @@ pub struct LightState {
     /// Unit.
     pub direction: Vec3,
     pub shadow: Option<Shadow>,
-    /// See [`crate::StageLight::attenuation`].
+    /// See [`crate::stage::StageLight::attenuation`].
     pub attenuation: Option<[f32; 3]>,
 }

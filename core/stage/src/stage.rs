@@ -1,9 +1,15 @@
 //! The stage as a script leaves it: who is there, what plays when, from where it is seen.
 
+use crate::edits::FrameEdits;
+use crate::effects::EffectUse;
+use crate::flat::Flat;
+use crate::goals::{ActorSprings, Goal};
+use crate::path::Walk;
+use crate::playing::Warp;
+use crate::sky::Sky;
 use crate::surfaces::SurfaceRule;
-use crate::{
-    ActorSprings, Asset, CueRoot, EffectUse, Flat, FrameEdits, Goal, Light, Projection, Sky, Walk, Warp,
-};
+use crate::travel::CueRoot;
+use choreo_asset::{Asset, Light, Projection};
 pub use choreo_motion::ik::Limit;
 use choreo_motion::{Clip, FrameRate, Interpolation, PhaseFade, Time};
 pub use choreo_motion::{Ease, Repeat, Skinning};
@@ -151,7 +157,7 @@ pub struct Actor {
     pub visible: bool,
     /// Multiplies every base colour, linear.
     pub tint: Vec4,
-    /// In place of the widths of its pens ([`crate::Pen`]).
+    /// In place of the widths of its pens ([`choreo_asset::Pen`]).
     pub pen_width: Option<f32>,
     /// So many of the copies of its meshes are there, the first ones; `None`: all.
     pub copies: Option<u32>,
@@ -325,7 +331,7 @@ impl Property {
 }
 
 /// A joint turned towards a target: the direction that is the model's +Z in rest pose (glTF characters face +Z) is turned,
-/// on the shortest way from the clip's pose, to point at it. See [`crate::LOOK_AT_LIMIT_RAD`].
+/// on the shortest way from the clip's pose, to point at it. See [`crate::look_at::LOOK_AT_LIMIT_RAD`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct LookAt {
     pub joint: u32,

@@ -1,6 +1,6 @@
 //! How an actor's surfaces are cut out and mixed, where it says so itself.
 
-use crate::{Actor, Cutouts, Settings, Transparency};
+use crate::stage::{Actor, Cutouts, Settings, Transparency};
 
 /// Of an actor's surfaces, or of those of one material; what it leaves open the stage says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,7 +30,7 @@ impl Actor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Asset;
+    use choreo_asset::Asset;
 
     #[test]
     fn the_last_word_counts_and_the_stage_has_the_first() {

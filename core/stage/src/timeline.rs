@@ -1,7 +1,8 @@
 //! Which clips of a layer are heard at a time, at which clip time and with what weight.
 
+use crate::Ease;
 use crate::playing::plays_until;
-use crate::{Actor, Cue, Ease, Layer, LayerMode};
+use crate::stage::{Actor, Cue, Layer, LayerMode};
 use choreo_motion::Time;
 
 /// A cue that counts in an actor's pose at a time.
@@ -219,8 +220,8 @@ mod tests {
         let whole = told(&layer);
         assert_eq!(whole.len(), 3);
         for by in [1.0, 0.999, 0.4, 1e-6] {
-            layer.weight_keys = Some(Arc::new(crate::Channel {
-                property: crate::Property::Weight,
+            layer.weight_keys = Some(Arc::new(crate::stage::Channel {
+                property: crate::stage::Property::Weight,
                 interpolation: choreo_motion::Interpolation::Linear,
                 times: vec![Time::ZERO],
                 values: vec![by],
@@ -231,8 +232,9 @@ mod tests {
                 );
             }
         }
-        layer.weight_keys =
-            layer.weight_keys.map(|keys| Arc::new(crate::Channel { values: vec![0.0], ..(*keys).clone() }));
+        layer.weight_keys = layer
+            .weight_keys
+            .map(|keys| Arc::new(crate::stage::Channel { values: vec![0.0], ..(*keys).clone() }));
         assert!(told(&layer).is_empty());
     }
 }

@@ -8,8 +8,8 @@
 //! looked up in.
 
 use crate::playing::plays_until;
+use crate::stage::{Actor, Cue, Layer, Placement, Stage};
 use crate::timeline::{self, Voice};
-use crate::{Actor, Cue, Layer, Placement, Stage};
 use choreo_motion::{Planar, Repeat, RootMotion, Time};
 use glam::{DQuat, DVec3};
 

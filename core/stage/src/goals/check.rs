@@ -1,7 +1,7 @@
 //! What goals, limits and springs must be.
 
 use super::{GoalKind, Plant};
-use crate::{Actor, Stage, Target};
+use crate::stage::{Actor, Stage, Target};
 use choreo_motion::Time;
 
 /// What is wrong with an actor's, as place and text.

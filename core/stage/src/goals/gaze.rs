@@ -1,9 +1,12 @@
 //! Eyes that make up for what the head leaves: VRM 1.0, "lookAt.md".
 
 use super::body::{Body, rotation_of};
-use crate::expression::Faces;
-use crate::eyes::{angles_of, asked};
-use crate::{Actor, ActorState, Expression, Eyes, EyesMovedBy, material_changes};
+use crate::faces::Faces;
+use crate::material_changes;
+use crate::snapshot::ActorState;
+use crate::stage::Actor;
+use choreo_asset::eyes::{angles_of, asked};
+use choreo_asset::{Expression, Eyes, EyesMovedBy};
 use choreo_motion::ik::share_of;
 use choreo_motion::{HumanBone, Time};
 use glam::{DQuat, DVec3};
@@ -49,7 +52,7 @@ impl Gaze<'_> {
     }
 }
 
-/// What expressions ask of the eyes (see [`GAZE`](crate::eyes::GAZE)), in a body that its clips have posed.
+/// What expressions ask of the eyes (see [`GAZE`](choreo_asset::eyes::GAZE)), in a body that its clips have posed.
 /// `faces.asked` and `.settled` are this actor's.
 pub(crate) fn as_asked(actor: &Actor, time: Time, state: &mut ActorState, faces: &mut Faces) {
     let asset = &*actor.asset;
@@ -130,7 +133,7 @@ fn weight(eyes: &Eyes, name: &str, yaw: f64, pitch: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::RangeMap;
+    use choreo_asset::RangeMap;
 
     fn range(most: f32, scale: f32) -> RangeMap {
         RangeMap { input_max: most.to_radians(), output_scale: scale }

@@ -1,7 +1,9 @@
 //! How high the ground is under a point: the triangles of an actor, seen from above.
 
 use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
-use crate::{Snapshot, Stage, StageError, posed_meshes};
+use crate::posed_mesh::posed_meshes;
+use crate::snapshot::Snapshot;
+use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
 use glam::{DVec2, DVec3};
 

@@ -19,7 +19,10 @@ pub(crate) mod springs;
 
 pub use legs::find_legs;
 
-use crate::{Asset, Ease, Mirroring, Target};
+use crate::Ease;
+use crate::mirroring::Mirroring;
+use crate::stage::Target;
+use choreo_asset::Asset;
 use choreo_motion::Time;
 use choreo_motion::ik::Solver;
 use choreo_motion::spring::SpringRig;

@@ -1,6 +1,6 @@
 //! Whose goals come first.
 
-use crate::{Stage, Target};
+use crate::stage::{Stage, Target};
 use choreo_motion::Time;
 
 /// Buffers of [`rounds`].

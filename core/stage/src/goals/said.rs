@@ -1,7 +1,8 @@
 //! What an actor's clips say of when its feet stand.
 
 use super::Leg;
-use crate::{Actor, Cue, Goal, GoalKind};
+use crate::goals::{Goal, GoalKind};
+use crate::stage::{Actor, Cue};
 use choreo_motion::Time;
 use choreo_motion::contacts::{Contacts, Foot, Stand, stays};
 

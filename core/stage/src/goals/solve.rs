@@ -4,9 +4,12 @@ use super::body::{Body, rotation_of};
 use super::gaze::Gaze;
 use super::plant::Plants;
 use super::*;
-use crate::evaluate::{target_position, widen, world_from_attachment};
-use crate::expression::Faces;
-use crate::{ActorState, Attachment, Stage, StageError, look_at};
+use crate::evaluate::{target_position, world_from_attachment};
+use crate::faces::Faces;
+use crate::look_at;
+use crate::snapshot::ActorState;
+use crate::stage::{Attachment, Stage, StageError};
+use choreo_asset::widen;
 use choreo_motion::ik::{Aim, AimJoint, Chain, ChainBone, Limit, TwoBone, share_of};
 use glam::{DAffine3, DQuat};
 

@@ -10,8 +10,10 @@
 //! before it, which no damped spring remembers, so that 100 hours into a stage cost no more than 11 minutes.
 
 use super::plant::Plants;
+use crate::edits::ActorEdit;
 use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
-use crate::{ActorEdit, ActorState, Snapshot, Stage, StageError};
+use crate::snapshot::{ActorState, Snapshot};
+use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
 use choreo_motion::spring::{SpringScratch, SpringState, SpringStep};
 use glam::DVec3;

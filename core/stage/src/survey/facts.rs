@@ -2,9 +2,14 @@
 
 use super::sight::Miss;
 use super::{Finding, Sight, Subject, cameras_on};
+use crate::edits::{ActorEdit, FrameEdits};
 use crate::evaluate::target_position;
+use crate::lights;
+use crate::look_at::LOOK_AT_LIMIT_RAD;
 use crate::look_at::{self, forward_in_joint};
-use crate::*;
+use crate::snapshot::{LightState, Snapshot};
+use crate::stage::{Actor, Attachment, Camera, Property, Rig, Stage, StageLight, Target};
+use choreo_asset::{Asset, DAabb, LightKind};
 use choreo_motion::Time;
 use glam::{DVec3, Vec3};
 

@@ -7,7 +7,8 @@ mod facts;
 mod sight;
 
 use crate::evaluate::Evaluator;
-use crate::*;
+use crate::snapshot::Snapshot;
+use crate::stage::{Channel, Property, Stage, StageError};
 use choreo_motion::Time;
 use facts::Facts;
 use sight::Sight;

@@ -3,9 +3,7 @@
 //! A skinned vertex is a convex combination of where each of its joints carries it (weights ≥ 0, sum 1), so it lies in the
 //! hull of the joints' boxes: one box a joint, around the vertices it influences and in its own space, bounds every pose.
 
-use crate::{Asset, MeshInstance};
-use choreo_motion::Skinning;
-use glam::{Affine3A, DAffine3, DVec3, Mat4, Vec3, Vec3A};
+use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec3A};
 
 /// Axis-aligned box; empty where `min > max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -121,34 +119,6 @@ pub struct InstanceBounds {
     pub outline: Vec<(u32, u32)>,
 }
 
-/// To the faces and corners of a cube; opposite ones are left out, being looked at with both signs.
-const OUTLINE_DIRECTIONS: [Vec3; 7] = [
-    Vec3::X,
-    Vec3::Y,
-    Vec3::Z,
-    Vec3::new(1.0, 1.0, 1.0),
-    Vec3::new(1.0, 1.0, -1.0),
-    Vec3::new(1.0, -1.0, 1.0),
-    Vec3::new(-1.0, 1.0, 1.0),
-];
-
-/// The farthest vertex each way from one joint.
-#[derive(Clone, Copy)]
-struct Farthest([(f32, Option<(u32, u32)>); 14]);
-
-impl Farthest {
-    fn add(&mut self, point: Vec3, vertex: (u32, u32)) {
-        for (i, direction) in OUTLINE_DIRECTIONS.iter().enumerate() {
-            let along = point.dot(*direction);
-            for (slot, along) in [(2 * i, along), (2 * i + 1, -along)] {
-                if along > self.0[slot].0 {
-                    self.0[slot] = (along, Some(vertex));
-                }
-            }
-        }
-    }
-}
-
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoundsPart {
     /// Joint of the asset's skeleton.
@@ -160,78 +130,6 @@ pub struct BoundsPart {
 }
 
 impl InstanceBounds {
-    pub(crate) fn of_asset(asset: &Asset) -> Vec<InstanceBounds> {
-        asset.instances.iter().map(|instance| InstanceBounds::of(asset, instance)).collect()
-    }
-
-    fn of(asset: &Asset, instance: &MeshInstance) -> InstanceBounds {
-        let Some(mesh) = asset.meshes.get(instance.mesh as usize) else {
-            return InstanceBounds::default();
-        };
-        let skin = instance.skin.and_then(|s| asset.skins.get(s as usize));
-        let mut slots: Vec<(u32, Mat4)> = match skin {
-            Some(skin) => {
-                let inverse_bind = |i: usize| skin.inverse_bind.get(i).copied().unwrap_or(Mat4::IDENTITY);
-                skin.joints.iter().enumerate().map(|(i, joint)| (*joint, inverse_bind(i))).collect()
-            }
-            None => Vec::new(),
-        };
-        // Primitives without influences are rigid, in a skinned instance too.
-        let rigid = slots.len();
-        slots.push((instance.joint, Mat4::IDENTITY));
-        let mut parts: Vec<BoundsPart> = slots
-            .iter()
-            .map(|(joint, _)| BoundsPart {
-                joint: *joint,
-                reach: Aabb::EMPTY,
-                morphs: vec![Aabb { min: Vec3::ZERO, max: Vec3::ZERO }; mesh.morph_targets],
-            })
-            .collect();
-        let mut farthest = vec![Farthest([(f32::NEG_INFINITY, None); 14]); slots.len()];
-        for (index, primitive) in mesh.primitives.iter().enumerate() {
-            for (v, position) in primitive.positions.iter().enumerate() {
-                let n = if skin.is_some() { primitive.influences } else { 0 };
-                let mut cover = |slot: usize| {
-                    if let (Some(part), Some((_, inverse_bind))) = (parts.get_mut(slot), slots.get(slot)) {
-                        let point = inverse_bind.transform_point3(*position);
-                        part.reach.add(point);
-                        farthest[slot].add(point, (index as u32, v as u32));
-                        for (target, morph) in primitive.morphs.iter().enumerate() {
-                            if let (Some(offset), Some(reach)) =
-                                (morph.positions.get(v), part.morphs.get_mut(target))
-                            {
-                                reach.add(inverse_bind.transform_vector3(*offset));
-                            }
-                        }
-                    }
-                };
-                if n == 0 {
-                    cover(rigid);
-                    continue;
-                }
-                for k in v * n..(v + 1) * n {
-                    if let (Some(slot), Some(weight)) =
-                        (primitive.joint_indices.get(k), primitive.joint_weights.get(k))
-                        && *weight > 0.0
-                    {
-                        cover(usize::from(*slot));
-                    }
-                }
-            }
-        }
-        if !instance.copies.is_empty() {
-            parts[rigid].spread(&instance.copies);
-        }
-        parts.retain(|part| !part.reach.is_empty());
-        let mut outline: Vec<(u32, u32)> = Vec::new();
-        if mesh.morph_targets == 0 && instance.copies.is_empty() && asset.places.is_empty() {
-            outline.extend(farthest.iter().flat_map(|f| f.0).filter_map(|(_, vertex)| vertex));
-            outline.sort_unstable();
-            outline.dedup();
-        }
-        InstanceBounds { parts, outline }
-    }
-
     /// A box in model space that holds the instance in this pose with these morph weights, where the body stands once
     /// ([`Asset::spread`] goes on to its places): conservative, never smaller than the mesh, at a few ns a joint. Empty where the mesh has no vertices or nothing is finite.
     pub fn posed(&self, model_from_joint: &[Affine3A], morph_weights: &[f32]) -> Aabb {
@@ -249,7 +147,7 @@ impl InstanceBounds {
 
 impl BoundsPart {
     /// Around all copies of what it was around.
-    fn spread(&mut self, joint_from_copies: &[Affine3A]) {
+    pub(crate) fn spread(&mut self, joint_from_copies: &[Affine3A]) {
         let over = |one: &Aabb, place: fn(&Affine3A) -> Affine3A| {
             let boxes = joint_from_copies.iter().map(|copy| one.transformed(&place(copy)));
             boxes.fold(Aabb::EMPTY, Aabb::union)
@@ -273,27 +171,49 @@ impl BoundsPart {
     }
 }
 
-/// Every vertex in rest pose, without morphs: tight, unlike [`InstanceBounds::posed`]. Of copies and places the box of the mesh or body counts.
-pub(crate) fn rest_bounds(asset: &Asset) -> Aabb {
-    let mut bounds = Aabb::EMPTY;
-    for instance in &asset.instances {
-        let Some(mesh) = asset.meshes.get(instance.mesh as usize) else { continue };
-        let joints = asset.rest_model_from_joint();
-        if !instance.copies.is_empty() {
-            let points = mesh.primitives.iter().flat_map(|p| p.positions.iter().copied());
-            let one = Aabb::of(points);
-            let joint = joints.get(instance.joint as usize).copied().unwrap_or(Affine3A::IDENTITY);
-            let boxes = instance.copies.iter().map(|copy| one.transformed(&(joint * *copy)));
-            bounds = boxes.fold(bounds, Aabb::union);
-            continue;
-        }
-        let carriers = crate::posed_mesh::Carriers::new(Skinning::Linear, asset, instance, joints);
-        for primitive in &mesh.primitives {
-            for (v, position) in primitive.positions.iter().enumerate() {
-                let model_from_mesh = carriers.at_vertex(primitive, v);
-                bounds.add(model_from_mesh.transform_point3(position.as_dvec3()).as_vec3());
+/// Of each number of some maps, the smallest and the largest.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Range {
+    low: Affine3A,
+    high: Affine3A,
+}
+
+impl Range {
+    pub(crate) fn of(maps: &[Affine3A]) -> Option<Range> {
+        let (first, rest) = maps.split_first()?;
+        let mut range = Range { low: *first, high: *first };
+        for map in rest {
+            for (((low, high), now), _) in
+                columns(&mut range.low).into_iter().zip(columns(&mut range.high)).zip(values(map)).zip(0..4)
+            {
+                (*low, *high) = (low.min(now), high.max(now));
             }
         }
+        Some(range)
     }
-    asset.spread(&bounds)
+
+    /// A box that holds the images of another under each of the maps, by interval arithmetic: exact where they only move,
+    /// somewhat wide where they turn.
+    pub(crate) fn image(&self, of: &Aabb) -> Aabb {
+        let (mut min, mut max) = (self.low.translation, self.high.translation);
+        let (low, high) = (self.low.matrix3, self.high.matrix3);
+        for axis in 0..3 {
+            let ends = [low.col(axis), high.col(axis)];
+            let products = ends.map(|end| [end * of.min[axis], end * of.max[axis]]);
+            let [[a, b], [c, d]] = products;
+            min += a.min(b).min(c.min(d));
+            max += a.max(b).max(c.max(d));
+        }
+        let slack = min.abs().max(max.abs()) * 1e-6;
+        Aabb { min: (min - slack).into(), max: (max + slack).into() }
+    }
+}
+
+fn columns(a: &mut Affine3A) -> [&mut Vec3A; 4] {
+    let m = &mut a.matrix3;
+    [&mut m.x_axis, &mut m.y_axis, &mut m.z_axis, &mut a.translation]
+}
+
+fn values(a: &Affine3A) -> [Vec3A; 4] {
+    [a.matrix3.x_axis, a.matrix3.y_axis, a.matrix3.z_axis, a.translation]
 }

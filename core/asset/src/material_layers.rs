@@ -1,7 +1,7 @@
 //! What lies over, in or behind a metallic-roughness surface (KHR_materials_clearcoat, _sheen, _transmission, _volume,
 //! _ior, _dispersion).
 
-use crate::TextureRef;
+use crate::texture::TextureRef;
 use glam::Vec3;
 
 /// All neutral by default: nothing of it is seen.

@@ -1,9 +1,18 @@
-//! What a file holds.
+//! Content hashes of assets and of what they hold.
 
-use super::writer::{Writer, hash_of};
-use super::{ContentHash, character};
-use crate::*;
-use choreo_motion::{Clip, MaterialProperty, Path, PropertyTarget, Skeleton};
+mod character;
+
+use crate::asset::Asset;
+use crate::camera::Projection;
+use crate::hash::{ContentHash, Writer, hash_of};
+use crate::light::{Light, LightKind};
+use crate::material::{AlphaMode, Material, Pen, Shading, Triplanar};
+use crate::material_layers::MaterialLayers;
+use crate::mesh::{Mesh, Primitive, Topology};
+use crate::reflection::Reflection;
+use crate::texture::{Image, Sampler, TextureRef, Wrap};
+use crate::toon::{Outline, Toon, UvMotion};
+use choreo_motion::{Clip, Interpolation, MaterialProperty, Path, PropertyTarget, Skeleton};
 use std::sync::Arc;
 
 impl Primitive {
@@ -81,10 +90,10 @@ impl Material {
     /// materials of two files are equal.
     pub fn content_hash(&self, images: &[Arc<Image>]) -> ContentHash {
         let of = |index: u32| images.get(index as usize).map(|image| image.content_hash());
-        hash_of(|w| self.write(w, &of))
+        hash_of(|w| self.write_content(w, &of))
     }
 
-    pub(super) fn write(&self, w: &mut Writer, image_hash: &dyn Fn(u32) -> Option<ContentHash>) {
+    pub fn write_content(&self, w: &mut Writer, image_hash: &dyn Fn(u32) -> Option<ContentHash>) {
         let Material {
             name: _,
             shading,
@@ -425,7 +434,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
         });
         w.list(places, |w, place| w.f32s(&place.to_cols_array()));
         w.list(materials, |w, material| {
-            material.write(w, &|index| images.get(index as usize).copied());
+            material.write_content(w, &|index| images.get(index as usize).copied());
             w.text(&material.name);
         });
         w.list(&images, |w, hash| w.bytes(hash));
@@ -444,4 +453,47 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
         character::springs(w, springs);
         w.option(eyes, character::eyes);
     })
+}
+
+/// What assets and stages both hold.
+impl Writer {
+    pub fn interpolation(&mut self, interpolation: Interpolation) {
+        self.tag(match interpolation {
+            Interpolation::Step => 0,
+            Interpolation::Linear => 1,
+            Interpolation::CubicSpline => 2,
+        });
+    }
+
+    pub fn projection(&mut self, projection: &Projection) {
+        match projection {
+            Projection::Perspective { yfov, near, far } => {
+                self.tag(0);
+                self.f32(*yfov);
+                self.f32(*near);
+                self.option(far, |w, far| w.f32(*far));
+            }
+            Projection::Orthographic { height, near, far } => {
+                self.tag(1);
+                self.f32(*height);
+                self.f32(*near);
+                self.f32(*far);
+            }
+        }
+    }
+
+    pub fn light(&mut self, light: &Light) {
+        match light.kind {
+            LightKind::Directional => self.tag(0),
+            LightKind::Point => self.tag(1),
+            LightKind::Spot { inner, outer } => {
+                self.tag(2);
+                self.f32(inner);
+                self.f32(outer);
+            }
+        }
+        self.vec3(light.color);
+        self.f32(light.intensity);
+        self.option(&light.range, |w, range| w.f32(*range));
+    }
 }

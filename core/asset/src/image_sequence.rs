@@ -1,6 +1,7 @@
 //! Pictures that follow each other on a surface, each made only when it is seen.
 
-use crate::{ContentHash, Image};
+use crate::hash::ContentHash;
+use crate::texture::Image;
 use choreo_motion::Time;
 use std::fmt::Debug;
 use std::sync::Arc;

@@ -1,9 +1,8 @@
 //! What makes a model a character: bones of a human body, expressions, springs, eyes.
 
-use super::writer::Writer;
-use crate::{
-    ColorBind, Expression, ExpressionGroup, Eyes, EyesMovedBy, MorphBind, Override, RangeMap, UvBind,
-};
+use crate::expression::{ColorBind, Expression, ExpressionGroup, MorphBind, Override, UvBind};
+use crate::eyes::{Eyes, EyesMovedBy, RangeMap};
+use crate::hash::Writer;
 use choreo_motion::Humanoid;
 use choreo_motion::spring::parameters::{ColliderShape, SpringChain, SpringCollider, SpringJoint, Springs};
 

@@ -1,9 +1,9 @@
 //! Toon shading: the parameters of MToon, VRM's own look (`VRMC_materials_mtoon` 1.0; 0.x is converted to it).
 
-use crate::TextureRef;
+use crate::texture::TextureRef;
 use glam::{Vec2, Vec3};
 
-/// What [`crate::Shading::Toon`] needs beside a material's base colour, normal map, emission and alpha. Colours are linear.
+/// What [`crate::material::Shading::Toon`] needs beside a material's base colour, normal map, emission and alpha. Colours are linear.
 /// Defaults are those of `VRMC_materials_mtoon`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Toon {

@@ -1,58 +1,12 @@
 //! Bodies that stand at many places: one pose, many placements.
 
-use crate::evaluate::widen;
-use crate::{Aabb, Asset, MeshInstance};
+use crate::asset::{Asset, MeshInstance};
+use crate::bounds::{Aabb, Range};
+use crate::skinning::widen;
 use glam::{Affine3A, DAffine3, Vec3, Vec3A};
 
 /// Boxes at so many places are joined one by one; more are bounded by the range of their maps.
 const FEW: usize = 64;
-
-/// Of each number of some maps, the smallest and the largest.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Range {
-    low: Affine3A,
-    high: Affine3A,
-}
-
-impl Range {
-    fn of(maps: &[Affine3A]) -> Option<Range> {
-        let (first, rest) = maps.split_first()?;
-        let mut range = Range { low: *first, high: *first };
-        for map in rest {
-            for (((low, high), now), _) in
-                columns(&mut range.low).into_iter().zip(columns(&mut range.high)).zip(values(map)).zip(0..4)
-            {
-                (*low, *high) = (low.min(now), high.max(now));
-            }
-        }
-        Some(range)
-    }
-
-    /// A box that holds the images of another under each of the maps, by interval arithmetic: exact where they only move,
-    /// somewhat wide where they turn.
-    fn image(&self, of: &Aabb) -> Aabb {
-        let (mut min, mut max) = (self.low.translation, self.high.translation);
-        let (low, high) = (self.low.matrix3, self.high.matrix3);
-        for axis in 0..3 {
-            let ends = [low.col(axis), high.col(axis)];
-            let products = ends.map(|end| [end * of.min[axis], end * of.max[axis]]);
-            let [[a, b], [c, d]] = products;
-            min += a.min(b).min(c.min(d));
-            max += a.max(b).max(c.max(d));
-        }
-        let slack = min.abs().max(max.abs()) * 1e-6;
-        Aabb { min: (min - slack).into(), max: (max + slack).into() }
-    }
-}
-
-fn columns(a: &mut Affine3A) -> [&mut Vec3A; 4] {
-    let m = &mut a.matrix3;
-    [&mut m.x_axis, &mut m.y_axis, &mut m.z_axis, &mut a.translation]
-}
-
-fn values(a: &Affine3A) -> [Vec3A; 4] {
-    [a.matrix3.x_axis, a.matrix3.y_axis, a.matrix3.z_axis, a.translation]
-}
 
 impl Asset {
     /// model-from-model of each place that the body stands at, the first so many where there is a number; the identity where it
@@ -80,7 +34,7 @@ impl Asset {
         self.places.len().max(1).saturating_mul(instance.copies.len().max(1))
     }
 
-    /// Whether [`crate::Actor::copies`] counts anything.
+    /// Whether an actor's number of copies counts anything.
     pub fn has_copies(&self) -> bool {
         !self.places.is_empty() || self.instances.iter().any(|i| !i.copies.is_empty())
     }
@@ -99,11 +53,11 @@ impl Asset {
     }
 
     fn range_of_places(&self) -> Option<Range> {
-        self.derived.range_of_places(|| Range::of(&self.places))
+        *self.derived.range_of_places.get_or_init(|| Range::of(&self.places))
     }
 
     /// Boxes around all that is drawn of an instance in a pose, each with its map into model space.
-    pub(crate) fn posed_boxes(
+    pub fn posed_boxes(
         &self,
         instance: usize,
         model_from_joint: &[Affine3A],
@@ -127,7 +81,7 @@ impl Asset {
 
     /// How far from the model's origin what is no farther than a radius of one body is at any of the places, metres, and how
     /// much larger a place makes it at most.
-    pub(crate) fn farthest(&self, radius: f64) -> (f64, f64) {
+    pub fn farthest(&self, radius: f64) -> (f64, f64) {
         if self.places.is_empty() {
             return (radius, 1.0);
         }

@@ -128,32 +128,8 @@ pub fn settle(expressions: &[Expression], weights: &mut [f32]) {
     }
 }
 
-/// What the expressions of one actor show: asked for by clips and scripts, and by what looks around; and what comes of it.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Faces {
-    pub asked: Vec<f32>,
-    pub settled: Vec<f32>,
-    before: Vec<f32>,
-    /// A buffer for eyes that are turned.
-    pub below: Vec<bool>,
-}
-
-impl Faces {
-    /// Settles anew what is asked for by now. What has changed is added to the morph weights; whether anything has.
-    pub fn settle_again(&mut self, expressions: &[Expression], morph_weights: &mut [Vec<f32>]) -> bool {
-        self.before.clone_from(&self.settled);
-        self.settled.clone_from(&self.asked);
-        settle(expressions, &mut self.settled);
-        for (now, before) in self.settled.iter().zip(&mut self.before) {
-            *before = now - *before;
-        }
-        add(expressions, &self.before, morph_weights);
-        self.before.iter().any(|change| *change != 0.0)
-    }
-}
-
 /// Adds the binds of settled weights, or of changes of them, to the morph weights of the mesh instances.
-pub(crate) fn add(expressions: &[Expression], weights: &[f32], morph_weights: &mut [Vec<f32>]) {
+pub fn add(expressions: &[Expression], weights: &[f32], morph_weights: &mut [Vec<f32>]) {
     for (expression, weight) in expressions.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
         for bind in &expression.morphs {
             let slots = morph_weights.get_mut(bind.instance as usize);
