@@ -1,7 +1,11 @@
 //! A stage from Rust: what tests and tools use, and the script does the same with.
 
-use crate::goals::ActorSprings;
-use crate::stage::{Actor, Camera, Cue, Layer, LookAt, Placement, Rig, Stage, StageLight, Target};
+use crate::stage::Stage;
+use crate::stage::actor::{Actor, LookAt, Placement, Target};
+use crate::stage::camera::{Camera, Rig};
+use crate::stage::clips::{Cue, Layer};
+use crate::stage::light::StageLight;
+use crate::stage::springs::ActorSprings;
 use choreo_asset::{Asset, Light, LightKind, Projection};
 use choreo_motion::{Clip, Ease, Repeat, Skinning, Time};
 use glam::{DQuat, DVec3, Vec3, Vec4};

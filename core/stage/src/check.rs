@@ -1,13 +1,16 @@
 //! What a stage must be for frames to be made of it. `Stage::at` itself is lenient: it leaves out what does not exist.
 
-use crate::flat::{Fit, Flat, FlatContent};
-use crate::order::{self, Order};
-use crate::playing::Warp;
-use crate::sky::Sky;
-use crate::stage::{
-    Actor, Attachment, Background, Camera, Channel, Cue, LayerMode, Placement, Property, Rig, Settings,
-    Shadow, Stage, StageError, StageLight, Target,
-};
+use crate::stage::actor::{Actor, Attachment, Placement, Target};
+use crate::stage::camera::{Camera, Rig};
+use crate::stage::channel::{Channel, Property};
+use crate::stage::clips::{Cue, LayerMode};
+use crate::stage::layers_2d::{Fit, Flat, FlatContent};
+use crate::stage::light::{Shadow, StageLight};
+use crate::stage::sky::Sky;
+use crate::stage::time_remapping::Warp;
+use crate::stage::{Background, Settings, Stage, StageError};
+use crate::transforms::order;
+use crate::transforms::order::Order;
 use choreo_asset::{Asset, Light, LightKind, Projection};
 use choreo_motion::{Interpolation, Playback, Time};
 
@@ -171,7 +174,7 @@ impl Checker<'_> {
             });
             self.need(look.fade >= Time::ZERO, &place, || "fade is negative".to_string());
         }
-        for (part, what) in crate::goals::check::problems(self.stage, actor) {
+        for (part, what) in crate::constraints::check::problems(self.stage, actor) {
             self.need(false, &format!("{place}, {part}"), || what);
         }
         for (instance, target, weight) in &actor.morphs {

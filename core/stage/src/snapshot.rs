@@ -1,13 +1,14 @@
 //! The stage at one time: what the renderer, `choreo pose` and tests look at.
 
-use crate::effects::EffectState;
-use crate::flat::FlatState;
-use crate::material_changes::ChangedMaterial;
-use crate::sky::SkyState;
-use crate::stage::{Background, Shadow};
+use crate::stage::Background;
+use crate::stage::light::Shadow;
+use choreo_asset::Material;
+use choreo_asset::Panorama;
 use choreo_asset::{Light, Projection};
 use choreo_motion::{Skinning, Time};
+use glam::DVec2;
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
+use std::sync::Arc;
 
 #[derive(Clone, Debug, Default)]
 pub struct Snapshot {
@@ -89,4 +90,43 @@ pub struct LightState {
     pub shadow: Option<Shadow>,
     /// See [`crate::stage::StageLight::attenuation`].
     pub attenuation: Option<[f32; 3]>,
+}
+
+/// A sky at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkyState {
+    pub panorama: Arc<Panorama>,
+    pub turn: f64,
+    pub strength: f32,
+    pub background: bool,
+}
+
+/// An effect that is on at a time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EffectState {
+    /// Index into `Stage::effects`.
+    pub effect: usize,
+    /// What the script gives it, as it is now; sorted by name. A spline may have left the parameter's range.
+    pub parameters: Vec<(String, f64)>,
+}
+
+/// One that is seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlatState {
+    /// Index into `Stage::flats`.
+    pub flat: usize,
+    pub at: DVec2,
+    /// Above 0, at most 1.
+    pub opacity: f32,
+    pub scale: f64,
+    /// In place of those of the content.
+    pub words: Option<String>,
+}
+
+/// A material of an actor's asset as it is at one time. Its textures are the file's; where they are read may differ.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChangedMaterial {
+    /// Index into `Asset::materials`.
+    pub material: u32,
+    pub now: Material,
 }

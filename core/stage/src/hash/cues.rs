@@ -1,8 +1,8 @@
 //! Layers and their cues.
 
-use super::stage::write_channel;
-use crate::playing::Warp;
-use crate::stage::{Cue, Layer, LayerMode, Reference};
+use crate::hash::stage::write_channel;
+use crate::stage::clips::{Cue, Layer, LayerMode, Reference};
+use crate::stage::time_remapping::Warp;
 use choreo_asset::ContentHash;
 use choreo_asset::hash::Writer;
 use choreo_motion::{Clip, Ease, Repeat, Shape};

@@ -1,7 +1,7 @@
 //! Flat layers.
 
-use super::stage::write_channel;
-use crate::flat::{Fit, Flat, FlatContent};
+use crate::hash::stage::write_channel;
+use crate::stage::layers_2d::{Fit, Flat, FlatContent};
 use choreo_asset::hash::Writer;
 
 pub(super) fn write_flat(w: &mut Writer, flat: &Flat) {

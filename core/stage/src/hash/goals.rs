@@ -1,7 +1,8 @@
 //! Goals, limits and springs.
 
-use super::stage::write_target;
-use crate::goals::*;
+use crate::hash::stage::write_target;
+use crate::stage::constraint::*;
+use crate::stage::springs::ActorSprings;
 use choreo_asset::hash::Writer;
 use choreo_motion::ik::Limit;
 use choreo_motion::spring::{ColliderShape, RigBone, SpringBone};

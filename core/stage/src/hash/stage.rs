@@ -1,17 +1,20 @@
 //! A stage, and a moment of it.
 
-use super::cues::write_layer;
-use super::flat::write_flat;
-use super::goals::{write_goal, write_limit, write_springs};
-use crate::flat::FlatState;
-use crate::material_changes::ChangedMaterial;
-use crate::path::Pace;
-use crate::sky::{Sky, SkyState};
+use crate::hash::cues::write_layer;
+use crate::hash::flat::write_flat;
+use crate::hash::goals::{write_goal, write_limit, write_springs};
+use crate::snapshot::ChangedMaterial;
+use crate::snapshot::FlatState;
+use crate::snapshot::SkyState;
 use crate::snapshot::{ActorState, Snapshot};
-use crate::stage::{
-    Actor, Attachment, Background, Channel, Cutouts, Layer, Pipeline, Property, Rig, Settings, Shadow,
-    SkinOnce, Stage, Target, Transparency,
-};
+use crate::stage::actor::{Actor, Attachment, Target};
+use crate::stage::camera::Rig;
+use crate::stage::channel::{Channel, Property};
+use crate::stage::clips::Layer;
+use crate::stage::light::Shadow;
+use crate::stage::path::Pace;
+use crate::stage::sky::Sky;
+use crate::stage::{Background, Cutouts, Pipeline, Settings, SkinOnce, Stage, Transparency};
 use choreo_asset::clip_hash;
 use choreo_asset::hash::{ContentHash, Writer, hash_of};
 use choreo_motion::Skinning;

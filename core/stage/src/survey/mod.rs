@@ -8,10 +8,10 @@ mod sight;
 
 use crate::evaluate::Evaluator;
 use crate::snapshot::Snapshot;
-use crate::stage::{Channel, Property, Stage, StageError};
+use crate::stage::channel::{Channel, Property};
+use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
 use facts::Facts;
-use sight::Sight;
 
 /// What a finding is about; indices into the stage's lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
