@@ -8,6 +8,7 @@ use choreo_render::commands::{Command, RecordOptions, record};
 use choreo_render::plan::{DeferredCause, Features};
 use choreo_render::vulkan::Ability;
 use choreo_render::*;
+use choreo_asset::*;
 use choreo_stage::{Pipeline, *};
 use common::layered::{bulge, layered_scene};
 use common::*;
