@@ -2,13 +2,13 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_image_diff::{Comparison, compare};
 use choreo_plugin::{Effect, Frame};
 use choreo_render::commands::{Command, RecordOptions, record};
 use choreo_render::plan::{DeferredCause, Features};
 use choreo_render::vulkan::Ability;
 use choreo_render::*;
-use choreo_asset::*;
 use choreo_stage::{Pipeline, *};
 use common::layered::{bulge, layered_scene};
 use common::*;
