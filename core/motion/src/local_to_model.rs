@@ -1,4 +1,4 @@
-//! From local transforms to model space, parents first.
+//! Computes model-space matrices from local transforms, parents first.
 
 use crate::blend::{dot, lerp, nlerp_unscaled};
 use crate::simd::{F8, Kernel, Level, dispatch, load3, load4};
@@ -46,7 +46,7 @@ impl LocalToModel<'_> {
     }
 }
 
-/// Where a kernel takes the local transforms of eight joints from.
+/// Source of the local transforms of eight joints for a kernel.
 pub(crate) trait Locals {
     /// Translation, rotation (of any length but zero), scale (`None` = exactly 1).
     fn get<F: F8>(&self, block: usize) -> ([F; 3], [F; 4], Option<[F; 3]>);

@@ -20,15 +20,15 @@ pub struct Steps {
     events: Vec<(i64, u32)>,
     /// Ticks.
     length: i64,
-    /// By foot: (when it comes down, how long it stands), ticks since the part's start.
+    /// For each foot: (when it comes down, how long it stands), ticks since the part's start.
     stands: Vec<Vec<(i64, i64)>>,
 }
 
-/// At so many phases strides are laid on each other, and compared at as many.
+/// Number of phases at which strides are aligned, and compared.
 const PHASES: i64 = 96;
 
 impl Steps {
-    /// Of the contacts of a part; `None` where there are fewer than two steps.
+    /// Steps found from the contacts of a part; `None` where there are fewer than two steps.
     pub fn of(contacts: &Contacts, trim: (Time, Time)) -> Option<Steps> {
         let length = (trim.1 - trim.0).0;
         let mut events = Vec::new();
@@ -50,7 +50,7 @@ impl Steps {
         Some(Steps { stands: all, ..steps })
     }
 
-    /// Of times when feet come down, as a script gives them: one foot after the other.
+    /// Steps from times when feet come down, as a script gives them: one foot after the other.
     pub fn given(times: &[Time], trim: (Time, Time)) -> Option<Steps> {
         let length = (trim.1 - trim.0).0;
         let within = times.iter().filter(|t| **t >= trim.0 && **t < trim.1);
@@ -148,7 +148,7 @@ impl Steps {
         self.at_step(step) + libm::round(rest * self.span(step)) as i128
     }
 
-    /// By how many steps the other is to be shifted so that the same feet take them; the smallest that does.
+    /// The smallest number of steps by which the other is to be shifted so that the same feet take them.
     fn shift_to(&self, other: &Steps) -> Option<i64> {
         let (n, m) = (self.events.len(), other.events.len());
         let what = |steps: &Steps, i: usize| steps.events[i % steps.events.len()].1;

@@ -1,4 +1,4 @@
-//! From stage time to clip time: speed, trim, repeat. Exact in ticks however long it plays.
+//! Maps stage time to clip time: speed, trim, repeat. Exact in ticks however long it plays.
 
 use crate::Time;
 

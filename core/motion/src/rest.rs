@@ -33,14 +33,14 @@ impl Rest {
         rest
     }
 
-    /// From the model's lowest joint to its highest.
+    /// Height from the model's lowest joint to its highest.
     pub fn height(&self) -> f64 {
         let ys = || self.positions.iter().map(|p| p.y);
         (ys().fold(f64::MIN, f64::max) - ys().fold(f64::MAX, f64::min)).max(0.0)
     }
 }
 
-/// At unit length; the identity where the length is zero.
+/// The quaternion at unit length; the identity where the length is zero.
 pub(crate) fn unit(q: DQuat) -> DQuat {
     let square = q.length_squared();
     if square > 1e-60 && square.is_finite() { q * (1.0 / square.sqrt()) } else { DQuat::IDENTITY }

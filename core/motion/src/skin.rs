@@ -51,7 +51,7 @@ impl SkinMatrices<'_> {
 
 /// What every way of skinning asks of its vertices.
 pub(crate) struct SkinnedVertices<'a> {
-    /// In messages.
+    /// Name of the job in messages.
     pub job: &'a str,
     pub joints: usize,
     pub influences: usize,
@@ -281,7 +281,7 @@ pub(crate) fn transformed<F: Lanes>([c0, c1, c2, c3]: &Rows<F>, [x, y, z]: [F; 3
     out
 }
 
-/// Through the cofactors, at unit length; unchanged where they collapse.
+/// Normals transformed by the cofactors, at unit length; unchanged where they collapse.
 #[inline(always)]
 pub(crate) fn transformed_normals<F: Lanes>([c0, c1, c2, _]: &Rows<F>, normals: [F; 3]) -> [F; 3] {
     let [x, y, z] = normals;

@@ -30,7 +30,7 @@ struct Stride {
     stride: usize,
     columns: Vec<PackedColumn>,
     row_bytes: usize,
-    /// By frame modulo stride: weights of five knots for that frame and for the next.
+    /// Weights of five knots for a frame and for the next, by frame modulo stride.
     weights: Vec<[[f32; 5]; 2]>,
     /// Knot by knot, column by column, component by component; what a wide load may read beyond lies at the end.
     bytes: Vec<u8>,
@@ -39,9 +39,9 @@ struct Stride {
 #[derive(Debug)]
 struct PackedColumn {
     column: Column,
-    /// Of rotations: neighbours are so near that the straight way between them, made unit, is as good as slerp.
+    /// Whether neighbouring rotations are so near that normalized linear interpolation is as good as slerp.
     straight: bool,
-    /// Of each component: how its numbers lie, and in how many bytes.
+    /// Layout and number of bits of each component's numbers.
     bits: [Bits; 4],
     bytes: [u8; 4],
     /// Value of 0, and of one step.
@@ -164,7 +164,8 @@ impl Packed {
     }
 }
 
-/// By how many radians nlerp is off slerp at most, over (1 − cos)^1.5 of the quaternions' angle: 0.004 θ³ of rotations θ apart.
+/// Largest difference of nlerp from slerp in radians, over (1 − cos)^1.5 of the quaternions' angle: 0.004 θ³ for rotations θ
+/// apart.
 const STRAIGHT: f64 = 0.09;
 
 /// A column with the fewest bits at one stride.
@@ -172,7 +173,7 @@ struct Draft {
     block: u32,
     channel: Channel,
     lanes: Lanes,
-    /// Of [`STRIDES`].
+    /// Index in [`STRIDES`].
     stride: usize,
     straight: bool,
     /// Bits of each component and lane.

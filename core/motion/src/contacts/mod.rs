@@ -72,9 +72,9 @@ pub struct Stand {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contacts {
-    /// By foot, in the order of time.
+    /// Contacts of each foot, sorted by time.
     pub stands: Vec<Vec<Stand>>,
-    /// Of the floor in model space, metres a second of the clip; horizontal.
+    /// Velocity of the floor in model space, metres per second of the clip; horizontal.
     pub floor_velocity: DVec3,
 }
 
@@ -93,8 +93,8 @@ struct Track {
 }
 
 impl Contacts {
-    /// Of the part of a clip that `trim` says, taken as a loop where it ends as it begins. `None` without feet, or where
-    /// nothing is as long as it must be.
+    /// Foot contacts in the part of a clip that `trim` gives, taken as a loop where it ends as it begins. `None` without feet, or
+    /// where no contact is long enough.
     pub fn find(skeleton: &Skeleton, clip: &Clip, trim: (Time, Time), feet: &[Foot]) -> Option<Contacts> {
         let leg = leg_length(skeleton, feet)?;
         let span = (trim.1 - trim.0).as_secs();
