@@ -3,8 +3,8 @@
 mod support;
 
 use choreo_motion::{
-    Blend, BlendOnto, Clip, Crossfade, Interpolation, Level, LocalToModel, Morph, Path, Pose, Sample,
-    Skeleton, Skin, SkinMatrices, Time, Transform,
+    Blend, BlendOnto, Clip, Crossfade, Interpolation, Level, LinearSkinning, LocalToModel, Morph, Path, Pose,
+    Sample, Skeleton, SkinMatrices, Time, Transform,
 };
 use glam::{Affine3A, DQuat, DVec3, Mat4, Quat, Vec3};
 use proptest::prelude::*;
@@ -189,7 +189,7 @@ impl SkinCase {
     fn run(&self, level: Level) -> (Vec<Vec3>, Vec<Vec3>) {
         let mut out_positions = vec![Vec3::NAN; self.positions.len()];
         let mut out_normals = vec![Vec3::NAN; self.normals.len()];
-        let mut job = Skin {
+        let mut job = LinearSkinning {
             matrices: &self.matrices,
             influences: self.influences,
             joint_indices: &self.joints,
@@ -400,7 +400,7 @@ fn bad_fields_are_named() {
     let mut case = SkinCase::random(&mut Random(1), 2, 4, false);
     case.joints[5] = 99;
     let (mut p, mut n) = (case.positions.clone(), case.normals.clone());
-    let job = Skin {
+    let job = LinearSkinning {
         matrices: &case.matrices,
         influences: 4,
         joint_indices: &case.joints,
@@ -410,5 +410,5 @@ fn bad_fields_are_named() {
         out_positions: &mut p,
         out_normals: &mut n,
     };
-    assert_eq!(said(job.check()), "`Skin.joint_indices[5]` is 99, the skin has 7 joints");
+    assert_eq!(said(job.check()), "`LinearSkinning.joint_indices[5]` is 99, the skin has 7 joints");
 }

@@ -2,7 +2,7 @@
 
 use crate::timeline::{self, Voice};
 use crate::{Asset, Cue, Layer, LayerMode, MeshInstance, Reference};
-use choreo_motion::{Deltas, Mix, Pose, Sample, Time};
+use choreo_motion::{AdditiveLayers, Pose, Sample, Time, WeightedBlend};
 
 /// Buffers; what is in them on entry does not matter.
 #[derive(Clone, Debug, Default)]
@@ -10,8 +10,8 @@ pub(crate) struct GroupScratch {
     voices: Vec<Voice>,
     /// (layer within the group, its cue and share)
     heard: Vec<(usize, Voice)>,
-    mix: Mix,
-    deltas: Deltas,
+    mix: WeightedBlend,
+    deltas: AdditiveLayers,
     over: Pose,
     reference: Pose,
     morph: Vec<f32>,

@@ -2,7 +2,7 @@
 //! truth that renderers are compared with. Slow and plain.
 
 use crate::{ActorState, Asset, MeshInstance, Primitive};
-use choreo_motion::{Carrier, Skinning};
+use choreo_motion::{Skinning, StretchedDualQuaternion};
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DVec3};
 
 /// One mesh instance of an asset, or one of its copies, posed at one of the body's places.
@@ -136,7 +136,7 @@ pub(crate) struct Carriers {
 #[derive(Clone)]
 enum Slots {
     Linear(Vec<DMat4>),
-    Dual(Vec<Carrier>),
+    Dual(Vec<StretchedDualQuaternion>),
 }
 
 impl Carriers {
@@ -161,7 +161,7 @@ impl Carriers {
         let skin = match skinning {
             Skinning::Linear => Slots::Linear(matrices),
             Skinning::DualQuaternion => {
-                Slots::Dual(matrices.iter().map(|m| Carrier::of(affine(m))).collect())
+                Slots::Dual(matrices.iter().map(|m| StretchedDualQuaternion::of(affine(m))).collect())
             }
         };
         Carriers { skin, rigid: joint(instance.joint) }
@@ -195,7 +195,7 @@ impl Carriers {
                 affine(&blended)
             }
             Slots::Dual(slots) => {
-                Carrier::blend(influences.filter_map(|(slot, w)| Some((slots.get(slot)?, w))))
+                StretchedDualQuaternion::blend(influences.filter_map(|(slot, w)| Some((slots.get(slot)?, w))))
             }
         }
     }

@@ -1,5 +1,6 @@
 //! How far a joint may turn from its rest pose.
 
+use crate::math::rotation::rotation_fraction;
 use glam::{DQuat, DVec3};
 use std::f64::consts::PI;
 
@@ -48,7 +49,7 @@ impl Limit {
                 if angle <= swing && kept == turn {
                     return local;
                 }
-                let tilt = if angle <= swing { tilt } else { super::share_of(tilt, swing / angle) };
+                let tilt = if angle <= swing { tilt } else { rotation_fraction(tilt, swing / angle) };
                 (rest * tilt * DQuat::from_axis_angle(axis, kept)).normalize()
             }
             Limit::Hinge { axis, angle } => {

@@ -1,7 +1,7 @@
 //! All springs of a character, moved on by a step.
 
-use super::{BoneState, Drive, Obstacle, RigBone, SpringRig};
-use crate::Skeleton;
+use super::{BoneState, Drive, RigBone, SpringRig, WorldCollider};
+use crate::skeleton::Skeleton;
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 
 /// Sticks shorter than this, in metres, have no direction and stay as they are animated.
@@ -35,7 +35,7 @@ impl SpringState {
 pub struct SpringScratch {
     /// What each joint has been moved by.
     moved: Vec<Option<Moved>>,
-    obstacles: Vec<Option<Obstacle>>,
+    obstacles: Vec<Option<WorldCollider>>,
 }
 
 /// A rigid motion in model space.
@@ -192,14 +192,14 @@ impl SpringStep<'_> {
         velocity: &mut DVec3,
     ) -> bool {
         let mut touched = false;
-        let ground = self.rig.ground.map(|y| Obstacle::Plane { point: DVec3::Y * y, normal: DVec3::Y });
+        let ground = self.rig.ground.map(|y| WorldCollider::Plane { point: DVec3::Y * y, normal: DVec3::Y });
         // What pushes out of one may push into another; the last word has the ground.
         for _ in 0..2 {
             let own = bone.colliders.iter().filter_map(|c| self.scratch.obstacles.get(*c as usize)?.as_ref());
             let before = touched;
             touched = false;
             for obstacle in own.chain(&ground) {
-                touched |= obstacle.keep_out(head, length, radius, direction, velocity);
+                touched |= obstacle.push_out(head, length, radius, direction, velocity);
             }
             if !touched {
                 return before;
@@ -214,7 +214,7 @@ impl SpringStep<'_> {
         for collider in self.rig.colliders() {
             let joint = self.model_from_joint.get(collider.joint as usize);
             let world_from_joint = joint.map(|j| self.world_from_model * widen(j));
-            obstacles.push(world_from_joint.and_then(|w| Obstacle::new(&collider.shape, &w)));
+            obstacles.push(world_from_joint.and_then(|w| WorldCollider::new(&collider.shape, &w)));
         }
     }
 

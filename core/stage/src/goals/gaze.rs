@@ -4,7 +4,7 @@ use super::body::{Body, rotation_of};
 use crate::expression::Faces;
 use crate::eyes::{angles_of, asked};
 use crate::{Actor, ActorState, Expression, Eyes, EyesMovedBy, material_changes};
-use choreo_motion::ik::share_of;
+use choreo_motion::math::rotation::rotation_fraction;
 use choreo_motion::{HumanBone, Time};
 use glam::{DQuat, DVec3};
 
@@ -98,7 +98,7 @@ impl Turn<'_> {
                     let Some(eye) = humanoid.joint(bone).filter(there) else { continue };
                     let (yaw, pitch) = eyes.turn_by(left, yaw, pitch);
                     let turn = DQuat::from_rotation_y(yaw) * DQuat::from_rotation_x(-pitch);
-                    body.turn(eye, share_of(turned * turn * turned.inverse(), share));
+                    body.turn(eye, rotation_fraction(turned * turn * turned.inverse(), share));
                 }
             }
             EyesMovedBy::Expressions => {

@@ -7,7 +7,8 @@ use super::*;
 use crate::evaluate::{target_position, widen, world_from_attachment};
 use crate::expression::Faces;
 use crate::{ActorState, Attachment, Stage, StageError, look_at};
-use choreo_motion::ik::{Aim, AimJoint, Chain, ChainBone, Limit, TwoBone, share_of};
+use choreo_motion::ik::{Aim, AimJoint, Chain, ChainBone, Limit, TwoBone};
+use choreo_motion::math::rotation::rotation_fraction;
 use glam::{DAffine3, DQuat};
 
 /// Buffers; what is in them on entry does not matter.
@@ -276,7 +277,7 @@ fn solve_reach(
     }
     if reach.keep_rotation {
         let turned = before * body.rotation(end).inverse();
-        body.turn(end, share_of(turned, share));
+        body.turn(end, rotation_fraction(turned, share));
     }
 }
 
