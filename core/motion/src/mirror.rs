@@ -7,6 +7,7 @@
 //! pose stays the rest pose, and mirrored twice is what was there, however the joints' axes lie.
 
 use crate::clip::{Clip, Curve, ExpressionCurve, Interpolation, Path};
+use crate::input_error::InputError;
 use crate::pose::Pose;
 use crate::skeleton::symmetry::{MirrorMap, MirroredJoint};
 use glam::DVec3;
@@ -72,15 +73,9 @@ pub struct Mirror<'a> {
 }
 
 impl Mirror<'_> {
-    pub fn check(&self) -> Result<(), String> {
-        match self.from.len() == self.map.joint_count() {
-            true => Ok(()),
-            false => Err(format!(
-                "`Mirror.from` has {} joints, the map {}",
-                self.from.len(),
-                self.map.joint_count()
-            )),
-        }
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        InputError::check_lengths(&[("Mirror.from", self.from.len(), self.map.joint_count())])
     }
 
     /// Allocates only where `out` has had fewer joints than now.

@@ -2,6 +2,7 @@
 
 use crate::clip::Clip;
 use crate::clip::sample::{Sample, sample};
+use crate::input_error::InputError;
 use crate::pose::Pose;
 use crate::pose::local_to_model::{LocalToModel, Matrices, Two};
 use crate::simd::{F8, Kernel, Level, dispatch};
@@ -28,23 +29,18 @@ pub struct Crossfade<'a> {
 }
 
 impl Crossfade<'_> {
-    pub fn check(&self) -> Result<(), String> {
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
         let joints = self.skeleton.len();
-        let counts = [
-            ("rest", self.rest.len()),
-            ("from", self.from.joint_count()),
-            ("to", self.to.joint_count()),
-            ("scratch[0]", self.scratch[0].len()),
-            ("scratch[1]", self.scratch[1].len()),
-            ("model_from_joint", self.model_from_joint.len()),
-        ];
-        if let Some((field, count)) = counts.iter().find(|(_, count)| *count != joints) {
-            return Err(format!("`Crossfade.{field}` is for {count} joints, the skeleton has {joints}"));
-        }
-        if !(0.0..=1.0).contains(&self.weight) {
-            return Err(format!("`Crossfade.weight` is {}, must be 0..=1", self.weight));
-        }
-        Ok(())
+        InputError::check_lengths(&[
+            ("Crossfade.rest", self.rest.len(), joints),
+            ("Crossfade.from", self.from.joint_count(), joints),
+            ("Crossfade.to", self.to.joint_count(), joints),
+            ("Crossfade.scratch[0]", self.scratch[0].len(), joints),
+            ("Crossfade.scratch[1]", self.scratch[1].len(), joints),
+            ("Crossfade.model_from_joint", self.model_from_joint.len(), joints),
+        ])?;
+        InputError::check_value((0.0..=1.0).contains(&self.weight), "Crossfade.weight", self.weight, "0..=1")
     }
 
     /// Allocates nothing, but each clip's tracks at its very first sampling.

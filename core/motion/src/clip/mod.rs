@@ -102,17 +102,47 @@ impl ExpressionCurve {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ClipError {
     #[error("curve {curve} ({path:?} of joint {joint}): {what}")]
-    Curve { curve: usize, joint: u32, path: Path, what: String },
+    Curve { curve: usize, joint: u32, path: Path, what: CurveError },
     #[error("property curve {curve} ({target:?}): {what}")]
-    Property { curve: usize, target: PropertyTarget, what: String },
+    Property { curve: usize, target: PropertyTarget, what: CurveError },
+}
+
+/// What is wrong with a curve.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum CurveError {
+    #[error("it has no keys")]
+    NoKeys,
+    #[error("{keys} keys need {} values ({stride} a key), it has {values}", keys.saturating_mul(*stride))]
+    Values { keys: usize, stride: usize, values: usize },
+    #[error("the time of key {key} ({time} s) repeats that of key {} ({time} s); key times must increase", key - 1)]
+    TimeRepeats { key: usize, time: f64 },
+    #[error(
+        "the time of key {key} ({time} s) runs backwards from that of key {} ({before} s); key times must increase",
+        key - 1
+    )]
+    TimeRunsBackwards { key: usize, time: f64, before: f64 },
+    #[error("key {key} holds {value}, must be finite")]
+    NotFinite { key: usize, value: f32 },
+    #[error("key {key} holds {value}, at most ±{MAX_KEY} is allowed")]
+    TooLarge { key: usize, value: f32 },
+    #[error("the skeleton has only {0} joints")]
+    NoJoint(usize),
+    #[error("{0} morph weights, at most {MAX_WEIGHTS} are allowed")]
+    TooManyWeights(u32),
+    #[error("the rotation of key {0} has length zero, must be 1")]
+    ZeroRotation(usize),
+    #[error("curve {0} already drives the same property")]
+    Duplicate(usize),
+    #[error("it has two curves")]
+    TwoCurves,
 }
 
 /// A curve of an expression that is unsound.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[derive(Clone, Debug, PartialEq, Error)]
 #[error("expression \"{name}\": {what}")]
 pub struct ExpressionError {
     pub name: String,
-    pub what: String,
+    pub what: CurveError,
 }
 
 /// What a compression did.
@@ -169,7 +199,7 @@ impl Clip {
                         path => path,
                     };
                     match driven.insert((curve.joint, kind), index) {
-                        Some(first) => Err(format!("curve {first} already drives the same property")),
+                        Some(first) => Err(CurveError::Duplicate(first)),
                         None => Ok(()),
                     }
                 })
@@ -210,9 +240,9 @@ impl Clip {
     pub fn with_expressions(mut self, mut curves: Vec<ExpressionCurve>) -> Result<Clip, ExpressionError> {
         curves.sort_by(|a, b| a.name.cmp(&b.name));
         for (index, curve) in curves.iter().enumerate() {
-            let error = |what: String| ExpressionError { name: curve.name.clone(), what };
+            let error = |what| ExpressionError { name: curve.name.clone(), what };
             if index > 0 && curves[index - 1].name == curve.name {
-                return Err(error("it has two curves".into()));
+                return Err(error(CurveError::TwoCurves));
             }
             let stride = if curve.interpolation == Interpolation::CubicSpline { 3 } else { 1 };
             check_keys(&curve.times, &curve.values, stride).map_err(error)?;
@@ -370,49 +400,39 @@ impl Clip {
 }
 
 /// As many values as the keys need, all finite; at least one key; times that increase.
-fn check_keys(times: &[Time], values: &[f32], stride: usize) -> Result<(), String> {
+fn check_keys(times: &[Time], values: &[f32], stride: usize) -> Result<(), CurveError> {
     let keys = times.len();
     if keys == 0 {
-        return Err("it has no keys".to_string());
+        return Err(CurveError::NoKeys);
     }
-    let wanted = keys.checked_mul(stride);
-    if wanted != Some(values.len()) {
-        return Err(format!(
-            "{keys} keys need {} values ({} a key), it has {}",
-            wanted.map_or("too many".to_string(), |n| n.to_string()),
-            stride,
-            values.len()
-        ));
+    if keys.checked_mul(stride) != Some(values.len()) {
+        return Err(CurveError::Values { keys, stride, values: values.len() });
     }
-    for (i, pair) in times.windows(2).enumerate() {
-        if pair[1] <= pair[0] {
-            let how = if pair[1] == pair[0] { "repeats" } else { "runs backwards from" };
-            return Err(format!(
-                "the time of key {} ({} s) {how} that of key {i} ({} s); key times must increase",
-                i + 1,
-                pair[1].as_secs(),
-                pair[0].as_secs()
-            ));
-        }
+    if let Some(at) = times.windows(2).position(|pair| pair[1] <= pair[0]) {
+        let (key, time, before) = (at + 1, times[at + 1].as_secs(), times[at].as_secs());
+        return Err(match times[at + 1] == times[at] {
+            true => CurveError::TimeRepeats { key, time },
+            false => CurveError::TimeRunsBackwards { key, time, before },
+        });
     }
     if let Some(at) = values.iter().position(|v| !v.is_finite()) {
-        return Err(format!("key {} holds {}, must be finite", at / stride, values[at]));
+        return Err(CurveError::NotFinite { key: at / stride, value: values[at] });
     }
     if let Some(at) = values.iter().position(|v| v.abs() > MAX_KEY) {
-        return Err(format!("key {} holds {}, at most ±{MAX_KEY} is allowed", at / stride, values[at]));
+        return Err(CurveError::TooLarge { key: at / stride, value: values[at] });
     }
     Ok(())
 }
 
 /// Checks one curve and renormalises its rotations; the text says which key is wrong.
-pub(crate) fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), String> {
+pub(crate) fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), CurveError> {
     if curve.joint as usize >= joint_count {
-        return Err(format!("the skeleton has only {joint_count} joints"));
+        return Err(CurveError::NoJoint(joint_count));
     }
     if let Path::Weights(n) = curve.path
         && n > MAX_WEIGHTS
     {
-        return Err(format!("{n} morph weights, at most {MAX_WEIGHTS} are allowed"));
+        return Err(CurveError::TooManyWeights(n));
     }
     check_keys(&curve.times, &curve.values, curve.stride())?;
     let (keys, stride) = (curve.times.len(), curve.stride());
@@ -421,8 +441,7 @@ pub(crate) fn check_curve(curve: &mut Curve, joint_count: usize) -> Result<(), S
         for key in 0..keys {
             let at = key * stride + value_at;
             let q: [f32; 4] = [0, 1, 2, 3].map(|i| curve.values[at + i]);
-            let unit = unit_rotation(q)
-                .ok_or_else(|| format!("the rotation of key {key} has length zero, must be 1"))?;
+            let unit = unit_rotation(q).ok_or(CurveError::ZeroRotation(key))?;
             if unit != q {
                 Arc::make_mut(&mut curve.values)[at..at + 4].copy_from_slice(&unit);
             }

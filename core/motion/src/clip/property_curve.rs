@@ -2,7 +2,7 @@
 //! (KHR_animation_pointer). A clip for another skeleton has none: they speak of one file's things.
 
 use crate::clip::key_search::find_interval;
-use crate::clip::{ClipError, Curve, Interpolation, Path, check_curve};
+use crate::clip::{ClipError, Curve, CurveError, Interpolation, Path, check_curve};
 use crate::time::Time;
 use std::sync::Arc;
 
@@ -98,7 +98,7 @@ pub(crate) fn check(curves: Vec<PropertyCurve>) -> Result<Vec<CheckedPropertyCur
         let mut curve = Curve { joint: 0, path, interpolation, times, values };
         let twice = out.iter().position(|c| c.target == target);
         let checked = check_curve(&mut curve, 1).and(match twice {
-            Some(first) => Err(format!("property curve {first} already drives the same property")),
+            Some(first) => Err(CurveError::Duplicate(first)),
             None => Ok(()),
         });
         checked.map_err(|what| ClipError::Property { curve: index, target, what })?;

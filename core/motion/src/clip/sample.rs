@@ -4,6 +4,7 @@ use crate::clip::key_search::Interval;
 use crate::clip::slerp_series::{MAX_TERMS, Series, weights_at};
 use crate::clip::tracks::{Channel, Column, Constant, Group, Rows, Single, Tracks};
 use crate::clip::{Clip, Curve, Interpolation};
+use crate::input_error::InputError;
 use crate::pose::blend::{dot, lerp};
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
@@ -22,16 +23,9 @@ pub struct Sample<'a> {
 }
 
 impl Sample<'_> {
-    pub fn check(&self) -> Result<(), String> {
-        if self.pose.len() != self.clip.joint_count() {
-            return Err(format!(
-                "`Sample.pose` has {} joints, the clip \"{}\" needs {}",
-                self.pose.len(),
-                self.clip.name,
-                self.clip.joint_count()
-            ));
-        }
-        Ok(())
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        InputError::check_lengths(&[("Sample.pose", self.pose.len(), self.clip.joint_count())])
     }
 
     /// Joints that the pose does not have are left out. Allocates nothing, but the clip's tracks at its very first

@@ -325,7 +325,8 @@ mod tests {
                     to: Time::from_secs(to),
                 }]
             };
-            let contacts = Contacts { intervals: stands.map(stand).to_vec(), floor_velocity: glam::DVec3::ZERO };
+            let contacts =
+                Contacts { intervals: stands.map(stand).to_vec(), floor_velocity: glam::DVec3::ZERO };
             Footsteps::of(&contacts, (Time::ZERO, Time::from_secs(length))).unwrap()
         };
         // Left hind, right hind, left fore, right fore.

@@ -6,6 +6,7 @@
 //! eased anyway, so that the difference is another easing; slerp would need the 26-term series here, since two poses
 //! may be any angle apart: some hundred operations more for eight joints.
 
+use crate::input_error::InputError;
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
 use crate::simd::{F8, Kernel, Level, dispatch, load4};
@@ -22,8 +23,15 @@ pub struct Blend<'a> {
 }
 
 impl Blend<'_> {
-    pub fn check(&self) -> Result<(), String> {
-        check("Blend", self.from.len(), self.to.len(), self.weight, self.mask)
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        check(
+            &["Blend.to", "Blend.mask", "Blend.weight"],
+            self.from.len(),
+            self.to.len(),
+            self.weight,
+            self.mask,
+        )
     }
 
     /// Allocates only where `out` has had fewer joints than now.
@@ -44,8 +52,15 @@ pub struct BlendOnto<'a> {
 }
 
 impl BlendOnto<'_> {
-    pub fn check(&self) -> Result<(), String> {
-        check("BlendOnto", self.pose.len(), self.to.len(), self.weight, self.mask)
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        check(
+            &["BlendOnto.to", "BlendOnto.mask", "BlendOnto.weight"],
+            self.pose.len(),
+            self.to.len(),
+            self.weight,
+            self.mask,
+        )
     }
 
     pub fn run(&mut self) {
@@ -59,22 +74,18 @@ impl BlendOnto<'_> {
     }
 }
 
-fn check(job: &str, from: usize, to: usize, weight: f32, mask: Option<&[f32]>) -> Result<(), String> {
-    if from != to {
-        return Err(format!("`{job}`: poses of {from} and {to} joints, must be equally many"));
-    }
-    if !(0.0..=1.0).contains(&weight) {
-        return Err(format!("`{job}.weight` is {weight}, must be 0..=1"));
-    }
-    if let Some(mask) = mask {
-        if mask.len() != from {
-            return Err(format!("`{job}.mask` has {} weights, the poses have {from} joints", mask.len()));
-        }
-        if let Some(joint) = mask.iter().position(|w| !(0.0..=1.0).contains(w)) {
-            return Err(format!("`{job}.mask[{joint}]` is {}, must be 0..=1", mask[joint]));
-        }
-    }
-    Ok(())
+fn check(
+    [to_field, mask_field, weight_field]: &[&'static str; 3],
+    from: usize,
+    to: usize,
+    weight: f32,
+    mask: Option<&[f32]>,
+) -> Result<(), InputError> {
+    let in_range = |w: &f32| (0.0..=1.0).contains(w);
+    let mask_len = mask.map_or(from, <[f32]>::len);
+    InputError::check_lengths(&[(to_field, to, from), (mask_field, mask_len, from)])?;
+    InputError::check_value(in_range(&weight), weight_field, weight, "0..=1")?;
+    InputError::check_each(mask.unwrap_or_default(), in_range, mask_field, "0..=1")
 }
 
 struct BlendBlocks<'a> {

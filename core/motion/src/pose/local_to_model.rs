@@ -1,5 +1,6 @@
 //! From local transforms to model space, parents first.
 
+use crate::input_error::InputError;
 use crate::pose::blend::{dot, lerp, nlerp_unscaled};
 use crate::pose::{Pose, PoseBlock};
 use crate::simd::lane::{LANES, Lane};
@@ -17,18 +18,13 @@ pub struct LocalToModel<'a> {
 }
 
 impl LocalToModel<'_> {
-    pub fn check(&self) -> Result<(), String> {
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
         let joints = self.skeleton.len();
-        let (pose, out) = (self.pose.len(), self.model_from_joint.len());
-        if pose != joints {
-            return Err(format!("`LocalToModel.pose` has {pose} joints, the skeleton has {joints}"));
-        }
-        if out != joints {
-            return Err(format!(
-                "`LocalToModel.model_from_joint` holds {out}, the skeleton has {joints} joints"
-            ));
-        }
-        Ok(())
+        InputError::check_lengths(&[
+            ("LocalToModel.pose", self.pose.len(), joints),
+            ("LocalToModel.model_from_joint", self.model_from_joint.len(), joints),
+        ])
     }
 
     pub fn run(&mut self) {

@@ -1,12 +1,13 @@
 //! Dual-quaternion skinning on the CPU; the formulas are those of [`crate::skinning::dual_quaternion`].
 
+use crate::input_error::InputError;
 use crate::simd::{
     Block, Deformed, Deformer, F8, Indexed, Lanes, Level, VertexKernel, VertexStreams, Vertices,
     dispatch_vertices,
 };
 use crate::skinning::dual_quaternion::StretchedDualQuaternion;
 use crate::skinning::linear::{
-    Palette, SkinnedVertices, blended, cross, dot3, transformed, transformed_normals,
+    Palette, blended, check_vertices, cross, dot3, transformed, transformed_normals,
 };
 use glam::{Affine3A, DQuat, Mat3A, Vec3, Vec3A};
 
@@ -49,26 +50,13 @@ pub struct DualQuaternionSkinning<'a> {
 }
 
 impl DualQuaternionSkinning<'_> {
-    pub fn check(&self) -> Result<(), String> {
-        let joints = self.motions.len();
-        if !self.stretches.is_empty() && self.stretches.len() != joints {
-            return Err(format!(
-                "`DualQuaternionSkinning.stretches` holds {}, the skin has {joints} joints",
-                self.stretches.len()
-            ));
-        }
-        SkinnedVertices {
-            job: "DualQuaternionSkinning",
-            joints,
-            influences: self.influences,
-            joint_indices: self.joint_indices,
-            joint_weights: self.joint_weights,
-            positions: self.positions.len(),
-            normals: self.normals.len(),
-            out_positions: self.out_positions.len(),
-            out_normals: self.out_normals.len(),
-        }
-        .check()
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        let (joints, stretches) = (self.motions.len(), self.stretches.len());
+        InputError::check_lengths(&[("stretches", stretches, if stretches == 0 { 0 } else { joints })])?;
+        let lengths =
+            [self.positions.len(), self.normals.len(), self.out_positions.len(), self.out_normals.len()];
+        check_vertices(joints, self.influences, self.joint_indices, self.joint_weights, lengths)
     }
 
     /// Panics where a joint index is out of range, which `check` finds.

@@ -1,5 +1,6 @@
 //! Skinning and morphing on the CPU.
 
+use crate::input_error::InputError;
 use crate::simd::{
     Block, Deformed, Deformer, Indexed, Lanes, Level, Rows, VertexKernel, VertexStreams, Vertices,
     dispatch_vertices,
@@ -17,25 +18,15 @@ pub struct SkinMatrices<'a> {
 }
 
 impl SkinMatrices<'_> {
-    pub fn check(&self) -> Result<(), String> {
-        let joints = self.joints.len();
-        if !self.inverse_bind.is_empty() && self.inverse_bind.len() != joints {
-            return Err(format!(
-                "`SkinMatrices.inverse_bind` holds {}, the skin has {joints} joints",
-                self.inverse_bind.len()
-            ));
-        }
-        if self.out.len() != joints {
-            return Err(format!("`SkinMatrices.out` holds {}, the skin has {joints} joints", self.out.len()));
-        }
-        match self.joints.iter().position(|j| *j as usize >= self.model_from_joint.len()) {
-            Some(at) => Err(format!(
-                "`SkinMatrices.joints[{at}]` is {}, the skeleton has {} joints",
-                self.joints[at],
-                self.model_from_joint.len()
-            )),
-            None => Ok(()),
-        }
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        let (joints, bind) = (self.joints.len(), self.inverse_bind.len());
+        InputError::check_lengths(&[
+            ("SkinMatrices.inverse_bind", bind, if bind == 0 { 0 } else { joints }),
+            ("SkinMatrices.out", self.out.len(), joints),
+        ])?;
+        let indices = self.joints.iter().map(|j| *j as usize);
+        InputError::check_joints(indices, "SkinMatrices.joints", self.model_from_joint.len())
     }
 
     pub fn run(&mut self) {
@@ -49,46 +40,23 @@ impl SkinMatrices<'_> {
     }
 }
 
-/// What every way of skinning asks of its vertices.
-pub(crate) struct SkinnedVertices<'a> {
-    /// In messages.
-    pub job: &'a str,
-    pub joints: usize,
-    pub influences: usize,
-    pub joint_indices: &'a [u16],
-    pub joint_weights: &'a [f32],
-    pub positions: usize,
-    pub normals: usize,
-    pub out_positions: usize,
-    pub out_normals: usize,
-}
-
-impl SkinnedVertices<'_> {
-    pub fn check(&self) -> Result<(), String> {
-        let (job, vertices, joints) = (self.job, self.positions, self.joints);
-        if self.normals != 0 && self.normals != vertices {
-            return Err(format!("`{job}.normals` holds {}, there are {vertices} positions", self.normals));
-        }
-        let lengths = [
-            ("joint_indices", self.joint_indices.len(), vertices * self.influences),
-            ("joint_weights", self.joint_weights.len(), vertices * self.influences),
-            ("out_positions", self.out_positions, vertices),
-            ("out_normals", self.out_normals, self.normals),
-        ];
-        for (field, holds, needs) in lengths {
-            if holds != needs {
-                return Err(format!("`{job}.{field}` holds {holds}, must hold {needs}"));
-            }
-        }
-        if let Some(at) = self.joint_indices.iter().position(|j| usize::from(*j) >= joints) {
-            let joint = self.joint_indices[at];
-            return Err(format!("`{job}.joint_indices[{at}]` is {joint}, the skin has {joints} joints"));
-        }
-        if let Some(at) = self.joint_weights.iter().position(|w| !w.is_finite()) {
-            return Err(format!("`{job}.joint_weights[{at}]` is {}, must be finite", self.joint_weights[at]));
-        }
-        Ok(())
-    }
+/// Checks what every skinning method asks of its vertices: (positions, normals) in and out.
+pub(crate) fn check_vertices(
+    joints: usize,
+    influences: usize,
+    joint_indices: &[u16],
+    joint_weights: &[f32],
+    [positions, normals, out_positions, out_normals]: [usize; 4],
+) -> Result<(), InputError> {
+    InputError::check_lengths(&[
+        ("normals", normals, if normals == 0 { 0 } else { positions }),
+        ("joint_indices", joint_indices.len(), positions * influences),
+        ("joint_weights", joint_weights.len(), positions * influences),
+        ("out_positions", out_positions, positions),
+        ("out_normals", out_normals, normals),
+    ])?;
+    InputError::check_joints(joint_indices.iter().map(|j| usize::from(*j)), "joint_indices", joints)?;
+    InputError::check_each(joint_weights, |w| w.is_finite(), "joint_weights", "finite")
 }
 
 /// Linear blend skinning of positions and normals.
@@ -112,19 +80,11 @@ pub struct LinearSkinning<'a> {
 }
 
 impl LinearSkinning<'_> {
-    pub fn check(&self) -> Result<(), String> {
-        SkinnedVertices {
-            job: "LinearSkinning",
-            joints: self.matrices.len(),
-            influences: self.influences,
-            joint_indices: self.joint_indices,
-            joint_weights: self.joint_weights,
-            positions: self.positions.len(),
-            normals: self.normals.len(),
-            out_positions: self.out_positions.len(),
-            out_normals: self.out_normals.len(),
-        }
-        .check()
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        let lengths =
+            [self.positions.len(), self.normals.len(), self.out_positions.len(), self.out_normals.len()];
+        check_vertices(self.matrices.len(), self.influences, self.joint_indices, self.joint_weights, lengths)
     }
 
     /// Panics where a joint index is out of range, which `check` finds.

@@ -1,5 +1,6 @@
 //! Morph targets (blend shapes, shape keys) applied on the CPU.
 
+use crate::input_error::InputError;
 use glam::Vec3;
 
 /// Adds weighted morph targets: `values[i] += Σ weight * target[i]`; an empty target changes nothing.
@@ -13,20 +14,13 @@ pub struct Morph<'a> {
 }
 
 impl Morph<'_> {
-    pub fn check(&self) -> Result<(), String> {
-        for (i, target) in self.targets.iter().enumerate() {
-            if !target.is_empty() && target.len() != self.values.len() {
-                return Err(format!(
-                    "`Morph.targets[{i}]` holds {}, there are {} values",
-                    target.len(),
-                    self.values.len()
-                ));
-            }
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        let (values, targets) = (self.values.len(), self.targets.iter().filter(|target| !target.is_empty()));
+        for target in targets {
+            InputError::check_lengths(&[("Morph.targets", target.len(), values)])?;
         }
-        match self.weights.iter().position(|w| !w.is_finite()) {
-            Some(i) => Err(format!("`Morph.weights[{i}]` is {}, must be finite", self.weights[i])),
-            None => Ok(()),
-        }
+        InputError::check_each(self.weights, |w| w.is_finite(), "Morph.weights", "finite")
     }
 
     pub fn run(&mut self) {

@@ -1,6 +1,7 @@
 //! All springs of a character, moved on by a step.
 
 use super::{BoneState, Drive, RigBone, SpringRig, WorldCollider};
+use crate::input_error::InputError;
 use crate::skeleton::Skeleton;
 use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 
@@ -73,22 +74,14 @@ pub struct SpringStep<'a> {
 }
 
 impl SpringStep<'_> {
-    pub fn check(&self) -> Result<(), String> {
-        let joints = self.skeleton.len();
-        if self.model_from_joint.len() != joints {
-            let given = self.model_from_joint.len();
-            return Err(format!(
-                "`SpringStep.model_from_joint` is for {given} joints, the skeleton has {joints}"
-            ));
-        }
-        self.rig.check(joints).map_err(|e| format!("`SpringStep.rig`: {e}"))?;
-        if !(self.seconds >= 0.0 && self.seconds.is_finite()) {
-            return Err(format!("`SpringStep.seconds` is {}, must be finite and ≥ 0", self.seconds));
-        }
-        if !self.wind.is_finite() {
-            return Err(format!("`SpringStep.wind` is {}, must be finite", self.wind));
-        }
-        Ok(())
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        let (joints, matrices) = (self.skeleton.len(), self.model_from_joint.len());
+        InputError::check_lengths(&[("SpringStep.model_from_joint", matrices, joints)])?;
+        self.rig.check(joints).map_err(|error| InputError::Nested { field: "SpringStep.rig", error })?;
+        let forward = self.seconds >= 0.0 && self.seconds.is_finite();
+        InputError::check_value(forward, "SpringStep.seconds", self.seconds, "finite and ≥ 0")?;
+        InputError::check_value(self.wind.is_finite(), "SpringStep.wind", self.wind, "finite")
     }
 
     pub fn run(&mut self) {

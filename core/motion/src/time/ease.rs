@@ -4,6 +4,7 @@
 //! bounce) are left out. The shapes are R. Penner's ("Motion, Tweening, and Easing", 2002); `Bezier` is CSS's
 //! `cubic-bezier` (CSS Easing Functions Level 2, §2.3).
 
+use crate::input_error::InputError;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Ease {
     #[default]
@@ -129,13 +130,13 @@ impl Ease {
         }
     }
 
-    pub fn check(self) -> Result<(), String> {
-        if let Ease::Bezier(points) = self
-            && let Some(point) = points.iter().find(|p| !(0.0..=1.0).contains(*p))
-        {
-            return Err(format!("`Ease::Bezier` has a control point at {point}, must be 0..=1"));
+    /// Names a control point outside 0..=1.
+    pub fn check(self) -> Result<(), InputError> {
+        let Ease::Bezier(points) = self else { return Ok(()) };
+        match points.into_iter().find(|p| !(0.0..=1.0).contains(p)) {
+            Some(point) => InputError::check_value(false, "Ease::Bezier control point", point, "0..=1"),
+            None => Ok(()),
         }
-        Ok(())
     }
 }
 

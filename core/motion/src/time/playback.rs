@@ -1,5 +1,6 @@
 //! From stage time to clip time: speed, trim, repeat. Exact in ticks however long it plays.
 
+use crate::input_error::InputError;
 use crate::time::Time;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -28,18 +29,12 @@ impl Playback {
         Playback { speed: 1.0, trim: (Time::ZERO, duration), repeat: Repeat::Loop }
     }
 
-    pub fn check(&self) -> Result<(), String> {
-        if !self.speed.is_finite() {
-            return Err(format!("`Playback.speed` is {}, must be finite", self.speed));
-        }
-        if self.trim.1 < self.trim.0 {
-            return Err(format!(
-                "`Playback.trim` runs from {} s to {} s, must not run backwards (use a negative speed)",
-                self.trim.0.as_secs(),
-                self.trim.1.as_secs()
-            ));
-        }
-        Ok(())
+    /// Names the first field that does not fit.
+    pub fn check(&self) -> Result<(), InputError> {
+        InputError::check_value(self.speed.is_finite(), "Playback.speed", self.speed, "finite")?;
+        let (start, end) = self.trim;
+        let trim = format!("{} s to {} s", start.as_secs(), end.as_secs());
+        InputError::check_value(start <= end, "Playback.trim", trim, "in order (use a negative speed)")
     }
 
     /// The time in the clip after `elapsed` of playing. Before the start (`elapsed < 0`) the first pose is held.
