@@ -33,6 +33,7 @@ mod parsed;
 mod reference;
 mod run;
 pub mod testing;
+mod tokens;
 mod totals;
 mod value;
 
@@ -47,6 +48,7 @@ pub use limits::{Limits, raise_hint};
 pub use lint::{ClipMarkers, Places};
 pub use loader::{BUILT_IN, ImportChoice, Loader};
 pub use reference::reference;
+pub use tokens::token_ranges;
 pub use run::{NO_THREAD, Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};
 // The same words for a slip of the hand everywhere.
 pub use api::clip::{NothingFollows, mapping_lines};

@@ -2,7 +2,7 @@
 //! are written.
 
 use super::object::{Object, Refused, euler_degrees, quoted, rotation};
-use super::scan::{call_from, skip, trimmed, value_end};
+use super::scan::{Call, Source};
 use super::values::{is_plain, literal, literals, plain, rewritten};
 use super::{Edit, seconds};
 use glam::{DQuat, DVec3};
@@ -45,7 +45,7 @@ impl Object<'_> {
     /// The keys are computed, or stand elsewhere.
     pub fn set_key(&self, property: &str, when: When, value: Value) -> Result<Edit, Refused> {
         let name = quoted(property);
-        let is_it = |call: &&super::scan::Call| {
+        let is_it = |call: &&Call| {
             self.text[call.name.clone()] == *"key"
                 && self.text[call.inside.clone()].trim_start().starts_with(&name)
         };
@@ -62,31 +62,31 @@ impl Object<'_> {
                 "line {line}: its {property} has keys that are computed; change them there"
             ))
         };
-        let start = (value_end(self.text, call.inside.start, call.inside.end) + 1).min(call.inside.end);
-        let keys = keys_in(self.text, start..value_end(self.text, start, call.inside.end), when.fps);
+        let start = (self.text.value_end(call.inside.start, call.inside.end) + 1).min(call.inside.end);
+        let keys = keys_in(&self.text, start..self.text.value_end(start, call.inside.end), when.fps);
         let keys = keys.ok_or_else(computed)?;
         if let Some(key) = keys.iter().find(|key| (key.secs - when.secs).abs() < 0.5 / when.fps) {
-            let range = trimmed(self.text, &key.value);
-            return over(self.text, &range, &value).ok_or_else(computed);
+            let range = self.text.trimmed(&key.value);
+            return over(&self.text, &range, &value).ok_or_else(computed);
         }
         let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
         let time = match keys.iter().all(|key| key.in_frames) {
             true => format!("f({})", libm::round(when.secs * when.fps)),
             false => seconds(when.secs),
         };
-        let near = near(self.text, &keys, next, when.secs);
+        let near = near(&self.text, &keys, next, when.secs);
         let key = format!("[{time}, {}]", written_like(&near, &value));
-        Ok(inserted(self.text, &keys, next, &key))
+        Ok(inserted(&self.text, &keys, next, &key))
     }
 }
 
 /// `None` where anything of them but the values is computed.
-fn keys_in(text: &str, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
-    let array = trimmed(text, &bytes);
+fn keys_in(text: &Source, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
+    let array = text.trimmed(&bytes);
     let inside = text[array.clone()].strip_prefix('[')?.strip_suffix(']')?;
     let mut keys: Vec<Key> = Vec::new();
     for part in parts(text, array.start + 1, array.start + 1 + inside.len()) {
-        let all = trimmed(text, &part);
+        let all = text.trimmed(&part);
         let pair = text[all.clone()].strip_prefix('[')?.strip_suffix(']')?;
         let parts: Vec<Range<usize>> = parts(text, all.start + 1, all.start + 1 + pair.len()).collect();
         let [time, value, ..] = parts.as_slice() else { return None };
@@ -100,13 +100,13 @@ fn keys_in(text: &str, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
 }
 
 /// Between commas; nothing behind a last one.
-fn parts(text: &str, start: usize, end: usize) -> impl Iterator<Item = Range<usize>> {
+fn parts(text: &Source, start: usize, end: usize) -> impl Iterator<Item = Range<usize>> {
     let mut at = start;
     std::iter::from_fn(move || {
-        if skip(text, at) >= end {
+        if text.skip(at) >= end {
             return None;
         }
-        let to = value_end(text, at, end);
+        let to = text.value_end(at, end);
         let part = at..to;
         at = to + 1;
         Some(part)
@@ -114,19 +114,19 @@ fn parts(text: &str, start: usize, end: usize) -> impl Iterator<Item = Range<usi
 }
 
 /// A number of seconds, or `f(12)`.
-fn time_at(text: &str, bytes: &Range<usize>, fps: f64) -> Option<(f64, bool)> {
+fn time_at(text: &Source, bytes: &Range<usize>, fps: f64) -> Option<(f64, bool)> {
     if let Some((_, secs)) = literal(text, bytes) {
         return Some((secs, false));
     }
-    let range = trimmed(text, bytes);
-    let call = call_from(text, range.start)
+    let range = text.trimmed(bytes);
+    let call = text.call_from(range.start)
         .filter(|call| call.end == range.end && text[call.name.clone()] == *"f")?;
     let (_, frame) = literal(text, &call.inside)?;
     Some((frame / fps, true))
 }
 
 /// In place of a value. `None` where that is computed.
-fn over(text: &str, bytes: &Range<usize>, value: &Value) -> Option<Edit> {
+fn over(text: &Source, bytes: &Range<usize>, value: &Value) -> Option<Edit> {
     if let Value::Text(new) = value {
         return is_plain(text, bytes).then(|| Edit { range: bytes.clone(), text: new.to_string() });
     }
@@ -142,7 +142,7 @@ fn over(text: &str, bytes: &Range<usize>, value: &Value) -> Option<Edit> {
 
 /// The numbers that keys have at a time before the key `next`: between its neighbours, as if they were linear; none where those
 /// are computed.
-fn near(text: &str, keys: &[Key], next: usize, secs: f64) -> Vec<f64> {
+fn near(text: &Source, keys: &[Key], next: usize, secs: f64) -> Vec<f64> {
     let of = |key: Option<&Key>| -> Option<(f64, Vec<f64>)> {
         let numbers = literals(text, &key?.value)?;
         Some((key?.secs, numbers.iter().map(|(_, v)| *v).collect()))

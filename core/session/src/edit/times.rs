@@ -1,6 +1,6 @@
 //! Times of cues, and of what else begins and ends.
 
-use super::scan::{byte_at, call_from, chain_after, find};
+use super::scan::{Source, find};
 use super::values::{literal, set_option};
 use super::{Edit, seconds};
 
@@ -20,10 +20,11 @@ pub enum Part {
 /// # Errors
 /// Why it cannot be set, for the user: the number is computed, or the call is not there.
 pub fn set_time(text: &str, line: usize, column: usize, part: Part, secs: f64) -> Result<Edit, String> {
+    let text = &Source::new(text);
     let refuse = |why: &str| Err(format!("line {line}: {why}"));
-    let Some(at) = byte_at(text, line, column) else { return refuse("the script has no such line") };
-    let Some(call) = call_from(text, at) else { return refuse("there is no play or then to be changed") };
-    let chain = chain_after(text, call.end);
+    let Some(at) = text.byte_at(line, column) else { return refuse("the script has no such line") };
+    let Some(call) = text.call_from(at) else { return refuse("there is no play or then to be changed") };
+    let chain = text.chain_after(call.end);
     let (name, argument) = match part {
         Part::Start => ("from", find(&chain, text, "from")),
         Part::End => ("until", find(&chain, text, "until")),
@@ -46,9 +47,10 @@ pub fn set_time(text: &str, line: usize, column: usize, part: Part, secs: f64) -
 
 /// Whether the call at a place is a `then` that begins where the clip before it ends.
 pub fn follows(text: &str, line: usize, column: usize) -> bool {
-    let call = byte_at(text, line, column).and_then(|at| call_from(text, at));
+    let text = &Source::new(text);
+    let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
     call.is_some_and(|call| {
-        text[call.name.clone()] == *"then" && find(&chain_after(text, call.end), text, "from").is_none()
+        text[call.name.clone()] == *"then" && find(&text.chain_after(call.end), text, "from").is_none()
     })
 }
 
