@@ -66,7 +66,8 @@ impl Cursor<'_> {
                 break;
             }
             self.byte += c.len_utf8();
-            (self.line, self.column) = if c == '\n' { (self.line + 1, 0) } else { (self.line, self.column + 1) };
+            (self.line, self.column) =
+                if c == '\n' { (self.line + 1, 0) } else { (self.line, self.column + 1) };
         }
         self.byte
     }
@@ -84,8 +85,29 @@ mod tests {
     fn tokens_are_found_where_they_stand() {
         let text = "let é = f(); // no\n/* /* b */ */ x.y(-1.5, \"a\\\"(\", 'c', #{ t: 2 })";
         let expected = [
-            "let", "é", "=", "f", "(", ")", ";", "x", ".", "y", "(", "-1.5", ",", "\"a\\\"(\"", ",", "'c'", ",", "#{",
-            "t", ":", "2", "}", ")",
+            "let",
+            "é",
+            "=",
+            "f",
+            "(",
+            ")",
+            ";",
+            "x",
+            ".",
+            "y",
+            "(",
+            "-1.5",
+            ",",
+            "\"a\\\"(\"",
+            ",",
+            "'c'",
+            ",",
+            "#{",
+            "t",
+            ":",
+            "2",
+            "}",
+            ")",
         ];
         assert_eq!(tokens(text), expected);
         assert_eq!(tokens("1.f(1..2)"), ["1", ".", "f", "(", "1", "..", "2", ")"]);
@@ -93,14 +115,10 @@ mod tests {
 
     #[test]
     fn an_interpolated_string_is_one_token() {
-        assert_eq!(tokens("a(`x ${b(#{ c: `${d}` })} y ${e} `, 1)"), [
-            "a",
-            "(",
-            "`x ${b(#{ c: `${d}` })} y ${e} `",
-            ",",
-            "1",
-            ")"
-        ]);
+        assert_eq!(
+            tokens("a(`x ${b(#{ c: `${d}` })} y ${e} `, 1)"),
+            ["a", "(", "`x ${b(#{ c: `${d}` })} y ${e} `", ",", "1", ")"]
+        );
         assert_eq!(tokens("a(\"x\n b"), ["a", "(", "\"x\n b"]);
         assert_eq!(tokens("a(`x ${b"), ["a", "(", "`x ${b"]);
     }

@@ -5,7 +5,7 @@ use crate::picture::Moment;
 use crate::plots::{Choice, Row};
 use crate::truth::Spread;
 use crate::vertex::{NORMALS, WEIGHTS, degrees_between};
-use choreo_stage::{Asset, LinearSkinning};
+use choreo_stage::{Asset, Skin};
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 use std::sync::Arc;
 
@@ -113,7 +113,7 @@ fn weights(assets: &[(&Arc<Asset>, usize)], moment: &Moment) -> Option<Choice> {
 }
 
 /// What each joint of a skin does to the mesh.
-pub(super) fn model_from_mesh(skin: &LinearSkinning, posed: &[Affine3A]) -> Vec<DAffine3> {
+pub(super) fn model_from_mesh(skin: &Skin, posed: &[Affine3A]) -> Vec<DAffine3> {
     let pairs = skin.joints.iter().zip(&skin.inverse_bind);
     let map = |(joint, bind): (&u32, &Mat4)| {
         let joint = posed.get(*joint as usize).copied().unwrap_or(Affine3A::IDENTITY);

@@ -131,9 +131,8 @@ impl<'a> Source<'a> {
 
     /// All calls of a function, in order.
     pub fn calls_of(&self, name: &str) -> impl Iterator<Item = Call> {
-        let is_it = move |index: &usize| {
-            self.token(*index) == name && (*index == 0 || self.token(index - 1) != ".")
-        };
+        let is_it =
+            move |index: &usize| self.token(*index) == name && (*index == 0 || self.token(index - 1) != ".");
         let found = (0..self.tokens.len()).filter(is_it);
         found.filter_map(|index| self.call_from(self.start(index)))
     }

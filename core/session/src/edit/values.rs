@@ -5,7 +5,7 @@ use super::scan::{Call, Source};
 use std::ops::Range;
 
 /// As a person would write it: to the thousandth, smaller ones to six digits; always with a point, so that it stays a float.
-pub fn plain(value: f64) -> String {
+pub fn format_number(value: f64) -> String {
     let digits = if value != 0.0 && value.abs() < 0.01 { 6 } else { 3 };
     let text = format!("{value:.digits$}");
     let text = text.trim_end_matches('0');
@@ -56,8 +56,8 @@ pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option
     for ((range, before), value) in old.iter().zip(new) {
         out += &text[at..range.start];
         // What has not changed stays as it was written.
-        let same = plain(*before) == plain(*value);
-        out += &if same { text[range.clone()].to_string() } else { plain(*value) };
+        let same = format_number(*before) == format_number(*value);
+        out += &if same { text[range.clone()].to_string() } else { format_number(*value) };
         at = range.end;
     }
     Some(Edit { range: first.0.start..last.0.end, text: out })

@@ -5,7 +5,7 @@ use choreo_script::{ImportChoice, Limits};
 use std::path::{Path, PathBuf};
 
 #[derive(Clone, Debug)]
-pub struct Recipe {
+pub struct SceneSource {
     /// A script (`.rhai`), or a model.
     pub input: PathBuf,
     /// Models: further ones, shown to the right of it.
@@ -27,10 +27,10 @@ pub struct Recipe {
     pub shaders: Option<PathBuf>,
 }
 
-impl Recipe {
+impl SceneSource {
     /// As it is where nothing more is asked for.
-    pub fn new(input: impl Into<PathBuf>) -> Recipe {
-        Recipe {
+    pub fn new(input: impl Into<PathBuf>) -> SceneSource {
+        SceneSource {
             input: input.into(),
             beside: Vec::new(),
             set: Vec::new(),
@@ -47,7 +47,7 @@ impl Recipe {
 
     /// Of files that were chosen together, in the way of another: models side by side, or one script. With it, what is left out, in
     /// words. `None` for no file.
-    pub fn of_models(files: Vec<PathBuf>, like: &Recipe) -> Option<(Recipe, Option<String>)> {
+    pub fn of_models(files: Vec<PathBuf>, like: &SceneSource) -> Option<(SceneSource, Option<String>)> {
         let (scripts, models): (Vec<PathBuf>, Vec<PathBuf>) = files.into_iter().partition(|f| is_script(f));
         let (shown, left_out) = match models.is_empty() {
             true => scripts.split_at(scripts.len().min(1)),
@@ -58,8 +58,8 @@ impl Recipe {
         let said = (!names.is_empty()).then(|| format!("{}: a script is shown alone", names.join(", ")));
         let (input, beside) = shown.split_first()?;
         let (input, beside) = (input.clone(), beside.to_vec());
-        let recipe = Recipe { input, beside, set: Vec::new(), clip: None, ..like.clone() };
-        Some((recipe, said))
+        let source = SceneSource { input, beside, set: Vec::new(), clip: None, ..like.clone() };
+        Some((source, said))
     }
 
     pub fn is_script(&self) -> bool {

@@ -1,8 +1,8 @@
 //! Frames on demand, on a thread of its own: only the newest wish counts, so that whoever scrubs never waits for frames that
 //! have been passed over.
 
-use crate::eye::Views;
-use crate::{Eye, Marks, Scene};
+use crate::viewport::ViewEvaluators;
+use crate::{Scene, ViewOverrides, ViewportCamera};
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame};
 use choreo_render::plan::Draw;
@@ -20,7 +20,7 @@ pub type StartRenderer = Box<dyn FnOnce() -> Result<(Box<dyn Renderer>, Option<S
 
 /// A frame wished for.
 #[derive(Clone)]
-pub struct Asked {
+pub struct FrameRequest {
     pub scene: Arc<Scene>,
     pub time: Time,
     /// Pixels.
@@ -30,35 +30,35 @@ pub struct Asked {
     pub moving: bool,
     /// For whom: a new wish of a view takes the place of its last one, and views take turns.
     pub view: u32,
-    pub eye: Eye,
-    pub marks: Marks,
+    pub camera: ViewportCamera,
+    pub overrides: ViewOverrides,
     /// Given back with the frame.
     pub ticket: u64,
 }
 
-impl Asked {
+impl FrameRequest {
     /// As `render` draws it.
-    pub fn new(scene: Arc<Scene>, time: Time, samples: u32, ticket: u64) -> Asked {
+    pub fn new(scene: Arc<Scene>, time: Time, samples: u32, ticket: u64) -> FrameRequest {
         let size = scene.stage.settings.size;
-        Asked {
+        FrameRequest {
             scene,
             time,
             size,
             samples,
             moving: false,
             view: 0,
-            eye: Eye::Script,
-            marks: Marks::default(),
+            camera: ViewportCamera::Script,
+            overrides: ViewOverrides::default(),
             ticket,
         }
     }
 }
 
 /// A frame that was drawn, or why it could not be.
-pub struct Painted {
+pub struct FrameReply {
     pub ticket: u64,
     pub view: u32,
-    pub result: Result<(Frame, Shown), String>,
+    pub result: Result<(Frame, FrameInfo), String>,
     /// What the renderer has made so far.
     pub work: Work,
     /// What it has on its device now.
@@ -68,7 +68,7 @@ pub struct Painted {
 }
 
 /// What is known of a frame beside its pixels.
-pub struct Shown {
+pub struct FrameInfo {
     /// Of the scene's version.
     pub number: u64,
     pub time: Time,
@@ -86,9 +86,9 @@ pub struct Shown {
 }
 
 #[derive(Default)]
-struct Wishes {
+struct Requests {
     /// By view.
-    next: BTreeMap<u32, Asked>,
+    next: BTreeMap<u32, FrameRequest>,
     /// Whose turn it was last.
     last: u32,
     /// Shaders have changed.
@@ -99,14 +99,14 @@ struct Wishes {
 }
 
 #[derive(Default)]
-struct Desk {
-    wishes: Mutex<Wishes>,
+struct RequestQueue {
+    requests: Mutex<Requests>,
     changed: Condvar,
 }
 
-impl Wishes {
+impl Requests {
     /// The next view's wish after the last one's.
-    fn take(&mut self) -> Option<Asked> {
+    fn take(&mut self) -> Option<FrameRequest> {
         let after = self.next.range(self.last.saturating_add(1)..).next().map(|(view, _)| *view);
         let view = after.or_else(|| self.next.keys().next().copied())?;
         self.last = view;
@@ -114,68 +114,68 @@ impl Wishes {
     }
 }
 
-impl Desk {
-    fn wishes(&self) -> MutexGuard<'_, Wishes> {
-        self.wishes.lock().unwrap_or_else(PoisonError::into_inner)
+impl RequestQueue {
+    fn requests(&self) -> MutexGuard<'_, Requests> {
+        self.requests.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-pub struct Painter {
-    desk: Arc<Desk>,
+pub struct FrameRenderer {
+    queue: Arc<RequestQueue>,
     worker: Option<JoinHandle<()>>,
 }
 
-impl Painter {
+impl FrameRenderer {
     /// `told` is called on the painter's thread with every frame that was drawn.
     pub fn start(
         start: StartRenderer,
-        mut told: impl FnMut(Painted) + Send + 'static,
-    ) -> std::io::Result<Painter> {
-        let desk = Arc::new(Desk::default());
-        let own = desk.clone();
+        mut report: impl FnMut(FrameReply) + Send + 'static,
+    ) -> std::io::Result<FrameRenderer> {
+        let queue = Arc::new(RequestQueue::default());
+        let own = queue.clone();
         let work = move || {
-            let mut easel = Easel::new(start);
+            let mut state = RenderState::new(start);
             loop {
-                let (asked, shaders, spare) = {
-                    let mut wishes = own.wishes();
-                    while wishes.next.is_empty() && !wishes.end {
-                        wishes = own.changed.wait(wishes).unwrap_or_else(PoisonError::into_inner);
+                let (request, shaders, spare) = {
+                    let mut requests = own.requests();
+                    while requests.next.is_empty() && !requests.end {
+                        requests = own.changed.wait(requests).unwrap_or_else(PoisonError::into_inner);
                     }
-                    if wishes.end {
+                    if requests.end {
                         return;
                     }
-                    (wishes.take(), std::mem::take(&mut wishes.shaders), wishes.spare.take())
+                    (requests.take(), std::mem::take(&mut requests.shaders), requests.spare.take())
                 };
-                if let Some(asked) = asked {
-                    told(easel.paint(&asked, shaders, spare));
+                if let Some(request) = request {
+                    report(state.paint(&request, shaders, spare));
                 }
             }
         };
-        let worker = std::thread::Builder::new().name("painter".into()).spawn(work)?;
-        Ok(Painter { desk, worker: Some(worker) })
+        let worker = std::thread::Builder::new().name("renderer".into()).spawn(work)?;
+        Ok(FrameRenderer { queue, worker: Some(worker) })
     }
 
     /// The view's next frame to draw, in place of one that was wished for and not begun.
-    pub fn ask(&self, asked: Asked) {
-        self.desk.wishes().next.insert(asked.view, asked);
-        self.desk.changed.notify_all();
+    pub fn ask(&self, request: FrameRequest) {
+        self.queue.requests().next.insert(request.view, request);
+        self.queue.changed.notify_all();
     }
 
     /// Before the next frame the shader folder is read again.
     pub fn shaders_changed(&self) {
-        self.desk.wishes().shaders = true;
+        self.queue.requests().shaders = true;
     }
 
     /// A frame that is no longer needed: its memory is used again.
     pub fn give_back(&self, frame: Frame) {
-        self.desk.wishes().spare = Some(frame);
+        self.queue.requests().spare = Some(frame);
     }
 }
 
-impl Drop for Painter {
+impl Drop for FrameRenderer {
     fn drop(&mut self) {
-        self.desk.wishes().end = true;
-        self.desk.changed.notify_all();
+        self.queue.requests().end = true;
+        self.queue.changed.notify_all();
         if let Some(worker) = self.worker.take() {
             // A panic was told on its thread.
             let _ = worker.join();
@@ -184,49 +184,49 @@ impl Drop for Painter {
 }
 
 /// The renderer and what it was given last.
-struct Easel {
+struct RenderState {
     renderer: Result<Box<dyn Renderer>, String>,
     notes: Vec<String>,
-    views: Views,
+    views: ViewEvaluators,
     catalog: Option<Arc<Catalog>>,
     effects: Vec<Arc<dyn Effect>>,
 }
 
-impl Easel {
-    fn new(start: StartRenderer) -> Easel {
+impl RenderState {
+    fn new(start: StartRenderer) -> RenderState {
         let (renderer, notes) = match start() {
             Ok((renderer, note)) => (Ok(renderer), note.into_iter().collect()),
             Err(why) => (Err(why), Vec::new()),
         };
-        Easel { renderer, notes, views: Views::default(), catalog: None, effects: Vec::new() }
+        RenderState { renderer, notes, views: ViewEvaluators::default(), catalog: None, effects: Vec::new() }
     }
 
-    fn paint(&mut self, asked: &Asked, shaders: bool, spare: Option<Frame>) -> Painted {
+    fn paint(&mut self, request: &FrameRequest, shaders: bool, spare: Option<Frame>) -> FrameReply {
         let mut notes = std::mem::take(&mut self.notes);
-        let result = self.picture(asked, shaders, spare, &mut notes);
+        let result = self.picture(request, shaders, spare, &mut notes);
         let (mut work, mut held) = (Work::default(), Held::default());
         if let Ok(renderer) = &mut self.renderer {
             notes.extend(renderer.take_notes());
             (work, held) = (renderer.work(), renderer.held());
         }
-        let Asked { ticket, view, .. } = *asked;
-        Painted { ticket, view, result, work, held, notes }
+        let FrameRequest { ticket, view, .. } = *request;
+        FrameReply { ticket, view, result, work, held, notes }
     }
 
     fn picture(
         &mut self,
-        asked: &Asked,
+        request: &FrameRequest,
         shaders: bool,
         spare: Option<Frame>,
         notes: &mut Vec<String>,
-    ) -> Result<(Frame, Shown), String> {
+    ) -> Result<(Frame, FrameInfo), String> {
         let renderer = self.renderer.as_mut().map_err(|why| why.clone())?;
         let failed = |e: choreo_render::RenderError| e.to_string();
         if shaders && let Err(error) = renderer.reload_shaders() {
             // The last good ones draw on.
             notes.push(error.to_string());
         }
-        let scene = &asked.scene;
+        let scene = &request.scene;
         let effects = scene.registry.effects();
         let same = |a: &[Arc<dyn Effect>], b: &[Arc<dyn Effect>]| {
             a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Arc::ptr_eq(a, b))
@@ -240,18 +240,18 @@ impl Easel {
             self.catalog = Some(scene.catalog.clone());
         }
         let start = Instant::now();
-        let options = PlanOptions { effects, ..PlanOptions::new(asked.size, asked.samples) };
-        let stage = self.views.stage(asked);
-        let (snapshot, plan, evaluated_in) = if asked.moving {
+        let options = PlanOptions { effects, ..PlanOptions::new(request.size, request.samples) };
+        let stage = self.views.stage(request);
+        let (snapshot, plan, evaluated_in) = if request.moving {
             // What moves past is not worth many pictures a frame.
-            let snapshot = self.views.at(asked, asked.time)?;
+            let snapshot = self.views.at(request, request.time)?;
             let evaluated_in = start.elapsed();
-            let at = |time| self.views.at(asked, time);
+            let at = |time| self.views.at(request, time);
             let plan = plan_alone(&scene.catalog, &stage, &snapshot, &options, at)?;
             (snapshot, plan, evaluated_in)
         } else {
-            let at = |time| self.views.at(asked, time);
-            let (snapshot, plan) = plan_with(&scene.catalog, &stage, asked.time, &options, at)?;
+            let at = |time| self.views.at(request, time);
+            let (snapshot, plan) = plan_with(&scene.catalog, &stage, request.time, &options, at)?;
             (snapshot, plan, start.elapsed())
         };
         let left_out = plan.left_out.iter().map(|l| (l.what.to_string(), l.why.to_string())).collect();
@@ -262,9 +262,9 @@ impl Easel {
         let frame = renderer.collect(spare).map_err(failed)?;
         let drawn_in = start.elapsed() - evaluated_in - planned_in;
         let device = renderer.device().clone();
-        let shown = Shown {
+        let info = FrameInfo {
             number: scene.number,
-            time: asked.time,
+            time: request.time,
             size: [frame.width, frame.height],
             snapshot,
             left_out,
@@ -275,7 +275,7 @@ impl Easel {
             planned_in,
             drawn_in,
         };
-        Ok((frame, shown))
+        Ok((frame, info))
     }
 }
 

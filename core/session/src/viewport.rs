@@ -1,6 +1,6 @@
 //! From where a frame is seen, and what a viewer changes of it that the script does not say: nothing of it is in the stage.
 
-use crate::{Asked, Scene};
+use crate::{FrameRequest, Scene};
 use choreo_motion::Time;
 use choreo_stage::{CameraState, Cut, EffectState, EffectTarget, EffectUse, Evaluator, Snapshot, Stage};
 use glam::{DAffine3, DVec3};
@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Eye {
+pub enum ViewportCamera {
     /// The camera that is on.
     #[default]
     Script,
@@ -24,7 +24,7 @@ pub enum Eye {
 
 /// What is shown otherwise than the script has it.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Marks {
+pub struct ViewOverrides {
     /// Actors that are not seen.
     pub hidden: Vec<usize>,
     /// With a line around it.
@@ -38,7 +38,7 @@ const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g",
 
 /// The evaluators of the scene that is shown, one a camera.
 #[derive(Default)]
-pub struct Views {
+pub struct ViewEvaluators {
     scene: Option<Arc<Scene>>,
     own: Option<Evaluator>,
     /// The stage with one camera on all the time.
@@ -47,12 +47,12 @@ pub struct Views {
     outlined: Option<(usize, Arc<Stage>)>,
 }
 
-impl Views {
-    pub fn at(&mut self, asked: &Asked, time: Time) -> Result<Snapshot, String> {
-        let Asked { scene, eye, marks, .. } = asked;
+impl ViewEvaluators {
+    pub fn at(&mut self, request: &FrameRequest, time: Time) -> Result<Snapshot, String> {
+        let FrameRequest { scene, camera, overrides, .. } = request;
         self.set_scene(scene);
-        let mut snapshot = match eye {
-            Eye::Camera(camera) if *camera < scene.stage.cameras.len() => {
+        let mut snapshot = match camera {
+            ViewportCamera::Camera(camera) if *camera < scene.stage.cameras.len() => {
                 let of_camera = self.cameras.entry(*camera).or_insert_with(|| {
                     let cuts = vec![Cut { at: Time::ZERO, camera: *camera }];
                     Evaluator::new(Arc::new(Stage { cuts, ..(*scene.stage).clone() }))
@@ -62,26 +62,26 @@ impl Views {
             _ => self.own.get_or_insert_with(|| scene.evaluator.clone()).at(time),
         }
         .map_err(|e| e.to_string())?;
-        match eye {
-            Eye::Free(camera) => snapshot.camera = *camera,
-            Eye::Following { actor, camera } => {
+        match camera {
+            ViewportCamera::Free(camera) => snapshot.camera = *camera,
+            ViewportCamera::Following { actor, camera } => {
                 let at = snapshot.actors.get(*actor).map_or(DVec3::ZERO, |a| a.world_from_model.translation);
                 snapshot.camera = *camera;
                 snapshot.camera.world_from_view.translation += at;
             }
-            Eye::Script | Eye::Camera(_) => {}
+            ViewportCamera::Script | ViewportCamera::Camera(_) => {}
         }
-        for hidden in &marks.hidden {
+        for hidden in &overrides.hidden {
             if let Some(actor) = snapshot.actors.get_mut(*hidden) {
                 actor.visible = false;
             }
         }
-        if let Some((moved, world_from_model)) = marks.moved
+        if let Some((moved, world_from_model)) = overrides.moved
             && let Some(actor) = snapshot.actors.get_mut(moved)
         {
             actor.world_from_model = world_from_model;
         }
-        if self.outline(asked).is_some() {
+        if self.outline(request).is_some() {
             let parameters = OUTLINE.map(|(name, value)| (name.to_string(), value)).to_vec();
             snapshot.effects.push(EffectState { effect: scene.stage.effects.len(), parameters });
         }
@@ -89,21 +89,21 @@ impl Views {
     }
 
     /// With what the marks add to it.
-    pub fn stage(&mut self, asked: &Asked) -> Arc<Stage> {
-        self.set_scene(&asked.scene);
-        self.outline(asked).unwrap_or_else(|| asked.scene.stage.clone())
+    pub fn stage(&mut self, request: &FrameRequest) -> Arc<Stage> {
+        self.set_scene(&request.scene);
+        self.outline(request).unwrap_or_else(|| request.scene.stage.clone())
     }
 
     fn set_scene(&mut self, scene: &Arc<Scene>) {
         if self.scene.as_ref().is_none_or(|s| !Arc::ptr_eq(s, scene)) {
-            *self = Views { scene: Some(scene.clone()), ..Views::default() };
+            *self = ViewEvaluators { scene: Some(scene.clone()), ..ViewEvaluators::default() };
         }
     }
 
     /// The stage with the outline, where there is one to draw.
-    fn outline(&mut self, asked: &Asked) -> Option<Arc<Stage>> {
-        let scene = &asked.scene;
-        let actor = asked.marks.outlined.filter(|a| *a < scene.stage.actors.len())?;
+    fn outline(&mut self, request: &FrameRequest) -> Option<Arc<Stage>> {
+        let scene = &request.scene;
+        let actor = request.overrides.outlined.filter(|a| *a < scene.stage.actors.len())?;
         scene.registry.effect("outline")?;
         if self.outlined.as_ref().is_none_or(|(of, _)| *of != actor) {
             let mut stage = (*scene.stage).clone();
