@@ -6,11 +6,12 @@ use crate::diagnostic::Severity;
 use crate::limits::raise_hint;
 use crate::suggest::list;
 use crate::value::*;
+use choreo_asset::Asset;
 use choreo_motion::Clip;
 use choreo_motion::retarget::{
     Coverage, Retarget, RetargetOptions as Fit, RetargetReport, Translations, bind_or_retarget,
 };
-use choreo_stage::{Asset, Mirroring};
+use choreo_stage::Mirroring;
 use rhai::{Dynamic, Map};
 use std::collections::BTreeMap;
 use std::sync::Arc;
