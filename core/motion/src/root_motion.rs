@@ -5,11 +5,13 @@
 //! "Swing-twist decomposition in Clifford algebra", 2015, §3). From the keys in f64: what is accumulated must not drift.
 //! A clip that walks on the spot carries its character as fast as the floor passes under its planted feet.
 
+use crate::clip::sample_f64::curve_at;
+use crate::clip::{Clip, Path};
 use crate::contacts::{self, Contacts};
-use crate::exact::curve_at;
-use crate::joint_names::humanoid_name;
-use crate::planar::{Planar, wrapped};
-use crate::{Clip, Path, Skeleton, Time};
+use crate::math::planar::{Planar, wrapped};
+use crate::skeleton::Skeleton;
+use crate::skeleton::joint_names::humanoid_name;
+use crate::time::Time;
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::Arc;
 
@@ -51,19 +53,19 @@ struct Link {
 pub struct RootMotion {
     clip: Arc<Clip>,
     joint: u32,
-    /// Joints from the root of the skeleton to the joint.
+    /// From the root of the skeleton to the joint.
     chain: Vec<Link>,
-    /// Model-space rotation of the joint at rest.
+    /// Of the joint in model space at rest.
     rest_rotation: DQuat,
     pub parts: RootParts,
     yaw: bool,
-    /// Velocity against the floor of a clip that walks in place, metres per second of the clip.
+    /// Of a clip that walks on the spot: metres a second of the clip, against the floor.
     pub treadmill: Option<DVec3>,
     pub trim: (Time, Time),
 }
 
 impl RootMotion {
-    /// Root motion of the part of a clip that `trim` gives. `joint`: the root, else [`find_root`].
+    /// Of the part of a clip that `trim` says. `joint`: the root, else [`find_root`].
     pub fn new(
         skeleton: &Skeleton,
         clip: &Arc<Clip>,
