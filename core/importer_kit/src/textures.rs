@@ -6,8 +6,8 @@ use crate::Result;
 use crate::budget::{Budget, Notes};
 use crate::pictures::{Encoded, Formats, decode_beside, or_white};
 use crate::search;
+use choreo_asset::Image;
 use choreo_plugin::{Files, Needs};
-use choreo_stage::asset::Image;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ impl AsRef<[u8]> for Bytes {
 
 #[derive(Default)]
 pub struct Textures {
-    /// By the path as written; `None` where there is no such picture.
+    /// Texture of each path as written; `None` where there is no such image.
     known: BTreeMap<String, Option<u32>>,
     entries: Vec<Encoded<Bytes>>,
 }

@@ -1,7 +1,7 @@
 //! Files in: an importer turns bytes into an [`Asset`].
 
 use crate::{Manifest, PluginFile};
-use choreo_stage::Asset;
+use choreo_asset::Asset;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use thiserror::Error;
@@ -95,7 +95,7 @@ pub struct Needs {
 impl Needs {
     pub const ALL: Needs = Needs { geometry: true, clips: true, textures: true, pixels: true };
     pub const CLIPS: Needs = Needs { geometry: false, clips: true, textures: false, pixels: false };
-    /// For all that is told of a scene without drawing it.
+    /// Everything but pixels, to describe a scene without drawing it.
     pub const NO_PIXELS: Needs = Needs { pixels: false, ..Needs::ALL };
 
     /// What both need.

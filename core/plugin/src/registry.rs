@@ -5,7 +5,7 @@ use crate::{
     Claim, Effect, EffectOnUse, Exporter, Files, ImportError, ImportOptions, Importer, Needs, PluginFault,
     Source,
 };
-use choreo_stage::Asset;
+use choreo_asset::Asset;
 use std::sync::Arc;
 
 #[derive(Clone, Default)]
@@ -80,7 +80,7 @@ impl Registry {
         settled.effects.extend(self.on_use.iter().filter_map(|e| e.made()).cloned());
         settled
     }
-    /// Where plugin files are faulty: which, for the hint of something that was not found. Empty where none is.
+    /// Names the plugin files that are faulty, for the hint of something that was not found. Empty where none is.
     pub fn faulty_hint(&self) -> String {
         match self.faulty.as_slice() {
             [] => String::new(),

@@ -3,9 +3,9 @@
 use crate::budget::{Budget, Refused, refuse};
 use crate::bytes::Bytes;
 use crate::fields::{Fields, MESH, mesh_data};
+use choreo_asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Topology};
 use choreo_motion::{Curve, Interpolation, Path, Time, Transform};
 use choreo_plugin::{AssetBuilder, Needs};
-use choreo_stage::{AlphaMode, Material, Sampler, Shading, TextureRef, Topology};
 use glam::{Affine2, Mat4, Quat, Vec3, Vec4};
 use rhai::{Array, Dynamic, Engine, Map};
 use std::collections::BTreeMap;
@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 pub struct Scene {
     pub builder: AssetBuilder,
     pub needs: Needs,
-    /// Where a file beside the source is asked for: another thread reads it.
+    /// Channel on which a file beside the source is requested: another thread reads it.
     pub ask: mpsc::Sender<Request>,
 }
 
@@ -283,7 +283,7 @@ fn curve(what: &str, map: &Map) -> Result<Curve, String> {
     Ok(Curve { joint, path, interpolation, times, values: f.floats("values")?.into() })
 }
 
-/// For scripts that say `if file.needs.geometry { … }`.
+/// The map of `file.needs`, for scripts with `if file.needs.geometry { … }`.
 pub fn needs_map(needs: Needs) -> Map {
     let flag = |name: &str, on: bool| (name.into(), Dynamic::from(on));
     [flag("geometry", needs.geometry), flag("clips", needs.clips), flag("textures", needs.textures)].into()

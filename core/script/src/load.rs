@@ -5,7 +5,7 @@ use crate::call::{ApiError, Place};
 use crate::diagnostic::Severity;
 use crate::folders::LoadError;
 use crate::import::Import;
-use choreo_stage::Asset;
+use choreo_asset::Asset;
 use std::sync::{Arc, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -38,7 +38,7 @@ impl Load {
         Load { import: Some(import), asset: OnceLock::new(), name, at: at.clone(), order }
     }
 
-    /// Of a call that failed.
+    /// The load of a call that failed.
     pub fn dead() -> Load {
         Load {
             import: None,

@@ -4,10 +4,10 @@ use crate::cache::{AssetCache, Key, Made, SideFile};
 use crate::folders::{Folders, Found, LoadError};
 use crate::import::{Import, Imports, submit};
 use crate::suggest::{did_you_mean, list};
+use choreo_asset::Asset;
 use choreo_plugin::{
     Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionError, Registry, Source,
 };
-use choreo_stage::Asset;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -53,11 +53,11 @@ pub struct Loader {
 
 #[derive(Default)]
 struct State {
-    /// By place and choice.
+    /// Imports by path and choice.
     imports: BTreeMap<(PathBuf, String), Arc<Import>>,
     /// Canonical path and hash of everything read.
     used: BTreeMap<PathBuf, [u8; 32]>,
-    /// Where something was looked for that is not there, or is a link.
+    /// Paths at which something was searched that is not there, or is a link.
     looked_for: BTreeSet<PathBuf>,
 }
 
@@ -117,7 +117,7 @@ impl Loader {
         self.state().used.clone()
     }
 
-    /// Where files were looked for so far and not found, and links on the way to those found.
+    /// Paths at which files were searched so far and not found, and links on the way to those found.
     pub fn looked_for(&self) -> BTreeSet<PathBuf> {
         self.state().looked_for.clone()
     }
@@ -227,7 +227,7 @@ impl Loader {
         self.import(&source, found, made, import)
     }
 
-    /// From the cache where it has it; two threads that want the same asset make it once.
+    /// Takes the asset from the cache if it is there; two threads that want the same asset make it once.
     fn import(
         &self,
         source: &Source,
@@ -285,7 +285,7 @@ impl Loader {
         }
         if !needs.geometry && self.needs.geometry {
             // Told where the asset is cast, and only there.
-            asset.warnings.push(choreo_stage::Warning {
+            asset.warnings.push(choreo_asset::Warning {
                 place: String::new(),
                 text: "it was loaded for its clips only, so nothing of it can be seen; leave only: \"clips\" out".into(),
             });

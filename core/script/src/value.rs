@@ -6,8 +6,8 @@
 use crate::load::Load;
 pub use crate::made::ImageRef;
 use crate::testing::PlanOptions;
+use choreo_asset::Asset;
 use choreo_motion::Clip;
-use choreo_stage::Asset;
 use std::sync::Arc;
 
 /// Index of a dead handle.
@@ -65,7 +65,7 @@ pub struct LightRef(pub usize);
 #[derive(Clone, Copy, Debug)]
 pub struct FlatRef(pub usize);
 
-/// Of the one sky of a stage.
+/// Handle of the one sky of a stage.
 #[derive(Clone, Copy, Debug)]
 pub struct SkyRef(pub usize);
 

@@ -1,8 +1,9 @@
 //! Model files in place of a script: put on a stage of their own.
 
+use choreo_asset::{Aabb, Asset};
 use choreo_motion::{Clip, Time};
 use choreo_script::did_you_mean;
-use choreo_stage::{Aabb, Asset, Cue, Repeat, Stage};
+use choreo_stage::{Cue, Repeat, Stage};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -59,7 +60,7 @@ fn add(stage: &mut Stage, name: &str, asset: Arc<Asset>, clip: Option<Arc<Clip>>
     actor
 }
 
-/// Of the joints where there is no mesh.
+/// Bounds of the joints where there is no mesh.
 fn bounds(asset: &Asset) -> Aabb {
     let bounds = asset.rest_bounds();
     if !bounds.is_empty() {

@@ -4,10 +4,14 @@
 //! outlines of all visible actors are taken at some times of the stage, once; then a camera costs a few projected corners a frame.
 
 use crate::camera::orbit_rotation;
+use crate::constraints::foot_lock::Plants;
 use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
-use crate::goals::plant::Plants;
-use crate::posed_mesh::{Carriers, posed_body};
-use crate::*;
+use crate::pose::posed_mesh::posed_body;
+use crate::pose::posed_mesh::posed_meshes;
+use crate::snapshot::{ActorState, CameraState, Snapshot};
+use crate::stage::{Stage, StageError};
+use choreo_asset::Carriers;
+use choreo_asset::{Aabb, Asset, DAabb, InstanceBounds, MeshInstance, PosedInstance, Projection};
 use choreo_motion::{Skinning, Time};
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::OnceLock;
@@ -21,7 +25,7 @@ const FLAT: f32 = 0.01;
 const MARGIN: f64 = 0.06;
 /// Azimuth and elevation for a stage without a camera: from the front, a little from the right and above.
 pub(crate) const DEFAULT_VIEW: (f64, f64) = (0.45, 0.18);
-/// Without anything to see: the room of one person.
+/// Bounds of an empty scene: the room of one person.
 const EMPTY_ROOM: (DVec3, DVec3) = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 2.0, 1.0));
 
 /// What the cameras of one stage have found out: one slot a camera, the last for the stage without any.

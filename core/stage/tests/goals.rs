@@ -1,6 +1,7 @@
 //! Hands that reach, spines that turn, feet that stand.
 
 mod support;
+use choreo_asset::*;
 use choreo_motion::{Path, Time};
 use choreo_stage::*;
 use glam::{DVec3, Quat, Vec3};
@@ -335,6 +336,6 @@ fn check_names_bad_goals() {
     );
     assert_eq!(
         said(|a| a.limits.push((0, Limit::Hinge { axis: DVec3::ZERO, angle: (0.0, 1.0) }))),
-        with("actor \"anna\", limit: `Limit.axis` has length 0, must be 1")
+        with("actor \"anna\", limit: `Limit.axis` is of length 0, must be of length 1")
     );
 }

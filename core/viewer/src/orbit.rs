@@ -1,6 +1,7 @@
 //! A camera moved with the mouse: around a point, with it, towards it, or on foot.
 
-use choreo_stage::{CameraState, Projection};
+use choreo_asset::Projection;
+use choreo_stage::CameraState;
 use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 
 /// Straight up and down are left out: there "sideways" has no meaning.
@@ -61,7 +62,7 @@ impl Orbit {
         CameraState { camera: None, world_from_view, projection }
     }
 
-    /// By so many heights of the view: right and down are positive, as the mouse goes.
+    /// Turns by a distance in heights of the view: right and down are positive, as the mouse goes.
     pub fn turn(&mut self, by: DVec2) {
         const TURN: f64 = core::f64::consts::PI;
         self.azimuth = (self.azimuth - by.x * TURN) % (2.0 * core::f64::consts::PI);

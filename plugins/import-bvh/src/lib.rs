@@ -4,12 +4,11 @@ mod hierarchy;
 mod motion;
 mod units;
 
+use choreo_asset::{Asset, Origin};
 use choreo_importer_kit::text::stem;
 use choreo_importer_kit::{Notes, Problem, Progress, Result, bones};
 use choreo_motion::Skeleton;
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::Asset;
-use choreo_stage::asset::Origin;
 use glam::DQuat;
 use std::sync::{Arc, LazyLock};
 
@@ -54,7 +53,7 @@ impl Importer for BvhImporter {
     }
 }
 
-/// From the file's units and axes to metres and +Y up.
+/// Conversion of the file's units and axes to metres and +Y up.
 #[derive(Clone, Copy, Debug)]
 struct Convention {
     scale: f64,

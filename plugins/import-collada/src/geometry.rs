@@ -3,11 +3,11 @@
 use crate::source::{Floats, Input, floats, inputs};
 use crate::tree::{Node, NodeId};
 use crate::xml::{Xml, child, children, name_of};
+use choreo_asset::{Primitive, Topology};
 use choreo_importer_kit::corners::Joined;
 use choreo_importer_kit::polygon::{Cut, Triangulator};
 use choreo_importer_kit::text;
 use choreo_importer_kit::{Problem, Result};
-use choreo_stage::asset::{Primitive, Topology};
 use glam::{Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -16,7 +16,7 @@ use std::rc::Rc;
 #[derive(Clone)]
 pub struct Part {
     pub primitive: Primitive,
-    /// Of each vertex, its position's index in the source.
+    /// Index in the source of each vertex's position.
     pub origin: Vec<u32>,
     pub symbol: String,
     /// The `set` of each uv list.

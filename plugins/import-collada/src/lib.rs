@@ -14,11 +14,11 @@ mod source;
 mod tree;
 mod xml;
 
+use choreo_asset::{Asset, Origin, Topology};
 use choreo_importer_kit::text::{shown, stem};
 use choreo_importer_kit::textures::is_normal_map;
 use choreo_importer_kit::{Budget, Notes, Result, bones, normals, tangents};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::asset::{Asset, Origin, Topology};
 use glam::{DMat4, DVec4};
 use std::sync::{Arc, LazyLock};
 
@@ -50,7 +50,7 @@ impl Importer for ColladaImporter {
         &MANIFEST
     }
 
-    /// By the root element, in any encoding.
+    /// Claims by the root element, in any encoding.
     fn claim(&self, source: &Source) -> Claim {
         let head = &source.bytes[..source.bytes.len().min(4096)];
         // Of UTF-16 every other byte.

@@ -2,12 +2,11 @@
 
 use crate::tree::Node;
 use crate::xml::{Xml, child, children, descendant, name_of, text_of};
+use choreo_asset::{AlphaMode, Material, Reflection, Sampler, Shading, TextureRef, Wrap};
 use choreo_importer_kit::Result;
 use choreo_importer_kit::color::linear_from_srgb;
 use choreo_importer_kit::textures::Textures;
 use choreo_plugin::Files;
-use choreo_stage::Reflection;
-use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
 use glam::{Affine2, Vec3, Vec4};
 use std::collections::BTreeMap;
 
@@ -25,7 +24,7 @@ pub struct Materials<'f> {
     pub srgb: bool,
     pub list: Vec<Material>,
     pub bumps: Vec<Bump>,
-    /// By material element and the uv sets in use.
+    /// Materials by material element and the uv sets in use.
     known: BTreeMap<String, u32>,
 }
 
@@ -287,7 +286,7 @@ impl<'f> Materials<'f> {
     }
 }
 
-/// From a sampler's sid through its surface to the image; or an image's id, as older exporters write.
+/// Follows a sampler's sid through its surface to the image; or an image's id, as older exporters write.
 fn image<'a, 'i>(
     xml: &Xml<'a, 'i>,
     profile: Node<'a, 'i>,

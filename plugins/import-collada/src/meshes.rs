@@ -6,9 +6,9 @@ use crate::materials::Materials;
 use crate::nodes::Tree;
 use crate::tree::{Node, NodeId};
 use crate::xml::{LEFT_OUT, Xml, children, name_of, text_of};
+use choreo_asset::{Asset, Mesh, MeshInstance, Topology};
 use choreo_importer_kit::text::count;
 use choreo_importer_kit::{Result, smooth};
-use choreo_stage::asset::{Asset, Mesh, MeshInstance, Topology};
 use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use std::sync::Arc;
 struct Shape<'a, 'i> {
     geometry: Node<'a, 'i>,
     skin: Option<Node<'a, 'i>>,
-    /// With the controller's id.
+    /// The morph controller with its id.
     morph: Option<(Node<'a, 'i>, NodeId)>,
 }
 

@@ -1,8 +1,8 @@
 //! How a material with a see-through picture is drawn: cut out where its alpha is all or nothing, else blended.
 
-use choreo_stage::asset::{AlphaMode, Image};
+use choreo_asset::{AlphaMode, Image};
 
-/// Where a material's alpha comes from.
+/// Source of a material's alpha.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Alpha {
     /// The number in its base colour.

@@ -5,10 +5,9 @@ use crate::geometry::Geometry;
 use crate::materials::Read;
 use crate::nodes::{self, Tree};
 use crate::{morphs, skinning, vertices};
+use choreo_asset::{Asset, Mesh, MeshInstance};
 use choreo_importer_kit::text::count;
 use choreo_importer_kit::{Problem, Result};
-use choreo_stage::Asset;
-use choreo_stage::asset::{Mesh, MeshInstance};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use ufbx::{Node, SubdivisionDisplayMode};
@@ -22,7 +21,7 @@ pub struct Shown<'a> {
     pub mesh: &'a ufbx::Mesh,
 }
 
-/// In the order of joints. Also says what of the file is not shown, and why.
+/// Shown meshes in the order of joints. Also reports what of the file is not shown, and why.
 pub fn shown<'a>(file: &File<'a>, tree: &Tree) -> Vec<Shown<'a>> {
     let mut out = Vec::new();
     for (joint, id) in &tree.holders {

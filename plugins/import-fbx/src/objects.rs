@@ -4,8 +4,8 @@ use crate::convert::vec3;
 use crate::file::{File, place_of};
 use crate::lens;
 use crate::nodes::Tree;
+use choreo_asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
 use choreo_importer_kit::{Problem, Result};
-use choreo_stage::asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 use ufbx::{Camera, LightDecay, LightType, Node, ProjectionMode};
@@ -37,7 +37,7 @@ pub struct Object<'a> {
     pub index: u32,
     pub camera: Option<&'a Camera>,
     pub light: Option<&'a ufbx::Light>,
-    /// Of a light: lux or candela of intensity 1.
+    /// Unit of a light: lux or candela of intensity 1.
     pub unit: f64,
 }
 
@@ -166,7 +166,7 @@ fn unit(file: &File<'_>, node: &Node, light: &ufbx::Light, kind: LightKind) -> f
     PI * units * at * at
 }
 
-/// From a light to the middle of the box of all nodes at rest.
+/// Distance from a light to the center of the box of all nodes at rest.
 fn distance_to_middle(file: &File<'_>, node: &Node) -> f64 {
     let at = |n: &Node| DVec3::new(n.node_to_world.m03, n.node_to_world.m13, n.node_to_world.m23);
     let others = file

@@ -7,9 +7,9 @@ use crate::pointers::Pointers;
 use crate::problem::{Problem, Result, element};
 use crate::profile::Document;
 use crate::uri;
+use choreo_asset::Warning;
 use choreo_importer_kit::{Budget, Notes};
 use choreo_plugin::Files;
-use choreo_stage::asset::Warning;
 use gltf::json::Root;
 use std::cell::OnceCell;
 use std::ops::Deref;
@@ -26,7 +26,7 @@ pub struct File<'a> {
     bin: Option<&'a [u8]>,
     pub files: &'a dyn Files,
     buffers: Vec<OnceCell<Bytes<'a>>>,
-    /// Of compressed buffer views: their bytes, once asked for.
+    /// Bytes of compressed buffer views, once asked for.
     unpacked: Vec<OnceCell<Vec<u8>>>,
     budget: Budget,
     pub notes: Notes,

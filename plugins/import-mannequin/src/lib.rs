@@ -11,8 +11,8 @@ mod pose;
 mod rig;
 mod skin;
 
+use choreo_asset::{Asset, Material, MeshInstance};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::{Asset, Material, MeshInstance};
 use glam::{Vec3, Vec4};
 use std::sync::{Arc, LazyLock};
 
@@ -94,7 +94,7 @@ impl Importer for Mannequin {
     }
 }
 
-/// In the order of the material numbers in `figure`.
+/// Materials in the order of the material numbers in `figure`.
 fn materials([body, accent, eyes]: [Vec3; 3]) -> [Material; 4] {
     let plastic = |name: &str, color: Vec3, roughness: f32| Material {
         name: name.into(),

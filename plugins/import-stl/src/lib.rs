@@ -4,9 +4,9 @@ mod ascii;
 mod binary;
 mod build;
 
+use choreo_asset::Asset;
 use choreo_importer_kit::{Notes, Progress, Result};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::Asset;
 use glam::Vec3;
 use std::sync::LazyLock;
 
@@ -25,7 +25,7 @@ pub struct StlImporter;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Encoding {
     Ascii,
-    /// With the number of triangles that the header announces, for which the file has exactly the size.
+    /// Binary, with the number of triangles that the header announces, for which the file has exactly the size.
     Binary,
     Unknown,
 }

@@ -1,7 +1,7 @@
 //! What a file says of itself: title, authors, licence.
 
 use crate::json::At;
-use choreo_stage::asset::{Asset, Origin};
+use choreo_asset::{Asset, Origin};
 use import_gltf::profile::Document;
 
 /// Longer texts are cut: they are shown on one line.
@@ -104,7 +104,7 @@ fn texts<'a>(meta: &At<'a>, key: &str) -> Vec<&'a str> {
     listed.unwrap_or_default()
 }
 
-/// Without line breaks and other control characters, which would disturb a terminal.
+/// The text without line breaks and other control characters, which would disturb a terminal.
 fn one_line(text: &str) -> String {
     let words = text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|w| !w.is_empty());
     let line = words.collect::<Vec<_>>().join(" ");

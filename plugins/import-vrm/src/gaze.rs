@@ -4,15 +4,15 @@
 //! (extrinsic ZXY). How far eyes turn for it is the character's own word, so the clip keeps the angles, as weights of the four
 //! expressions [`GAZE`] that every character with eyes has.
 
+use choreo_asset::{GAZE, eyes};
 use choreo_motion::{Clip, ExpressionCurve, Interpolation, Path, Pose, Sample, Time};
-use choreo_stage::{GAZE, eyes};
 use glam::DVec3;
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 /// Angles between keys are straight lines where the file has rotations: within 0.01° at this step.
 const STEP: f64 = 2.0;
-/// Of one stretch between two keys, whatever the file says.
+/// Steps of one stretch between two keys at most, whatever the file gives.
 const MOST_STEPS: usize = 128;
 const TICKS_A_STEP: i64 = Time::TICKS_PER_SECOND / 60;
 

@@ -5,8 +5,8 @@ use crate::picture::Moment;
 use crate::plots::{Choice, Row};
 use crate::timing::{Case, Clock, interleaved};
 use crate::truth::Spread;
+use choreo_asset::Image;
 use choreo_render::scene_resources::mipmap::{levels_below, linear_to_srgb8, srgb_to_linear_table};
-use choreo_stage::Image;
 
 /// Larger ones are judged by a part of this many pixels a side.
 const MOST_SIDE: u32 = 512;
@@ -111,7 +111,7 @@ fn halved(rgba: &[u8], width: u32, height: u32, linear: bool) -> Vec<u8> {
     out
 }
 
-/// By area from the image itself, in sRGB steps but not rounded.
+/// The level averaged by area from the image itself, in sRGB steps but not rounded.
 fn exact_level(image: &Image, width: u32, height: u32) -> Vec<[f64; 3]> {
     let table = srgb_to_linear_table();
     // How much of each pixel of a side every texel covers.

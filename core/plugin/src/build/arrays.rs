@@ -1,7 +1,7 @@
 //! Flat arrays of numbers as the vertices of a primitive, checked.
 
 use super::{MOST, MeshData, Result, fail};
-use choreo_stage::{Primitive, Topology};
+use choreo_asset::{Primitive, Topology};
 use glam::{Vec2, Vec3, Vec4};
 
 /// The vertices and indices of `data`, without joints. The error names the array and the element.
@@ -95,7 +95,7 @@ fn vectors<'a, const N: usize>(
     }
 }
 
-/// For each vertex the mean of its triangles' normals, weighted by area: flat where triangles share no vertices.
+/// The mean of its triangles' normals for each vertex, weighted by area: flat where triangles share no vertices.
 pub(super) fn normals(positions: &[Vec3], indices: &[u32]) -> Vec<Vec3> {
     let mut sums = vec![Vec3::ZERO; positions.len()];
     for triangle in indices.as_chunks::<3>().0 {

@@ -4,7 +4,7 @@ use super::brdf::Anisotropy;
 use super::lanes::{F4, V3};
 use super::shade::{Fragment, Quad};
 use crate::plan::Features;
-use choreo_stage::MaterialLayers;
+use choreo_asset::MaterialLayers;
 
 impl Fragment<'_> {
     /// KHR_materials_anisotropy: directions and alphas, and the direction of the sky's reflection ("Bent normal" of its notes).

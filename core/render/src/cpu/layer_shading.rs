@@ -10,7 +10,7 @@ use super::sky::Around;
 use super::thin_film::{film_f0, film_reflectance};
 use crate::plan::Features;
 use crate::shader::uniforms::film_thickness;
-use choreo_stage::MaterialLayers;
+use choreo_asset::MaterialLayers;
 use glam::Vec3;
 
 /// What the layers add to a surface; by default nothing.

@@ -17,8 +17,8 @@ use crate::scene_resources::CatalogMaterial;
 use crate::shader::features::texture_slot;
 use crate::shader::uniforms::TEXTURE_SLOTS;
 use crate::sky::SkyMaps;
+use choreo_asset::{AlphaMode, Primitive, Toon};
 use choreo_plugin::Effect;
-use choreo_stage::{AlphaMode, Primitive, Toon};
 use glam::{Vec3, Vec4};
 use std::sync::Arc;
 

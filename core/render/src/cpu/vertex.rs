@@ -6,8 +6,8 @@ use super::shade::ShadeMaterial;
 use crate::plan::{ActiveMorph, Features, Instance, Plan, Rows};
 use crate::scene_resources::CatalogPrimitive;
 use crate::shader::uniforms::TOON_SLOT;
+use choreo_asset::Primitive;
 use choreo_plugin::Place;
-use choreo_stage::Primitive;
 use glam::{Mat4, Vec2, Vec3, Vec3Swizzles, Vec4, Vec4Swizzles};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -253,7 +253,7 @@ impl VertexStage<'_> {
         }
     }
 
-    /// Stretches blended as matrices, then motions as dual quaternions on the side of the heaviest (`choreo_motion::dual_quaternion`).
+    /// Stretches blended as matrices, then motions as dual quaternions on the side of the heaviest (`choreo_motion::skinning::dual_quaternion`).
     fn dual(&self, first: usize, joints: &[u16], weights: &[f32]) -> Rows {
         let mut heaviest = 0;
         for k in 1..weights.len() {

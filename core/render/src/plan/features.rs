@@ -6,7 +6,7 @@ use crate::scene_resources::thick_lines::pen;
 use crate::scene_resources::{CatalogMaterial, CatalogPrimitive, CatalogTextureRef};
 use crate::shader::features::absences;
 use crate::shader::uniforms::LAYER_SLOTS;
-use choreo_stage::{AlphaMode, MaterialLayers, Shading};
+use choreo_asset::{AlphaMode, MaterialLayers, Shading};
 use glam::{Affine2, Vec3};
 
 /// What a draw brings besides primitive and material.

@@ -1,7 +1,7 @@
 //! What a scene shader is compiled for: the pipeline key that a plan gives a draw, and what the recording adds to it.
 
 use super::features::Features;
-use choreo_stage::Topology;
+use choreo_asset::Topology;
 use naga::ShaderStage;
 
 /// Selects a pipeline. A scene needs as few different ones as possible.

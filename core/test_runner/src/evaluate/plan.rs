@@ -1,15 +1,16 @@
 //! Counts of the stage, and of what a frame of it needs.
 
 use super::looks::Looks;
+use super::unjudged::Unjudged;
+use choreo_asset::{Asset, Topology};
 use choreo_motion::Time;
 use choreo_render::commands::{RecordOptions, record};
 use choreo_render::plan::motion_blur::plan_alone;
 use choreo_render::{Plan, PlanOptions as RenderOptions};
 use choreo_script::testing::{Count, PlanCount, PlanOptions};
-use choreo_stage::{Asset, Topology};
 use std::sync::Arc;
 
-pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan, String> {
+pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan, Unjudged> {
     let catalog = looks.catalog();
     let snapshot = looks.at(time)?;
     let stage = looks.stage.clone();
@@ -25,7 +26,12 @@ pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan
     Ok(plan)
 }
 
-pub fn count(looks: &mut Looks, options: &PlanOptions, what: PlanCount, time: Time) -> Result<usize, String> {
+pub fn count(
+    looks: &mut Looks,
+    options: &PlanOptions,
+    what: PlanCount,
+    time: Time,
+) -> Result<usize, Unjudged> {
     let plan = make(looks, options, time)?;
     let catalog = looks.catalog();
     let triangles = |primitive: u32| {
@@ -73,7 +79,7 @@ pub fn count_stage(looks: &Looks, what: Count) -> usize {
         }
         Count::Joints => of_actors(|asset| asset.skeleton.len()),
         Count::Triangles => of_actors(|asset| {
-            let of_mesh = |mesh: &choreo_stage::Mesh| -> usize {
+            let of_mesh = |mesh: &choreo_asset::Mesh| -> usize {
                 let triangles = mesh.primitives.iter().filter(|p| p.topology == Topology::Triangles);
                 triangles.map(|p| p.indices.len() / 3).sum()
             };
