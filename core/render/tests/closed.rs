@@ -5,7 +5,7 @@ mod common;
 use choreo_image_diff::compare;
 use choreo_render::commands::{Command, Cull, RecordOptions, record};
 use choreo_render::plan::Draw;
-use choreo_render::{Catalog, GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
+use choreo_render::{GpuOptions, Plan, PlanOptions, Renderer, SceneResources, VulkanRenderer};
 use choreo_stage::*;
 use common::*;
 use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
@@ -63,8 +63,12 @@ fn boxes() -> Scene {
     scene
 }
 
-fn draw_plan(renderer: &mut VulkanRenderer, catalog: &Arc<Catalog>, plan: Plan) -> choreo_plugin::Frame {
-    renderer.load(catalog.clone()).unwrap();
+fn draw_plan(
+    renderer: &mut VulkanRenderer,
+    resources: &Arc<SceneResources>,
+    plan: Plan,
+) -> choreo_plugin::Frame {
+    renderer.load(resources.clone()).unwrap();
     renderer.submit(plan).unwrap();
     renderer.collect(None).unwrap()
 }
@@ -72,7 +76,7 @@ fn draw_plan(renderer: &mut VulkanRenderer, catalog: &Arc<Catalog>, plan: Plan) 
 #[test]
 fn of_closed_bodies_only_front_faces_are_drawn() {
     let scene = boxes();
-    let (catalog, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
+    let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let closed = |d: &Draw| d.closed;
     let mut counts: Vec<u32> = plan.draws.iter().map(closed).collect();
     counts.sort_unstable();
@@ -81,7 +85,7 @@ fn of_closed_bodies_only_front_faces_are_drawn() {
     let said = plan.left_out.iter().find(|l| l.what == "back faces of closed surfaces").unwrap();
     assert!(said.why.starts_with("36 triangles"), "{said:?}");
     // Front faces of the closed ones; both of the eight triangles that are open, once in the map and once in the picture.
-    let triangles = |p: u32| catalog.primitives[p as usize].primitive().indices.len() / 3;
+    let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
     let mut cull = None;
     let mut drawn = Vec::new();
@@ -146,12 +150,12 @@ fn who_may_see_the_inside_does() {
 fn vulkan_draws_the_same_without_them() {
     let Some(mut renderer) = vulkan(GpuOptions::default()) else { return };
     for samples in [1, 4] {
-        let (catalog, plan) = boxes().plan(&PlanOptions::new(SIZE, samples));
+        let (resources, plan) = boxes().plan(&PlanOptions::new(SIZE, samples));
         let mut both = plan.clone();
         let views = both.shadows.iter_mut().flat_map(|s| &mut s.views).flat_map(|v| &mut v.draws);
         both.draws.iter_mut().chain(views).for_each(|d| d.closed = 0);
-        let front = draw_plan(&mut renderer, &catalog, plan.clone());
-        let whole = draw_plan(&mut renderer, &catalog, both);
+        let front = draw_plan(&mut renderer, &resources, plan.clone());
+        let whole = draw_plan(&mut renderer, &resources, both);
         // Where an edge between front and back runs through a pixel's middle, either may have it.
         let c = compare(&front, &whole, 2).unwrap();
         println!("{samples} samples, against both faces: {c}");
@@ -163,7 +167,7 @@ fn vulkan_draws_the_same_without_them() {
         // What is open lacks its inside if it counts as closed.
         let mut wrong = plan;
         wrong.draws.iter_mut().for_each(|d| d.closed = 60);
-        let wrong = draw_plan(&mut renderer, &catalog, wrong);
+        let wrong = draw_plan(&mut renderer, &resources, wrong);
         assert!(compare(&wrong, &whole, 2).unwrap().share_beyond > 0.01);
     }
     renderer.load(Arc::default()).unwrap();

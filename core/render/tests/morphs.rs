@@ -1,7 +1,7 @@
 //! Morph targets cost what they move: bytes, and vertices that look at them.
 
 use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
-use choreo_render::scene_resources::morph_buffers::{moved, moved_vertices};
+use choreo_render::scene_resources::morph_buffers::{morphed_ranges, morphed_vertices};
 use choreo_render::scene_resources::vertex_layout::{VertexLayout, pack, pack_morphs};
 use choreo_stage::{MorphTarget, Primitive};
 use glam::{Vec3, Vec3Swizzles};

@@ -14,7 +14,7 @@ pub use crate::view::{MOST_VIEWS, Overlays, Resolution, View, ViewCamera};
 use crate::view::{Wish, fitted};
 use choreo_motion::Time;
 use choreo_plugin::Frame;
-use choreo_render::{Held, renderer};
+use choreo_render::renderer::{CreatedCounts, DeviceUsage};
 use choreo_session::{Asked, Marks, Painted, Problem, Scene, Shown, Version, Work};
 use glam::DVec3;
 use std::collections::BTreeSet;
@@ -88,8 +88,8 @@ pub struct Viewer {
     /// Where the next picture of the active viewport is written.
     pub screenshot: Option<PathBuf>,
     pub work: Work,
-    pub drawn: renderer::Work,
-    pub held: Held,
+    pub drawn: CreatedCounts,
+    pub held: DeviceUsage,
     pub performance: Performance,
     pub build_took: Duration,
     samples: Option<u32>,
@@ -127,8 +127,8 @@ impl Viewer {
             guests_leave: false,
             screenshot: None,
             work: Work::default(),
-            drawn: renderer::Work::default(),
-            held: Held::default(),
+            drawn: CreatedCounts::default(),
+            held: DeviceUsage::default(),
             performance: Performance::default(),
             build_took: Duration::ZERO,
             samples: None,

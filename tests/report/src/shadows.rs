@@ -58,7 +58,7 @@ fn moment(shadow: &str, intensity: f64, registry: &Registry) -> Result<Moment, S
 }
 
 fn drawn(moment: &Moment, renderer: &mut dyn Renderer) -> Result<Frame, String> {
-    renderer.load(moment.catalog.clone()).map_err(|e| e.to_string())?;
+    renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
     moment.draw(renderer, SIZE, 1).map_err(|e| e.to_string())
 }
 

@@ -5,7 +5,7 @@ use choreo_bench::plots::{Choice, Row};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
 use choreo_render::sky::harmonics::harmonics;
-use choreo_render::sky::octahedral::Octahedron;
+use choreo_render::sky::octahedral::OctahedralMap;
 use choreo_render::sky::prefilter::{base, radiance};
 use choreo_render::sky::{SkyMaps, SkyOptions};
 use choreo_stage::Panorama;
@@ -141,7 +141,7 @@ fn diffuse() -> Choice {
         }
     };
     let of_map = |size: u32| {
-        let map = Octahedron::from_fn(size, |_, _, n| irradiance(n.as_dvec3()).as_vec3());
+        let map = OctahedralMap::from_fn(size, |_, _, n| irradiance(n.as_dvec3()).as_vec3());
         move |n: Vec3| map.sample(n)
     };
     type Lookup = Box<dyn Fn(Vec3) -> Vec3>;

@@ -10,7 +10,7 @@ use choreo_stage::{Asset, Topology};
 use std::sync::Arc;
 
 pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan, String> {
-    let catalog = looks.catalog();
+    let resources = looks.resources();
     let snapshot = looks.at(time)?;
     let stage = looks.stage.clone();
     let size = options.size.unwrap_or(stage.settings.size);
@@ -18,8 +18,8 @@ pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan
     let effects = looks.registry.effects().to_vec();
     let options = RenderOptions { effects: &effects, ..RenderOptions::new(size, samples) };
     let earlier = |time| looks.at(time).map(|snapshot| (*snapshot).clone());
-    let mut plan = plan_alone(&catalog, &stage, &snapshot, &options, earlier)?;
-    let triangles = |primitive: u32| catalog.primitives[primitive as usize].primitive().indices.len() / 3;
+    let mut plan = plan_alone(&resources, &stage, &snapshot, &options, earlier)?;
+    let triangles = |primitive: u32| resources.primitives[primitive as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
     plan.left_out.extend(recording.left_out(&plan));
     Ok(plan)
@@ -27,9 +27,9 @@ pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan
 
 pub fn count(looks: &mut Looks, options: &PlanOptions, what: PlanCount, time: Time) -> Result<usize, String> {
     let plan = make(looks, options, time)?;
-    let catalog = looks.catalog();
+    let resources = looks.resources();
     let triangles = |primitive: u32| {
-        let primitive = catalog.primitives[primitive as usize].primitive();
+        let primitive = resources.primitives[primitive as usize].primitive();
         match primitive.topology {
             Topology::Triangles => primitive.indices.len() / 3,
             _ => 0,
@@ -48,7 +48,7 @@ pub fn count(looks: &mut Looks, options: &PlanOptions, what: PlanCount, time: Ti
         PlanCount::Lights => plan.lights.len(),
         PlanCount::JointMatrices => plan.joint_matrices.len(),
         PlanCount::Morphs => plan.morphs.len(),
-        PlanCount::ShadowMaps => plan.shadows.as_ref().map_or(0, |s| s.views.len()),
+        PlanCount::ShadowMaps => plan.shadow_maps.as_ref().map_or(0, |s| s.views.len()),
         PlanCount::OverlayTriangles => plan.overlay.vertices.len() / 3,
     })
 }
