@@ -186,35 +186,36 @@ fn key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> 
         ambient_down,
         lights,
         sky,
-        under,
-        over,
-        shadows,
-        behind,
-        peel,
+        layers_behind,
+        layers_in_front,
+        shadow_maps,
+        scene_color_copy,
+        depth_peeling,
         deferred,
         instances,
         instance_actors: _,
         joint_matrices,
         morphs,
         draws,
-        materials,
-        surface,
+        material_overrides,
+        scene_effects,
         post,
         background_effects,
         overlay,
-        exposed,
-        before,
-        reaches,
+        subframes,
+        history,
+        displacement_limits,
         linear,
         skin_once,
         left_out: _,
         // They say no more than instances and lights.
-        area: _,
+        dirty_rect: _,
         light_clusters: _,
     } = plan;
     // Numbers are printed so that no two that differ look alike: the shortest text that reads as the same number.
     add(format!("{size:?} {samples} {view:?} {background:?} {ambient_up:?} {ambient_down:?}").as_bytes());
-    add(format!("{:?}", [under, over].map(|flat| flat.as_ref().map(|f| f.hash))).as_bytes());
+    add(format!("{:?}", [layers_behind, layers_in_front].map(|layers| layers.as_ref().map(|f| f.hash)))
+        .as_bytes());
     add(format!("{sky:?} {:?}", sky.and(resources.sky.as_ref()).map(|s| s.hash())).as_bytes());
     add(bytemuck::cast_slice(lights));
     add(bytemuck::cast_slice(instances));
@@ -224,12 +225,14 @@ fn key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> 
     let draw_text = |draw: &Draw| {
         let primitive = resources.primitives.get(draw.primitive as usize).map(|p| p.hash);
         let material = resources.materials.get(draw.material as usize).map(|m| m.hash);
-        let Draw { pipeline, changed, first_instance, instance_count, .. } = draw;
-        format!("{primitive:?} {material:?} {changed:?} {pipeline:?} {first_instance} {instance_count}")
+        let Draw { pipeline, material_override, first_instance, instance_count, .. } = draw;
+        format!(
+            "{primitive:?} {material:?} {material_override:?} {pipeline:?} {first_instance} {instance_count}"
+        )
     };
     draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
-    materials.iter().for_each(|m| add(&material_content(m, &resources.textures)));
-    if let Some(shadows) = shadows {
+    material_overrides.iter().for_each(|m| add(&material_content(m, &resources.textures)));
+    if let Some(shadows) = shadow_maps {
         add(format!("{:?} {:?}", shadows.image, shadows.size).as_bytes());
         for map in &shadows.views {
             let ShadowView { light, at, size, clip_from_relative, texel, draws } = map;
@@ -237,13 +240,13 @@ fn key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> 
             draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
         }
     }
-    add(format!("{behind:?}").as_bytes());
+    add(format!("{scene_color_copy:?}").as_bytes());
     // Other roundings.
     add(&[u8::from(deferred.is_some())]);
-    if let Some(peel) = peel {
-        add(format!("{} layers", peel.layers).as_bytes());
+    if let Some(depth_peeling) = depth_peeling {
+        add(format!("{} layers", depth_peeling.layers).as_bytes());
     }
-    for pass in surface.iter().chain(post) {
+    for pass in scene_effects.iter().chain(post) {
         add(format!("{pass:?}").as_bytes());
         let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
         add(effect.map_or("", |e| e.wgsl()).as_bytes());
@@ -251,9 +254,10 @@ fn key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> 
         halves.for_each(|halves| add(bytemuck::cast_slice(halves)));
     }
     add(bytemuck::cast_slice(&overlay.vertices));
-    add(format!("{:?} {linear} {background_effects} {reaches:?} {skin_once:?}", overlay.parts).as_bytes());
-    add(format!("{} {}", exposed.len(), before.len()).as_bytes());
-    exposed.iter().chain(before).for_each(|part| add(&key(part, resources, effects)));
+    add(format!("{:?} {linear} {background_effects} {displacement_limits:?} {skin_once:?}", overlay.parts)
+        .as_bytes());
+    add(format!("{} {}", subframes.len(), history.len()).as_bytes());
+    subframes.iter().chain(history).for_each(|part| add(&key(part, resources, effects)));
     *hasher.finalize().as_bytes()
 }
 

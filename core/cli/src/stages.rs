@@ -8,7 +8,7 @@ use crate::{pictures, plugin_files, provenance, render};
 use choreo_files::Part;
 use choreo_plugin::{Frame, Registry, VideoInfo};
 use choreo_render::cpu::{CpuRenderer, STAGES};
-use choreo_render::layers_2d::{ScreenLabel, flats};
+use choreo_render::layers_2d::{ScreenLabel, compose_layers};
 use choreo_render::plan::motion_blur::plan_alone;
 use choreo_render::{PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Snapshot, Stage};
@@ -37,7 +37,7 @@ fn caption(picture: &mut Frame, text: &str) {
         let at = DVec2::new(f64::from(shift), f64::from(height + shift))
             / DVec2::new(size[0].into(), size[1].into());
         let label = ScreenLabel { at, text: text.into(), size: height, beside: 0.6 * height, color };
-        let [_, over] = flats(&Stage::default(), &Snapshot::default(), &[label], size);
+        let [_, over] = compose_layers(&Stage::default(), &Snapshot::default(), &[label], size);
         if let Some(over) = over {
             over.over(picture);
         }

@@ -3,6 +3,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Needs, Registry};
 use choreo_render::{GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneResources, VulkanRenderer};
@@ -114,9 +115,9 @@ fn bodies_that_bend_have_no_holes() {
         let (mut closed, mut worst_lost, mut shares) = (0, 0, Vec::new());
         for pose in &poses {
             let plan = Plan::new(&resources, &stage, pose, &PlanOptions::new(SIZE, 1));
-            closed = closed.max(plan.draws.iter().map(|d| d.closed / 3).sum());
+            closed = closed.max(plan.draws.iter().map(|d| d.watertight / 3).sum());
             let mut both = plan.clone();
-            both.draws.iter_mut().for_each(|d| d.closed = 0);
+            both.draws.iter_mut().for_each(|d| d.watertight = 0);
             let mut draw = |plan: Plan| {
                 renderer.submit(plan).unwrap();
                 renderer.collect(None).unwrap()

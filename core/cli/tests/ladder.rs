@@ -6,7 +6,7 @@ use choreo_image_diff::compare;
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Registry};
 use choreo_render::commands::{RecordOptions, Recording, record};
-use choreo_render::explain::{Cost, CostKind, explain};
+use choreo_render::explain::{self, CostKind, explain};
 use choreo_render::{
     CpuRenderer, GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneResources, VulkanRenderer,
 };
@@ -46,9 +46,9 @@ struct Cost {
 }
 
 impl Cost {
-    fn of(recording: &Recording, parts: &[Cost]) -> Cost {
+    fn of(recording: &Recording, parts: &[explain::Cost]) -> Cost {
         let counts = recording.counts();
-        let bytes = |kinds: &[Kind]| {
+        let bytes = |kinds: &[CostKind]| {
             parts.iter().filter(|p| kinds.contains(&p.kind)).filter_map(|p| p.bytes).sum::<u64>()
         };
         Cost {
@@ -214,30 +214,30 @@ fn stage(index: usize, registry: &Registry) -> Stage {
 /// A frame of a rung, ready to be drawn.
 struct Scene {
     stage: Stage,
-    scene_resources: Arc<SceneResources>,
+    resources: Arc<SceneResources>,
 }
 
 impl Scene {
     fn new(index: usize, registry: &Registry) -> Scene {
         let stage = stage(index, registry);
-        let scene_resources = Arc::new(SceneResources::new(&stage));
-        Scene { stage, scene_resources }
+        let resources = Arc::new(SceneResources::new(&stage));
+        Scene { stage, resources }
     }
 
     fn plan(&self, options: &PlanOptions) -> Plan {
         let snapshot = self.stage.at(Time::from_secs(0.5)).unwrap();
-        Plan::new(&self.scene_resources, &self.stage, &snapshot, options)
+        Plan::new(&self.resources, &self.stage, &snapshot, options)
     }
 
-    fn parts(&self, plan: &Plan) -> (Recording, Vec<Cost>) {
-        let triangles = |p: u32| self.scene_resources.primitives[p as usize].primitive().indices.len() / 3;
+    fn parts(&self, plan: &Plan) -> (Recording, Vec<explain::Cost>) {
+        let triangles = |p: u32| self.resources.primitives[p as usize].primitive().indices.len() / 3;
         let recording = record(plan, RecordOptions::default(), triangles);
-        let parts = explain(&self.scene_resources, plan, &recording);
+        let parts = explain(&self.resources, plan, &recording);
         (recording, parts)
     }
 
     fn draw(&self, renderer: &mut dyn Renderer, options: &PlanOptions) -> Frame {
-        renderer.load(self.scene_resources.clone()).unwrap();
+        renderer.load(self.resources.clone()).unwrap();
         renderer.submit(self.plan(options)).unwrap();
         renderer.collect(None).unwrap()
     }
@@ -248,13 +248,14 @@ fn options<'a>(index: usize, registry: &'a Registry) -> PlanOptions<'a> {
 }
 
 /// Names of the parts of a kind, without how many of them there are.
-fn names(parts: &[Cost], kind: Kind) -> BTreeSet<String> {
-    let name = |p: &Cost| p.what.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ').to_owned();
+fn names(parts: &[explain::Cost], kind: CostKind) -> BTreeSet<String> {
+    let name =
+        |p: &explain::Cost| p.what.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ').to_owned();
     parts.iter().filter(|p| p.kind == kind).map(name).collect()
 }
 
 /// What a rung has that neither it nor one below it asked for, and what it lacks.
-fn faults(index: usize, recording: &Recording, parts: &[Cost]) -> Vec<String> {
+fn faults(index: usize, recording: &Recording, parts: &[explain::Cost]) -> Vec<String> {
     let mut faults = Vec::new();
     let rungs = &LADDER[..=index];
     let asked = |of: fn(&Rung) -> &'static [&'static str]| -> BTreeSet<String> {
@@ -262,7 +263,9 @@ fn faults(index: usize, recording: &Recording, parts: &[Cost]) -> Vec<String> {
         let names = rungs.iter().flat_map(&of).filter(|name| !gone.contains(*name));
         names.map(|name| name.to_string()).collect()
     };
-    for (kind, wanted) in [(CostKind::Feature, asked(|r| r.features)), (CostKind::FrameData, asked(|r| r.data))] {
+    for (kind, wanted) in
+        [(CostKind::Feature, asked(|r| r.features)), (CostKind::FrameData, asked(|r| r.data))]
+    {
         let found = names(parts, kind);
         faults.extend(found.difference(&wanted).map(|n| format!("pays for {} {n}", kind.word())));
         faults.extend(wanted.difference(&found).map(|n| format!("lacks {} {n}", kind.word())));

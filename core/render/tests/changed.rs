@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_motion::{Clip, Interpolation, MaterialProperty, PropertyCurve, PropertyTarget, Time};
 use choreo_render::plan::Features;
 use choreo_render::*;
@@ -80,7 +81,7 @@ fn only_what_changes_is_carried() {
     let scene = two_walls();
     let (_, plan) = scene.plan(&PlanOptions::new([80, 40], 1));
     assert_eq!(plan.material_overrides.len(), 1);
-    let changed: Vec<Option<u32>> = plan.draws.iter().map(|d| d.changed).collect();
+    let changed: Vec<Option<u32>> = plan.draws.iter().map(|d| d.material_override).collect();
     assert_eq!(changed, [None, Some(0)], "two draws, though the mesh is the same");
     let transforms = plan.draws.iter().map(|d| d.pipeline.features.has(Features::UV_TRANSFORM));
     assert_eq!(transforms.collect::<Vec<_>>(), [false, true], "only the moved one pays for moving");

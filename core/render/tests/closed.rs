@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_render::commands::{Command, Cull, RecordOptions, record};
 use choreo_render::plan::Draw;
@@ -77,11 +78,11 @@ fn draw_plan(
 fn of_closed_bodies_only_front_faces_are_drawn() {
     let scene = boxes();
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
-    let closed = |d: &Draw| d.closed;
+    let closed = |d: &Draw| d.watertight;
     let mut counts: Vec<u32> = plan.draws.iter().map(closed).collect();
     counts.sort_unstable();
     assert_eq!(counts, [36, 36, 36], "all of the boxes, and what is closed in the open one");
-    assert!(plan.shadow_draws().all(|d| d.closed == 36));
+    assert!(plan.shadow_draws().all(|d| d.watertight == 36));
     let said = plan.left_out.iter().find(|l| l.what == "back faces of closed surfaces").unwrap();
     assert!(said.why.starts_with("36 triangles"), "{said:?}");
     // Front faces of the closed ones; both of the eight triangles that are open, once in the map and once in the picture.
@@ -105,7 +106,7 @@ fn of_closed_bodies_only_front_faces_are_drawn() {
 
 #[test]
 fn who_may_see_the_inside_does() {
-    let closed = |scene: &Scene| scene.plan(&PlanOptions::new(SIZE, 1)).1.draws[0].closed;
+    let closed = |scene: &Scene| scene.plan(&PlanOptions::new(SIZE, 1)).1.draws[0].watertight;
     let alone = |material: Material, primitive: Primitive| {
         let mut scene = Scene::perspective(0.8, 6.0);
         scene.at(&asset(vec![primitive], vec![material], vec![]), 0.0, 0.0, 0.0);
@@ -142,7 +143,7 @@ fn who_may_see_the_inside_does() {
     lamp.snapshot.lights.push(state);
     let (_, plan) = lamp.plan(&PlanOptions::new(SIZE, 1));
     let around = plan.shadow_draws().filter(|d| plan.instance_actors[d.first_instance as usize] == 0);
-    let walls: Vec<u32> = around.map(|d| d.closed).collect();
+    let walls: Vec<u32> = around.map(|d| d.watertight).collect();
     assert!(!walls.is_empty() && walls.iter().all(|closed| *closed == 0), "{walls:?}");
 }
 
@@ -152,8 +153,8 @@ fn vulkan_draws_the_same_without_them() {
     for samples in [1, 4] {
         let (resources, plan) = boxes().plan(&PlanOptions::new(SIZE, samples));
         let mut both = plan.clone();
-        let views = both.shadows.iter_mut().flat_map(|s| &mut s.views).flat_map(|v| &mut v.draws);
-        both.draws.iter_mut().chain(views).for_each(|d| d.closed = 0);
+        let views = both.shadow_maps.iter_mut().flat_map(|s| &mut s.views).flat_map(|v| &mut v.draws);
+        both.draws.iter_mut().chain(views).for_each(|d| d.watertight = 0);
         let front = draw_plan(&mut renderer, &resources, plan.clone());
         let whole = draw_plan(&mut renderer, &resources, both);
         // Where an edge between front and back runs through a pixel's middle, either may have it.
@@ -166,7 +167,7 @@ fn vulkan_draws_the_same_without_them() {
         assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{c}");
         // What is open lacks its inside if it counts as closed.
         let mut wrong = plan;
-        wrong.draws.iter_mut().for_each(|d| d.closed = 60);
+        wrong.draws.iter_mut().for_each(|d| d.watertight = 60);
         let wrong = draw_plan(&mut renderer, &resources, wrong);
         assert!(compare(&wrong, &whole, 2).unwrap().share_beyond > 0.01);
     }

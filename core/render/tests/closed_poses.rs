@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_plugin::Frame;
 use choreo_render::{GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
 use choreo_stage::*;
@@ -57,8 +58,8 @@ fn drawn(renderer: &mut VulkanRenderer, scene: &Scene, closed: impl Fn(u32) -> u
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let mut plan = Plan { skin_once: SkinOnce::Never, ..plan };
     let indices = resources.primitives[0].primitive().indices.len() as u32;
-    plan.draws.iter_mut().for_each(|d| d.closed = closed(d.closed).min(indices));
-    let closed = plan.draws.iter().map(|d| d.closed).sum();
+    plan.draws.iter_mut().for_each(|d| d.watertight = closed(d.watertight).min(indices));
+    let closed = plan.draws.iter().map(|d| d.watertight).sum();
     renderer.load(resources).unwrap();
     renderer.submit(plan).unwrap();
     (renderer.collect(None).unwrap(), closed)

@@ -2,9 +2,9 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_render::scene_resources::lod::{CROWD, TOLERANCE};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
-use choreo_stage::*;
 use common::*;
 use glam::{Vec3, Vec4};
 use std::sync::Arc;
@@ -87,7 +87,7 @@ fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
         full.draws.len()
     );
     assert!(3 * few < all, "{few} of {all}");
-    assert!(plan.draws.len() <= 1 + resources.levels[0].len(), "one a level at most");
+    assert!(plan.draws.len() <= 1 + resources.lods[0].len(), "one a level at most");
     let said = plan.left_out.iter().find(|l| l.what == "triangles too small to see").unwrap();
     assert!(said.why.contains(&format!("at most {TOLERANCE} pixel")), "{said:?}");
     // Nearer copies are never coarser.
@@ -105,7 +105,7 @@ fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
     assert_eq!(far_off(&a, &b), 0, "pixels off by more than one");
     // All by the coarsest, the comparison fails.
     let mut wrong = (*resources).clone();
-    wrong.levels.iter_mut().flatten().for_each(|level| level.error = 0.0);
+    wrong.lods.iter_mut().flatten().for_each(|level| level.error = 0.0);
     let plan = Plan::new(&wrong, &scene.stage, &scene.snapshot, &options);
     assert!(far_off(&a, &picture(&Arc::new(wrong), &plan)) > 0);
 }
@@ -114,15 +114,15 @@ fn copies_of_a_crowd_are_coarser_the_smaller_they_are() {
 fn few_are_drawn_as_they_are() {
     let options = PlanOptions::new(SIZE, 1);
     let (resources, plan) = crowd(CROWD - 1).plan(&options);
-    assert!(resources.levels.iter().all(Vec::is_empty) && resources.primitives.len() == 1);
+    assert!(resources.lods.iter().all(Vec::is_empty) && resources.primitives.len() == 1);
     assert!(plan.draws.iter().all(|d| d.primitive == 0));
     assert!(plan.left_out.iter().all(|l| l.what != "triangles too small to see"));
     // A catalogue made after another takes the levels from there.
     let scene = crowd(CROWD);
     let first = scene.resources();
     let next = SceneResources::after(&first, &scene.stage);
-    assert_eq!(first.levels, next.levels);
-    let level = first.levels[0][0].primitive as usize;
+    assert_eq!(first.lods, next.lods);
+    let level = first.lods[0][0].primitive as usize;
     assert!(Arc::ptr_eq(&first.primitives[level].mesh, &next.primitives[level].mesh));
 }
 
@@ -130,7 +130,7 @@ fn few_are_drawn_as_they_are() {
 fn levels_are_off_by_what_they_say_and_keep_what_vertices_have() {
     let scene = crowd(CROWD);
     let resources = scene.resources();
-    let levels = &resources.levels[0];
+    let levels = &resources.lods[0];
     assert!(levels.len() >= 2);
     let fine = ball();
     let (mut before, mut error) = (fine.indices.len() / 3, 0.0);

@@ -2,8 +2,9 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_image_diff::compare;
-use choreo_render::plan::light_clusters::{LightClusters, MANY, MOST};
+use choreo_render::plan::light_clusters::{LightClusters, MANY, MAX_LIGHTS};
 use choreo_render::*;
 use choreo_stage::*;
 use common::*;
@@ -55,7 +56,7 @@ fn lists_leave_out_most_lamps_and_change_no_pixel() {
     let scene = hall(250);
     let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
     let lists = plan.light_clusters.as_ref().unwrap();
-    assert_eq!(lists.everywhere(), 2, "the sun and the lamp without an end");
+    assert_eq!(lists.unlimited(), 2, "the sun and the lamp without an end");
     // Of the lamps that a pixel would ask without lists.
     let (mut asked, mut places) = (0, 0);
     for i in 0..400 {
@@ -117,11 +118,11 @@ fn too_many_lights_are_refused_by_both() {
         }
     };
     let mut cpu = CpuRenderer::new(&[]);
-    assert_eq!(said(&mut cpu, MOST - 2), "");
-    let refused = said(&mut cpu, MOST - 1);
+    assert_eq!(said(&mut cpu, MAX_LIGHTS - 2), "");
+    let refused = said(&mut cpu, MAX_LIGHTS - 1);
     assert!(refused.contains("257 lights shine"), "{refused}");
     assert!(refused.contains("256"), "{refused}");
     let Some(mut gpu) = vulkan(GpuOptions::default()) else { return };
-    assert_eq!(said(&mut gpu, MOST - 2), "");
-    assert_eq!(said(&mut gpu, MOST - 1), refused);
+    assert_eq!(said(&mut gpu, MAX_LIGHTS - 2), "");
+    assert_eq!(said(&mut gpu, MAX_LIGHTS - 1), refused);
 }

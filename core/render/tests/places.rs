@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_motion::Skinning;
 use choreo_plugin::Frame;
@@ -156,7 +157,7 @@ fn far_ones_of_a_crowd_are_coarser() {
     scene.at(&Arc::new(body), 0.0, 0.0, 0.0);
     let options = PlanOptions::new([128, 128], 1);
     let (resources, plan) = scene.plan(&options);
-    assert!(resources.levels.iter().any(|levels| !levels.is_empty()));
+    assert!(resources.lods.iter().any(|levels| !levels.is_empty()));
     let sizes: Vec<usize> = (plan.draws.iter())
         .map(|d| resources.primitives[d.primitive as usize].primitive().indices.len() / 3)
         .collect();

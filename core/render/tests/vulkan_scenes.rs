@@ -3,6 +3,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_image_diff::{Comparison, compare};
 use choreo_plugin::{Effect, Frame};
 use choreo_render::commands::{Counts, RecordOptions, Recording};
@@ -226,7 +227,7 @@ fn what_a_scene_does_not_need_is_left_out() {
         draws: 1,
         post_passes: 0,
         shadow_views: 0,
-        posed: 0,
+        preskinned: 0,
     };
     assert_eq!(recording.counts(), counts, "{recording}");
     let text = recording.to_string();
@@ -312,13 +313,15 @@ fn a_part_drawn_with_samples_is_as_if_all_were() {
             r.collect(None).unwrap()
         };
         let part = frame(plan.clone());
-        let whole =
-            frame(Plan { area: choreo_render::plan::dirty_rect::DirtyRect::EVERYTHING, ..plan.clone() });
+        let whole = frame(Plan {
+            dirty_rect: choreo_render::plan::dirty_rect::DirtyRect::EVERYTHING,
+            ..plan.clone()
+        });
         let c = compare(&part, &whole, 1).unwrap();
         println!("{}", c.worst);
         assert!(c.worst <= 1, "{c:?}");
         // What is said to be elsewhere is cut off.
-        let wrong = frame(Plan { area: choreo_render::plan::dirty_rect::DirtyRect::NOTHING, ..plan });
+        let wrong = frame(Plan { dirty_rect: choreo_render::plan::dirty_rect::DirtyRect::NOTHING, ..plan });
         assert!(compare(&wrong, &whole, 1).unwrap().worst > 50);
     }
 }

@@ -69,12 +69,12 @@ fn plan(stage: &Arc<Stage>, resources: &SceneResources, pipeline: Pipeline) -> R
 
 /// What the plan found out before it chose.
 fn numbers(plan: &Plan) -> String {
-    if let Some(DeferredCause::Pays { lights, surfaces, in_vain }) = plan.deferred.as_ref().map(|d| d.cause) {
-        return format!("{lights:.1} lights a place, {surfaces:.1} surfaces, {in_vain:.1} lights in vain");
+    if let Some(DeferredCause::Pays { lights, surfaces, wasted }) = plan.deferred.as_ref().map(|d| d.cause) {
+        return format!("{lights:.1} lights per surface, {surfaces:.1} surfaces, {wasted:.1} wasted");
     }
     let out = plan.left_out.iter().find(|l| l.what == "deferred shading");
     let why = out.map_or("", |l| &l.why);
-    why.split(", and keeping").next().unwrap_or_default().to_string()
+    why.split(", and a G-buffer").next().unwrap_or_default().to_string()
 }
 
 fn table() -> Result<Table, String> {

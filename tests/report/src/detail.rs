@@ -52,7 +52,7 @@ fn tolerance() -> Result<Choice, String> {
     let plan = |tolerance: f32| {
         // The planner's tolerance is one pixel: what is off by less counts as less.
         let mut scaled = (*resources).clone();
-        scaled.levels.iter_mut().flatten().for_each(|level| level.error /= tolerance.max(1e-9));
+        scaled.lods.iter_mut().flatten().for_each(|level| level.error /= tolerance.max(1e-9));
         let options = PlanOptions { full_detail: tolerance == 0.0, ..PlanOptions::new(SIZE, 4) };
         Plan::new(&scaled, &stage, &snapshot, &options)
     };

@@ -1,6 +1,7 @@
 //! Image-based light: how large its maps, how many samples, and what its diffuse part is kept as.
 
 use crate::{BUDGET_SECS, Random, Section};
+use choreo_asset::Panorama;
 use choreo_bench::plots::{Choice, Row};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
@@ -8,7 +9,6 @@ use choreo_render::sky::harmonics::harmonics;
 use choreo_render::sky::octahedral::OctahedralMap;
 use choreo_render::sky::prefilter::{base, radiance};
 use choreo_render::sky::{SkyMaps, SkyOptions};
-use choreo_stage::Panorama;
 use glam::{DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 use std::hint::black_box;
@@ -86,7 +86,7 @@ fn mirrored() -> Choice {
         let maps = SkyMaps::new(&sky, &options);
         let mut error = Spread::default();
         for (way, roughness, light) in &truth {
-            let got = maps.mirrored(way.as_vec3(), *roughness as f32).as_dvec3();
+            let got = maps.specular(way.as_vec3(), *roughness as f32).as_dvec3();
             error.add((got - *light).abs().dot(DVec3::splat(1.0 / 3.0)) / mean);
         }
         let bytes = (maps.texels.len() * 8) as f64;

@@ -136,7 +136,7 @@ fn panes() -> Result<Choice, String> {
     let resources = Arc::new(SceneResources::new(&stage));
     let of = |how| plan(&with(&stage, Cutouts::Smooth, how), &resources, 4);
     let mut fewer = of(Transparency::Independent)?;
-    if let Some(peel) = &mut fewer.peel {
+    if let Some(peel) = &mut fewer.depth_peeling {
         peel.layers = 2;
     }
     let ways = [

@@ -3,7 +3,7 @@
 use super::lanes::F4;
 use super::shade::{Fragment, Quad};
 use super::vertex::Vertex;
-use choreo_stage::TextureSlot;
+use choreo_asset::TextureSlot;
 use glam::Vec3;
 
 impl Fragment<'_> {

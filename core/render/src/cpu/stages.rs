@@ -8,8 +8,8 @@ use super::tile::{Batch, Paint};
 use crate::error::RenderError;
 use crate::plan::Plan;
 use crate::renderer::Renderer;
+use choreo_asset::{Primitive, Topology};
 use choreo_plugin::Frame;
-use choreo_stage::{Primitive, Topology};
 use glam::{Vec2, Vec3};
 
 /// Names of the stages, in order.

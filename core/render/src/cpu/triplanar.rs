@@ -6,7 +6,7 @@ use super::texture::Texture;
 use super::vertex::Vertex;
 use crate::plan::Features;
 use crate::scene_resources::material::MaterialTexture;
-use choreo_stage::TextureSlot;
+use choreo_asset::TextureSlot;
 use glam::{Affine2, Vec2};
 
 /// Of a quad, in the space of its mesh.

@@ -18,7 +18,7 @@ use crate::shader::uniforms::{
 };
 use crate::shader::{SceneVariant, switches};
 use crate::sky::SkyMaps;
-use choreo_stage::Topology;
+use choreo_asset::Topology;
 use std::collections::{BTreeMap, BTreeSet};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

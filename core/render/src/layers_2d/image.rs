@@ -2,7 +2,8 @@
 
 use crate::layers_2d::Canvas;
 use crate::scene_resources::mipmap::srgb_to_linear_table;
-use choreo_stage::{Fit, Image};
+use choreo_asset::Image;
+use choreo_stage::Fit;
 use choreo_text::Coverage;
 use glam::{DVec2, Vec4};
 

@@ -1,6 +1,6 @@
 //! Dirty rectangle: the part of the frame that anything is drawn into. The rest is background, which needs neither samples nor depth.
 
-use choreo_stage::Aabb;
+use choreo_asset::Aabb;
 use glam::{Mat4, Vec2, Vec4, Vec4Swizzles};
 
 /// Largest share of the frame with which a rectangle is worth a copy of the background.

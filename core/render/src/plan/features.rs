@@ -3,7 +3,7 @@
 use crate::plan::{Features, LEFT_OUT, LeftOut, is_lit};
 use crate::scene_resources::PrimitiveResource;
 use crate::scene_resources::material::{MaterialResource, MaterialTexture, TOON_SLOT};
-use choreo_stage::{AlphaMode, Shading, TextureSlot};
+use choreo_asset::{AlphaMode, Shading, TextureSlot};
 use glam::{Affine2, Vec3};
 
 /// What a draw brings besides primitive and material.

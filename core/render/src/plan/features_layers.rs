@@ -2,7 +2,7 @@
 
 use crate::plan::Features;
 use crate::scene_resources::material::{BASE_SLOTS, LAYER_SLOTS, MaterialResource, MaterialTexture};
-use choreo_stage::MaterialLayers;
+use choreo_asset::MaterialLayers;
 use glam::Vec3;
 
 /// In the order of `MaterialLayers::textures`.

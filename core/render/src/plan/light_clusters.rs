@@ -8,7 +8,8 @@
 use crate::error::RenderError;
 use crate::plan::dirty_rect::DirtyRect;
 use crate::plan::{LightType, Plan, PlanLight, View};
-use choreo_stage::{Aabb, Shadow};
+use choreo_asset::Aabb;
+use choreo_stage::Shadow;
 use glam::{Mat4, Vec3, Vec4Swizzles};
 
 /// Number of lights with a range from which clusters are worth their cost.
@@ -124,7 +125,7 @@ impl LightClusters {
     }
 
     /// Number of lights without a range, which are in no list.
-    pub(crate) fn unlimited(&self) -> usize {
+    pub fn unlimited(&self) -> usize {
         self.0[3] as usize
     }
 

@@ -30,7 +30,8 @@ use crate::layers_2d::LayerImage;
 use crate::plan::dirty_rect::DirtyRect;
 use crate::plan::light_clusters::LightClusters;
 use crate::scene_resources::material::MaterialResource;
-use choreo_stage::{AlphaMode, Background, Shading, SkinOnce};
+use choreo_asset::{AlphaMode, Shading};
+use choreo_stage::{Background, SkinOnce};
 use glam::Vec3;
 use std::sync::Arc;
 

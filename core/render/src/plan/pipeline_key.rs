@@ -1,7 +1,7 @@
 //! What selects a pipeline: as few different ones as the scene needs.
 
 use crate::plan::Features;
-use choreo_stage::Topology;
+use choreo_asset::Topology;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct PipelineKey {
@@ -50,7 +50,7 @@ impl PipelineKey {
     }
 
     /// The key without lighting effects if no light reaches the surface, or if toon shading has its own.
-    pub(crate) fn of_lit(self) -> PipelineKey {
+    pub fn of_lit(self) -> PipelineKey {
         let lit = self.features.is_lit() && !self.features.has(Features::TOON);
         PipelineKey { lighting: if lit { self.lighting } else { 0 }, ..self }
     }

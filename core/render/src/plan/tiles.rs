@@ -55,7 +55,7 @@ pub fn tiles(size: [u32; 2], limit: u32) -> Vec<Tile> {
 
 impl Plan {
     /// The plan of a tile, without full-screen passes and layers in front; an error if a tile would need the pixels of others.
-    pub(crate) fn tile(&self, tile: Tile, resources: &SceneResources) -> Result<Plan, RenderError> {
+    pub fn tile(&self, tile: Tile, resources: &SceneResources) -> Result<Plan, RenderError> {
         if self.scene_color_copy.is_some() {
             let text = format!(
                 "an image of {}×{} is drawn in tiles on this device, and refraction would show what is in other tiles: make the image \

@@ -1,6 +1,7 @@
 //! Camera matrices: reversed Z, Vulkan clip space, the camera at the origin of camera-relative space.
 
-use choreo_stage::{CameraState, Projection};
+use choreo_asset::Projection;
+use choreo_stage::CameraState;
 use glam::{DMat4, DVec3, DVec4, Mat4, Vec3, Vec4};
 
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,8 +3,8 @@
 
 use crate::affine::Affine3x4;
 use crate::scene_resources::watertight::WatertightOrder;
+use choreo_asset::{Aabb, Primitive};
 use choreo_motion::Carrier;
-use choreo_stage::{Aabb, Primitive};
 use glam::{DAffine3, Mat4, Vec2, Vec3};
 use std::ops::Range;
 use std::sync::OnceLock;

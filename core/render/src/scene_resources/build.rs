@@ -7,7 +7,8 @@ use crate::scene_resources::material::{MaterialResource, MaterialTexture, slot_s
 use crate::scene_resources::{
     AssetEntry, PrimitiveEntry, PrimitiveResource, SceneResources, TextureResource,
 };
-use choreo_stage::{Asset, Image, Material, Mesh, Shading, Stage, Stream, TextureRef};
+use choreo_asset::{Asset, Image, Material, Mesh, Shading, Stream, TextureRef};
+use choreo_stage::Stage;
 use glam::Vec4;
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 use std::collections::HashMap;
@@ -118,7 +119,7 @@ impl Builder {
                 continue;
             };
             let entries = meshes[instance.mesh as usize].get_or_insert_with(|| {
-                let entry = |(index, primitive): (u32, &choreo_stage::Primitive)| {
+                let entry = |(index, primitive): (u32, &choreo_asset::Primitive)| {
                     let of_asset = primitive.material;
                     let material = of_asset.and_then(|m| materials.get(m as usize).copied());
                     let material = material.unwrap_or_else(|| {

@@ -2,7 +2,7 @@
 
 use crate::scene_resources::TextureResource;
 use crate::scene_resources::material::{MaterialResource, MaterialTexture};
-use choreo_stage::{AlphaMode, ContentHash, Shading, Wrap};
+use choreo_asset::{AlphaMode, ContentHash, Shading, Wrap};
 use glam::{Vec3, Vec4};
 
 /// Hashes an array after its length, so that no two lists can run into each other.

@@ -4,7 +4,7 @@
 //! simplification drops vertices, and inside its triangles the simplified mesh leaves the fine one. After P. Cignoni,
 //! C. Rocchini, R. Scopigno, "Metro: Measuring Error on Simplified Surfaces", Computer Graphics Forum 1998.
 
-use choreo_stage::Aabb;
+use choreo_asset::Aabb;
 use glam::Vec3;
 
 /// Steps of the grid along a triangle's edge: 28 points, its vertices, centroid and edge midpoints among them.

@@ -4,8 +4,8 @@
 use crate::error::RenderError;
 use crate::scene_resources::material::{MaterialResource, MaterialTexture};
 use crate::scene_resources::{PrimitiveEntry, SceneResources, TextureResource};
+use choreo_asset::{Image, Pictures, Shading, Stream, TextureSlot};
 use choreo_motion::Time;
-use choreo_stage::{Image, Pictures, Shading, Stream, TextureSlot};
 use std::sync::Arc;
 
 /// The image sequence of a streamed texture, and the index of its image there.

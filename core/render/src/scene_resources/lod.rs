@@ -6,7 +6,7 @@
 //! [`TOLERANCE`] on the screen.
 
 use crate::scene_resources::hausdorff::{Surface, hausdorff_distance};
-use choreo_stage::{MorphTarget, Primitive, Topology};
+use choreo_asset::{MorphTarget, Primitive, Topology};
 use glam::Vec3;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 

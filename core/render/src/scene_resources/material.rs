@@ -1,6 +1,6 @@
 //! Materials with their textures as indices into the scene resources.
 
-use choreo_stage::{AlphaMode, Material, MaterialLayers, Sampler, Shading, TextureRef, TextureSlot, Toon};
+use choreo_asset::{AlphaMode, Material, MaterialLayers, Sampler, Shading, TextureRef, TextureSlot, Toon};
 use glam::{Affine2, Vec2, Vec3, Vec4};
 
 /// Slots of every material, in the order of [`TextureSlot`].

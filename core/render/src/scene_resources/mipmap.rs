@@ -1,6 +1,6 @@
 //! Mipmaps, computed once on the CPU for both renderers: a box filter of the level above, in linear light for sRGB images.
 
-use choreo_stage::Image;
+use choreo_asset::Image;
 use rayon::prelude::{IndexedParallelIterator, ParallelIterator, ParallelSlice, ParallelSliceMut};
 use std::sync::OnceLock;
 

@@ -1,6 +1,6 @@
 //! What all frames of a stage share: every distinct primitive, material and texture once, keyed by content.
 
-pub(crate) mod bounds;
+pub mod bounds;
 mod build;
 pub mod content_hash;
 pub(crate) mod hausdorff;
@@ -20,7 +20,7 @@ use crate::scene_resources::lod::LodLevel;
 use crate::scene_resources::material::MaterialResource;
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::scene_resources::watertight::WatertightOrder;
-use choreo_stage::{Image, Mesh, Panorama, Primitive};
+use choreo_asset::{Image, Mesh, Panorama, Primitive};
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -5,7 +5,7 @@
 //! index for each vertex would save the rest and cost a second read). Some exporters move every vertex
 //! (`cargo test -p choreo-render --test morphs -- --nocapture`).
 
-use choreo_stage::{MorphTarget, Primitive};
+use choreo_asset::{MorphTarget, Primitive};
 use glam::Vec3;
 use std::ops::Range;
 

@@ -2,7 +2,7 @@
 //! edges as those of any triangle, and no device needs to support wide lines.
 
 use crate::affine::Affine3x4;
-use choreo_stage::{Material, Pen, Primitive, Topology};
+use choreo_asset::{Material, Pen, Primitive, Topology};
 use glam::{Mat4, Vec2, Vec3, Vec4, Vec4Swizzles};
 
 /// Largest line width in pixels: the largest image side.

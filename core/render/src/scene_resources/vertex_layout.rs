@@ -5,7 +5,7 @@
 
 use crate::scene_resources::morph_buffers;
 use crate::scene_resources::thick_lines::thick_mesh;
-use choreo_stage::Primitive;
+use choreo_asset::Primitive;
 use glam::{Vec3, Vec4};
 
 /// Set of vertex attributes, a bit for each location of vertex.wgsl; the upper bits say how vertices and indices are ordered.

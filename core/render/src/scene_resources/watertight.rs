@@ -7,7 +7,7 @@
 //! behind that part is drawn in its place: at most 0.05 % of a sample's pixels in its clips and with a joint turned by
 //! 2.5 radians (`cargo test -p choreo --test closed_bodies -- --nocapture`).
 
-use choreo_stage::{Primitive, Topology};
+use choreo_asset::{Primitive, Topology};
 use glam::Vec3;
 
 /// A primitive's triangles, those of watertight surfaces first.
@@ -212,7 +212,7 @@ mod tests {
         // One of the three vertices at a position is bound to another joint.
         skinned.joint_indices[4 * 7] = 1;
         assert_eq!(WatertightOrder::of(&skinned).count, 0);
-        let mut target = choreo_stage::MorphTarget { positions: vec![Vec3::ZERO; 24], ..Default::default() };
+        let mut target = choreo_asset::MorphTarget { positions: vec![Vec3::ZERO; 24], ..Default::default() };
         target.positions[3] = Vec3::Y;
         p.morphs.push(target);
         assert_eq!(WatertightOrder::of(&p).count, 0);

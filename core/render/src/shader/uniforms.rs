@@ -5,7 +5,7 @@ use crate::scene_resources::material::{
     BASE_SLOTS, LAYER_SLOTS, MaterialResource, MaterialTexture, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS,
 };
 use crate::sky::{MAX_LEVELS, SkyMaps};
-use choreo_stage::{AlphaMode, Shading, TextureSlot, Toon};
+use choreo_asset::{AlphaMode, Shading, TextureSlot, Toon};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 #[repr(C)]

@@ -8,7 +8,7 @@ use crate::error::RenderError;
 use crate::layers_2d::LayerImage;
 use crate::sky::{SkyBackground, SkyMaps};
 use ash::vk;
-use choreo_stage::Panorama;
+use choreo_asset::Panorama;
 use half::f16;
 use std::sync::Arc;
 

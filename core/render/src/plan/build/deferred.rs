@@ -8,7 +8,8 @@ use crate::plan::left_out::NotNeeded;
 use crate::plan::light_clusters::LightClusters;
 use crate::plan::{Deferred, DeferredCause, Draw, Features, PipelineKey, TopologyKey};
 use crate::scene_resources::material::MaterialResource;
-use choreo_stage::{Pipeline, Shading};
+use choreo_asset::Shading;
+use choreo_stage::Pipeline;
 use std::collections::BTreeMap;
 
 /// Light evaluations per pixel that writing and reading the G-buffer cost: measured on lavapipe, where an image of 1280×720 pays

@@ -3,8 +3,9 @@
 use crate::plan::build::Planner;
 use crate::plan::options::PlanOptions;
 use crate::plan::{Features, LeftOut, PostPass};
+use choreo_asset::Primitive;
 use choreo_plugin::{Effect, Exposure, Hook, OptionKind, SurfaceNeeds};
-use choreo_stage::{EffectState, EffectTarget, EffectUse, Primitive, Snapshot, Stage};
+use choreo_stage::{EffectState, EffectTarget, EffectUse, Snapshot, Stage};
 use std::sync::Arc;
 
 /// Largest number of effects in the scene's shaders: one for each bit. Further ones are reported in `left_out`.

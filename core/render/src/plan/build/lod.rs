@@ -4,7 +4,7 @@ use crate::affine::Affine3x4;
 use crate::plan::build::Planner;
 use crate::scene_resources::PrimitiveEntry;
 use crate::scene_resources::lod::{LodLevel, TOLERANCE};
-use choreo_stage::Aabb;
+use choreo_asset::Aabb;
 
 impl Planner<'_> {
     /// The entry with the coarsest level whose geometric error does not show.

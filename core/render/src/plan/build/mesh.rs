@@ -9,7 +9,8 @@ use crate::plan::features::{DrawNeeds, features};
 use crate::plan::{ActiveMorph, Features, Glass, Instance, PipelineKey, TopologyKey, alpha_blends, is_lit};
 use crate::scene_resources::bounds::{is_before, outside, transformed};
 use crate::scene_resources::{PrimitiveEntry, PrimitiveResource, thick_lines};
-use choreo_stage::{Aabb, ActorState, AlphaMode, Asset, MeshInstance, Pen};
+use choreo_asset::{Aabb, AlphaMode, Asset, MeshInstance, Pen};
+use choreo_stage::ActorState;
 use glam::{Affine3A, DAffine3, Vec2, Vec3, Vec4};
 
 /// A mesh instance of an actor.

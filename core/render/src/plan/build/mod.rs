@@ -34,8 +34,9 @@ use crate::plan::options::PlanOptions;
 use crate::plan::{ActiveMorph, Features, LeftOut, LightType, Plan, PlanLight, View, light_clusters};
 use crate::scene_resources::SceneResources;
 use crate::scene_resources::material::MaterialResource;
+use choreo_asset::Aabb;
 use choreo_motion::Time;
-use choreo_stage::{Aabb, ActorState, EffectTarget, Shadow, Snapshot, Stage};
+use choreo_stage::{ActorState, EffectTarget, Shadow, Snapshot, Stage};
 use glam::{DAffine3, Vec3};
 use std::sync::Arc;
 

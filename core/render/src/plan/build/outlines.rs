@@ -8,8 +8,9 @@ use crate::plan::options::PlanOptions;
 use crate::plan::{Features, PipelineKey, TopologyKey};
 use crate::scene_resources::material::{MaterialResource, TOON_SLOT};
 use crate::scene_resources::{PrimitiveEntry, PrimitiveResource};
+use choreo_asset::Outline;
 use choreo_plugin::Hook;
-use choreo_stage::{EffectTarget, Outline, Snapshot, Stage};
+use choreo_stage::{EffectTarget, Snapshot, Stage};
 use glam::Vec3;
 use std::sync::Arc;
 

@@ -9,7 +9,8 @@ use crate::plan::dirty_rect::{DirtyRect, MARGIN};
 use crate::plan::light_clusters::{LightClusters, TILE, depth};
 use crate::plan::options::PlanOptions;
 use crate::plan::{Features, PipelineKey, View};
-use choreo_stage::{Aabb, Pipeline};
+use choreo_asset::Aabb;
+use choreo_stage::Pipeline;
 use glam::Vec2;
 
 /// Share of its box's screen rectangle that a mesh fills: a sphere 0.79, a quad that faces the camera 1, a person half.

@@ -6,7 +6,8 @@
 
 use crate::plan::{LightType, PlanLight, View};
 use crate::scene_resources::bounds::outside;
-use choreo_stage::{Aabb, Shadow};
+use choreo_asset::Aabb;
+use choreo_stage::Shadow;
 use glam::{DMat4, DVec3, DVec4, Mat4, Vec2};
 
 /// Largest number of shadow maps of a frame: the length of the shader's array.
@@ -308,7 +309,8 @@ pub(super) fn pack(sizes: &[[u32; 2]]) -> Option<(Vec<[u32; 2]>, [u32; 2])> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use choreo_stage::{CameraState, Projection};
+    use choreo_asset::Projection;
+    use choreo_stage::CameraState;
     use glam::{DAffine3, Vec3, Vec4};
 
     fn view(x: f64) -> View {

@@ -6,7 +6,8 @@ use crate::plan::build::shadow_cascades::{FittedMap, MAX_VIEWS, ShadowRegion, fi
 use crate::plan::{Draw, Features, Instance, PipelineKey, PlanLight, ShadowMaps, ShadowView};
 use crate::scene_resources::PrimitiveEntry;
 use crate::scene_resources::bounds::is_before;
-use choreo_stage::{Aabb, Shadow};
+use choreo_asset::Aabb;
+use choreo_stage::Shadow;
 use glam::Vec4;
 
 /// One opaque copy of one primitive, in view or not.

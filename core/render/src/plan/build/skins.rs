@@ -4,8 +4,9 @@ use crate::affine::{Affine3x4, to_f64};
 use crate::plan::build::Planner;
 use crate::scene_resources::PrimitiveResource;
 use crate::scene_resources::bounds::PrimitiveInfo;
+use choreo_asset::{Aabb, Asset};
 use choreo_motion::{Carrier, Skinning};
-use choreo_stage::{Aabb, ActorState, Asset};
+use choreo_stage::ActorState;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec4};
 
 /// Skin matrices of one actor's skin, shared by all its primitives. They are added to the plan once one of these is in view.

@@ -10,7 +10,8 @@ use crate::plan::build::Planner;
 use crate::plan::build::items::DrawItem;
 use crate::plan::left_out::NotNeeded;
 use crate::plan::{DepthPeeling, Glass, PeelCause, PipelineKey, TopologyKey};
-use choreo_stage::{Aabb, Cutouts, Transparency};
+use choreo_asset::Aabb;
+use choreo_stage::{Cutouts, Transparency};
 use glam::{Mat4, Vec3};
 
 /// Largest number of layers, the farthest first; nearer surfaces are blended over them in sorted order.
