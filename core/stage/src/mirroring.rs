@@ -1,7 +1,7 @@
 //! Left and right exchanged in a whole body: joints, morph targets and expressions.
 
 use choreo_asset::{Asset, MeshInstance};
-use choreo_motion::sides::side_of;
+use choreo_motion::skeleton::sides::side_of;
 use choreo_motion::{BlendOnto, Clip, Curve, Mirror, MirrorError, MirrorMap, Path, Pose};
 
 /// What each part of an asset takes from which other.

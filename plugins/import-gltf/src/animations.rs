@@ -89,7 +89,7 @@ fn clip(
             ClipError::Curve { curve, what, .. } => (channel_of_curve[curve], what),
             ClipError::Property { curve, what, .. } => (channel_of_property[curve], what),
         };
-        Problem::new(format!("animations[{index}].channels[{channel}]"), what)
+        Problem::new(format!("animations[{index}].channels[{channel}]"), what.to_string())
     })
 }
 

@@ -254,7 +254,7 @@ impl VertexStage<'_> {
         }
     }
 
-    /// Stretches blended as matrices, then motions as dual quaternions on the side of the heaviest (`choreo_motion::dual_quaternion`).
+    /// Stretches blended as matrices, then motions as dual quaternions on the side of the heaviest (`choreo_motion::skinning::dual_quaternion`).
     fn dual(&self, first: usize, joints: &[u16], weights: &[f32]) -> Affine3x4 {
         let mut heaviest = 0;
         for k in 1..weights.len() {

@@ -4,7 +4,7 @@
 use crate::affine::Affine3x4;
 use crate::scene_resources::watertight::WatertightOrder;
 use choreo_asset::{Aabb, Primitive};
-use choreo_motion::Carrier;
+use choreo_motion::StretchedDualQuaternion;
 use glam::{DAffine3, Mat4, Vec2, Vec3};
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -142,7 +142,7 @@ impl PrimitiveInfo {
     pub fn dual_skinned(
         &self,
         primitive: &Primitive,
-        carriers: &[Carrier],
+        carriers: &[StretchedDualQuaternion],
         relative_from_model: &Affine3x4,
         morph_offset: Aabb,
     ) -> Aabb {
@@ -159,7 +159,9 @@ impl PrimitiveInfo {
             let hull = together().fold(Aabb::EMPTY, |sum, c| {
                 sum.union(transformed(stretched, &Affine3x4::from_affine(c.rigid())))
             });
-            let alike = |a: &Carrier| together().map(|b| a.real.dot(b.real).abs()).fold(1.0, f64::min);
+            let alike = |a: &StretchedDualQuaternion| {
+                together().map(|b| a.real.dot(b.real).abs()).fold(1.0, f64::min)
+            };
             let kappa = together().map(alike).fold(1.0, f64::min);
             let most = self.influences.min(together().count()).max(1);
             let shortest = kappa + (1.0 - kappa) / most as f64;

@@ -14,8 +14,8 @@ use crate::snapshot::Snapshot;
 use crate::stage::constraint::{Leg, Plant};
 use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
-use choreo_motion::contacts::{Rule, stays};
-use choreo_motion::ik::arc;
+use choreo_motion::contacts::{ContactThresholds, still_intervals};
+use choreo_motion::math::rotation::rotation_between;
 use glam::{DAffine3, DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -102,7 +102,7 @@ fn find(stage: &Stage, actor: usize, plant: &Plant) -> Result<PlantTrack, StageE
         let looks = look(stage, actor, plant, &mut scratch, *from, *to)?;
         for (index, (places, legs)) in looks.feet.iter().zip(&mut legs).enumerate() {
             let Some(said) = &said else {
-                let found = stays(&unrest(&looks, places, leg), STEP.as_secs(), false);
+                let found = still_intervals(&unrest(&looks, places, leg), STEP.as_secs(), false);
                 let stay = |(first, last): &(usize, usize)| Stay {
                     span: (looks.time(*first), looks.time(*last)),
                     ends: [places[*first], places[*last]],
@@ -238,7 +238,8 @@ fn unrest(looks: &Looks, places: &[DVec3], leg: f64) -> Vec<f64> {
             return f64::INFINITY;
         }
         let gait = velocity(&body, i).with_y(0.0).length();
-        Rule { height: FLAT * leg, ..Rule::new(leg, gait) }.unrest(above[i] - low, velocity(places, i))
+        ContactThresholds { height: FLAT * leg, ..ContactThresholds::new(leg, gait) }
+            .motion_ratio(above[i] - low, velocity(places, i))
     };
     (0..places.len()).map(at).collect()
 }
@@ -434,5 +435,5 @@ fn on_the_ball(leg: &Leg, target: DVec3, body: &Body) -> (DVec3, DQuat) {
     let across =
         across.try_normalize().unwrap_or(DVec3::ZERO) * (reach * reach - along * along).max(0.0).sqrt();
     let ankle = hip + line * along + across;
-    (ankle, arc(sole, ball - ankle))
+    (ankle, rotation_between(sole, ball - ankle))
 }

@@ -92,7 +92,7 @@ impl Cue {
     /// the first of one that never comes.
     pub(crate) fn clip_time(&self, time: Time, held: bool) -> Time {
         let played = self.played(time);
-        let at = self.playback().at_played(played);
+        let at = self.playback().clip_time_at(played);
         let (first, last) = if self.speed < 0.0 { (self.trim.1, self.trim.0) } else { self.trim };
         if held && at == first && played > 0 && self.repeat == Repeat::Loop { last } else { at }
     }

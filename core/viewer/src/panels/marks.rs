@@ -16,7 +16,7 @@ const HALF: f32 = 4.0;
 const MOST: usize = 400;
 
 /// The file's name and the line: the folder is known.
-pub fn told(place: &Place) -> String {
+pub fn report(place: &Place) -> String {
     let name = place.file.rsplit(['/', '\\']).next().unwrap_or(&place.file);
     format!("{name}:{}", place.line)
 }
@@ -64,7 +64,7 @@ pub fn events(
 fn hover(viewer: &Viewer, event: &Event) -> String {
     let mut text = format!("{}\n{}", event.label, viewer.shown_time(event.at));
     if event.place.line > 0 {
-        text += &format!("\n{}", told(&event.place));
+        text += &format!("\n{}", report(&event.place));
     }
     text
 }

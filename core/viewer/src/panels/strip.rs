@@ -85,7 +85,7 @@ fn feet(stage: &Stage, actor: &Actor) -> Feet {
             continue;
         };
         let round = cue.trim.1 - cue.trim.0;
-        for (Foot { spans, .. }, stands) in out.iter_mut().zip(&contacts.stands) {
+        for (Foot { spans, .. }, stands) in out.iter_mut().zip(&contacts.intervals) {
             let on = |t: Time| stands.iter().any(|s| s.from <= t && t < s.to);
             if !on(voice.clip_time) && !on(voice.clip_time + round) {
                 continue;

@@ -5,7 +5,7 @@ use crate::plan::build::Planner;
 use crate::scene_resources::PrimitiveResource;
 use crate::scene_resources::bounds::PrimitiveInfo;
 use choreo_asset::{Aabb, Asset};
-use choreo_motion::{Carrier, Skinning};
+use choreo_motion::{Skinning, StretchedDualQuaternion};
 use choreo_stage::ActorState;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec4};
 
@@ -15,7 +15,7 @@ pub(super) struct SkinMatrices {
     /// One for each joint: relative-from-mesh; model-from-mesh if `placed`.
     pub matrices: Vec<Affine3x4>,
     /// One for each joint, model-from-mesh, with dual-quaternion skinning; else empty.
-    pub dual_quaternions: Vec<Carrier>,
+    pub dual_quaternions: Vec<StretchedDualQuaternion>,
     /// The file places the model several times: matrices lead to model space, and each copy has a transform from there.
     pub placed: bool,
     /// First entry in the plan's `joint_matrices`, once they are added.
@@ -49,7 +49,7 @@ impl SkinMatrices {
             };
             all.matrices.push(Affine3x4::from_affine(relative_from_model * to_f64(pose) * bind));
             if state.skinning == Skinning::DualQuaternion {
-                all.dual_quaternions.push(Carrier::of(to_f64(pose) * bind));
+                all.dual_quaternions.push(StretchedDualQuaternion::of(to_f64(pose) * bind));
             }
         }
         all
@@ -102,7 +102,7 @@ impl Planner<'_> {
 }
 
 /// A joint of a dual-quaternion skin as the shader reads it; see [`crate::plan::Plan::joint_matrices`].
-fn dual_quaternion_rows(carrier: &Carrier) -> [Affine3x4; 2] {
+fn dual_quaternion_rows(carrier: &StretchedDualQuaternion) -> [Affine3x4; 2] {
     let part = |q: glam::DQuat| glam::DVec4::from(q).as_vec4();
     let stretch = DAffine3 { matrix3: carrier.stretch, translation: DVec3::ZERO };
     [Affine3x4([part(carrier.real), part(carrier.dual), Vec4::ZERO]), Affine3x4::from_affine(stretch)]
