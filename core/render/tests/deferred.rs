@@ -330,14 +330,18 @@ fn it_is_out_where_nothing_asks_for_it_or_nothing_can_be_kept() {
     assert!(plan.deferred.is_none() && plan.draws.iter().all(|d| !d.deferred));
     assert!(!recording.commands.contains(&Command::BeginGeometry));
     // A few lights on little overdraw: the numbers are said.
-    assert!(why_not(&plan).contains("lights a place"), "{}", why_not(&plan));
+    assert!(why_not(&plan).contains("lights per surface"), "{}", why_not(&plan));
     let counts = recording.counts();
     let forward = by(scene, Pipeline::Forward);
     let (plan, recording) = recorded(&forward, 1);
     assert_eq!((why_not(&plan), recording.counts()), ("the stage's pipeline is \"forward\"", counts));
     let asked = by(forward, Pipeline::Deferred);
     let (plan, recording) = recorded(&asked, 4);
-    assert!(plan.deferred.is_none() && why_not(&plan).starts_with("4 samples a pixel"), "{}", why_not(&plan));
+    assert!(
+        plan.deferred.is_none() && why_not(&plan).starts_with("4 samples per pixel"),
+        "{}",
+        why_not(&plan)
+    );
     assert_eq!(recording.counts().passes, counts.passes);
     // One more pass and as many draws, each once; all of them in it but what is not kept.
     let (plan, recording) = recorded(&asked, 1);

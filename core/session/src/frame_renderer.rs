@@ -28,7 +28,7 @@ pub struct FrameRequest {
     pub samples: u32,
     /// It will be gone at once: played or scrubbed. Effects that take many pictures for one wait for a still.
     pub moving: bool,
-    /// For whom: a new wish of a view takes the place of its last one, and views take turns.
+    /// The view that asks: a new request of a view replaces its last one, and views take turns.
     pub view: u32,
     pub camera: ViewportCamera,
     pub overrides: ViewOverrides,
@@ -63,13 +63,13 @@ pub struct FrameReply {
     pub work: CreatedCounts,
     /// What it has on its device now.
     pub held: DeviceUsage,
-    /// For the user.
+    /// Messages for the user.
     pub notes: Vec<String>,
 }
 
 /// What is known of a frame beside its pixels.
 pub struct FrameInfo {
-    /// Of the scene's version.
+    /// Number of the scene's version.
     pub number: u64,
     pub time: Time,
     /// Pixels.
@@ -87,13 +87,13 @@ pub struct FrameInfo {
 
 #[derive(Default)]
 struct Requests {
-    /// By view.
+    /// The next request of each view.
     next: BTreeMap<u32, FrameRequest>,
     /// Whose turn it was last.
     last: u32,
     /// Shaders have changed.
     shaders: bool,
-    /// Of a frame that was shown: drawn into again.
+    /// A frame that was shown and is drawn into again.
     spare: Option<Frame>,
     end: bool,
 }

@@ -21,9 +21,9 @@ pub struct SceneSource {
     /// Models: the clip to play (`None`: the first), and how the file is read.
     pub clip: Option<String>,
     pub import: ImportChoice,
-    /// In place of the scene's own size, pixels.
+    /// Size in pixels that replaces the scene's own.
     pub size: Option<[u32; 2]>,
-    /// Where the renderer reads its shaders, to be read again when they change.
+    /// Folder from which the renderer reads its shaders, to be read again when they change.
     pub shaders: Option<PathBuf>,
 }
 
@@ -45,7 +45,7 @@ impl SceneSource {
         }
     }
 
-    /// Of files that were chosen together, in the way of another: models side by side, or one script. With it, what is left out, in
+    /// The recipe for files that were chosen together, like another recipe: models side by side, or one script. With it, what is left out, in
     /// words. `None` for no file.
     pub fn of_models(files: Vec<PathBuf>, like: &SceneSource) -> Option<(SceneSource, Option<String>)> {
         let (scripts, models): (Vec<PathBuf>, Vec<PathBuf>) = files.into_iter().partition(|f| is_script(f));

@@ -18,13 +18,13 @@ use std::time::{Duration, Instant};
 
 /// Everything that drawing frames of one version takes, and where it comes from.
 pub struct Scene {
-    /// Of the version.
+    /// Number of the version.
     pub number: u64,
     pub stage: Arc<Stage>,
     pub resources: Arc<SceneResources>,
-    /// To be cloned: clones share what was found out.
+    /// The evaluator to be cloned: clones share what was computed.
     pub evaluator: Evaluator,
-    /// With the plugin files of this version.
+    /// The registry with the plugin files of this version.
     pub registry: Registry,
     /// Empty for a model.
     pub places: Places,
@@ -48,7 +48,7 @@ pub struct Work {
 /// What one build gave.
 #[derive(Clone)]
 pub struct SceneVersion {
-    /// From 1.
+    /// Number of the version, from 1.
     pub number: u64,
     /// `None`: faulty. The one before stays.
     pub scene: Option<Arc<Scene>>,
@@ -242,7 +242,7 @@ impl Session {
         })
     }
 
-    /// Of several those are shown that can be read; why the others are not is told.
+    /// Opens the models that can be read; reports why the others cannot.
     fn model(&self, registry: &Registry, touched: &mut Touched) -> Result<Built, Vec<Problem>> {
         let paths = || std::iter::once(&self.source.input).chain(&self.source.beside);
         let (mut assets, mut failed) = (Vec::new(), Vec::new());
@@ -303,7 +303,7 @@ fn wgsl_files(folder: &Path) -> Vec<PathBuf> {
     files.filter(|p| p.to_string_lossy().ends_with(choreo_wgsl_effect::ENDING)).collect()
 }
 
-/// Of every asset on stage, once.
+/// Warnings of every asset on stage, once each.
 fn asset_warnings(stage: &Stage) -> Vec<Problem> {
     let mut seen: Vec<&Arc<Asset>> = Vec::new();
     let mut warnings = Vec::new();

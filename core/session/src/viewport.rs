@@ -1,4 +1,4 @@
-//! From where a frame is seen, and what a viewer changes of it that the script does not say: nothing of it is in the stage.
+//! Viewpoint of a frame, and view overrides that the script does not contain: nothing of it is in the stage.
 
 use crate::{FrameRequest, Scene};
 use choreo_motion::Time;
@@ -27,7 +27,7 @@ pub enum ViewportCamera {
 pub struct ViewOverrides {
     /// Actors that are not seen.
     pub hidden: Vec<usize>,
-    /// With a line around it.
+    /// Actor that is drawn with an outline.
     pub outlined: Option<usize>,
     /// As if it stood here: world-from-model, while it is being dragged.
     pub moved: Option<(usize, DAffine3)>,
@@ -88,7 +88,7 @@ impl ViewEvaluators {
         Ok(snapshot)
     }
 
-    /// With what the marks add to it.
+    /// The stage with what the view overrides add to it.
     pub fn stage(&mut self, request: &FrameRequest) -> Arc<Stage> {
         self.set_scene(&request.scene);
         self.outline(request).unwrap_or_else(|| request.scene.stage.clone())

@@ -47,7 +47,7 @@ pub struct WatchedPaths {
 pub enum WatchEvent {
     /// These files are others than they were.
     Changed(BTreeSet<PathBuf>),
-    /// By a [`Waker`].
+    /// A [`Waker`] woke it.
     Woken,
     TimedOut,
 }
@@ -145,7 +145,7 @@ impl Watch {
         self.watched.len()
     }
 
-    /// From now on these are waited for. What has changed since it was read, of what was not waited for before, is told by the next
+    /// Waits for these from now on. A new one that has changed since it was read is reported by the next
     /// [`Watch::wait`].
     pub fn set(&mut self, interest: WatchedPaths) {
         let before = std::mem::replace(&mut self.interest, interest);
@@ -166,7 +166,7 @@ impl Watch {
         self.in_folders()
     }
 
-    /// From now on a file has changed where it is other than this.
+    /// Notes the content of a file: it has changed as soon as its content differs.
     pub fn knows(&mut self, path: PathBuf, content: Option<[u8; 32]>) {
         let mut heard = lock(&self.heard);
         heard.ways.extend(path.ancestors().skip(1).map(Path::to_path_buf));
@@ -239,7 +239,7 @@ impl Watch {
         }
     }
 
-    /// Of the files of interest those that an event may be about.
+    /// The files of interest that an event may be about.
     fn touched(&mut self, event: &Event) -> BTreeSet<PathBuf> {
         let mut touched = BTreeSet::new();
         for path in &event.paths {

@@ -31,7 +31,7 @@ const LARGEST: u32 = 4096;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shelf {
     pub hidden: BTreeSet<String>,
-    /// Where there are any, only these are seen.
+    /// If there are any, only these are shown.
     pub solo: BTreeSet<String>,
     /// Neither picked nor moved with the mouse.
     pub locked: BTreeSet<String>,
@@ -60,11 +60,11 @@ pub struct Viewer {
     /// The last good one.
     pub scene: Option<Arc<Scene>>,
     pub timeline: Timeline,
-    /// Of the newest version, good or not.
+    /// Problems of the newest version, good or not.
     pub problems: Vec<Problem>,
     /// The newest version could not be used: what is shown is the one before.
     pub faulty: bool,
-    /// Of the renderer: drivers that failed, shaders that do not compile, callbacks that fail at this time.
+    /// Problems of the renderer: drivers that failed, shaders that do not compile, callbacks that fail at this time.
     pub trouble: Vec<String>,
     pub playhead: Playhead,
     /// At least one.
@@ -87,7 +87,7 @@ pub struct Viewer {
     /// Files dropped, and the guests sent away: for the window, which starts and ends what shows them.
     pub dropped: Vec<PathBuf>,
     pub guests_leave: bool,
-    /// Where the next picture of the active viewport is written.
+    /// File into which the next image of the active viewport is written.
     pub screenshot: Option<PathBuf>,
     pub work: Work,
     pub drawn: CreatedCounts,

@@ -38,10 +38,10 @@ struct Args {
     /// Begin playing
     #[arg(long)]
     play: bool,
-    /// For tests: at these frames of the window its device is lost; repeatable
+    /// Lose the device at these frames of the window, for tests; repeatable
     #[arg(long = "lose-device-at", value_name = "FRAME", hide = true)]
     lose: Vec<u64>,
-    /// For tests and measurements: what has been done and shown, and when, on standard output
+    /// Print what has been done and shown, and when, on standard output, for tests and measurements
     #[arg(long, hide = true)]
     tell: bool,
 }

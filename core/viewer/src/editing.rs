@@ -34,7 +34,7 @@ struct Done {
 /// A change that is made if the user agrees.
 pub struct Offer {
     pub why: String,
-    /// On the button.
+    /// Label of the button.
     pub agree: String,
     /// Lines that go (`-`), come (`+`) and stay (` `).
     pub difference: Vec<(char, String)>,
@@ -144,7 +144,7 @@ impl Viewer {
         if refused.is_empty() { Ok(()) } else { Err(refused.join("; ")) }
     }
 
-    /// At the end of the script.
+    /// Adds a line at the end of the script.
     pub(crate) fn add_line(&mut self, line: &str) -> Result<(), String> {
         let path = self.path.clone().ok_or("there is no script")?;
         let text = read(&path)?;

@@ -13,14 +13,14 @@ use glam::{DAffine3, DQuat, DVec3};
 /// What the next version must show.
 pub(crate) struct Wanted {
     actor: String,
-    /// Of keys: when.
+    /// Time of the keys.
     time: Time,
     at: DVec3,
     rotation: DQuat,
     line: usize,
 }
 
-/// Where the script has it in its parent at a time, keys included; without callbacks, root motion and paths.
+/// The actor's transform in its parent at a time, keys included; without callbacks, root motion and paths.
 pub fn placement(actor: &Actor, time: Time) -> Placement {
     let mut placement = actor.transform;
     for channel in &actor.channels {

@@ -59,7 +59,7 @@ pub struct View {
     pub camera: ViewCamera,
     pub resolution: Resolution,
     pub overlays: Overlays,
-    /// Of the picture on the screen.
+    /// The image on the screen.
     pub shown: Option<FrameInfo>,
     /// Pixels that there is room for, as the panel had it last.
     pub room: [u32; 2],

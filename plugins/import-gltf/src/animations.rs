@@ -95,7 +95,7 @@ fn clip(
 
 enum Target {
     Joint(u32, Path),
-    /// Of equal width; what the file holds is multiplied by the factor.
+    /// Properties of equal width; what the file holds is multiplied by the factor.
     Properties {
         targets: Vec<PropertyTarget>,
         factor: f32,

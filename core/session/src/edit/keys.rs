@@ -8,7 +8,7 @@ use super::{Edit, format_seconds};
 use glam::{DQuat, DVec3};
 use std::ops::Range;
 
-/// Where a key is to be: on a frame of the stage.
+/// The frame of the stage at which a key is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KeyTime {
     pub secs: f64,
@@ -99,7 +99,7 @@ fn keys_in(text: &Source, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
     (!keys.is_empty()).then_some(keys)
 }
 
-/// Between commas; nothing behind a last one.
+/// The parts between commas; nothing after a trailing one.
 fn parts(text: &Source, start: usize, end: usize) -> impl Iterator<Item = Range<usize>> {
     let mut at = start;
     std::iter::from_fn(move || {
@@ -126,7 +126,7 @@ fn time_at(text: &Source, bytes: &Range<usize>, fps: f64) -> Option<(f64, bool)>
     Some((frame / fps, true))
 }
 
-/// In place of a value. `None` where that is computed.
+/// Replaces a value. `None` where that is computed.
 fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
     if let KeyValue::Text(new) = value {
         return is_plain(text, bytes).then(|| Edit { range: bytes.clone(), text: new.to_string() });
@@ -200,7 +200,7 @@ fn turns(degrees: f64, near: f64) -> f64 {
     degrees + 360.0 * libm::round((near - degrees) / 360.0)
 }
 
-/// Of the angles that say a rotation, those nearest to others: keys go from angle to angle, not the shortest way.
+/// The angles of a rotation that are nearest to others: keys go from angle to angle, not the shortest way.
 fn nearest(q: DQuat, near: DVec3) -> DVec3 {
     let one = euler_degrees(q);
     let other = DVec3::new(one.x + 180.0, 180.0 - one.y, one.z + 180.0);

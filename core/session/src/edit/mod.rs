@@ -26,7 +26,7 @@ impl Edit {
         format!("{}{}{}", &text[..self.range.start], self.text, &text[self.range.end..])
     }
 
-    /// From one text to another: the least part that differs.
+    /// The smallest edit that turns one text into another.
     pub fn between(before: &str, after: &str) -> Edit {
         let same = |a: &mut dyn Iterator<Item = (char, char)>| -> usize {
             a.take_while(|(x, y)| x == y).map(|(x, _)| x.len_utf8()).sum()
@@ -70,7 +70,7 @@ fn line_around(text: &str, at: usize) -> Range<usize> {
     start..end
 }
 
-/// To the millisecond, as a person would write it; always with a point, so that it stays a float.
+/// Seconds to the millisecond, as a person would write them; always with a point, so that it stays a float.
 pub fn format_seconds(secs: f64) -> String {
     let text = format!("{:.3}", secs.max(0.0));
     let text = text.trim_end_matches('0');

@@ -12,11 +12,11 @@ pub struct EditRefused {
     pub why: String,
     /// Adds a line that holds over what is computed, or takes the place of what is in the way.
     pub over: Option<Edit>,
-    /// Of `over`, for a button.
+    /// Label of the button for `over`.
     pub agree: &'static str,
 }
 
-/// Of a line that is added.
+/// Label of the button that adds a line.
 const ADD: &str = "Add the line";
 
 impl From<String> for EditRefused {
@@ -31,9 +31,9 @@ pub struct ScriptObject<'a> {
     made: Call,
     /// What the script calls it.
     pub variable: Option<String>,
-    /// Of itself, in the order of the text; the last of a name counts.
+    /// Its own calls in the order of the text; the last of a name counts.
     pub(super) calls: Vec<Call>,
-    /// Where it is spoken of last.
+    /// Position of its last mention.
     last_at: usize,
 }
 

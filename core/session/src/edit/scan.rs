@@ -150,7 +150,7 @@ impl<'a> Source<'a> {
         Some(Call { name: self.tokens[index].clone(), inside: open + 1..close, end: close + 1 })
     }
 
-    /// Without the blanks and comments around it.
+    /// The range without the blanks and comments around it.
     pub fn trimmed(&self, bytes: &Range<usize>) -> Range<usize> {
         let (first, behind) = (self.index(bytes.start), self.index(bytes.end));
         match self.tokens.get(first..behind) {

@@ -4,7 +4,7 @@ use super::scan::{Source, find};
 use super::values::{literal, set_option};
 use super::{Edit, format_seconds};
 
-/// Of a cue: what was dragged.
+/// The part of a cue that was dragged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CueTime {
     /// `.from(…)`

@@ -71,7 +71,7 @@ pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
     quoted || literals(text, bytes).is_some_and(|l| !l.is_empty())
 }
 
-/// In the options of a call, `#{ name: value }`; `line` for messages.
+/// Sets an option in the map of a call, `#{ name: value }`; `line` for messages.
 pub fn set_option(text: &Source, call: &Call, line: usize, name: &str, value: &str) -> Result<Edit, String> {
     let inside = &text[call.inside.clone()];
     let new = format!("{name}: {value}");

@@ -13,10 +13,10 @@ const STEP: Time = Time(Time::TICKS_PER_SECOND / 480);
 /// A foot is up for at least so long.
 const SHORTEST_STEP: Time = Time(Time::TICKS_PER_SECOND / 15);
 
-/// By cue of the base layer, the stands of each leg's foot in its clip.
+/// Contacts of each leg's foot in its clip, by cue of the base layer.
 pub(super) struct Said<'a> {
     actor: &'a Actor,
-    /// By leg: who takes its steps while the body is mirrored, by which goal.
+    /// The leg whose steps each leg takes while the character is mirrored, and the constraint that does it.
     mirrored: Vec<(&'a Goal, Vec<usize>)>,
     cues: Vec<Vec<Vec<ContactInterval>>>,
 }

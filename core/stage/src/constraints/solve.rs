@@ -77,7 +77,7 @@ pub(crate) fn run(
     Ok(())
 }
 
-/// Where the targets of a round are before any of its actors moves.
+/// Positions of the targets of a round before any of its actors moves.
 fn find_targets(
     stage: &Stage,
     time: Time,

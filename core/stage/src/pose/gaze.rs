@@ -78,7 +78,7 @@ impl Turn<'_> {
     }
 }
 
-/// Of an expression of the gaze, 0..=1; 0 of any other.
+/// Weight of a gaze expression, 0..=1; 0 for any other.
 fn weight(eyes: &Eyes, name: &str, yaw: f64, pitch: f64) -> f64 {
     match name {
         "lookLeft" => eyes.outer.map(yaw.max(0.0)),

@@ -16,13 +16,13 @@ const STEP: Time = Time(Time::TICKS_PER_SECOND / 240);
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Switch {
     pub joints: Inertialization,
-    /// By mesh instance.
+    /// Inertialization of morph weights, by mesh instance.
     pub morphs: Vec<WeightInertialization>,
-    /// By expression, each alone.
+    /// Inertialization of each expression.
     pub expressions: Vec<WeightInertialization>,
 }
 
-/// By cue of an actor's base layer.
+/// Inertialization of each cue of an actor's base layer.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Inertias(Vec<Option<Switch>>);
 
@@ -78,7 +78,7 @@ fn switch(from: [&Body; 2], to: [&Body; 2], duration: Time) -> Switch {
 #[derive(Default)]
 struct Body {
     pose: Pose,
-    /// By mesh instance.
+    /// Morph weights by mesh instance.
     morphs: Vec<Vec<f32>>,
     expressions: Vec<f32>,
 }

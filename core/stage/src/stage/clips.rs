@@ -51,7 +51,7 @@ pub struct Cue {
     /// Bound to the actor's own skeleton (see `bind_clip`).
     pub clip: Arc<Clip>,
     pub start: Time,
-    /// On the base layer: the pose is held from here on, where no cue follows at once (one that does fades in over the
+    /// End on the base layer: the pose is held from here on, unless a cue follows at once (one that does fades in over the
     /// playing clip). On upper layers: faded out (over `fade_out`) by then. `None` = until the next cue or for ever.
     pub end: Option<Time>,
     pub fade_in: Time,

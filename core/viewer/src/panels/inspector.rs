@@ -236,7 +236,7 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize) -> Opti
     wanted
 }
 
-/// To be dragged onto a row of the sequencer, or added at the playhead.
+/// Lists clips to be dragged onto a row of the sequencer, or added at the playhead.
 fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<Wanted> {
     if asset.clips.is_empty() {
         return None;

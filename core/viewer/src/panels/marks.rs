@@ -88,7 +88,7 @@ fn shape(kind: Kind, at: egui::Pos2, fill: Color32) -> Shape {
     }
 }
 
-/// Where feet are on the floor, a line a foot. Gives when the one that was clicked comes down.
+/// Draws foot contacts, a line for each foot. Gives the time at which the clicked one comes down.
 pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
     let (Some(scene), Some(Selected::Actor(name))) = (&viewer.scene, &row.what) else { return None };
     let is_base = row.bars.iter().any(|b| matches!(b.what, Selected::Cue { layer: 0, .. }));

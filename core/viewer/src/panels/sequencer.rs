@@ -12,7 +12,7 @@ use egui::{Align2, Color32, CornerRadius, FontId, Painter, Rect, Sense, Stroke, 
 
 const LABELS: f32 = 120.0;
 const ROW: f32 = 22.0;
-/// Of the strip of feet at a row's bottom.
+/// Height of the strip of feet at a row's bottom.
 pub const STRIP: f32 = 3.0;
 const RULER: f32 = 22.0;
 

@@ -31,7 +31,7 @@ use winit::window::{Window, WindowId};
 
 /// What other threads tell.
 enum News {
-    /// Of the script, or of the guest with this number.
+    /// A version of the script, or of the dropped file with this number.
     Version(u64, Box<SceneVersion>),
     Frame(Box<FrameReply>),
     /// egui wants to be drawn again after this time.
@@ -117,7 +117,7 @@ struct App {
     panels: Panels,
     settings: Settings,
     settings_file: Option<PathBuf>,
-    /// Where to begin, until the first version is there.
+    /// Time and play state to begin with, until the first version is there.
     begin: Option<(f64, bool)>,
     frame_renderer: FrameRenderer,
     source: SceneSource,
@@ -146,7 +146,7 @@ struct App {
     covered: bool,
     lose: Vec<u64>,
     tell: Tell,
-    /// In a row.
+    /// Failures in a row.
     failures: u32,
     failed: Option<String>,
 }
@@ -168,7 +168,7 @@ impl App {
         self.covered || self.open.as_ref().is_some_and(minimized)
     }
 
-    /// Where the panels lie, for the next window.
+    /// Remembers the layout of the panels for the next window.
     fn remember(&mut self) {
         let now = self.panels.settings();
         if now != self.settings

@@ -1,4 +1,4 @@
-//! For tests and measurements: what the window has done and when, a line of JSON each on standard output. Hidden behind
+//! Output for tests and measurements: what the window has done and when, a line of JSON each on standard output. Hidden behind
 //! `--tell`, since nobody who works with the viewer reads it.
 
 use choreo_render::DeviceUsage;
