@@ -24,7 +24,7 @@ mod topology;
 mod uri;
 mod variants;
 
-pub use choreo_importer_kit::problem;
+use choreo_importer_kit::problem;
 use choreo_importer_kit::{bones, pictures};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
 use choreo_stage::Asset;

@@ -252,8 +252,7 @@ fn asset(
     let brushed = material.layers.as_ref().is_some_and(|l| l.anisotropy > 0.0);
     if material.triplanar.is_none() && (material.normal_texture.is_some() || brushed) {
         let p = &primitive;
-        let made = tangents::corner_tangents(&p.indices, &p.positions, &p.normals, &p.uvs[0]);
-        normals::apply_tangents(&mut primitive, &made);
+        tangents::add(&mut primitive, 0);
     }
     let skeleton = Skeleton::new(vec![joint.to_string()], vec![None], vec![Transform::IDENTITY])
         .map_err(|e| ApiError::new(e.to_string()))?;

@@ -4,7 +4,7 @@ use super::following::{Following, in_order};
 use super::picture::ImageRef;
 use crate::call::{ApiError, Call, Options, Reply, one_of, unknown};
 use crate::value::AssetRef;
-use choreo_importer_kit::{normals, tangents};
+use choreo_importer_kit::tangents;
 use choreo_stage::{
     AlphaMode, Asset, Material, Mesh, Reflection, Sequence, Shading, Stream, TextureRef, TextureSlot,
 };
@@ -112,9 +112,7 @@ pub fn texture(c: &mut Call) -> Reply {
                 any |= !p.uvs[uv_set].is_empty();
                 let plain = !p.uvs[uv_set].is_empty() && !p.normals.is_empty() && p.morphs.is_empty();
                 if slot == "normal" && p.tangents.is_empty() && plain {
-                    let found =
-                        tangents::corner_tangents(&p.indices, &p.positions, &p.normals, &p.uvs[uv_set]);
-                    normals::apply_tangents(&mut p, &found);
+                    tangents::add(&mut p, uv_set);
                 }
             }
             made.primitives.push(p);

@@ -1,7 +1,7 @@
 //! `--help` of what reads models or writes results: the options of the plugins, from their manifests alone.
 
 use crate::args::Cli;
-use crate::registry::option_rows;
+use crate::plugins::option_rows;
 use choreo_plugin::{Manifest, Registry};
 use choreo_session::plugin_files;
 use clap::CommandFactory;
