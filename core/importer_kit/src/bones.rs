@@ -1,7 +1,7 @@
 //! A visible skeleton for files without a mesh: an octahedron from each joint to each of its children.
 
+use choreo_asset::{Asset, Material, Mesh, MeshInstance, Primitive, Skin};
 use choreo_motion::Skeleton;
-use choreo_stage::asset::{Asset, Material, Mesh, MeshInstance, Primitive, Skin};
 use glam::{DAffine3, DVec3, Mat4, Vec3};
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! The memory budget and the warnings of one import.
 
 use crate::problem::Result;
-use choreo_stage::asset::Warning;
+use choreo_asset::Warning;
 use std::cell::{Cell, RefCell};
 
 /// Warnings of one file; more are counted in one line.
@@ -67,7 +67,7 @@ mod tests {
         let budget = Budget::new(3 << 20);
         assert_eq!(budget.charge(1 << 20, 2), Ok(()));
         let refused = "the file's data take more than 3 MiB when decoded, which is the limit";
-        assert_eq!(budget.charge(u64::MAX, 16), Err(refused.to_string()));
+        assert_eq!(budget.charge(u64::MAX, 16), Err(refused.into()));
         assert_eq!(budget.left(), 1 << 20);
     }
 

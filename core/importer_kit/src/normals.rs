@@ -1,6 +1,6 @@
 //! Flat normals where a file has none, and splitting of vertices that need several values.
 
-use choreo_stage::asset::{Primitive, Topology};
+use choreo_asset::{Primitive, Topology};
 use glam::{DVec3, Vec3, Vec4};
 use std::collections::HashMap;
 

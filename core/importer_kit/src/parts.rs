@@ -2,8 +2,8 @@
 
 use crate::text::stem;
 use crate::{Problem, Result};
+use choreo_asset::{Asset, Mesh, MeshInstance, Primitive};
 use choreo_motion::{Skeleton, Transform};
-use choreo_stage::asset::{Asset, Mesh, MeshInstance, Primitive};
 use std::sync::Arc;
 
 /// Gives an asset a joint for each part. A single part is the root; several hang on a root with the name of the file. Parts without

@@ -9,7 +9,7 @@
 //! than two triangles, where the C program pairs them in the order of a sort, all are joined.
 
 use crate::{Notes, normals};
-use choreo_stage::asset::{Material, Primitive, Topology};
+use choreo_asset::{Material, Primitive, Topology};
 use glam::{Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 

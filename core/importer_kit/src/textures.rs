@@ -7,8 +7,8 @@ use crate::budget::{Budget, Notes};
 use crate::pictures::{Encoded, Formats, decode_beside, or_white};
 use crate::search;
 use crate::text::percent_decoded;
+use choreo_asset::{Image, Material, TextureRef};
 use choreo_plugin::{Files, Needs};
-use choreo_stage::asset::{Image, Material, TextureRef};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

@@ -2,7 +2,7 @@
 
 mod common;
 
-use choreo_stage::*;
+use choreo_asset::*;
 use common::layered::layered;
 use common::*;
 use glam::{DVec3, Vec3, Vec4};

@@ -7,6 +7,7 @@ use crate::limits::{Limits, raise_hint};
 use crate::load::Load;
 use crate::loader::Loader;
 use crate::testing::{TestState, Timeout};
+use choreo_asset::*;
 use choreo_motion::{Clip, Curve, RootParts, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3};

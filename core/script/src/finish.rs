@@ -8,6 +8,7 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::hook::{HookDraft, ScriptHook};
 use crate::lint::{ClipMarkers, Places};
 use crate::motion::{Found, in_step, root};
+use choreo_asset::*;
 use choreo_motion::{Clip, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3, Vec3};

@@ -3,11 +3,11 @@
 use crate::source::{Floats, Input, floats, inputs};
 use crate::xml::{Node, NodeId};
 use crate::xml::{Xml, child, children, label_of, name_of};
+use choreo_asset::{Primitive, Topology};
 use choreo_importer_kit::polygon::{Cut, Triangulator};
 use choreo_importer_kit::text;
 use choreo_importer_kit::weld::Welder;
 use choreo_importer_kit::{Problem, Result, normals};
-use choreo_stage::asset::{Primitive, Topology};
 use glam::{Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 use std::rc::Rc;

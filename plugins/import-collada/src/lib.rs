@@ -13,11 +13,11 @@ mod sampler;
 mod source;
 mod xml;
 
+use choreo_asset::{Asset, Origin};
 use choreo_importer_kit::text::{shown, stem};
 use choreo_importer_kit::textures::use_normal_maps;
 use choreo_importer_kit::{Budget, Notes, Result, bones, tangents};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::asset::{Asset, Origin};
 use glam::{DMat4, DVec4};
 use std::sync::{Arc, LazyLock};
 

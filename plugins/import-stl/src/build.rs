@@ -1,10 +1,10 @@
 //! Solids to nodes and meshes, in metres and +Y up.
 
 use crate::Solid;
+use choreo_asset::{Asset, Material, Origin, Primitive};
 use choreo_importer_kit::text::count;
 use choreo_importer_kit::{Notes, Problem, Result, parts, smooth};
 use choreo_plugin::{ImportOptions, Needs, Source};
-use choreo_stage::asset::{Asset, Material, Origin, Primitive};
 use glam::{DVec3, Vec3, Vec4};
 
 /// Greatest extent in units from which on millimetres are meant, as by programs for machine parts and printing: few

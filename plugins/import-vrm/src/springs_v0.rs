@@ -3,10 +3,10 @@
 use crate::facing::from_unity;
 use crate::json::At;
 use crate::springs::{Numbers, colliders, gravity, once, tail};
+use choreo_asset::Asset;
 use choreo_importer_kit::Result;
 use choreo_importer_kit::bones::model_from_joints;
 use choreo_motion::spring::parameters::{ColliderShape, SpringChain, SpringCollider, SpringJoint, Springs};
-use choreo_stage::asset::Asset;
 use glam::{DAffine3, DVec3, Vec3};
 use import_gltf::profile::Document;
 use std::collections::BTreeMap;

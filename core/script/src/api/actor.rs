@@ -7,6 +7,7 @@ use crate::build::{ActorDraft, Chain, CueDraft, room};
 use crate::call::{ApiError, Call, Def, Gives, Reply, number_in, rgb, unknown};
 use crate::hook;
 use crate::value::*;
+use choreo_asset::*;
 use choreo_stage::*;
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;

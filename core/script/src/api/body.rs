@@ -6,6 +6,7 @@ use crate::build::room;
 use crate::call::{ApiError, Call, Def, Gives, Options, Reply, text};
 use crate::suggest::list;
 use crate::value::*;
+use choreo_asset::*;
 use choreo_motion::{HumanBone, Skeleton, Time};
 use choreo_stage::*;
 use glam::DVec3;

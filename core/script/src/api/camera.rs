@@ -6,8 +6,9 @@ use crate::build::{CameraDraft, room};
 use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
 use crate::hook;
 use crate::value::*;
+use choreo_asset::Asset;
 use choreo_motion::Time;
-use choreo_stage::{Asset, Property, Rig};
+use choreo_stage::{Property, Rig};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 

@@ -5,9 +5,10 @@ use super::clip::made;
 use super::keys;
 use crate::call::{ApiError, Call, Def, Gives, Reply, point};
 use crate::value::*;
+use choreo_asset::Asset;
 use choreo_motion::reduce::Keep;
 use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Offset, Path, Pose, Sample, Time};
-use choreo_stage::{Asset, Channel, Property, Reference};
+use choreo_stage::{Channel, Property, Reference};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 

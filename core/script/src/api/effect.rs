@@ -6,8 +6,9 @@ use crate::call::{ApiError, Call, Def, Gives, Options, Reply, describe, unknown}
 use crate::hook;
 use crate::suggest::list;
 use crate::value::*;
+use choreo_asset::Asset;
 use choreo_plugin::{Effect, Hook, OptionKind, OptionSpec};
-use choreo_stage::{Asset, Channel, EffectEdit, EffectTarget, EffectUse, Property};
+use choreo_stage::{Channel, EffectEdit, EffectTarget, EffectUse, Property};
 use rhai::Dynamic;
 use std::sync::Arc;
 

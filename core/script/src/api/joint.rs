@@ -5,6 +5,7 @@ use super::{clip_edit, keys};
 use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
 use crate::hook;
 use crate::value::*;
+use choreo_asset::*;
 use choreo_stage::*;
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;

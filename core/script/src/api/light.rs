@@ -7,7 +7,8 @@ use crate::call::{ApiError, Call, Def, Gives, Options, Reply, color, number_in, 
 use crate::color::kelvin;
 use crate::hook;
 use crate::value::*;
-use choreo_stage::{Light, LightEdit, LightKind, Shadow, StageLight, Target};
+use choreo_asset::{Light, LightKind};
+use choreo_stage::{LightEdit, Shadow, StageLight, Target};
 use glam::{DVec3, Vec3};
 use rhai::{Dynamic, Map};
 

@@ -5,6 +5,7 @@ use crate::build::room;
 use crate::call::{ApiError, Call, Def, Gives, Reply};
 use crate::suggest::list;
 use crate::value::*;
+use choreo_asset::*;
 use choreo_motion::{HumanBone, Time};
 use choreo_stage::*;
 use rhai::Dynamic;

@@ -5,6 +5,7 @@ use crate::call::{ApiError, Call, Reply, text};
 use crate::hook;
 use crate::suggest::list;
 use crate::value::*;
+use choreo_asset::*;
 use choreo_motion::Time;
 use choreo_motion::spring::{ColliderShape, RigBone, SpringBone, SpringCollider};
 use choreo_stage::*;

@@ -61,7 +61,7 @@ pub fn is_dead(v: &Dynamic) -> bool {
 
 /// Stands in for the result of a call that failed.
 pub fn dead(kind: Kind) -> Dynamic {
-    let asset = || Arc::new(choreo_stage::Asset::default());
+    let asset = || Arc::new(choreo_asset::Asset::default());
     match kind {
         Kind::None => Dynamic::UNIT,
         Kind::Asset => Dynamic::from(AssetRef { from: Arc::new(Load::dead()), dead: true }),

@@ -19,12 +19,12 @@ pub use texture::texture;
 use crate::api::actor::MOST_WIDE;
 use crate::call::{ApiError, Call, Options, numbers, one_of, wrong};
 use crate::limits::raise_hint;
-use choreo_importer_kit::{normals, tangents};
-use choreo_motion::{Skeleton, Transform};
-use choreo_plugin::MeshData;
-use choreo_stage::{
+use choreo_asset::{
     Asset, Image, Material, Mesh, MeshInstance, Pen, Primitive, Shading, Topology, Triplanar,
 };
+use choreo_importer_kit::tangents;
+use choreo_motion::{Skeleton, Transform};
+use choreo_plugin::MeshData;
 use glam::{DVec3, Vec2, Vec3};
 use std::sync::Arc;
 
@@ -124,7 +124,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     if o.get("color").is_none() && !data.colors.is_empty() {
         material.base_color = glam::Vec4::ONE;
         if primitive.colors.iter().any(|c| c.w < 1.0) {
-            material.alpha_mode = choreo_stage::AlphaMode::Blend;
+            material.alpha_mode = choreo_asset::AlphaMode::Blend;
         }
     }
     if topology != Topology::Triangles {
@@ -251,7 +251,6 @@ fn asset(
     primitive.material = Some(0);
     let brushed = material.layers.as_ref().is_some_and(|l| l.anisotropy > 0.0);
     if material.triplanar.is_none() && (material.normal_texture.is_some() || brushed) {
-        let p = &primitive;
         tangents::add(&mut primitive, 0);
     }
     let skeleton = Skeleton::new(vec![joint.to_string()], vec![None], vec![Transform::IDENTITY])
