@@ -1,9 +1,9 @@
-//! The program `choreo`: the commands of `choreo-commands` with the plugins of this repository. A program with plugins of its own calls
-//! [`run`] with the [`registry`] and what it adds to it; `examples/my_plugin.rs` shows how.
+//! The program `choreo`: the command line with the plugins of this repository. A program with plugins of its own calls [`run`] with
+//! the [`registry`] and what it adds to it; `examples/my_plugin.rs` shows how.
 
 use choreo_plugin::Registry;
 
-pub use choreo_commands::run;
+pub use choreo_command_line::run;
 
 /// The plugins that this program is built with.
 pub fn registry() -> Registry {

@@ -8,6 +8,7 @@ use crate::errors::{Thrown, throw};
 use crate::hook;
 use crate::limits::Limits;
 use crate::modules::Modules;
+use crate::synonyms;
 use crate::testing::ExpectRef;
 use crate::value::*;
 use rhai::packages::*;
@@ -65,7 +66,10 @@ pub fn engine(shared: &Arc<Shared>) -> Engine {
     register_types(&mut engine);
     api::maths::register(&mut engine);
     for def in api::all() {
-        register(&mut engine, shared, def);
+        register(&mut engine, shared, def.name, def);
+    }
+    for (alias, def) in synonyms::function_aliases() {
+        register(&mut engine, shared, alias, def);
     }
     engine
 }
@@ -272,7 +276,7 @@ fn register_types(engine: &mut Engine) {
     engine.register_type_with_name::<SceneRef>(Kind::Scene.name());
 }
 
-fn register(engine: &mut Engine, shared: &Arc<Shared>, def: &'static Def) {
+fn register(engine: &mut Engine, shared: &Arc<Shared>, name: &str, def: &'static Def) {
     let counts: BTreeSet<usize> = def.forms().iter().map(Vec::len).collect();
     for count in counts {
         let mut types = Vec::new();
@@ -282,7 +286,7 @@ fn register(engine: &mut Engine, shared: &Arc<Shared>, def: &'static Def) {
         types.extend(std::iter::repeat_n(TypeId::of::<Dynamic>(), count));
         // The engine lives as long as the hooks on the stage, which hold what is shared.
         let shared = Arc::downgrade(shared);
-        engine.register_raw_fn(def.name, types, move |context, args| match shared.upgrade() {
+        engine.register_raw_fn(name, types, move |context, args| match shared.upgrade() {
             Some(shared) => dispatch(&shared, def, &context, args),
             None => Ok(Dynamic::UNIT),
         });

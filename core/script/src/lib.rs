@@ -32,6 +32,7 @@ mod motion;
 mod parsed;
 mod reference;
 mod run;
+pub mod synonyms;
 pub mod testing;
 mod totals;
 mod value;

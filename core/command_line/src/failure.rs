@@ -1,0 +1,179 @@
+//! Why a command ended without a result, and the exit code that says so.
+
+use choreo_files::WriteError;
+pub use choreo_files::words as reason;
+use choreo_script::{Diagnostic, Severity, printable, steers_terminal};
+use serde_json::json;
+
+#[derive(Debug)]
+pub enum Failure {
+    /// Script, model or another input.
+    Input(Vec<Problem>),
+    /// The command line.
+    Usage(String),
+    /// The result cannot be written to its place.
+    Output(String),
+    Device(String),
+    /// Sections failed, or none was tested: how many. What failed has been told.
+    Tests(String),
+    /// The machine, or a limit set on the program, gives too few threads or too little memory.
+    Machine(String),
+    /// The program is at fault.
+    Internal(String),
+    Interrupted,
+    /// Another program of ours ended with this code and has said why.
+    Told(u8),
+    /// The reader of standard output has gone.
+    ClosedPipe,
+}
+
+/// One thing that is wrong with an input.
+#[derive(Debug, PartialEq)]
+pub enum Problem {
+    /// Complete with its place.
+    Text(String),
+    Script(Diagnostic),
+}
+
+impl std::fmt::Display for Problem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Problem::Text(text) => f.write_str(text),
+            Problem::Script(diagnostic) => diagnostic.fmt(f),
+        }
+    }
+}
+
+impl Problem {
+    pub fn json(&self) -> serde_json::Value {
+        match self {
+            Problem::Text(text) => json!({ "message": text }),
+            Problem::Script(d) => json!({
+                "severity": match d.severity {
+                    Severity::Error => "error",
+                    Severity::Warning => "warning",
+                    Severity::Note => "note",
+                },
+                "rule": d.rule,
+                "file": d.file, "line": d.line, "column": d.column, "message": d.message, "hint": d.hint,
+            }),
+        }
+    }
+}
+
+impl Failure {
+    pub fn input(text: impl Into<String>) -> Failure {
+        Failure::Input(vec![Problem::Text(text.into())])
+    }
+
+    pub fn code(&self) -> u8 {
+        match self {
+            Failure::Input(_) | Failure::Tests(_) => 1,
+            Failure::Usage(_) => 2,
+            Failure::Output(_) => 3,
+            Failure::Device(_) => 4,
+            Failure::Machine(_) => 5,
+            Failure::Internal(_) => 6,
+            Failure::Interrupted => 130,
+            Failure::Told(code) => *code,
+            // What a shell reports for a process that SIGPIPE ended.
+            Failure::ClosedPipe => 141,
+        }
+    }
+
+    /// What the user reads on standard error.
+    pub fn lines(&self) -> Vec<String> {
+        match self {
+            Failure::Input(problems) => problems.iter().map(ToString::to_string).collect(),
+            Failure::Usage(text) => vec![format!("{text}\n    see choreo --help")],
+            Failure::Output(text) | Failure::Device(text) | Failure::Tests(text) => vec![text.clone()],
+            Failure::Machine(text) => vec![text.clone()],
+            Failure::Internal(text) => vec![format!(
+                "internal error: {text}\n    hint: this is a fault of choreo, whatever the input; please report it with the command and its files"
+            )],
+            Failure::Interrupted => vec!["interrupted".to_string()],
+            Failure::ClosedPipe | Failure::Told(_) => Vec::new(),
+        }
+    }
+
+    pub fn json(&self) -> serde_json::Value {
+        let kind = match self {
+            Failure::Input(_) => "input",
+            Failure::Usage(_) => "usage",
+            Failure::Output(_) => "output",
+            Failure::Device(_) => "device",
+            Failure::Tests(_) => "tests",
+            Failure::Machine(_) => "machine",
+            Failure::Internal(_) => "internal",
+            Failure::Interrupted => "interrupted",
+            Failure::ClosedPipe => "closed pipe",
+            Failure::Told(_) => "viewer",
+        };
+        let errors: Vec<serde_json::Value> = match self {
+            Failure::Input(problems) => problems.iter().map(Problem::json).collect(),
+            other => other.lines().into_iter().map(|l| Problem::Text(l).json()).collect(),
+        };
+        json!({ "ok": false, "kind": kind, "exit_code": self.code(), "errors": errors })
+    }
+}
+
+/// Writes to standard output, without what would steer a terminal; a reader that has gone ends the program quietly.
+pub fn print(text: &str) -> Result<(), Failure> {
+    use std::io::Write;
+    let mut out = std::io::stdout().lock();
+    let shown = printable(text);
+    out.write_all(shown.as_bytes())
+        .and_then(|()| out.flush())
+        .map_err(|e| output_error("standard output", &e))
+}
+
+/// Writes one message to standard error, without what would steer a terminal. Its further lines are set in, so that no
+/// name in it can pass for a message of its own.
+pub fn print_message(message: impl std::fmt::Display) {
+    let shown = printable(&message.to_string()).replace('\n', "\n    ").replace("\n        ", "\n    ");
+    write_error(&shown);
+}
+
+pub fn print_json(value: &serde_json::Value) -> Result<(), Failure> {
+    // `to_string_pretty` of a `Value` cannot fail: all keys are strings.
+    print(&format!("{}\n", escaped(&serde_json::to_string_pretty(value).unwrap_or_default())))
+}
+
+/// JSON on one line on standard error, for programs that write their result to standard output.
+pub fn print_json_message(value: &serde_json::Value) {
+    write_error(&escaped(&value.to_string()));
+}
+
+/// A line on standard error; where that is closed or full, the exit code is left.
+fn write_error(line: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// JSON in which what would steer a terminal is written as \uXXXX: serde_json escapes ASCII's control characters only.
+/// Such characters stand only inside strings, where the escape means the same.
+fn escaped(json: &str) -> String {
+    let escape = |c: char| match steers_terminal(c) && c != '\n' {
+        true => format!("\\u{:04x}", c as u32),
+        false => c.to_string(),
+    };
+    json.chars().map(escape).collect()
+}
+
+pub fn output_error(place: &str, error: &std::io::Error) -> Failure {
+    match error.kind() {
+        std::io::ErrorKind::BrokenPipe => Failure::ClosedPipe,
+        _ => Failure::Output(format!("{place}: cannot write: {}", reason(error))),
+    }
+}
+
+/// Why an output that the user knows as `shown` was not written.
+pub fn write_failure(shown: &str, error: WriteError) -> Failure {
+    match error {
+        WriteError::Io(e) => output_error(shown, &e),
+        WriteError::Busy => Failure::Output(format!(
+            "{shown}: cannot write: another choreo is rendering to it; wait until it is done, or give -o another name"
+        )),
+        error => Failure::Output(format!("{shown}: cannot write: {error}")),
+    }
+}
