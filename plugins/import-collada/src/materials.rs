@@ -22,7 +22,7 @@ pub struct Materials<'f> {
     pub srgb: bool,
     pub list: Vec<Material>,
     pub bumps: Vec<BumpMap>,
-    /// By material element and the uv sets in use.
+    /// Materials by material element and the uv sets in use.
     known: BTreeMap<String, u32>,
 }
 
@@ -283,7 +283,7 @@ impl<'f> Materials<'f> {
     }
 }
 
-/// From a sampler's sid through its surface to the image; or an image's id, as older exporters write.
+/// Follows a sampler's sid through its surface to the image; or an image's id, as older exporters write.
 fn image<'a>(xml: &Xml<'a>, profile: Node<'a>, name: &str) -> (Option<Node<'a>>, Option<Node<'a>>) {
     let param = |sid: &str| {
         let effect = profile.parent();

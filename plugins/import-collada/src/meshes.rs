@@ -18,7 +18,7 @@ use std::sync::Arc;
 struct Shape<'a> {
     geometry: Node<'a>,
     skin: Option<Node<'a>>,
-    /// With the controller's id.
+    /// The morph controller with its id.
     morph: Option<(Node<'a>, NodeId)>,
 }
 

@@ -147,7 +147,7 @@ fn writer(comment: &str) -> &str {
     if tells.iter().any(|words| lower.contains(words)) { comment } else { "" }
 }
 
-/// In the order of their first use; where faces come before any `usemtl`, one more at the end for those.
+/// Materials in the order of their first use; where faces come before any `usemtl`, one more at the end for those.
 #[allow(clippy::too_many_arguments)]
 fn materials(
     model: &parse::Model,
