@@ -7,9 +7,8 @@
 //! switches that meet is compiled in at least one set, and every possible pair of all switches, too.
 
 use choreo_plugin::Hook;
-use choreo_render::shader::features::{
-    FEATURES, Features, SWITCHES, SwitchSource, broken_rule, names, switch_names,
-};
+use choreo_render::plan::shader_features::{FEATURES, Features, names};
+use choreo_render::shader::switches::{SWITCHES, SwitchSource, broken_rule, switch_names};
 use choreo_render::shader::{
     BACKGROUND, OVERLAY, POSED, SCENE, SKY, SceneEffect, ShaderSources, SourceFile, UNDER, compile,
     entry_points, parse, preprocess, surface_files,

@@ -1,7 +1,7 @@
 //! Shaders without a GPU: the layouts of their structs equal the Rust structs field by field.
 
+use choreo_render::plan::shader_features::names;
 use choreo_render::plan::{ActiveMorph, Features, Instance, LightType, PlanLight};
-use choreo_render::shader::features::names;
 use choreo_render::shader::uniforms::{
     FrameUniform, LayersUniform, MaterialUniform, MetallicRoughnessUniform, OutlineUniform, PhongUniform,
     PostUniform, RebuiltUniform, ShadowUniform, SkyUniform, ToonUniform, UvTransform,
@@ -77,7 +77,7 @@ fn layouts_equal_the_rust_structs() {
     }
     let light = fields!(PlanLight: position, kind, direction, shadow_views, color, inverse_range_squared, cone, polynomial);
     compare(&m, "Light", size_of::<PlanLight>(), light);
-    compare(&m, "Rows", 48, &[("x", 0), ("y", 16), ("z", 32)]);
+    compare(&m, "Affine3x4", 48, &[("x", 0), ("y", 16), ("z", 32)]);
     let (members, span) = layout(&m, "Instance");
     let rust =
         fields!(Instance: relative_from_mesh, tint, first_joint, first_morph, morph_count, width).iter();

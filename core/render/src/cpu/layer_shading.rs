@@ -9,7 +9,6 @@ use super::shade::{Fragment, Quad, rgb};
 use super::sky::Around;
 use super::thin_film::{film_f0, film_reflectance};
 use crate::plan::Features;
-use crate::shader::uniforms::film_thickness;
 use choreo_asset::MaterialLayers;
 use glam::Vec3;
 
@@ -106,7 +105,7 @@ impl LayeredPoint<'_> {
         if let Some([r, ..]) = self.texel(Features::IRIDESCENCE_TEXTURE) {
             share *= r;
         }
-        let [thin, thick] = film_thickness(&self.fragment.material.factors).to_array().map(F4::splat);
+        let [thin, thick] = self.fragment.material.factors.film_thickness().to_array().map(F4::splat);
         let thickness = match self.texel(Features::IRIDESCENCE_THICKNESS_TEXTURE) {
             Some([_, g, ..]) => thin.mix(thick, g),
             None => thick,

@@ -2,6 +2,7 @@
 
 use super::lanes::{F4, V3};
 use super::shade::{Fragment, Quad};
+use choreo_asset::TextureSlot;
 use glam::Vec3;
 
 impl Fragment<'_> {
@@ -9,7 +10,10 @@ impl Fragment<'_> {
     /// heights in the normal map's alpha.
     pub fn parallax(&self, quad: &Quad) -> Option<[F4; 2]> {
         let material = &self.material.factors;
-        let (map, texture) = (material.normal.as_ref()?, self.material.textures[2].as_deref()?);
+        let (map, texture) = (
+            material.texture(TextureSlot::Normal)?,
+            self.material.textures[TextureSlot::Normal as usize].as_deref()?,
+        );
         let (relative, normal) = (quad.vec3(|v| v.relative), quad.vec3(|v| v.normal));
         let (tangent, sign) = (quad.vec3(|v| v.tangent.truncate()), quad.scalar(|v| v.tangent.w));
         let eye = self.plan.view.eye;
@@ -29,7 +33,7 @@ impl Fragment<'_> {
         let mut depth = F4::ZERO;
         for _ in 0..4 {
             let quad = Quad { parallax: Some(shift), ..*quad };
-            let [_, _, z, a] = self.sample(&quad, Some(map), Some(texture))?;
+            let [_, _, z, a] = self.sample(&quad, Some(&map), Some(texture))?;
             let below = (a - F4::ONE) * depth_of_all;
             depth += (below - depth) * (z * 2.0 - F4::ONE).clamp(0.0, 1.0);
             shift = [way[0] * depth, way[1] * depth];

@@ -20,8 +20,8 @@ fn body(draw: &Draw, instance: &Instance) -> Option<Body> {
     let features = draw.pipeline.features;
     let pose = features.only(Features::SKINNING);
     // Effects that move corners look at what a draw has of them.
-    let shared = !pose.is_empty() && draw.pipeline.displaced == 0;
-    shared.then(|| (draw.primitive, pose, features.has(Features::OUTLINE), instance.pose()))
+    let shared = pose != Features::default() && draw.pipeline.displaced == 0;
+    shared.then(|| (draw.primitive, pose, features.has(Features::OUTLINE), instance.deformation()))
 }
 
 impl Bodies {
@@ -44,7 +44,7 @@ impl Bodies {
         wanted.retain(|_, (.., draws)| *draws > 1);
         let wanted: Vec<_> = wanted.into_iter().collect();
         let pose = |(body, (features, instance, _)): (Body, (Features, &Instance, u32))| {
-            let entry = &renderer.catalog.primitives[body.0 as usize];
+            let entry = &renderer.resources.primitives[body.0 as usize];
             let stage = VertexStage::new(entry, features, plan, instance, &Mat4::IDENTITY);
             let welded =
                 body.2.then(|| crate::scene_resources::vertex_layout::welded_normals(stage.primitive));

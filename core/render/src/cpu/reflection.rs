@@ -3,7 +3,7 @@
 use super::lanes::{F4, V3};
 use super::shade::{Fragment, Quad};
 use crate::plan::Features;
-use crate::shader::features::texture_slot;
+use crate::plan::shader_features::texture_slot;
 use choreo_asset::Reflection;
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -31,7 +31,7 @@ impl Fragment<'_> {
 
     /// The environment map in four directions, which are a quad's.
     fn environment(&self, way: V3, roughness: f32) -> V3 {
-        let refs = self.material.factors.texture_refs();
+        let refs = self.material.factors.textures;
         let slot = texture_slot(Features::ENVIRONMENT_TEXTURE);
         let (Some(r), Some(map)) = (refs[slot].as_ref(), self.material.textures[slot].as_deref()) else {
             return V3::splat(Vec3::ONE);

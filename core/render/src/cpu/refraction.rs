@@ -3,7 +3,7 @@
 use super::lanes::{F4, V3};
 use super::shade::Fragment;
 use crate::plan::Features;
-use crate::plan::build::refraction::blur;
+use crate::plan::scene_color_copy::blur;
 use choreo_asset::MaterialLayers;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;

@@ -12,10 +12,10 @@ use super::texture::Texture;
 use super::toon::{ToonSurface, matcap_uv};
 use super::triplanar::Planes;
 use super::vertex::Vertex;
+use crate::plan::shader_features::texture_slot;
 use crate::plan::{Features, Glass, Plan, PlanLight};
-use crate::scene_resources::CatalogMaterial;
-use crate::shader::features::texture_slot;
-use crate::shader::uniforms::TEXTURE_SLOTS;
+use crate::scene_resources::material::MaterialResource;
+use crate::scene_resources::material::TEXTURE_SLOTS;
 use crate::sky::SkyMaps;
 use choreo_asset::{AlphaMode, Primitive, Toon};
 use choreo_plugin::Effect;
@@ -24,8 +24,8 @@ use std::sync::Arc;
 
 /// A material with its textures at hand.
 pub struct ShadeMaterial {
-    pub factors: CatalogMaterial,
-    /// In the order of `CatalogMaterial::texture_refs`.
+    pub factors: MaterialResource,
+    /// In the order of `MaterialResource::textures`.
     pub textures: [Option<Arc<Texture>>; TEXTURE_SLOTS],
 }
 
@@ -311,7 +311,7 @@ impl Fragment<'_> {
         let shade = V3::splat(toon.shade_color * self.tint.truncate());
         let shift = self.texel(quad, Features::SHADING_SHIFT_TEXTURE);
         let slot = texture_slot(Features::MATCAP_TEXTURE);
-        let refs = self.material.factors.texture_refs();
+        let refs = self.material.factors.textures;
         let matcap = match (refs[slot].as_ref(), self.material.textures[slot].as_deref()) {
             (Some(r), Some(texture)) if self.features.has(Features::MATCAP_TEXTURE) => {
                 V3::splat(toon.matcap) * rgb(texture.sample(&r.sampler, matcap_uv(n, v)))
@@ -341,7 +341,7 @@ impl Fragment<'_> {
             return None;
         }
         let slot = texture_slot(feature);
-        let refs = self.material.factors.texture_refs();
+        let refs = self.material.factors.textures;
         self.sample(quad, refs[slot].as_ref(), self.material.textures[slot].as_deref())
     }
 

@@ -11,7 +11,7 @@ use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
 use super::target::{PixelOf, Target};
 use super::vertex::Vertex;
-use crate::layers_2d::FlatPicture;
+use crate::layers_2d::LayerImage;
 use crate::plan::{Glass, OverlayVertex};
 use glam::{Vec2, Vec4};
 use std::sync::Arc;
@@ -118,7 +118,7 @@ pub struct Tile<'a, 'b> {
     /// In its place, a colour a pixel.
     pub backdrop: Option<&'a Veil<'a>>,
     /// Layers over either.
-    pub under: Option<&'a FlatPicture>,
+    pub under: Option<&'a LayerImage>,
     /// Of what is seen through, told apart pixel by pixel.
     pub layers: u32,
     /// Functions of one pixel alone.

@@ -5,7 +5,7 @@ use super::shade::{Fragment, Quad};
 use super::texture::Texture;
 use super::vertex::Vertex;
 use crate::plan::Features;
-use crate::scene_resources::CatalogTextureRef;
+use crate::scene_resources::material::MaterialTexture;
 use glam::{Affine2, Vec2};
 
 impl Fragment<'_> {
@@ -39,7 +39,7 @@ impl Fragment<'_> {
     pub fn sample(
         &self,
         quad: &Quad,
-        reference: Option<&CatalogTextureRef>,
+        reference: Option<&MaterialTexture>,
         texture: Option<&Texture>,
     ) -> Option<[F4; 4]> {
         let (r, texture) = (reference?, texture?);

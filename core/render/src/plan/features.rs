@@ -1,12 +1,14 @@
 //! Which shader features a draw asks for. What each feature is stands in the table, [`crate::shader::features`].
 
 use crate::plan::left_out::left_out_names;
+use crate::plan::shader_features::absences;
 use crate::plan::{Features, LeftOut, is_lit};
+use crate::scene_resources::PrimitiveResource;
+use crate::scene_resources::material::{
+    BASE_SLOTS, LAYER_SLOTS, MaterialResource, MaterialTexture, TOON_SLOT,
+};
 use crate::scene_resources::thick_lines::pen;
-use crate::scene_resources::{CatalogMaterial, CatalogPrimitive, CatalogTextureRef};
-use crate::shader::features::absences;
-use crate::shader::uniforms::LAYER_SLOTS;
-use choreo_asset::{AlphaMode, MaterialLayers, Shading};
+use choreo_asset::{AlphaMode, MaterialLayers, Shading, TextureSlot};
 use glam::{Affine2, Vec3};
 
 /// What a draw brings besides primitive and material.
@@ -38,7 +40,7 @@ struct Model {
 }
 
 impl Model {
-    fn of(normals: bool, material: &CatalogMaterial) -> Model {
+    fn of(normals: bool, material: &MaterialResource) -> Model {
         let m = &material.material;
         let lit = is_lit(m.shading) && normals;
         let phong = lit && matches!(m.shading, Shading::BlinnPhong | Shading::Phong);
@@ -53,7 +55,7 @@ impl Model {
     }
 
     /// The textures that this model reads, with their features.
-    fn textures(&self, m: &CatalogMaterial) -> Vec<(Option<CatalogTextureRef>, Features)> {
+    fn textures(&self, m: &MaterialResource) -> Vec<(Option<MaterialTexture>, Features)> {
         let of_toon = |toon: Features, other: Features| if self.toon { toon } else { other.when(self.lit) };
         let [of_metallic_roughness, of_specular] = match (self.toon, self.reflects) {
             (true, _) => [Features::MATCAP_TEXTURE, Features::SHADING_SHIFT_TEXTURE],
@@ -63,13 +65,16 @@ impl Model {
         };
         let layers = m.material.layers.as_deref().filter(|_| self.metallic_roughness);
         let base = [
-            (m.base_color, Features::BASE_COLOR_TEXTURE),
-            (m.metallic_roughness, of_metallic_roughness),
-            (m.normal, Features::NORMAL_TEXTURE.when(self.lit)),
-            (m.occlusion, of_toon(Features::RIM_TEXTURE, Features::OCCLUSION_TEXTURE)),
-            (m.emissive, Features::EMISSIVE_TEXTURE.when(self.lit)),
-            (m.specular, of_specular),
-            (m.specular_color, of_toon(Features::SHADE_COLOR_TEXTURE, Features::SPECULAR_COLOR_TEXTURE)),
+            (m.texture(TextureSlot::BaseColor), Features::BASE_COLOR_TEXTURE),
+            (m.texture(TextureSlot::MetallicRoughness), of_metallic_roughness),
+            (m.texture(TextureSlot::Normal), Features::NORMAL_TEXTURE.when(self.lit)),
+            (m.texture(TextureSlot::Occlusion), of_toon(Features::RIM_TEXTURE, Features::OCCLUSION_TEXTURE)),
+            (m.texture(TextureSlot::Emissive), Features::EMISSIVE_TEXTURE.when(self.lit)),
+            (m.texture(TextureSlot::Specular), of_specular),
+            (
+                m.texture(TextureSlot::SpecularColor),
+                of_toon(Features::SHADE_COLOR_TEXTURE, Features::SPECULAR_COLOR_TEXTURE),
+            ),
         ];
         base.into_iter().chain(layer_textures(m, layers)).filter(|(_, bit)| !bit.is_empty()).collect()
     }
@@ -84,8 +89,8 @@ const FROM_THREE_SIDES: Features = Features::BASE_COLOR_TEXTURE
 /// Features of a draw: only those that change a pixel. `force_all` sets every bit that leaves the pixels as they are; see
 /// [`Features`] for what a renderer then feeds to a shader whose primitive or material lacks the data.
 pub fn features(
-    primitive: &CatalogPrimitive,
-    material: &CatalogMaterial,
+    primitive: &PrimitiveResource,
+    material: &MaterialResource,
     needs: DrawNeeds,
     force_all: bool,
 ) -> Features {
@@ -123,8 +128,8 @@ pub fn features(
 
 /// The textures that a draw reads, and the texture coordinates that they need.
 fn texture_features(
-    primitive: &CatalogPrimitive,
-    material: &CatalogMaterial,
+    primitive: &PrimitiveResource,
+    material: &MaterialResource,
     model: &Model,
     force_all: bool,
 ) -> Features {
@@ -155,27 +160,29 @@ fn texture_features(
         let forced = Features::UV0.with(Features::UV1).with(Features::UV_TRANSFORM);
         f = f.with(forced.when(force_all));
     }
-    let mask = material.toon[1].filter(|t| model.toon && !p.uvs[t.uv_set as usize].is_empty());
+    let mask =
+        material.textures[TOON_SLOT + 1].filter(|t| model.toon && !p.uvs[t.uv_set as usize].is_empty());
     mask.map_or(f, |mask| f.with(Features::UV_MOTION_MASK).with(uv_features(mask)))
 }
 
 /// The textures that a material's shading model reads, as far as the material has them.
-pub(crate) fn material_textures(material: &CatalogMaterial) -> Features {
+pub(crate) fn material_textures(material: &MaterialResource) -> Features {
     let there = Model::of(true, material).textures(material).into_iter().filter(|(t, _)| t.is_some());
     there.fold(Features::default(), |all, (_, bit)| all.with(bit))
 }
 
 /// The set of texture coordinates of a texture, and its transform.
-fn uv_features(t: CatalogTextureRef) -> Features {
+fn uv_features(t: MaterialTexture) -> Features {
     let set = if t.uv_set == 0 { Features::UV0 } else { Features::UV1.when(t.uv_set == 1) };
     set.with(Features::UV_TRANSFORM.when(t.uv_transform != Affine2::IDENTITY))
 }
 
 /// Textures of layers that are on, with their features. A coat's normal map is never forced in: it needs tangents.
 fn layer_textures(
-    material: &CatalogMaterial,
+    material: &MaterialResource,
     layers: Option<&MaterialLayers>,
-) -> impl Iterator<Item = (Option<CatalogTextureRef>, Features)> {
+) -> impl Iterator<Item = (Option<MaterialTexture>, Features)> {
+    let layer = |slot: usize| material.textures[BASE_SLOTS + slot];
     let bits: [Features; LAYER_SLOTS] = layers.map_or_else(Default::default, |l| {
         let coat = l.clearcoat > 0.0;
         let sheen = l.sheen_color != Vec3::ZERO;
@@ -184,19 +191,20 @@ fn layer_textures(
         [
             Features::CLEARCOAT_TEXTURE.when(coat),
             Features::CLEARCOAT_ROUGHNESS_TEXTURE.when(coat),
-            Features::CLEARCOAT_NORMAL_TEXTURE.when(coat && material.layers[2].is_some()),
+            Features::CLEARCOAT_NORMAL_TEXTURE.when(coat && layer(2).is_some()),
             Features::SHEEN_COLOR_TEXTURE.when(sheen),
             Features::SHEEN_ROUGHNESS_TEXTURE.when(sheen),
             Features::TRANSMISSION_TEXTURE.when(l.transmission > 0.0),
             Features::THICKNESS_TEXTURE.when(l.absorbs() || l.refracts()),
             Features::IRIDESCENCE_TEXTURE.when(film),
             Features::IRIDESCENCE_THICKNESS_TEXTURE.when(film),
-            Features::ANISOTROPY_TEXTURE.when(material.layers[9].is_some()),
+            Features::ANISOTROPY_TEXTURE.when(layer(9).is_some()),
             Features::DIFFUSE_TRANSMISSION_TEXTURE.when(behind),
             Features::DIFFUSE_TRANSMISSION_COLOR_TEXTURE.when(behind),
         ]
     });
-    material.layers.into_iter().zip(bits)
+    let textures: [Option<MaterialTexture>; LAYER_SLOTS] = std::array::from_fn(layer);
+    textures.into_iter().zip(bits)
 }
 
 /// Features of the layers themselves. A coat, sheen, film and light from behind of nothing change no pixel, so they can be forced
@@ -219,24 +227,26 @@ pub fn layer_features(layers: Option<&MaterialLayers>, tangents: bool, force_all
 }
 
 /// Whether its normal map can be read.
-fn reads_normal_map(primitive: &CatalogPrimitive, material: &CatalogMaterial) -> bool {
+fn reads_normal_map(primitive: &PrimitiveResource, material: &MaterialResource) -> bool {
     let p = primitive.primitive();
-    let has_uvs = |t: CatalogTextureRef| !p.uvs[t.uv_set as usize].is_empty();
-    !p.tangents.is_empty() && material.material.triplanar.is_none() && material.normal.is_some_and(has_uvs)
+    let has_uvs = |t: MaterialTexture| !p.uvs[t.uv_set as usize].is_empty();
+    !p.tangents.is_empty()
+        && material.material.triplanar.is_none()
+        && material.texture(TextureSlot::Normal).is_some_and(has_uvs)
 }
 
 /// Features of the outline around a surface with these features: where light on the surface does not count, its shape alone.
 pub fn outline_features(
     features: Features,
-    primitive: &CatalogPrimitive,
-    material: &CatalogMaterial,
+    primitive: &PrimitiveResource,
+    material: &MaterialResource,
     blended: bool,
 ) -> Features {
     let outline = material.material.toon.as_ref().and_then(|t| t.outline.as_ref());
     let lit = outline.is_some_and(|o| o.lighting_mix > 0.0);
     let base = if lit { features } else { features.of_alpha(blended) };
     let uvs = &primitive.primitive().uvs;
-    let width = material.toon[0].filter(|t| !uvs[t.uv_set as usize].is_empty());
+    let width = material.textures[TOON_SLOT].filter(|t| !uvs[t.uv_set as usize].is_empty());
     let width = width.map_or_else(Features::default, |width| {
         // An outline's width is read from the second set wherever it is not the first.
         let set = if width.uv_set == 0 { Features::UV0 } else { Features::UV1 };
@@ -337,7 +347,7 @@ fn of_scene(facts: &Facts) -> Reports {
 fn of_lights(all: Features, facts: &Facts) -> Reports {
     let unlit = if facts.lit_exist { "nothing lit is in view" } else { "every material is unlit" };
     let fewer =
-        format!("fewer than {} point and spot lights have a range", crate::plan::build::light_clusters::MANY);
+        format!("fewer than {} point and spot lights have a range", crate::plan::light_clusters::MANY);
     let dark = format!("{} have no intensity, no colour or a value that is not finite", facts.dark_lights);
     let no_shadows = match facts {
         f if !f.casting => "no light casts shadows",

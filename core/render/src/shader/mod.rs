@@ -1,23 +1,23 @@
 //! WGSL modules → SPIR-V: a line-preserving `@if` preprocessor, and naga. No Vulkan here, so that every combination
 //! of features a plan can ask for is validated without a GPU.
 
-pub mod features;
-pub mod key;
+pub mod switches;
 pub mod uniforms;
 
 mod compile;
 mod preprocess;
 mod surface;
 mod textures;
+mod variant;
 
 pub use compile::{Entry, compile, parse};
-pub use features::switches;
-pub use key::{DeferredPass, LightLoop, PeelPass, SceneVariant, entry_points};
 pub use preprocess::{PreprocessError, preprocess};
 pub use surface::{SceneEffect, surface_files};
+pub use switches::switches;
 pub use textures::{texture_bytes, texture_functions};
+pub use variant::{DeferredPass, LightLoop, PeelPass, SceneVariant, entry_points};
 
-use crate::RenderError;
+use crate::error::RenderError;
 use choreo_files::Folder;
 use std::path::{Path, PathBuf};
 
@@ -131,7 +131,7 @@ impl ShaderSources {
         if name == MATERIAL_TEXTURES {
             return Ok(SourceFile {
                 name: "table of shader features".into(),
-                text: features::texture_bindings(),
+                text: switches::texture_bindings(),
             });
         }
         let (_, text) = EMBEDDED.iter().find(|(n, _)| *n == name).ok_or_else(|| RenderError::Shader {

@@ -1,7 +1,8 @@
 //! `@if(A && !B || C)`, `@else`, `@end`: lines are blanked, never removed, so that line and column of an error are
 //! those of the file. `@if(A) text` on one line keeps or drops that line alone.
 
-use super::features::switch_names;
+use super::switches::switch_names;
+use crate::plan::shader_features::holds;
 use thiserror::Error;
 
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -28,7 +29,8 @@ pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
             let (condition, after) = inner
                 .split_once(')')
                 .ok_or_else(|| error("`@if(` has no closing parenthesis on its line".into()))?;
-            let holds = holds(condition, on).map_err(error)?;
+            check_names(condition).map_err(error)?;
+            let holds = holds(condition, |name| on.contains(&name));
             if after.trim().is_empty() {
                 open.push((line_number, holds, kept));
             } else if kept && holds {
@@ -53,27 +55,16 @@ pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
     }
 }
 
-/// Whether a condition holds: `||` of `&&` of names, each with or without `!`. An unknown name is a typing
-/// mistake, not "off".
-pub(super) fn holds(condition: &str, on: &[&str]) -> Result<bool, String> {
-    let mut any = false;
-    for group in condition.split("||") {
-        let mut all = true;
-        for term in group.split("&&") {
-            let term = term.trim();
-            let (negated, name) = match term.strip_prefix('!') {
-                Some(name) => (true, name.trim()),
-                None => (false, term),
-            };
-            if !switch_names().any(|known| known == name) {
-                let known: Vec<&str> = switch_names().collect();
-                return Err(format!("unknown switch `{name}`; known: {}", known.join(", ")));
-            }
-            all &= on.contains(&name) != negated;
+/// An unknown name is a typing mistake, not "off".
+fn check_names(condition: &str) -> Result<(), String> {
+    let names = condition.split("||").flat_map(|group| group.split("&&"));
+    for name in names.map(|term| term.trim().trim_start_matches('!').trim()) {
+        if !switch_names().any(|known| known == name) {
+            let known: Vec<&str> = switch_names().collect();
+            return Err(format!("unknown switch `{name}`; known: {}", known.join(", ")));
         }
-        any |= all;
     }
-    Ok(any)
+    Ok(())
 }
 
 #[cfg(test)]

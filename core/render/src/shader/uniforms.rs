@@ -1,9 +1,11 @@
 //! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shaders.rs` compares every field's offset.
 
 use crate::plan::{PlanSky, PostPass, ShadowView, View};
-use crate::scene_resources::{CatalogMaterial, CatalogTextureRef};
+use crate::scene_resources::material::{
+    BASE_SLOTS, LAYER_SLOTS, MaterialResource, MaterialTexture, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS,
+};
 use crate::sky::{MAX_LEVELS, SkyMaps};
-use choreo_asset::{AlphaMode, Toon};
+use choreo_asset::{AlphaMode, TextureSlot, Toon};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 macro_rules! uniforms {
@@ -202,25 +204,14 @@ impl SkyUniform {
     }
 }
 
-/// Base colour, metallic-roughness, normal, occlusion, emissive, specular, specular colour.
-pub const BASE_SLOTS: usize = 7;
-/// Clearcoat, its roughness, its normal, sheen colour, its roughness, transmission, thickness, iridescence, its thickness,
-/// anisotropy, diffuse transmission, its colour.
-pub const LAYER_SLOTS: usize = 12;
-/// All that a material can have. Vulkan promises 16: what a device has no room for is left out (`record::fitting`).
-pub const TEXTURE_SLOTS: usize = TOON_SLOT + TOON_SLOTS;
-/// Width of the outline, mask of what moves.
-pub const TOON_SLOTS: usize = 2;
-pub const TOON_SLOT: usize = BASE_SLOTS + LAYER_SLOTS;
-
 impl LayersUniform {
     /// Binding after those of the textures.
     pub const BINDING: u32 = 1 + 2 * TEXTURE_SLOTS as u32;
 
     /// `None` where the material has no layers.
-    pub fn new(catalog: &CatalogMaterial) -> Option<LayersUniform> {
-        let l = catalog.material.layers.as_deref()?;
-        let refs = catalog.texture_refs();
+    pub fn new(resource: &MaterialResource) -> Option<LayersUniform> {
+        let l = resource.material.layers.as_deref()?;
+        let refs = resource.textures;
         let mut uv = [UvTransform { x: Vec4::X, y: Vec4::Y }; LAYER_SLOTS];
         for (out, slot) in uv.iter_mut().zip(&refs[BASE_SLOTS..TOON_SLOT]) {
             if let Some(t) = slot {
@@ -244,7 +235,7 @@ impl LayersUniform {
             ),
             anisotropy: l.anisotropy,
             iridescence: l.iridescence,
-            iridescence_thickness: film_thickness(catalog),
+            iridescence_thickness: resource.film_thickness(),
             iridescence_ior: l.iridescence_ior,
             pad: 0.0,
             iors: l.iors(),
@@ -253,16 +244,6 @@ impl LayersUniform {
         })
     }
 }
-
-/// Nanometres where the texture's G is 0 and where it is 1: the same without one, so that forcing the texture in changes nothing.
-pub fn film_thickness(catalog: &CatalogMaterial) -> Vec2 {
-    let [thin, thick] = catalog.material.layers.as_deref().map_or([0.0; 2], |l| l.iridescence_thickness);
-    let textured = catalog.layers[FILM_THICKNESS_SLOT].is_some();
-    Vec2::new(if textured { thin } else { thick }, thick)
-}
-
-/// Of the film's thickness among the layers' textures.
-pub const FILM_THICKNESS_SLOT: usize = 8;
 
 /// The filter reaches two texels to each side.
 const SHADOW_MARGIN: f32 = 2.0;
@@ -285,7 +266,7 @@ impl ShadowUniform {
     }
 }
 
-fn uv_transform(t: &CatalogTextureRef) -> UvTransform {
+fn uv_transform(t: &MaterialTexture) -> UvTransform {
     let a = t.uv_transform;
     UvTransform {
         x: Vec4::new(a.matrix2.x_axis.x, a.matrix2.y_axis.x, a.translation.x, t.uv_set as f32),
@@ -310,12 +291,12 @@ impl PostUniform {
 }
 
 impl MaterialUniform {
-    pub fn new(catalog: &CatalogMaterial) -> MaterialUniform {
-        let m = &catalog.material;
+    pub fn new(resource: &MaterialResource) -> MaterialUniform {
+        let m = &resource.material;
         // A feature may be on where the material has no such texture (`PlanOptions::force_all`): identity then.
         let identity = UvTransform { x: Vec4::X, y: Vec4::Y };
         let mut uv = [identity; BASE_SLOTS + TOON_SLOTS];
-        let refs = catalog.texture_refs();
+        let refs = resource.textures;
         for (out, slot) in uv.iter_mut().zip(refs[..BASE_SLOTS].iter().chain(&refs[TOON_SLOT..])) {
             if let Some(t) = slot {
                 *out = uv_transform(t);
@@ -329,7 +310,7 @@ impl MaterialUniform {
                 AlphaMode::Mask(cutoff) => cutoff,
                 _ => 0.0,
             },
-            normal_scale: if catalog.normal.is_some() { m.normal_scale } else { 0.0 },
+            normal_scale: if resource.texture(TextureSlot::Normal).is_some() { m.normal_scale } else { 0.0 },
             occlusion_strength: m.occlusion_strength,
             parallax_depth: m.relief,
             triplanar_sharpness: triplanar.map_or(0.0, |t| t.sharpness),
@@ -350,7 +331,7 @@ impl MaterialUniform {
                 reflection: m.mirrors().map_or(Vec3::ZERO, |r| r.color),
                 reflection_roughness: m.mirror_roughness(),
             },
-            toon: ToonUniform::new(catalog),
+            toon: ToonUniform::new(resource),
             outline: m.toon.as_ref().and_then(|t| t.outline.as_ref()).map_or_else(Default::default, |o| {
                 OutlineUniform {
                     color: o.color,
@@ -366,20 +347,28 @@ impl MaterialUniform {
 }
 
 impl ToonUniform {
-    fn new(catalog: &CatalogMaterial) -> ToonUniform {
+    fn new(resource: &MaterialResource) -> ToonUniform {
         let default = Toon::default();
-        let t = catalog.material.toon.as_deref().unwrap_or(&default);
+        let t = resource.material.toon.as_deref().unwrap_or(&default);
         ToonUniform {
             shade_color: t.shade_color,
             shading_shift: t.shading_shift,
             rim_color: t.rim_color,
             rim_fresnel_power: t.rim_fresnel_power,
             // A factor of a texture that is not there counts nothing.
-            matcap: if catalog.metallic_roughness.is_some() { t.matcap } else { Vec3::ZERO },
+            matcap: if resource.texture(TextureSlot::MetallicRoughness).is_some() {
+                t.matcap
+            } else {
+                Vec3::ZERO
+            },
             rim_lift: t.rim_lift,
             shading_toony: t.shading_toony,
             gi_equalization: t.gi_equalization,
-            shading_shift_scale: if catalog.specular.is_some() { t.shading_shift_scale } else { 0.0 },
+            shading_shift_scale: if resource.texture(TextureSlot::Specular).is_some() {
+                t.shading_shift_scale
+            } else {
+                0.0
+            },
             rim_lighting_mix: t.rim_lighting_mix,
         }
     }

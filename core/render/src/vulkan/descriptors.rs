@@ -2,10 +2,11 @@
 
 use super::context::Context;
 use super::error::Named;
-use crate::RenderError;
 use crate::commands::{Command, Recording};
-use crate::shader::features::{FEATURES, Feature, TextureSlot};
-use crate::shader::uniforms::{LayersUniform, TEXTURE_SLOTS};
+use crate::error::RenderError;
+use crate::plan::shader_features::{FEATURES, Feature, TextureSlot};
+use crate::scene_resources::material::TEXTURE_SLOTS;
+use crate::shader::uniforms::LayersUniform;
 use ash::vk;
 use std::collections::BTreeMap;
 

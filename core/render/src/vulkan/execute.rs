@@ -2,32 +2,33 @@
 
 use super::context::Context;
 use super::descriptors::{Layouts, write_image};
-use super::frame_in_flight::Slot;
+use super::frame_in_flight::FrameInFlight;
 use super::memory::{Image, range};
 use super::pipelines::{Id, Pipelines};
 use super::resources::Resources;
 use super::targets::Targets;
-use crate::commands::{Command, Cull, Part, Recording, Target};
+use crate::commands::{Command, Cull, PassPart, Recording, Target};
+use crate::error::RenderError;
 use crate::plan::Features;
-use crate::{Catalog, RenderError};
+use crate::scene_resources::SceneResources;
+use crate::scene_resources::vertex_layout::VertexLayout;
 use ash::vk;
 use glam::Vec4;
 
 pub struct Execution<'a> {
     pub gpu: &'a Context,
     pub layouts: &'a Layouts,
-    pub catalog: &'a Catalog,
+    pub scene_resources: &'a SceneResources,
     pub resources: &'a Resources,
     pub pipelines: &'a Pipelines,
     pub targets: &'a Targets,
-    pub slot: &'a Slot,
+    pub slot: &'a FrameInFlight,
 }
 
 impl Execution<'_> {
     pub fn run(&self, recording: &Recording, ids: &[Option<Id>]) -> Result<(), RenderError> {
         let device = &self.gpu.device;
         let commands = self.slot.commands;
-        let missing = |what: &str| RenderError::Usage(format!("{what} was not prepared"));
         let pipeline_of = |i: usize| {
             let id = ids[i].as_ref();
             id.and_then(|id| self.pipelines.get(id)).ok_or_else(|| missing("a pipeline"))
@@ -36,11 +37,11 @@ impl Execution<'_> {
         for (i, command) in recording.commands.iter().enumerate() {
             match command {
                 Command::UploadFrameData { .. } => {}
-                Command::Pose { variant, primitive, layout, first, count } => {
+                Command::Preskin { variant, primitive, layout, first, count } => {
                     let morphs = variant.features.has(Features::MORPH);
                     self.pose(pipeline_of(i)?, (*primitive, *layout), morphs, [*first, *count])?;
                 }
-                Command::EndPoses => self.end_poses(),
+                Command::EndPreskin => self.end_poses(),
                 Command::CopyBackground => self.copy_background(),
                 Command::SetCull(cull) => self.set_cull(*cull),
                 Command::BeginShadows { size, .. } => self.begin_shadows(*size)?,
@@ -54,12 +55,13 @@ impl Execution<'_> {
                     self.bind_scene_sets();
                 }
                 Command::DrawLight { area } => self.light(*area)?,
-                Command::CopyBehind { from, .. } => self.copy_behind(*from)?,
+                Command::CopySceneColor { from, .. } => self.copy_behind(*from)?,
                 Command::BeginPass { target, clear, part, kept, area, .. } => {
                     self.begin_scene(*target, *clear, (*part, *kept), *area);
                     self.bind_scene_sets();
                 }
                 Command::BeginPeel { layer, area, .. } => {
+                    // The scene's depths before the first layer, then those of even and odd layers in turn.
                     let set = self.slot.peel_sets.get(if *layer == 0 { 0 } else { 2 - *layer as usize % 2 });
                     let set = set.ok_or_else(|| missing("a set of layers"))?;
                     self.begin_peel(*layer, *area)?;
@@ -76,30 +78,11 @@ impl Execution<'_> {
                         self.bind_posed()?;
                     }
                 }
-                Command::BindMaterial { material, changed, slots } => {
-                    let kept = || self.catalog.materials.get(*material as usize);
-                    let set = match changed {
-                        Some(changed) => self.slot.changed_set(*changed, *slots),
-                        None => kept().and_then(|m| self.resources.material_set(m.hash, *slots)),
-                    };
-                    let layout = self.layouts.material(*slots)?.pipeline;
-                    self.bind_set(layout, 3, set.ok_or_else(|| missing("a material"))?);
+                Command::BindMaterial { material, material_override, slots } => {
+                    self.bind_material(*material, *material_override, *slots)?;
                 }
                 Command::BindMesh { primitive, layout, morphs } => {
-                    let hash = self.catalog.primitives[*primitive as usize].hash;
-                    let mesh = self.resources.mesh(hash, *layout).ok_or_else(|| missing("a mesh"))?;
-                    // SAFETY: the command buffer is being recorded; the buffer outlives the frame.
-                    unsafe {
-                        device.cmd_bind_vertex_buffers(commands, 0, &[mesh.buffer.raw], &[0]);
-                        let at = mesh.indices_at;
-                        device.cmd_bind_index_buffer(commands, mesh.buffer.raw, at, mesh.index_type);
-                    }
-                    index_count = mesh.index_count;
-                    if *morphs {
-                        let set = self.resources.morph_set(hash, *layout);
-                        let set = set.ok_or_else(|| missing("a set of morph targets"))?;
-                        self.bind_set(self.pipelines.layout, 1, set);
-                    }
+                    index_count = self.bind_mesh(*primitive, *layout, *morphs)?;
                 }
                 Command::Draw { first_instance, instance_count, indices } => {
                     let [first, count] = indices.unwrap_or([0, index_count]);
@@ -108,7 +91,7 @@ impl Execution<'_> {
                     // lies in them.
                     unsafe { device.cmd_draw_indexed(commands, count, copies, first, 0, from) };
                 }
-                Command::DrawBackground { .. } | Command::DrawSky { .. } | Command::DrawUnder => {
+                Command::DrawBackground { .. } | Command::DrawSky { .. } | Command::DrawLayersBehind => {
                     self.bind_pipeline(pipeline_of(i)?);
                     // SAFETY: the pipeline reads no vertices, and its one set is bound.
                     unsafe { device.cmd_draw(commands, 3, 1, 0, 0) };
@@ -130,6 +113,34 @@ impl Execution<'_> {
             }
         }
         Ok(())
+    }
+
+    fn bind_material(&self, material: u32, changed: Option<u32>, slots: u32) -> Result<(), RenderError> {
+        let kept = || self.scene_resources.materials.get(material as usize);
+        let set = match changed {
+            Some(changed) => self.slot.changed_set(changed, slots),
+            None => kept().and_then(|m| self.resources.material_set(m.hash, slots)),
+        };
+        let layout = self.layouts.material(slots)?.pipeline;
+        self.bind_set(layout, 3, set.ok_or_else(|| missing("a material"))?);
+        Ok(())
+    }
+
+    /// Gives the number of indices.
+    fn bind_mesh(&self, primitive: u32, layout: VertexLayout, morphs: bool) -> Result<u32, RenderError> {
+        let (device, commands) = (&self.gpu.device, self.slot.commands);
+        let hash = self.scene_resources.primitives[primitive as usize].hash;
+        let mesh = self.resources.mesh(hash, layout).ok_or_else(|| missing("a mesh"))?;
+        // SAFETY: the command buffer is being recorded; the buffer outlives the frame.
+        unsafe {
+            device.cmd_bind_vertex_buffers(commands, 0, &[mesh.buffer.raw], &[0]);
+            device.cmd_bind_index_buffer(commands, mesh.buffer.raw, mesh.indices_at, mesh.index_type);
+        }
+        if morphs {
+            let set = self.resources.morph_set(hash, layout);
+            self.bind_set(self.pipelines.layout, 1, set.ok_or_else(|| missing("a set of morph targets"))?);
+        }
+        Ok(mesh.index_count)
     }
 
     pub(super) fn bind_scene_sets(&self) {
@@ -243,14 +254,14 @@ impl Execution<'_> {
         &self,
         target: Target,
         clear: Option<Vec4>,
-        (part, after_geometry): (Part, bool),
+        (part, after_geometry): (PassPart, bool),
         area: Option<[u32; 4]>,
     ) {
         let resolved = self.targets.image(target);
         let multisampled = self.targets.multisampled.as_ref();
-        let kept = part != Part::Whole;
-        let resumed = matches!(part, Part::AfterCopy | Part::AfterLayers);
-        let goes_on = matches!(part, Part::UntilCopy | Part::UntilLayers);
+        let kept = part != PassPart::Whole;
+        let resumed = matches!(part, PassPart::AfterCopy | PassPart::AfterLayers);
+        let goes_on = matches!(part, PassPart::UntilCopy | PassPart::UntilLayers);
         let mut barriers = vec![match clear {
             // The copy left the picture to be drawn into; with several samples it is only resolved into.
             _ if resumed => again(to_color(resolved), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
@@ -302,7 +313,7 @@ impl Execution<'_> {
                 .resolve_mode(vk::ResolveModeFlags::AVERAGE)
                 .resolve_image_view(resolved.view)
                 .resolve_image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
-            if part == Part::UntilLayers {
+            if part == PassPart::UntilLayers {
                 color = color.resolve_mode(vk::ResolveModeFlags::NONE);
             }
         }
@@ -407,6 +418,10 @@ impl Execution<'_> {
             self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info);
         }
     }
+}
+
+fn missing(what: &str) -> RenderError {
+    RenderError::Usage(format!("{what} was not prepared"))
 }
 
 pub(super) fn color_barrier(image: &Image) -> vk::ImageMemoryBarrier2<'static> {

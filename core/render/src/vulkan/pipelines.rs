@@ -10,7 +10,7 @@ pub use super::pipeline_ids::{Id, ids};
 use super::preskin;
 use super::state::{Mix, State, format_of};
 use super::targets::DEPTH;
-use crate::RenderError;
+use crate::error::RenderError;
 use crate::plan::{Features, TopologyKey};
 use crate::shader::{
     BACKGROUND, Entry, OVERLAY, SCENE, SKY, SceneEffect, SceneVariant, ShaderSources, SourceFile, UNDER,

@@ -2,11 +2,11 @@
 
 use super::descriptors::Layouts;
 use super::targets::format;
-use crate::RenderError;
 use crate::commands::Target;
+use crate::error::RenderError;
+use crate::plan::shader_features::texture_slots;
 use crate::plan::{Features, Glass, TopologyKey};
 use crate::scene_resources::vertex_layout::{Format, VertexLayout};
-use crate::shader::features::texture_slots;
 use crate::shader::{DeferredPass, PeelPass, SceneVariant, switches};
 use ash::vk;
 

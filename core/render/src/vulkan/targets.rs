@@ -6,8 +6,8 @@ use super::memory::{Buffer, Image, ImageDesc};
 use super::scene_color_copy::BehindTarget;
 use super::shadow::ShadowTarget;
 use super::sky::SkyImages;
-use crate::RenderError;
 use crate::commands::{Command, Recording, Target};
+use crate::error::RenderError;
 use crate::scene_resources::mipmap::linear_to_srgb8;
 use ash::vk;
 use glam::Vec4;
@@ -65,7 +65,7 @@ impl Needs {
                 Command::BeginShadows { image, .. } => needs.shadow = Some(*image),
                 Command::BeginPeel { .. } => needs.layers = true,
                 Command::BeginGeometry => needs.kept = true,
-                Command::CopyBehind { levels, .. } => needs.behind = Some(*levels),
+                Command::CopySceneColor { levels, .. } => needs.behind = Some(*levels),
                 Command::BeginPass { target, samples, depth, .. } => {
                     (needs.scene, needs.samples, needs.depth) = (*target, *samples, *depth);
                     needs.floats = needs.floats.max(float(target));
@@ -101,7 +101,7 @@ pub struct Targets {
 
 /// Images of this frame that shaders of the scene read.
 #[derive(Clone, Copy, Default)]
-pub struct Seen<'a> {
+pub struct FrameImages<'a> {
     pub shadow: Option<&'a ShadowTarget>,
     pub behind: Option<&'a BehindTarget>,
     pub sky: Option<&'a SkyImages>,
@@ -180,7 +180,7 @@ impl Targets {
     }
 
     /// What shaders read beside materials; the sky is among the resources.
-    pub fn seen(&self) -> Seen<'_> {
+    pub fn seen(&self) -> FrameImages<'_> {
         let layers = match (&self.depth, &self.layers[..]) {
             (Some(depth), [even, odd]) => Some(([depth.view, even.view, odd.view], self.sampler)),
             _ => None,
@@ -190,7 +190,7 @@ impl Targets {
             _ => None,
         };
         let (shadow, behind) = (self.shadow.as_ref(), self.behind.as_ref());
-        Seen { layers, kept, shadow, behind, sky: None, texels: None }
+        FrameImages { layers, kept, shadow, behind, sky: None, texels: None }
     }
 
     pub fn image(&self, target: Target) -> &Image {

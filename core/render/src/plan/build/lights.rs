@@ -1,4 +1,4 @@
-//! The lights of a frame as shaders read them.
+//! Lights and sky of a frame.
 
 use crate::plan::view::relative;
 use crate::plan::{LightType, PlanLight, PlanSky, View};
@@ -6,8 +6,11 @@ use choreo_asset::LightKind;
 use choreo_stage::{LightState, Shadow, SkyState};
 use glam::{Vec2, Vec3};
 
-/// Lights that shine, how each casts shadows, and the number of those that do not shine.
-pub fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<Option<Shadow>>, usize) {
+/// Lights that shine, the shadow settings of each, and the number of lights that do not shine.
+pub(super) fn plan_lights(
+    lights: &[LightState],
+    view: &View,
+) -> (Vec<PlanLight>, Vec<Option<Shadow>>, usize) {
     let mut out = Vec::with_capacity(lights.len());
     let mut shadows = Vec::with_capacity(lights.len());
     for state in lights {
@@ -25,7 +28,7 @@ pub fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<O
             continue;
         }
         let inverse_range_squared = light.range.filter(|r| *r > 0.0 && local).map_or(0.0, |r| 1.0 / (r * r));
-        // Shares of the polynomial; their sum goes into the color.
+        // Shares of the polynomial; its sum is divided out of the color.
         let polynomial = state.attenuation.filter(|_| local).map(|a| (a, a[0] + a[1] + a[2]));
         let (inverse_range_squared, polynomial, color) = match polynomial {
             // Rounded to multiples of 2⁻²³: a share that is next to nothing is nothing.
@@ -56,8 +59,8 @@ pub fn plan_lights(lights: &[LightState], view: &View) -> (Vec<PlanLight>, Vec<O
     (out, shadows, dark)
 }
 
-/// `None` where neither a surface nor the background shows it.
-pub fn plan_sky(sky: &SkyState, lights: bool) -> Option<PlanSky> {
+/// `None` if neither a surface nor the background shows the sky.
+pub(super) fn plan_sky(sky: &SkyState, lights: bool) -> Option<PlanSky> {
     let turn = [libm::cos(sky.turn) as f32, libm::sin(sky.turn) as f32];
     let finite = turn.iter().all(|v| v.is_finite()) && sky.strength.is_finite();
     let used = finite && (lights || sky.background);
