@@ -3,6 +3,7 @@
 mod common;
 
 use choreo_asset::*;
+use choreo_render::plan::shader_features;
 use choreo_render::plan::*;
 use choreo_render::{Plan, PlanOptions};
 use common::*;
@@ -259,11 +260,13 @@ fn force_all_puts_every_feature_in() {
     let surface = surface.into_iter().chain([Features::UV1, Features::UV_TRANSFORM, Features::ALPHA_MASK]);
     let surface = surface.chain([Features::METALLIC_ROUGHNESS, Features::EMISSIVE, Features::LOCAL_LIGHTS]);
     let textures = (0..7).filter_map(|slot| {
-        let read = |f: &&Feature| f.texture.is_some_and(|t| t.slot == slot) && !f.needs.contains(&"TOON");
-        FEATURES.iter().find(read).map(|f| f.bit)
+        let read = |f: &&shader_features::Feature| {
+            f.texture.is_some_and(|t| t.slot == slot) && !f.needs.contains(&"TOON")
+        };
+        shader_features::FEATURES.iter().find(read).map(|f| f.bit)
     });
     for feature in surface.chain(textures) {
-        assert!(f.has(feature), "{:?}", names(feature).collect::<Vec<_>>());
+        assert!(f.has(feature), "{:?}", shader_features::names(feature).collect::<Vec<_>>());
     }
     assert_eq!(plan.joint_matrices.len(), 1);
 }
