@@ -3,12 +3,12 @@
 
 use crate::RenderError;
 use crate::scene_resources::{Catalog, CatalogMaterial, CatalogTexture, CatalogTextureRef, PrimitiveEntry};
-use choreo_asset::{Image, Pictures, Shading, Stream, TextureSlot};
+use choreo_asset::{Image, ImageSource, ImageStream, Shading, TextureSlot};
 use choreo_motion::Time;
 use std::sync::Arc;
 
 /// Of a texture that is made when it is seen: of which pictures which one.
-pub type Streamed = (Arc<dyn Pictures>, usize);
+pub type Streamed = (Arc<dyn ImageSource>, usize);
 
 impl CatalogTexture {
     /// With its pixels, which are made now where it is streamed.
@@ -44,10 +44,10 @@ impl CatalogMaterial {
     }
 
     /// Those of its streams that change a pixel, with the texture that stands for the first picture.
-    fn streams(&self) -> impl Iterator<Item = (&Stream, CatalogTextureRef)> {
+    fn streams(&self) -> impl Iterator<Item = (&ImageStream, CatalogTextureRef)> {
         // Toon shading has other things in the other slots.
         let toon = self.material.shading == Shading::Toon;
-        let read = move |s: &&Stream| {
+        let read = move |s: &&ImageStream| {
             !toon || matches!(s.slot, TextureSlot::BaseColor | TextureSlot::Normal | TextureSlot::Emissive)
         };
         let streams = self.material.sequence.iter().flat_map(|s| &s.streams).filter(read);
@@ -57,7 +57,7 @@ impl CatalogMaterial {
     /// As it is with each of the pictures after the first, whose textures `of` numbers.
     pub(crate) fn following(
         &self,
-        mut of: impl FnMut(&Stream, usize, CatalogTextureRef) -> u32,
+        mut of: impl FnMut(&ImageStream, usize, CatalogTextureRef) -> u32,
     ) -> Vec<CatalogMaterial> {
         let Some(sequence) = self.material.sequence.as_ref().filter(|_| self.streams().next().is_some())
         else {

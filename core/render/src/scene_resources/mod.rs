@@ -19,7 +19,7 @@ use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::scene_resources::watertight::Closed;
 use crate::shader::uniforms::{BASE_SLOTS, LAYER_SLOTS, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS};
 use choreo_asset::{
-    AlphaMode, Asset, Image, Material, MaterialLayers, Panorama, Primitive, Sampler, Shading, Stream,
+    AlphaMode, Asset, Image, ImageStream, Material, MaterialLayers, Panorama, Primitive, Sampler, Shading,
     TextureRef, Toon,
 };
 use choreo_stage::Stage;
@@ -436,7 +436,7 @@ impl Builder {
         first
     }
 
-    fn streamed(&mut self, stream: &Stream, index: usize, first: u32) -> u32 {
+    fn streamed(&mut self, stream: &ImageStream, index: usize, first: u32) -> u32 {
         let textures = &mut self.catalog.textures;
         let hash = short(stream.hashes[index]);
         let CatalogTexture { mipmaps, image: like, srgb, .. } = textures[first as usize].clone();

@@ -2,7 +2,7 @@
 //! smooth its edges as those of any triangle, and no device has to know wide lines.
 
 use crate::plan::{Features, Rows};
-use choreo_asset::{Material, Pen, Primitive, Topology};
+use choreo_asset::{LineStyle, Material, Primitive, Topology};
 use glam::{Mat4, Vec2, Vec3, Vec4, Vec4Swizzles};
 
 impl Features {
@@ -18,12 +18,12 @@ impl Features {
 pub const MOST_PIXELS: f32 = 16384.0;
 
 /// The pen that lines and points of a material are drawn with; `None` for triangles.
-pub fn pen(topology: Topology, material: &Material) -> Option<Pen> {
-    material.pen.filter(|_| topology != Topology::Triangles)
+pub fn pen(topology: Topology, material: &Material) -> Option<LineStyle> {
+    material.line_style.filter(|_| topology != Topology::Triangles)
 }
 
 /// Width of an actor's lines as [`crate::plan::Instance::width`] has it: pixels, or less than zero: metres.
-pub fn width(pen: Pen, of_actor: Option<f32>, relative_from_mesh: &Rows) -> f32 {
+pub fn width(pen: LineStyle, of_actor: Option<f32>, relative_from_mesh: &Rows) -> f32 {
     let width = of_actor.unwrap_or(pen.width);
     let width = if width.is_finite() { width.max(0.0) } else { 0.0 };
     match pen.metres {

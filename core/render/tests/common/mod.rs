@@ -69,7 +69,7 @@ impl Scene {
             model_from_joint,
             morph_weights: asset.instances.iter().map(|i| i.weights.clone()).collect(),
             tint: Vec4::ONE,
-            pen_width: None,
+            line_width: None,
             copies: None,
             base_colors: Vec::new(),
             skinning: Default::default(),

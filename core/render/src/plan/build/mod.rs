@@ -131,7 +131,7 @@ impl Planner<'_> {
             self.facts.hidden_actors += 1;
             return;
         }
-        if state.out_of_view {
+        if state.culled {
             self.facts.unposed_actors += 1;
             return;
         }
@@ -206,7 +206,7 @@ impl Planner<'_> {
             let offset = info.morph_offset(weights);
             let needs = DrawNeeds {
                 skinned: posed_skin.is_some(),
-                placed: !asset.places.is_empty(),
+                placed: !asset.placements.is_empty(),
                 dual: posed_skin.is_some_and(|s| !self.skins[s].carriers.is_empty()),
                 morphed: morph_count > 0,
                 local_lights: self.local_lights,
@@ -249,7 +249,7 @@ impl Planner<'_> {
                     Some(s) => info.skinned(&s.rows, offset),
                     None => info.posed(&rigid, offset),
                 };
-                let width = wide.map_or(0.0, |pen| thick_lines::width(pen, state.pen_width, &rigid));
+                let width = wide.map_or(0.0, |pen| thick_lines::width(pen, state.line_width, &rigid));
                 if wide.is_some() && width == 0.0 {
                     continue;
                 }

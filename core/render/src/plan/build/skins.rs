@@ -24,7 +24,7 @@ pub(crate) struct PosedSkin {
 impl PosedSkin {
     /// World · model-from-joint · inverse bind (glTF 2.0 §3.7.3.3), in f64.
     pub fn new(relative_from_model: DAffine3, asset: &Asset, skin: u32, state: &ActorState) -> PosedSkin {
-        let placed = !asset.places.is_empty();
+        let placed = !asset.placements.is_empty();
         // Where it stands at places, they come after the pose.
         let relative_from_model = if placed { DAffine3::IDENTITY } else { relative_from_model };
         let mut posed = PosedSkin { skin, rows: Vec::new(), carriers: Vec::new(), placed, first_joint: None };
