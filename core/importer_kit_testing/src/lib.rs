@@ -77,7 +77,7 @@ pub fn options(importer: &dyn Importer, given: &[(&str, OptionValue)]) -> Import
     importer.manifest().complete(&given).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// With default options.
+/// Imports with default options.
 pub fn import(
     importer: &dyn Importer,
     source: &Source,

@@ -194,7 +194,7 @@ fn check_calls(ast: &AST) -> Result<(), ParseError> {
     }
 }
 
-/// Of one call.
+/// Arguments of one call at most.
 pub const MOST_ARGUMENTS: usize = 64;
 
 /// The end of the message for a call with more arguments; `errors` recognizes it.

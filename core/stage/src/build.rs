@@ -54,7 +54,7 @@ impl Stage {
 }
 
 impl Actor {
-    /// At the origin, at rest; what swings in its file swings.
+    /// An actor at the origin, at rest; the spring bones of its file are on.
     pub fn new(name: &str, asset: Arc<Asset>) -> Actor {
         let springs = ActorSprings::of(&asset);
         Actor {
@@ -116,7 +116,7 @@ impl Cue {
 }
 
 impl LookAt {
-    /// From time zero on, without fades.
+    /// A look-at constraint from time zero on, without fades.
     pub fn new(joint: u32, target: Target) -> LookAt {
         LookAt { joint, target, start: Time::ZERO, end: None, fade: Time::ZERO, weight: 1.0 }
     }

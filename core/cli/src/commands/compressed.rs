@@ -3,13 +3,13 @@
 use crate::failure::Failure;
 use choreo_asset::Asset;
 use choreo_bench::plots::{Cell, Table, bytes};
-use choreo_motion::Compressed;
+use choreo_motion::CompressionReport;
 use choreo_stage::Stage;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// What compressing each clip of a file would do.
-pub struct Savings(Vec<(String, f64, Compressed)>);
+pub struct Savings(Vec<(String, f64, CompressionReport)>);
 
 impl Savings {
     pub fn of(asset: &Asset, tolerance_m: f64) -> Result<Savings, Failure> {
@@ -36,7 +36,7 @@ impl Savings {
             (">error, mm", "worst_mm"),
         ];
         let mut table = Table::new("", &columns);
-        let mut sum = Compressed::default();
+        let mut sum = CompressionReport::default();
         for (name, secs, report) in &self.0 {
             table.rows.push(row(name, Some(*secs), report));
             add(&mut sum, report);
@@ -56,7 +56,7 @@ impl Savings {
     }
 }
 
-fn row(name: &str, secs: Option<f64>, report: &Compressed) -> Vec<Cell> {
+fn row(name: &str, secs: Option<f64>, report: &CompressionReport) -> Vec<Cell> {
     let [before, after] = report.bytes;
     let of_dense = report.dense_bytes as f64 / after.max(1) as f64;
     vec![
@@ -69,7 +69,7 @@ fn row(name: &str, secs: Option<f64>, report: &Compressed) -> Vec<Cell> {
     ]
 }
 
-fn add(sum: &mut Compressed, report: &Compressed) {
+fn add(sum: &mut CompressionReport, report: &CompressionReport) {
     (0..2).for_each(|i| sum.bytes[i] += report.bytes[i]);
     sum.dense_bytes += report.dense_bytes;
     sum.worst_m = sum.worst_m.max(report.worst_m);
@@ -80,7 +80,7 @@ pub fn on_stage(stage: &Stage) -> Value {
     let layers = stage.actors.iter().flat_map(|a| &a.layers);
     let clips = layers.flat_map(|l| &l.cues).map(|c| &c.clip);
     let clips: BTreeMap<usize, _> = clips.map(|c| (std::sync::Arc::as_ptr(c) as usize, c)).collect();
-    let (mut sum, mut count) = (Compressed::default(), 0);
+    let (mut sum, mut count) = (CompressionReport::default(), 0);
     for report in clips.values().filter_map(|c| c.compression()) {
         count += 1;
         add(&mut sum, &report);

@@ -186,7 +186,7 @@ impl Folder {
         }
     }
 
-    /// Without `--resume`, refuses to delete frames that this very render can go on with, unless the user allows it. Frames
+    /// Refuses, without `--resume`, to delete frames that this very render can go on with, unless the user allows it. Frames
     /// of other renders are deleted: after an edit of the script the user wants to see the new result.
     fn thrown_away(
         &self,

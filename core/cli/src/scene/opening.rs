@@ -18,7 +18,7 @@ impl Opening<'_> {
     pub const TO_TELL: Opening<'static> = Opening { needs: Needs::NO_PIXELS, quiet: false, keep: None };
 }
 
-/// For who opens the same again and again: the assets, and which files the last time was about, also where it failed.
+/// What is kept between openings of the same input: the assets, and which files the last opening read, also where it failed.
 #[derive(Debug, Default)]
 pub struct Keep {
     pub assets: AssetCache,

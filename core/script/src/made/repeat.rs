@@ -32,7 +32,7 @@ pub fn repeat(c: &mut Call) -> Reply {
         array.iter().enumerate().map(|(i, v)| place(v, i)).collect::<Result<_, _>>()?;
     let own: Vec<DAffine3> = asset.first_placements(None).map(double).collect();
     let places = model_from_place.iter().flat_map(|p| own.iter().map(move |own| single(*p * *own)));
-    let places = places.collect();
+    let placements = places.collect();
     let asset = Asset { placements, derived: Default::default(), ..Asset::clone(asset) };
     c.build().used(&source);
     let from = c.build().made(&Arc::new(asset), &c.place);

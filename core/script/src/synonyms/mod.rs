@@ -158,7 +158,7 @@ pub struct Call {
     pub usage: String,
     /// What it does; none for a command, which describes itself.
     pub about: Option<String>,
-    /// Where it is described: a file, with the heading where it has several.
+    /// The page that describes it: a file, with the heading if it has several.
     pub page: String,
 }
 

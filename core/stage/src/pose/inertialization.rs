@@ -7,27 +7,27 @@ use crate::stage::actor::Actor;
 use crate::stage::clips::Layer;
 use crate::timeline::active_clips as timeline;
 use crate::timeline::active_clips::ActiveCue;
-use choreo_motion::{BlendOnto, Inertia, Pose, Time, WeightInertia};
+use choreo_motion::{BlendOnto, Inertialization, Pose, Time, WeightInertialization};
 
 /// How far apart the poses are whose difference is a velocity.
 const STEP: Time = Time(Time::TICKS_PER_SECOND / 240);
 
 /// What one switch leaves to die down.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Inertialization {
-    pub joints: Inertia,
-    /// By mesh instance.
-    pub morphs: Vec<WeightInertia>,
-    /// By expression, each alone.
-    pub expressions: Vec<WeightInertia>,
+pub(crate) struct CueInertialization {
+    pub joints: Inertialization,
+    /// Inertialization of morph weights, by mesh instance.
+    pub morphs: Vec<WeightInertialization>,
+    /// Inertialization of each expression.
+    pub expressions: Vec<WeightInertialization>,
 }
 
-/// By cue of an actor's base layer.
+/// Inertialization of each cue of an actor's base layer.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Inertializations(Vec<Option<Inertialization>>);
+pub(crate) struct Inertializations(Vec<Option<CueInertialization>>);
 
 impl Inertializations {
-    pub fn of(&self, cue: usize) -> Option<&Inertialization> {
+    pub fn of(&self, cue: usize) -> Option<&CueInertialization> {
         self.0.get(cue).and_then(Option::as_ref)
     }
 
@@ -63,12 +63,12 @@ impl Inertializations {
     }
 }
 
-fn switch(from: [&BasePose; 2], to: [&BasePose; 2], duration: Time) -> Inertialization {
-    let weights = |from: [&[f32]; 2], to: [&[f32]; 2]| WeightInertia::new(from, to, STEP, duration);
+fn switch(from: [&BasePose; 2], to: [&BasePose; 2], duration: Time) -> CueInertialization {
+    let weights = |from: [&[f32]; 2], to: [&[f32]; 2]| WeightInertialization::new(from, to, STEP, duration);
     let morphs = |i: usize| weights(from.map(|b| &b.morphs[i][..]), to.map(|b| &b.morphs[i][..]));
     let face = |i: usize| weights(from.map(|b| &b.expressions[i..=i]), to.map(|b| &b.expressions[i..=i]));
-    Inertialization {
-        joints: Inertia::new(from.map(|b| &b.pose), to.map(|b| &b.pose), STEP, duration),
+    CueInertialization {
+        joints: Inertialization::new(from.map(|b| &b.pose), to.map(|b| &b.pose), STEP, duration),
         morphs: (0..from[0].morphs.len()).map(morphs).collect(),
         expressions: (0..from[0].expressions.len()).map(face).collect(),
     }
@@ -78,7 +78,7 @@ fn switch(from: [&BasePose; 2], to: [&BasePose; 2], duration: Time) -> Inertiali
 #[derive(Default)]
 struct BasePose {
     pose: Pose,
-    /// By mesh instance.
+    /// Morph weights by mesh instance.
     morphs: Vec<Vec<f32>>,
     expressions: Vec<f32>,
 }

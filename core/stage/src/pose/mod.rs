@@ -9,7 +9,7 @@ pub(crate) mod motions;
 pub(crate) mod posed_mesh;
 pub(crate) mod posing;
 
-use crate::pose::inertialization::{Inertialization, Inertializations};
+use crate::pose::inertialization::{CueInertialization, Inertializations};
 use crate::pose::layers::GroupScratch;
 use crate::stage::channel as channels;
 use crate::stage::constraint::ConstraintKind;
@@ -206,7 +206,7 @@ pub(crate) fn inertialization<'a>(
     active: &ActiveCue,
     time: Time,
     inertializations: Option<&'a Inertializations>,
-) -> Option<(&'a Inertialization, Time)> {
+) -> Option<(&'a CueInertialization, Time)> {
     let switch = inertializations.and_then(|inertializations| inertializations.of(active.cue))?;
     Some((switch, time - layer.cues[active.cue].start))
 }
@@ -270,7 +270,7 @@ pub(crate) struct BlendedClip<'a> {
     /// Nothing lies under it but the rest pose.
     pub first: bool,
     /// See [`dying`].
-    pub inertialization: Option<(&'a Inertialization, Time)>,
+    pub inertialization: Option<(&'a CueInertialization, Time)>,
 }
 
 impl BlendedClip<'_> {
@@ -362,7 +362,7 @@ pub(crate) fn start_weights(asset: &Asset, morph_weights: &mut Vec<Vec<f32>>) {
     }
 }
 
-/// Over the clips': the script's fixed weights, then keyed ones, then those of hooks.
+/// Overrides the clips' weights: the script's fixed weights, then keyed ones, then those of callbacks.
 fn set_weights<'e>(
     actor: &Actor,
     time: Time,

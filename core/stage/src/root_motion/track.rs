@@ -34,7 +34,7 @@ impl Displacement {
         Displacement { frame: self.frame.then_in(next.frame), forward: self.forward + next.forward }
     }
 
-    /// From here to there.
+    /// The step from here to there.
     fn to(self, there: Displacement) -> Displacement {
         Displacement {
             frame: self.frame.inverse().then_in(there.frame),
@@ -43,7 +43,7 @@ impl Displacement {
     }
 }
 
-/// Of all actors of a stage; those without root motion have none.
+/// Root motion of all actors of a stage; `None` for those without.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RootMotionTracks(Vec<Option<RootMotionTrack>>);
 
@@ -59,7 +59,7 @@ impl RootMotionTracks {
 
 #[derive(Clone, Debug)]
 pub(crate) struct RootMotionTrack {
-    /// Where in model space the root stands on the floor: that of the first clip, and of all others too.
+    /// Position of the root on the floor in model space: that of the first clip, and of all others too.
     anchor: DVec3,
     segments: Vec<Segment>,
 }

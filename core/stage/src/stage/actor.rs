@@ -37,7 +37,7 @@ pub struct Actor {
     pub visible: bool,
     /// Multiplies every base colour, linear.
     pub tint: Vec4,
-    /// In place of the widths of its pens ([`choreo_asset::Pen`]).
+    /// Line width that replaces that of its materials ([`choreo_asset::Pen`]).
     pub line_width: Option<f32>,
     /// So many of the copies of its meshes are there, the first ones; `None`: all.
     pub copies: Option<u32>,
@@ -53,7 +53,7 @@ pub struct Actor {
     pub surfaces: Vec<SurfaceRule>,
 }
 
-/// Where something stands in its parent: f64, so that 10 000 km from the origin looks as the origin does.
+/// Transform of something in its parent: f64, so that 10 000 km from the origin looks as the origin does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     pub translation: DVec3,
@@ -82,7 +82,7 @@ pub struct LookAt {
     pub target: Target,
     pub start: Time,
     pub end: Option<Time>,
-    /// In after `start` and out before `end`, eased.
+    /// Fade-in after `start` and fade-out before `end`, eased.
     pub fade: Time,
     pub weight: f32,
 }

@@ -3,7 +3,7 @@
 use crate::stage::channel::Channel;
 use crate::stage::root_motion::CueRootMotion;
 use crate::stage::time_remapping::TimeRemapping;
-use choreo_motion::{Clip, Ease, PhaseFade, Repeat, Time};
+use choreo_motion::{Clip, Ease, PhaseMatchedFade, Repeat, Time};
 use std::sync::Arc;
 
 /// A layer of clips on one actor. Layer 0 is the base; the others come over it by rank.
@@ -14,7 +14,7 @@ pub struct Layer {
     pub mode: LayerMode,
     /// Layers are sorted by rank, the base left out. A higher rank lies over a lower one. Those of one rank are equal: their
     /// order changes nothing but rounding. First those that override are mixed, by weight, over what is below
-    /// ([`choreo_motion::Mix`]), then the additive ones are summed and laid on top ([`choreo_motion::Deltas`]).
+    /// ([`choreo_motion::WeightedBlend`]), then the additive ones are summed and laid on top ([`choreo_motion::AdditiveLayers`]).
     pub rank: u32,
     /// `Property::Weight` over stage time: of the layer as a whole, times its cues'; upper layers only.
     pub weight_keys: Option<Arc<Channel>>,
@@ -51,7 +51,7 @@ pub struct Cue {
     /// Bound to the actor's own skeleton (see `bind_clip`).
     pub clip: Arc<Clip>,
     pub start: Time,
-    /// On the base layer: the pose is held from here on, where no cue follows at once (one that does fades in over the
+    /// End on the base layer: the pose is held from here on, unless a cue follows at once (one that does fades in over the
     /// playing clip). On upper layers: faded out (over `fade_out`) by then. `None` = until the next cue or for ever.
     pub end: Option<Time>,
     pub fade_in: Time,
@@ -71,9 +71,9 @@ pub struct Cue {
     /// When the clip stands still, from and to on stage; sorted, one after the other.
     pub freezes: Vec<(Time, Time)>,
     /// Base layer: keeps step with the cue that fades into this one, or out of it.
-    pub in_step: [Option<Arc<PhaseFade>>; 2],
+    pub in_step: [Option<Arc<PhaseMatchedFade>>; 2],
     /// Base layer: above zero, it begins at once with all its weight, and what the cues before it were away from it dies
-    /// down in this time ([`choreo_motion::Inertia`]). In place of `fade_in`.
+    /// down in this time ([`choreo_motion::Inertialization`]). In place of `fade_in`.
     pub inertialization: Time,
     /// Base layer: the root motion that is taken out of the clip.
     pub root: Option<Arc<CueRootMotion>>,

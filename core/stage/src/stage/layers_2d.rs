@@ -10,7 +10,7 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer2d {
     pub content: Layer2dContent,
-    /// Where its anchor stands, in shares of the picture: x from the left, y from the top.
+    /// Position of its anchor, as fractions of the image: x from the left, y from the top.
     pub at: DVec2,
     /// Pixels beside that.
     pub offset: DVec2,
@@ -34,19 +34,19 @@ pub enum Layer2dContent {
     Text {
         words: String,
         font: Font,
-        /// Of the font's em, in shares of the picture's height.
+        /// Size of the font's em, as a fraction of the image's height.
         size: f64,
         /// Lines are broken where they would be wider, in shares of the picture's width.
         width: Option<f64>,
         align: Align,
-        /// In sizes.
+        /// Line height in sizes.
         line_height: f64,
         /// Linear RGBA, not premultiplied.
         color: Vec4,
     },
     Picture {
         image: Arc<Image>,
-        /// Of the image.
+        /// Hash of the image.
         hash: [u8; 32],
         fit: Fit,
     },

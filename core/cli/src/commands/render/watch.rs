@@ -16,7 +16,7 @@ use crate::scene::opening::Keep;
 use choreo_plugin::Registry;
 use choreo_script::content_of;
 use choreo_session::plugin_files::ENDINGS;
-use choreo_session::{Interest, Waited, Watch};
+use choreo_session::{Watch, WatchEvent, WatchedPaths};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -58,7 +58,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
         memory::rest();
         let changed = loop {
             match watch.wait(Some(Duration::from_millis(200))).map_err(failed)? {
-                Waited::Changed(files) => break files,
+                WatchEvent::Changed(files) => break files,
                 _ if interrupt::interrupted() => return Err(Failure::Interrupted),
                 _ => {}
             }
@@ -71,9 +71,9 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
 }
 
 /// All files of the last round, and the folders in which plugin files would be found.
-fn interest(args: &RenderArgs, keep: &Keep) -> Interest {
+fn interest(args: &RenderArgs, keep: &Keep) -> WatchedPaths {
     let touched = keep.touched();
-    let mut interest = Interest::default();
+    let mut interest = WatchedPaths::default();
     interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
     for path in touched.looked_for {
         let there = content_of(&path);

@@ -6,7 +6,7 @@ use crate::args::TestArgs;
 use crate::failure::{Failure, print, print_message};
 use choreo_plugin::Registry;
 use choreo_script::content_of;
-use choreo_session::{Interest, Waited, Watch, WatchError};
+use choreo_session::{Watch, WatchError, WatchEvent, WatchedPaths};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
                 unknown.insert(content);
             }
         }
-        let mut interest = Interest { files: known.clone(), ..Interest::default() };
+        let mut interest = WatchedPaths { files: known.clone(), ..WatchedPaths::default() };
         for path in &job.paths {
             let folder = if path.is_dir() { path.as_path() } else { folder_of(path) };
             let Ok(folder) = folder.canonicalize() else { continue };
@@ -67,7 +67,7 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
         }
         print(&format!("watching {} folders; Ctrl-C ends\n", watch.folders()))?;
         let changed = loop {
-            if let Waited::Changed(files) = watch.wait(None).map_err(failed)?
+            if let WatchEvent::Changed(files) = watch.wait(None).map_err(failed)?
                 && let Some(first) = files.into_iter().next()
             {
                 break first;
