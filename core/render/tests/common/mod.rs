@@ -46,7 +46,7 @@ impl Scene {
                 camera,
                 lights: Vec::new(),
                 sky: None,
-                flats: Vec::new(),
+                layers_2d: Vec::new(),
                 background: Background::Color(Vec4::new(0.0, 0.0, 0.0, 1.0)),
                 ambient_up: Vec3::ZERO,
                 ambient_down: Vec3::ZERO,
@@ -74,7 +74,7 @@ impl Scene {
             base_colors: Vec::new(),
             skinning: Default::default(),
             materials: Vec::new(),
-            out_of_view: false,
+            culled: false,
         });
         self.stage.actors.len() - 1
     }
