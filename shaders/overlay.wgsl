@@ -1,5 +1,5 @@
 // Triangles, lines, points and lattices of effects: triangles that the plan made, and how much of each pixel they cover.
-// Twin: core/render/src/cpu/overlay.rs.
+// CPU reference: core/render/src/cpu/overlay.rs.
 
 struct OverlayVertex {
     clip: vec4<f32>,

@@ -1,5 +1,5 @@
-// Vertices in their pose, once for all passes that draw them: positions of a body, then its normals, then its tangents.
-// A row of invocations is a vertex of one mesh, a column a body.
+// Pre-skinning: deformed vertices for all passes that draw them: positions of an instance, then its normals, then its tangents.
+// A row of invocations is a vertex of one mesh, a column an instance.
 
 struct Job {
     // relative-from-model of dual-quaternion skins and of copies, relative-from-mesh without a skin

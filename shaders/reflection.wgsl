@@ -1,4 +1,4 @@
-// What Blinn–Phong and Phong surfaces mirror. Twin: core/render/src/cpu/reflection.rs.
+// Reflections of Blinn–Phong and Phong surfaces. CPU reference: core/render/src/cpu/reflection.rs.
 
 @if(REFLECTION)
 // The share that is mirrored.

@@ -31,7 +31,7 @@ fn read_uv_mask(in: VertexOut) {
 @end
 
 @if(LIT && LIGHT_CLUSTERS)
-// Where the lights that may reach a place are listed, beside those that reach everywhere: from, to. Twin: `LightLists::of`.
+// The range of a place's light cluster in the lists, beside the lights without a range. CPU reference: `LightClusters::of`.
 fn light_list(pixel: vec2<f32>, relative: vec3<f32>) -> vec2<u32> {
     let depth = (frame.clip_from_relative * vec4(relative, 1.0)).w;
     let scale = bitcast<f32>(light_lists[4]);

@@ -1,6 +1,6 @@
 //! The CPU renderer: what each shader means, and what draws where no Vulkan driver is.
 //!
-//! vertex.rs, brdf.rs and shade.rs are the twins of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs do
+//! vertex.rs, brdf.rs and shade.rs are the references of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs do
 //! what Vulkan leaves to the device. Tiles are independent of each other: any number of threads gives the same bits.
 
 mod anisotropy;
@@ -394,7 +394,7 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
     );
 }
 
-/// Twin of background.wgsl: mix(top, bottom, (y + ½) / height), linear.
+/// CPU reference of background.wgsl: mix(top, bottom, (y + ½) / height), linear.
 fn row_color(plan: &Plan, y: usize) -> Vec4 {
     match plan.background {
         Background::Color(c) => c,

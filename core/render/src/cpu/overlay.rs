@@ -1,4 +1,4 @@
-//! Twin of overlay.wgsl: how much of each pixel triangles, lines, points and lattices cover, a 2×2 quad at a time.
+//! CPU reference of overlay.wgsl: how much of each pixel triangles, lines, points and lattices cover, a 2×2 quad at a time.
 
 use super::lanes::{F4, Weights};
 use super::shade::{ALL_SAMPLES, Shaded};

@@ -1,5 +1,5 @@
 //! Bodies that are drawn more than once a frame — into the picture, shadow maps, hulls — are posed once.
-//! Twin of posed.wgsl: what [`VertexStage::posed`] gives, shared by all draws.
+//! CPU reference of posed.wgsl: what [`VertexStage::posed`] gives, shared by all draws.
 
 use super::CpuRenderer;
 use super::vertex::{Hull, Vertex, VertexStage};

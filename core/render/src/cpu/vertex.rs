@@ -1,4 +1,4 @@
-//! Twin of vertex.wgsl: mesh space → morphs → skin or instance matrix → camera-relative space → clip space.
+//! CPU reference of vertex.wgsl: mesh space → morphs → skin or instance matrix → camera-relative space → clip space.
 
 use super::displace::{self, Displacement};
 use super::lanes::F4;

@@ -206,7 +206,7 @@ impl Targets {
         self.background.as_ref().is_some_and(|(_, colors)| *colors == [top, bottom])
     }
 
-    /// Twin of background.wgsl, encoded: mix(top, bottom, (y + ½) / height). No frame may be in flight.
+    /// The background as background.wgsl draws it, encoded: mix(top, bottom, (y + ½) / height). No frame may be in flight.
     pub fn set_background(&mut self, gpu: &Context, top: Vec4, bottom: Vec4) -> Result<(), RenderError> {
         let [width, height] = self.needs.size;
         let row_bytes = width as usize * 4;
