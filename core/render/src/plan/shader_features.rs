@@ -326,7 +326,7 @@ features! {
     /// Highlights of Phong in place of Blinn's. Never forced in.
     PHONG { needs: &["BLINN_PHONG"] }
     /// Some light falls off by a polynomial of the distance. Never forced in.
-    POLYNOMIAL_FALLOFF { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT", "LOCAL_LIGHTS"] }
+    POLYNOMIAL_FALLOFF { by: RequestedBy::Lights, part: Part::Light, needs: &["LIT"] }
     /// Vertices are read where the compute pass left them. In recordings only: a plan keeps how they are posed.
     PRE_SKINNED { by: RequestedBy::Recording, part: Part::Other,
         needs: &["!SKIN", "!MORPH", "!DISPLACED", "!THICK_LINES", "!VOLUME", "!REFRACTION", "!TRIPLANAR"] }
