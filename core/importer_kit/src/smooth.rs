@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Triangles around one vertex that are compared with each other, all pairs. Beyond it (no modelled surface has so many)
+/// Triangles around one vertex that are compared with each other, all pairs. Beyond it (no modelled surface has that many)
 /// the corners keep their triangles' normals, so that time stays proportional to the file.
 const MAX_AROUND: usize = 256;
 
@@ -59,7 +59,7 @@ fn angle(p: &Primitive, corner: usize) -> f64 {
     libm::acos(a.dot(b).clamp(-1.0, 1.0))
 }
 
-/// Corners by position: equal bits are the same place, whatever the vertex.
+/// Vertices by position: equal bits are the same place, whatever the vertex.
 struct Around {
     place_of_vertex: Vec<u32>,
     /// Index of the first entry of each position in `corners`; one entry more than positions.

@@ -23,7 +23,7 @@ pub struct ImportChoice {
     pub options: ImportOptions,
     /// Less than the loader's own needs: a file for its clips alone decodes no mesh and no image.
     pub needs: Option<Needs>,
-    /// Clips are compressed within so many metres, as [`choreo_motion::Clip::compressed`] does it.
+    /// Clips are compressed within this tolerance in metres, as [`choreo_motion::Clip::compressed`] does it.
     pub compress: Option<f64>,
     /// Options as typed on the command line.
     pub texts: Vec<(String, String)>,

@@ -20,7 +20,7 @@ const UNFINISHED: Duration = Duration::from_millis(60);
 /// However busy the folder is, what has changed is told after this time.
 const LONGEST: Duration = Duration::from_secs(2);
 
-/// The system has only so many watches for a user.
+/// The system has a limited number of watches for each user.
 const MOST_FOLDERS: usize = 2000;
 
 #[derive(Debug, Error)]

@@ -101,7 +101,7 @@ fn word(face: &Face, text: &str, scale: f32) -> Word {
 }
 
 impl Laid {
-    /// Coverage of all glyphs with the box's top left at a place and so many times as large, in a picture of a size.
+    /// Coverage of all glyphs with the box's top left at a place and scaled by a factor, in a picture of a size.
     pub fn coverage(&self, font: &Font, at: [f32; 2], factor: f32, picture: [u32; 2]) -> Coverage {
         let face = font.face();
         let scale = self.scale * factor;

@@ -41,7 +41,7 @@ pub struct Head {
     pub see_through: bool,
     /// An effect on surfaces changes the background too.
     pub background: bool,
-    /// Corners are moved along the mesh's own axes.
+    /// Vertices are moved along the mesh's own axes.
     pub along_model: bool,
     /// How far corners are moved at most, metres.
     pub reach: Amount,

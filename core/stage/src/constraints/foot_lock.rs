@@ -40,7 +40,7 @@ const RAISED: f64 = 0.6;
 const LOWEST: f64 = 0.25;
 /// Looks that they take there, and back.
 const SMOOTH: usize = 14;
-/// So many places are tried to either side, as far as half of the body's way during a contact.
+/// Number of places that are tried to either side, as far as half of the body's way during a contact.
 const REACH_PLACES: u32 = 32;
 /// Who is higher than this above the lowest place at all, in legs, jumps.
 const JUMP: f64 = 0.12;

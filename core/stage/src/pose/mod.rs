@@ -106,7 +106,7 @@ pub(crate) fn pose_actor<'e>(
             first: base && place == 0,
             dying: dying(layer, voice, time, inertias.filter(|_| base)),
         };
-        // Root motion and what dies down change the clips' poses before they are blended.
+        // Root motion and inertialization offsets change the clips' poses before they are blended.
         let plain = !base || travel.is_none() && inertias.is_none_or(|inertias| !inertias.any());
         if !plain {
             let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
@@ -174,7 +174,7 @@ pub(crate) fn pose_actor<'e>(
     }
 }
 
-/// A cue of a base layer over the rest pose, with its root where it is to be and what is still dying down.
+/// A cue of a base layer over the rest pose, with its root where it is to be and the inertialization offset that is left.
 pub(crate) fn sample_voice(
     actor: &Actor,
     layer: &Layer,
@@ -196,7 +196,7 @@ pub(crate) fn sample_voice(
     }
 }
 
-/// What of an inertialized cue's beginning still dies down, and how long ago that was.
+/// The inertialization offset that is left of a cue's beginning, and how long ago that was.
 pub(crate) fn dying<'a>(
     layer: &Layer,
     voice: &Voice,

@@ -29,7 +29,7 @@ pub enum Subject {
     Effect(usize),
 }
 
-/// Something that is not wrong, but hardly meant.
+/// Something that is valid, but probably not intended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// A fixed name of the kind of finding: `never_in_picture`.

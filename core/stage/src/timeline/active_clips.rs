@@ -1,4 +1,4 @@
-//! Which clips of a layer are heard at a time, at which clip time and with what weight.
+//! Active clips of a layer at a time, at which clip time and with what weight.
 
 use crate::stage::actor::Actor;
 use crate::stage::clips::{Cue, Layer, LayerMode};
@@ -79,7 +79,7 @@ pub(crate) fn base_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
     voices.reverse();
 }
 
-/// An upper layer: cues are heard from their start to their end and fade in and out. A cue without an end, or with one where
+/// An upper layer: cues are active from their start to their end and fade in and out. A cue without an end, or with one where
 /// the next begins, hands over to the next: its share goes down as the next one's goes up, without a dip between.
 pub(crate) fn upper_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
     voices.clear();
@@ -115,7 +115,7 @@ pub(crate) fn upper_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
     }
 }
 
-/// Each voice's share of the layer times a factor below 1, told as weights over what came before again.
+/// Each active clip's share of the layer times a factor below 1, told as weights over what came before again.
 fn scale_shares(voices: &mut Vec<Voice>, by: f32) {
     shares(voices);
     let mut left = 1.0;

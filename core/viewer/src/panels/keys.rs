@@ -114,7 +114,7 @@ pub fn pressed(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) 
     }
 }
 
-/// The selected cue, effect or cut begins, or ends, so many frames later.
+/// The selected cue, effect or cut begins, or ends, this number of frames later.
 fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
     let Some(what) = viewer.selection.clone() else { return };
     let bar = viewer.timeline.rows.iter().flat_map(|r| &r.bars).find(|b| b.what == what);

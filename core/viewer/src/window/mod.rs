@@ -38,7 +38,7 @@ enum News {
     Repaint(Duration),
 }
 
-/// The script itself; guests count from 1.
+/// The script itself; dropped files count from 1.
 const OWN: u64 = 0;
 
 /// Opens the window and stays until it is closed. The text says what is missing.
