@@ -22,7 +22,7 @@ impl Joined {
         self.latest.resize(points, NONE);
     }
 
-    /// The vertex of a corner at a point, and whether it is a new one, which gets the next number. `same` compares the
+    /// The vertex of an index at a point, and whether it is a new one, which gets the next number. `same` compares the
     /// corner with a vertex.
     #[inline]
     pub fn vertex(&mut self, point: u32, same: impl Fn(u32) -> bool) -> (u32, bool) {

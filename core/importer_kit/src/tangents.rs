@@ -11,7 +11,7 @@
 use glam::{Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 
-/// One tangent a corner of the triangle list: xyz unit, w the sign of the bitangent.
+/// One tangent per vertex of the triangle list: xyz unit, w the sign of the bitangent.
 pub fn corner_tangents(indices: &[u32], positions: &[Vec3], normals: &[Vec3], uvs: &[Vec2]) -> Vec<Vec4> {
     let welded = weld(positions, normals, uvs);
     let vertex: Vec<u32> = indices.iter().map(|i| welded[*i as usize]).collect();

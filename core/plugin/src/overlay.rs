@@ -118,7 +118,7 @@ pub struct Overlay {
     pub labels: Vec<Label>,
     /// Whether it is drawn over everything, rather than hidden by what is nearer.
     pub over: bool,
-    /// What of it could not be made, and why; told by `choreo explain`.
+    /// What of it could not be made, and why; `choreo explain` prints it.
     pub left_out: Vec<String>,
 }
 

@@ -161,7 +161,7 @@ impl Loader {
     /// `start`: a canonical folder within the roots in which the name is looked for first.
     ///
     /// # Errors
-    /// There is no such file, or it must not be read. All else is told by the handle.
+    /// There is no such file, or it must not be read. The handle reports everything else.
     pub fn start(
         self: &Arc<Self>,
         start: Option<&Path>,
@@ -262,7 +262,7 @@ impl Loader {
             };
             made.source == content && made.side_files.iter().all(unchanged)
         };
-        // One with its pictures does for who needs none.
+        // One with its images also serves requests without images.
         if !needs.pixels
             && let Some(more) = self.cache.made(&key(Needs { pixels: true, ..needs }))
         {
@@ -284,7 +284,7 @@ impl Loader {
             compress_clips(&mut asset, tolerance, watch)?;
         }
         if !needs.geometry && self.needs.geometry {
-            // Told where the asset is cast, and only there.
+            // Reported where the asset is cast, and only there.
             asset.warnings.push(choreo_asset::Warning {
                 place: String::new(),
                 text: "it was loaded for its clips only, so nothing of it can be seen; leave only: \"clips\" out".into(),

@@ -17,7 +17,7 @@ use thiserror::Error;
 const WHOLE: Duration = Duration::from_millis(3);
 /// After a file was opened, written or taken away: its writer goes on within this time.
 const UNFINISHED: Duration = Duration::from_millis(60);
-/// However busy the folder is, what has changed is told after this time.
+/// However busy the folder is, changes are reported after this time.
 const LONGEST: Duration = Duration::from_secs(2);
 
 /// The system has a limited number of watches for each user.
@@ -27,7 +27,7 @@ const MOST_FOLDERS: usize = 2000;
 pub enum WatchError {
     #[error("cannot watch files: {0}")]
     System(#[from] notify::Error),
-    #[error("the system no longer tells of changes")]
+    #[error("the system no longer reports changes")]
     Gone,
 }
 
@@ -292,7 +292,7 @@ impl Watch {
         for path in candidates {
             let now = choreo_script::content_of(path);
             if self.interest.files.get(path).copied().flatten() != now {
-                // Told once.
+                // Reported once.
                 self.interest.files.insert(path.clone(), now);
                 changed.insert(path.clone());
             }

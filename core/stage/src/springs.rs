@@ -33,7 +33,7 @@ type Key = (i64, i64);
 /// One for each actor with springs.
 type States = Vec<SpringState>;
 
-/// States that were passed, shared by all who look at a stage.
+/// States that were passed, shared by all evaluators of a stage.
 #[derive(Debug, Default)]
 pub(crate) struct Kept(Mutex<Checkpoints>);
 

@@ -113,7 +113,7 @@ pub fn encode(frame: &Frame, texts: &[(&str, &str)]) -> Result<Vec<u8>, String> 
     Ok(bytes)
 }
 
-/// A picture as it is to be stored. `name`: file and section, for who finds the picture alone.
+/// A picture as it is to be stored. `name`: file and section, for readers who find the image alone.
 pub fn encode_accepted(frame: &Frame, device: &str, name: &str) -> Result<Vec<u8>, String> {
     encode(frame, &[(DEVICE, device), ("choreo:test", name)])
 }

@@ -148,7 +148,7 @@ pub struct Bones {
 }
 
 impl Bones {
-    /// What is not there is told once for each file.
+    /// What is not there is reported once for each file.
     fn of(body: &Body, joints: &[JointLine], left_out: &mut Vec<String>) -> Bones {
         let shown = body.bones();
         let skeleton = &body.asset.skeleton;

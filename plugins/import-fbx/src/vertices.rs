@@ -100,7 +100,7 @@ struct Maker<'a, 'f> {
     out: Primitive,
 }
 
-/// What one corner of a face is.
+/// One vertex of a face.
 #[derive(Clone, Copy, PartialEq)]
 struct Corner {
     normal: Vec3,

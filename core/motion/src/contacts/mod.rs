@@ -3,7 +3,7 @@
 //! A foot stands where it is near the lowest place that it gets to, hardly rises or sinks, and moves with the floor ([`ContactThresholds`];
 //! thresholds on height and speed with hysteresis: L. Kovar, J. Schreiner, M. Gleicher, "Footskate Cleanup for Motion Capture
 //! Editing", SCA 2002, §4). All are shares of the length of a leg, so that they hold for mice and giants, and of the speed of the
-//! gait: who runs at 4 m/s lands hard, rolls fast and stands for a twentieth of a second.
+//! gait: a runner at 4 m/s lands hard, rolls fast and stands for a twentieth of a second.
 //!
 //! The floor's velocity is not known beforehand: of a clip with root motion it is zero, of one on the spot it is that of a
 //! treadmill. The lowest looks of each foot are at the floor, nearly always, so the median of their velocities is the floor's; then the median of
@@ -131,7 +131,7 @@ impl Contacts {
             .collect();
         let mut floor = median(&lowest_looks(&tracks, leg))?;
         let mut unrest = vec![vec![f64::INFINITY; count + 1]; feet.len()];
-        // Once by what is low, once by those who stand.
+        // Once by low joints, once by those that stand.
         for _ in 0..2 {
             let rule = ContactThresholds::new(leg, (floor - drift.with_y(0.0) / span).length());
             let mut stood = Vec::new();

@@ -38,7 +38,7 @@ impl Footsteps {
             all.push(Vec::new());
             for stand in stands {
                 let (from, to) = ((stand.from - trim.0).0, (stand.to - trim.0).0);
-                // Who stands all the time takes no steps.
+                // A character that stands all the time takes no steps.
                 if to - from >= length {
                     continue;
                 }

@@ -135,7 +135,7 @@ impl Side {
             [Some(left), Some(right)] => (height(left) - height(right)).abs() < 0.1 * leg,
             _ => true,
         };
-        // Who rests in the middle of a stride stands on the lower foot, and on the other one where that is as low.
+        // A character that rests in the middle of a stride stands on the lower foot, and on the other one where that is as low.
         if let ([Some(left), Some(right)], false) = (feet, stands) {
             let low = height(left).min(height(right));
             for (joint, standing) in &mut contacts {

@@ -1,4 +1,4 @@
-//! The stage as a script leaves it: who is there, what plays when, from where it is seen.
+//! The stage as a script leaves it: actors, cues over time, cameras.
 
 pub(crate) mod actor;
 pub(crate) mod camera;

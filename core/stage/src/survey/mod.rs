@@ -34,7 +34,7 @@ pub enum Subject {
 pub struct Finding {
     /// A fixed name of the kind of finding: `never_in_picture`.
     pub rule: &'static str,
-    /// Often meant: told for information, no warning.
+    /// Often intended: reported for information, no warning.
     pub note: bool,
     pub subject: Subject,
     pub text: String,

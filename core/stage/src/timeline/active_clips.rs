@@ -115,7 +115,7 @@ pub(crate) fn upper_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
     }
 }
 
-/// Each active clip's share of the layer times a factor below 1, told as weights over what came before again.
+/// Each active clip's share of the layer times a factor below 1, given as weights over what came before again.
 fn scale_shares(voices: &mut Vec<Voice>, by: f32) {
     shares(voices);
     let mut left = 1.0;

@@ -133,7 +133,7 @@ struct App {
     open: Option<Open>,
     /// Drawn and not yet on the screen, by view.
     frames: BTreeMap<usize, Frame>,
-    /// Changes of shaders that the painter was told of.
+    /// Changes of shaders that the painter knows of.
     reloads: u64,
     clock: Instant,
     last_asked: Option<Instant>,
