@@ -1,4 +1,4 @@
-//! Corners of faces that are the same vertex, found without hashing.
+//! Face vertices that are the same vertex, found without hashing.
 
 /// Vertices at one point that a corner is compared with; beyond that it gets a vertex of its own, so that the time stays
 /// proportional to the file whatever is in it.

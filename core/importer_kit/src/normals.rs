@@ -6,7 +6,7 @@ use std::collections::HashMap;
 
 /// Gives each vertex of the index list its own value of one attribute. A vertex keeps its place for the
 /// first value it gets; further values get copies appended, so that the file's vertex order stays.
-/// `value_of_corner` sees the primitive as far as it is split: positions of corners stay. `store` writes a value to a vertex.
+/// `value_of_corner` sees the primitive as far as it is split: positions of vertices stay. `store` writes a value to a vertex.
 pub fn split_corners<K: std::hash::Hash + Eq, V: Copy>(
     primitive: &mut Primitive,
     value_of_corner: impl Fn(&Primitive, usize) -> V,

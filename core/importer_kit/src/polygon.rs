@@ -137,7 +137,7 @@ impl Triangulator {
         });
     }
 
-    /// A convex vertex, with no dent in its triangle. A dent at the very place of one of the triangle's corners is no
+    /// A convex vertex, with no dent in its triangle. A dent at the very place of one of the triangle's vertices is no
     /// hindrance: polygons with holes run along a seam there and back.
     fn is_ear(&mut self, before: u32, at: u32, after: u32) -> bool {
         let [a, b, c] = [before, at, after].map(|i| self.flat[i as usize]);
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn dents_stars_and_holes_with_seams() {
         covers(&[[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]);
-        // A dent at each of the four corners of a quad in turn.
+        // A dent at each of the four vertices of a quad in turn.
         let arrow = [[0.0, 0.0], [2.0, 1.0], [0.0, 2.0], [0.5, 1.0]];
         for turn in 0..4 {
             covers(&[0, 1, 2, 3].map(|i| arrow[(i + turn) % 4]));

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 /// Triangles around one vertex that are compared with each other, all pairs. Beyond it (no modelled surface has that many)
-/// the corners keep their triangles' normals, so that time stays proportional to the file.
+/// the vertices keep their triangles' normals, so that time stays proportional to the file.
 const MAX_AROUND: usize = 256;
 
 /// Replaces the normals of a triangle list. Each vertex gets the mean, weighted by angle, of the normals of the triangles

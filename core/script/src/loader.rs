@@ -74,7 +74,7 @@ impl Loader {
         }
     }
 
-    /// What is imported is told to, and can be called off by, whoever has a clone of this.
+    /// Progress of what is imported, and a way to cancel it, for holders of a clone of this.
     pub fn watched_by(mut self, imports: &Imports) -> Loader {
         self.imports = imports.clone();
         self

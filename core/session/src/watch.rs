@@ -174,7 +174,7 @@ impl Watch {
         self.interest.files.insert(path, content);
     }
 
-    /// Waits until something of interest has changed, and whoever changed it is done. What is touched when the time is over is told
+    /// Waits until something of interest has changed, and whoever changed it is done. What is touched when the time is over is reported
     /// by the next wait.
     pub fn wait(&mut self, timeout: Option<Duration>) -> Result<WatchEvent, WatchError> {
         let until = timeout.map(|timeout| Instant::now() + timeout);

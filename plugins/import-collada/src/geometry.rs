@@ -155,7 +155,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             ..Primitive::default()
         };
         let mut origin = Vec::with_capacity(corners.len());
-        // Room for as many vertices as there are corners, which costs nothing where it is not written to: lists that grow are
+        // Room for as many vertices as there are indices, which costs nothing where it is not written to: lists that grow are
         // copied, into memory that is touched for the first time.
         primitive.positions.reserve_exact(corners.len());
         if normals.is_some() {
@@ -248,7 +248,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         Vec4::new(r, g, b, alpha)
     }
 
-    /// All indices of the `<p>`s, and how many corners each polygon, strip or line has; empty where all have the same.
+    /// All indices of the `<p>`s, and how many vertices each polygon, strip or line has; empty where all have the same.
     fn indices(&self, width: usize) -> Result<(Vec<i32>, Vec<u32>)> {
         let mut indices = Vec::new();
         let mut runs = Vec::new();
@@ -296,7 +296,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             let wanted: u64 = runs.iter().map(|r| u64::from(*r)).sum();
             let there = (indices.len() / width) as u64;
             if wanted != there {
-                return Err(self.problem(format!("vcount asks for {wanted} corners, but p has {there}")));
+                return Err(self.problem(format!("vcount asks for {wanted} vertices, but p has {there}")));
             }
         }
         Ok((indices, runs))
@@ -366,9 +366,9 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             }
         }
         for (number, what) in [
-            (short, "with too few corners left out"),
+            (short, "with too few vertices left out"),
             (crossing, "crossing itself or without area; the triangles are a guess"),
-            (fans, "with too many corners to be cut properly, made into fans"),
+            (fans, "with too many vertices to be cut properly, made into fans"),
         ] {
             if number > 0 {
                 self.xml.warn(self.element, format!("{} {what}", text::count(number, "polygon")));

@@ -109,7 +109,7 @@ pub struct Quad<'a> {
     pub uv_mask: Option<F4>,
     /// How far heights shift the textures.
     pub relief: Option<[F4; 2]>,
-    /// Where textures come from three sides.
+    /// Textures come from three sides.
     pub planes: Option<Planes>,
 }
 

@@ -22,7 +22,7 @@ pub struct Heard {
 
 impl Actor {
     /// What plays at a time, in the order in which it is blended: each over what came before it, additive ones on top. Of
-    /// layers of one rank each is told as it is by itself.
+    /// layers of one rank each is given as it is by itself.
     pub fn heard(&self, time: Time) -> Vec<Heard> {
         let mut heard = Vec::new();
         let mut voices = Vec::new();
