@@ -143,7 +143,7 @@ fn sample_files() {
 /// Compares nodes at rest with ufbx's: they differ in the last bits of two libraries' sines.
 #[test]
 fn nodes_at_rest() {
-    let files = assets(23).map(|folder| crate::accuracy::all_files(&folder)).unwrap_or_default();
+    let files = assets(23).map(|folder| crate::tests::accuracy::all_files(&folder)).unwrap_or_default();
     let read = |path: &std::path::PathBuf| std::fs::read(path).unwrap();
     let (mut worst, mut count) = (0.0f64, 0);
     for bytes in files.iter().map(read).chain([own()]) {

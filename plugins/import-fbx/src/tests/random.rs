@@ -1,6 +1,6 @@
 //! Files made by dice — rotation orders, pivots, offsets, units, axes, every kind of key — against what ufbx evaluates.
 
-use crate::accuracy::{Choice, worst};
+use crate::tests::accuracy::{Choice, worst};
 use choreo_importer_kit_testing::damage::random;
 use std::fmt::Write;
 
