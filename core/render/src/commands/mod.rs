@@ -138,7 +138,7 @@ pub enum Command {
     PostPass {
         index: usize,
         effect: String,
-        /// Of an effect that runs more than once: how often it has run.
+        /// Number of earlier runs of an effect that runs more than once.
         number: u32,
         from: Target,
         /// What the effect's first pass got.

@@ -10,7 +10,7 @@ use glam::Vec3;
 /// What the lights fall on.
 pub struct Lit {
     pub relative: V3,
-    /// Without and with the normal map.
+    /// Normal without the normal map; the other is with it.
     pub own_n: V3,
     pub n: V3,
     /// Unit, to the viewer.

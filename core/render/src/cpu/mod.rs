@@ -72,7 +72,7 @@ pub struct CpuRenderer {
     catalog: Arc<Catalog>,
     materials: Vec<ShadeMaterial>,
     textures: HashMap<TextureKey, Arc<Texture>>,
-    /// Of the catalogue's sky, once a plan has shown it.
+    /// The scene's sky, once a plan has shown it.
     sky: Option<Sky>,
     submitted: VecDeque<Plan>,
 }
@@ -149,7 +149,7 @@ impl CpuRenderer {
         }
     }
 
-    /// Of the effects on surfaces those of a draw, in order.
+    /// The effects of a draw on surfaces, in order.
     fn surface(&self, plan: &Plan, bits: u8) -> Vec<(Arc<dyn Effect>, [f32; 8])> {
         let on = (0..8).zip(&plan.surface).filter(|(bit, _)| bits >> bit & 1 == 1);
         on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters))).collect()

@@ -42,7 +42,7 @@ pub fn shade(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Sh
     Shaded { rgba: [r, g, b, alpha * cover], kept: [ALL_SAMPLES; 4] }
 }
 
-/// From pixel to pixel, right and down together, by the differences within the quad.
+/// Steps from pixel to pixel, right and down together, by the differences within the quad.
 fn steps(at: F4) -> [f32; 4] {
     let [a, b, c, d] = at.0;
     let (top, bottom, left, right) = (b - a, d - c, c - a, d - b);

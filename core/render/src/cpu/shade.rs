@@ -32,11 +32,11 @@ pub struct ShadeMaterial {
 /// Everything a quad needs beside its weights.
 pub struct Fragment<'a> {
     pub plan: &'a Plan,
-    /// Where some light casts.
+    /// Shadow maps, if some light casts.
     pub shadows: Option<&'a ShadowMaps>,
     /// The picture behind glass that bends light.
     pub behind: Option<Arc<Behind>>,
-    /// Where a sky shines.
+    /// Sky maps, if a sky shines.
     pub sky: Option<&'a SkyMaps>,
     /// Effects on the surface, in order.
     pub surface: Vec<(Arc<dyn Effect>, [f32; 8])>,
@@ -387,7 +387,7 @@ impl Fragment<'_> {
         }
     }
 
-    /// For the slots see [`Features::TOON`].
+    /// Toon shading; for the slots see [`Features::TOON`].
     fn toon(&self, quad: &Quad, base: V3, relative: V3, [own_n, n]: [V3; 2], v: V3) -> V3 {
         let material = &self.material.factors.material;
         let default = Toon::default();

@@ -11,7 +11,7 @@ pub struct DrawNeeds {
     pub skinned: bool,
     /// Its joints lead to model space, and the copy's own map on.
     pub placed: bool,
-    /// By dual quaternions.
+    /// Dual quaternion skinning.
     pub dual: bool,
     pub morphed: bool,
     pub local_lights: bool,
@@ -133,7 +133,7 @@ fn reads_normal_map(primitive: &CatalogPrimitive, material: &CatalogMaterial) ->
     !p.tangents.is_empty() && material.material.triplanar.is_none() && material.normal.is_some_and(has_uvs)
 }
 
-/// Of the hull around a surface with these features: where the light on the surface does not count, its shape alone.
+/// Features of the hull around a surface with these features: light on the surface does not count, its shape alone.
 pub fn shell_features(
     features: Features,
     primitive: &CatalogPrimitive,
@@ -164,7 +164,7 @@ pub struct Facts {
     pub lit_exist: bool,
     pub lights_exist: bool,
     pub sky_exists: bool,
-    /// Under and over the scene.
+    /// 2D layers under and over the scene.
     pub flats: usize,
     pub lit_drawn: bool,
     pub blended: usize,

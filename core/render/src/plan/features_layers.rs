@@ -6,7 +6,7 @@ use crate::shader::uniforms::LAYER_SLOTS;
 use choreo_asset::MaterialLayers;
 use glam::Vec3;
 
-/// In the order of `MaterialLayers::textures`.
+/// Features of textures in the order of `MaterialLayers::textures`.
 pub const TEXTURES: [Features; LAYER_SLOTS] = [
     Features::CLEARCOAT_TEXTURE,
     Features::CLEARCOAT_ROUGHNESS_TEXTURE,
@@ -22,7 +22,7 @@ pub const TEXTURES: [Features; LAYER_SLOTS] = [
     Features::DIFFUSE_TRANSMISSION_COLOR_TEXTURE,
 ];
 
-/// Of all layers.
+/// Features of all layers.
 pub const ALL: Features = Features::LAYERS
     .with(Features::CLEARCOAT)
     .with(Features::SHEEN)

@@ -6,7 +6,7 @@ pub struct PostPass {
     pub effect: String,
     /// In manifest order.
     pub parameters: [f32; 8],
-    /// Of an effect that runs more than once: how often it has run.
+    /// Number of earlier runs of an effect that runs more than once.
     pub number: u32,
     /// How many times smaller, each way, the picture is that it makes.
     pub shrink: u32,

@@ -78,7 +78,7 @@ impl CatalogPrimitive {
         self.info.closed.get_or_init(|| Closed::of(self.primitive()))
     }
 
-    /// For each morph target the vertices from the first to the last that it moves.
+    /// Range of vertices that each morph target moves, from the first to the last.
     pub fn moved(&self) -> &[Range<u32>] {
         let p = self.primitive();
         let every = || (0..p.positions.len() as u32).collect::<Vec<_>>();
@@ -109,7 +109,7 @@ pub struct CatalogMaterial {
     pub emissive: Option<CatalogTextureRef>,
     pub specular: Option<CatalogTextureRef>,
     pub specular_color: Option<CatalogTextureRef>,
-    /// In the order of `MaterialLayers::textures`.
+    /// Features of textures in the order of `MaterialLayers::textures`.
     pub layers: [Option<CatalogTextureRef>; LAYER_SLOTS],
     /// Of toon shading: width of the outline, mask of what moves.
     pub toon: [Option<CatalogTextureRef>; TOON_SLOTS],

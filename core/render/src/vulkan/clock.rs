@@ -30,7 +30,7 @@ impl DeviceTime {
 pub struct Clock {
     pool: vk::QueryPool,
     time: Arc<DeviceTime>,
-    /// Of one tick.
+    /// Nanoseconds of one tick.
     nanos: f64,
     /// Bits of a timestamp that count.
     bits: u32,

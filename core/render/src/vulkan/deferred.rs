@@ -18,7 +18,7 @@ pub const FORMATS: [vk::Format; 3] =
 /// Bytes of a pixel, in their order.
 pub const BYTES: [u64; 3] = [16, 16, 4];
 
-/// Of set 3 where what was kept is lit.
+/// Bindings of set 3 in the lighting pass.
 pub const BINDINGS: [(u32, vk::DescriptorType, vk::ShaderStageFlags); 4] = [
     (0, vk::DescriptorType::UNIFORM_BUFFER, vk::ShaderStageFlags::FRAGMENT),
     (1, vk::DescriptorType::SAMPLED_IMAGE, vk::ShaderStageFlags::FRAGMENT),
@@ -130,7 +130,7 @@ impl Execution<'_> {
         Ok(())
     }
 
-    /// With the pipeline that was bound before.
+    /// Lights the G-buffer with the pipeline that was bound before.
     pub(super) fn light(&self, area: Option<[u32; 4]>) -> Result<(), RenderError> {
         let set =
             self.slot.kept_set.ok_or_else(|| RenderError::Usage("the kept set was not prepared".into()))?;

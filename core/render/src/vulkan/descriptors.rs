@@ -23,11 +23,11 @@ pub struct Layouts {
     pub posed_pipeline: vk::PipelineLayout,
 }
 
-/// Of the materials of which a shader reads the same textures.
+/// Layout of the materials of which a shader reads the same textures.
 #[derive(Clone, Copy)]
 pub struct MaterialLayout {
     pub set: vk::DescriptorSetLayout,
-    /// With the sets before it.
+    /// Pipeline layout with the sets before it.
     pub pipeline: vk::PipelineLayout,
 }
 

@@ -34,11 +34,11 @@ pub struct Slot {
     pub view_sets: Vec<Set>,
     /// Shadow maps, the picture behind glass and the sky, and which of them it was made for.
     pub light_set: Option<(Set, [bool; 4])>,
-    /// Of the same layout, with the depths of the scene, of even layers and of odd ones.
+    /// Sets of the same layout, with the depths of the scene, of even layers and of odd ones.
     pub peel_sets: Vec<Set>,
     /// What is kept of surfaces, of the pass that lights it.
     pub kept_set: Option<Set>,
-    /// Of the frame's changed materials: where their uniforms lie, which of them with which textures, and their sets.
+    /// Offsets of the uniforms of the frame's changed materials, which of them with which textures, and their sets.
     changed_at: Vec<[u64; 2]>,
     /// Layers under the scene, by what they are made from.
     under: Option<([u8; 32], Image)>,

@@ -43,7 +43,7 @@ pub struct Posing {
     /// Both, for the compute stage; the vertices, for all passes.
     write: Option<Set>,
     read: Option<Set>,
-    /// Of each instance that reads them: its first number and how many vertices it has.
+    /// For each instance that reads them, its first number and its number of vertices.
     placed: Vec<(u32, [u32; 2])>,
 }
 
@@ -68,7 +68,7 @@ fn grow(
 }
 
 impl Posing {
-    /// Where each body's vertices lie. After the resources are prepared; the slot's last frame must be done.
+    /// Assigns ranges to each mesh's vertices. After the resources are prepared; the slot's last frame must be done.
     pub fn prepare(
         &mut self,
         gpu: &Context,
@@ -124,7 +124,7 @@ impl Posing {
         Ok(())
     }
 
-    /// Into the instances, which lie in these bytes: what they read is posed already.
+    /// Writes to the instances, which lie in these bytes, that what they read is pre-skinned.
     pub fn place(&self, instances: &mut [u8]) {
         for (instance, place) in &self.placed {
             let at = *instance as usize * size_of::<Instance>() + offset_of!(Instance, first_joint);

@@ -28,7 +28,7 @@ type Hash = [u8; 16];
 
 pub struct Mesh {
     pub buffer: Buffer,
-    /// Where the indices start, after the vertices.
+    /// Offset of the indices, after the vertices.
     pub indices_at: u64,
     pub index_count: u32,
     pub vertex_count: u32,
@@ -60,7 +60,7 @@ pub struct Resources {
     samplers: HashMap<Sampler, vk::Sampler>,
     /// Asked for; see `GpuOptions::anisotropy`.
     pub anisotropy: f32,
-    /// By content and which texture slots the shader reads.
+    /// Materials by content and by which texture slots the shader reads.
     materials: HashMap<(Hash, u32), Material>,
     white: Option<Image>,
     pub sky: Option<SkyImages>,

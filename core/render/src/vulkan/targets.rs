@@ -91,7 +91,7 @@ pub struct Targets {
     pub kept: Vec<Image>,
     /// Reads nothing: lavapipe (22.3) follows every binding of a bound set.
     sampler: vk::Sampler,
-    /// With more than one sample: what is drawn into, resolved into the scene's target.
+    /// Multisampled target with more than one sample, resolved into the scene's target.
     pub multisampled: Option<Image>,
     pub shadow: Option<ShadowTarget>,
     pub behind: Option<BehindTarget>,
