@@ -6,12 +6,12 @@ use super::lanes::{F4, Weights};
 use super::overlay;
 use super::picture::Pass;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
-use super::refraction::Behind;
+use super::refraction::SceneColorCopy;
 use super::setup::Triangle;
 use super::shade::{Fragment, Shaded};
 use super::target::{PixelOf, Target};
 use super::vertex::Vertex;
-use crate::layers_2d::FlatPicture;
+use crate::layers_2d::LayerImage;
 use crate::plan::{Glass, OverlayVertex};
 use glam::{Vec2, Vec4};
 use std::sync::Arc;
@@ -34,8 +34,8 @@ impl Paint<'_> {
         }
     }
 
-    /// Sets the image behind glass for refraction.
-    pub fn sees_through(&mut self, behind: &Arc<Behind>) {
+    /// Of glass: the picture behind it.
+    pub fn sees_through(&mut self, behind: &Arc<SceneColorCopy>) {
         if let Paint::Surface(fragment) = self {
             fragment.behind = Some(behind.clone());
         }
@@ -85,11 +85,10 @@ pub struct TileBuffers<T> {
     /// Position in the tile's triangle list.
     visible: Vec<u32>,
     color: Vec<T>,
-    /// Result of the triangle being drawn (mask, blend): for each sample a bit that tells whether it passed the depth test, and
-    /// its depth.
+    /// Of the triangle being drawn (mask, blend): a bit a sample that passed the depth test, and its depth.
     passed: Vec<u8>,
     passed_depth: Vec<f32>,
-    /// Depths of transparent surfaces: a layer and the one before it.
+    /// Of what is seen through: a layer and the one before it.
     pub(super) layers: [Vec<f32>; 2],
 }
 
@@ -116,11 +115,11 @@ pub struct Tile<'a, 'b> {
     pub picture: [u32; 2],
     /// Linear RGBA of each row.
     pub background: [Vec4; TILE_HEIGHT as usize],
-    /// Backdrop that replaces it, one color per pixel.
+    /// In its place, a colour a pixel.
     pub backdrop: Option<&'a Veil<'a>>,
     /// Layers over either.
-    pub under: Option<&'a FlatPicture>,
-    /// Layers of transparent surfaces, sorted pixel by pixel.
+    pub under: Option<&'a LayerImage>,
+    /// Of what is seen through, told apart pixel by pixel.
     pub layers: u32,
     /// Functions of one pixel alone.
     pub post: &'a [Pass],

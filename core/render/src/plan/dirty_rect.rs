@@ -1,33 +1,33 @@
-//! Which part of the picture anything is drawn into: the rest is background, which needs neither samples nor depth.
+//! Dirty rectangle: the part of the frame that anything is drawn into. The rest is background, which needs neither samples nor depth.
 
-use crate::scene_resources::bounds::Aabb;
+use choreo_asset::Aabb;
 use glam::{Mat4, Vec2, Vec4, Vec4Swizzles};
 
-/// Of the picture's pixels a rectangle must leave so much to be worth a copy of the background.
-const MOST: f32 = 0.7;
-/// Edges of boxes are followed to so near before the eye.
+/// Largest share of the frame with which a rectangle is worth a copy of the background.
+const LARGEST_SHARE: f32 = 0.7;
+/// Edges of boxes are clipped at this distance in front of the camera.
 const NEAREST: f32 = 1e-4;
-/// Pixels around what is drawn: half the width of points and lines, and rounding.
-pub const MARGIN: f32 = 3.0;
-/// Corners lie at multiples of so many pixels: software rasterizers work in blocks.
+/// Pixels added around what is drawn: half the width of points and lines, and rounding.
+pub(crate) const MARGIN: f32 = 3.0;
+/// Rectangles begin and end at multiples of this number of pixels: software rasterizers work in blocks.
 const BLOCK: u32 = 4;
 
-/// Pixels, y down; grows with each box that is drawn.
+/// A rectangle in pixels, y down, that grows with each box that is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Area {
+pub struct DirtyRect {
     from: Vec2,
     to: Vec2,
 }
 
-impl Area {
-    pub const NOTHING: Area = Area { from: Vec2::INFINITY, to: Vec2::NEG_INFINITY };
-    pub const EVERYTHING: Area = Area { from: Vec2::NEG_INFINITY, to: Vec2::INFINITY };
+impl DirtyRect {
+    pub const NOTHING: DirtyRect = DirtyRect { from: Vec2::INFINITY, to: Vec2::NEG_INFINITY };
+    pub const EVERYTHING: DirtyRect = DirtyRect { from: Vec2::NEG_INFINITY, to: Vec2::INFINITY };
 
-    /// The picture of a box, in camera-relative space. `beyond`: pixels around it.
+    /// Adds the projection of a camera-relative box. `beyond`: pixels added around it.
     pub fn add(&mut self, b: Aabb, clip_from_relative: &Mat4, size: [u32; 2], beyond: f32) {
         let corners = b.corners().map(|c| *clip_from_relative * c.extend(1.0));
         if !corners.iter().all(|c| c.is_finite()) {
-            *self = Area::EVERYTHING;
+            *self = DirtyRect::EVERYTHING;
             return;
         }
         let size = Vec2::new(size[0] as f32, size[1] as f32);
@@ -51,29 +51,29 @@ impl Area {
         }
     }
 
-    /// Left, top, width and height in pixels of the picture; `None` where that is most of it.
+    /// Left, top, width and height in pixels of the frame; `None` if that is most of it.
     pub fn part_of(&self, size: [u32; 2]) -> Option<[u32; 4]> {
         let ends = |i: usize| {
             let last = size[i] as f32;
-            // Of nothing, something: a pass of no pixels is none.
+            // Never empty: a pass needs a pixel.
             let from = (self.from[i].clamp(0.0, last - 1.0) as u32) / BLOCK * BLOCK;
             let to = (self.to[i].clamp(0.0, last).ceil() as u32).next_multiple_of(BLOCK);
             [from, to.clamp(from + 1, size[i]) - from]
         };
         let ([x, width], [y, height]) = (ends(0), ends(1));
         let share = (width as f32 * height as f32) / (size[0] as f32 * size[1] as f32);
-        (share <= MOST).then_some([x, y, width, height])
+        (share <= LARGEST_SHARE).then_some([x, y, width, height])
     }
 
-    /// Left, top, right and bottom of what of it lies in the picture, pixels.
-    pub fn inside(&self, size: [u32; 2]) -> Option<[Vec2; 2]> {
+    /// Left top and right bottom of the part inside the frame, pixels.
+    pub(crate) fn inside(&self, size: [u32; 2]) -> Option<[Vec2; 2]> {
         let whole = Vec2::new(size[0] as f32, size[1] as f32);
         let (from, to) = (self.from.max(Vec2::ZERO), self.to.min(whole));
         from.cmplt(to).all().then_some([from, to])
     }
 
-    /// First and last column, first and last row of so large squares; `None` where nothing of it is in the picture.
-    pub fn squares(&self, size: [u32; 2], side: u32) -> Option<[[u32; 2]; 2]> {
+    /// First and last column, first and last row of the screen tiles of a size that it touches; `None` if it lies outside the frame.
+    pub(crate) fn tiles(&self, size: [u32; 2], side: u32) -> Option<[[u32; 2]; 2]> {
         let ends = |i: usize| {
             let last = size[i] as f32;
             let seen = self.to[i] >= 0.0 && self.from[i] < last;
@@ -90,7 +90,7 @@ mod tests {
 
     const SIZE: [u32; 2] = [400, 200];
 
-    /// 57° high, twice as wide as high; y down, as pictures count.
+    /// 57° high, twice as wide as high; y down, as in images.
     fn view() -> Mat4 {
         let row = Vec4::new;
         let [up, right] = [1.83, 0.915];
@@ -103,17 +103,17 @@ mod tests {
     }
 
     #[test]
-    fn every_place_of_a_box_in_view_lies_in_its_area() {
+    fn every_point_of_a_box_in_view_lies_in_its_rectangle() {
         let boxes = [
             around(Vec3::new(1.0, 0.5, -6.0), 0.5),
             around(Vec3::new(-2.0, -0.5, -9.0), 0.2),
-            // A floor that reaches behind the eye.
+            // A floor that reaches behind the camera.
             Aabb { min: Vec3::new(-3.0, -1.1, -8.0), max: Vec3::new(3.0, -1.0, 5.0) },
         ];
         for b in boxes {
-            let mut area = Area::NOTHING;
-            area.add(b, &view(), SIZE, 0.0);
-            let Some([x, y, w, h]) = area.part_of(SIZE) else { panic!("{b:?} covers little") };
+            let mut rect = DirtyRect::NOTHING;
+            rect.add(b, &view(), SIZE, 0.0);
+            let Some([x, y, w, h]) = rect.part_of(SIZE) else { panic!("{b:?} covers little") };
             for i in 0..1000 {
                 let share = Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32) / 9.0;
                 let c = view() * (b.min + (b.max - b.min) * share).extend(1.0);
@@ -128,26 +128,26 @@ mod tests {
     }
 
     #[test]
-    fn what_covers_most_of_the_picture_or_cannot_be_told_is_drawn_whole() {
-        let mut area = Area::NOTHING;
-        assert_eq!(area.part_of(SIZE), Some([396, 196, 1, 1]), "of nothing a corner");
-        area.add(around(Vec3::new(0.0, 0.0, -2.0), 1.5), &view(), SIZE, 0.0);
-        assert_eq!(area.part_of(SIZE), None);
-        let mut area = Area::NOTHING;
-        area.add(around(Vec3::new(f32::NAN, 0.0, -6.0), 1.0), &view(), SIZE, 0.0);
-        assert_eq!(area.part_of(SIZE), None);
-        assert_eq!(Area::EVERYTHING.part_of(SIZE), None);
+    fn a_rectangle_of_most_of_the_frame_or_of_nan_is_the_whole_frame() {
+        let mut rect = DirtyRect::NOTHING;
+        assert_eq!(rect.part_of(SIZE), Some([396, 196, 1, 1]), "of nothing a pixel");
+        rect.add(around(Vec3::new(0.0, 0.0, -2.0), 1.5), &view(), SIZE, 0.0);
+        assert_eq!(rect.part_of(SIZE), None);
+        let mut rect = DirtyRect::NOTHING;
+        rect.add(around(Vec3::new(f32::NAN, 0.0, -6.0), 1.0), &view(), SIZE, 0.0);
+        assert_eq!(rect.part_of(SIZE), None);
+        assert_eq!(DirtyRect::EVERYTHING.part_of(SIZE), None);
         // One pixel has no part.
-        assert_eq!(Area::NOTHING.part_of([1, 1]), None);
+        assert_eq!(DirtyRect::NOTHING.part_of([1, 1]), None);
     }
 
     #[test]
-    fn more_boxes_make_the_area_no_smaller() {
-        let mut area = Area::NOTHING;
-        area.add(around(Vec3::new(1.0, 0.0, -9.0), 0.3), &view(), SIZE, 0.0);
-        let one = area.part_of(SIZE).unwrap();
-        area.add(around(Vec3::new(-1.0, 0.0, -9.0), 0.3), &view(), SIZE, 2.0);
-        let two = area.part_of(SIZE).unwrap();
+    fn more_boxes_never_shrink_the_rectangle() {
+        let mut rect = DirtyRect::NOTHING;
+        rect.add(around(Vec3::new(1.0, 0.0, -9.0), 0.3), &view(), SIZE, 0.0);
+        let one = rect.part_of(SIZE).unwrap();
+        rect.add(around(Vec3::new(-1.0, 0.0, -9.0), 0.3), &view(), SIZE, 2.0);
+        let two = rect.part_of(SIZE).unwrap();
         assert!(two[0] < one[0] && two[0] + two[2] >= one[0] + one[2] && two[3] >= one[3], "{one:?} {two:?}");
     }
 }

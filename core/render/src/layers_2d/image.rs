@@ -1,16 +1,17 @@
-//! Pictures on a canvas: each pixel is the mean of what it covers of the picture, or lies between its four nearest texels.
+//! Images on a canvas: minified by a box filter, magnified by bilinear interpolation.
 
-use super::Canvas;
+use crate::layers_2d::Canvas;
+use crate::scene_resources::mipmap::srgb_to_linear_table;
 use choreo_asset::Image;
 use choreo_stage::Fit;
 use choreo_text::Coverage;
 use glam::{DVec2, Vec4};
 
-/// Pixels.
-pub fn box_of(image: &Image, fit: Fit, picture: DVec2) -> DVec2 {
+/// Size of an image fitted into a frame, in pixels.
+pub(super) fn fitted_size(image: &Image, fit: Fit, frame: DVec2) -> DVec2 {
     let own = DVec2::new(image.width.max(1).into(), image.height.max(1).into());
     let by = |factor: f64| own * factor;
-    let each = picture / own;
+    let each = frame / own;
     match fit {
         Fit::Height(share) => by(share * each.y),
         Fit::Width(share) => by(share * each.x),
@@ -19,12 +20,12 @@ pub fn box_of(image: &Image, fit: Fit, picture: DVec2) -> DVec2 {
     }
 }
 
-pub fn draw_picture(canvas: &mut Canvas, image: &Image, at: DVec2, size: DVec2, opacity: f32) {
+pub(super) fn draw_image(canvas: &mut Canvas, image: &Image, at: DVec2, size: DVec2, opacity: f32) {
     let texels = image.width as usize * image.height as usize;
     if texels == 0 || image.rgba.len() != 4 * texels || !(size.x > 0.0 && size.y > 0.0) {
         return;
     }
-    let decode = crate::scene_resources::mipmap::srgb_to_linear_table();
+    let decode = srgb_to_linear_table();
     let texel = |x: i64, y: i64| {
         let x = x.clamp(0, i64::from(image.width) - 1) as usize;
         let y = y.clamp(0, i64::from(image.height) - 1) as usize;
@@ -35,9 +36,9 @@ pub fn draw_picture(canvas: &mut Canvas, image: &Image, at: DVec2, size: DVec2, 
     let to = at + size;
     let coverage = Coverage::rectangle([at.x as f32, at.y as f32], [to.x as f32, to.y as f32], canvas.size);
     let own = DVec2::new(image.width.into(), image.height.into());
-    // Texels of a pixel.
+    // Texels per pixel.
     let step = own / size;
-    // Weights of texels from one place to another, at most 64 of them.
+    // Weights of the texels around a position, at most 64 of them.
     let spread = |middle: f64, step: f64| -> Vec<(i64, f32)> {
         let half = step.max(1.0) * 0.5;
         let (low, high) = (middle - half, middle + half);
