@@ -1,4 +1,4 @@
-//! Twin of brdf.wgsl: shading formulas, four pixels at once.
+//! CPU reference of brdf.wgsl: shading formulas, four pixels at once.
 //!
 //! choreo's light convention: radiance out = π · f · colour · intensity · NL, so that a white diffuse surface facing a
 //! directional light of intensity 1 is 1. The functions here return π · f.

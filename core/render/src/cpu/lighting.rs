@@ -1,4 +1,4 @@
-//! Effects that say what comes of a light on a surface, in place of its own model. Twin: `light_effects` in scene.wgsl.
+//! Effects that say what comes of a light on a surface, in place of its own model. CPU reference: `light_effects` in scene.wgsl.
 
 use super::brdf::incoming;
 use super::lanes::{F4, V3};

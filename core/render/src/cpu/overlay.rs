@@ -1,4 +1,4 @@
-//! Twin of overlay.wgsl: how much of each pixel triangles, lines, points and lattices cover, a 2×2 quad at a time.
+//! CPU reference of overlay.wgsl: how much of each pixel triangles, lines, points and lattices cover, a 2×2 quad at a time.
 
 use super::lanes::{F4, Weights};
 use super::shade::{ALL_SAMPLES, Shaded};
@@ -6,7 +6,7 @@ use super::vertex::Vertex;
 use crate::plan::OverlayVertex;
 use glam::{Vec3, Vec4};
 
-/// What the assembly of triangles needs of the corners.
+/// What the assembly of triangles needs of the vertices.
 pub fn corners(vertices: &[OverlayVertex]) -> Vec<Vertex> {
     let corner = |v: &OverlayVertex| Vertex {
         clip: v.clip,

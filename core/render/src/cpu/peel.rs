@@ -1,4 +1,4 @@
-//! Twin of peel.wgsl and of the passes around it: layers of what is seen through, from the back.
+//! CPU reference of peel.wgsl and of the passes around it: layers of transparent surfaces, from the back.
 
 use super::raster::cover;
 use super::target::Target;

@@ -1,4 +1,4 @@
-//! Twin of refraction.wgsl: what lies behind glass that bends light, as the bent ray meets it.
+//! CPU reference of refraction.wgsl: what lies behind glass that bends light, as the bent ray meets it.
 
 use super::lanes::{F4, V3};
 use super::shade::Fragment;

@@ -1,4 +1,4 @@
-//! Twin of sky.wgsl: light from all around, four pixels at once, and what is seen behind everything.
+//! CPU reference of sky.wgsl: light from all around, four pixels at once, and what is seen behind everything.
 
 use super::brdf;
 use super::lanes::{F4, V3};

@@ -1,4 +1,4 @@
-//! Twin of toon.wgsl and of what scene.wgsl does where the shading is toon: MToon (VRMC_materials_mtoon 1.0).
+//! CPU reference of toon.wgsl and of what scene.wgsl does where the shading is toon: MToon (VRMC_materials_mtoon 1.0).
 
 use super::brdf::incoming;
 use super::lanes::{F4, V3};

@@ -1,4 +1,4 @@
-//! Textures laid on a surface from three sides, mixed by where it faces. Twin: shaders/triplanar.wgsl.
+//! Textures laid on a surface from three sides, mixed by where it faces. CPU reference: shaders/triplanar.wgsl.
 
 use super::lanes::{F4, V3, Weights};
 use super::shade::{Fragment, Quad};

@@ -162,7 +162,7 @@ pub fn shell_features(
     f
 }
 
-/// Facts of a frame from which the reasons are told.
+/// Facts of a frame from which the reasons are made.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Facts {
     /// Visible or not: some actor's mesh has a skin, morph targets, a lit material.
@@ -238,7 +238,7 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     }
     if facts.closed > 0 {
         let why = format!(
-            "{} triangles of two-sided materials close bodies that are seen from outside",
+            "{} triangles of two-sided materials are parts of watertight meshes, seen from outside",
             facts.closed
         );
         say(true, "back faces of closed surfaces", why);
@@ -257,7 +257,7 @@ pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     );
     say(
         all.has(Features::SKIN) && !all.has(Features::SKIN_PLACED),
-        "copies of skinned bodies",
+        "copies of skinned meshes",
         "every skinned body stands once".into(),
     );
     let morph_why =

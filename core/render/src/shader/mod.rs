@@ -178,7 +178,7 @@ pub struct SceneVariant {
     pub deferred: DeferredPass,
 }
 
-/// Finds the depths of a layer of what is seen through.
+/// Finds the depths of a layer of transparent surfaces.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum PeelPass {
     #[default]

@@ -1,4 +1,4 @@
-//! What is kept of surfaces until they are lit: its images, the pass that fills them and the draw that lights it.
+//! The G-buffer until it is lit: its images, the pass that fills them and the draw that lights it.
 
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, write_buffer, write_image};
@@ -98,7 +98,7 @@ impl Execution<'_> {
     pub(super) fn begin_geometry(&self) -> Result<(), RenderError> {
         let targets = self.targets;
         let (Some(depth), true) = (&targets.depth, targets.needs.kept) else {
-            return Err(RenderError::Usage("what is kept of surfaces was not prepared".into()));
+            return Err(RenderError::Usage("the G-buffer was not prepared".into()));
         };
         let mut barriers: Vec<_> = targets.kept.iter().map(to_color).collect();
         barriers.push(to_depth(depth));

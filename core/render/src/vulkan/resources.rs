@@ -132,7 +132,7 @@ impl Resources {
         for (primitive, layout, morphs) in meshes {
             let entry = resources.primitives.get(primitive as usize).ok_or_else(|| {
                 RenderError::Usage(format!(
-                    "the plan draws primitive {primitive}, which the loaded catalogue lacks"
+                    "the plan draws primitive {primitive}, which the loaded scene resources lack"
                 ))
             })?;
             self.prepare_mesh(gpu, layouts, entry, layout, morphs, uploads)?;
@@ -229,7 +229,7 @@ impl Resources {
         for (material, slots) in materials {
             let Some(m) = resources.materials.get(*material as usize) else {
                 return Err(RenderError::Usage(format!(
-                    "the plan uses material {material}, which the loaded catalogue lacks"
+                    "the plan uses material {material}, which the loaded scene resources lack"
                 )));
             };
             for (slot, texture) in m.textures.iter().enumerate() {
@@ -385,7 +385,7 @@ impl Resources {
         Ok(sampler)
     }
 
-    /// A new catalogue: what it holds too stays. No frame may be in flight.
+    /// New scene resources: what they hold too stays. No frame may be in flight.
     pub fn retain(&mut self, gpu: &Context, resources: &SceneResources) {
         let primitives: HashSet<Hash> = resources.primitives.iter().map(|p| p.hash).collect();
         let textures: HashSet<TextureKey> =
