@@ -1,13 +1,13 @@
 //! Flat layers.
 
 use crate::hash::stage::write_channel;
-use crate::stage::layers_2d::{Fit, Flat, FlatContent};
+use crate::stage::layers_2d::{Fit, Layer2d, Layer2dContent};
 use choreo_asset::hash::Writer;
 
-pub(super) fn write_flat(w: &mut Writer, flat: &Flat) {
-    let Flat { content, at, offset, anchor, opacity, scale, under, start, end, fade, channels } = flat;
+pub(super) fn write_layer_2d(w: &mut Writer, layer_2d: &Layer2d) {
+    let Layer2d { content, at, offset, anchor, opacity, scale, under, start, end, fade, channels } = layer_2d;
     match content {
-        FlatContent::Text { words, font, size, width, align, line_height, color } => {
+        Layer2dContent::Text { words, font, size, width, align, line_height, color } => {
             w.tag(0);
             w.text(words);
             w.bytes(&font.hash());
@@ -17,7 +17,7 @@ pub(super) fn write_flat(w: &mut Writer, flat: &Flat) {
             w.f64(*line_height);
             w.vec4(*color);
         }
-        FlatContent::Picture { image: _, hash, fit } => {
+        Layer2dContent::Picture { image: _, hash, fit } => {
             w.tag(1);
             w.bytes(hash);
             let (kind, share) = match fit {
@@ -29,13 +29,13 @@ pub(super) fn write_flat(w: &mut Writer, flat: &Flat) {
             w.tag(kind);
             w.f64(share);
         }
-        FlatContent::Panel { size, color } => {
+        Layer2dContent::Panel { size, color } => {
             w.tag(2);
             w.f64(size.x);
             w.f64(size.y);
             w.vec4(*color);
         }
-        FlatContent::Bars { ratio, color } => {
+        Layer2dContent::Bars { ratio, color } => {
             w.tag(3);
             w.f64(*ratio);
             w.vec4(*color);

@@ -1,4 +1,4 @@
-//! Goals, limits and springs.
+//! Constraints, limits and springs.
 
 use crate::hash::stage::write_target;
 use crate::stage::constraint::*;
@@ -7,14 +7,22 @@ use choreo_asset::hash::Writer;
 use choreo_motion::ik::Limit;
 use choreo_motion::spring::{ColliderShape, RigBone, SpringBone};
 
-pub(super) fn write_goal(w: &mut Writer, goal: &Goal) {
-    let Goal { kind, start, end, fade, weight } = goal;
+pub(super) fn write_constraint(w: &mut Writer, constraint: &Constraint) {
+    let Constraint { kind, start, end, fade, weight } = constraint;
     w.time(*start);
     w.option(end, |w, end| w.time(*end));
     w.time(*fade);
     w.f32(*weight);
     match kind {
-        GoalKind::Reach(Reach { joints, target, offset, pole, hint, soft, keep_rotation }) => {
+        ConstraintKind::Reach(ReachConstraint {
+            joints,
+            target,
+            offset,
+            pole,
+            hint,
+            soft,
+            keep_rotation,
+        }) => {
             w.tag(0);
             w.list(joints, |w, j| w.u32(*j));
             write_target(w, target);
@@ -24,14 +32,14 @@ pub(super) fn write_goal(w: &mut Writer, goal: &Goal) {
             w.f64(*soft);
             w.flag(*keep_rotation);
         }
-        GoalKind::Aim(AimGoal { joints, shares, target, limit }) => {
+        ConstraintKind::Aim(AimConstraint { joints, shares, target, limit }) => {
             w.tag(1);
             w.list(joints, |w, j| w.u32(*j));
             w.list(shares, |w, s| w.f64(*s));
             write_target(w, target);
             w.f64(*limit);
         }
-        GoalKind::Plant(Plant { legs, hips, ground, only }) => {
+        ConstraintKind::FootLock(FootLock { legs, hips, ground, only }) => {
             w.tag(2);
             w.list(legs, |w, Leg { hip, knee, foot, toe }| {
                 [hip, knee, foot].into_iter().for_each(|j| w.u32(*j));
@@ -42,7 +50,7 @@ pub(super) fn write_goal(w: &mut Writer, goal: &Goal) {
             w.list(only, |w, (from, to)| [from, to].into_iter().for_each(|t| w.time(*t)));
         }
         // What it exchanges follows from the asset.
-        GoalKind::Mirror(_) => w.tag(3),
+        ConstraintKind::Mirror(_) => w.tag(3),
     }
 }
 
