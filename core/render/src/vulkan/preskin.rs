@@ -103,7 +103,13 @@ impl Posing {
         }
         let bytes: &[u8] = bytemuck::cast_slice(&jobs);
         let new = [
-            grow(gpu, &mut self.jobs, "meshes to be pre-skinned", bytes.len() as u64, MemoryLocation::CpuToGpu)?,
+            grow(
+                gpu,
+                &mut self.jobs,
+                "meshes to be pre-skinned",
+                bytes.len() as u64,
+                MemoryLocation::CpuToGpu,
+            )?,
             grow(gpu, &mut self.vertices, "posed vertices", 4 * end, MemoryLocation::GpuOnly)?,
         ];
         let (Some(jobs), Some(vertices)) = (&mut self.jobs, &self.vertices) else { return Ok(()) };

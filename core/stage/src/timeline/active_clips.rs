@@ -22,7 +22,7 @@ pub struct ActiveClip {
 
 impl Actor {
     /// What plays at a time, in the order in which it is blended: each over what came before it, additive ones on top. Of
-    /// layers of one rank each is told as it is by itself.
+    /// layers of one rank each is given as it is by itself.
     pub fn active_clips(&self, time: Time) -> Vec<ActiveClip> {
         let mut active = Vec::new();
         let mut active_cues = Vec::new();

@@ -99,9 +99,10 @@ fn without_code(text: &str) -> String {
 
 /// Spaces in place of a name of code or of a file, with its backticks.
 fn blank_names(word: &str) -> String {
-    let file = word.trim_end().split_once('.').is_some_and(|(name, end)| {
-        !name.is_empty() && end.starts_with(char::is_alphabetic)
-    });
+    let file = word
+        .trim_end()
+        .split_once('.')
+        .is_some_and(|(name, end)| !name.is_empty() && end.starts_with(char::is_alphabetic));
     let is_name = file || word.contains('_') || word.contains("::") || word.contains("](");
     match is_name {
         true => word.chars().map(|c| if matches!(c, '\n' | '`') { c } else { ' ' }).collect(),
