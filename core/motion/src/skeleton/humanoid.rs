@@ -1,4 +1,4 @@
-//! Which joints of a skeleton are which bones of a human body, and the T-pose that rotations of two bodies are compared in.
+//! Bones of a humanoid as joints of a skeleton, and the T-pose in which rotations of two of them are compared.
 //!
 //! Bones and their names: VRM 1.0, `VRMC_vrm.humanoid` ("humanoid.md"). VRM 0.x has the same but for the thumbs: its proximal,
 //! intermediate and distal are 1.0's metacarpal, proximal and distal.
