@@ -31,7 +31,7 @@ impl Default for RootParts {
 }
 
 /// 15°: more than hips are off their way at the ends of a straight walk.
-pub const LEAST_TURN_RAD: f64 = std::f64::consts::PI / 12.0;
+pub(crate) const LEAST_TURN_RAD: f64 = std::f64::consts::PI / 12.0;
 
 /// A root that gets no farther than this share of a leg in a clip stays on the spot.
 const ON_THE_SPOT: f64 = 0.1;
@@ -53,19 +53,19 @@ struct Link {
 pub struct RootMotion {
     clip: Arc<Clip>,
     joint: u32,
-    /// From the root of the skeleton to the joint.
+    /// Joints from the root of the skeleton to the joint.
     chain: Vec<Link>,
-    /// Of the joint in model space at rest.
+    /// Model-space rotation of the joint at rest.
     rest_rotation: DQuat,
     pub parts: RootParts,
     yaw: bool,
-    /// Of a clip that walks on the spot: metres a second of the clip, against the floor.
+    /// Velocity against the floor of a clip that walks in place, metres per second of the clip.
     pub treadmill: Option<DVec3>,
     pub trim: (Time, Time),
 }
 
 impl RootMotion {
-    /// Of the part of a clip that `trim` says. `joint`: the root, else [`find_root`].
+    /// Root motion of the part of a clip that `trim` gives. `joint`: the root, else [`find_root`].
     pub fn new(
         skeleton: &Skeleton,
         clip: &Arc<Clip>,
@@ -203,7 +203,7 @@ fn twist(q: DQuat) -> f64 {
 
 /// The joint that carries a clip's character: the topmost from the hips upwards whose place the clip moves, else the hips.
 /// Without hips by name, the topmost joint that the clip moves, else the first.
-pub fn find_root(skeleton: &Skeleton, clip: &Clip) -> Option<u32> {
+pub(crate) fn find_root(skeleton: &Skeleton, clip: &Clip) -> Option<u32> {
     let moves = |joint: u32| {
         clip.curves().iter().any(|c| {
             c.joint == joint

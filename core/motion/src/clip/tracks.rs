@@ -110,7 +110,7 @@ pub(crate) struct Tracks {
     /// Translations, rotations, scales.
     pub constants: Vec<Constant>,
     pub groups: Vec<Group>,
-    /// Of a compressed clip.
+    /// Packed curves of a compressed clip.
     pub packed: Option<Arc<Packed>>,
     /// Whether every joint has a curve, by channel.
     pub covers: [bool; 3],
@@ -125,7 +125,7 @@ type Lanes<'a> = [Option<&'a Curve>; LANES];
 
 impl Tracks {
     /// All but scales.
-    pub fn unscaled_constants(&self) -> &[Constant] {
+    pub(crate) fn unscaled_constants(&self) -> &[Constant] {
         let scales = self.constants.partition_point(|c| c.column.channel != Channel::Scale);
         &self.constants[..scales]
     }

@@ -1,4 +1,4 @@
-//! Which joints of a skeleton are which bones of a human body, and the T-pose that rotations of two bodies are compared in.
+//! Bones of a humanoid as joints of a skeleton, and the T-pose in which rotations of two of them are compared.
 //!
 //! Bones and their names: VRM 1.0, `VRMC_vrm.humanoid` ("humanoid.md"). VRM 0.x has the same but for the thumbs: its proximal,
 //! intermediate and distal are 1.0's metacarpal, proximal and distal.
@@ -100,13 +100,13 @@ bones![
 ];
 
 impl HumanBone {
-    /// By its exact name in VRM 1.0.
+    /// The bone with this exact name in VRM 1.0.
     pub fn from_name(name: &str) -> Option<HumanBone> {
         HumanBone::ALL.into_iter().find(|b| b.name() == name)
     }
 
-    /// By the name of a joint in any family of skeletons, VRM 1.0's among them: `mixamorig:LeftArm`, `upperarm.l`.
-    pub fn of_joint(name: &str) -> Option<HumanBone> {
+    /// The bone that a joint's name stands for in any family of skeletons, VRM 1.0 included: `mixamorig:LeftArm`, `upperarm.l`.
+    pub(crate) fn of_joint(name: &str) -> Option<HumanBone> {
         HumanBone::from_name(name).or_else(|| {
             let ours = crate::skeleton::joint_names::humanoid_name(name)?;
             HumanBone::ALL.into_iter().find(|b| b.our_name() == ours)
@@ -155,14 +155,14 @@ impl Humanoid {
         Ok(Humanoid { joints, t_pose: None })
     }
 
-    /// For skeletons that do not rest in a T-pose: parent-from-joint of every joint in it.
+    /// Sets the T-pose of a skeleton that does not rest in one: parent-from-joint of every joint.
     pub fn with_t_pose(self, t_pose: impl Into<Arc<[Transform]>>) -> Humanoid {
         Humanoid { t_pose: Some(t_pose.into()), ..self }
     }
 
     /// The bones that the joints' names tell ([`HumanBone::of_joint`]); a bone that several joints are named for is none of them.
     /// The rest pose counts as T-pose.
-    pub fn from_names(skeleton: &Skeleton) -> Humanoid {
+    pub(crate) fn from_names(skeleton: &Skeleton) -> Humanoid {
         let mut found: BTreeMap<HumanBone, Option<u32>> = BTreeMap::new();
         for (joint, name) in (0u32..).zip(skeleton.names()) {
             if let Some(bone) = HumanBone::of_joint(name) {
@@ -208,13 +208,13 @@ impl Humanoid {
         HumanBone::ALL.into_iter().filter_map(|b| Some((b, self.joint(b)?)))
     }
 
-    /// Where the T-pose is another than the rest pose: parent-from-joint of every joint.
+    /// The T-pose if it differs from the rest pose: parent-from-joint of every joint.
     pub fn t_pose(&self) -> Option<&[Transform]> {
         self.t_pose.as_deref()
     }
 
     /// model-from-joint of every joint in the T-pose, in f64. `skeleton`: the one that this belongs to.
-    pub fn model_from_t_pose(&self, skeleton: &Skeleton) -> Vec<DAffine3> {
+    pub(crate) fn model_from_t_pose(&self, skeleton: &Skeleton) -> Vec<DAffine3> {
         let local = self.t_pose().filter(|p| p.len() == skeleton.len()).unwrap_or(skeleton.rest());
         let mut model: Vec<DAffine3> = Vec::with_capacity(local.len());
         for (transform, parent) in local.iter().zip(skeleton.parents()) {

@@ -2,9 +2,9 @@
 
 use super::values;
 use crate::app::Viewer;
-use crate::gizmo::Change;
-use crate::placing::{light_at, placement};
-use crate::selection::{Selected, actor};
+use crate::editing::placing::{light_at, placement};
+use crate::geometry::gizmo::Change;
+use crate::state::selection::{Selected, actor};
 use choreo_asset::{Asset, Light, LightKind, Projection};
 use choreo_plugin::OptionKind;
 use choreo_script::Place;
@@ -17,7 +17,7 @@ use std::ops::RangeInclusive;
 
 /// A clip that is dragged onto the sequencer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ClipDrag {
+pub(crate) struct ClipDrag {
     pub actor: String,
     pub clip: String,
 }
@@ -133,7 +133,7 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str) -> Option<
     wanted
 }
 
-/// What a camera sees at the playhead, where it is the one that is seen through; else as it begins.
+/// What a camera sees at the playhead, where it is the active one; else as it begins.
 fn projection(viewer: &Viewer, stage: &Stage, name: &str) -> Option<Projection> {
     let index = stage.cameras.iter().position(|c| c.name == name)?;
     let shown = viewer.shown().map(|shown| shown.snapshot.camera).filter(|c| c.camera == Some(index));
@@ -394,7 +394,7 @@ fn of_cue(
         Some((heard, share)) => {
             row("now", format!("{:.0} % at {:.3} s of the clip", share * 100.0, heard.clip_time.as_secs()))
         }
-        None => row("now", "not heard".into()),
+        None => row("now", "not active".into()),
     }
 }
 
@@ -438,7 +438,7 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
     }
 }
 
-pub fn light_kind(light: &Light) -> &'static str {
+pub(crate) fn light_kind(light: &Light) -> &'static str {
     match light.kind {
         LightKind::Directional => "sun",
         LightKind::Point => "point light",

@@ -14,7 +14,7 @@ pub struct Open {
     // Before the window, whose surface it draws on.
     pub gpu: Gpu,
     pub window: Arc<Window>,
-    /// Pixels a point of the screen, as told last: on X11 `Window::scale_factor` may know it only after the window was moved.
+    /// Pixels a point of the screen, as reported last: on X11 `Window::scale_factor` may know it only after the window was moved.
     pub scale: f64,
 }
 
@@ -54,7 +54,7 @@ impl Open {
     }
 
     /// Takes another scale; the window keeps its size in points. X11 can tell twice of one change, and would enlarge it twice.
-    pub fn rescale(&mut self, scale: f64, size: &mut InnerSizeWriter) {
+    pub(crate) fn rescale(&mut self, scale: f64, size: &mut InnerSizeWriter) {
         if scale == self.scale {
             // One that comes too late leaves it as it is.
             let _ = size.request_inner_size(self.window.inner_size());

@@ -72,7 +72,7 @@ impl Playhead {
     }
 
     /// Whole frames, at least one; what is not of the scene is cut off.
-    pub fn set_range(&mut self, range: Option<(Time, Time)>) {
+    pub(crate) fn set_range(&mut self, range: Option<(Time, Time)>) {
         self.range = range.map(|(a, b)| {
             let first = self.frame_at(a.min(b));
             let last = self.frame_at(a.max(b)).max(first);
@@ -103,7 +103,7 @@ impl Playhead {
         self.began = None;
     }
 
-    pub fn toggle(&mut self, now: f64) {
+    pub(crate) fn toggle(&mut self, now: f64) {
         match self.is_playing() {
             true => self.pause(),
             false => self.play(now),
@@ -119,7 +119,7 @@ impl Playhead {
         }
     }
 
-    /// Stops, and goes so many frames on.
+    /// Stops, and moves on by a number of frames.
     pub fn step(&mut self, frames: i64) {
         self.pause();
         let frame = (self.frame() + frames).clamp(0, self.frames() - 1);
