@@ -2,7 +2,7 @@
 
 use choreo_motion::Time;
 use choreo_plugin::Registry;
-use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
+use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use choreo_script::{ScriptOptions, run_text};
 use choreo_stage::{Evaluator, Stage};
 use std::sync::Arc;
@@ -19,11 +19,11 @@ fn stage(script: &str) -> Arc<Stage> {
     }
 }
 
-fn picture(catalog: &Arc<Catalog>, evaluator: &mut Evaluator, secs: f64) -> (Vec<u8>, Plan) {
+fn picture(resources: &Arc<SceneResources>, evaluator: &mut Evaluator, secs: f64) -> (Vec<u8>, Plan) {
     let snapshot = evaluator.at(Time::from_secs(secs)).unwrap();
-    let plan = Plan::new(catalog, evaluator.stage(), &snapshot, &PlanOptions::new(SIZE, 1));
+    let plan = Plan::new(resources, evaluator.stage(), &snapshot, &PlanOptions::new(SIZE, 1));
     let mut renderer = CpuRenderer::new(&[]);
-    renderer.load(catalog.clone()).unwrap();
+    renderer.load(resources.clone()).unwrap();
     renderer.submit(plan.clone()).unwrap();
     (renderer.collect(None).unwrap().rgba, plan)
 }
@@ -31,20 +31,20 @@ fn picture(catalog: &Arc<Catalog>, evaluator: &mut Evaluator, secs: f64) -> (Vec
 /// Pictures at some times with and without the short cut are the same; how many poses either took.
 fn poses(script: &str) -> [usize; 2] {
     let stage = stage(script);
-    let catalog = Arc::new(Catalog::new(&stage));
+    let resources = Arc::new(SceneResources::new(&stage));
     let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
     let mut all = Evaluator::new(stage.clone());
-    let mut seen = Evaluator::new(stage).for_pictures(aspect);
+    let mut seen = Evaluator::new(stage).for_images(aspect);
     for i in 0..8 {
         let secs = 0.37 * f64::from(i);
-        let (expected, _) = picture(&catalog, &mut all, secs);
-        let (got, plan) = picture(&catalog, &mut seen, secs);
+        let (expected, _) = picture(&resources, &mut all, secs);
+        let (got, plan) = picture(&resources, &mut seen, secs);
         let differ = expected.iter().zip(&got).filter(|(a, b)| a != b).count();
         assert_eq!(differ, 0, "bytes of the picture at {secs} s");
         let told = plan.left_out.iter().any(|l| l.what == "actors outside the view");
         assert_eq!(told, seen.poses() < all.poses(), "at {secs} s");
     }
-    [all.poses_in_all(), seen.poses_in_all()]
+    [all.total_poses(), seen.total_poses()]
 }
 
 /// A row of eleven that walk by, two metres apart, of whom the middle three are about the picture; a sword in every hand.
@@ -95,8 +95,8 @@ fn whose_shadow_reaches_the_picture_casts_it() {
 
 fn picture_of(script: &str) -> Vec<u8> {
     let stage = stage(script);
-    let catalog = Arc::new(Catalog::new(&stage));
-    picture(&catalog, &mut Evaluator::new(stage), 1.0).0
+    let resources = Arc::new(SceneResources::new(&stage));
+    picture(&resources, &mut Evaluator::new(stage), 1.0).0
 }
 
 #[test]
@@ -135,9 +135,9 @@ fn who_is_needed_is_posed() {
         camera("c").at(0.0, 1.4, 6.0).look_at([0.0, 0.9, 0.0]);
     "#;
     let stage = stage(script);
-    let mut seen = Evaluator::new(stage.clone()).for_pictures(16.0 / 9.0);
+    let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
     let snapshot = seen.at(Time::from_secs(1.0)).unwrap();
-    assert!(snapshot.actors[0].out_of_view && !snapshot.actors[0].model_from_joint.is_empty());
+    assert!(snapshot.actors[0].culled && !snapshot.actors[0].model_from_joint.is_empty());
     let whole = Evaluator::new(stage).at(Time::from_secs(1.0)).unwrap();
     assert_eq!(snapshot.actors[1].model_from_joint, whole.actors[1].model_from_joint);
 }

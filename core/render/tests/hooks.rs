@@ -1,4 +1,4 @@
-//! Effects that move corners, say what light does, read textures and frames before: closed forms, the twin, and what they cost.
+//! Effects that displace vertices, replace lighting, read textures and frames before: closed forms, the CPU reference, and what they cost.
 
 mod common;
 
@@ -246,11 +246,11 @@ fn shown(renderer: &mut dyn Renderer, effects: &[Arc<dyn Effect>], time: f64, ba
     };
     let time = Time::from_secs(time);
     let scene = at(time);
-    let catalog = scene.catalog();
-    let made = plan_with::<()>(&catalog, &scene.stage, time, &options(effects, 1), |t| Ok(at(t).snapshot));
+    let resources = scene.resources();
+    let made = plan_with::<()>(&resources, &scene.stage, time, &options(effects, 1), |t| Ok(at(t).snapshot));
     let (_, plan) = made.unwrap();
-    assert_eq!((plan.before.len(), plan.exposed.len()), back.map_or((0, 0), |_| (2, 1)));
-    renderer.load(catalog).unwrap();
+    assert_eq!((plan.history.len(), plan.subframes.len()), back.map_or((0, 0), |_| (2, 1)));
+    renderer.load(resources).unwrap();
     renderer.submit(plan).unwrap();
     renderer.collect(None).unwrap()
 }
@@ -274,7 +274,7 @@ fn a_frame_before_is_that_frame() {
 }
 
 #[test]
-fn vulkan_and_its_twin_draw_the_same_hooks() {
+fn vulkan_and_the_cpu_reference_draw_the_same_hooks() {
     let effects = all();
     let Some(mut renderer) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) else {
         return;

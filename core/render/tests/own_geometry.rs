@@ -153,8 +153,8 @@ fn wake(time: Time) -> Vec<f64> {
         scene
     };
     let scene = at(time);
-    let (catalog, options) = (scene.catalog(), options(&effects, 1));
-    let made = plan_with::<()>(&catalog, &scene.stage, time, &options, |time| Ok(at(time).snapshot));
+    let (resources, options) = (scene.resources(), options(&effects, 1));
+    let made = plan_with::<()>(&resources, &scene.stage, time, &options, |time| Ok(at(time).snapshot));
     let corners = made.unwrap().1.overlay.vertices;
     // Four of six corners of each; the picture is 8/3 m wide.
     let middle = |c: &[OverlayVertex]| [0, 1, 2, 5].map(|i| f64::from(c[i].clip.x)).iter().sum::<f64>() / 3.0;
@@ -162,7 +162,7 @@ fn wake(time: Time) -> Vec<f64> {
 }
 
 #[test]
-fn lines_are_drawn_where_bodies_were_frames_ago() {
+fn lines_are_drawn_where_actors_were_frames_ago() {
     let near = |got: Vec<f64>, expected: [f64; 4]| {
         assert!(got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{got:?} {expected:?}");
     };
@@ -192,7 +192,7 @@ fn scene_of_all(amount: f64) -> Scene {
 }
 
 #[test]
-fn vulkan_and_its_twin_draw_the_same_geometry() {
+fn vulkan_and_the_cpu_reference_draw_the_same_geometry() {
     let effects = all();
     let Some(mut renderer) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) else {
         return;

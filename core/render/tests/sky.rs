@@ -139,7 +139,7 @@ fn white_furnace() {
 }
 
 #[test]
-fn the_sky_is_seen_behind_everything() {
+fn the_sky_is_visible_behind_everything() {
     let stripe = panorama(256, |way| if way.x > 0.0 { DVec3::X * 0.5 } else { DVec3::Z * 0.5 });
     let seen = |turn: f64| {
         let scene = Scene::perspective(0.9, 6.0);
@@ -178,9 +178,9 @@ fn busy(sky: Sky) -> Scene {
 fn the_plan_pays_for_a_sky_only_where_there_is_one() {
     let options = PlanOptions::new([32, 18], 1);
     let mut scene = busy(Sky::new(soft()));
-    let (catalog, plan) = scene.plan(&options);
+    let (resources, plan) = scene.plan(&options);
     assert!(plan.draws.iter().all(|d| d.pipeline.features.has(Features::SKY)));
-    assert!(plan.sky.is_some() && catalog.sky.is_some());
+    assert!(plan.sky.is_some() && resources.sky.is_some());
     scene.snapshot.sky.as_mut().unwrap().strength = 0.0;
     let (_, dark) = scene.plan(&options);
     assert!(dark.draws.iter().all(|d| !d.pipeline.features.has(Features::SKY)));

@@ -1,4 +1,4 @@
-//! The Vulkan renderer with validation on: closed-form colours, the CPU twin's pictures, equal bytes, what is left out.
+//! The Vulkan renderer with validation on: closed-form colors, the CPU reference's images, equal bytes, what is left out.
 //! Where no Vulkan driver is found every test says that it was skipped.
 
 mod common;
@@ -69,7 +69,7 @@ fn wall(material: Material) -> Scene {
 }
 
 #[test]
-fn colours_in_closed_form() {
+fn colors_in_closed_form() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut middle = |scene: &Scene| pixel(&draw_with(r, scene, &PlanOptions::new([5, 5], 1)), 2, 2);
@@ -113,13 +113,13 @@ fn colours_in_closed_form() {
 
 /// Mean, worst and share of pixels beyond two steps that the twin may differ by. Edges: the rasteriser's fixed point is
 /// the driver's own; texture filtering: 8 bits of weight.
-fn assert_twin(c: &Comparison, what: &str) {
+fn assert_like_reference(c: &Comparison, what: &str) {
     println!("{what}: {c}");
     assert!(c.mean < 0.15 && c.share_beyond < 0.01, "{what}: {c}");
 }
 
 #[test]
-fn vulkan_and_its_twin_draw_the_same() {
+fn vulkan_and_the_cpu_reference_draw_the_same() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut scene = busy_scene(DVec3::ZERO);
@@ -130,7 +130,7 @@ fn vulkan_and_its_twin_draw_the_same() {
         let options = PlanOptions::new([320, 240], samples);
         let vulkan = draw_with(r, &scene, &options);
         let cpu = draw_cpu(&scene, &options);
-        assert_twin(&compare(&vulkan, &cpu, 2).unwrap(), &format!("{samples} samples"));
+        assert_like_reference(&compare(&vulkan, &cpu, 2).unwrap(), &format!("{samples} samples"));
         let colors: std::collections::BTreeSet<_> = vulkan.rgba.chunks_exact(4).collect();
         assert!(colors.len() > 500, "there is something in the picture: {} colours", colors.len());
     }
@@ -143,7 +143,7 @@ fn vulkan_and_its_twin_draw_the_same() {
 }
 
 #[test]
-fn coats_sheen_and_glass_as_the_twin_has_them() {
+fn coats_sheen_and_glass_as_the_cpu_reference_draws_them() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut scene = common::layered::layered_scene();
@@ -151,7 +151,7 @@ fn coats_sheen_and_glass_as_the_twin_has_them() {
         let options = PlanOptions::new([320, 240], samples);
         let (vulkan, cpu) = (draw_with(r, &scene, &options), draw_cpu(&scene, &options));
         let c = compare(&vulkan, &cpu, 2).unwrap();
-        assert_twin(&c, &format!("layers, {samples} samples"));
+        assert_like_reference(&c, &format!("layers, {samples} samples"));
         // The layered parts are small in the picture.
         assert!(c.share_beyond < 0.001, "{c}");
     }
@@ -188,13 +188,13 @@ fn same_plan_same_bytes_in_any_order() {
     let mut guard = vulkan!();
     let r = guard.as_mut().unwrap();
     let mut scene = busy_scene(DVec3::ZERO);
-    let catalog = scene.catalog();
-    r.load(catalog.clone()).unwrap();
+    let resources = scene.resources();
+    r.load(resources.clone()).unwrap();
     let options = PlanOptions::new([96, 64], 4);
     let plans: Vec<Plan> = (0..6)
         .map(|i| {
             scene.snapshot.actors[3].world_from_model = DAffine3::from_rotation_y(i as f64);
-            Plan::new(&catalog, &scene.stage, &scene.snapshot, &options)
+            Plan::new(&resources, &scene.stage, &scene.snapshot, &options)
         })
         .collect();
     let mut run = |order: &[usize]| -> Vec<(usize, Frame)> {
@@ -227,7 +227,7 @@ fn what_a_scene_does_not_need_is_left_out() {
         draws: 1,
         post_passes: 0,
         shadow_views: 0,
-        posed: 0,
+        preskinned: 0,
     };
     assert_eq!(recording.counts(), counts, "{recording}");
     let text = recording.to_string();
@@ -306,20 +306,22 @@ fn a_part_drawn_with_samples_is_as_if_all_were() {
         scene.snapshot.background = background;
         let leaf = triangle(Vec3::new(-0.5, -0.4, 0.0), Vec3::new(0.6, -0.1, 0.0), Vec3::new(0.0, 0.7, 0.0));
         scene.at(&asset(vec![leaf], vec![unlit(Vec4::ONE)], vec![]), 0.3, 0.2, 0.0);
-        let (catalog, plan) = scene.plan(&PlanOptions::new([120, 90], 4));
-        r.load(catalog).unwrap();
+        let (resources, plan) = scene.plan(&PlanOptions::new([120, 90], 4));
+        r.load(resources).unwrap();
         let mut frame = |plan: Plan| {
             r.submit(plan).unwrap();
             r.collect(None).unwrap()
         };
         let part = frame(plan.clone());
-        let whole =
-            frame(Plan { area: choreo_render::plan::build::dirty_rect::Area::EVERYTHING, ..plan.clone() });
+        let whole = frame(Plan {
+            dirty_rect: choreo_render::plan::dirty_rect::DirtyRect::EVERYTHING,
+            ..plan.clone()
+        });
         let c = compare(&part, &whole, 1).unwrap();
         println!("{}", c.worst);
         assert!(c.worst <= 1, "{c:?}");
         // What is said to be elsewhere is cut off.
-        let wrong = frame(Plan { area: choreo_render::plan::build::dirty_rect::Area::NOTHING, ..plan });
+        let wrong = frame(Plan { dirty_rect: choreo_render::plan::dirty_rect::DirtyRect::NOTHING, ..plan });
         assert!(compare(&wrong, &whole, 1).unwrap().worst > 50);
     }
 }
@@ -363,7 +365,7 @@ fn effects_run_in_order_on_linear_light() {
             let vulkan = draw_with(r, &scene, &options);
             let cpu = draw_cpu(&scene, &options);
             let c = compare(&vulkan, &cpu, 2).unwrap();
-            assert_twin(&c, &format!("{chain:?}, {samples} samples"));
+            assert_like_reference(&c, &format!("{chain:?}, {samples} samples"));
         }
     }
 }
@@ -429,7 +431,7 @@ fn a_thousand_frames_of_changing_size_leak_nothing() {
     for i in 0..1000u32 {
         let scene = &scenes[(i / 100) as usize % 2];
         if i % 100 == 0 {
-            r.load(scene.catalog()).unwrap();
+            r.load(scene.resources()).unwrap();
         }
         let (_, plan) = scene.plan(&PlanOptions::new([16 + i % 2, 16], 1));
         r.submit(plan).unwrap();
@@ -444,8 +446,8 @@ fn a_thousand_frames_of_changing_size_leak_nothing() {
 #[test]
 fn dropped_in_mid_frame_without_a_word_from_validation() {
     let Some(mut r) = new_renderer() else { return };
-    let (catalog, plan) = busy_scene(DVec3::ZERO).plan(&PlanOptions::new([64, 64], 4));
-    r.load(catalog).unwrap();
+    let (resources, plan) = busy_scene(DVec3::ZERO).plan(&PlanOptions::new([64, 64], 4));
+    r.load(resources).unwrap();
     r.submit(plan.clone()).unwrap();
     r.submit(plan).unwrap();
     let messages = r.validation_messages();

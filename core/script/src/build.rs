@@ -153,7 +153,7 @@ pub struct Build {
     pub cuts: Vec<(Time, usize, Place)>,
     pub lights: Vec<StageLight>,
     pub light_places: Vec<Place>,
-    pub flats: Vec<Flat>,
+    pub layers_2d: Vec<Layer2d>,
     pub sky: Option<Sky>,
     /// Place of the call of `sky(…)`.
     pub sky_at: Option<Place>,
@@ -303,13 +303,13 @@ pub struct CueDraft {
     pub weight_keys: Option<Arc<Channel>>,
     /// Stage time of its time zero.
     pub origin: Time,
-    pub warp: Option<Arc<Warp>>,
+    pub time_remapping: Option<Arc<TimeRemapping>>,
     pub freezes: Vec<(Time, Time)>,
     /// A layer played once keeps its last pose.
     pub hold: bool,
     /// Keeps step with the one before while it fades in.
     pub in_step: bool,
-    pub inertial: Time,
+    pub inertialization: Time,
     pub root: Option<RootDraft>,
     /// Set on cues that another follows: then they play once where nothing else is said.
     pub followed: bool,
@@ -335,11 +335,11 @@ impl CueDraft {
             weight: 1.0,
             weight_keys: None,
             origin: Time::ZERO,
-            warp: None,
+            time_remapping: None,
             freezes: Vec::new(),
             hold: false,
             in_step: false,
-            inertial: Time::ZERO,
+            inertialization: Time::ZERO,
             root: None,
             followed: false,
         }
@@ -468,8 +468,8 @@ impl Build {
         self.lights.get_mut(id).ok_or_else(|| ApiError::new("this light is not on this stage"))
     }
 
-    pub fn flat(&mut self, id: usize) -> Result<&mut Flat, ApiError> {
-        self.flats.get_mut(id).ok_or_else(|| ApiError::new("this flat is not on this stage"))
+    pub fn flat(&mut self, id: usize) -> Result<&mut Layer2d, ApiError> {
+        self.layers_2d.get_mut(id).ok_or_else(|| ApiError::new("this flat is not on this stage"))
     }
 
     pub fn sky(&mut self) -> Result<&mut Sky, ApiError> {

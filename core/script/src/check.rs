@@ -56,13 +56,13 @@ fn cues(build: &Build, warn: &mut impl FnMut(&Place, String)) {
             warn(&draft.at, text);
         }
         if let Some(end) = end
-            && draft.inertial > end - start
+            && draft.inertialization > end - start
             && end > start
             && !draft.followed
         {
             let text = format!(
                 "clip \"{name}\" takes {} s to get rid of the pose before it, but its cue lasts {} s",
-                draft.inertial.as_secs(),
+                draft.inertialization.as_secs(),
                 (end - start).as_secs()
             );
             warn(&draft.at, text);

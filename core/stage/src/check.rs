@@ -4,13 +4,13 @@ use crate::stage::actor::{Actor, Attachment, Placement, Target};
 use crate::stage::camera::{Camera, Rig};
 use crate::stage::channel::{Channel, Property};
 use crate::stage::clips::{Cue, LayerMode};
-use crate::stage::layers_2d::{Fit, Flat, FlatContent};
+use crate::stage::layers_2d::{Fit, Layer2d, Layer2dContent};
 use crate::stage::light::{Shadow, StageLight};
 use crate::stage::sky::Sky;
-use crate::stage::time_remapping::Warp;
+use crate::stage::time_remapping::TimeRemapping;
 use crate::stage::{Background, Settings, Stage, StageError};
 use crate::transforms::order;
-use crate::transforms::order::Order;
+use crate::transforms::order::PlacementOrder;
 use choreo_asset::{Asset, Light, LightKind, Projection};
 use choreo_motion::{Interpolation, Playback, Time};
 
@@ -28,7 +28,7 @@ impl Stage {
         for (index, actor) in self.actors.iter().enumerate() {
             checker.actor(index, actor);
         }
-        if let Err(cycle) = order::find(self, &mut Order::default()) {
+        if let Err(cycle) = order::find(self, &mut PlacementOrder::default()) {
             checker.problems.push(cycle);
         }
         for camera in &self.cameras {
@@ -41,8 +41,8 @@ impl Stage {
         if let Some(sky) = &self.sky {
             checker.sky(sky);
         }
-        for (index, flat) in self.flats.iter().enumerate() {
-            checker.flat(index, flat);
+        for (index, layer_2d) in self.layers_2d.iter().enumerate() {
+            checker.layer_2d(index, layer_2d);
         }
         for effect in &self.effects {
             let place = format!("effect \"{}\"", effect.plugin);
@@ -125,7 +125,7 @@ impl Checker<'_> {
             format!("rotation has length {}, must be 1", rotation.length())
         });
         self.need(actor.tint.is_finite(), &place, || format!("tint is {}, must be finite", actor.tint));
-        let width = actor.pen_width.unwrap_or_default();
+        let width = actor.line_width.unwrap_or_default();
         self.need(width.is_finite() && width >= 0.0, &place, || {
             format!("width of lines is {width}, must be a number from 0")
         });
@@ -194,7 +194,7 @@ impl Checker<'_> {
                 | Property::Scale
                 | Property::Visible
                 | Property::Tint
-                | Property::PenWidth
+                | Property::LineWidth
                 | Property::Copies => true,
                 Property::Morph { instance, target } => {
                     self.morph(&place, &actor.asset, instance, target);
@@ -237,18 +237,20 @@ impl Checker<'_> {
         if let Some(keys) = &cue.weight_keys {
             self.channel(place, keys, keys.property == Property::Weight);
         }
-        match cue.warp.as_deref() {
-            Some(Warp::Speed(curve)) => {
+        match cue.time_remapping.as_deref() {
+            Some(TimeRemapping::Speed(curve)) => {
                 self.channel(place, &curve.keys, curve.keys.property == Property::Speed);
             }
-            Some(Warp::ClipTime(keys)) => self.channel(place, keys, keys.property == Property::ClipTime),
+            Some(TimeRemapping::ClipTime(keys)) => {
+                self.channel(place, keys, keys.property == Property::ClipTime)
+            }
             None => {}
         }
         let apart = cue.freezes.windows(2).all(|pair| pair[0].1 <= pair[1].0);
         self.need(apart && cue.freezes.iter().all(|f| f.0 <= f.1), place, || {
             "its freezes overlap or run backwards; sort them".to_string()
         });
-        self.need(cue.inertial >= Time::ZERO, place, || "its inertial time is negative".to_string());
+        self.need(cue.inertialization >= Time::ZERO, place, || "its inertial time is negative".to_string());
         if let Some(root) = &cue.root {
             self.index(place, "root joint", root.motion.joint() as usize, joints);
         }
@@ -391,24 +393,25 @@ impl Checker<'_> {
         }
     }
 
-    fn flat(&mut self, index: usize, flat: &Flat) {
+    fn layer_2d(&mut self, index: usize, layer_2d: &Layer2d) {
         let place = format!("flat {index}");
-        let Flat { content, at, offset, anchor, opacity, scale, under: _, start, end, fade, channels } = flat;
+        let Layer2d { content, at, offset, anchor, opacity, scale, under: _, start, end, fade, channels } =
+            layer_2d;
         let numbers = [*opacity, *scale];
         let finite = at.is_finite() && offset.is_finite() && anchor.is_finite();
         let finite = finite && numbers.iter().all(|v| v.is_finite());
         self.need(finite, &place, || "its place, opacity and scale must be finite".to_string());
         let sized = match content {
-            FlatContent::Text { size, width, line_height, color, .. } => {
+            Layer2dContent::Text { size, width, line_height, color, .. } => {
                 let sizes = [*size, width.unwrap_or(1.0), *line_height];
                 sizes.iter().all(|v| v.is_finite() && *v > 0.0) && color.is_finite()
             }
-            FlatContent::Picture { fit, .. } => match fit {
+            Layer2dContent::Picture { fit, .. } => match fit {
                 Fit::Height(share) | Fit::Width(share) => share.is_finite() && *share > 0.0,
                 Fit::Contain | Fit::Cover => true,
             },
-            FlatContent::Panel { size, color } => size.is_finite() && color.is_finite(),
-            FlatContent::Bars { ratio, color } => ratio.is_finite() && *ratio > 0.0 && color.is_finite(),
+            Layer2dContent::Panel { size, color } => size.is_finite() && color.is_finite(),
+            Layer2dContent::Bars { ratio, color } => ratio.is_finite() && *ratio > 0.0 && color.is_finite(),
         };
         self.need(sized, &place, || "its size and color must be finite and above 0".to_string());
         self.span(&place, *start, *end);

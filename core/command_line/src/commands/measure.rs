@@ -31,7 +31,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     if args.device != Device::Cpu && keys.contains(&"renderer") {
         let started = device::start(args.device, registry.effects()).wait()?;
         note = started.note;
-        if started.renderer.device().kind != DeviceKind::CpuTwin {
+        if started.renderer.device().kind != DeviceKind::CpuReference {
             renderers.push(started.renderer);
         }
     }

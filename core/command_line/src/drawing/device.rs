@@ -121,6 +121,6 @@ pub fn cache_dir() -> Option<PathBuf> {
 /// on two busy cores (21 with one sample), and stairs on edges are the first thing that people see.
 pub fn default_samples(device: &DeviceInfo) -> u32 {
     match device.kind {
-        DeviceKind::VulkanGpu | DeviceKind::VulkanCpu | DeviceKind::CpuTwin => 4,
+        DeviceKind::VulkanGpu | DeviceKind::VulkanCpu | DeviceKind::CpuReference => 4,
     }
 }

@@ -4,9 +4,9 @@
 
 use choreo_plugin::{Effect, Frame};
 use choreo_render::plan::{Draw, ShadowView};
-use choreo_render::renderer::Work;
+use choreo_render::renderer::CreatedCounts;
 use choreo_render::scene_resources::content_hash::material_content;
-use choreo_render::{Catalog, DeviceInfo, Plan, RenderError, Renderer};
+use choreo_render::{DeviceInfo, Plan, RenderError, Renderer, SceneResources};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -24,7 +24,7 @@ pub struct Remembering {
 
 struct Shared {
     renderer: Box<dyn Renderer>,
-    catalog: Arc<Catalog>,
+    resources: Arc<SceneResources>,
     effects: Vec<Arc<dyn Effect>>,
     frames: BTreeMap<Key, Known>,
     bytes: usize,
@@ -46,7 +46,7 @@ impl Remembering {
         let device = renderer.device().clone();
         let shared = Shared {
             renderer,
-            catalog: Arc::default(),
+            resources: Arc::default(),
             effects: Vec::new(),
             frames: BTreeMap::new(),
             bytes: 0,
@@ -90,15 +90,15 @@ impl Renderer for Remembering {
         self.shared().renderer.frames_in_flight()
     }
 
-    fn load(&mut self, catalog: Arc<Catalog>) -> Result<(), RenderError> {
+    fn load(&mut self, resources: Arc<SceneResources>) -> Result<(), RenderError> {
         let mut shared = self.shared();
-        shared.catalog = catalog.clone();
-        shared.renderer.load(catalog)
+        shared.resources = resources.clone();
+        shared.renderer.load(resources)
     }
 
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
         let mut shared = self.shared();
-        let key = key(&plan, &shared.catalog, &shared.effects);
+        let key = key(&plan, &shared.resources, &shared.effects);
         // Also one that is being drawn: it is known by the time this one is collected.
         let coming = shared.queue.iter().any(|(k, _)| *k == key);
         let drawn = !coming && !shared.frames.contains_key(&key);
@@ -142,8 +142,8 @@ impl Renderer for Remembering {
         shared.renderer.reload_shaders()
     }
 
-    fn work(&self) -> Work {
-        self.shared().renderer.work()
+    fn created(&self) -> CreatedCounts {
+        self.shared().renderer.created()
     }
 
     fn take_notes(&mut self) -> Vec<String> {
@@ -171,7 +171,7 @@ impl Shared {
 }
 
 /// Hash of everything that the image is made from.
-fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
+fn key(plan: &Plan, resources: &SceneResources, effects: &[Arc<dyn Effect>]) -> Key {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
@@ -186,50 +186,53 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         ambient_down,
         lights,
         sky,
-        under,
-        over,
-        shadows,
-        behind,
-        peel,
+        layers_behind,
+        layers_in_front,
+        shadow_maps,
+        scene_color_copy,
+        depth_peeling,
         deferred,
         instances,
         instance_actors: _,
         joint_matrices,
         morphs,
         draws,
-        materials,
-        surface,
+        material_overrides,
+        scene_effects,
         post,
         background_effects,
         overlay,
-        exposed,
-        before,
-        reaches,
+        subframes,
+        history,
+        displacement_limits,
         linear,
         skin_once,
         left_out: _,
         // They say no more than instances and lights.
-        area: _,
-        light_lists: _,
+        dirty_rect: _,
+        light_clusters: _,
     } = plan;
     // Numbers are printed so that no two that differ look alike: the shortest text that reads as the same number.
     add(format!("{size:?} {samples} {view:?} {background:?} {ambient_up:?} {ambient_down:?}").as_bytes());
-    add(format!("{:?}", [under, over].map(|flat| flat.as_ref().map(|f| f.hash))).as_bytes());
-    add(format!("{sky:?} {:?}", sky.and(catalog.sky.as_ref()).map(|s| s.hash())).as_bytes());
+    add(format!("{:?}", [layers_behind, layers_in_front].map(|layers| layers.as_ref().map(|f| f.hash)))
+        .as_bytes());
+    add(format!("{sky:?} {:?}", sky.and(resources.sky.as_ref()).map(|s| s.hash())).as_bytes());
     add(bytemuck::cast_slice(lights));
     add(bytemuck::cast_slice(instances));
     add(bytemuck::cast_slice(joint_matrices));
     add(bytemuck::cast_slice(morphs));
     // By content: indices of another version of the scene may differ.
     let draw_text = |draw: &Draw| {
-        let primitive = catalog.primitives.get(draw.primitive as usize).map(|p| p.hash);
-        let material = catalog.materials.get(draw.material as usize).map(|m| m.hash);
-        let Draw { pipeline, changed, first_instance, instance_count, .. } = draw;
-        format!("{primitive:?} {material:?} {changed:?} {pipeline:?} {first_instance} {instance_count}")
+        let primitive = resources.primitives.get(draw.primitive as usize).map(|p| p.hash);
+        let material = resources.materials.get(draw.material as usize).map(|m| m.hash);
+        let Draw { pipeline, material_override, first_instance, instance_count, .. } = draw;
+        format!(
+            "{primitive:?} {material:?} {material_override:?} {pipeline:?} {first_instance} {instance_count}"
+        )
     };
     draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
-    materials.iter().for_each(|m| add(&material_content(m, &catalog.textures)));
-    if let Some(shadows) = shadows {
+    material_overrides.iter().for_each(|m| add(&material_content(m, &resources.textures)));
+    if let Some(shadows) = shadow_maps {
         add(format!("{:?} {:?}", shadows.image, shadows.size).as_bytes());
         for map in &shadows.views {
             let ShadowView { light, at, size, clip_from_relative, texel, draws } = map;
@@ -237,13 +240,13 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
             draws.iter().for_each(|draw| add(draw_text(draw).as_bytes()));
         }
     }
-    add(format!("{behind:?}").as_bytes());
+    add(format!("{scene_color_copy:?}").as_bytes());
     // Other roundings.
     add(&[u8::from(deferred.is_some())]);
-    if let Some(peel) = peel {
-        add(format!("{} layers", peel.layers).as_bytes());
+    if let Some(depth_peeling) = depth_peeling {
+        add(format!("{} layers", depth_peeling.layers).as_bytes());
     }
-    for pass in surface.iter().chain(post) {
+    for pass in scene_effects.iter().chain(post) {
         add(format!("{pass:?}").as_bytes());
         let effect = effects.iter().find(|e| e.manifest().name == pass.effect);
         add(effect.map_or("", |e| e.wgsl()).as_bytes());
@@ -251,9 +254,10 @@ fn key(plan: &Plan, catalog: &Catalog, effects: &[Arc<dyn Effect>]) -> Key {
         halves.for_each(|halves| add(bytemuck::cast_slice(halves)));
     }
     add(bytemuck::cast_slice(&overlay.vertices));
-    add(format!("{:?} {linear} {background_effects} {reaches:?} {skin_once:?}", overlay.parts).as_bytes());
-    add(format!("{} {}", exposed.len(), before.len()).as_bytes());
-    exposed.iter().chain(before).for_each(|part| add(&key(part, catalog, effects)));
+    add(format!("{:?} {linear} {background_effects} {displacement_limits:?} {skin_once:?}", overlay.parts)
+        .as_bytes());
+    add(format!("{} {}", subframes.len(), history.len()).as_bytes());
+    subframes.iter().chain(history).for_each(|part| add(&key(part, resources, effects)));
     *hasher.finalize().as_bytes()
 }
 

@@ -91,7 +91,7 @@ pub fn read(c: &Call, owner: Owner) -> Result<Vec<Channel>, ApiError> {
         }
         "width" => {
             let most = f64::from(MOST_WIDE);
-            one(Property::PenWidth, values(&|v, l| Ok(vec![number_in(v, l, 0.0, most)?]))?)?
+            one(Property::LineWidth, values(&|v, l| Ok(vec![number_in(v, l, 0.0, most)?]))?)?
         }
         "tint" => one(Property::Tint, values(&|v, l| Ok(color(v, l)?.to_array().map(f64::from).to_vec()))?)?,
         "color" => {

@@ -2,7 +2,7 @@
 
 use crate::hash::stage::write_channel;
 use crate::stage::clips::{Cue, Layer, LayerMode, Reference};
-use crate::stage::time_remapping::Warp;
+use crate::stage::time_remapping::TimeRemapping;
 use choreo_asset::ContentHash;
 use choreo_asset::hash::Writer;
 use choreo_motion::{Clip, Ease, Repeat, Shape};
@@ -38,10 +38,10 @@ pub(super) fn write_cue(w: &mut Writer, cue: &Cue) {
         repeat,
         weight,
         weight_keys,
-        warp,
+        time_remapping,
         freezes,
         in_step,
-        inertial,
+        inertialization,
         root,
     } = cue;
     w.time(*start);
@@ -58,9 +58,9 @@ pub(super) fn write_cue(w: &mut Writer, cue: &Cue) {
     });
     w.f32(*weight);
     w.option(weight_keys, |w, keys| write_channel(w, keys));
-    w.option(warp, |w, warp| match &**warp {
-        Warp::Speed(curve) => write_channel(w, &curve.keys),
-        Warp::ClipTime(keys) => write_channel(w, keys),
+    w.option(time_remapping, |w, time_remapping| match &**time_remapping {
+        TimeRemapping::Speed(curve) => write_channel(w, &curve.keys),
+        TimeRemapping::ClipTime(keys) => write_channel(w, keys),
     });
     w.list(freezes, |w, (from, to)| {
         w.time(*from);
@@ -68,7 +68,7 @@ pub(super) fn write_cue(w: &mut Writer, cue: &Cue) {
     });
     // All that they hold is numbers and names, which Debug writes to the last bit.
     in_step.iter().for_each(|step| w.option(step, |w, step| w.text(&format!("{step:?}"))));
-    w.time(*inertial);
+    w.time(*inertialization);
     w.option(root, |w, root| {
         let motion = &root.motion;
         w.u32(motion.joint());

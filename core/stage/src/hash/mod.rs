@@ -1,6 +1,6 @@
 //! Content hashes of stages and snapshots: did a script give the same stage again?
 
+mod constraints;
 mod cues;
-mod flat;
-mod goals;
+mod layers_2d;
 mod stage;

@@ -1,10 +1,10 @@
 //! A stage, and a moment of it.
 
+use crate::hash::constraints::{write_constraint, write_limit, write_springs};
 use crate::hash::cues::write_layer;
-use crate::hash::flat::write_flat;
-use crate::hash::goals::{write_goal, write_limit, write_springs};
+use crate::hash::layers_2d::write_layer_2d;
 use crate::snapshot::ChangedMaterial;
-use crate::snapshot::FlatState;
+use crate::snapshot::Layer2dState;
 use crate::snapshot::SkyState;
 use crate::snapshot::{ActorState, Snapshot};
 use crate::stage::actor::{Actor, Attachment, Target};
@@ -28,8 +28,18 @@ impl Stage {
         let mut clips: BTreeMap<usize, ContentHash> = BTreeMap::new();
         let mut masks: BTreeMap<usize, ContentHash> = BTreeMap::new();
         hash_of(|w| {
-            let Stage { settings, actors, cameras, cuts, lights, sky, flats, effects, hooks, warnings: _ } =
-                self;
+            let Stage {
+                settings,
+                actors,
+                cameras,
+                cuts,
+                lights,
+                sky,
+                layers_2d,
+                effects,
+                hooks,
+                warnings: _,
+            } = self;
             write_settings(w, settings);
             w.list(actors, |w, actor| {
                 let Actor {
@@ -41,13 +51,13 @@ impl Stage {
                     layers,
                     channels,
                     look_at,
-                    goals,
+                    constraints,
                     limits,
                     springs,
-                    walk,
+                    path_following,
                     visible,
                     tint,
-                    pen_width,
+                    line_width,
                     copies,
                     morphs,
                     expressions,
@@ -83,28 +93,28 @@ impl Stage {
                     w.time(look.fade);
                     w.f32(look.weight);
                 });
-                w.list(goals, |w, goal| write_goal(w, goal));
+                w.list(constraints, |w, constraint| write_constraint(w, constraint));
                 w.list(limits, |w, (joint, limit)| {
                     w.u32(*joint);
                     write_limit(w, limit);
                 });
                 w.option(springs, |w, springs| write_springs(w, springs));
-                w.option(walk, |w, walk| {
-                    w.list(&walk.path.points, |w, p| w.dvec3(*p));
-                    w.flag(walk.path.closed);
-                    w.time(walk.start);
-                    match walk.pace {
+                w.option(path_following, |w, path_following| {
+                    w.list(&path_following.path.points, |w, p| w.dvec3(*p));
+                    w.flag(path_following.path.closed);
+                    w.time(path_following.start);
+                    match path_following.pace {
                         Pace::OfClips => w.tag(0),
                         Pace::Constant(speed) => {
                             w.tag(1);
                             w.f64(speed);
                         }
                     }
-                    w.flag(walk.turns);
+                    w.flag(path_following.turns);
                 });
                 w.flag(*visible);
                 w.vec4(*tint);
-                w.option(pen_width, |w, width| w.f32(*width));
+                w.option(line_width, |w, width| w.f32(*width));
                 w.option(copies, |w, copies| w.u32(*copies));
                 w.list(expressions, |w, (expression, weight)| {
                     w.u32(*expression);
@@ -143,7 +153,7 @@ impl Stage {
                 w.option(&light.parent, |w, parent| write_attachment(w, parent));
                 w.list(&light.channels, |w, channel| write_channel(w, channel));
             });
-            w.list(flats, |w, flat| write_flat(w, flat));
+            w.list(layers_2d, |w, layer_2d| write_layer_2d(w, layer_2d));
             w.option(sky, |w, sky| {
                 let Sky { panorama, turn, strength, background, channels } = sky;
                 w.bytes(&panorama.hash());
@@ -194,7 +204,7 @@ impl Snapshot {
                 camera,
                 lights,
                 sky,
-                flats,
+                layers_2d,
                 background,
                 ambient_up,
                 ambient_down,
@@ -208,20 +218,20 @@ impl Snapshot {
                     model_from_joint,
                     morph_weights,
                     tint,
-                    pen_width,
+                    line_width,
                     copies,
                     base_colors,
                     skinning,
                     materials,
                     // Of a picture, not of the stage.
-                    out_of_view: _,
+                    culled: _,
                 } = actor;
                 w.flag(*visible);
                 world_from_model.to_cols_array().into_iter().for_each(|v| w.f64(v));
                 w.list(model_from_joint, |w, m| m.to_cols_array().into_iter().for_each(|v| w.f32(v)));
                 w.list(morph_weights, |w, weights| w.f32s(weights));
                 w.vec4(*tint);
-                w.option(pen_width, |w, width| w.f32(*width));
+                w.option(line_width, |w, width| w.f32(*width));
                 w.option(copies, |w, copies| w.u32(*copies));
                 w.vec4s(base_colors);
                 w.flag(*skinning == Skinning::DualQuaternion);
@@ -240,9 +250,9 @@ impl Snapshot {
                 write_shadow(w, &light.shadow);
                 w.option(&light.attenuation, |w, a| w.f32s(a));
             });
-            w.list(flats, |w, state| {
-                let FlatState { flat, at, opacity, scale, words } = state;
-                w.count(*flat);
+            w.list(layers_2d, |w, state| {
+                let Layer2dState { layer_2d, at, opacity, scale, words } = state;
+                w.count(*layer_2d);
                 [at.x, at.y, *scale].into_iter().for_each(|v| w.f64(v));
                 w.f32(*opacity);
                 w.option(words, |w, words| w.text(words));
@@ -346,7 +356,7 @@ pub(super) fn write_channel(w: &mut Writer, channel: &Channel) {
         Property::Opacity => w.tag(15),
         Property::Range => w.tag(16),
         Property::Cone => w.tag(17),
-        Property::PenWidth => w.tag(18),
+        Property::LineWidth => w.tag(18),
         Property::Copies => w.tag(19),
     }
     w.interpolation(channel.interpolation);

@@ -2,9 +2,9 @@
 
 use crate::stage::channel::Channel;
 use crate::stage::clips::Layer;
-use crate::stage::constraint::Goal;
+use crate::stage::constraint::Constraint;
 use crate::stage::fade::{eased, fraction};
-use crate::stage::path::Walk;
+use crate::stage::path::PathFollowing;
 use crate::stage::springs::ActorSprings;
 use crate::stage::surfaces::SurfaceRule;
 use choreo_asset::Asset;
@@ -26,19 +26,19 @@ pub struct Actor {
     pub channels: Vec<Channel>,
     pub look_at: Vec<LookAt>,
     /// What the body does beside its clips; see [`crate::stage::constraint`] for the order.
-    pub goals: Vec<Goal>,
-    /// How far joints may turn, whatever clips and goals do.
+    pub constraints: Vec<Constraint>,
+    /// How far joints may turn, whatever clips and constraints do.
     pub limits: Vec<(u32, Limit)>,
     /// Hair, skirts and tails.
     pub springs: Option<Arc<ActorSprings>>,
     /// Goes along a path, from where it is placed. Its clips' root motion then only sets the pace.
-    pub walk: Option<Arc<Walk>>,
+    pub path_following: Option<Arc<PathFollowing>>,
     /// An actor is seen where it and all that it is attached to are visible.
     pub visible: bool,
     /// Multiplies every base colour, linear.
     pub tint: Vec4,
     /// Line width that replaces that of its materials ([`choreo_asset::Pen`]).
-    pub pen_width: Option<f32>,
+    pub line_width: Option<f32>,
     /// So many of the copies of its meshes are there, the first ones; `None`: all.
     pub copies: Option<u32>,
     /// Morph weights by name or index set in the script: (mesh instance, target, weight), over the clips'.

@@ -1,8 +1,8 @@
 //! Layers of clips on an actor.
 
 use crate::stage::channel::Channel;
-use crate::stage::root_motion::CueRoot;
-use crate::stage::time_remapping::Warp;
+use crate::stage::root_motion::CueRootMotion;
+use crate::stage::time_remapping::TimeRemapping;
 use choreo_motion::{Clip, Ease, PhaseMatchedFade, Repeat, Time};
 use std::sync::Arc;
 
@@ -67,14 +67,14 @@ pub struct Cue {
     /// `Property::Weight` over stage time, in place of `weight`; what a spline overshoots is cut off at 0 and 1.
     pub weight_keys: Option<Arc<Channel>>,
     /// Clip time keyed over stage time, in place of the amount of `speed`, whose sign still says from which end.
-    pub warp: Option<Arc<Warp>>,
+    pub time_remapping: Option<Arc<TimeRemapping>>,
     /// When the clip stands still, from and to on stage; sorted, one after the other.
     pub freezes: Vec<(Time, Time)>,
     /// Base layer: keeps step with the cue that fades into this one, or out of it.
     pub in_step: [Option<Arc<PhaseMatchedFade>>; 2],
     /// Base layer: above zero, it begins at once with all its weight, and what the cues before it were away from it dies
     /// down in this time ([`choreo_motion::Inertialization`]). In place of `fade_in`.
-    pub inertial: Time,
+    pub inertialization: Time,
     /// Base layer: the root motion that is taken out of the clip.
-    pub root: Option<Arc<CueRoot>>,
+    pub root: Option<Arc<CueRootMotion>>,
 }

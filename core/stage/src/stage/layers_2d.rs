@@ -8,8 +8,8 @@ use glam::{DVec2, Vec4};
 use std::sync::Arc;
 
 #[derive(Clone, Debug, PartialEq)]
-pub struct Flat {
-    pub content: FlatContent,
+pub struct Layer2d {
+    pub content: Layer2dContent,
     /// Position of its anchor, as fractions of the image: x from the left, y from the top.
     pub at: DVec2,
     /// Pixels beside that.
@@ -30,7 +30,7 @@ pub struct Flat {
 }
 
 #[derive(Clone, Debug, PartialEq)]
-pub enum FlatContent {
+pub enum Layer2dContent {
     Text {
         words: String,
         font: Font,
@@ -69,9 +69,9 @@ pub enum Fit {
     Cover,
 }
 
-impl Flat {
-    pub fn new(content: FlatContent) -> Flat {
-        Flat {
+impl Layer2d {
+    pub fn new(content: Layer2dContent) -> Layer2d {
+        Layer2d {
             content,
             at: DVec2::splat(0.5),
             offset: DVec2::ZERO,
@@ -101,8 +101,8 @@ impl Flat {
 
 /// What a callback says of an flat for one frame.
 #[derive(Clone, Debug, PartialEq)]
-pub enum FlatEdit {
-    At { flat: usize, at: DVec2 },
-    Opacity { flat: usize, opacity: f64 },
-    Words { flat: usize, words: String },
+pub enum Layer2dEdit {
+    At { layer_2d: usize, at: DVec2 },
+    Opacity { layer_2d: usize, opacity: f64 },
+    Words { layer_2d: usize, words: String },
 }

@@ -2,22 +2,22 @@
 
 use super::values;
 use crate::app::Viewer;
-use crate::gizmo::Change;
-use crate::placing::{light_at, placement};
-use crate::selection::{Selected, actor};
+use crate::editing::placing::{light_at, placement};
+use crate::geometry::gizmo::Change;
+use crate::state::selection::{Selected, actor};
 use choreo_asset::{Asset, Light, LightKind, Projection};
 use choreo_plugin::OptionKind;
 use choreo_script::Place;
 use choreo_session::Scene;
 use choreo_session::edit::format_number;
-use choreo_stage::{ActorState, Heard, Stage};
+use choreo_stage::{ActiveClip, ActorState, Stage};
 use egui::{Grid, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
 use std::ops::RangeInclusive;
 
 /// A clip that is dragged onto the sequencer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ClipDrag {
+pub(crate) struct ClipDrag {
     pub actor: String,
     pub clip: String,
 }
@@ -389,7 +389,7 @@ fn of_cue(
     row("repeat", format!("{:?}", played.repeat));
     row("trim", format!("{} to {} s", played.trim.0.as_secs(), played.trim.1.as_secs()));
     row("weight", played.weight.to_string());
-    let heard = found.heard(viewer.playhead.time());
+    let heard = found.active_clips(viewer.playhead.time());
     match shares(&heard, layer).find(|(h, _)| h.cue == cue) {
         Some((heard, share)) => {
             row("now", format!("{:.0} % at {:.3} s of the clip", share * 100.0, heard.clip_time.as_secs()))
@@ -399,7 +399,7 @@ fn of_cue(
 }
 
 /// What each cue of a layer makes of its pose: those above leave it the rest. The last first.
-fn shares(heard: &[Heard], layer: usize) -> impl Iterator<Item = (&Heard, f32)> {
+fn shares(heard: &[ActiveClip], layer: usize) -> impl Iterator<Item = (&ActiveClip, f32)> {
     let of_layer = heard.iter().filter(move |h| h.layer == layer).rev();
     of_layer.scan(1.0, |rest, h| {
         let share = if h.additive { h.weight } else { *rest * h.weight };
@@ -426,7 +426,7 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
     if let Some(parent) = found.parent {
         row("attached to", stage.actors[parent.actor].name.clone());
     }
-    let heard = found.heard(viewer.playhead.time());
+    let heard = found.active_clips(viewer.playhead.time());
     for (number, layer) in found.layers.iter().enumerate() {
         let layer_name = if number == 0 { "base layer".to_string() } else { format!("layer {number}") };
         let voices: Vec<String> = shares(&heard, number)
@@ -438,7 +438,7 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
     }
 }
 
-pub fn light_kind(light: &Light) -> &'static str {
+pub(crate) fn light_kind(light: &Light) -> &'static str {
     match light.kind {
         LightKind::Directional => "sun",
         LightKind::Point => "point light",

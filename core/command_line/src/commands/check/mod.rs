@@ -9,7 +9,7 @@ use crate::failure::{Failure, Problem, print, print_json, print_message};
 use crate::output::svg;
 use crate::scene::{self, Scene, opening::Opening};
 use choreo_plugin::{Effect, Hook, Registry};
-use choreo_render::plan::build::light_clusters::MOST;
+use choreo_render::plan::light_clusters::MAX_LIGHTS;
 use choreo_script::{Diagnostic, Severity};
 use choreo_stage::{EffectUse, Finding, Stage, Subject};
 use glam::{Vec2, Vec4};
@@ -140,7 +140,7 @@ fn unknown_effects(stage: &Stage, registry: &Registry) -> Vec<Problem> {
 fn too_many_lights(stage: &Stage) -> Option<Finding> {
     /// Times at which lights are counted; that takes a few milliseconds.
     const TIMES: i64 = 32;
-    if stage.lights.len() <= MOST {
+    if stage.lights.len() <= MAX_LIGHTS {
         return None;
     }
     (0..TIMES).find_map(|i| {
@@ -149,8 +149,9 @@ fn too_many_lights(stage: &Stage) -> Option<Finding> {
         let on = snapshot.lights.iter().enumerate();
         let on = on.filter(|(_, l)| l.light.color * l.light.intensity != glam::Vec3::ZERO);
         let on: Vec<usize> = on.map(|(index, _)| index).collect();
-        let first = *on.get(MOST)?;
-        let text = format!("{} lights shine at {} s; {MOST} are drawn at most", on.len(), time.as_secs());
+        let first = *on.get(MAX_LIGHTS)?;
+        let text =
+            format!("{} lights shine at {} s; {MAX_LIGHTS} are drawn at most", on.len(), time.as_secs());
         let hint = Some("those whose intensity is 0 do not count".to_string());
         Some(Finding { rule: "too_many_lights", note: false, subject: Subject::Light(first), text, hint })
     })

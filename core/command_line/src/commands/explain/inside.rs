@@ -1,8 +1,8 @@
 //! What is in, who asked for it, and where in the script they were made.
 
 use choreo_bench::plots::{Cell, Table, bytes};
-use choreo_render::Catalog;
-use choreo_render::explain::{Askers, Part};
+use choreo_render::SceneResources;
+use choreo_render::explain::{Cost, RequestedBy};
 use choreo_script::Places;
 use choreo_stage::{Stage, Subject};
 use serde_json::{Value, json};
@@ -12,9 +12,9 @@ const MOST_NAMES: usize = 3;
 
 pub struct Inside<'a> {
     pub stage: &'a Stage,
-    pub catalog: &'a Catalog,
+    pub resources: &'a SceneResources,
     pub places: &'a Places,
-    pub parts: Vec<Part>,
+    pub parts: Vec<Cost>,
 }
 
 impl Inside<'_> {
@@ -27,15 +27,15 @@ impl Inside<'_> {
                 Cell::text(part.kind.word()),
                 Cell::text(&part.what),
                 part.bytes.map_or_else(Cell::empty, |b| Cell::number(bytes(b as f64), b as f64)),
-                Cell::text(self.words(&part.asked_by)),
+                Cell::text(self.words(&part.requested_by)),
             ]);
         }
         table
     }
 
     pub fn json(&self) -> Value {
-        let part = |part: &Part| {
-            let by = &part.asked_by;
+        let part = |part: &Cost| {
+            let by = &part.requested_by;
             let actors: Vec<Value> = by.actors.iter().map(|a| self.actor_json(*a as usize)).collect();
             let materials: Vec<&str> = by.materials.iter().map(|m| self.material(*m)).collect();
             json!({
@@ -48,12 +48,12 @@ impl Inside<'_> {
 
     /// Bytes by part, for the picture.
     pub fn amounts(&self) -> Vec<(String, u64)> {
-        let named = |p: &Part| Some((format!("{} {}", p.kind.word(), p.what), p.bytes?));
+        let named = |p: &Cost| Some((format!("{} {}", p.kind.word(), p.what), p.bytes?));
         self.parts.iter().filter_map(named).collect()
     }
 
     fn material(&self, index: u32) -> &str {
-        self.catalog.materials.get(index as usize).map_or("", |m| m.material.name.as_str())
+        self.resources.materials.get(index as usize).map_or("", |m| m.material.name.as_str())
     }
 
     fn actor_json(&self, index: usize) -> Value {
@@ -65,7 +65,7 @@ impl Inside<'_> {
         }
     }
 
-    fn words(&self, by: &Askers) -> String {
+    fn words(&self, by: &RequestedBy) -> String {
         let mut words: Vec<String> = by.other.iter().map(|w| w.to_string()).collect();
         for effect in &by.effects {
             let used = self.stage.effects.iter().position(|e| e.plugin == *effect);

@@ -13,7 +13,7 @@ use choreo_plugin::Registry;
 use choreo_render::commands::{RecordOptions, record};
 use choreo_render::plan::LeftOut;
 use choreo_render::plan::motion_blur::plan_alone;
-use choreo_render::{Catalog, Plan, PlanOptions};
+use choreo_render::{Plan, PlanOptions, SceneResources};
 use choreo_script::Places;
 use choreo_stage::{Evaluator, Stage};
 use inside::Inside;
@@ -31,17 +31,17 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let stage = &scene.stage;
     let size = size.unwrap_or(stage.settings.size);
     let samples = samples.or(stage.settings.samples).unwrap_or(4);
-    let catalog = Catalog::new(stage);
+    let resources = SceneResources::new(stage);
     let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
-    let mut evaluator = Evaluator::new(stage.clone()).for_pictures(aspect);
+    let mut evaluator = Evaluator::new(stage.clone()).for_images(aspect);
     let snapshot = evaluator.at(at).map_err(|e| Failure::input(e.to_string()))?;
     let options = PlanOptions { effects: scene.registry.effects(), ..PlanOptions::new(size, samples) };
-    let plan = plan_alone(&catalog, stage, &snapshot, &options, |at| evaluator.at(at))
+    let plan = plan_alone(&resources, stage, &snapshot, &options, |at| evaluator.at(at))
         .map_err(|e| Failure::input(e.to_string()))?;
-    let triangles = |p: u32| catalog.primitives[p as usize].primitive().indices.len() / 3;
+    let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);
-    let parts = choreo_render::explain::explain(&catalog, &plan, &recording);
-    let inside = Inside { stage, catalog: &catalog, places: &scene.places, parts };
+    let parts = choreo_render::explain::explain(&resources, &plan, &recording);
+    let inside = Inside { stage, resources: &resources, places: &scene.places, parts };
     if let Some(path) = &args.plot {
         let title = format!("{} at {} s: what one frame holds on the device", scene.name, at.as_secs());
         svg::write(path, &byte_bars(&title, &inside.amounts()), &scene.inputs)?;
@@ -49,7 +49,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     let mut plan = plan;
     plan.left_out.extend(recording.left_out(&plan));
     plan.left_out.extend(unread(&scene.places));
-    let mut facts = facts(stage, &catalog, &plan, at.as_secs());
+    let mut facts = facts(stage, &resources, &plan, at.as_secs());
     if args.json {
         facts["in"] = inside.json();
         return print_json(&facts);
@@ -66,20 +66,21 @@ fn unread(places: &Places) -> impl Iterator<Item = LeftOut> {
     })
 }
 
-fn facts(stage: &Stage, catalog: &Catalog, plan: &Plan, at: f64) -> Value {
-    let primitives = || catalog.primitives.iter().map(|p| p.primitive());
+fn facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) -> Value {
+    let primitives = || resources.primitives.iter().map(|p| p.primitive());
     let drawn: usize = plan
         .draws
         .iter()
         .map(|d| {
-            catalog.primitives[d.primitive as usize].primitive().indices.len() / 3 * d.instance_count as usize
+            resources.primitives[d.primitive as usize].primitive().indices.len() / 3
+                * d.instance_count as usize
         })
         .sum();
     let mut pipelines: BTreeMap<String, usize> = BTreeMap::new();
     for draw in &plan.draws {
         *pipelines.entry(format!("{:?}", draw.pipeline)).or_default() += 1;
     }
-    let texture_bytes: usize = catalog
+    let texture_bytes: usize = resources
         .textures
         .iter()
         // A chain of mipmaps is a third more.
@@ -92,15 +93,15 @@ fn facts(stage: &Stage, catalog: &Catalog, plan: &Plan, at: f64) -> Value {
         "samples": plan.samples,
         "stage": {
             "actors": stage.actors.len(),
-            "assets": catalog.assets.len(),
+            "assets": resources.assets.len(),
             "frames": stage.settings.fps.frames_in(stage.settings.length),
         },
         "clips": compressed::on_stage(stage),
         "shared": {
-            "primitives": catalog.primitives.len(),
+            "primitives": resources.primitives.len(),
             "vertices": primitives().map(|p| p.positions.len()).sum::<usize>(),
-            "materials": catalog.materials.len(),
-            "textures": catalog.textures.len(),
+            "materials": resources.materials.len(),
+            "textures": resources.textures.len(),
             "texture_bytes": texture_bytes,
         },
         "frame": {

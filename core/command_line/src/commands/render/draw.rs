@@ -17,7 +17,7 @@ use choreo_files::Part;
 use choreo_motion::Time;
 use choreo_plugin::VideoInfo;
 use choreo_render::plan::motion_blur::plan_at;
-use choreo_render::{Catalog, PlanOptions, Renderer};
+use choreo_render::{PlanOptions, Renderer, SceneResources};
 use choreo_stage::Evaluator;
 use std::sync::Arc;
 use std::time::Instant;
@@ -156,14 +156,14 @@ impl Drawing<'_> {
         if frames.is_empty() {
             return Ok(0);
         }
-        let catalog = Arc::new(Catalog::new(&self.job.scene.stage));
+        let resources = Arc::new(SceneResources::new(&self.job.scene.stage));
         let failed = render_failure;
         let effects = self.job.scene.registry.effects();
         renderer.set_effects(effects).map_err(failed)?;
-        renderer.load(catalog.clone()).map_err(failed)?;
+        renderer.load(resources.clone()).map_err(failed)?;
         let size = self.job.settings.size;
         let aspect = f64::from(size[0]) / f64::from(size[1].max(1));
-        let mut evaluator = Evaluator::new(self.job.scene.stage.clone()).for_pictures(aspect);
+        let mut evaluator = Evaluator::new(self.job.scene.stage.clone()).for_images(aspect);
         let options = PlanOptions { effects, ..PlanOptions::new(size, self.samples) };
         let (started, limit) = (Instant::now(), self.job.scene.limits.render_seconds);
         let plan: PlanAt = Box::new(move |time| {
@@ -171,7 +171,7 @@ impl Drawing<'_> {
                 let hint = choreo_script::raise_hint("render_seconds", format!("{limit} s"));
                 return Err(Failure::input(format!("the render takes too long\n    hint: {hint}")));
             }
-            let planned = plan_at(&catalog, &mut evaluator, time, &options, None);
+            let planned = plan_at(&resources, &mut evaluator, time, &options, None);
             planned.map(|(_, plan)| plan).map_err(|e| Failure::input(e.to_string()))
         });
         let progress = Progress::new(frames.len() as u64, self.args.quiet || self.args.json);

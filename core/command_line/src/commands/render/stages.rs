@@ -11,9 +11,9 @@ use crate::scene;
 use choreo_files::Part;
 use choreo_plugin::{Frame, Registry, VideoInfo};
 use choreo_render::cpu::{CpuRenderer, STAGES};
-use choreo_render::layers_2d::{FlatLabel, flats};
+use choreo_render::layers_2d::{ScreenLabel, compose_layers};
 use choreo_render::plan::motion_blur::plan_alone;
-use choreo_render::{Catalog, PlanOptions, Renderer};
+use choreo_render::{PlanOptions, Renderer, SceneResources};
 use choreo_stage::{Snapshot, Stage};
 use glam::{DVec2, Vec4};
 use std::path::Path;
@@ -39,8 +39,8 @@ fn caption(picture: &mut Frame, text: &str) {
     for (shift, color) in [(1.0 + height / 16.0, Vec4::new(0.0, 0.0, 0.0, 1.0)), (0.0, Vec4::ONE)] {
         let at = DVec2::new(f64::from(shift), f64::from(height + shift))
             / DVec2::new(size[0].into(), size[1].into());
-        let label = FlatLabel { at, text: text.into(), size: height, beside: 0.6 * height, color };
-        let [_, over] = flats(&Stage::default(), &Snapshot::default(), &[label], size);
+        let label = ScreenLabel { at, text: text.into(), size: height, beside: 0.6 * height, color };
+        let [_, over] = compose_layers(&Stage::default(), &Snapshot::default(), &[label], size);
         if let Some(over) = over {
             over.over(picture);
         }
@@ -71,12 +71,12 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let samples = job.samples.unwrap_or(1);
     let time = job.frames.first().map(|(_, time)| *time).unwrap_or_default();
     let snapshot = job.scene.stage.at(time).map_err(|e| Failure::input(e.to_string()))?;
-    let catalog = Arc::new(Catalog::new(&job.scene.stage));
+    let resources = Arc::new(SceneResources::new(&job.scene.stage));
     let options = PlanOptions { effects, ..PlanOptions::new(job.settings.size, samples) };
     let stage = &job.scene.stage;
-    let plan = plan_alone(&catalog, stage, &snapshot, &options, |at| stage.at(at))
+    let plan = plan_alone(&resources, stage, &snapshot, &options, |at| stage.at(at))
         .map_err(|e| Failure::input(e.to_string()))?;
-    renderer.load(catalog).map_err(render_failure)?;
+    renderer.load(resources).map_err(render_failure)?;
     let mut pictures = renderer.stages(&plan).map_err(render_failure)?;
     let captioned = pictures.iter_mut().zip(CAPTIONS).enumerate();
     captioned.for_each(|(i, (picture, text))| caption(picture, &format!("{}  {text}", i + 1)));

@@ -4,7 +4,7 @@ use crate::build::CueDraft;
 use crate::call::{ApiError, Call};
 use crate::suggest::{did_you_mean, list};
 use choreo_motion::{Ease, Shape, Time};
-use choreo_stage::{Property, Repeat, SpeedCurve, Warp};
+use choreo_stage::{Property, Repeat, SpeedCurve, TimeRemapping};
 use rhai::Dynamic;
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ pub fn read_options(c: &Call, i: usize, cue: &mut CueDraft) -> Result<(), ApiErr
         set_speed(c, cue, &speed, "linear", &o.label("speed"))?;
     }
     cue.in_step = o.flag("in_step")?.unwrap_or(cue.in_step);
-    cue.inertial = o.duration("inertial")?.unwrap_or(cue.inertial);
+    cue.inertialization = o.duration("inertial")?.unwrap_or(cue.inertialization);
     if let Some(ease) = o.get("ease") {
         cue.ease = ease_of(&ease, &o.label("ease"))?;
     }
@@ -108,7 +108,7 @@ pub fn set_speed(
     if value.is_array() {
         let speed = |v: &Dynamic, label: &str| crate::call::number_in(v, label, -1000.0, 1000.0);
         let keys = super::super::keys::scalars(c, value, label, how, Property::Speed, &speed)?;
-        cue.warp = Some(Arc::new(Warp::Speed(SpeedCurve::new(keys))));
+        cue.time_remapping = Some(Arc::new(TimeRemapping::Speed(SpeedCurve::new(keys))));
         return Ok(());
     }
     let speed = crate::call::number(value, label)?;
@@ -117,7 +117,7 @@ pub fn set_speed(
             "{label} must be from 0.001 to 1000 (or negative, backwards), got {speed:?}"
         )));
     }
-    cue.warp = None;
+    cue.time_remapping = None;
     cue.speed = speed.abs();
     cue.reverse = speed < 0.0;
     Ok(())

@@ -18,16 +18,16 @@ impl CueDraft {
             trim: self.part(),
             weight: self.weight,
             weight_keys: self.weight_keys.clone(),
-            warp: self.warp.clone(),
+            time_remapping: self.time_remapping.clone(),
             freezes: self.freezes.clone(),
-            inertial: self.inertial,
+            inertialization: self.inertialization,
             ..Cue::new(self.clip.clone())
         }
     }
 
     /// Whether the clip plays at one constant speed.
     pub fn is_even(&self) -> bool {
-        self.warp.is_none() && self.freezes.is_empty()
+        self.time_remapping.is_none() && self.freezes.is_empty()
     }
 
     pub fn part(&self) -> (Time, Time) {

@@ -1,0 +1,169 @@
+//! Motion blur by accumulation, against closed forms; both renderers.
+
+mod common;
+
+use choreo_image_diff::compare;
+use choreo_motion::{Interpolation, Time};
+use choreo_plugin::{Effect, Frame, Hook, Manifest, Overlay, Scene as Seen, Stroke};
+use choreo_render::plan::motion_blur::plan_at;
+use choreo_render::{CpuRenderer, GpuOptions, PlanOptions, Renderer, SceneResources};
+use choreo_stage::{Channel, Evaluator, Property};
+use common::*;
+use glam::{DVec3, Vec3, Vec4};
+use std::sync::{Arc, LazyLock};
+
+fn effects() -> Vec<Arc<dyn Effect>> {
+    vec![Arc::new(effect_motion_blur::MotionBlur), Arc::new(effect_vignette::Vignette), Arc::new(Line)]
+}
+
+/// A bright quad, two metres wide, that crosses 64 pixels of an eighth of a metre in a second of one frame.
+fn passing() -> Scene {
+    let mut scene = Scene::ortho(8.0);
+    let quad = asset(vec![quad(1.0, 4.0)], vec![unlit(Vec4::new(4.0, 1.0, 0.25, 1.0))], vec![]);
+    scene.at(&quad, 0.0, 0.0, 0.0);
+    scene.stage.settings.fps.num = 1;
+    scene.stage.settings.background = scene.snapshot.background;
+    scene.stage.actors[0].channels.push(Channel {
+        property: Property::Translation,
+        interpolation: Interpolation::Linear,
+        times: vec![Time::ZERO, Time::from_secs(1.0)],
+        values: vec![-3.0, 0.0, 0.0, 3.0, 0.0, 0.0],
+    });
+    scene
+}
+
+/// The picture of a stage at half a second.
+fn shown(scene: &Scene, renderer: &mut dyn Renderer, samples: u32) -> Frame {
+    let effects = effects();
+    let options = PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], samples) };
+    let resources = Arc::new(SceneResources::new(&scene.stage));
+    let mut evaluator = Evaluator::new(Arc::new(scene.stage.clone()));
+    let camera = Some(scene.snapshot.camera);
+    let (_, plan) = plan_at(&resources, &mut evaluator, Time::from_secs(0.5), &options, camera).unwrap();
+    renderer.load(resources).unwrap();
+    renderer.submit(plan).unwrap();
+    renderer.collect(None).unwrap()
+}
+
+#[test]
+fn each_pixel_is_as_bright_as_the_share_of_the_times_that_cover_it() {
+    let mut scene = passing();
+    use_effect(&mut scene, "motion_blur", &[("samples", 12.0), ("shutter", 180.0)], &[]);
+    let frame = shown(&scene, &mut CpuRenderer::new(&effects()), 1);
+    // The shutter is open from 0.25 s to 0.75 s: the quad's middle goes from −1.5 m to 1.5 m.
+    let covered = |x: u32| {
+        let at = (f64::from(x) + 0.5) / 8.0 - 4.0;
+        let middles = (0..12).map(|i| -1.5 + 3.0 * (f64::from(i) + 0.5) / 12.0);
+        middles.filter(|middle| (at - middle).abs() < 1.0).count() as f64 / 12.0
+    };
+    let mut shares = std::collections::BTreeSet::new();
+    for x in 0..64 {
+        let share = covered(x);
+        shares.insert((share * 12.0) as u32);
+        // Brighter than white before the mean: nothing is cut off that a later time would need.
+        let expected = [4.0 * share, share, 0.25 * share].map(|c| c.min(1.0));
+        assert_color(pixel(&frame, x, 30), expected, &format!("column {x}"));
+    }
+    assert!(shares.len() > 5, "{shares:?}");
+}
+
+#[test]
+fn full_screen_passes_and_layers_are_applied_to_the_mean() {
+    let mut scene = passing();
+    use_effect(&mut scene, "motion_blur", &[("samples", 4.0), ("shutter", 360.0)], &[]);
+    let plain = shown(&scene, &mut CpuRenderer::new(&effects()), 1);
+    use_effect(&mut scene, "vignette", &[("strength", 1.0)], &[]);
+    let dark = shown(&scene, &mut CpuRenderer::new(&effects()), 1);
+    assert!(pixel(&dark, 10, 2)[0] < pixel(&plain, 10, 2)[0]);
+    let resources = SceneResources::new(&scene.stage);
+    let mut evaluator = Evaluator::new(Arc::new(scene.stage.clone()));
+    let effects = effects();
+    let options = PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) };
+    let (_, plan) = plan_at(&resources, &mut evaluator, Time::ZERO, &options, None).unwrap();
+    assert_eq!((plan.subframes.len(), plan.post.len()), (4, 1));
+    assert!(plan.subframes.iter().all(|part| part.post.is_empty() && part.linear));
+}
+
+#[test]
+fn both_renderers_add_up_the_same() {
+    let Some(mut renderer) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) else {
+        return;
+    };
+    let mut scene = passing();
+    let still = shown(&scene, &mut renderer, 4);
+    use_effect(&mut scene, "motion_blur", &[("samples", 7.0)], &[]);
+    use_effect(&mut scene, "vignette", &[], &[]);
+    let cpu = shown(&scene, &mut CpuRenderer::new(&effects()), 4);
+    let c = compare(&shown(&scene, &mut renderer, 4), &cpu, 2).unwrap();
+    assert!(c.share_beyond == 0.0, "{c}");
+    assert!(compare(&still, &cpu, 2).unwrap().share_beyond > 0.1, "the comparison can fail");
+    // Frames with and without in one queue come back in order.
+    let all = effects();
+    let options = PlanOptions { effects: &all, ..PlanOptions::new([64, 64], 4) };
+    let resources = Arc::new(SceneResources::new(&scene.stage));
+    renderer.load(resources.clone()).unwrap();
+    let mut evaluator = Evaluator::new(Arc::new(scene.stage.clone()));
+    let camera = Some(scene.snapshot.camera);
+    let (_, blurred) = plan_at(&resources, &mut evaluator, Time::from_secs(0.5), &options, camera).unwrap();
+    let mut plain = blurred.clone();
+    plain.subframes.clear();
+    plain.post.clear();
+    for pair in [[&plain, &blurred], [&blurred, &plain]] {
+        pair.iter().for_each(|plan| renderer.submit_plan(plan).unwrap());
+        for plan in pair {
+            let got = renderer.collect(None).unwrap();
+            let expected = if plan.subframes.is_empty() { &still } else { &cpu };
+            assert!(compare(&got, expected, 2).unwrap().share_beyond == 0.0);
+        }
+    }
+}
+
+static LINE: LazyLock<Manifest> = LazyLock::new(|| Manifest::new("line", "1", "for tests"));
+
+/// Level, five pixels wide, through the middle; and behind the quad.
+struct Line;
+
+impl Effect for Line {
+    fn manifest(&self) -> &Manifest {
+        &LINE
+    }
+    fn hook(&self) -> Hook {
+        Hook::Overlay
+    }
+    fn overlay(&self, _: &Seen, _: &[f32; 8]) -> Overlay {
+        let line = |x: f64, y: f64, z: f64| Stroke {
+            from: DVec3::new(-x, y, z),
+            to: DVec3::new(x, y, z),
+            width: 5.0,
+            color: Vec3::Y.extend(0.5),
+        };
+        // The last reaches from behind the camera far beyond the picture.
+        let beyond = Stroke { from: DVec3::new(0.0, 0.0, 1e9), ..line(1e9, 0.0, -1e9) };
+        Overlay {
+            strokes: vec![line(3.0, 0.0625, 1.0), line(3.0, 2.0625, -1.0), beyond],
+            ..Overlay::default()
+        }
+    }
+}
+
+#[test]
+fn a_line_covers_its_pixels_and_is_hidden_by_what_is_nearer() {
+    let mut scene = passing();
+    scene.stage.actors[0].channels.clear();
+    use_effect(&mut scene, "line", &[], &[]);
+    let frame = shown(&scene, &mut CpuRenderer::new(&effects()), 1);
+    let green = |x: u32, y: u32| decode(pixel(&frame, x, y)[1]);
+    // Its middle runs through the middle of row 31; on black, half of it is seen.
+    for (y, share) in [(27, 0.0), (28, 0.0), (29, 0.5), (31, 0.5), (33, 0.5), (34, 0.0)] {
+        assert!((green(12, y) - share).abs() < 0.01, "row {y}: {}", green(12, y));
+    }
+    // Over the quad: its red, cut off at 1, is halved.
+    assert_color(pixel(&frame, 32, 31), [0.5, 1.0, 0.125], "over the quad");
+    assert_color(pixel(&frame, 32, 15), [1.0, 1.0, 0.25], "the other is behind it");
+    assert!((green(12, 15) - 0.5).abs() < 0.01, "and seen beside it");
+    assert!(green(4, 31) < 0.01, "it ends");
+    if let Some(mut renderer) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) {
+        let c = compare(&shown(&scene, &mut renderer, 1), &frame, 2).unwrap();
+        assert!(c.share_beyond < 0.002, "{c}");
+    }
+}

@@ -1,0 +1,255 @@
+//! What moving, turning and scaling an actor means for the script, and numbers of lights and effects: where a thing is keyed, the
+//! key at the playhead; where it hangs on another one, in that one's space; where it faces something, no turn.
+
+use crate::app::Viewer;
+use crate::geometry::gizmo::Change;
+use crate::state::history::ExpectedPlacement;
+use crate::state::orbit::Orbit;
+use crate::state::selection::{Selected, actor};
+use choreo_motion::Time;
+use choreo_session::edit::{Edit, EditRefused, KeyTime, KeyValue, ScriptObject, format_number};
+use choreo_stage::{Actor, Placement, Property, Rig, StageLight};
+use glam::{DAffine3, DQuat, DVec3};
+
+/// The actor's transform in its parent at a time, keys included; without callbacks, root motion and paths.
+pub fn placement(actor: &Actor, time: Time) -> Placement {
+    let mut placement = actor.transform;
+    for channel in &actor.channels {
+        let Some([x, y, z, w]) = channel.at(time) else { continue };
+        match channel.property {
+            Property::Translation => placement.translation = DVec3::new(x, y, z),
+            Property::Rotation => placement.rotation = DQuat::from_xyzw(x, y, z, w),
+            Property::Scale => placement.scale = DVec3::new(x, y, z),
+            _ => {}
+        }
+    }
+    placement
+}
+
+/// As it shines at a time, keys included.
+pub(crate) fn light_at(light: &StageLight, time: Time) -> StageLight {
+    let mut now = light.clone();
+    for channel in &light.channels {
+        let Some([x, y, z, w]) = channel.at(time) else { continue };
+        match channel.property {
+            Property::Intensity => now.light.intensity = x as f32,
+            Property::Color => now.light.color = DVec3::new(x, y, z).as_vec3(),
+            Property::Translation => now.position = DVec3::new(x, y, z),
+            // As in glTF, a rotation turns −Z.
+            Property::Rotation => now.direction = (DQuat::from_xyzw(x, y, z, w) * DVec3::NEG_Z).as_vec3(),
+            _ => {}
+        }
+    }
+    now
+}
+
+/// The same change as seen from a space that is itself placed in the world.
+fn inside(change: Change, world_from_parent: &DAffine3) -> Change {
+    match change {
+        Change::Move(by) => Change::Move(world_from_parent.matrix3.inverse() * by),
+        Change::Turn(by) => {
+            let (_, turned, _) = world_from_parent.to_scale_rotation_translation();
+            Change::Turn(turned.inverse() * by * turned)
+        }
+        // Along its own axes.
+        Change::Scale(_) => change,
+    }
+}
+
+impl Viewer {
+    /// World from the space that an actor is placed in, in the picture that is shown.
+    fn world_from_parent(&self, actor: &Actor) -> Option<DAffine3> {
+        let Some(parent) = actor.parent else { return Some(DAffine3::IDENTITY) };
+        let state = self.shown()?.snapshot.actors.get(parent.actor)?;
+        let Some(joint) = parent.joint else { return Some(state.world_from_model) };
+        let model_from_joint = state.model_from_joint.get(joint as usize)?;
+        let rows = model_from_joint.to_cols_array().map(f64::from);
+        Some(state.world_from_model * DAffine3::from_cols_array(&rows))
+    }
+
+    /// Moves, turns or scales an actor as it was dragged, by axes of the world (of itself for scale).
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn change_actor(&mut self, name: &str, change: Change) -> Result<(), String> {
+        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+        let found = actor(&scene.stage, name).and_then(|index| scene.stage.actors.get(index));
+        let parent = self.world_from_parent(found.ok_or("it is no longer there")?);
+        let parent = parent.filter(|parent| parent.matrix3.determinant().abs() > 1e-12);
+        let parent = parent.ok_or("what it is attached to is not seen; show it first")?;
+        self.place_actor(name, inside(change, &parent))
+    }
+
+    /// As [`Viewer::change_actor`], by the axes of what it is attached to.
+    pub(crate) fn place_actor(&mut self, name: &str, change: Change) -> Result<(), String> {
+        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+        let index = actor(&scene.stage, name).ok_or("it is no longer there")?;
+        let found = &scene.stage.actors[index];
+        let place = scene.places.actors.get(index).cloned().unwrap_or_default();
+        let twins = scene.places.actors.iter().filter(|p| **p == place).count();
+        let time = self.playhead.time();
+        let when = KeyTime { secs: time.as_secs(), fps: self.playhead.fps().as_fps() };
+        let old = placement(found, time);
+        let keyed = |property| found.channels.iter().any(|c| c.property == property);
+        let (mut at, mut rotation) = (old.translation, old.rotation);
+        self.change(&place, twins, |text| {
+            let object = ScriptObject::at(text, place.line, place.column)?;
+            match change {
+                Change::Move(by) => {
+                    at = old.translation + by;
+                    match keyed(Property::Translation) {
+                        true => object.set_key("position", when, KeyValue::Point(at)),
+                        false => object.move_by(by, at),
+                    }
+                }
+                Change::Turn(by) => {
+                    if let Some(line) = object.line_of_call("face") {
+                        return Err(faces(line));
+                    }
+                    if found.face.is_some() {
+                        return Err(faces(place.line));
+                    }
+                    rotation = by * old.rotation;
+                    match keyed(Property::Rotation) {
+                        true => object.set_key("rotation", when, KeyValue::Turn(rotation)),
+                        false => Ok(object.turn_by(by)),
+                    }
+                }
+                Change::Scale(by) => {
+                    let to = old.scale * by;
+                    if keyed(Property::Scale) {
+                        return object.set_key("scale", when, KeyValue::Scale(to));
+                    }
+                    let even = (to - to.x).abs().max_element() < 1e-9;
+                    let all = to.to_array();
+                    object.set("scale", &all[..if even { 1 } else { 3 }])
+                }
+            }
+        })?;
+        self.history.wanted =
+            Some(ExpectedPlacement { actor: name.to_string(), time, at, rotation, line: place.line });
+        Ok(())
+    }
+
+    /// Lets a camera of the script stand where a free one does, and look at what that turns around: `.at` and `.look_at`, as one
+    /// change; where its place is keyed, the key at the playhead.
+    ///
+    /// # Errors
+    /// As for [`Viewer::change_actor`].
+    pub fn set_camera(&mut self, name: &str, from: &Orbit) -> Result<(), String> {
+        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or("it is no longer there")?;
+        let camera = &scene.stage.cameras[index];
+        let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
+        let twins = scene.places.cameras.iter().filter(|p| **p == place).count();
+        if !matches!(camera.rig, Rig::Fixed { .. }) {
+            return Err(format!("{}:{}: it moves by itself; change that there", place.file, place.line));
+        }
+        let keyed = camera.channels.iter().any(|c| c.property == Property::Translation);
+        if camera.channels.iter().any(|c| c.property == Property::Rotation) {
+            return Err(format!("{}:{}: its rotation has keys; change them there", place.file, place.line));
+        }
+        let when = KeyTime { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
+        let (at, center) = (from.camera().world_from_view.translation, from.center);
+        self.change(&place, twins, |text| {
+            let object = ScriptObject::at(text, place.line, place.column)?;
+            let looked = object.set_point("look_at", center)?.apply(text);
+            // It begins where it did: all that was changed stands behind.
+            let object = ScriptObject::at(&looked, place.line, place.column)?;
+            let stood = match keyed {
+                true => object.set_key("position", when, KeyValue::Point(at))?,
+                false => object.set("at", &at.to_array())?,
+            };
+            Ok(Edit::between(text, &stood.apply(&looked)))
+        })
+    }
+
+    /// A new camera where the free one stands, as a line at the end of the script; where there are others, it is on from the playhead on.
+    ///
+    /// # Errors
+    /// As for [`Viewer::change_actor`].
+    pub(crate) fn add_camera(&mut self, from: &Orbit) -> Result<(), String> {
+        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+        let taken = |name: &str| scene.stage.cameras.iter().any(|c| c.name == name);
+        let name = (1..).map(|n| format!("view {n}")).find(|name| !taken(name)).unwrap_or_default();
+        let point = |p: DVec3| p.to_array().map(format_number).join(", ");
+        let (at, center) = (point(from.camera().world_from_view.translation), point(from.center));
+        let secs = format_number(self.playhead.time().as_secs());
+        let cut = if scene.stage.cameras.is_empty() { String::new() } else { format!(".cut({secs})") };
+        self.add_line(&format!("camera(\"{name}\").at({at}).look_at([{center}]){cut};\n"))
+    }
+
+    /// The vertical angle that a camera sees, degrees: `.fov`, or its key at the playhead.
+    ///
+    /// # Errors
+    /// As for [`Viewer::change_actor`].
+    pub fn set_field_of_view(&mut self, name: &str, degrees: f64) -> Result<(), String> {
+        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or("it is no longer there")?;
+        let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
+        let twins = scene.places.cameras.iter().filter(|p| **p == place).count();
+        let keyed = scene.stage.cameras[index].channels.iter().any(|c| c.property == Property::FieldOfView);
+        let when = KeyTime { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
+        self.change(&place, twins, |text| {
+            let object = ScriptObject::at(text, place.line, place.column)?;
+            match keyed {
+                true => object.set_key("fov", when, KeyValue::Text(&format_number(degrees))),
+                false => object.set("fov", &[degrees]),
+            }
+        })
+    }
+
+    /// A parameter of an effect, or an option of a light; `value` as it is written. What is keyed gets it at the playhead.
+    pub fn set_value(&mut self, what: &Selected, name: &str, value: &str) -> Result<(), String> {
+        let scene = self.scene.clone().ok_or("there is nothing to change yet")?;
+        let (places, index) = match what {
+            Selected::Effect(index) => (&scene.places.effects, *index),
+            Selected::Light(index) => (&scene.places.lights, *index),
+            _ => return Err("it has no such value".into()),
+        };
+        let place = places.get(index).cloned().unwrap_or_default();
+        let twins = places.iter().filter(|p| **p == place).count();
+        let light = matches!(what, Selected::Light(_)).then(|| scene.stage.lights.get(index)).flatten();
+        let property = match name {
+            "intensity" => Some(Property::Intensity),
+            "color" => Some(Property::Color),
+            "position" => Some(Property::Translation),
+            "direction" => Some(Property::Rotation),
+            _ => None,
+        };
+        let keyed = light.is_some_and(|l| l.channels.iter().any(|c| Some(c.property) == property));
+        let when = KeyTime { secs: self.playhead.time().as_secs(), fps: self.playhead.fps().as_fps() };
+        self.change(&place, twins, |text| {
+            let object = ScriptObject::at(text, place.line, place.column)?;
+            match light {
+                Some(_) if keyed => object.set_key(name, when, KeyValue::Text(value)),
+                Some(_) => object.option(name, value),
+                None => object.parameter(name, value),
+            }
+        })
+    }
+
+    /// Says where the script sets again what has just been written.
+    pub(crate) fn check_wanted(&mut self) {
+        let Some(wanted) = self.history.wanted.take() else { return };
+        let scene = self.scene.as_ref();
+        let Some((scene, index)) = scene.and_then(|s| Some((s, actor(&s.stage, &wanted.actor)?))) else {
+            return;
+        };
+        let now = placement(&scene.stage.actors[index], wanted.time);
+        // Written to the thousandth.
+        let there =
+            (now.translation - wanted.at).length() < 0.01 && now.rotation.dot(wanted.rotation).abs() > 0.9999;
+        self.said = (!there).then(|| {
+            let line = wanted.line;
+            format!(
+                "line {line}: it was written, but another line places \"{}\" anew; Ctrl Z takes it back",
+                wanted.actor
+            )
+        });
+    }
+}
+
+fn faces(line: usize) -> EditRefused {
+    format!("line {line}: .face(…) turns it; change that, or take it away").into()
+}

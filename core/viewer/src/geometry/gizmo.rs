@@ -1,0 +1,268 @@
+//! Arrows, rings and boxes by which the mouse moves, turns and scales what is selected: their places in the world, and what a
+//! drag from one ray to another means. No toolkit here.
+
+use crate::geometry::projection::Lens;
+use glam::{DAffine3, DQuat, DVec2, DVec3};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tool {
+    Move,
+    Turn,
+    Scale,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Handle {
+    /// 0, 1, 2: along, about, or larger along x, y, z of the world (of itself for scale).
+    Axis(usize),
+    /// Movement over the ground; for scale, all three axes.
+    Middle,
+}
+
+pub const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
+/// Points on the screen.
+pub const LENGTH: f64 = 74.0;
+const GRAB: f64 = 9.0;
+/// Corners of a ring.
+pub(crate) const RING: usize = 48;
+/// Steps of degrees and metres while a key is held.
+pub const STEPS: (f64, f64) = (15.0, 0.1);
+
+/// What a drag has made of it so far.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Change {
+    Move(DVec3),
+    Turn(DQuat),
+    Scale(DVec3),
+}
+
+impl Change {
+    pub const fn none(tool: Tool) -> Change {
+        match tool {
+            Tool::Move => Change::Move(DVec3::ZERO),
+            Tool::Turn => Change::Turn(DQuat::IDENTITY),
+            Tool::Scale => Change::Scale(DVec3::ONE),
+        }
+    }
+
+    /// The transform after the drag.
+    pub fn applied(&self, world_from_model: DAffine3) -> DAffine3 {
+        let at = world_from_model.translation;
+        match *self {
+            Change::Move(by) => DAffine3::from_translation(by) * world_from_model,
+            Change::Turn(by) => {
+                DAffine3::from_translation(at)
+                    * DAffine3::from_quat(by)
+                    * DAffine3::from_translation(-at)
+                    * world_from_model
+            }
+            Change::Scale(by) => world_from_model * DAffine3::from_scale(by),
+        }
+    }
+}
+
+/// A drag that is going on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drag {
+    pub tool: Tool,
+    pub handle: Handle,
+    /// Transform of the thing before the drag, and the lens through which it is seen.
+    pub world_from_model: DAffine3,
+    /// Point at which the mouse took hold, in points.
+    pub from: DVec2,
+}
+
+/// Direction of an arm in the world.
+pub fn arm(tool: Tool, axis: usize, world_from_model: &DAffine3) -> DVec3 {
+    match tool {
+        Tool::Scale => world_from_model.transform_vector3(AXES[axis]).normalize_or(AXES[axis]),
+        _ => AXES[axis],
+    }
+}
+
+/// Corners of the ring about an axis.
+pub fn ring(center: DVec3, axis: usize, radius: f64) -> impl Iterator<Item = DVec3> {
+    let (u, v) = (AXES[(axis + 1) % 3], AXES[(axis + 2) % 3]);
+    (0..=RING).map(move |i| {
+        let (sin, cos) = libm::sincos(i as f64 / RING as f64 * core::f64::consts::TAU);
+        center + (u * cos + v * sin) * radius
+    })
+}
+
+/// Which handle is at a place on the screen.
+pub(crate) fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at: DVec2) -> Option<Handle> {
+    let center = world_from_model.translation;
+    let length = LENGTH * lens.metres_a_point(center);
+    let middle = lens.point(center)?;
+    if tool != Tool::Turn && (at - middle).length() < GRAB {
+        return Some(Handle::Middle);
+    }
+    let distance = |axis: usize| -> Option<f64> {
+        match tool {
+            Tool::Turn => {
+                let points: Vec<DVec2> = ring(center, axis, length).filter_map(|p| lens.point(p)).collect();
+                points.windows(2).map(|w| to_segment(at, w[0], w[1])).reduce(f64::min)
+            }
+            _ => {
+                let tip = lens.point(center + arm(tool, axis, world_from_model) * length)?;
+                Some(to_segment(at, middle, tip))
+            }
+        }
+    };
+    let nearest =
+        (0..3).filter_map(|axis| Some((distance(axis)?, axis))).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (nearest.0 < GRAB).then_some(Handle::Axis(nearest.1))
+}
+
+fn to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
+    let along = (b - a).length_squared();
+    let part = if along > 0.0 { ((p - a).dot(b - a) / along).clamp(0.0, 1.0) } else { 0.0 };
+    (p - a - (b - a) * part).length()
+}
+
+impl Drag {
+    /// What it means that the mouse is now here. `in_steps`: rounded to whole ones.
+    pub fn change(&self, lens: &Lens, to: DVec2, in_steps: bool) -> Change {
+        let center = self.world_from_model.translation;
+        let round = |value: f64, step: f64| if in_steps { (value / step).round() * step } else { value };
+        match (self.tool, self.handle) {
+            (Tool::Move, Handle::Axis(axis)) => {
+                let along = |at| along_axis(lens.ray(at), center, AXES[axis]);
+                let by = along(to).zip(along(self.from)).map_or(0.0, |(to, from)| to - from);
+                Change::Move(AXES[axis] * round(by, STEPS.1))
+            }
+            (Tool::Move, Handle::Middle) => {
+                let on_ground = |at| on_plane(lens.ray(at), center, DVec3::Y);
+                let by = on_ground(to).zip(on_ground(self.from)).map_or(DVec3::ZERO, |(to, from)| to - from);
+                Change::Move(DVec3::new(round(by.x, STEPS.1), 0.0, round(by.z, STEPS.1)))
+            }
+            (Tool::Turn, Handle::Axis(axis)) => {
+                // On the screen, where a ring seen edge on is as good as one seen flat.
+                let middle = lens.point(center).unwrap_or(self.from);
+                let angle = |at: DVec2| libm::atan2(middle.y - at.y, at.x - middle.x);
+                let towards = if lens.to_eye(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
+                let degrees = ((angle(to) - angle(self.from)) * towards).to_degrees();
+                let degrees = round((degrees + 540.0).rem_euclid(360.0) - 180.0, STEPS.0);
+                let (sin, cos) = libm::sincos(degrees.to_radians() / 2.0);
+                let v = AXES[axis] * sin;
+                Change::Turn(DQuat::from_xyzw(v.x, v.y, v.z, cos))
+            }
+            (Tool::Scale, handle) => {
+                let middle = lens.point(center).unwrap_or(self.from);
+                let factor = match handle {
+                    Handle::Axis(axis) => {
+                        let arm = arm(Tool::Scale, axis, &self.world_from_model);
+                        let along = |at| along_axis(lens.ray(at), center, arm);
+                        let (from, to) = (along(self.from).unwrap_or(1.0), along(to).unwrap_or(1.0));
+                        if from.abs() < 1e-9 { 1.0 } else { to / from }
+                    }
+                    // Up is larger, down is smaller.
+                    Handle::Middle => libm::pow(2.0, (middle.y - to.y - (middle.y - self.from.y)) / LENGTH),
+                };
+                let factor = round(factor, STEPS.1).clamp(0.01, 100.0);
+                Change::Scale(match handle {
+                    Handle::Axis(axis) => DVec3::ONE + AXES[axis] * (factor - 1.0),
+                    Handle::Middle => DVec3::splat(factor),
+                })
+            }
+            (tool, _) => Change::none(tool),
+        }
+    }
+}
+
+/// Metres along an axis through `center` of its point that is nearest to a ray. `None` where the ray runs along it.
+fn along_axis((origin, direction): (DVec3, DVec3), center: DVec3, axis: DVec3) -> Option<f64> {
+    let across = axis.dot(direction);
+    let determinant = 1.0 - across * across;
+    if determinant < 1e-6 {
+        return None;
+    }
+    let from = origin - center;
+    Some((axis.dot(from) - across * direction.dot(from)) / determinant)
+}
+
+fn on_plane((origin, direction): (DVec3, DVec3), center: DVec3, normal: DVec3) -> Option<DVec3> {
+    let towards = direction.dot(normal);
+    if towards.abs() < 1e-3 {
+        return None;
+    }
+    let t = (center - origin).dot(normal) / towards;
+    (t > 0.0).then(|| origin + direction * t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_asset::Projection;
+    use choreo_stage::CameraState;
+
+    fn lens() -> Lens {
+        let world_from_view = DAffine3::from_rotation_translation(
+            DQuat::from_rotation_y(0.4) * DQuat::from_rotation_x(-0.3),
+            DVec3::new(2.5, 2.2, 5.5),
+        );
+        let camera = CameraState { camera: None, world_from_view, projection: Projection::default() };
+        Lens::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0))
+    }
+
+    fn placed() -> DAffine3 {
+        DAffine3::from_translation(DVec3::new(0.3, 0.4, 0.2))
+    }
+
+    fn drag(tool: Tool, handle: Handle, from: DVec2) -> Drag {
+        Drag { tool, handle, world_from_model: placed(), from }
+    }
+
+    #[test]
+    fn an_arrow_follows_the_mouse_along_its_axis() {
+        let lens = lens();
+        let center = placed().translation;
+        for (axis, along) in AXES.into_iter().enumerate() {
+            let from = lens.point(center + along * 0.2).unwrap();
+            assert_eq!(handle_at(Tool::Move, &placed(), &lens, from), Some(Handle::Axis(axis)));
+            let to = lens.point(center + along * 1.2).unwrap();
+            let Change::Move(by) = drag(Tool::Move, Handle::Axis(axis), from).change(&lens, to, false) else {
+                panic!()
+            };
+            assert!((by - along).length() < 1e-6, "{by}");
+        }
+        let from = lens.point(center).unwrap();
+        let to = lens.point(center + DVec3::new(0.52, 0.0, -0.31)).unwrap();
+        let ground = drag(Tool::Move, Handle::Middle, from);
+        assert_eq!(handle_at(Tool::Move, &placed(), &lens, from), Some(Handle::Middle));
+        let Change::Move(by) = ground.change(&lens, to, true) else { panic!() };
+        assert!((by - DVec3::new(0.5, 0.0, -0.3)).length() < 1e-9, "{by}");
+    }
+
+    #[test]
+    fn a_ring_turns_with_the_mouse() {
+        // From straight above: counter-clockwise on the screen is counter-clockwise about y.
+        let world_from_view = DAffine3::from_rotation_translation(
+            DQuat::from_rotation_x(-core::f64::consts::FRAC_PI_2),
+            DVec3::new(0.3, 8.0, 0.2),
+        );
+        let camera = CameraState { camera: None, world_from_view, projection: Projection::default() };
+        let lens = Lens::new(&camera, DVec2::ZERO, DVec2::new(800.0, 600.0));
+        let middle = lens.point(placed().translation).unwrap();
+        let from = middle + DVec2::new(LENGTH, 0.0);
+        assert_eq!(handle_at(Tool::Turn, &placed(), &lens, from), Some(Handle::Axis(1)));
+        let turn = drag(Tool::Turn, Handle::Axis(1), from);
+        let change = turn.change(&lens, middle + DVec2::new(0.0, -50.0), false);
+        let Change::Turn(by) = change else { panic!() };
+        assert!(by.dot(DQuat::from_rotation_y(core::f64::consts::FRAC_PI_2)).abs() > 1.0 - 1e-9, "{by}");
+        let moved = change.applied(placed());
+        assert!((moved.translation - placed().translation).length() < 1e-9, "it turns where it stands");
+    }
+
+    #[test]
+    fn scale_is_a_factor_and_never_turns_inside_out() {
+        let lens = lens();
+        let center = placed().translation;
+        let at = |metres: f64| lens.point(center + DVec3::X * metres).unwrap();
+        let scale = drag(Tool::Scale, Handle::Axis(0), at(0.4));
+        assert_eq!(scale.change(&lens, at(0.8), true), Change::Scale(DVec3::new(2.0, 1.0, 1.0)));
+        let Change::Scale(by) = scale.change(&lens, at(-3.0), false) else { panic!() };
+        assert!((by - DVec3::new(0.01, 1.0, 1.0)).length() < 1e-12, "{by}");
+        assert_eq!(scale.change(&lens, at(0.4), false), Change::none(Tool::Scale));
+    }
+}

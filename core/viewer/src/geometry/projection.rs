@@ -1,0 +1,141 @@
+//! A camera as seen on the screen: from the world to points of the window and back, in f64.
+
+use choreo_asset::Projection;
+use choreo_stage::CameraState;
+use glam::{DAffine3, DVec2, DVec3};
+
+/// Metres before the camera at which lines are cut off; nearer points have no place on the screen.
+const NEAREST: f64 = 1e-3;
+
+#[derive(Clone, Copy, Debug)]
+pub struct Lens {
+    view_from_world: DAffine3,
+    /// Top left corner of the image, in points of the window.
+    corner: DVec2,
+    size: DVec2,
+    /// Height of the image at a distance of one metre, or everywhere without perspective.
+    height: f64,
+    perspective: bool,
+}
+
+impl Lens {
+    /// `corner` and `size` of the picture on the screen, in points.
+    pub fn new(camera: &CameraState, corner: DVec2, size: DVec2) -> Lens {
+        let (height, perspective) = match camera.projection {
+            Projection::Perspective { yfov, .. } => (2.0 * libm::tan(f64::from(yfov) / 2.0), true),
+            Projection::Orthographic { height, .. } => (f64::from(height), false),
+        };
+        Lens { view_from_world: camera.world_from_view.inverse(), corner, size, height, perspective }
+    }
+
+    fn screen(&self, view: DVec3) -> DVec2 {
+        let depth = if self.perspective { -view.z } else { 1.0 };
+        let scale = self.size.y / (self.height * depth);
+        self.corner + self.size / 2.0 + DVec2::new(view.x, -view.y) * scale
+    }
+
+    /// `None` behind the camera.
+    pub fn point(&self, world: DVec3) -> Option<DVec2> {
+        let view = self.view_from_world.transform_point3(world);
+        (!self.perspective || -view.z >= NEAREST).then(|| self.screen(view))
+    }
+
+    /// What is seen of a line.
+    pub fn line(&self, a: DVec3, b: DVec3) -> Option<[DVec2; 2]> {
+        let [mut a, mut b] = [a, b].map(|p| self.view_from_world.transform_point3(p));
+        if self.perspective {
+            if -a.z < NEAREST && -b.z < NEAREST {
+                return None;
+            }
+            let cut = |inside: DVec3, outside: DVec3| {
+                let part = (-inside.z - NEAREST) / (outside.z - inside.z);
+                inside + (outside - inside) * part
+            };
+            if -a.z < NEAREST {
+                a = cut(b, a);
+            } else if -b.z < NEAREST {
+                b = cut(a, b);
+            }
+        }
+        Some([self.screen(a), self.screen(b)])
+    }
+
+    /// Origin and unit direction of the ray through a point of the screen.
+    pub fn ray(&self, at: DVec2) -> (DVec3, DVec3) {
+        let from_middle = (at - self.corner - self.size / 2.0) / self.size.y * self.height;
+        let world_from_view = self.view_from_world.inverse();
+        let across = DVec3::new(from_middle.x, -from_middle.y, 0.0);
+        let (origin, direction) = match self.perspective {
+            true => (DVec3::ZERO, across - DVec3::Z),
+            false => (across, -DVec3::Z),
+        };
+        (world_from_view.transform_point3(origin), world_from_view.transform_vector3(direction).normalize())
+    }
+
+    /// Metres that a point of the screen covers at a place.
+    pub(crate) fn metres_a_point(&self, at: DVec3) -> f64 {
+        let depth = if self.perspective { -self.view_from_world.transform_point3(at).z } else { 1.0 };
+        depth.max(NEAREST) * self.height / self.size.y.max(1.0)
+    }
+
+    /// Unit vector from a place to the camera.
+    pub fn to_eye(&self, from: DVec3) -> DVec3 {
+        let world_from_view = self.view_from_world.inverse();
+        match self.perspective {
+            true => (world_from_view.translation - from).normalize_or(DVec3::Z),
+            false => world_from_view.matrix3.z_axis,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_render::plan::View;
+    use glam::DQuat;
+
+    fn cameras() -> [CameraState; 2] {
+        let world_from_view = DAffine3::from_rotation_translation(
+            DQuat::from_xyzw(0.1, 0.6, -0.1, 0.8).normalize(),
+            DVec3::new(1.0, 2.0, 3.0),
+        );
+        let projections =
+            [Projection::default(), Projection::Orthographic { height: 3.0, near: 0.1, far: 50.0 }];
+        projections.map(|projection| CameraState { camera: None, world_from_view, projection })
+    }
+
+    #[test]
+    fn it_agrees_with_the_renderer_s_own_matrices() {
+        for camera in cameras() {
+            let size = [640, 360];
+            let lens = Lens::new(&camera, DVec2::new(10.0, 20.0), DVec2::new(640.0, 360.0));
+            let view = View::new(&camera, size);
+            for at in [DVec3::new(0.4, 0.2, -3.0), DVec3::new(-0.7, 0.1, -8.0)] {
+                let world = camera.world_from_view.transform_point3(at);
+                let clip = view.clip_from_relative * (world - view.position).as_vec3().extend(1.0);
+                let expected = DVec2::new(
+                    10.0 + f64::from(clip.x / clip.w + 1.0) * 320.0,
+                    20.0 + f64::from(clip.y / clip.w + 1.0) * 180.0,
+                );
+                let got = lens.point(world).unwrap();
+                assert!((got - expected).length() < 0.01, "{got} {expected}");
+                // And back: the ray goes through the place.
+                let (origin, direction) = lens.ray(got);
+                assert!((world - origin).cross(direction).length() < 1e-6);
+                let moved =
+                    lens.point(world + camera.world_from_view.matrix3.x_axis * lens.metres_a_point(world));
+                assert!((moved.unwrap() - got - DVec2::X).length() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn lines_are_cut_off_before_the_camera() {
+        let lens = Lens::new(&cameras()[0], DVec2::ZERO, DVec2::new(640.0, 360.0));
+        let at = |z: f64| cameras()[0].world_from_view.transform_point3(DVec3::new(0.1, 0.1, z));
+        assert!(lens.point(at(1.0)).is_none() && lens.line(at(1.0), at(2.0)).is_none());
+        let [a, b] = lens.line(at(-2.0), at(5.0)).unwrap();
+        assert!((a - lens.point(at(-2.0)).unwrap()).length() < 1e-9);
+        assert!(b.is_finite() && (b - DVec2::new(320.0, 180.0)).length() > 100.0);
+    }
+}

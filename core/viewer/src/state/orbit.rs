@@ -1,0 +1,180 @@
+//! A camera moved with the mouse: around a point, with it, towards it, or on foot.
+
+use choreo_asset::Projection;
+use choreo_stage::CameraState;
+use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
+
+/// Straight up and down are left out: there "sideways" has no meaning.
+const STEEPEST: f64 = 1.55;
+const NEAREST: f64 = 0.01;
+const FARTHEST: f64 = 1e7;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orbit {
+    /// World, metres.
+    pub center: DVec3,
+    pub distance: f64,
+    /// Radians; 0 looks along −Z.
+    pub azimuth: f64,
+    /// Radians above the horizon.
+    pub elevation: f64,
+    pub projection: Projection,
+}
+
+impl Orbit {
+    /// Takes over from any camera: the same place and direction, around the point in front of it that is nearest to `near`.
+    pub(crate) fn from_camera(camera: &CameraState, near: DVec3) -> Orbit {
+        let back = camera.world_from_view.matrix3.z_axis.normalize_or(DVec3::Z);
+        let position = camera.world_from_view.translation;
+        let distance = (position - near).dot(back).clamp(0.5, 1e4);
+        Orbit {
+            center: position - back * distance,
+            distance,
+            azimuth: libm::atan2(back.x, back.z),
+            elevation: libm::asin(back.y.clamp(-1.0, 1.0)).clamp(-STEEPEST, STEEPEST),
+            projection: camera.projection,
+        }
+    }
+
+    fn rotation(&self) -> DQuat {
+        let about = |axis: DVec3, angle: f64| {
+            let (sin, cos) = libm::sincos(angle / 2.0);
+            DQuat::from_xyzw(axis.x * sin, axis.y * sin, axis.z * sin, cos)
+        };
+        about(DVec3::Y, self.azimuth) * about(DVec3::X, -self.elevation)
+    }
+
+    pub fn camera(&self) -> CameraState {
+        let rotation = self.rotation();
+        let position = self.center + rotation * DVec3::new(0.0, 0.0, self.distance);
+        let world_from_view = DAffine3 { matrix3: DMat3::from_quat(rotation), translation: position };
+        // What is looked at from close by is not clipped away.
+        let near_limit = (self.distance * 0.01) as f32;
+        let projection = match self.projection {
+            Projection::Perspective { yfov, near, far } => {
+                Projection::Perspective { yfov, near: near.min(near_limit.max(1e-4)), far }
+            }
+            // Going nearer is seeing less of it.
+            Projection::Orthographic { near, .. } => {
+                Projection::Orthographic { height: (self.distance * 0.7) as f32, near, far: 10_000.0 }
+            }
+        };
+        CameraState { camera: None, world_from_view, projection }
+    }
+
+    /// Turns by a distance in heights of the view: right and down are positive, as the mouse goes.
+    pub fn turn(&mut self, by: DVec2) {
+        const TURN: f64 = core::f64::consts::PI;
+        self.azimuth = (self.azimuth - by.x * TURN) % (2.0 * core::f64::consts::PI);
+        self.elevation = (self.elevation + by.y * TURN).clamp(-STEEPEST, STEEPEST);
+    }
+
+    /// What is under the mouse goes with it, at the distance of the center.
+    pub fn pan(&mut self, by: DVec2) {
+        let height = match self.projection {
+            Projection::Perspective { yfov, .. } => 2.0 * libm::tan(f64::from(yfov) / 2.0) * self.distance,
+            Projection::Orthographic { .. } => self.distance * 0.7,
+        };
+        self.center += self.rotation() * DVec3::new(-by.x * height, by.y * height, 0.0);
+    }
+
+    /// Above 0 nearer; one notch of a wheel is 1.
+    pub fn zoom(&mut self, notches: f64) {
+        self.distance = (self.distance * libm::pow(0.85, notches)).clamp(NEAREST, FARTHEST);
+    }
+
+    /// As one who turns the head: the eye stays where it is.
+    pub fn look(&mut self, by: DVec2) {
+        let eye = self.center + self.rotation() * DVec3::new(0.0, 0.0, self.distance);
+        self.turn(DVec2::new(by.x, by.y));
+        self.center = eye - self.rotation() * DVec3::new(0.0, 0.0, self.distance);
+    }
+
+    /// As one who walks: right, up and forward, metres.
+    pub fn walk(&mut self, by: DVec3) {
+        self.center += self.rotation() * DVec3::new(by.x, by.y, -by.z);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(a: DVec3, b: DVec3) -> bool {
+        (a - b).length() < 1e-9
+    }
+
+    fn orbit() -> Orbit {
+        Orbit {
+            center: DVec3::new(1.0, 1.0, 0.0),
+            distance: 5.0,
+            azimuth: 0.6,
+            elevation: 0.3,
+            projection: Projection::default(),
+        }
+    }
+
+    #[test]
+    fn it_takes_over_where_another_camera_stands() {
+        let first = orbit().camera();
+        let again = Orbit::from_camera(&first, DVec3::new(1.0, 1.0, 0.0));
+        assert!(close(again.center, orbit().center), "{again:?}");
+        assert!(
+            (again.camera().world_from_view.translation - first.world_from_view.translation).length() < 1e-9
+        );
+        let (a, b) = (again.camera().world_from_view.matrix3, first.world_from_view.matrix3);
+        assert!(close(a.z_axis, b.z_axis) && close(a.x_axis, b.x_axis));
+    }
+
+    #[test]
+    fn turning_keeps_center_and_distance_and_never_goes_over_the_top() {
+        let mut o = orbit();
+        for _ in 0..100 {
+            o.turn(DVec2::new(0.13, 0.4));
+            let position = o.camera().world_from_view.translation;
+            assert!(((position - o.center).length() - 5.0).abs() < 1e-9);
+            assert!(o.camera().world_from_view.matrix3.y_axis.y > 0.0, "never upside down");
+        }
+    }
+
+    #[test]
+    fn what_is_under_the_mouse_goes_with_it() {
+        let mut o = orbit();
+        let view_from_world = |o: &Orbit| o.camera().world_from_view.inverse();
+        let before = view_from_world(&o).transform_point3(o.center);
+        let point = o.center;
+        o.pan(DVec2::new(0.25, -0.5));
+        let after = view_from_world(&o).transform_point3(point);
+        let height = 2.0 * libm::tan(f64::from(0.7f32) / 2.0) * 5.0;
+        assert!(close(after - before, DVec3::new(0.25 * height, 0.5 * height, 0.0)), "{before} {after}");
+    }
+
+    #[test]
+    fn looking_around_leaves_the_eye_where_it_is() {
+        let mut o = orbit();
+        let before = o.camera().world_from_view.translation;
+        o.look(DVec2::new(0.3, -0.2));
+        assert!(close(o.camera().world_from_view.translation, before));
+        assert!(!close(o.center, orbit().center));
+    }
+
+    #[test]
+    fn zooming_there_and_back_again_is_nothing() {
+        let mut o = orbit();
+        o.zoom(3.0);
+        assert!(o.distance < 5.0);
+        o.zoom(-3.0);
+        assert!((o.distance - 5.0).abs() < 1e-9);
+        o.zoom(1e9);
+        assert_eq!(o.distance, NEAREST);
+    }
+
+    #[test]
+    fn walking_forward_goes_where_one_looks() {
+        let mut o = orbit();
+        let before = o.camera();
+        o.walk(DVec3::new(0.0, 0.0, 2.0));
+        let gone = o.camera().world_from_view.translation - before.world_from_view.translation;
+        assert!(close(gone, before.world_from_view.matrix3.z_axis * -2.0));
+    }
+}

@@ -1,0 +1,252 @@
+//! What time it is on stage: playing, looping, scrubbing, stepping. Moves by the caller's clock.
+
+use choreo_motion::{FrameRate, Time};
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Playhead {
+    /// Start of the frame that is shown.
+    time: Time,
+    fps: FrameRate,
+    length: Time,
+    pub looping: bool,
+    /// The part that is played, from and to; all of it where there is none.
+    range: Option<(Time, Time)>,
+    /// The clock when playing began, seconds, and the time on stage then.
+    began: Option<(f64, Time)>,
+}
+
+impl Default for Playhead {
+    fn default() -> Playhead {
+        let fps = FrameRate { num: 30, den: 1 };
+        Playhead { time: Time::ZERO, fps, length: fps.time_of(1), looping: true, range: None, began: None }
+    }
+}
+
+impl Playhead {
+    pub fn time(&self) -> Time {
+        self.time
+    }
+
+    pub fn fps(&self) -> FrameRate {
+        self.fps
+    }
+
+    pub fn length(&self) -> Time {
+        self.length
+    }
+
+    pub fn frames(&self) -> i64 {
+        self.fps.frames_in(self.length).max(1)
+    }
+
+    pub fn frame(&self) -> i64 {
+        self.frame_at(self.time)
+    }
+
+    /// The frame that is on at a time; before the first it is the first, after the last the last.
+    fn frame_at(&self, time: Time) -> i64 {
+        let (mut low, mut high) = (0, self.frames() - 1);
+        while low < high {
+            let middle = low + (high - low + 1) / 2;
+            match self.fps.time_of(middle) <= time {
+                true => low = middle,
+                false => high = middle - 1,
+            }
+        }
+        low
+    }
+
+    /// Another version of the scene: the time stays where it still is one.
+    pub fn set_scene(&mut self, fps: FrameRate, length: Time) {
+        if (self.fps, self.length) != (fps, length) {
+            (self.fps, self.length) = (fps, length);
+            let (time, range) = (self.time, self.range.take());
+            self.seek(time);
+            // One that lies behind the end goes.
+            self.set_range(range.filter(|(from, _)| *from < length).map(|(a, b)| (a, b - Time(1))));
+        }
+    }
+
+    pub fn range(&self) -> Option<(Time, Time)> {
+        self.range
+    }
+
+    /// Whole frames, at least one; what is not of the scene is cut off.
+    pub(crate) fn set_range(&mut self, range: Option<(Time, Time)>) {
+        self.range = range.map(|(a, b)| {
+            let first = self.frame_at(a.min(b));
+            let last = self.frame_at(a.max(b)).max(first);
+            (self.fps.time_of(first), self.fps.time_of(last + 1))
+        });
+    }
+
+    /// Start and end of playback.
+    fn ends(&self) -> (Time, Time) {
+        self.range.unwrap_or((Time::ZERO, self.fps.time_of(self.frames())))
+    }
+
+    pub fn is_playing(&self) -> bool {
+        self.began.is_some()
+    }
+
+    /// `now`: the caller's clock, seconds.
+    pub fn play(&mut self, now: f64) {
+        // From the end one begins anew.
+        let (first, end) = self.ends();
+        if self.time < first || self.fps.time_of(self.frame() + 1) >= end {
+            self.time = first;
+        }
+        self.began = Some((now, self.time));
+    }
+
+    pub fn pause(&mut self) {
+        self.began = None;
+    }
+
+    pub(crate) fn toggle(&mut self, now: f64) {
+        match self.is_playing() {
+            true => self.pause(),
+            false => self.play(now),
+        }
+    }
+
+    /// Moves to the frame at a time; a playhead that plays goes on from there at the next tick.
+    pub fn seek(&mut self, time: Time) {
+        self.time = self.fps.time_of(self.frame_at(time));
+        if self.is_playing() {
+            // The clock is known at the next tick only: begun at no time means then.
+            self.began = Some((f64::NAN, self.time));
+        }
+    }
+
+    /// Stops, and goes so many frames on.
+    pub fn step(&mut self, frames: i64) {
+        self.pause();
+        let frame = (self.frame() + frames).clamp(0, self.frames() - 1);
+        self.time = self.fps.time_of(frame);
+    }
+
+    /// Moves on to where the clock says. Gives in how many seconds the next frame is due, where it plays.
+    pub fn tick(&mut self, now: f64) -> Option<f64> {
+        let (began, from) = self.began?;
+        let began = if began.is_nan() { now } else { began };
+        self.began = Some((began, from));
+        let (first, end) = self.ends();
+        let mut to = from + Time::from_secs((now - began).max(0.0));
+        if to >= end {
+            if !self.looping {
+                self.time = self.fps.time_of(self.frame_at(end - Time(1)));
+                self.began = None;
+                return None;
+            }
+            to = first + (to - first).wrapped(end - first);
+            self.began = Some((now, to));
+        }
+        let frame = self.frame_at(to);
+        self.time = self.fps.time_of(frame);
+        Some((self.fps.time_of(frame + 1) - to).as_secs().max(0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn playhead() -> Playhead {
+        let mut p = Playhead::default();
+        p.set_scene(FrameRate { num: 25, den: 1 }, Time::from_secs(2.0));
+        p
+    }
+
+    #[test]
+    fn it_shows_the_frame_that_is_on() {
+        let mut p = playhead();
+        p.seek(Time::from_secs(0.999));
+        assert_eq!((p.frame(), p.time()), (24, Time::from_secs(0.96)));
+        p.seek(Time::from_secs(99.0));
+        assert_eq!(p.frame(), 49);
+        p.seek(Time::from_secs(-1.0));
+        assert_eq!(p.frame(), 0);
+    }
+
+    #[test]
+    fn it_plays_by_the_clock_and_passes_frames_over() {
+        let mut p = playhead();
+        p.play(100.0);
+        assert_eq!(p.tick(100.0), Some(0.04));
+        assert!((p.tick(100.09).unwrap() - 0.03).abs() < 1e-9);
+        assert_eq!(p.frame(), 2);
+        // Looping: 2.05 s on are 0.05 s.
+        p.tick(102.05);
+        assert_eq!(p.frame(), 1);
+        p.looping = false;
+        p.tick(105.0);
+        assert_eq!((p.frame(), p.is_playing()), (49, false));
+        p.play(200.0);
+        assert_eq!(p.frame(), 0, "from the end it begins anew");
+    }
+
+    #[test]
+    fn scrubbing_while_it_plays_goes_on_from_there() {
+        let mut p = playhead();
+        p.play(0.0);
+        p.tick(0.5);
+        p.seek(Time::from_secs(1.0));
+        assert!(p.is_playing());
+        p.tick(7.0);
+        assert_eq!(p.frame(), 25, "the clock counts from now");
+        p.tick(7.08);
+        assert_eq!(p.frame(), 27);
+    }
+
+    #[test]
+    fn a_step_stops_it_and_ends_at_the_ends() {
+        let mut p = playhead();
+        p.play(0.0);
+        p.step(1);
+        assert_eq!((p.frame(), p.is_playing()), (1, false));
+        p.step(-5);
+        assert_eq!(p.frame(), 0);
+        p.step(1000);
+        assert_eq!(p.frame(), 49);
+    }
+
+    #[test]
+    fn a_part_is_played_again_and_again() {
+        let mut p = playhead();
+        p.set_range(Some((Time::from_secs(1.01), Time::from_secs(0.5))));
+        assert_eq!(p.range(), Some((Time::from_secs(0.48), Time::from_secs(1.04))), "whole frames, in order");
+        p.play(0.0);
+        assert_eq!(p.frame(), 12);
+        p.tick(0.57);
+        assert_eq!(p.frame(), 12, "0.56 s long");
+        p.looping = false;
+        p.tick(5.0);
+        assert_eq!((p.frame(), p.is_playing()), (25, false));
+        p.set_scene(FrameRate { num: 25, den: 1 }, Time::from_secs(1.0));
+        assert_eq!(p.range(), Some((Time::from_secs(0.48), Time::from_secs(1.0))));
+        p.set_scene(FrameRate { num: 25, den: 1 }, Time::from_secs(0.4));
+        assert_eq!(p.range(), None);
+    }
+
+    #[test]
+    fn a_reload_keeps_the_time_and_whether_it_plays() {
+        let mut p = playhead();
+        p.seek(Time::from_secs(1.6));
+        p.play(0.0);
+        p.set_scene(FrameRate { num: 50, den: 1 }, Time::from_secs(4.0));
+        assert_eq!((p.time(), p.is_playing()), (Time::from_secs(1.6), true));
+        p.set_scene(FrameRate { num: 50, den: 1 }, Time::from_secs(1.0));
+        assert_eq!(p.frame(), 49, "what is no longer there is the end");
+    }
+
+    #[test]
+    fn frame_rates_with_fractions_reach_every_frame() {
+        let mut p = Playhead::default();
+        p.set_scene(FrameRate { num: 30000, den: 1001 }, Time::from_secs(10.0));
+        for frame in 0..p.frames() {
+            p.seek(p.fps().time_of(frame));
+            assert_eq!(p.frame(), frame);
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! What the window remembers between runs: where its panels lie, light or dark, how large. A small JSON file in the user's state
+//! folder; one that cannot be read counts as none.
+
+use choreo_files::write_whole_beneath;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+pub(crate) const SCALES: (f32, f32) = (1.0, 2.0);
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    pub light: bool,
+    /// Scale of everything drawn, 1 to 2, beyond what the system asks for.
+    pub scale: f32,
+    /// As [`crate::panels::Panels`] writes it.
+    pub layout: Option<Value>,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings { light: false, scale: 1.0, layout: None }
+    }
+}
+
+impl Settings {
+    /// `$XDG_STATE_HOME/choreo/view.json`, as the XDG base directory specification has it; else in the user's own folder.
+    pub fn file() -> Option<PathBuf> {
+        let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
+        let state = folder("XDG_STATE_HOME").or_else(|| folder("HOME").map(|h| h.join(".local/state")));
+        Some(state.or_else(|| folder("LOCALAPPDATA"))?.join("choreo").join("view.json"))
+    }
+
+    pub fn read(file: &Path) -> Settings {
+        let text = std::fs::metadata(file)
+            .ok()
+            .filter(|m| m.len() < 1 << 20)
+            .and_then(|_| std::fs::read_to_string(file).ok());
+        text.and_then(|t| serde_json::from_str(&t).ok())
+            .map_or_else(Settings::default, |value| Settings::from_json(&value))
+    }
+
+    fn from_json(value: &Value) -> Settings {
+        let scale = value["scale"].as_f64().unwrap_or(1.0) as f32;
+        Settings {
+            light: value["light"].as_bool().unwrap_or(false),
+            scale: if scale.is_finite() { scale.clamp(SCALES.0, SCALES.1) } else { 1.0 },
+            layout: value.get("layout").filter(|l| l.is_object()).cloned(),
+        }
+    }
+
+    /// Failure is no reason to stop: the next window looks as at first.
+    pub fn write(&self, file: &Path) {
+        let value = json!({ "light": self.light, "scale": self.scale, "layout": self.layout });
+        if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
+            let _ = write_whole_beneath(folder, name.as_ref(), format!("{value:#}\n").as_bytes());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read_again_and_garbage_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("new/view.json");
+        assert_eq!(Settings::read(&file), Settings::default());
+        let settings = Settings { light: true, scale: 1.5, layout: Some(json!({ "tabs": [1] })) };
+        settings.write(&file);
+        assert_eq!(Settings::read(&file), settings);
+        for garbage in
+            ["", "[]", "{\"scale\": 1e99, \"light\": 3, \"layout\": 5}", "\u{0}", "{\"scale\": -1}"]
+        {
+            std::fs::write(&file, garbage).unwrap();
+            assert_eq!(Settings::read(&file), Settings::default(), "{garbage}");
+        }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn settings_are_written_through_no_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, other) = (folder.path().join("view.json"), folder.path().join("other"));
+        std::fs::write(&other, "mine").unwrap();
+        std::os::unix::fs::symlink(&other, &file).unwrap();
+        Settings::default().write(&file);
+        assert_eq!(std::fs::read_to_string(&other).unwrap(), "mine");
+        assert!(file.is_symlink(), "the link is the user's");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+}

@@ -1,0 +1,168 @@
+//! One viewport: from where it looks, what is laid over the picture, and which frame it shows and wishes for.
+
+use crate::state::orbit::Orbit;
+use choreo_motion::Time;
+use choreo_session::{FrameInfo, ViewOverrides, ViewportCamera};
+use choreo_stage::{CameraState, Snapshot, Stage};
+use glam::DVec3;
+
+/// Viewports at once.
+pub(crate) const MOST_VIEWS: usize = 4;
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum ViewCamera {
+    /// As the script has it.
+    Script,
+    /// One of the script's, on or not.
+    Named(String),
+    Free(Orbit),
+    /// Goes with an actor: the orbit is around where it stands.
+    Follow {
+        actor: String,
+        orbit: Orbit,
+    },
+}
+
+/// How large the picture is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Resolution {
+    /// As many pixels as there is room for on the screen.
+    Fitted,
+    /// As many as `render` gives it.
+    Full,
+}
+
+/// What is drawn over the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Overlays {
+    pub grid: bool,
+    pub skeletons: bool,
+    pub bounds: bool,
+    /// Action and title safe areas, and the middle.
+    pub safe: bool,
+}
+
+/// What a wish is for: an equal one has been drawn or is being drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Wish {
+    pub number: u64,
+    pub reloads: u64,
+    pub time: Time,
+    pub size: [u32; 2],
+    pub samples: u32,
+    pub viewport_camera: ViewportCamera,
+    pub moving: bool,
+    pub overrides: ViewOverrides,
+}
+
+pub struct View {
+    pub camera: ViewCamera,
+    pub resolution: Resolution,
+    pub overlays: Overlays,
+    /// The image on the screen.
+    pub shown: Option<FrameInfo>,
+    /// Pixels that there is room for, as the panel had it last.
+    pub room: [u32; 2],
+    /// Its panel was drawn in the last round: others wish for nothing.
+    pub seen: bool,
+    pub(crate) asked: Option<Wish>,
+    pub waiting: bool,
+    pub ticket: u64,
+}
+
+impl Default for View {
+    fn default() -> View {
+        View {
+            camera: ViewCamera::Script,
+            resolution: Resolution::Fitted,
+            overlays: Overlays::default(),
+            shown: None,
+            room: [1280, 720],
+            seen: true,
+            asked: None,
+            waiting: false,
+            ticket: 0,
+        }
+    }
+}
+
+impl View {
+    /// What the painter is to look from.
+    pub fn viewport_camera(&self, stage: &Stage) -> ViewportCamera {
+        let actor = |name: &str| stage.actors.iter().position(|a| a.name == name);
+        match &self.camera {
+            ViewCamera::Script => ViewportCamera::Script,
+            ViewCamera::Named(name) => stage
+                .cameras
+                .iter()
+                .position(|c| c.name == *name)
+                .map_or(ViewportCamera::Script, ViewportCamera::Camera),
+            ViewCamera::Free(orbit) => ViewportCamera::Free(orbit.camera()),
+            ViewCamera::Follow { actor: name, orbit } => match actor(name) {
+                Some(actor) => ViewportCamera::Following { actor, camera: orbit.camera() },
+                None => ViewportCamera::Free(orbit.camera()),
+            },
+        }
+    }
+
+    /// The camera of the picture on the screen, as it is now where the mouse moves it.
+    pub fn now(&self, stage: &Stage) -> Option<CameraState> {
+        let shown = self.shown.as_ref()?;
+        Some(match self.viewport_camera(stage) {
+            ViewportCamera::Free(camera) => camera,
+            ViewportCamera::Following { actor, mut camera } => {
+                camera.world_from_view.translation += place(&shown.snapshot, actor);
+                camera
+            }
+            ViewportCamera::Script | ViewportCamera::Camera(_) => shown.snapshot.camera,
+        })
+    }
+
+    /// Goes with an actor from where it stands now; `None`: stays where it is.
+    pub fn follow(&mut self, actor: Option<(String, usize)>, near: DVec3) {
+        let Some(shown) = &self.shown else { return };
+        let mut orbit = match &self.camera {
+            ViewCamera::Free(orbit) => *orbit,
+            ViewCamera::Follow { actor: name, orbit } => {
+                let mut orbit = *orbit;
+                // Back into the world; one that has gone was at the origin.
+                if let Some((_, index)) = actor.as_ref().filter(|(n, _)| n == name) {
+                    orbit.center += place(&shown.snapshot, *index);
+                }
+                orbit
+            }
+            _ => Orbit::from_camera(&shown.snapshot.camera, near),
+        };
+        self.camera = match actor {
+            Some((name, index)) => {
+                orbit.center -= place(&shown.snapshot, index);
+                ViewCamera::Follow { actor: name, orbit }
+            }
+            None => ViewCamera::Free(orbit),
+        };
+    }
+}
+
+fn place(snapshot: &Snapshot, actor: usize) -> DVec3 {
+    snapshot.actors.get(actor).map_or(DVec3::ZERO, |a| a.world_from_model.translation)
+}
+
+/// The largest size of the same shape with room for it; no larger than itself, no smaller than a pixel.
+pub fn fitted(size: [u32; 2], room: [u32; 2], largest: u32) -> [u32; 2] {
+    let [width, height] = size.map(|s| f64::from(s.max(1)));
+    let scale = (f64::from(room[0]) / width).min(f64::from(room[1]) / height).min(1.0);
+    [width, height].map(|s| ((s * scale).round() as u32).clamp(1, largest))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_is_fitted_and_never_blown_up() {
+        assert_eq!(fitted([1280, 720], [640, 640], 4096), [640, 360]);
+        assert_eq!(fitted([1280, 720], [5000, 5000], 4096), [1280, 720]);
+        assert_eq!(fitted([1280, 720], [0, 0], 4096), [1, 1]);
+        assert_eq!(fitted([720, 1280], [1000, 640], 4096), [360, 640]);
+    }
+}
