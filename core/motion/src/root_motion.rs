@@ -53,19 +53,19 @@ struct Link {
 pub struct RootMotion {
     clip: Arc<Clip>,
     joint: u32,
-    /// From the root of the skeleton to the joint.
+    /// Joints from the root of the skeleton to the joint.
     chain: Vec<Link>,
-    /// Of the joint in model space at rest.
+    /// Model-space rotation of the joint at rest.
     rest_rotation: DQuat,
     pub parts: RootParts,
     yaw: bool,
-    /// Of a clip that walks on the spot: metres a second of the clip, against the floor.
+    /// Velocity against the floor of a clip that walks in place, metres per second of the clip.
     pub treadmill: Option<DVec3>,
     pub trim: (Time, Time),
 }
 
 impl RootMotion {
-    /// Of the part of a clip that `trim` says. `joint`: the root, else [`find_root`].
+    /// Root motion of the part of a clip that `trim` gives. `joint`: the root, else [`find_root`].
     pub fn new(
         skeleton: &Skeleton,
         clip: &Arc<Clip>,

@@ -177,7 +177,7 @@ impl Drop for FrameRenderer {
         self.queue.requests().end = true;
         self.queue.changed.notify_all();
         if let Some(worker) = self.worker.take() {
-            // A panic was told on its thread.
+            // A panic was reported on its thread.
             let _ = worker.join();
         }
     }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-/// While it lives, every version of the recipe's scene is told as soon as it is made.
+/// While it lives, every version of the recipe's scene is reported as soon as it is made.
 pub struct SessionThread {
     waker: Waker,
     imports: Imports,
@@ -17,7 +17,7 @@ pub struct SessionThread {
 }
 
 impl SessionThread {
-    /// `told` is called on the worker's thread, first with the first version. Once the system no longer tells of changes it is
+    /// `told` is called on the worker's thread, first with the first version. Once the system no longer reports changes it is
     /// called no more.
     pub fn start(
         source: SceneSource,
@@ -56,7 +56,7 @@ impl Drop for SessionThread {
         self.imports.cancel();
         self.waker.wake();
         if let Some(worker) = self.worker.take() {
-            // A panic was told on its thread.
+            // A panic was reported on its thread.
             let _ = worker.join();
         }
     }

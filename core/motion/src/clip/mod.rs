@@ -175,7 +175,7 @@ pub struct Clip {
     animated: Arc<[u64]>,
     /// (joint, curve), sorted.
     weight_curves: Arc<[(u32, u32)]>,
-    /// By name, each once.
+    /// Curves of expressions sorted by name, each name once.
     expressions: Arc<[ExpressionCurve]>,
     properties: Arc<[property_curve::CheckedPropertyCurve]>,
 }
@@ -236,7 +236,7 @@ impl Clip {
         }
     }
 
-    /// With curves of expressions, checked as the others are; each name once. The clip lasts as long as its longest curve.
+    /// The clip with curves of expressions, checked as the others are; each name once. It lasts as long as its longest curve.
     pub fn with_expressions(mut self, mut curves: Vec<ExpressionCurve>) -> Result<Clip, ExpressionError> {
         curves.sort_by(|a, b| a.name.cmp(&b.name));
         for (index, curve) in curves.iter().enumerate() {
@@ -361,7 +361,7 @@ impl Clip {
         Clip { compression: Some(compression), ..self }
     }
 
-    /// With curves that are packed beside those that it has.
+    /// The clip with packed curves beside those that it has.
     pub(crate) fn with_packed(self, packed: Arc<Packed>) -> Clip {
         let mut animated = self.animated.to_vec();
         for column in packed.columns() {

@@ -33,7 +33,7 @@ pub enum PropertyTarget {
 pub enum MaterialProperty {
     /// Linear RGB, the file's strength multiplied in.
     Emissive,
-    /// In units of the file's.
+    /// Strength in units of the file's own.
     EmissiveStrength,
     Metallic,
     Roughness,

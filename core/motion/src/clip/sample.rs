@@ -192,7 +192,8 @@ fn cubic<F: F8>(rows: &Rows, at: Interval, blocks: &mut [PoseBlock]) {
     }
 }
 
-/// At unit length; `otherwise` where the length is zero or beyond f32: opposite keys without tangents meet in zero.
+/// The quaternion at unit length; `otherwise` where the length is zero or beyond f32: opposite keys without tangents meet in
+/// zero.
 #[inline(always)]
 fn normalized<F: F8>(q: [F; 4], otherwise: [F; 4]) -> [F; 4] {
     let square = dot(q, q);

@@ -10,11 +10,11 @@ use thiserror::Error;
 /// How far a baked clip is from its source, at worst; measured at every source key and between every two baked ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BakeDeviation {
-    /// Of any joint in its parent's space.
+    /// Error of any joint's translation in its parent's space, metres.
     pub translation_m: f64,
-    /// Of any joint in its parent's space.
+    /// Error of any joint's rotation in its parent's space, radians.
     pub rotation_rad: f64,
-    /// Of any scale component.
+    /// Error of any scale component.
     pub scale: f64,
 }
 

@@ -67,7 +67,7 @@ pub fn from_rotation_vector(v: DVec3) -> DQuat {
     DQuat::from_xyzw(v.x, v.y, v.z, libm::cos(angle / 2.0))
 }
 
-/// At unit length; the identity where the length is zero.
+/// The quaternion at unit length; the identity where the length is zero.
 pub(crate) fn unit(q: DQuat) -> DQuat {
     let square = q.length_squared();
     if square > 1e-60 && square.is_finite() { q * (1.0 / square.sqrt()) } else { DQuat::IDENTITY }

@@ -10,11 +10,11 @@ use std::collections::BTreeMap;
 pub enum MatchedBy {
     /// The caller said so.
     Given,
-    /// By name, exactly or without its prefix.
+    /// The name matched, exactly or without its prefix.
     Name,
     /// The same joint of a human body, by names of other families, by the file or by structure.
     Body,
-    /// At the same share of the way along spine or neck, which have more joints in one than in the other.
+    /// The joint at the same fraction of spine or neck, where one skeleton has more joints than the other.
     Share,
 }
 
@@ -29,7 +29,7 @@ impl MatchedBy {
     }
 }
 
-/// For each joint of the target the joint of the source that it follows.
+/// The joint of the source that each joint of the target follows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointMap {
     sources: Vec<Option<(u32, MatchedBy)>>,

@@ -11,9 +11,9 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HumanoidJoints {
     joints: BTreeMap<String, u32>,
-    /// From the joint above the hips to that from which the arms go out.
+    /// Joints from the one above the hips to that from which the arms branch.
     spine: Vec<u32>,
-    /// From the joint above those to the one below the head.
+    /// Joints from the one above those to the one below the head.
     neck: Vec<u32>,
 }
 
@@ -259,7 +259,7 @@ fn children(skeleton: &Skeleton) -> Vec<Vec<u32>> {
     children
 }
 
-/// From a joint outwards until it branches or ends; meshes that hang at a joint's own place do not count.
+/// Follows a joint outwards until it branches or ends; meshes that hang at a joint's own place do not count.
 fn chain(from: u32, children: &[Vec<u32>], rest: &ModelRestPose) -> Vec<u32> {
     let mut chain = vec![from];
     let mut joint = from;

@@ -34,7 +34,7 @@ impl ModelRestPose {
         rest
     }
 
-    /// From the model's lowest joint to its highest.
+    /// Height from the model's lowest joint to its highest.
     pub fn height(&self) -> f64 {
         let ys = || self.positions.iter().map(|p| p.y);
         (ys().fold(f64::MIN, f64::max) - ys().fold(f64::MAX, f64::min)).max(0.0)

@@ -229,7 +229,7 @@ fn four<F: F8, const N: usize>(motions: &Indexed<DualQuaternion>, at: usize, wei
     F::half_rows4(sums)
 }
 
-/// Where the heaviest is, the first of equals.
+/// Index of the largest weight, the first of equals.
 #[inline(always)]
 fn heaviest(weights: &[f32]) -> usize {
     let (mut at, mut most) = (0, weights[0]);
