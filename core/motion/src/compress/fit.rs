@@ -35,7 +35,7 @@ pub(super) struct Fit {
     /// 1 − cos of the widest interval between neighbours, of quaternions.
     pub widest: f64,
     pub values: Vec<[f64; 4]>,
-    /// By stride: the knots, and the farthest that the spline is from a value; rotations in radians.
+    /// Knots by stride, and the farthest that the spline is from a value; rotations in radians.
     pub splines: Vec<(Vec<[f64; 4]>, f64)>,
 }
 

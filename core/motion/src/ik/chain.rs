@@ -11,7 +11,7 @@ pub struct ChainBone {
     pub rotation: DQuat,
     /// The same at rest, from which limits are counted.
     pub rest: DQuat,
-    /// From this joint to the next, or to the end, in the bone's space; metres.
+    /// Offset from this joint to the next, or to the end, in the bone's space; metres.
     pub offset: DVec3,
     pub limit: Limit,
 }
@@ -20,7 +20,7 @@ pub struct ChainBone {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chain {
     pub origin: DVec3,
-    /// Of what the first bone hangs on.
+    /// Rotation of the first bone's parent.
     pub parent: DQuat,
     pub bones: Vec<ChainBone>,
 }
@@ -37,10 +37,10 @@ pub enum Solver {
     LeastSquares,
 }
 
-/// What came of it.
+/// Result of [`Chain::solve`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChainResult {
-    /// From the end to the target, metres.
+    /// Distance from the end to the target, metres.
     pub distance: f64,
     pub iterations: usize,
 }

@@ -61,7 +61,7 @@ impl Moved {
 pub struct SpringStep<'a> {
     pub rig: &'a SpringRig,
     pub skeleton: &'a Skeleton,
-    /// At the end of the step.
+    /// Transform of the model at the end of the step.
     pub world_from_model: DAffine3,
     /// Speed of the air, metres a second, in world space.
     pub wind: DVec3,
