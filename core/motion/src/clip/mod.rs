@@ -361,7 +361,7 @@ impl Clip {
         Clip { compression: Some(compression), ..self }
     }
 
-    /// With curves that are packed beside those that it has.
+    /// The clip with packed curves beside those that it has.
     pub(crate) fn with_packed(self, packed: Arc<Packed>) -> Clip {
         let mut animated = self.animated.to_vec();
         for column in packed.columns() {

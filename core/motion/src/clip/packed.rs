@@ -36,9 +36,9 @@ pub(crate) struct Stride {
 #[derive(Debug)]
 pub(crate) struct PackedColumn {
     pub(crate) column: Column,
-    /// Of rotations: neighbours are so near that the straight way between them, made unit, is as good as slerp.
+    /// Whether neighbouring rotations are so near that normalized linear interpolation is as good as slerp.
     pub(crate) straight: bool,
-    /// Of each component: how its numbers lie, and in how many bytes.
+    /// Layout and number of bits of each component's numbers.
     pub(crate) bits: [Bits; 4],
     pub(crate) bytes: [u8; 4],
     /// Value of 0, and of one step.

@@ -23,7 +23,7 @@ pub(crate) fn basis(s: f64) -> [f64; 4] {
     ]
 }
 
-/// Knots that so many frames need.
+/// Number of knots for a number of frames.
 pub(crate) fn knot_count(frames: usize, stride: usize) -> usize {
     if stride == 1 { frames } else { (frames - 1) / stride + 4 }
 }

@@ -12,7 +12,7 @@
 //! - Knots are whole numbers of 0 to 16 bits in the range of each joint's component.
 //!
 //! What an error at a joint may be follows from how far the joints below it reach; then all is decoded and measured, and what each may
-//! cost is shared out anew, until it holds and little is left. The error that is told is the measured one.
+//! cost is shared out anew, until it holds and little is left. The reported error is the measured one.
 
 mod fit;
 mod grid;

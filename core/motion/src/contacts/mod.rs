@@ -3,7 +3,7 @@
 //! A foot stands where it is near the lowest place that it gets to, hardly rises or sinks, and moves with the floor ([`ContactThresholds`];
 //! thresholds on height and speed with hysteresis: L. Kovar, J. Schreiner, M. Gleicher, "Footskate Cleanup for Motion Capture
 //! Editing", SCA 2002, §4). All are shares of the length of a leg, so that they hold for mice and giants, and of the speed of the
-//! gait: who runs at 4 m/s lands hard, rolls fast and stands for a twentieth of a second.
+//! gait: a runner at 4 m/s lands hard, rolls fast and stands for a twentieth of a second.
 //!
 //! The floor's velocity is not known beforehand: of a clip with root motion it is zero, of one on the spot it is that of a
 //! treadmill. The lowest looks of each foot are at the floor, nearly always, so the median of their velocities is the floor's; then the median of
@@ -32,7 +32,7 @@ const CLIMB_SHARE: f64 = 0.35;
 /// Horizontal speed limit of a contact against the floor, likewise.
 const SLIP: f64 = 0.5;
 const SLIP_SHARE: f64 = 0.35;
-/// Looks a second, at most so many a clip.
+/// Samples per second, and at most per clip.
 const RATE: f64 = 120.0;
 const MOST: usize = 4096;
 /// A foot is on the floor for at least this share of a clip in which it stands at all.
@@ -133,7 +133,7 @@ impl Contacts {
             .collect();
         let mut floor = median(&lowest_looks(&tracks, leg))?;
         let mut unrest = vec![vec![f64::INFINITY; count + 1]; feet.len()];
-        // Once by what is low, once by those who stand.
+        // Once by low joints, once by those that stand.
         for _ in 0..2 {
             let rule = ContactThresholds::new(leg, (floor - drift.with_y(0.0) / span).length());
             let mut stood = Vec::new();

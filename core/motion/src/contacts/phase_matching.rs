@@ -38,7 +38,7 @@ impl Footsteps {
             all.push(Vec::new());
             for stand in stands {
                 let (from, to) = ((stand.from - trim.0).0, (stand.to - trim.0).0);
-                // Who stands all the time takes no steps.
+                // A character that stands all the time takes no steps.
                 if to - from >= length {
                     continue;
                 }
@@ -131,7 +131,7 @@ impl Footsteps {
         (self.at_step(i + 1) - self.at_step(i)) as f64
     }
 
-    /// How many steps have been taken after so many ticks.
+    /// Number of steps taken after a number of ticks.
     pub fn phase(&self, played: i128) -> f64 {
         let round = played.div_euclid(i128::from(self.length));
         let into = played.rem_euclid(i128::from(self.length)) as i64;
@@ -141,7 +141,7 @@ impl Footsteps {
         step as f64 + (played - self.at_step(step)) as f64 / self.span(step)
     }
 
-    /// The ticks after which so many steps have been taken.
+    /// The ticks after which a number of steps has been taken.
     pub fn played(&self, phase: f64) -> i128 {
         let step = libm::floor(phase);
         let rest = phase - step;

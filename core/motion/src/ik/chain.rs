@@ -84,7 +84,7 @@ impl Chain {
         self.bones.iter().map(|b| b.offset.length()).sum()
     }
 
-    /// Turns the bones so that the end comes within `tolerance` of the target or as near as it gets in so many iterations, and then joint by joint
+    /// Turns the bones so that the end comes within `tolerance` of the target or as near as it gets in this number of iterations, and then joint by joint
     /// as limits allow. Limits hold afterwards, those broken before included. It is then no farther from the target than anywhere near that limits allow; on the other side of
     /// them there may be better, which a body would have to swing around for: of three hinges anywhere 85 of 100 are at the nearest place of
     /// all, the others within a quarter of their reach of it (`tests/ik.rs`). A target that is not finite leaves the chain as it is.

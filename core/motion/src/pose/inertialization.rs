@@ -4,7 +4,7 @@
 //! from the new pose at the switch, as a vector (rotations as rotation vectors), goes to zero along its own direction by the
 //! quintic of the talk, starting at the velocity of the offset, with no velocity or acceleration left at the end; where the
 //! velocity leads to zero sooner, sooner, so that it does not overshoot. The velocity across that direction, which the talk
-//! leaves out, dies down by the quintic through zero that begins with it, so that no joint's velocity jumps. All of it is a
+//! leaves out, decays by the quintic through zero that begins with it, so that no joint's velocity jumps. All of it is a
 //! closed form of the time since the switch.
 
 use crate::math::rotation::{from_rotation_vector, rotation_vector};

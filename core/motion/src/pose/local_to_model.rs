@@ -44,7 +44,7 @@ impl LocalToModel<'_> {
     }
 }
 
-/// Where a kernel takes the local transforms of eight joints from.
+/// Source of the local transforms of eight joints for a kernel.
 pub(crate) trait Locals {
     /// Translation, rotation (of any length but zero), scale (`None` = exactly 1).
     fn get<F: F8>(&self, block: usize) -> ([F; 3], [F; 4], Option<[F; 3]>);

@@ -135,7 +135,7 @@ impl Side {
             [Some(left), Some(right)] => (height(left) - height(right)).abs() < 0.1 * leg,
             _ => true,
         };
-        // Who rests in the middle of a stride stands on the lower foot, and on the other one where that is as low.
+        // A character that rests in the middle of a stride stands on the lower foot, and on the other one where that is as low.
         if let ([Some(left), Some(right)], false) = (feet, stands) {
             let low = height(left).min(height(right));
             for (joint, standing) in &mut contacts {
@@ -221,7 +221,7 @@ impl<'a> Retarget<'a> {
         self.target.stands
     }
 
-    /// Whether both skeletons are bodies, with hips, legs and arms: else there is nothing to go by but names.
+    /// Whether both skeletons are characters, with hips, legs and arms: else there is nothing to go by but names.
     pub fn is_humanoid(&self) -> bool {
         self.source.human.is_humanoid() && self.target.human.is_humanoid() && self.hips.is_some()
     }
@@ -267,9 +267,9 @@ impl<'a> Retarget<'a> {
 }
 
 /// The clip on another skeleton, and how much of it follows: copied curve by curve where joints mean the same there (see
-/// [`same_joints`]); between bodies retargeted, with a report. Where the skeletons are no bodies it is copied by names, or
+/// [`same_joints`]); between characters retargeted, with a report. Where the skeletons are no characters it is copied by names, or
 /// retargeted where structure tells more joints than names do.
-/// Where both files name the bones of their bodies, rotations go from T-pose to T-pose, as VRM has it ([`crate::bind_clip`]).
+/// Where both files name the bones of a humanoid, rotations go from T-pose to T-pose, as VRM has it ([`crate::bind_clip`]).
 pub fn bind_or_retarget(
     clip: &Clip,
     from: &Skeleton,

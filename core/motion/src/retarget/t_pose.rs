@@ -84,7 +84,7 @@ impl Bodies {
     }
 }
 
-/// Of a map with scale: what of it turns. Mirrors are not followed.
+/// Rotation part of a map with scale. Mirrors are not followed.
 fn rotation(m: &DAffine3) -> DQuat {
     let axes = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|a| a.normalize_or_zero());
     let mut turn = DMat3::from_cols(axes[0], axes[1], axes[2]);

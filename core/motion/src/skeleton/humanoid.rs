@@ -1,4 +1,4 @@
-//! Which joints of a skeleton are which bones of a human body, and the T-pose that rotations of two bodies are compared in.
+//! Bones of a humanoid as joints of a skeleton, and the T-pose in which rotations of two of them are compared.
 //!
 //! Bones and their names: VRM 1.0, `VRMC_vrm.humanoid` ("humanoid.md"). VRM 0.x has the same but for the thumbs: its proximal,
 //! intermediate and distal are 1.0's metacarpal, proximal and distal.
@@ -155,7 +155,7 @@ impl Humanoid {
         Ok(Humanoid { joints, t_pose: None })
     }
 
-    /// For skeletons that do not rest in a T-pose: parent-from-joint of every joint in it.
+    /// Sets the T-pose of a skeleton that does not rest in one: parent-from-joint of every joint.
     pub fn with_t_pose(self, t_pose: impl Into<Arc<[Transform]>>) -> Humanoid {
         Humanoid { t_pose: Some(t_pose.into()), ..self }
     }
@@ -208,7 +208,7 @@ impl Humanoid {
         HumanBone::ALL.into_iter().filter_map(|b| Some((b, self.joint(b)?)))
     }
 
-    /// Where the T-pose is another than the rest pose: parent-from-joint of every joint.
+    /// The T-pose if it differs from the rest pose: parent-from-joint of every joint.
     pub fn t_pose(&self) -> Option<&[Transform]> {
         self.t_pose.as_deref()
     }

@@ -8,7 +8,7 @@ use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 /// Sticks shorter than this, in metres, have no direction and stay as they are animated.
 const SHORTEST: f64 = 1e-7;
 
-/// Where the bones of a rig are and how they move. Empty: not begun, the first step settles them.
+/// Positions and velocities of a rig's bones. Empty: not begun, the first step settles them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SpringState {
     /// One a bone of the rig; `None` = not begun, or without a direction.

@@ -99,7 +99,7 @@ pub(crate) fn no_window(why: &str) -> String {
     format!("cannot open a window: {why}{package}\n    choreo render draws the same frames without one")
 }
 
-/// winit tells where in its own source an error was met.
+/// winit reports where in its own source an error was met.
 fn without_place(why: &str) -> &str {
     let place = why.strip_prefix("os error at ").and_then(|rest| rest.split_once(".rs:"));
     place.and_then(|(_, rest)| rest.split_once(": ")).map_or(why, |(_, words)| words)
