@@ -18,7 +18,7 @@ pub struct Sample<'a> {
     pub clip: &'a Clip,
     /// Clip time; before the first and after the last key the end values hold.
     pub time: Time,
-    /// In and out: as many joints as the clip's skeleton.
+    /// Input and output: as many joints as the clip's skeleton.
     pub pose: &'a mut Pose,
 }
 
