@@ -32,7 +32,7 @@ pub struct Scene {
     pub printed: Vec<String>,
 }
 
-/// Something to be reported, an error or a warning.
+/// An error or a warning.
 pub type Problem = Diagnostic;
 
 /// How much was done so far, all versions together.
@@ -45,7 +45,7 @@ pub struct Work {
     pub plugins: u64,
 }
 
-/// What one build gave.
+/// Result of one build.
 #[derive(Clone)]
 pub struct SceneVersion {
     /// Number of the version, from 1.

@@ -31,7 +31,7 @@ pub enum WatchError {
     Gone,
 }
 
-/// What is waited for.
+/// Files and folders whose changes end a wait.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WatchedPaths {
     /// Absolute paths, with the BLAKE3 of what was read there; `None` where nothing was.

@@ -27,7 +27,7 @@ pub(crate) struct Stride {
     pub(crate) stride: usize,
     pub(crate) columns: Vec<PackedColumn>,
     pub(crate) row_bytes: usize,
-    /// Weights of five knots for a frame and for the next, by frame modulo stride.
+    /// B-spline weights by frame modulo stride: those of five knots for that frame and for the next.
     pub(crate) weights: Vec<[[f32; 5]; 2]>,
     /// Knot by knot, column by column, component by component; what a wide load may read beyond lies at the end.
     pub(crate) bytes: Vec<u8>,

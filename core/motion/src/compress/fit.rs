@@ -35,7 +35,7 @@ pub(super) struct Fit {
     /// 1 − cos of the widest interval between neighbours, of quaternions.
     pub widest: f64,
     pub values: Vec<[f64; 4]>,
-    /// Splines by stride: the knots, and the largest distance of the spline from a value; rotations in radians.
+    /// Knots by stride, and the farthest that the spline is from a value; rotations in radians.
     pub splines: Vec<(Vec<[f64; 4]>, f64)>,
 }
 

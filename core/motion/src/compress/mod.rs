@@ -37,7 +37,7 @@ pub enum CompressError {
 
 /// How often the tolerances of single curves are lowered until all holds.
 const ROUNDS: usize = 13;
-/// Factor by which the tolerance is lowered each time.
+/// Factor by which they are lowered each time.
 const LESS: f64 = 0.8;
 /// How often they are then shared out anew, for fewer bytes.
 const ROUNDS_TO_SAVE: usize = 8;

@@ -24,12 +24,12 @@ use glam::{Affine3A, DVec3, Vec3};
 pub use feet::{find_feet, leg_length};
 pub use still_intervals::still_intervals;
 
-/// Above the lowest place, in legs. A walk's toe swings through at 2 %, but fast.
+/// Height limit of a contact above the lowest position, in leg lengths. A walk's toe swings through at 2 %, but fast.
 const HEIGHT: f64 = 0.06;
-/// Up or down, in legs a second, and as a share of the gait's speed.
+/// Vertical speed limit of a contact, in leg lengths per second, and as a fraction of the gait's speed.
 const CLIMB: f64 = 0.8;
 const CLIMB_SHARE: f64 = 0.35;
-/// Against the floor, likewise.
+/// Horizontal speed limit of a contact against the floor, likewise.
 const SLIP: f64 = 0.5;
 const SLIP_SHARE: f64 = 0.35;
 /// Samples per second, and at most per clip.
@@ -38,14 +38,14 @@ const MOST: usize = 4096;
 /// A foot is on the floor for at least this share of a clip in which it stands at all.
 const LOWEST_SHARE: usize = 10;
 
-/// What counts as standing; above 0. A joint is at rest where [`ContactThresholds::unrest`] is at most 1.
+/// Thresholds below which a foot is in contact; above 0. A joint is in contact where [`ContactThresholds::unrest`] is at most 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactThresholds {
-    /// Above its lowest place, metres.
+    /// Height above its lowest position, metres.
     pub height: f64,
-    /// Up or down, metres a second.
+    /// Vertical speed, metres per second.
     pub climb: f64,
-    /// Along the floor, metres a second.
+    /// Horizontal speed against the floor, metres per second.
     pub slip: f64,
 }
 
@@ -56,20 +56,22 @@ impl ContactThresholds {
         ContactThresholds { height: HEIGHT * leg, climb, slip }
     }
 
-    /// How far a joint is from standing still, 1 at the limit. `velocity`: against the floor.
+    /// Largest ratio of height, vertical and horizontal speed to their thresholds: in contact up to 1. `velocity` is relative to
+    /// the floor.
     pub fn motion_ratio(&self, height: f64, velocity: DVec3) -> f64 {
         let level = velocity.with_y(0.0).length();
         (height / self.height).max(velocity.y.abs() / self.climb).max(level / self.slip)
     }
 }
 
-/// One foot: the joints of which the lower one counts, heel (ankle) and toe.
+/// The joints of one foot, ankle and toe, of which the lower one counts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Foot {
     pub joints: Vec<u32>,
 }
 
-/// A foot on the floor. `to` may lie after the end of a clip that is looped: then the stand goes on into its beginning.
+/// A time span in which a foot is on the floor. `to` may lie after the end of a looped clip: the contact then continues at its
+/// beginning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ContactInterval {
     pub from: Time,
@@ -78,9 +80,9 @@ pub struct ContactInterval {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contacts {
-    /// Contacts of each foot, sorted by time.
+    /// Contact intervals by foot, in the order of time.
     pub intervals: Vec<Vec<ContactInterval>>,
-    /// Velocity of the floor in model space, metres per second of the clip; horizontal.
+    /// Horizontal velocity of the floor in model space, metres per second of the clip.
     pub floor_velocity: DVec3,
 }
 
@@ -99,8 +101,8 @@ struct Track {
 }
 
 impl Contacts {
-    /// Foot contacts in the part of a clip that `trim` gives, taken as a loop where it ends as it begins. `None` without feet, or
-    /// where no contact is long enough.
+    /// Detects the contacts in the trimmed part of a clip, which is a loop where it ends as it begins. `None` without feet, or where
+    /// nothing is as long as it must be.
     pub fn find(skeleton: &Skeleton, clip: &Clip, trim: (Time, Time), feet: &[Foot]) -> Option<Contacts> {
         let leg = leg_length(skeleton, feet)?;
         let span = (trim.1 - trim.0).as_secs();

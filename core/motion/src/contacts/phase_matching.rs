@@ -21,15 +21,15 @@ pub struct Footsteps {
     events: Vec<(i64, u32)>,
     /// Ticks.
     length: i64,
-    /// Stands of each foot: (when it comes down, how long it stands), ticks since the part's start.
+    /// Contacts by foot: (touch-down, duration), ticks since the part's start.
     stands: Vec<Vec<(i64, i64)>>,
 }
 
-/// Number of phases at which strides are aligned, and compared.
+/// Number of phase shifts that are tried when strides are matched, and of samples that compare them.
 const PHASES: i64 = 96;
 
 impl Footsteps {
-    /// Steps found from the contacts of a part; `None` where there are fewer than two steps.
+    /// Footsteps of a clip's contacts; `None` where there are fewer than two.
     pub fn of(contacts: &Contacts, trim: (Time, Time)) -> Option<Footsteps> {
         let length = (trim.1 - trim.0).0;
         let mut events = Vec::new();
@@ -51,7 +51,7 @@ impl Footsteps {
         Some(Footsteps { stands: all, ..steps })
     }
 
-    /// Steps from times when feet come down, as a script gives them: one foot after the other.
+    /// Footsteps at touch-down times that a script gives: one foot after the other.
     pub fn given(times: &[Time], trim: (Time, Time)) -> Option<Footsteps> {
         let length = (trim.1 - trim.0).0;
         let within = times.iter().filter(|t| **t >= trim.0 && **t < trim.1);
@@ -149,7 +149,7 @@ impl Footsteps {
         self.at_step(step) + libm::round(rest * self.span(step)) as i128
     }
 
-    /// The smallest number of steps by which the other is to be shifted so that the same feet take them.
+    /// Smallest number of steps by which the other is shifted so that the same feet take them.
     fn shift_to(&self, other: &Footsteps) -> Option<i64> {
         let (n, m) = (self.events.len(), other.events.len());
         let what = |steps: &Footsteps, i: usize| steps.events[i % steps.events.len()].1;
@@ -157,7 +157,7 @@ impl Footsteps {
     }
 }
 
-/// A fade in which two clips keep step.
+/// A crossfade in which two clips stay in phase.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhaseMatchedFade {
     start: Time,

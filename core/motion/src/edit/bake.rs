@@ -10,11 +10,11 @@ use thiserror::Error;
 /// How far a baked clip is from its source, at worst; measured at every source key and between every two baked ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BakeDeviation {
-    /// Error of any joint's translation in its parent's space, metres.
+    /// Largest distance of a joint in its parent's space.
     pub translation_m: f64,
-    /// Error of any joint's rotation in its parent's space, radians.
+    /// Largest angle of a joint in its parent's space.
     pub rotation_rad: f64,
-    /// Error of any scale component.
+    /// Largest difference of a scale component.
     pub scale: f64,
 }
 

@@ -20,7 +20,7 @@ pub struct ChainBone {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chain {
     pub origin: DVec3,
-    /// Rotation of the parent of the first bone.
+    /// Rotation of the first bone's parent.
     pub parent: DQuat,
     pub bones: Vec<ChainBone>,
 }
@@ -37,7 +37,7 @@ pub enum Solver {
     LeastSquares,
 }
 
-/// What came of it.
+/// Result of [`Chain::solve`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChainResult {
     /// Distance from the end to the target, metres.

@@ -5,16 +5,16 @@ use crate::skeleton::Skeleton;
 use crate::skeleton::humanoid_joints::HumanoidJoints;
 use std::collections::BTreeMap;
 
-/// How two joints were found to be the same.
+/// How two joints were matched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum MatchedBy {
     /// The caller said so.
     Given,
-    /// The name matched, exactly or without its prefix.
+    /// The names are equal, exactly or without a prefix.
     Name,
     /// The same joint of a human body, by names of other families, by the file or by structure.
     Body,
-    /// The joint at the same fraction of spine or neck, where one skeleton has more joints than the other.
+    /// Both lie at the same fraction of the spine or neck, which has more joints in one skeleton than in the other.
     Share,
 }
 
@@ -29,7 +29,7 @@ impl MatchedBy {
     }
 }
 
-/// The joint of the source that each joint of the target follows.
+/// Source joint that each target joint follows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointMap {
     sources: Vec<Option<(u32, MatchedBy)>>,

@@ -90,9 +90,9 @@ pub struct Retarget<'a> {
     /// Turns the source to look where the target does.
     yaw: DQuat,
     yaw_degrees: f64,
-    /// Model-space rotation of each target joint while the source is at rest.
+    /// Rotation of each target joint in model space while the source is at rest.
     aligned: Vec<DQuat>,
-    /// D of each target joint that follows, so that G = yaw · G of the source · D.
+    /// D of each target joint that follows one, so that G = yaw · G of the source · D.
     follow: Vec<Option<DQuat>>,
     hips: Option<u32>,
 }
@@ -146,7 +146,7 @@ impl Side {
     }
 }
 
-/// Whether each joint belongs to the body: its bones, what hangs on them, and what the hips hang on.
+/// Whether each joint belongs to the humanoid: its bones, all joints below them, and the ancestors of the hips.
 fn in_body(skeleton: &Skeleton, human: &HumanoidJoints) -> Vec<bool> {
     let mut own: Vec<bool> = Vec::with_capacity(skeleton.len());
     for (joint, parent) in (0u32..).zip(skeleton.parents()) {
@@ -194,7 +194,7 @@ impl<'a> Retarget<'a> {
         self.scale
     }
 
-    /// Degrees by which the source is turned to face where the target does: 0, 90, 180 or −90.
+    /// The yaw that turns the source to face as the target does, degrees: 0, 90, 180 or −90.
     pub fn yaw_degrees(&self) -> f64 {
         self.yaw_degrees
     }
@@ -236,8 +236,8 @@ impl<'a> Retarget<'a> {
         Coverage::of(clip, [self.from, self.to], [&self.source.human, &self.target.human], &partners)
     }
 
-    /// The position in the model of a joint that moves while its source joint stands there: rest positions correspond; of the
-    /// hips, their heights above the floors.
+    /// Position of a target joint that translates, in model space, when its source joint stands there: rest places correspond, of the
+    /// hips their heights above the floors.
     fn place(&self, joint: u32, source: DVec3) -> DVec3 {
         let s = self.map.source(joint).unwrap_or(0) as usize;
         let mut from_rest = source - self.source.rest.positions[s];

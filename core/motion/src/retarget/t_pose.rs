@@ -18,7 +18,7 @@ const LOWEST_HIPS: f64 = 1e-3;
 
 /// The bones that two skeletons have in common.
 pub(crate) struct Bodies {
-    /// Bone of each joint of the source.
+    /// The bone and target joint of each source joint.
     bones: BTreeMap<u32, Common>,
 }
 
@@ -28,7 +28,7 @@ struct Common {
     /// P'⁻¹·P and R⁻¹·R'.
     before: DQuat,
     after: DQuat,
-    /// Parent'-from-parent for positions of the hips.
+    /// Maps positions of the hips from the source's parent space to the target's.
     place: Option<DAffine3>,
 }
 

@@ -21,7 +21,7 @@ macro_rules! bones {
             /// All bones, parents first.
             pub const ALL: [HumanBone; BONES] = [$(HumanBone::$variant),*];
 
-            /// As VRM 1.0 writes it: `leftUpperArm`.
+            /// Name in VRM 1.0: `leftUpperArm`.
             pub fn name(self) -> &'static str {
                 match self { $(HumanBone::$variant => $spec),* }
             }
@@ -100,12 +100,12 @@ bones![
 ];
 
 impl HumanBone {
-    /// The bone with this exact name in VRM 1.0.
+    /// Finds a bone by its exact name in VRM 1.0.
     pub fn from_name(name: &str) -> Option<HumanBone> {
         HumanBone::ALL.into_iter().find(|b| b.name() == name)
     }
 
-    /// The bone that a joint's name stands for in any family of skeletons, VRM 1.0 included: `mixamorig:LeftArm`, `upperarm.l`.
+    /// Finds a bone by the name of a joint in any family of skeletons, VRM 1.0's among them: `mixamorig:LeftArm`, `upperarm.l`.
     pub(crate) fn of_joint(name: &str) -> Option<HumanBone> {
         HumanBone::from_name(name).or_else(|| {
             let ours = crate::skeleton::joint_names::humanoid_name(name)?;

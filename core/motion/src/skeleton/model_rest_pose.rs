@@ -4,7 +4,7 @@ use crate::math::rotation::unit;
 use crate::skeleton::Skeleton;
 use glam::{DAffine3, DQuat, DVec3};
 
-/// What a skeleton is like at rest, from the model's origin.
+/// The rest pose of a skeleton in model space.
 pub(crate) struct ModelRestPose {
     /// model-from-joint rotations; scales, also negative ones, are left out.
     pub rotations: Vec<DQuat>,

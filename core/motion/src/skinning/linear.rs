@@ -73,7 +73,7 @@ pub struct LinearSkinning<'a> {
     /// `influences` a vertex, sum 1.
     pub joint_weights: &'a [f32],
     pub positions: &'a [Vec3],
-    /// As many as positions, or none.
+    /// One per position, or none.
     pub normals: &'a [Vec3],
     pub out_positions: &'a mut [Vec3],
     pub out_normals: &'a mut [Vec3],

@@ -61,7 +61,7 @@ impl Moved {
 pub struct SpringStep<'a> {
     pub rig: &'a SpringRig,
     pub skeleton: &'a Skeleton,
-    /// Transform at the end of the step.
+    /// Transform of the model at the end of the step.
     pub world_from_model: DAffine3,
     /// Speed of the air, metres a second, in world space.
     pub wind: DVec3,
@@ -78,7 +78,9 @@ impl SpringStep<'_> {
     pub fn check(&self) -> Result<(), InputError> {
         let (joints, matrices) = (self.skeleton.len(), self.model_from_joint.len());
         InputError::check_lengths(&[("SpringStep.model_from_joint", matrices, joints)])?;
-        self.rig.check(joints).map_err(|error| InputError::Nested { field: "SpringStep.rig", error })?;
+        self.rig
+            .check(joints)
+            .map_err(|e| InputError::Nested { field: "SpringStep.rig", error: e.to_string() })?;
         let forward = self.seconds >= 0.0 && self.seconds.is_finite();
         InputError::check_value(forward, "SpringStep.seconds", self.seconds, "finite and ≥ 0")?;
         InputError::check_value(self.wind.is_finite(), "SpringStep.wind", self.wind, "finite")

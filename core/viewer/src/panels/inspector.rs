@@ -155,7 +155,7 @@ fn srgb(linear: Vec3) -> [u8; 3] {
     linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)))
 }
 
-/// As it shines at the playhead.
+/// The light at the playhead.
 fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize) -> Option<Wanted> {
     let light = light_at(stage.lights.get(index)?, viewer.playhead.time());
     let mut wanted = None;

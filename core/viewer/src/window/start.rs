@@ -105,7 +105,7 @@ fn without_place(why: &str) -> &str {
     place.and_then(|(_, rest)| rest.split_once(": ")).map_or(why, |(_, words)| words)
 }
 
-/// As `choreo render` has it: Vulkan where a driver works, else our own renderer.
+/// The renderer that `choreo render` would use: Vulkan where a driver works, else the CPU renderer.
 pub fn renderer(effects: Vec<Arc<dyn Effect>>, shaders: Option<PathBuf>, tell: Tell) -> StartRenderer {
     Box::new(move || {
         let cache_dir = choreo_command_line::cache_dir();
