@@ -203,7 +203,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(TRANSMISSION)
     // What is neither reflected nor scattered lets light through (KHR_materials_transmission), less what the volume takes
     // (KHR_materials_volume, Beer-Lambert). Thin glass sees no blurred picture of what is behind: of a rough surface the
-    // blurred share is the hemisphere light seen through it.
+    // blurred share is the hemisphere light transmitted by it.
     var transmission = layers.transmission * (1.0 - metallic);
     @if(TRANSMISSION_TEXTURE) transmission *= textureSample(transmission_texture, transmission_sampler, layer_uv(in, 5u)).r;
     var through = base.rgb * transmission * (vec3(1.0) - ambient_specular(s.f0, s.f90, s.roughness, nv));

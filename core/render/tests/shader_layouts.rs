@@ -1,12 +1,11 @@
 //! Shaders without a GPU: the layouts of their structs equal the Rust structs field by field.
 
-use choreo_render::plan::shader_features::names;
-use choreo_render::plan::{ActiveMorph, Features, Instance, LightType, PlanLight};
+use choreo_render::plan::{ActiveMorph, Features, Instance, LightType, PipelineKey, PlanLight};
 use choreo_render::shader::uniforms::{
     FrameUniform, LayersUniform, MaterialUniform, MetallicRoughnessUniform, OutlineUniform, PhongUniform,
     PostUniform, RebuiltUniform, ShadowUniform, SkyUniform, ToonUniform, UvTransform,
 };
-use choreo_render::shader::{BACKGROUND, DeferredPass, SCENE, ShaderSources, parse};
+use choreo_render::shader::{BACKGROUND, DeferredPass, SCENE, SceneVariant, ShaderSources, parse, switches};
 use naga::TypeInner;
 use std::mem::offset_of;
 
@@ -37,27 +36,23 @@ macro_rules! fields {
     ($t:ty: $($f:ident),*) => { &[$((stringify!($f), offset_of!($t, $f))),*] };
 }
 
-/// The module of the scene for these features, of which some exclude each other: it declares everything and is not compiled.
-fn scene(features: &[Features], deferred: DeferredPass) -> naga::Module {
-    let mut on: Vec<&str> = features.iter().flat_map(|f| names(*f)).collect();
-    on.extend(["LIT", "NORMAL", "TANGENT"]);
-    on.extend((deferred == DeferredPass::Light).then_some("LIGHT_PASS"));
-    parse(&sources().files(&SCENE).unwrap(), &on).unwrap().0
+/// The module of the scene for these features.
+fn scene(features: Features, deferred: DeferredPass) -> naga::Module {
+    let variant = SceneVariant { deferred, ..SceneVariant::of(PipelineKey::of(features)) };
+    parse(&sources().files(&SCENE).unwrap(), &switches(&variant)).unwrap().0
 }
 
 #[test]
 fn layouts_equal_the_rust_structs() {
-    let features = [Features::METALLIC_ROUGHNESS, Features::SHADOW, Features::SKY, Features::LAYERS];
-    let m = scene(
-        &[&features[..], &[Features::SKIN, Features::MORPH, Features::LOCAL_LIGHTS]].concat(),
-        DeferredPass::No,
-    );
+    let features = [Features::SHADOW, Features::SKY, Features::LAYERS, Features::SKIN, Features::MORPH];
+    let lit = Features::METALLIC_ROUGHNESS.with(Features::LOCAL_LIGHTS);
+    let m = scene(features.into_iter().fold(lit, Features::with), DeferredPass::No);
     macro_rules! uniforms {
         ($($module:expr, $name:literal: $uniform:ty;)*) => {
             $(compare($module, $name, size_of::<$uniform>(), <$uniform>::FIELDS);)*
         };
     }
-    let light_pass = scene(&[Features::METALLIC_ROUGHNESS], DeferredPass::Light);
+    let light_pass = scene(Features::METALLIC_ROUGHNESS, DeferredPass::Light);
     let effect =
         "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * p[0]; }";
     let (post, _) = parse(&sources().post("test", effect, 0, false).unwrap(), &[]).unwrap();
@@ -77,7 +72,7 @@ fn layouts_equal_the_rust_structs() {
     }
     let light = fields!(PlanLight: position, kind, direction, shadow_views, color, inverse_range_squared, cone, polynomial);
     compare(&m, "Light", size_of::<PlanLight>(), light);
-    compare(&m, "Affine3x4", 48, &[("x", 0), ("y", 16), ("z", 32)]);
+    compare(&m, "Rows", 48, &[("x", 0), ("y", 16), ("z", 32)]);
     let (members, span) = layout(&m, "Instance");
     let rust =
         fields!(Instance: relative_from_mesh, tint, first_joint, first_morph, morph_count, width).iter();
@@ -90,7 +85,7 @@ fn layouts_equal_the_rust_structs() {
 
 #[test]
 fn light_types_equal_the_rust_enum() {
-    let m = scene(&[Features::METALLIC_ROUGHNESS], DeferredPass::No);
+    let m = scene(Features::METALLIC_ROUGHNESS, DeferredPass::No);
     for (name, kind) in [
         ("LIGHT_DIRECTIONAL", LightType::Directional),
         ("LIGHT_POINT", LightType::Point),

@@ -61,7 +61,7 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut Ass
     Ok(())
 }
 
-/// A character whose file says how its eyes move can be told where they look: see [`GAZE`].
+/// A character whose file says how its eyes move can be given a direction to look in: see [`GAZE`].
 pub fn add_gaze(asset: &mut Asset) {
     if asset.eyes.is_none() {
         return;
@@ -100,7 +100,7 @@ pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, needs: Needs, asset: &mut 
                 continue;
             };
             match value.text("propertyName") {
-                // Of all textures but the matcap; v counts from below.
+                // Moves all textures but the matcap; v counts from below.
                 Some("_MainTex_ST") => face.uvs.push(UvBind {
                     material,
                     offset: Vec2::new(to[2], 1.0 - to[3] - to[1]),

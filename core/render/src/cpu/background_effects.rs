@@ -11,7 +11,7 @@ use std::sync::Arc;
 pub struct Veil<'a> {
     pub plan: &'a Plan,
     pub backdrop: Option<Backdrop<'a>>,
-    /// In order, with their parameters.
+    /// Effects in order, with their parameters.
     pub effects: Vec<(Arc<dyn Effect>, [f32; 8])>,
 }
 

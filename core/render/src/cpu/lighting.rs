@@ -13,7 +13,7 @@ use glam::Vec3;
 pub struct SurfacePoint {
     /// Camera-relative.
     pub relative: V3,
-    /// Without and with the normal map.
+    /// Normal without the normal map; the other is with it.
     pub own_n: V3,
     pub n: V3,
     /// Unit, to the viewer.

@@ -74,7 +74,7 @@ pub struct CpuRenderer {
     resources: Arc<SceneResources>,
     materials: Vec<ShadeMaterial>,
     textures: HashMap<TextureKey, Arc<Texture>>,
-    /// Of the catalogue's sky, once a plan has shown it.
+    /// The scene's sky, once a plan has shown it.
     sky: Option<Sky>,
     submitted: VecDeque<Plan>,
 }
@@ -126,7 +126,7 @@ impl CpuRenderer {
         });
         if foreign {
             return Err(RenderError::Usage(
-                "the plan was made from another catalogue than the loaded one".into(),
+                "the plan was made from other scene resources than the loaded ones".into(),
             ));
         }
         for pass in plan.post.iter().chain(&plan.scene_effects) {
@@ -152,13 +152,13 @@ impl CpuRenderer {
         }
     }
 
-    /// Of the effects on surfaces those of a draw, in order.
+    /// The effects of a draw on surfaces, in order.
     fn surface(&self, plan: &Plan, bits: u8) -> Vec<(Arc<dyn Effect>, [f32; 8])> {
         let on = (0..8).zip(&plan.scene_effects).filter(|(bit, _)| bits >> bit & 1 == 1);
         on.filter_map(|(_, used)| Some((self.effect(&used.effect).ok()?.clone(), used.parameters))).collect()
     }
 
-    /// All copies of the draws, seen through a matrix, on a picture of a size.
+    /// All copies of the draws, projected by a matrix, on a picture of a size.
     fn batches<'a>(
         &'a self,
         plan: &'a Plan,
@@ -322,7 +322,7 @@ impl CpuRenderer {
         };
         let refracting = |b: &Batch| glass_of(b) == Some(Glass::Refract);
         if let (Some(behind), Some(first)) = (plan.scene_color_copy, batches.iter().position(refracting)) {
-            // Drawn as far as it is seen through such glass; then all of it, from the beginning.
+            // Drawn as far as it is visible through such glass; then all of it, from the beginning.
             let mut pixels = vec![Vec4::ZERO; out.len()];
             bands::<T, Vec4, S>(plan, &batches[..first], veil.as_ref(), &[], &mut pixels);
             let behind = Arc::new(SceneColorCopy::new(pixels, plan.size, behind.levels));

@@ -80,7 +80,7 @@ fn bent(n: V3, v: V3, ior: f32) -> V3 {
 }
 
 impl Fragment<'_> {
-    /// Where the ray leaves the volume, `depth` metres on, blurred as much as the surface is rough.
+    /// Color where the ray leaves the volume, `depth` metres on, blurred according to the surface's roughness.
     pub(super) fn refracted(
         &self,
         relative: V3,

@@ -25,7 +25,7 @@ use std::sync::Arc;
 /// A material with its textures at hand.
 pub struct ShadeMaterial {
     pub factors: MaterialResource,
-    /// In the order of `MaterialResource::textures`.
+    /// Textures in the order of `MaterialResource::textures`.
     pub textures: [Option<Arc<Texture>>; TEXTURE_SLOTS],
 }
 
@@ -36,7 +36,7 @@ pub struct Fragment<'a> {
     pub shadows: Option<&'a ShadowMaps>,
     /// The scene color copy that refracting glass shows.
     pub behind: Option<Arc<SceneColorCopy>>,
-    /// Where a sky shines.
+    /// Sky maps, if a sky shines.
     pub sky: Option<&'a SkyMaps>,
     /// Effects on the surface, in order.
     pub surface: Vec<(Arc<dyn Effect>, [f32; 8])>,

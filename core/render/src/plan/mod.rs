@@ -94,7 +94,7 @@ pub struct Plan {
     pub deferred: Option<Deferred>,
     /// Effects in the scene's shaders, each a bit in [`PipelineKey::surface`], `displaced` and `lighting`.
     pub scene_effects: Vec<PostPass>,
-    /// For each of these, the largest distance by which it displaces surfaces, in meters.
+    /// Largest displacement of surfaces by each of these, in meters.
     pub displacement_limits: [f32; 8],
     /// Bits of those that change the background, too.
     pub background_effects: u8,

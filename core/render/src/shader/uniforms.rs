@@ -186,7 +186,7 @@ impl RebuiltUniform {
 }
 
 impl SkyUniform {
-    /// Without maps: what is seen behind everything.
+    /// Uniforms of a sky without maps: what is visible behind everything.
     pub fn new(sky: &PlanSky, view: &View, maps: Option<&SkyMaps>) -> SkyUniform {
         let [right, down, ahead] = crate::plan::view::rays(view).map(|v| v.extend(0.0));
         let [c, s] = sky.turn;

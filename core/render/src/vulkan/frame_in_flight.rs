@@ -323,7 +323,7 @@ impl FrameInFlight {
         }
     }
 
-    /// Sets of the materials that are not as in the catalogue; after `write`, and after the resources are prepared.
+    /// Sets of the materials that are not as in the scene resources; after `write`, and after the resources are prepared.
     pub fn write_changed(
         &mut self,
         gpu: &Context,

@@ -142,7 +142,7 @@ fn stage(c: &mut Call) -> Reply {
         };
     }
     if s.pipeline == Pipeline::Deferred {
-        // What is kept of a surface has one sample.
+        // The G-buffer has one sample.
         if let Some(samples) = s.samples.filter(|n| *n > 1) {
             return Err(ApiError::new(format!(
                 "stage: pipeline \"deferred\" has 1 sample a pixel, got samples: {samples}"

@@ -138,8 +138,11 @@ pub(crate) fn of_value<'a>(given: &str, known: impl IntoIterator<Item = &'a str>
 impl Topic {
     fn hint(&self, target: Target) -> String {
         let Call { usage, about, page } = Call::of(target);
-        let note = self.note.map(|note| format!("; {note}")).unwrap_or_default();
-        format!("{usage}: {}{note} See {page}", about.unwrap_or_default())
+        let about = about.unwrap_or_default();
+        // Entries describe their options after the first sentence.
+        let sentence = about.split_once(". ").map_or(&*about, |(first, _)| first).trim_end_matches('.');
+        let note = self.note.map(|note| format!(" {note}")).unwrap_or_default();
+        format!("{usage}: {sentence}.{note} See {page}")
     }
 }
 
@@ -213,7 +216,8 @@ fn first_line(def: &Def) -> String {
 /// What the reference states about an option: its name with the parentheses that follow it, or the item that names it.
 fn describe_option(def: &Def, option: &str) -> Option<String> {
     let with_range = format!("{option} (");
-    let Some(at) = def.about.find(&with_range) else {
+    let whole = |at: &usize| !def.about[..*at].ends_with(char::is_alphanumeric);
+    let Some(at) = def.about.match_indices(&with_range).map(|(at, _)| at).find(whole) else {
         return def.about.lines().find(|item| item.contains(option)).map(str::to_string);
     };
     let text = &def.about[at..];

@@ -1,7 +1,7 @@
 //! Constraints, limits and springs.
 
 use crate::hash::stage::write_target;
-use crate::stage::constraint::*;
+use crate::stage::constraint::{AimConstraint, Constraint, ConstraintKind, FootLock, Leg, ReachConstraint};
 use crate::stage::springs::ActorSprings;
 use choreo_asset::hash::Writer;
 use choreo_motion::ik::Limit;

@@ -39,7 +39,7 @@ pub struct Actor {
     pub tint: Vec4,
     /// Line width that replaces that of its materials ([`choreo_asset::Pen`]).
     pub line_width: Option<f32>,
-    /// So many of the copies of its meshes are there, the first ones; `None`: all.
+    /// Number of the copies of its meshes that exist, the first ones; `None`: all.
     pub copies: Option<u32>,
     /// Morph weights by name or index set in the script: (mesh instance, target, weight), over the clips'.
     pub morphs: Vec<(u32, u32, f32)>,
