@@ -316,7 +316,7 @@ features! {
     /// The skin is posed once, in model space, and instanced: joints lead to model space, the instance's matrix on from there, as
     /// with dual quaternions. Never forced in.
     SKIN_INSTANCED { by: RequestedBy::Mesh, part: Part::Pose, needs: &["SKIN"],
-        absence: absence("copies of skinned bodies", "every skinned body stands once", "SKIN") }
+        absence: absence("copies of skinned meshes", "every skinned mesh stands once", "SKIN") }
     /// Blinn–Phong that reflects its surroundings.
     REFLECTION { needs: &["BLINN_PHONG"],
         absence: absence("reflections of Blinn–Phong", "no drawn Blinn–Phong material mirrors its surroundings", "LIT") }
