@@ -338,7 +338,9 @@ fn of_scene(facts: &Facts) -> Reports {
         report(
             *closed > 0,
             "back faces of closed surfaces",
-            format!("{closed} triangles of two-sided materials are parts of watertight meshes, seen from outside"),
+            format!(
+                "{closed} triangles of two-sided materials are parts of watertight meshes, seen from outside"
+            ),
         ),
     ];
     reports.into_iter().flatten().collect()
