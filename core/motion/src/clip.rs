@@ -107,7 +107,7 @@ pub struct ExpressionError {
 }
 
 /// A checked clip. Times run from zero to `duration`; before the first and after the last key a curve holds its end values.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Clip {
     pub name: String,
     pub duration: Time,

@@ -9,7 +9,10 @@ use crate::hook::{HookDraft, ScriptHook};
 use crate::lint::{ClipMarkers, Places};
 use crate::motion::{Found, in_step, root};
 use choreo_motion::{Clip, Time};
-use choreo_stage::*;
+use choreo_stage::{
+    Actor, Camera, Channel, Cue, CueRoot, Cut, Goal, GoalKind, Layer, LayerMode, Pace, Plant, Projection,
+    Property, Reference, Repeat, Rig, Stage,
+};
 use glam::{DQuat, DVec3, Vec3};
 use rhai::Engine;
 use std::sync::{Arc, PoisonError};
@@ -210,7 +213,7 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Layers
         {
             let error = ApiError::new(format!(
                 "clip \"{}\" would end at {} s, before it starts at {} s",
-                draft.clip.name,
+                draft.cue.clip.name,
                 until.as_secs(),
                 start.as_secs()
             ));
@@ -222,13 +225,13 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Layers
         let ends = if draft.hold { draft.until } else { end.filter(|_| natural) };
         let mut cue = Cue {
             end: taken_over[id].or(ends),
-            fade_out: draft.fade_out.unwrap_or(if layer { draft.fade_in } else { Time::ZERO }),
+            fade_out: draft.fade_out.unwrap_or(if layer { draft.cue.fade_in } else { Time::ZERO }),
             repeat: draft.repeats(layer),
             root: if layer { None } else { root(build, draft, &mut found) },
             ..draft.cue(start)
         };
         let mut refuse = |what: &str| {
-            let error = ApiError::new(format!("clip \"{}\": {what}", draft.clip.name));
+            let error = ApiError::new(format!("clip \"{}\": {what}", draft.cue.clip.name));
             notes.push((Severity::Error, draft.at.clone(), error));
         };
         if layer && cue.inertial > Time::ZERO {
@@ -237,7 +240,7 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Layers
         if layer && draft.root.is_some() {
             refuse("root motion is for clips that are no layer");
         }
-        if cue.inertial > Time::ZERO && (draft.fade_in > Time::ZERO || draft.in_step) {
+        if cue.inertial > Time::ZERO && (draft.cue.fade_in > Time::ZERO || draft.in_step) {
             refuse("inertial begins at once, so there is no fade");
         }
         if draft.in_step && !layer {
@@ -257,7 +260,7 @@ fn layers(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) -> Layers
                         }
                     }
                     Err(why) => {
-                        let text = format!("clip \"{}\" cannot keep step: {why}", draft.clip.name);
+                        let text = format!("clip \"{}\" cannot keep step: {why}", draft.cue.clip.name);
                         notes.push((Severity::Warning, draft.at.clone(), ApiError::new(text)));
                     }
                 },

@@ -2,10 +2,10 @@
 
 use super::keys;
 use crate::build::room;
-use crate::call::{ApiError, Call, Def, Gives, Options, Reply, numbers, wrong};
+use crate::call::{ApiError, Call, Options, Reply, api, numbers, wrong};
 use crate::hook;
 use crate::load::from_load;
-use crate::value::{FlatRef, ImageRef, Kind};
+use crate::value::{FlatRef, ImageRef};
 use choreo_importer_kit::pictures::{Encoded, Formats};
 use choreo_motion::Time;
 use choreo_stage::{Align, Fit, Flat, FlatContent, FlatEdit, Font, Image};
@@ -13,90 +13,46 @@ use glam::{DVec2, Vec4};
 use rhai::Dynamic;
 use std::sync::Arc;
 
-const THIS: Gives = Gives::Itself;
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "text",
-        "words, options?",
-        Gives::A(Kind::Flat),
-        "Adds a text (title, caption) over the frame.\n\
-         Place: at ([x, y] as fractions of the image from its top left corner, default [0.5, 0.5]), offset ([x, y] in pixels, default [0, 0]), anchor (the point of its box that is placed there: \"center\", the default, \"left\", \"right\", \"top\", \"bottom\", \"top_left\", \"top_right\", \"bottom_left\" or \"bottom_right\").\n\
-         Text: size (fraction of the image height, default 0.08), color (default white), opacity (0 to 1, default 1), width (fraction of the image width at which lines break, default none), align (\"left\", \"center\", the default, or \"right\"), line_height (in sizes, default 1.25), font (a .ttf or .otf file, default a built-in font).",
-        text,
-    ),
-    Def::new(
-        Kind::None,
-        "picture",
-        "image, options?",
-        Gives::A(Kind::Flat),
-        "Adds an image over the frame: an Image, or a PNG, JPEG, WebP, BMP or TGA file. Options: at, offset, anchor and opacity as in `text`; and one of height or width (fraction of that of the frame, default height 0.3) and fit (\"contain\": as large as fits, \"cover\": fills the frame).",
-        picture,
-    ),
-    Def::new(
-        Kind::None,
-        "panel",
-        "options?",
-        Gives::A(Kind::Flat),
-        "Adds a rectangle of one color over the frame. Options: at, offset, anchor and opacity as in `text`, size ([width, height] as fractions of the image, default all of it), color (default black).",
-        panel,
-    ),
-    Def::new(
-        Kind::None,
-        "letterbox",
-        "ratio, options?",
-        Gives::A(Kind::Flat),
-        "Adds bars at the edges that leave an image ratio times as wide as high, such as 2.39. With keyframes of \"scale\" they slide in. Options: color (default black), opacity (0 to 1, default 1).",
-        letterbox,
-    ),
-    Def::new(
-        Kind::Flat,
-        "at",
-        "x, y | point",
-        THIS,
-        "Sets the position of its anchor, as fractions of the image.",
-        at,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::Flat,
-        "opacity",
-        "value",
-        THIS,
-        "Sets the opacity: 0 is invisible, 1 hides what is below.",
-        opacity,
-    )
-    .in_frames(),
-    Def::new(Kind::Flat, "words", "text", THIS, "Changes the words of a text.", words).in_frames(),
-    Def::new(Kind::Flat, "scale", "factor", THIS, "Scales it about its anchor.", scale),
-    Def::new(Kind::Flat, "from", "time", THIS, "Sets the start time (default 0).", from),
-    Def::new(Kind::Flat, "until", "time", THIS, "Sets the end time.", until),
-    Def::new(
-        Kind::Flat,
-        "fade",
-        "seconds",
-        THIS,
-        "Sets the duration of the fade-in and of the fade-out in seconds (default 0).",
-        fade,
-    ),
-    Def::new(
-        Kind::Flat,
-        "under",
-        "",
-        THIS,
-        "Moves it behind the scene, in front of the background. By default it is in front of everything.",
-        under,
-    ),
-    Def::new(
-        Kind::Flat,
-        "key",
-        "property, keys, how?",
-        THIS,
-        "Animates a property with keyframes [[time, value], …]: \"position\" ([x, y] as in Flat.at), \"scale\" or \"opacity\". `how` and easing as in Actor.key.",
-        key,
-    ),
-];
+api! {
+    /// Adds a text (title, caption) over the frame.
+    /// - Place: at ([x, y] as fractions of the image from its top left corner, default [0.5, 0.5]), offset ([x, y]
+    ///   in pixels, default [0, 0]), anchor (the point of its box that is placed there: "center", the default,
+    ///   "left", "right", "top", "bottom", "top_left", "top_right", "bottom_left" or "bottom_right").
+    /// - Text: size (fraction of the image height, default 0.08), color (default white), opacity (0 to 1, default
+    ///   1), width (fraction of the image width at which lines break, default none), align ("left", "center", the
+    ///   default, or "right"), line_height (in sizes, default 1.25), font (a .ttf or .otf file, default a built-in
+    ///   font).
+    text("words, options?") -> Flat = text;
+    /// Adds an image over the frame: an Image, or a PNG, JPEG, WebP, BMP or TGA file. Options: at, offset, anchor
+    /// and opacity as in `text`; and one of height or width (fraction of that of the frame, default height 0.3) and
+    /// fit ("contain": as large as fits, "cover": fills the frame).
+    picture("image, options?") -> Flat = picture;
+    /// Adds a rectangle of one color over the frame. Options: at, offset, anchor and opacity as in `text`, size
+    /// ([width, height] as fractions of the image, default all of it), color (default black).
+    panel("options?") -> Flat = panel;
+    /// Adds bars at the edges that leave an image ratio times as wide as high, such as 2.39. With keyframes of
+    /// "scale" they slide in. Options: color (default black), opacity (0 to 1, default 1).
+    letterbox("ratio, options?") -> Flat = letterbox;
+    /// Sets the position of its anchor, as fractions of the image.
+    Flat.at("x, y | point") = at, in_frames;
+    /// Sets the opacity: 0 is invisible, 1 hides what is below.
+    Flat.opacity("value") = opacity, in_frames;
+    /// Changes the words of a text.
+    Flat.words("text") = words, in_frames;
+    /// Scales it about its anchor.
+    Flat.scale("factor") = scale;
+    /// Sets the start time (default 0).
+    Flat.from("time") = from;
+    /// Sets the end time.
+    Flat.until("time") = until;
+    /// Sets the duration of the fade-in and of the fade-out in seconds (default 0).
+    Flat.fade("seconds") = fade;
+    /// Moves it behind the scene, in front of the background. By default it is in front of everything.
+    Flat.under("") = under;
+    /// Animates a property with keyframes [[time, value], …]: "position" ([x, y] as in Flat.at), "scale" or
+    /// "opacity". `how` and easing as in Actor.key.
+    Flat.key("property, keys, how?") = key;
+}
 
 const PLACE: [&str; 4] = ["at", "offset", "anchor", "opacity"];
 

@@ -2,55 +2,31 @@
 
 use super::actor::{euler, radians};
 use super::{clip_edit, keys};
-use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
+use crate::call::{ApiError, Call, Reply, api, unknown};
 use crate::hook;
-use crate::value::*;
-use choreo_stage::*;
+use crate::value::{ActorRef, JointRef};
+use choreo_stage::{ActorEdit, Asset};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
-const THIS: Gives = Gives::Itself;
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::Actor,
-        "joint",
-        "name",
-        Gives::A(Kind::Joint),
-        "Returns a joint (bone) by name, as a target, as a parent or for rotations of its own.",
-        joint,
-    )
-    .in_frames(),
-    Def::new(Kind::Actor, "joints", "", Gives::Value("array of texts"), "Returns the names of the joints (bones).", joints),
-    Def::new(
-        Kind::Joint,
-        "turn",
-        "degrees",
-        THIS,
-        "Rotates the joint about its own y axis, in degrees, on top of the clips. Only inside `on_frame`.",
-        joint_turn,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::Joint,
-        "rotate",
-        "x, y, z",
-        THIS,
-        "Rotates the joint about its own x, then y, then z axis, in degrees, on top of the clips. Only inside `on_frame`.",
-        joint_rotate,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::Joint,
-        "key",
-        "property, keys, how?",
-        THIS,
-        "Animates the joint with keyframes [[time, value], …] in stage time, added on top of its clips. `how` and the easing of single keyframes as in Actor.key.\n\
-         Properties: \"rotation\" (degrees [x, y, z] about the axes of the joint), \"position\" (metres along the axes of the model), \"scale\" (a factor, or one per axis).",
-        key,
-    ),
-    Def::new(Kind::Joint, "name", "", Gives::Value("text"), "Returns the name of the joint.", joint_name).in_frames(),
-];
+api! {
+    /// Returns a joint (bone) by name, as a target, as a parent or for rotations of its own.
+    Actor.joint("name") -> Joint = joint, in_frames;
+    /// Returns the names of the joints (bones).
+    Actor.joints("") -> "array of texts" = joints;
+    /// Rotates the joint about its own y axis, in degrees, on top of the clips. Only inside `on_frame`.
+    Joint.turn("degrees") = joint_turn, in_frames;
+    /// Rotates the joint about its own x, then y, then z axis, in degrees, on top of the clips. Only inside
+    /// `on_frame`.
+    Joint.rotate("x, y, z") = joint_rotate, in_frames;
+    /// Animates the joint with keyframes [[time, value], …] in stage time, added on top of its clips. `how` and the
+    /// easing of single keyframes as in Actor.key.
+    /// - Properties: "rotation" (degrees [x, y, z] about the axes of the joint), "position" (metres along the axes
+    ///   of the model), "scale" (a factor, or one per axis).
+    Joint.key("property, keys, how?") = key;
+    /// Returns the name of the joint.
+    Joint.name("") -> "text" = joint_name, in_frames;
+}
 
 pub fn find_joint(asset: &Asset, name: &str) -> Result<u32, ApiError> {
     if let Some(joint) = asset.skeleton.find(name) {

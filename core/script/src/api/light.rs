@@ -3,70 +3,45 @@
 use super::actor::{attachment, rgb_arg};
 use super::keys;
 use crate::build::room;
-use crate::call::{ApiError, Call, Def, Gives, Options, Reply, color, number_in, numbers, rgb};
+use crate::call::{ApiError, Call, Options, Reply, api, color, number_in, numbers, rgb};
 use crate::color::kelvin;
 use crate::hook;
-use crate::value::*;
+use crate::value::LightRef;
 use choreo_stage::{Light, LightEdit, LightKind, Shadow, StageLight, Target};
 use glam::{DVec3, Vec3};
 use rhai::{Dynamic, Map};
 
-const THIS: Gives = Gives::Itself;
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "sun",
-        "options?",
-        Gives::A(Kind::Light),
-        "Makes a directional light. Options: direction (in which it shines, default [-1, -2, -1.5]), color or kelvin (1667 to 25000; default white), intensity (lux, default 3), shadow (true, or #{ size, softness }: size of the shadow map in texels, 64 to 4096, default 2048; width of the soft edge in metres, default 0.01; default: no shadow), name.",
-        sun,
-    ),
-    Def::new(
-        Kind::None,
-        "point",
-        "options?",
-        Gives::A(Kind::Light),
-        "Makes a point light. Options: position (default [0, 3, 2]), color or kelvin, intensity (candela, default 20), range (metres, default unlimited), attenuation ([constant, linear, quadratic]: intensity falls with one over this polynomial of the distance in metres, in place of its square; not with range), shadow as in `sun`, name.",
-        point,
-    ),
-    Def::new(
-        Kind::None,
-        "spot",
-        "options?",
-        Gives::A(Kind::Light),
-        "Makes a spotlight. Options: position (default [0, 4, 3]), direction or look_at (a point, default [0, 1, 0]), outer and inner (half angles of the cone in degrees, default 30 and 0.8 times outer), color or kelvin, intensity (candela, default 60), range, attenuation and shadow as in `point`, name.",
-        spot,
-    ),
-    Def::new(
-        Kind::None,
-        "ambient",
-        "color, strength? | options",
-        Gives::Nothing,
-        "Sets the ambient light: a color, a strength of white light, or #{ up, down } for light from above and from below; `strength` multiplies it.",
-        ambient,
-    )
-    .in_frames(),
-    Def::new(Kind::Light, "at", "x, y, z | point", THIS, "Sets the position in metres.", at).in_frames(),
-    Def::new(Kind::Light, "intensity", "value", THIS, "Sets the intensity: lux for a sun, candela for the others.", intensity).in_frames(),
-    Def::new(Kind::Light, "color", "color", THIS, "Sets the color.", set_color).in_frames(),
-    Def::new(
-        Kind::Light,
-        "attach",
-        "actor_or_joint",
-        THIS,
-        "Makes the light a child of an actor or of a joint. Its position and direction are then in the space of that parent.",
-        attach,
-    ),
-    Def::new(
-        Kind::Light,
-        "key",
-        "property, keys, how?",
-        THIS,
-        "Animates a property with keyframes [[time, value], …]: \"intensity\", \"color\", \"kelvin\", \"position\", \"direction\", \"range\" or \"cone\" (outer half angle in degrees). `how` and easing as in Actor.key.",
-        key,
-    ),
-];
+api! {
+    /// Makes a directional light. Options: direction (in which it shines, default [-1, -2, -1.5]), color or kelvin
+    /// (1667 to 25000; default white), intensity (lux, default 3), shadow (true, or #{ size, softness }: size of
+    /// the shadow map in texels, 64 to 4096, default 2048; width of the soft edge in metres, default 0.01; default:
+    /// no shadow), name.
+    sun("options?") -> Light = sun;
+    /// Makes a point light. Options: position (default [0, 3, 2]), color or kelvin, intensity (candela, default
+    /// 20), range (metres, default unlimited), attenuation ([constant, linear, quadratic]: intensity falls with one
+    /// over this polynomial of the distance in metres, in place of its square; not with range), shadow as in `sun`,
+    /// name.
+    point("options?") -> Light = point;
+    /// Makes a spotlight. Options: position (default [0, 4, 3]), direction or look_at (a point, default [0, 1, 0]),
+    /// outer and inner (half angles of the cone in degrees, default 30 and 0.8 times outer), color or kelvin,
+    /// intensity (candela, default 60), range, attenuation and shadow as in `point`, name.
+    spot("options?") -> Light = spot;
+    /// Sets the ambient light: a color, a strength of white light, or #{ up, down } for light from above and from
+    /// below; `strength` multiplies it.
+    ambient("color, strength? | options") -> () = ambient, in_frames;
+    /// Sets the position in metres.
+    Light.at("x, y, z | point") = at, in_frames;
+    /// Sets the intensity: lux for a sun, candela for the others.
+    Light.intensity("value") = intensity, in_frames;
+    /// Sets the color.
+    Light.color("color") = set_color, in_frames;
+    /// Makes the light a child of an actor or of a joint. Its position and direction are then in the space of that
+    /// parent.
+    Light.attach("actor_or_joint") = attach;
+    /// Animates a property with keyframes [[time, value], …]: "intensity", "color", "kelvin", "position",
+    /// "direction", "range" or "cone" (outer half angle in degrees). `how` and easing as in Actor.key.
+    Light.key("property, keys, how?") = key;
+}
 
 /// Reads color or kelvin, and intensity, which all lights have.
 fn common(o: &Options, intensity: f64) -> Result<(Vec3, f32), ApiError> {

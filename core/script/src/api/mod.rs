@@ -43,7 +43,7 @@ pub const TABLES: &[(&str, &[&[Def]])] = &[
         &[actor::DEFS, surfaces::DEFS, span::DEFS, joint::DEFS],
     ),
     ("Constraints, inverse kinematics (IK) and spring bones", &[look::DEFS, body::DEFS]),
-    ("Cues: clips on the timeline, crossfades, layers and masks", &[cue::DEFS]),
+    ("Cues: clips on the timeline, crossfades, layers and masks", &[cue::OPTION_DEFS, cue::DEFS]),
     ("Root motion, in place and path following", &[travel::DEFS]),
     ("Markers, footsteps and sequences", &[together::DEFS]),
     ("Cameras: field of view, orbit, follow and cuts", &[camera::DEFS]),

@@ -1,46 +1,29 @@
 //! Image-based lighting: `sky`.
 
 use super::keys;
-use crate::call::{ApiError, Call, Def, Gives, Reply, unknown};
+use crate::call::{ApiError, Call, Reply, api, unknown};
 use crate::hook;
 use crate::load::from_load;
-use crate::value::{Kind, SkyRef};
+use crate::value::SkyRef;
 use choreo_stage::{Panorama, Sky};
 use rhai::Dynamic;
 use std::sync::Arc;
 
-const THIS: Gives = Gives::Itself;
-
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "sky",
-        "panorama, options?",
-        Gives::A(Kind::Sky),
-        "Sets an environment map: light from all directions (image-based lighting, IBL) with reflections. `panorama` is \"studio\" (a built-in room with soft boxes) or an HDRI file (.hdr, equirectangular, twice as wide as high; its center is seen in the direction -z). It replaces the default sun, and the ambient light where the script sets none.\n\
-         Options: turn (degrees about the vertical axis, counter-clockwise seen from above, default 0), strength (0 to 1000, default 1), background (true: visible as background, default false).",
-        sky,
-    ),
-    Def::new(
-        Kind::Sky,
-        "turn",
-        "degrees",
-        THIS,
-        "Sets the rotation about the vertical axis, in degrees counter-clockwise seen from above.",
-        turn,
-    )
-    .in_frames(),
-    Def::new(Kind::Sky, "strength", "value", THIS, "Sets the factor of its light (default 1).", strength)
-        .in_frames(),
-    Def::new(
-        Kind::Sky,
-        "key",
-        "property, keys, how?",
-        THIS,
-        "Animates \"turn\" or \"strength\" with keyframes [[time, value], …]. `how` and easing as in Actor.key.",
-        key,
-    ),
-];
+api! {
+    /// Sets an environment map: light from all directions (image-based lighting, IBL) with reflections. `panorama`
+    /// is "studio" (a built-in room with soft boxes) or an HDRI file (.hdr, equirectangular, twice as wide as high;
+    /// its center is seen in the direction -z). It replaces the default sun, and the ambient light where the script
+    /// sets none.
+    /// - Options: turn (degrees about the vertical axis, counter-clockwise seen from above, default 0), strength (0
+    ///   to 1000, default 1), background (true: visible as background, default false).
+    sky("panorama, options?") -> Sky = sky;
+    /// Sets the rotation about the vertical axis, in degrees counter-clockwise seen from above.
+    Sky.turn("degrees") = turn, in_frames;
+    /// Sets the factor of its light (default 1).
+    Sky.strength("value") = strength, in_frames;
+    /// Animates "turn" or "strength" with keyframes [[time, value], …]. `how` and easing as in Actor.key.
+    Sky.key("property, keys, how?") = key;
+}
 
 /// The names of the built-in panoramas.
 const BUILT_IN: &[&str] = &["studio"];

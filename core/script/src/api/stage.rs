@@ -1,52 +1,41 @@
 //! Stage settings, parameters and per-frame callbacks: `stage`, `f`, `param`, `on_frame`.
 
 use crate::build::{Parameter, room};
-use crate::call::{ApiError, Call, Def, Gives, Reply, color, numbers, point, rgb, wrong};
+use crate::call::{ApiError, Call, Reply, api, color, numbers, point, rgb, wrong};
 use crate::hook::{HookDraft, own_captures};
 use crate::limits::raise_hint;
-use crate::value::{Kind, StageRef};
+use crate::value::StageRef;
 use choreo_motion::{FrameRate, Time};
 use choreo_stage::{Background, Pipeline, SkinOnce};
 use rhai::{Dynamic, FnPtr, Map};
 
-pub const DEFS: &[Def] = &[
-    Def::new(
-        Kind::None,
-        "stage",
-        "options | ",
-        Gives::A(Kind::Stage),
-        "Sets the properties of the stage. Call it once, first. Without options, inside a test, it returns the stage for `expect`.\n\
-         Output: size ([width, height] in pixels, each 1 to 16384, default [1280, 720]), fps (0.001 to 1000, default 30), length (seconds, default 4), samples (per pixel, for multisample antialiasing: 1 or 4, default 4).\n\
-         Background and light: background (a color or #{ top, bottom } for a vertical gradient, default a blue-gray gradient), ambient (ambient light: a color, a strength of white light, or #{ up, down } for light from above and from below).\n\
-         Rendering: cutouts (edges of alpha-masked surfaces such as leaves and hair at 4 samples: \"smooth\", the default, or \"hard\"), transparency (order of transparent surfaces: \"sorted\" back to front mesh by mesh, \"independent\" of the order, per pixel, by depth peeling with up to 8 layers, or \"auto\", the default: \"independent\" where sorting fails), pipeline (\"forward\": surfaces are lit as they are drawn; \"deferred\": each pixel is lit once, from a G-buffer, with 1 sample; \"auto\", the default: the faster of the two, by the number of lights and the overdraw), skin_once (pre-skinning. true: a mesh is skinned once per frame for all passes that draw it; false: in each pass; \"auto\", the default: once where that is cheaper).",
-        stage,
-    ),
-    Def::new(
-        Kind::None,
-        "f",
-        "frame",
-        Gives::Value("float"),
-        "Returns the time of a frame in seconds, at the frame rate (fps) of the stage.",
-        frame,
-    )
-    .in_frames(),
-    Def::new(
-        Kind::None,
-        "param",
-        "name, default, about?",
-        Gives::Value("like the default"),
-        "Declares a parameter of the script and returns its value: the default, or the value that `--set name=value` gives, converted to the type of the default. The default is a number, true or false, a text or an array of numbers; `about` is a description.",
-        param,
-    ),
-    Def::new(
-        Kind::None,
-        "on_frame",
-        "callback",
-        Gives::Nothing,
-        "Calls a function |t| … for every frame; t is the time in seconds. What it changes on actors, cameras, lights and effects holds for that frame only.",
-        on_frame,
-    ),
-];
+api! {
+    /// Sets the properties of the stage. Call it once, first. Without options, inside a test, it returns the stage
+    /// for `expect`.
+    /// - Output: size ([width, height] in pixels, each 1 to 16384, default [1280, 720]), fps (0.001 to 1000,
+    ///   default 30), length (seconds, default 4), samples (per pixel, for multisample antialiasing: 1 or 4,
+    ///   default 4).
+    /// - Background and light: background (a color or #{ top, bottom } for a vertical gradient, default a blue-gray
+    ///   gradient), ambient (ambient light: a color, a strength of white light, or #{ up, down } for light from
+    ///   above and from below).
+    /// - Rendering: cutouts (edges of alpha-masked surfaces such as leaves and hair at 4 samples: "smooth", the
+    ///   default, or "hard"), transparency (order of transparent surfaces: "sorted" back to front mesh by mesh,
+    ///   "independent" of the order, per pixel, by depth peeling with up to 8 layers, or "auto", the default:
+    ///   "independent" where sorting fails), pipeline ("forward": surfaces are lit as they are drawn; "deferred":
+    ///   each pixel is lit once, from a G-buffer, with 1 sample; "auto", the default: the faster of the two, by the
+    ///   number of lights and the overdraw), skin_once (pre-skinning. true: a mesh is skinned once per frame for
+    ///   all passes that draw it; false: in each pass; "auto", the default: once where that is cheaper).
+    stage("options | ") -> Stage = stage;
+    /// Returns the time of a frame in seconds, at the frame rate (fps) of the stage.
+    f("frame") -> "float" = frame, in_frames;
+    /// Declares a parameter of the script and returns its value: the default, or the value that `--set name=value`
+    /// gives, converted to the type of the default. The default is a number, true or false, a text or an array of
+    /// numbers; `about` is a description.
+    param("name, default, about?") -> "like the default" = param;
+    /// Calls a function |t| … for every frame; t is the time in seconds. What it changes on actors, cameras, lights
+    /// and effects holds for that frame only.
+    on_frame("callback") -> () = on_frame;
+}
 
 fn stage(c: &mut Call) -> Reply {
     let this = StageRef(c.shared.test().current_stage);
