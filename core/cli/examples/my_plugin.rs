@@ -1,11 +1,11 @@
 //! choreo with a format and a look of one's own, from a program that depends on the library crates:
 //! `cargo run -p choreo --example my_plugin -- plugins`. Everything else is the command line as it is.
 
+use choreo_asset::Asset;
 use choreo_plugin::{
     AssetBuilder, Effect, Files, ImportError, ImportOptions, Importer, Manifest, MeshData, Needs, Registry,
     Source,
 };
-use choreo_stage::Asset;
 use glam::{Vec2, Vec4};
 use std::process::ExitCode;
 use std::sync::LazyLock;

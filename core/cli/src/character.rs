@@ -2,8 +2,8 @@
 
 use crate::model::list;
 use crate::page::Page;
+use choreo_asset::{Asset, EyesMovedBy};
 use choreo_motion::spring::parameters::ColliderShape;
-use choreo_stage::{Asset, EyesMovedBy};
 use serde_json::{Value, json};
 
 /// Lines of the overview; `joints`: each bone with its joint too.

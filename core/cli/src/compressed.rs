@@ -1,9 +1,10 @@
 //! What compressed clips save, and how far off they are: for `info --compress` and `explain`.
 
 use crate::failure::Failure;
+use choreo_asset::Asset;
 use choreo_bench::plots::{Cell, Table, bytes};
 use choreo_motion::Compressed;
-use choreo_stage::{Asset, Stage};
+use choreo_stage::Stage;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 

@@ -7,10 +7,10 @@ use crate::output_files::Media;
 use crate::page::Page;
 use crate::scene::{self, Opening};
 use crate::{character, model, plugin_files};
+use choreo_asset::{Asset, Light, LightKind, Origin, Projection};
 use choreo_motion::Clip;
 use choreo_plugin::{Registry, Source};
 use choreo_script::{Limits, mapping_lines};
-use choreo_stage::{Asset, Light, LightKind, Origin, Projection};
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::sync::Arc;
@@ -127,7 +127,7 @@ struct Facts {
 
 fn facts(asset: &Asset, importer: (String, String)) -> Facts {
     let primitives = || asset.meshes.iter().flat_map(|m| &m.primitives);
-    let triangle = |p: &&choreo_stage::Primitive| p.topology == choreo_stage::Topology::Triangles;
+    let triangle = |p: &&choreo_asset::Primitive| p.topology == choreo_asset::Topology::Triangles;
     let bounds = asset.rest_bounds();
     Facts {
         importer,

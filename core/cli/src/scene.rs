@@ -188,8 +188,8 @@ fn asset_warnings(stage: &Stage) -> Vec<String> {
     warnings
 }
 
-pub fn texts(asset: &choreo_stage::Asset) -> Vec<String> {
-    let text = |w: &choreo_stage::Warning| match w.place.is_empty() {
+pub fn texts(asset: &choreo_asset::Asset) -> Vec<String> {
+    let text = |w: &choreo_asset::Warning| match w.place.is_empty() {
         true => format!("{}: warning: {}", asset.name, w.text),
         false => format!("{}: {}: warning: {}", asset.name, w.place, w.text),
     };

@@ -3,11 +3,11 @@
 
 mod common;
 
+use choreo_asset::Asset;
 use choreo_motion::retarget::{Options, Retarget};
 use choreo_motion::{Clip, Human, Pose, Sample, Skeleton, Time};
 use choreo_plugin::{Needs, Registry};
 use choreo_script::{ImportChoice, Limits, Loader};
-use choreo_stage::Asset;
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::Arc;
 

@@ -3,6 +3,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Needs, Registry};
 use choreo_render::{Catalog, GpuOptions, Plan, PlanOptions, RenderError, Renderer, VulkanRenderer};

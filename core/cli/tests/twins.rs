@@ -5,6 +5,7 @@ mod common;
 #[path = "common/unhurried.rs"]
 mod unhurried;
 
+use choreo_asset::*;
 use choreo_image_diff::{Comparison, compare};
 use choreo_motion::Time;
 use choreo_plugin::{Frame, Needs, Registry};

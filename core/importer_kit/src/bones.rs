@@ -1,7 +1,7 @@
 //! A skeleton that can be seen: one octahedron from each joint to each of its children, for files that hold no mesh.
 
+use choreo_asset::{Asset, Material, Mesh, MeshInstance, Primitive, Skin};
 use choreo_motion::Skeleton;
-use choreo_stage::asset::{Asset, Material, Mesh, MeshInstance, Primitive, Skin};
 use glam::{DAffine3, DVec3, Mat4, Vec3};
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
 //! How much an importer may decode, and what it has to say about it.
 
-use choreo_stage::asset::Warning;
+use choreo_asset::Warning;
 use std::cell::{Cell, RefCell};
 
 /// Warnings of one file; more are counted in one line.

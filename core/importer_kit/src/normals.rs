@@ -1,6 +1,6 @@
 //! Flat normals where a file has none, and splitting of vertices that need several values.
 
-use choreo_stage::asset::Primitive;
+use choreo_asset::Primitive;
 use glam::{Vec3, Vec4};
 use std::collections::HashMap;
 

@@ -1,7 +1,7 @@
 //! Panoramas of light: Radiance RGBE pictures (`.hdr`).
 
 use crate::problem::{Problem, Result};
-use choreo_stage::{Panorama, PanoramaError};
+use choreo_asset::{Panorama, PanoramaError};
 use image::{ImageFormat, ImageReader};
 use std::io::Cursor;
 

@@ -2,8 +2,8 @@
 
 use crate::budget::Notes;
 use crate::problem::{Problem, Result};
+use choreo_asset::Image;
 use choreo_plugin::{Files, Needs};
-use choreo_stage::asset::Image;
 use image::{ImageFormat, ImageReader};
 use std::io::Cursor;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,7 +1,7 @@
 //! Normals for surfaces that come without: smooth across edges that are flatter than an angle.
 
 use crate::normals::split_corners;
-use choreo_stage::asset::Primitive;
+use choreo_asset::Primitive;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::ops::Range;

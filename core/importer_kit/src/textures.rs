@@ -6,8 +6,8 @@ use crate::Result;
 use crate::budget::{Budget, Notes};
 use crate::pictures::{Encoded, Formats, decode_beside, or_white};
 use crate::search;
+use choreo_asset::Image;
 use choreo_plugin::{Files, Needs};
-use choreo_stage::asset::Image;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

@@ -7,8 +7,8 @@ pub mod damage;
 pub mod pose;
 pub mod sound;
 
+use choreo_asset::Asset;
 use choreo_plugin::{Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source};
-use choreo_stage::Asset;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};

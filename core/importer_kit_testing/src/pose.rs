@@ -1,8 +1,7 @@
 //! An asset's clip at a time, through the jobs that the program uses.
 
+use choreo_asset::{Asset, Primitive};
 use choreo_motion::{LocalToModel, Pose, Sample, Time};
-use choreo_stage::Asset;
-use choreo_stage::asset::Primitive;
 use glam::{Affine3A, Mat4, Vec3};
 
 /// Model-from-joint of every joint; the rest pose for no clip.

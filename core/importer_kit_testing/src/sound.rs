@@ -1,6 +1,6 @@
 //! What the comments of `Asset` promise of every file.
 
-use choreo_stage::asset::{Asset, Topology};
+use choreo_asset::{Asset, Topology};
 
 /// Panics with `name` where the asset breaks a promise.
 pub fn check(name: &str, asset: &Asset) {

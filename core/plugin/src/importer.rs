@@ -1,7 +1,7 @@
 //! Files in: an importer turns bytes into an [`Asset`].
 
 use crate::{Manifest, PluginFile};
-use choreo_stage::Asset;
+use choreo_asset::Asset;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use thiserror::Error;

@@ -2,7 +2,8 @@
 //! Both renderers draw it after everything else of the scene; lines, points and lattices with smooth edges whatever the number of
 //! samples.
 
-use choreo_stage::{ActorState, Asset, DAabb, EffectTarget, Snapshot, Stage};
+use choreo_asset::{Asset, DAabb};
+use choreo_stage::{ActorState, EffectTarget, Snapshot, Stage};
 use glam::{DAffine3, DVec3, Vec4};
 
 /// What an effect may look at to draw: the stage, and how it is at a time.

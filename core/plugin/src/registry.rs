@@ -5,7 +5,7 @@ use crate::{
     Claim, Effect, EffectOnUse, Exporter, Files, ImportError, ImportOptions, Importer, Needs, PluginFault,
     Source,
 };
-use choreo_stage::Asset;
+use choreo_asset::Asset;
 use std::sync::Arc;
 
 #[derive(Clone, Default)]

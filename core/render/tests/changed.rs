@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_motion::{Clip, Interpolation, MaterialProperty, PropertyCurve, PropertyTarget, Time};
 use choreo_render::plan::Features;
 use choreo_render::*;

@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_render::commands::{Command, Cull, RecordOptions, record};
 use choreo_render::plan::Draw;

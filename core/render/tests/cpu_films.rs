@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_stage::*;
 use common::layered::layered;
 use common::*;

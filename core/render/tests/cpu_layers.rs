@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_render::plan::{Features, Glass};
 use choreo_render::{CpuRenderer, PlanOptions, Renderer};
 use choreo_stage::*;

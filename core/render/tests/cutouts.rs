@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_plugin::Frame;
 use choreo_render::vulkan::Ability;

@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_render::scene_resources::lod::{CROWD, TOLERANCE};
 use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
 use choreo_stage::*;

@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_render::PlanOptions;
 use choreo_render::plan::Features;
 use choreo_stage::*;

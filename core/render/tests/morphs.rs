@@ -1,9 +1,9 @@
 //! Morph targets cost what they move: bytes, and vertices that look at them.
 
+use choreo_asset::{MorphTarget, Primitive};
 use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
 use choreo_render::scene_resources::morph_buffers::{moved, moved_vertices};
 use choreo_render::scene_resources::vertex_layout::{VertexLayout, pack, pack_morphs};
-use choreo_stage::{MorphTarget, Primitive};
 use glam::{Vec3, Vec3Swizzles};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

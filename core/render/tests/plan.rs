@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_render::plan::*;
 use choreo_render::{Plan, PlanOptions};
 use choreo_stage::*;

@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_plugin::Frame;
 use choreo_render::commands::{Command, RecordOptions, record};
 use choreo_render::plan::Glass;

@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_motion::Time;
 use choreo_render::*;
 use choreo_stage::*;

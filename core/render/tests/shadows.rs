@@ -3,6 +3,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_render::commands::{Command, RecordOptions, record};
 use choreo_render::plan::Features;

@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_render::commands::texture_slots;
 use choreo_render::*;

@@ -1,9 +1,9 @@
 //! Object maps of a script, `#{ positions: …, normals: … }`, as the values that the asset is built from.
 
 use crate::numbers;
+use choreo_asset::Topology;
 use choreo_plugin::MeshData;
 use choreo_plugin::suggest::{did_you_mean, list};
-use choreo_stage::Topology;
 use rhai::{Dynamic, Map};
 
 /// An object map with known names; every error names the function and the field.

@@ -5,12 +5,12 @@ use crate::bytes::Bytes;
 use crate::engine::{MOST_CALLS, MOST_IN_ARRAY, MOST_TEXT, engine, manifest_engine};
 use crate::manifest;
 use crate::scene::{self, Request, Scene};
+use choreo_asset::Asset;
 use choreo_plugin::suggest::did_you_mean;
 use choreo_plugin::{
     AssetBuilder, Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionValue,
     PluginFile, Source,
 };
-use choreo_stage::Asset;
 use rhai::{AST, Dynamic, Engine, EvalAltResult, Map, Scope};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use thiserror::Error;

@@ -3,11 +3,11 @@
 
 use crate::engine::manifest_engine;
 use crate::importer::{RhaiImporter, ScriptError, manifest_of, without_mark};
+use choreo_asset::Asset;
 use choreo_plugin::{
     Claim, Files, ImportError, ImportOptions, Importer, MadeOnce, Manifest, Needs, PluginFault, PluginFile,
     Source,
 };
-use choreo_stage::Asset;
 use rhai::{Engine, Position, Token};
 
 /// An importer that is compiled when it is used first.

@@ -3,9 +3,9 @@
 use crate::budget::{Budget, Refused, refuse};
 use crate::bytes::Bytes;
 use crate::fields::{Fields, MESH, mesh_data};
+use choreo_asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Topology};
 use choreo_motion::{Curve, Interpolation, Path, Time, Transform};
 use choreo_plugin::{AssetBuilder, Needs};
-use choreo_stage::{AlphaMode, Material, Sampler, Shading, TextureRef, Topology};
 use glam::{Affine2, Mat4, Quat, Vec3, Vec4};
 use rhai::{Array, Dynamic, Engine, Map};
 use std::collections::BTreeMap;

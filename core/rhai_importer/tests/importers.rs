@@ -1,8 +1,8 @@
 //! Importers in Rhai on files made here: what arrives, and how everything wrong is answered.
 
+use choreo_asset::Asset;
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source};
 use choreo_rhai_importer::RhaiImporter;
-use choreo_stage::Asset;
 use glam::{Quat, Vec2, Vec3};
 use std::sync::Arc;
 

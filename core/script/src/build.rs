@@ -7,9 +7,11 @@ use crate::limits::{Limits, raise_hint};
 use crate::load::Load;
 use crate::loader::Loader;
 use crate::testing::{TestState, Timeout};
+use choreo_asset::Asset;
+use choreo_asset::*;
 use choreo_motion::{Clip, Curve, RootParts, Time};
 use choreo_stage::{
-    Actor, Asset, Channel, Cue, EffectUse, Flat, LayerMode, Repeat, Rig, Settings, Sky, StageLight, Target,
+    Actor, Channel, Cue, EffectUse, Flat, LayerMode, Repeat, Rig, Settings, Sky, StageLight, Target,
 };
 use glam::{DQuat, DVec3};
 use std::collections::{BTreeMap, BTreeSet};

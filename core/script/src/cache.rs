@@ -1,6 +1,6 @@
 //! Assets shared between runs: a file that two hundred sections load is read anew by each, but imported once.
 
-use choreo_stage::Asset;
+use choreo_asset::Asset;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -8,10 +8,12 @@ use crate::diagnostic::{Diagnostic, Severity};
 use crate::hook::{HookDraft, ScriptHook};
 use crate::lint::{ClipMarkers, Places};
 use crate::motion::{Found, in_step, root};
+use choreo_asset::Projection;
+use choreo_asset::*;
 use choreo_motion::{Clip, Time};
 use choreo_stage::{
-    Actor, Camera, Channel, Cue, CueRoot, Cut, Goal, GoalKind, Layer, LayerMode, Pace, Plant, Projection,
-    Property, Reference, Repeat, Rig, Stage,
+    Actor, Camera, Channel, Cue, CueRoot, Cut, Goal, GoalKind, Layer, LayerMode, Pace, Plant, Property,
+    Reference, Repeat, Rig, Stage,
 };
 use glam::{DQuat, DVec3, Vec3};
 use rhai::Engine;

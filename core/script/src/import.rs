@@ -6,7 +6,7 @@
 //! ```
 
 use crate::folders::LoadError;
-use choreo_stage::Asset;
+use choreo_asset::Asset;
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};

@@ -5,7 +5,7 @@ use crate::call::{ApiError, Place};
 use crate::diagnostic::Severity;
 use crate::folders::LoadError;
 use crate::import::Import;
-use choreo_stage::Asset;
+use choreo_asset::Asset;
 use std::sync::{Arc, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 

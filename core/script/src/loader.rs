@@ -4,10 +4,10 @@ use crate::cache::{AssetCache, Key, Made, SideFile};
 use crate::folders::{Folders, Found, LoadError};
 use crate::import::{Import, Imports, submit};
 use crate::suggest::{did_you_mean, list};
+use choreo_asset::Asset;
 use choreo_plugin::{
     Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, OptionError, Registry, Source,
 };
-use choreo_stage::Asset;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -285,7 +285,7 @@ impl Loader {
         }
         if !needs.geometry && self.needs.geometry {
             // Told where the asset is cast, and only there.
-            asset.warnings.push(choreo_stage::Warning {
+            asset.warnings.push(choreo_asset::Warning {
                 place: String::new(),
                 text: "it was loaded for its clips only, so nothing of it can be seen; leave only: \"clips\" out".into(),
             });

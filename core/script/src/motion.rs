@@ -1,9 +1,10 @@
 //! What is found out about clips when the stage is settled: root motion and steps, once for all who play them.
 
 use crate::build::{Build, CueDraft, RootDraft, RootUse};
+use choreo_asset::Asset;
 use choreo_motion::contacts::{Contacts, find_feet};
 use choreo_motion::{Clip, PhaseFade, RootMotion, RootParts, Steps, Time};
-use choreo_stage::{Asset, Cue, CueRoot, Pace, Repeat};
+use choreo_stage::{Cue, CueRoot, Pace, Repeat};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

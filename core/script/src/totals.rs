@@ -3,7 +3,7 @@
 use crate::build::Build;
 use crate::call::{ApiError, Place};
 use crate::limits::{Limits, raise_hint};
-use choreo_stage::{Asset, Image};
+use choreo_asset::{Asset, Image};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 

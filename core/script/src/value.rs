@@ -6,8 +6,8 @@
 use crate::load::Load;
 pub use crate::made::ImageRef;
 use crate::testing::{ExpectRef, PlanOptions};
+use choreo_asset::Asset;
 use choreo_motion::Clip;
-use choreo_stage::Asset;
 use rhai::{Dynamic, Engine};
 use std::any::TypeId;
 use std::sync::Arc;

@@ -2,9 +2,9 @@
 
 mod common;
 
+use choreo_asset::Asset;
 use choreo_plugin::*;
 use choreo_script::{Imports, ScriptOptions, run_text};
-use choreo_stage::Asset;
 use common::*;
 use std::sync::{Arc, Condvar, LazyLock, Mutex};
 use std::time::{Duration, Instant};

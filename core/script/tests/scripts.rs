@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_motion::Time;
 use choreo_stage::*;
 use common::*;
@@ -246,7 +247,7 @@ fn cameras_of_files_and_shapes() {
     assert_eq!(s.cameras[1].projection, Projection::Orthographic { height: 4.0, near: 0.05, far: 20.0 });
     assert_eq!(s.actors[1].asset.images.len(), 1);
     let shiny = &s.actors[2].asset.materials[0];
-    assert_eq!((shiny.shading, shiny.shininess), (choreo_stage::Shading::BlinnPhong, 40.0));
+    assert_eq!((shiny.shading, shiny.shininess), (choreo_asset::Shading::BlinnPhong, 40.0));
     assert_eq!(shiny.specular_color, glam::Vec3::ONE);
 }
 

@@ -1,8 +1,9 @@
 //! Model files in place of a script: put on a stage of their own.
 
+use choreo_asset::{Aabb, Asset};
 use choreo_motion::{Clip, Time};
 use choreo_script::did_you_mean;
-use choreo_stage::{Aabb, Asset, Cue, Repeat, Stage};
+use choreo_stage::{Cue, Repeat, Stage};
 use std::path::Path;
 use std::sync::Arc;
 

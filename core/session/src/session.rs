@@ -2,13 +2,14 @@
 
 use crate::plugin_files::{self, ENDINGS, Listing};
 use crate::{Interest, Recipe, Waited, Waker, Watch, WatchError, model};
+use choreo_asset::Asset;
 use choreo_plugin::Registry;
 use choreo_render::Catalog;
 use choreo_script::{
     AssetCache, BUILT_IN, Diagnostic, Folders, Imports, Loader, Parameter, Places, ScriptOptions, Severity,
     Touched, content_of, run_file_touching,
 };
-use choreo_stage::{Asset, Evaluator, Stage};
+use choreo_stage::{Evaluator, Stage};
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};

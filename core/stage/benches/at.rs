@@ -2,6 +2,7 @@
 
 #[path = "../tests/support/mod.rs"]
 mod support;
+use choreo_asset::*;
 use choreo_motion::{Path, Time, Transform};
 use choreo_stage::*;
 use std::hint::black_box;

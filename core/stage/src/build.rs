@@ -1,7 +1,13 @@
 //! A stage from Rust: what tests and tools use, and the script does the same with.
 
-use crate::*;
-use choreo_motion::{Clip, Time};
+use crate::stage::Stage;
+use crate::stage::actor::{Actor, LookAt, Placement, Target};
+use crate::stage::camera::{Camera, Rig};
+use crate::stage::clips::{Cue, Layer};
+use crate::stage::light::StageLight;
+use crate::stage::springs::ActorSprings;
+use choreo_asset::{Asset, Light, LightKind, Projection};
+use choreo_motion::{Clip, Ease, Repeat, Skinning, Time};
 use glam::{DQuat, DVec3, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -15,7 +21,7 @@ impl Stage {
     /// Adds a cue to the base layer of an actor, in its place by start time. Panics where there is no such actor.
     ///
     /// ```
-    /// # use choreo_stage::*; use choreo_motion::{Clip, Time}; use std::sync::Arc;
+    /// # use choreo_asset::*; use choreo_stage::*; use choreo_motion::{Clip, Ease, Repeat, Skinning, Time}; use std::sync::Arc;
     /// # let asset = Arc::new(Asset { clips: vec![Arc::new(Clip::new("Walk".into(), 0, vec![]).unwrap())], ..Asset::default() });
     /// let mut stage = Stage::default();
     /// let anna = stage.cast("anna", asset.clone());

@@ -1,9 +1,16 @@
 //! Which camera is on, where it stands and what it sees.
 
-use crate::channels::{keyed, vec3};
-use crate::evaluate::{target_position, world_from_attachment};
 use crate::framing::Framings;
-use crate::*;
+use crate::properties;
+use crate::snapshot::{ActorState, CameraState};
+use crate::stage::actor::{Actor, Attachment, Target};
+use crate::stage::camera::{Camera, Rig};
+use crate::stage::channel::Property;
+use crate::stage::channel::{keyed, vec3};
+use crate::stage::edits::FrameEdits;
+use crate::stage::{Stage, StageError};
+use crate::transforms::{target_position, world_from_attachment};
+use choreo_asset::Projection;
 use choreo_motion::{PropertyTarget, Time};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 

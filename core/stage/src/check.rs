@@ -1,7 +1,17 @@
 //! What a stage must be for frames to be made of it. `Stage::at` itself is lenient: it leaves out what does not exist.
 
-use crate::order::{self, Order};
-use crate::*;
+use crate::stage::actor::{Actor, Attachment, Placement, Target};
+use crate::stage::camera::{Camera, Rig};
+use crate::stage::channel::{Channel, Property};
+use crate::stage::clips::{Cue, LayerMode};
+use crate::stage::layers_2d::{Fit, Flat, FlatContent};
+use crate::stage::light::{Shadow, StageLight};
+use crate::stage::sky::Sky;
+use crate::stage::time_remapping::Warp;
+use crate::stage::{Background, Settings, Stage, StageError};
+use crate::transforms::order;
+use crate::transforms::order::Order;
+use choreo_asset::{Asset, Light, LightKind, Projection};
 use choreo_motion::{Interpolation, Playback, Time};
 
 /// Everything wrong with one stage, by place.
@@ -164,7 +174,7 @@ impl Checker<'_> {
             });
             self.need(look.fade >= Time::ZERO, &place, || "fade is negative".to_string());
         }
-        for (part, what) in crate::goals::check::problems(self.stage, actor) {
+        for (part, what) in crate::constraints::check::problems(self.stage, actor) {
             self.need(false, &format!("{place}, {part}"), || what);
         }
         for (instance, target, weight) in &actor.morphs {

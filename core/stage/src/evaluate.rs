@@ -3,18 +3,31 @@
 //! In this order: keyed properties, hooks, visibility, which poses are needed at all, poses, places in the world, goals
 //! (planted feet, aims, looks, reaches), places again where a goal has moved something, springs, lights, camera.
 
-use crate::carry::{self, CarryScratch, Motions};
+use crate::constraints::foot_lock::Plants;
+use crate::constraints::solve;
+use crate::constraints::solve::GoalScratch;
+use crate::culling::{OutOfView, Reaches, stands_without_poses};
 use crate::framing::Framings;
-use crate::goals::plant::Plants;
-use crate::goals::solve::{self, GoalScratch};
-use crate::goals::springs::{self, Kept, Simulation};
-use crate::order::{self, Order, Step};
-use crate::out_of_view::{OutOfView, Reaches, stands_without_poses};
 use crate::pose::PoseScratch;
-use crate::posing::Posing;
-use crate::*;
+use crate::pose::motions::Motions;
+use crate::pose::posing::Posing;
+use crate::root_motion::carry;
+use crate::root_motion::carry::CarryScratch;
+use crate::snapshot::{ActorState, Snapshot};
+use crate::springs;
+use crate::springs::{Kept, Simulation};
+use crate::stage::actor::{Placement, Target};
+use crate::stage::camera::Rig;
+use crate::stage::edits::{ActorEdit, FrameEdits};
+use crate::stage::sky::SkyEdit;
+use crate::stage::{Stage, StageError};
+use crate::transforms::facing;
+use crate::transforms::order;
+use crate::transforms::order::{Order, Step};
+use crate::transforms::world_from_attachment;
+use crate::{camera, effects, layers_2d as flat, lights, pose};
 use choreo_motion::Time;
-use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3, Vec3};
+use glam::DAffine3;
 use std::sync::{Arc, OnceLock};
 
 impl Stage {
@@ -25,7 +38,7 @@ impl Stage {
     /// its buffers, and what a framing camera has found out, from one to the next.
     ///
     /// ```
-    /// # use choreo_stage::*; use choreo_motion::Time; use std::sync::Arc;
+    /// # use choreo_asset::*; use choreo_stage::*; use choreo_motion::Time; use std::sync::Arc;
     /// let mut stage = Stage::default();
     /// let anna = stage.cast("anna", Arc::new(Asset::default()));
     /// stage.actors[anna].transform.translation.x = 2.0;
@@ -260,7 +273,7 @@ pub(crate) fn evaluate_actors(
     }
     run_hooks(stage, scratch, time, &mut out.actors)?;
     let motions = scratch.motions.get_or_insert_with(|| Arc::new(Motions::new(stage))).clone();
-    carry::carry(stage, &motions, time, &mut scratch.carry, &mut scratch.placements);
+    carry::carry(stage, &motions.travels, time, &mut scratch.carry, &mut scratch.placements);
     for step in &scratch.order.steps {
         // Parents come first.
         if let Step::Position(a) = *step
@@ -407,7 +420,7 @@ fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorS
             want(work, face, false);
         }
         for look in &actor.look_at {
-            if look_at::share(look, time) > 0.0
+            if look.share(time) > 0.0
                 && let Some((actor, pose)) = want_target(&look.target)
             {
                 want(work, actor, pose);
@@ -448,49 +461,4 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
             }
         }
     }
-}
-
-/// The turn about +Y of a frame that brings its +Z towards a world direction; none where that goes straight up or nowhere.
-pub(crate) fn facing(world_from_frame: &DAffine3, world_way: DVec3) -> DQuat {
-    let way = world_from_frame.matrix3.inverse() * world_way;
-    let yaw = libm::atan2(way.x, way.z);
-    if (way.x == 0.0 && way.z == 0.0) || !yaw.is_finite() {
-        return DQuat::IDENTITY;
-    }
-    DQuat::from_rotation_y(yaw)
-}
-
-/// World from the space of an actor or one of its joints. Of a joint that is not posed: as at rest.
-pub(crate) fn world_from_attachment(stage: &Stage, actors: &[ActorState], at: &Attachment) -> DAffine3 {
-    let Some(state) = actors.get(at.actor) else { return DAffine3::IDENTITY };
-    match at.joint {
-        None => state.world_from_model,
-        Some(joint) => state.world_from_model * model_from_joint(stage, actors, at.actor, joint),
-    }
-}
-
-fn model_from_joint(stage: &Stage, actors: &[ActorState], actor: usize, joint: u32) -> DAffine3 {
-    let posed = &actors[actor].model_from_joint;
-    let all = if posed.is_empty() { stage.actors[actor].asset.rest_model_from_joint() } else { posed };
-    all.get(joint as usize).map_or(DAffine3::IDENTITY, widen)
-}
-
-pub(crate) fn widen(a: &Affine3A) -> DAffine3 {
-    DAffine3 { matrix3: Mat3::from(a.matrix3).as_dmat3(), translation: Vec3::from(a.translation).as_dvec3() }
-}
-
-/// Where a target is; `None` for actors and joints that do not exist and for places that are not finite.
-pub(crate) fn target_position(stage: &Stage, actors: &[ActorState], target: &Target) -> Option<DVec3> {
-    let at = match *target {
-        Target::Point(point) => point,
-        Target::Actor(actor) => {
-            let middle = stage.actors.get(actor)?.asset.rest_bounds().center();
-            actors.get(actor)?.world_from_model.transform_point3(middle.as_dvec3())
-        }
-        Target::Joint { actor, joint } => {
-            stage.actors.get(actor)?;
-            world_from_attachment(stage, actors, &Attachment { actor, joint: Some(joint) }).translation
-        }
-    };
-    at.is_finite().then_some(at)
 }

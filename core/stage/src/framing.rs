@@ -4,10 +4,14 @@
 //! outlines of all visible actors are taken at some times of the stage, once; then a camera costs a few projected corners a frame.
 
 use crate::camera::orbit_rotation;
+use crate::constraints::foot_lock::Plants;
 use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
-use crate::goals::plant::Plants;
-use crate::posed_mesh::{Carriers, posed_body};
-use crate::*;
+use crate::pose::posed_mesh::posed_body;
+use crate::pose::posed_mesh::posed_meshes;
+use crate::snapshot::{ActorState, CameraState, Snapshot};
+use crate::stage::{Stage, StageError};
+use choreo_asset::Carriers;
+use choreo_asset::{Aabb, Asset, DAabb, InstanceBounds, MeshInstance, PosedInstance, Projection};
 use choreo_motion::{Skinning, Time};
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::OnceLock;

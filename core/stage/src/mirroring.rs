@@ -1,6 +1,6 @@
 //! Left and right exchanged in a whole body: joints, morph targets and expressions.
 
-use crate::{Asset, MeshInstance};
+use choreo_asset::{Asset, MeshInstance};
 use choreo_motion::sides::side_of;
 use choreo_motion::{BlendOnto, Clip, Curve, Mirror, MirrorError, MirrorMap, Path, Pose};
 

@@ -1,8 +1,14 @@
 //! The stage at one time: what the renderer, `choreo pose` and tests look at.
 
-use crate::{Background, ChangedMaterial, EffectState, FlatState, Light, Projection, Shadow, SkyState};
+use crate::stage::Background;
+use crate::stage::light::Shadow;
+use choreo_asset::Material;
+use choreo_asset::Panorama;
+use choreo_asset::{Light, Projection};
 use choreo_motion::{Skinning, Time};
+use glam::DVec2;
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
+use std::sync::Arc;
 
 #[derive(Clone, Debug, Default)]
 pub struct Snapshot {
@@ -28,7 +34,7 @@ pub struct ActorState {
     pub visible: bool,
     pub world_from_model: DAffine3,
     /// One per joint of the asset's skeleton. Empty, like the weights, where the actor is invisible and nothing seen hangs on
-    /// its joints, unless [`Evaluator::posing_hidden`](crate::Evaluator::posing_hidden) asks for them.
+    /// its joints, unless [`Evaluator::posing_hidden`](crate::evaluate::Evaluator::posing_hidden) asks for them.
     pub model_from_joint: Vec<Affine3A>,
     /// One list per mesh instance of the asset; empty lists where the mesh has no morph targets.
     pub morph_weights: Vec<Vec<f32>>,
@@ -44,7 +50,7 @@ pub struct ActorState {
     /// Materials of which clips, expressions or they themselves change more than that, in the asset's order.
     pub materials: Vec<ChangedMaterial>,
     /// Neither it nor its shadow is in the picture that the snapshot is for, so that it is not posed for its own sake; see
-    /// [`Evaluator::for_pictures`](crate::Evaluator::for_pictures).
+    /// [`Evaluator::for_pictures`](crate::evaluate::Evaluator::for_pictures).
     pub out_of_view: bool,
 }
 
@@ -82,6 +88,45 @@ pub struct LightState {
     /// Unit.
     pub direction: Vec3,
     pub shadow: Option<Shadow>,
-    /// See [`crate::StageLight::attenuation`].
+    /// See [`crate::stage::StageLight::attenuation`].
     pub attenuation: Option<[f32; 3]>,
+}
+
+/// A sky at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SkyState {
+    pub panorama: Arc<Panorama>,
+    pub turn: f64,
+    pub strength: f32,
+    pub background: bool,
+}
+
+/// An effect that is on at a time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EffectState {
+    /// Index into `Stage::effects`.
+    pub effect: usize,
+    /// What the script gives it, as it is now; sorted by name. A spline may have left the parameter's range.
+    pub parameters: Vec<(String, f64)>,
+}
+
+/// One that is seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlatState {
+    /// Index into `Stage::flats`.
+    pub flat: usize,
+    pub at: DVec2,
+    /// Above 0, at most 1.
+    pub opacity: f32,
+    pub scale: f64,
+    /// In place of those of the content.
+    pub words: Option<String>,
+}
+
+/// A material of an actor's asset as it is at one time. Its textures are the file's; where they are read may differ.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChangedMaterial {
+    /// Index into `Asset::materials`.
+    pub material: u32,
+    pub now: Material,
 }

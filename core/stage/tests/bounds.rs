@@ -1,6 +1,7 @@
 //! Boxes hold what they say, in any pose, and are not much too large.
 
 mod support;
+use choreo_asset::*;
 use choreo_stage::*;
 use glam::{Affine3A, DAffine3, Quat, Vec3};
 use std::sync::Arc;

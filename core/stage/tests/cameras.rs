@@ -1,6 +1,7 @@
 //! Rigs, cuts and framing, where a script cannot say it; the rest is in `tests/suite/cameras`.
 
 mod support;
+use choreo_asset::*;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3, Vec3};

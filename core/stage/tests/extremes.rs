@@ -1,6 +1,7 @@
 //! Far away, flat, empty, late, and broken on purpose.
 
 mod support;
+use choreo_asset::*;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3, Vec3};

@@ -1,6 +1,7 @@
 //! Hands that reach, spines that turn, feet that stand.
 
 mod support;
+use choreo_asset::*;
 use choreo_motion::{Path, Time};
 use choreo_stage::*;
 use glam::{DVec3, Quat, Vec3};

@@ -1,6 +1,7 @@
 //! Equal content, equal hash; anything else, another.
 
 mod support;
+use choreo_asset::*;
 use choreo_motion::Time;
 use choreo_stage::*;
 use glam::{Affine2, DVec3, Vec3};

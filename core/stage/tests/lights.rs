@@ -1,6 +1,7 @@
 //! What shines.
 
 mod support;
+use choreo_asset::*;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::*;
 use glam::{DVec3, Vec3};

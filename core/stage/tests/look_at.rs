@@ -1,6 +1,7 @@
 //! Heads that turn, where a script cannot say it; the rest is in `tests/suite/looks`.
 
 mod support;
+use choreo_asset::*;
 use choreo_stage::*;
 use glam::DVec3;
 use std::sync::Arc;

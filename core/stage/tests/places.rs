@@ -1,6 +1,7 @@
 //! Where actors stand: placements, parents, hands, keys, hooks, facing, visibility.
 
 mod support;
+use choreo_asset::*;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::*;
 use glam::{DQuat, DVec3, Quat, Vec4};

@@ -1,6 +1,7 @@
 //! Other people's characters: every clip stays in its boxes and in the framed picture, heads turn the right way.
 
 mod support;
+use choreo_asset::*;
 use choreo_plugin::{Files, ImportOptions, Importer, Needs, Source};
 use choreo_stage::*;
 use glam::{DAffine3, DVec3};

@@ -1,6 +1,7 @@
 //! A snapshot is a function of the time: any order, any thread, used or fresh memory.
 
 mod support;
+use choreo_asset::*;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::*;
 use std::sync::Arc;

@@ -1,6 +1,7 @@
 //! Springs on the stage: any frame first, any rate, any thread.
 
 mod support;
+use choreo_asset::*;
 use choreo_motion::spring::{RigBone, SpringBone, SpringRig};
 use choreo_motion::{Path, Time};
 use choreo_stage::*;

@@ -2,6 +2,7 @@
 //! All else of the timeline is tested against closed forms in `tests/suite/timeline` and `tests/suite/layers`.
 
 mod support;
+use choreo_asset::*;
 use choreo_motion::Time;
 use choreo_stage::*;
 use std::sync::Arc;

@@ -193,7 +193,8 @@ fn on_plane((origin, direction): (DVec3, DVec3), center: DVec3, normal: DVec3) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use choreo_stage::{CameraState, Projection};
+    use choreo_asset::Projection;
+    use choreo_stage::CameraState;
 
     fn lens() -> Lens {
         let world_from_view = DAffine3::from_rotation_translation(

@@ -1,6 +1,7 @@
 //! A camera as seen on the screen: from the world to points of the window and back, in f64.
 
-use choreo_stage::{CameraState, Projection};
+use choreo_asset::Projection;
+use choreo_stage::CameraState;
 use glam::{DAffine3, DVec2, DVec3};
 
 /// Metres before the camera at which lines are cut off; nearer points have no place on the screen.

@@ -1,6 +1,7 @@
 //! A camera moved with the mouse: around a point, with it, towards it, or on foot.
 
-use choreo_stage::{CameraState, Projection};
+use choreo_asset::Projection;
+use choreo_stage::CameraState;
 use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3};
 
 /// Straight up and down are left out: there "sideways" has no meaning.

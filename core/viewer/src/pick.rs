@@ -1,6 +1,7 @@
 //! What is under the mouse: the actor whose surface, as posed, a ray meets first.
 
-use choreo_stage::{ActorState, Asset, Snapshot, Stage, Topology, posed_meshes};
+use choreo_asset::{Asset, Topology};
+use choreo_stage::{ActorState, Snapshot, Stage, posed_meshes};
 use glam::{DVec3, Vec3};
 
 /// Width of lines, points and bones for the mouse, metres a metre of distance.
@@ -33,7 +34,7 @@ pub fn actor(
 
 /// Corners of a box around an actor as posed, in the world; `None` of one that has no surface.
 pub fn bounds(asset: &Asset, state: &ActorState) -> Option<(DVec3, DVec3)> {
-    let mut all = choreo_stage::Aabb::EMPTY;
+    let mut all = choreo_asset::Aabb::EMPTY;
     if state.model_from_joint.len() >= asset.skeleton.len() {
         for (instance, weights) in asset.instance_bounds().iter().zip(&state.morph_weights) {
             all = all.union(instance.posed(&state.model_from_joint, weights));

@@ -4,9 +4,9 @@ use crate::around::Beside;
 use crate::head::{Head, JointLine};
 use crate::program::{MOST_STEPS, Program};
 use crate::shape::Value;
+use choreo_asset::{Asset, DAabb};
 use choreo_plugin::suggest::did_you_mean;
 use choreo_plugin::{Body, EffectTexture, Overlay, Scene, Stroke, Triangle};
-use choreo_stage::{Asset, DAabb};
 use glam::{DVec3, Vec4};
 
 /// Steps of all of an effect's lines or triangles in a frame, some tenths of a second; what comes after is not drawn.

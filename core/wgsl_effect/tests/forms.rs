@@ -1,5 +1,6 @@
 //! Geometry of an effect's own, from one file: lines and triangles against closed forms, hulls, and what is refused or left out.
 
+use choreo_asset::*;
 use choreo_motion::{Skeleton, Time, Transform};
 use choreo_plugin::{Effect, Hook, Overlay, Scene, Shell};
 use choreo_stage::*;

@@ -4,12 +4,11 @@ mod hierarchy;
 mod motion;
 mod units;
 
+use choreo_asset::{Asset, Origin};
 use choreo_importer_kit::text::stem;
 use choreo_importer_kit::{Notes, Problem, Progress, Result, bones};
 use choreo_motion::Skeleton;
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::Asset;
-use choreo_stage::asset::Origin;
 use glam::DQuat;
 use std::sync::{Arc, LazyLock};
 

@@ -5,8 +5,8 @@ use crate::nodes::{Tree, find_joint};
 use crate::source::{doubles, floats, inputs, names};
 use crate::tree::{Node, NodeId};
 use crate::xml::{Xml, child, children, name_of};
+use choreo_asset::{MorphTarget, Skin};
 use choreo_importer_kit::Result;
-use choreo_stage::asset::{MorphTarget, Skin};
 use glam::{DMat4, Mat4, Vec3};
 use std::rc::Rc;
 

@@ -3,11 +3,11 @@
 use crate::source::{Floats, Input, floats, inputs};
 use crate::tree::{Node, NodeId};
 use crate::xml::{Xml, child, children, name_of};
+use choreo_asset::{Primitive, Topology};
 use choreo_importer_kit::corners::Joined;
 use choreo_importer_kit::polygon::{Cut, Triangulator};
 use choreo_importer_kit::text;
 use choreo_importer_kit::{Problem, Result};
-use choreo_stage::asset::{Primitive, Topology};
 use glam::{Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 use std::rc::Rc;

@@ -14,11 +14,11 @@ mod source;
 mod tree;
 mod xml;
 
+use choreo_asset::{Asset, Origin, Topology};
 use choreo_importer_kit::text::{shown, stem};
 use choreo_importer_kit::textures::is_normal_map;
 use choreo_importer_kit::{Budget, Notes, Result, bones, normals, tangents};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::asset::{Asset, Origin, Topology};
 use glam::{DMat4, DVec4};
 use std::sync::{Arc, LazyLock};
 

@@ -2,12 +2,11 @@
 
 use crate::tree::Node;
 use crate::xml::{Xml, child, children, descendant, name_of, text_of};
+use choreo_asset::{AlphaMode, Material, Reflection, Sampler, Shading, TextureRef, Wrap};
 use choreo_importer_kit::Result;
 use choreo_importer_kit::color::linear_from_srgb;
 use choreo_importer_kit::textures::Textures;
 use choreo_plugin::Files;
-use choreo_stage::Reflection;
-use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
 use glam::{Affine2, Vec3, Vec4};
 use std::collections::BTreeMap;
 

@@ -3,9 +3,9 @@
 use crate::nodes::Tree;
 use crate::tree::Node;
 use crate::xml::{LEFT_OUT, Xml, child, children, descendant, name_of};
+use choreo_asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
 use choreo_importer_kit::Result;
 use choreo_importer_kit::text::{number, shown};
-use choreo_stage::asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
 use glam::Vec3;
 use std::f64::consts::PI;
 

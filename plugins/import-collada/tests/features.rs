@@ -1,11 +1,11 @@
 //! One small file with a skin, two uv sets, a texture, a camera and lights; and changes of it.
 
+use choreo_asset::{AlphaMode, Asset, LightKind, Projection, Shading, Wrap};
 use choreo_importer_kit_testing::{
     Companions, error_text, import, import_bytes, pose, sound, source, warnings,
 };
 use choreo_motion::{Interpolation, Path};
 use choreo_plugin::{Claim, Importer, Needs};
-use choreo_stage::asset::{AlphaMode, Asset, LightKind, Projection, Shading, Wrap};
 use glam::{Vec2, Vec3};
 use import_collada::ColladaImporter;
 
@@ -250,7 +250,7 @@ fn strips_fans_polygons_and_lines() {
     ));
     assert_eq!(polygons.len(), 12);
     let (lines, topology) = shape(format!("<linestrips count=\"1\">{inputs}<p>0 1 2</p></linestrips>"));
-    assert_eq!((lines.len(), topology), (4, choreo_stage::Topology::Lines));
+    assert_eq!((lines.len(), topology), (4, choreo_asset::Topology::Lines));
 }
 
 #[test]

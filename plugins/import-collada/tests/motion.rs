@@ -1,9 +1,9 @@
 //! Clips against f64 evaluations that share no code with the importer.
 
+use choreo_asset::Asset;
 use choreo_importer_kit_testing::{Companions, assets, import, import_bytes, pose, source, warnings};
 use choreo_motion::Time;
 use choreo_plugin::Needs;
-use choreo_stage::Asset;
 use glam::{DMat4, DVec3};
 use import_collada::ColladaImporter;
 use roxmltree::{Document, Node};

@@ -1,9 +1,9 @@
 //! Importer of `.example`: points and faces as text. The one to copy for a format of your own.
 
+use choreo_asset::Asset;
 use choreo_plugin::{
     AssetBuilder, Files, ImportError, ImportOptions, Importer, Manifest, MeshData, Needs, Source,
 };
-use choreo_stage::Asset;
 use std::sync::LazyLock;
 
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {

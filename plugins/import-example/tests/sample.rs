@@ -1,7 +1,7 @@
 //! The sample arrives whole, and what is wrong is told with its line.
 
+use choreo_asset::Asset;
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Needs, Source};
-use choreo_stage::Asset;
 use import_example::ExampleImporter;
 use std::sync::Arc;
 

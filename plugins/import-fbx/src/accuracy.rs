@@ -3,10 +3,10 @@
 use crate::file::TOLERANCE_DEG;
 use crate::local::Local;
 use crate::{FbxImporter, convert, load};
+use choreo_asset::Asset;
 use choreo_importer_kit_testing::{Companions, assets, options, source};
 use choreo_motion::{Pose, Sample, Time};
 use choreo_plugin::{Importer, Needs, OptionValue};
-use choreo_stage::Asset;
 use glam::{DQuat, DVec3};
 use std::path::Path;
 

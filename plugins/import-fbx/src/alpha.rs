@@ -1,6 +1,6 @@
 //! How a material with a see-through picture is drawn: cut out where its alpha is all or nothing, else blended.
 
-use choreo_stage::asset::{AlphaMode, Image};
+use choreo_asset::{AlphaMode, Image};
 
 /// Where a material's alpha comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

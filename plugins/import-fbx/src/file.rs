@@ -1,9 +1,9 @@
 //! The open file: scene, companions, budgets, warnings.
 
 use crate::load;
+use choreo_asset::Origin;
 use choreo_importer_kit::{Budget, Notes, Problem, Result};
 use choreo_plugin::{Files, ImportOptions, Needs};
-use choreo_stage::Origin;
 use ufbx::{CoordinateAxis, Element, Exporter, Scene};
 
 /// All pictures of one file together, decoded.

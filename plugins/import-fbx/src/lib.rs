@@ -30,9 +30,9 @@ mod textures;
 mod vertices;
 mod weights;
 
+use choreo_asset::Asset;
 use choreo_importer_kit::{Problem, Result, bones, pictures};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::Asset;
 use file::File;
 use std::sync::{Arc, LazyLock};
 

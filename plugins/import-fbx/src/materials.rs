@@ -3,8 +3,8 @@
 use crate::alpha::Alpha;
 use crate::file::{File, place_of};
 use crate::textures::{Channel, Source, Table};
+use choreo_asset::{AlphaMode, Material, Shading, TextureRef};
 use choreo_importer_kit::Result;
-use choreo_stage::asset::{AlphaMode, Material, Shading, TextureRef};
 use glam::{Vec3, Vec4};
 use ufbx::{MaterialMap, ShaderType, Texture};
 

@@ -5,8 +5,8 @@ use crate::file::{File, place_of};
 use crate::local::Local;
 use crate::meshes::Shown;
 use crate::nodes::{self, Tree};
+use choreo_asset::Skin;
 use choreo_importer_kit::{Problem, Result};
-use choreo_stage::asset::Skin;
 use glam::Mat4;
 use ufbx::{Mesh, SkinDeformer, SkinningMethod};
 

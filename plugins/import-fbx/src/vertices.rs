@@ -6,9 +6,9 @@ use crate::geometry::Geometry;
 use crate::materials::Read;
 use crate::morphs::Target;
 use crate::skinning::Weights;
+use choreo_asset::{MorphTarget, Primitive};
 use choreo_importer_kit::text::count;
 use choreo_importer_kit::{Result, normals, tangents};
-use choreo_stage::asset::{MorphTarget, Primitive};
 use glam::{Vec2, Vec3, Vec4};
 use ufbx::{Face, Mesh, MeshPart, VertexVec2, VertexVec3, VertexVec4};
 

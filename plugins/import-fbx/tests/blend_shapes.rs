@@ -3,9 +3,9 @@
 
 mod common;
 
+use choreo_asset::Asset;
 use choreo_importer_kit_testing::{Companions, import, sound};
 use choreo_plugin::Needs;
-use choreo_stage::Asset;
 use glam::DVec3;
 use import_fbx::FbxImporter;
 use std::fmt::Write;

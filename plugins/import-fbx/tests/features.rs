@@ -2,11 +2,10 @@
 
 mod common;
 
+use choreo_asset::{AlphaMode, Asset, LightKind, Primitive, Projection, Shading};
 use choreo_importer_kit_testing::{Companions, import, sound, warnings};
 use choreo_motion::{Interpolation, Path, PropertyTarget, Time};
 use choreo_plugin::Needs;
-use choreo_stage::Asset;
-use choreo_stage::asset::{AlphaMode, LightKind, Primitive, Projection, Shading};
 use glam::{DVec3, Vec3};
 use import_fbx::FbxImporter;
 use std::f32::consts::PI;

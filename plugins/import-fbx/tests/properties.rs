@@ -2,11 +2,10 @@
 
 mod common;
 
+use choreo_asset::{Asset, Projection};
 use choreo_importer_kit_testing::{Companions, import, sound, warnings};
 use choreo_motion::{Clip, Interpolation, PropertyTarget, Time};
 use choreo_plugin::Needs;
-use choreo_stage::Asset;
-use choreo_stage::asset::Projection;
 use glam::{DQuat, DVec3};
 use import_fbx::FbxImporter;
 use std::f64::consts::PI;

@@ -2,8 +2,8 @@
 
 mod common;
 
+use choreo_asset::Asset;
 use choreo_motion::{PropertyTarget, Time};
-use choreo_stage::Asset;
 use glam::DVec3;
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! KHR_materials_pbrSpecularGlossiness: glossiness that varies over a texture becomes a roughness texture.
 
-use choreo_stage::asset::{Image, Material, TextureRef};
+use choreo_asset::{Image, Material, TextureRef};
 use std::sync::Arc;
 
 /// A material whose specular-glossiness texture (now its specular colour texture) has the glossiness in its alpha.

@@ -4,8 +4,7 @@
 use crate::materials::{Reader, TextureUse};
 use crate::problem::{Problem, Result};
 use crate::repair::{self, whole};
-use choreo_stage::MaterialLayers;
-use choreo_stage::asset::{Material, Shading, TextureRef};
+use choreo_asset::{Material, MaterialLayers, Shading, TextureRef};
 use glam::Vec3;
 use serde_json::{Map, Value};
 

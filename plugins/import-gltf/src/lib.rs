@@ -24,11 +24,10 @@ mod topology;
 mod uri;
 mod variants;
 
+use choreo_asset::{Asset, Material, TextureRef};
 pub use choreo_importer_kit::problem;
 use choreo_importer_kit::{bones, pictures};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::Asset;
-use choreo_stage::asset::{Material, TextureRef};
 use file::File;
 pub use materials::MaterialTextures;
 use problem::Result;

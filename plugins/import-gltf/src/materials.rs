@@ -7,7 +7,7 @@ use crate::layers;
 use crate::problem::{Problem, Result, element};
 use crate::profile::Profile;
 use crate::repair::{self, whole};
-use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
+use choreo_asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use gltf::json;
 use gltf::json::extensions::texture::TextureTransform;

@@ -2,9 +2,9 @@
 
 use crate::file::File;
 use crate::problem::{Problem, Result, element};
+use choreo_asset::Asset;
 use choreo_importer_kit::decompose::decompose;
 use choreo_motion::{Skeleton, Transform};
-use choreo_stage::Asset;
 use glam::{DMat4, Quat, Vec3};
 use gltf::json::scene::Node;
 

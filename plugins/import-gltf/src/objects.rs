@@ -3,7 +3,7 @@
 use crate::file::File;
 use crate::nodes::Tree;
 use crate::problem::{Problem, Result, element};
-use choreo_stage::asset::{AssetCamera, AssetLight, Light, LightKind, Projection, Skin};
+use choreo_asset::{AssetCamera, AssetLight, Light, LightKind, Projection, Skin};
 use glam::{Mat4, Vec3};
 use gltf::json;
 use gltf::json::extensions::scene::khr_lights_punctual::Type as LightType;

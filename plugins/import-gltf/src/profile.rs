@@ -7,9 +7,9 @@ use crate::container;
 use crate::materials::MaterialTextures;
 use crate::nodes::Tree;
 use crate::problem::{Problem, Result};
+use choreo_asset::{Asset, Material};
 use choreo_importer_kit::{Budget, Notes};
 use choreo_plugin::{Files, ImportError, ImportOptions, Needs, Source};
-use choreo_stage::asset::{Asset, Material};
 use gltf::json::Root;
 use serde_json::{Map, Value};
 

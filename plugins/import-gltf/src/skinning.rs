@@ -3,7 +3,7 @@
 use crate::accessor::Integers;
 use crate::file::File;
 use crate::problem::{Problem, Result};
-use choreo_stage::asset::Primitive;
+use choreo_asset::Primitive;
 use gltf::json::mesh::{Primitive as JsonPrimitive, Semantic};
 use gltf::json::validation::Checked;
 

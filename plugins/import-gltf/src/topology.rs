@@ -1,6 +1,6 @@
 //! Strips, fans and loops as plain lists (glTF 2.0 §3.7.2.1).
 
-use choreo_stage::asset::Topology;
+use choreo_asset::Topology;
 use gltf::json::mesh::Mode;
 
 /// The list form, and how many indices at the end were left over.

@@ -2,9 +2,9 @@
 
 mod common;
 
+use choreo_asset::Asset;
 use choreo_importer_kit_testing::alone;
 use choreo_plugin::{Claim, Files, ImportOptions, Importer, Needs};
-use choreo_stage::Asset;
 use common::sample::{POSITIONS, ROTATIONS, TIMES, WEIGHTS, sample};
 use import_gltf::GltfImporter;
 use serde_json::{Value, json};

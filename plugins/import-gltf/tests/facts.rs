@@ -2,8 +2,7 @@
 
 mod common;
 
-use choreo_stage::Asset;
-use choreo_stage::asset::{AlphaMode, LightKind, Projection, Shading, Topology};
+use choreo_asset::{AlphaMode, Asset, LightKind, Projection, Shading, Topology};
 
 /// Vertices, triangles, primitives, nodes, skin joints, images in use.
 type Counts = [usize; 6];

@@ -2,10 +2,9 @@
 
 mod common;
 
+use choreo_asset::{Asset, LightKind, Projection, Topology};
 use choreo_motion::Path;
 use choreo_plugin::{ImportOptions, Importer, Needs};
-use choreo_stage::Asset;
-use choreo_stage::asset::{LightKind, Projection, Topology};
 use common::sample::sample;
 use glam::{Mat4, Quat, Vec3, Vec4};
 use import_gltf::GltfImporter;

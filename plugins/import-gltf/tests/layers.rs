@@ -2,9 +2,8 @@
 
 mod common;
 
+use choreo_asset::{Asset, Material};
 use choreo_plugin::{ImportOptions, Importer, Needs, OptionValue};
-use choreo_stage::Asset;
-use choreo_stage::asset::Material;
 use common::sample::sample;
 use glam::Vec3;
 use import_gltf::GltfImporter;
@@ -73,7 +72,7 @@ fn films_brushed_metal_and_leaves() {
     assert!(l.diffuse_transmission == 0.25 && l.absorbs(), "a volume counts for light from behind too");
     let plain =
         material(json!({"KHR_materials_iridescence": {}, "KHR_materials_anisotropy": {}})).layers.unwrap();
-    assert_eq!(*plain, choreo_stage::MaterialLayers::default());
+    assert_eq!(*plain, choreo_asset::MaterialLayers::default());
 }
 
 #[test]

@@ -2,9 +2,8 @@
 
 mod common;
 
+use choreo_asset::{Asset, Primitive};
 use choreo_plugin::{ImportOptions, Importer, Needs, OptionValue};
-use choreo_stage::Asset;
-use choreo_stage::asset::Primitive;
 use common::sample::{LENGTH, TIMES, sample};
 use glam::Vec3;
 use import_gltf::GltfImporter;

@@ -3,9 +3,8 @@
 
 mod common;
 
+use choreo_asset::{Topology, posed_meshes_in};
 use choreo_motion::Time;
-use choreo_stage::asset::Topology;
-use choreo_stage::posed_meshes_in;
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use serde_json::json;
 

@@ -2,8 +2,9 @@
 
 mod common;
 
+use choreo_asset::{Asset, Projection};
 use choreo_motion::{Path, Time};
-use choreo_stage::{Asset, Camera, Cue, Projection, Rig, Snapshot, Stage};
+use choreo_stage::{Camera, Cue, Rig, Snapshot, Stage};
 use glam::Vec4;
 use serde_json::{Value, json};
 use std::sync::Arc;

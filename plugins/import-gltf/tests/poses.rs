@@ -5,8 +5,8 @@
 mod common;
 mod oracle;
 
+use choreo_asset::Asset;
 use choreo_motion::{LocalToModel, Pose, Sample, Time};
-use choreo_stage::Asset;
 use glam::{Affine3A, DMat4, DVec3, Mat4, Vec3};
 use oracle::{Fault, Oracle};
 use std::path::Path;
@@ -93,7 +93,7 @@ fn placed(asset: &Asset, instance: usize, matrices: &[Affine3A], weights: &[f32]
     let skin_matrices: Option<Vec<Mat4>> = skin.map(|s| {
         s.joints.iter().zip(&s.inverse_bind).map(|(j, b)| Mat4::from(matrices[*j as usize]) * *b).collect()
     });
-    let place = |p: &choreo_stage::asset::Primitive| -> Vec<Vec3> {
+    let place = |p: &choreo_asset::Primitive| -> Vec<Vec3> {
         let vertex = |v: usize| {
             let mut at = p.positions[v];
             for (morph, weight) in p.morphs.iter().zip(weights) {

@@ -2,8 +2,8 @@
 
 mod common;
 
+use choreo_asset::Asset;
 use choreo_plugin::{Files, ImportOptions, Importer, Needs};
-use choreo_stage::Asset;
 use common::sample::sample;
 use import_gltf::GltfImporter;
 use serde_json::json;

@@ -4,9 +4,8 @@
 mod common;
 
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
+use choreo_asset::{Asset, Primitive};
 use choreo_plugin::{ImportOptions, Importer, Needs};
-use choreo_stage::Asset;
-use choreo_stage::asset::Primitive;
 use glam::Vec4;
 use import_gltf::GltfImporter;
 use serde_json::{Value, json};

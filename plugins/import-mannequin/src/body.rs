@@ -4,7 +4,7 @@ use crate::cast::{Surface, cast, mirrored, press};
 use crate::figure::{Skinning, inlays, parts};
 use crate::rig::{self, Joint, Side};
 use crate::skin::influences;
-use choreo_stage::{Mesh, Primitive, Skin};
+use choreo_asset::{Mesh, Primitive, Skin};
 use glam::{Mat4, Quat};
 
 pub const MATERIALS: u32 = 4;

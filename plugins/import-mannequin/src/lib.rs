@@ -11,8 +11,8 @@ mod pose;
 mod rig;
 mod skin;
 
+use choreo_asset::{Asset, Material, MeshInstance};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::{Asset, Material, MeshInstance};
 use glam::{Vec3, Vec4};
 use std::sync::{Arc, LazyLock};
 

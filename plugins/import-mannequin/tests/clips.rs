@@ -2,8 +2,8 @@
 
 mod common;
 
+use choreo_asset::Asset;
 use choreo_motion::Clip;
-use choreo_stage::Asset;
 use common::{import, joints_at, pose_at, vertices_at};
 use glam::{Quat, Vec3};
 

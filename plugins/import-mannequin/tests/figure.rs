@@ -2,9 +2,9 @@
 
 mod common;
 
+use choreo_asset::Primitive;
 use choreo_plugin::importer::OptionValue;
 use choreo_plugin::{Claim, Importer, Needs, Source};
-use choreo_stage::Primitive;
 use common::{import, import_with, source};
 use glam::Vec3;
 use import_mannequin::Mannequin;

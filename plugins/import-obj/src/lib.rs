@@ -4,15 +4,13 @@ mod mesh;
 mod mtl;
 mod parse;
 
+use choreo_asset::{Asset, Image, Material, Mesh, MeshInstance, Origin, Primitive, TextureRef, Topology};
 use choreo_importer_kit::search;
 use choreo_importer_kit::text::{Lines, next_word, stem};
 use choreo_importer_kit::textures::{Textures, is_normal_map};
 use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result, normals, tangents};
 use choreo_motion::{Skeleton, Transform};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::asset::{
-    Asset, Image, Material, Mesh, MeshInstance, Origin, Primitive, TextureRef, Topology,
-};
 use glam::Vec3;
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
@@ -174,7 +172,7 @@ fn materials(
     };
     let plain = |name: &str| Material {
         name: name.to_string(),
-        shading: choreo_stage::asset::Shading::BlinnPhong,
+        shading: choreo_asset::Shading::BlinnPhong,
         base_color: Vec3::splat(0.6).extend(1.0),
         specular_color: Vec3::ZERO,
         double_sided: true,

@@ -1,10 +1,10 @@
 //! Faces to indexed primitives: one a group and material.
 
 use crate::parse::{Model, NONE, Shape};
+use choreo_asset::{Primitive, Topology};
 use choreo_importer_kit::polygon::{Cut, Triangulator};
 use choreo_importer_kit::text::count;
 use choreo_importer_kit::{Notes, smooth};
-use choreo_stage::asset::{Primitive, Topology};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 /// How positions become metres, and what is done where normals are missing.

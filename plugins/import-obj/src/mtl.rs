@@ -1,12 +1,11 @@
 //! MTL material libraries.
 
+use choreo_asset::{AlphaMode, Material, Reflection, Sampler, Shading, TextureRef, Wrap};
 use choreo_importer_kit::color::linear_from_srgb;
 use choreo_importer_kit::text::{Lines, next_word, number, shown};
 use choreo_importer_kit::textures::Textures;
 use choreo_importer_kit::{Budget, Notes};
 use choreo_plugin::Files;
-use choreo_stage::Reflection;
-use choreo_stage::asset::{AlphaMode, Material, Sampler, Shading, TextureRef, Wrap};
 use glam::{Affine2, Mat2, Vec2, Vec3};
 use std::collections::BTreeMap;
 

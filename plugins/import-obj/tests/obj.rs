@@ -1,8 +1,8 @@
 //! What comes out of OBJ and MTL files.
 
+use choreo_asset::{AlphaMode, Asset, Shading, Topology, Wrap};
 use choreo_importer_kit_testing::{Companions, import, options, sound, source, warnings};
 use choreo_plugin::{Claim, Importer, Needs, OptionValue};
-use choreo_stage::asset::{AlphaMode, Asset, Shading, Topology, Wrap};
 use glam::{Vec2, Vec3, Vec4};
 use import_obj::ObjImporter;
 

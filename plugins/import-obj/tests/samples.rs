@@ -1,7 +1,7 @@
 //! The sample files: counts, extents, and what assimp says of them.
 
+use choreo_asset::Asset;
 use choreo_importer_kit_testing::{assets, assimp, import_path, sound, warnings};
-use choreo_stage::Asset;
 use glam::Vec3;
 use import_obj::ObjImporter;
 

@@ -1,11 +1,11 @@
 //! Solids to nodes and meshes, in metres and +Y up.
 
 use crate::Solid;
+use choreo_asset::{Asset, Material, Mesh, MeshInstance, Origin, Primitive};
 use choreo_importer_kit::text::{count, stem};
 use choreo_importer_kit::{Notes, Problem, Result, smooth};
 use choreo_motion::{Skeleton, Transform};
 use choreo_plugin::{ImportOptions, Needs, Source};
-use choreo_stage::asset::{Asset, Material, Mesh, MeshInstance, Origin, Primitive};
 use glam::{DVec3, Vec3, Vec4};
 use std::sync::Arc;
 

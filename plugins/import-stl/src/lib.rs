@@ -4,9 +4,9 @@ mod ascii;
 mod binary;
 mod build;
 
+use choreo_asset::Asset;
 use choreo_importer_kit::{Notes, Progress, Result};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::Asset;
 use glam::Vec3;
 use std::sync::LazyLock;
 

@@ -1,11 +1,11 @@
 //! What comes out of STL files, good and bad.
 
+use choreo_asset::Asset;
 use choreo_importer_kit_testing::{
     Companions, alone, assets, assimp, damage, error_text, import, import_bytes, import_path, options, sound,
     source, warnings,
 };
 use choreo_plugin::{Claim, ImportError, Importer, Needs, OptionValue};
-use choreo_stage::Asset;
 use glam::{Vec3, Vec4};
 use import_stl::StlImporter;
 

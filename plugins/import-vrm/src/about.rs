@@ -1,7 +1,7 @@
 //! What a file says of itself: title, authors, licence.
 
 use crate::json::At;
-use choreo_stage::asset::{Asset, Origin};
+use choreo_asset::{Asset, Origin};
 use import_gltf::profile::Document;
 
 /// Longer texts are cut: they are shown on one line.

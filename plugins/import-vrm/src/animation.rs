@@ -2,9 +2,9 @@
 
 use crate::json::At;
 use crate::{about, gaze, human};
+use choreo_asset::Asset;
 use choreo_importer_kit::{Problem, Result};
 use choreo_motion::{Clip, Curve, ExpressionCurve, Path};
-use choreo_stage::asset::Asset;
 use import_gltf::profile::Document;
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -1,13 +1,12 @@
 //! Facial expressions: VRM 1.0 `expressions`, and `blendShapeMaster` of VRM 0.x under 1.0's names.
 
 use crate::json::At;
+use choreo_asset::{
+    Asset, ColorBind, Expression, ExpressionGroup, GAZE, MaterialColor, MorphBind, Override, UvBind,
+};
 use choreo_importer_kit::color::linear_from_srgb;
 use choreo_importer_kit::{Problem, Result};
 use choreo_plugin::Needs;
-use choreo_stage::asset::Asset;
-use choreo_stage::{
-    ColorBind, Expression, ExpressionGroup, GAZE, MaterialColor, MorphBind, Override, UvBind,
-};
 use glam::{Vec2, Vec4};
 use import_gltf::profile::Document;
 
@@ -198,7 +197,7 @@ impl<'a, 'd> Faces<'a, 'd> {
         face: &mut Expression,
         at: &At<'_>,
         weight: f32,
-        is_meant: impl Fn(&choreo_stage::MeshInstance) -> bool,
+        is_meant: impl Fn(&choreo_asset::MeshInstance) -> bool,
     ) -> Result<()> {
         let target = at.needed_index("index")?;
         if !self.geometry {

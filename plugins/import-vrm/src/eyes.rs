@@ -1,8 +1,8 @@
 //! How the eyes follow a target: VRM 1.0 `lookAt` ("lookAt.md"), `firstPerson` of VRM 0.x.
 
 use crate::json::At;
+use choreo_asset::{Eyes, EyesMovedBy, RangeMap};
 use choreo_importer_kit::Result;
-use choreo_stage::{Eyes, EyesMovedBy, RangeMap};
 use glam::Vec3;
 
 pub fn read(vrm: &At<'_>) -> Result<Option<Eyes>> {

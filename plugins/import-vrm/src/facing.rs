@@ -5,10 +5,10 @@
 //! Skins follow by their bind matrices. What hangs on a joint without a skin (meshes, cameras, lights) gets a joint of its own
 //! between, which rests at R, and keeps its vertices.
 
+use choreo_asset::Asset;
 use choreo_importer_kit::{Problem, Result};
 use choreo_motion::spring::parameters::Springs;
 use choreo_motion::{Clip, Curve, Path, Skeleton, Transform};
-use choreo_stage::asset::Asset;
 use glam::{Mat4, Quat, Vec3, Vec4};
 use std::collections::BTreeMap;
 use std::sync::Arc;

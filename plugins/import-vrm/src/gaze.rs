@@ -4,8 +4,8 @@
 //! (extrinsic ZXY). How far eyes turn for it is the character's own word, so the clip keeps the angles, as weights of the four
 //! expressions [`GAZE`] that every character with eyes has.
 
+use choreo_asset::{GAZE, eyes};
 use choreo_motion::{Clip, ExpressionCurve, Interpolation, Path, Pose, Sample, Time};
-use choreo_stage::{GAZE, eyes};
 use glam::DVec3;
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;

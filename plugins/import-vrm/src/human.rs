@@ -2,9 +2,9 @@
 
 use crate::json::At;
 use crate::set_humanoid;
+use choreo_asset::Asset;
 use choreo_importer_kit::Result;
 use choreo_motion::{HumanBone, Humanoid};
-use choreo_stage::asset::Asset;
 use import_gltf::profile::Document;
 use std::collections::BTreeMap;
 

@@ -13,9 +13,9 @@ mod rest;
 mod springs;
 mod springs_v0;
 
+use choreo_asset::{Asset, Material};
 use choreo_importer_kit::{Problem, Result, bones};
 use choreo_plugin::{Claim, Files, ImportError, ImportOptions, Importer, Manifest, Needs, Source};
-use choreo_stage::asset::{Asset, Material};
 use import_gltf::MaterialTextures;
 use import_gltf::profile::{Document, Profile, has_extension, import_with};
 use json::At;

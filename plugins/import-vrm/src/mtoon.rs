@@ -1,10 +1,9 @@
 //! MToon materials: `VRMC_materials_mtoon` 1.0, and `materialProperties` of VRM 0.x converted to it.
 
 use crate::json::At;
+use choreo_asset::{Material, Outline, Shading, TextureRef, Toon, UvMotion};
 use choreo_importer_kit::color::linear_from_srgb;
 use choreo_importer_kit::{Problem, Result};
-use choreo_stage::asset::{Material, Shading, TextureRef};
-use choreo_stage::{Outline, Toon, UvMotion};
 use glam::{Vec2, Vec3};
 use import_gltf::MaterialTextures;
 use import_gltf::profile::Document;

@@ -2,10 +2,10 @@
 
 use crate::json::At;
 use crate::rest::model_from_joints;
+use choreo_asset::Asset;
 use choreo_importer_kit::{Problem, Result};
 use choreo_motion::Skeleton;
 use choreo_motion::spring::parameters::{ColliderShape, SpringChain, SpringCollider, SpringJoint, Springs};
-use choreo_stage::asset::Asset;
 use glam::{DAffine3, Vec3};
 use import_gltf::profile::Document;
 use std::collections::{BTreeMap, BTreeSet};

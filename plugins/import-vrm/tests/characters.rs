@@ -2,11 +2,12 @@
 
 mod common;
 
+use choreo_asset::{Asset, EyesMovedBy};
 use choreo_importer_kit_testing::{Companions, error_text, import, import_bytes, sound, source, warnings};
 use choreo_motion::spring::parameters::ColliderShape;
 use choreo_motion::{HumanBone, Time, bind_clip};
 use choreo_plugin::{Claim, Importer, Needs};
-use choreo_stage::{Asset, Cue, EyesMovedBy, Repeat, Stage, posed_meshes};
+use choreo_stage::{Cue, Repeat, Stage, posed_meshes};
 use common::{Version, animation, character, edited, floats, glb, glb_of};
 use glam::{DVec3, Vec3};
 use import_gltf::GltfImporter;
@@ -89,7 +90,7 @@ fn expressions_are_those_of_1_0() {
         let asset = read(version);
         // The last four tell the eyes where to look.
         let (gaze, faces): (Vec<_>, Vec<_>) =
-            asset.expressions.iter().partition(|e| choreo_stage::GAZE.contains(&e.name.as_str()));
+            asset.expressions.iter().partition(|e| choreo_asset::GAZE.contains(&e.name.as_str()));
         assert!(gaze.len() == 4 && gaze.iter().all(|e| e.morphs.is_empty()));
         let mut faces = faces;
         faces.sort_by(|a, b| a.name.cmp(&b.name));
@@ -293,7 +294,7 @@ fn eyes_look_where_an_animation_says() {
         * glam::DQuat::from_rotation_z(1.0);
     for t in [0.1, 0.37, 0.5, 0.93] {
         let way = glam::DQuat::IDENTITY.slerp(far, t) * DVec3::Z;
-        let (yaw, pitch) = choreo_stage::eyes::angles_of(way);
+        let (yaw, pitch) = choreo_asset::eyes::angles_of(way);
         let found = (at("gazeLeft", t) - at("gazeRight", t), at("gazeUp", t) - at("gazeDown", t));
         let off = (found.0 - yaw.to_degrees()).hypot(found.1 - pitch.to_degrees());
         assert!(off < 0.01, "{t}: {off}");

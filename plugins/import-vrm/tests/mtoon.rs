@@ -2,9 +2,9 @@
 
 mod common;
 
+use choreo_asset::{Material, Shading, Toon, UvMotion};
 use choreo_importer_kit_testing::{error_text, import_bytes, warnings};
-use choreo_stage::asset::{Material, Shading};
-use choreo_stage::{Stage, Toon, UvMotion};
+use choreo_stage::Stage;
 use common::{Version, edited};
 use glam::{Vec2, Vec3, Vec4};
 use import_vrm::VrmImporter;

@@ -1,12 +1,13 @@
 //! What is drawn at the ends of what can be drawn; by the CPU renderer, which every driver is held to.
 
 use crate::{Case, refused};
+use choreo_asset::{
+    AlphaMode, Asset, Image, Light, LightKind, Material, Mesh, MeshInstance, Primitive, Projection, Sampler,
+    Shading, TextureRef,
+};
 use choreo_motion::{Skeleton, Time, Transform};
 use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
-use choreo_stage::{
-    AlphaMode, Asset, Background, Camera, Image, Light, LightKind, Material, Mesh, MeshInstance, Placement,
-    Primitive, Projection, Rig, Sampler, Shading, Stage, StageLight, TextureRef,
-};
+use choreo_stage::{Background, Camera, Placement, Rig, Stage, StageLight};
 use glam::{Affine2, Affine3A, DQuat, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 

@@ -7,6 +7,7 @@ use choreo_motion::ik::Limit;
 use choreo_motion::spring::{RigBone, SpringBone};
 use choreo_motion::{Interpolation, Time};
 use choreo_plugin::{Importer, Needs, Source};
+use choreo_asset::*;
 use choreo_stage::*;
 use glam::{DQuat, DVec3, Vec3};
 use libfuzzer_sys::arbitrary::{Result, Unstructured};

@@ -4,7 +4,8 @@
 use choreo_motion::Time;
 use choreo_plugin::{Files, ImportOptions, Importer, Manifest, Needs, OptionKind, OptionValue, Source};
 use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
-use choreo_stage::{Asset, Cue, Evaluator, Snapshot, Stage};
+use choreo_asset::Asset;
+use choreo_stage::{Cue, Evaluator, Snapshot, Stage};
 use std::sync::Arc;
 
 /// A folder with nothing in it.

@@ -2,9 +2,9 @@
 
 pub mod assimp;
 
+use choreo_asset::Asset;
 use choreo_importer_kit_testing::{Companions, source};
 use choreo_plugin::{ImportError, Importer, Needs, OptionValue};
-use choreo_stage::Asset;
 use std::path::{Path, PathBuf};
 
 pub struct Format {

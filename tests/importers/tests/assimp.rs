@@ -2,9 +2,8 @@
 //! Differences stand in README.md's table with their reasons; one that is not there fails, and so does a row that is no
 //! longer true. `CHOREO_TABLE=1` prints the rows as they are.
 
+use choreo_asset::{Asset, Topology};
 use choreo_importer_kit_testing::{assets, pose};
-use choreo_stage::Asset;
-use choreo_stage::asset::Topology;
 use importers::assimp::{self, Scene};
 use importers::{SAMPLES, samples, whole};
 use std::collections::BTreeSet;
@@ -42,7 +41,7 @@ fn ours(asset: &Asset) -> Facts {
 }
 
 /// Joints of a skin but the one that points without influence go with.
-fn used<'a>(asset: &'a Asset, skin: &'a choreo_stage::asset::Skin) -> impl Iterator<Item = u32> {
+fn used<'a>(asset: &'a Asset, skin: &'a choreo_asset::Skin) -> impl Iterator<Item = u32> {
     let carrier = |joint: &u32| asset.instances.iter().any(|i| i.joint == *joint);
     skin.joints.iter().filter(move |j| !carrier(j)).copied()
 }

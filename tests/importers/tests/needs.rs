@@ -1,8 +1,8 @@
 //! What a caller does not ask for is left out, and all else is the same.
 
+use choreo_asset::Asset;
 use choreo_importer_kit_testing::assets;
 use choreo_plugin::Needs;
-use choreo_stage::Asset;
 use importers::{SAMPLES, import, samples, whole};
 
 fn pictures(asset: &Asset) -> Vec<(String, u32, u32)> {

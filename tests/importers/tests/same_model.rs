@@ -1,7 +1,7 @@
 //! One model in several formats: the same triangles, extents and places of points, the same joints at the same times.
 
+use choreo_asset::Asset;
 use choreo_importer_kit_testing::{assets, pose};
-use choreo_stage::Asset;
 use glam::{Affine3A, DVec3, Vec3};
 use importers::whole;
 use std::collections::BTreeMap;

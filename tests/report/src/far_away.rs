@@ -1,12 +1,13 @@
 //! Positions far from the origin.
 
 use crate::{BUDGET_SECS, Random, Section};
+use choreo_asset::Projection;
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
 use choreo_render::plan::View;
 use choreo_render::plan::view::relative;
-use choreo_stage::{CameraState, Projection};
+use choreo_stage::CameraState;
 use glam::{DAffine3, DMat4, DQuat, DVec3, DVec4, Vec3};
 
 /// Metres: a room, a town, a country, the Earth, the Moon.

@@ -1,11 +1,11 @@
 //! Mipmaps: in what light, and with what filter.
 
 use crate::{BUDGET_SECS, Random, Section};
+use choreo_asset::Image;
 use choreo_bench::plots::{Choice, Row};
 use choreo_bench::scene::mips::mips;
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
-use choreo_stage::Image;
 use std::f64::consts::TAU;
 
 const SIDE: usize = 256;

@@ -1,6 +1,7 @@
 //! Rays against the triangles of a stage that stands still, in f64: the truth for what maps approximate.
 
-use choreo_stage::{Snapshot, Stage, Topology};
+use choreo_asset::Topology;
+use choreo_stage::{Snapshot, Stage};
 use glam::DVec3;
 
 pub struct Hit {

@@ -1,8 +1,9 @@
 //! Scenes and characters that several sections use.
 
+use choreo_asset::Asset;
 use choreo_plugin::{ImportOptions, Importer, Needs, Registry, Source};
 use choreo_script::{ScriptOptions, run_file};
-use choreo_stage::{Asset, Stage};
+use choreo_stage::Stage;
 use std::path::Path;
 use std::sync::Arc;
 

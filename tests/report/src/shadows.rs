@@ -3,6 +3,7 @@
 use crate::pictures::{renderers, stage};
 use crate::rays::{Hit, Shapes};
 use crate::{BUDGET_SECS, Random, Section};
+use choreo_asset::Projection;
 use choreo_bench::picture::Moment;
 use choreo_bench::plots::{Choice, Row};
 use choreo_bench::timing::{Case, Clock, interleaved};
@@ -11,7 +12,6 @@ use choreo_motion::Time;
 use choreo_plugin::{Frame, Registry};
 use choreo_render::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 use choreo_render::{CpuRenderer, Renderer};
-use choreo_stage::Projection;
 use glam::{DVec2, DVec3};
 use std::cell::RefCell;
 use std::hint::black_box;

@@ -1,6 +1,7 @@
 //! Image-based light: how large its maps, how many samples, and what its diffuse part is kept as.
 
 use crate::{BUDGET_SECS, Random, Section};
+use choreo_asset::Panorama;
 use choreo_bench::plots::{Choice, Row};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
@@ -8,7 +9,6 @@ use choreo_render::sky::harmonics::harmonics;
 use choreo_render::sky::octahedral::Octahedron;
 use choreo_render::sky::prefilter::{base, radiance};
 use choreo_render::sky::{SkyMaps, SkyOptions};
-use choreo_stage::Panorama;
 use glam::{DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 use std::hint::black_box;

@@ -5,8 +5,8 @@ use crate::picture::Moment;
 use crate::plots::{Choice, Row};
 use crate::timing::{Case, Clock, interleaved};
 use crate::truth::Spread;
+use choreo_asset::Image;
 use choreo_render::scene_resources::mipmap::{levels_below, linear_to_srgb8, srgb_to_linear_table};
-use choreo_stage::Image;
 
 /// Larger ones are judged by a part of this many pixels a side.
 const MOST_SIDE: u32 = 512;

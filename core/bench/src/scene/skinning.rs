@@ -6,8 +6,8 @@ use crate::picture::Moment;
 use crate::plots::{Choice, Row};
 use crate::timing::{Case, Clock, interleaved};
 use crate::truth::Spread;
+use choreo_asset::Primitive;
 use choreo_motion::{Carrier, DualQuaternion, Skin, SkinDual, Skinning, stretch_of};
-use choreo_stage::Primitive;
 use glam::{Affine3A, DAffine3, Mat3A, Vec3A};
 
 const NAMES: [&str; 2] = ["linear", "dual quaternions"];

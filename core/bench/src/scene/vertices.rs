@@ -5,7 +5,7 @@ use crate::picture::Moment;
 use crate::plots::{Choice, Row};
 use crate::truth::Spread;
 use crate::vertex::{NORMALS, WEIGHTS, degrees_between};
-use choreo_stage::{Asset, Skin};
+use choreo_asset::{Asset, Skin};
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Mat4, Vec3};
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! Flat arrays of numbers as the vertices of a primitive, checked.
 
 use super::{MOST, MeshData, Result, fail};
-use choreo_stage::{Primitive, Topology};
+use choreo_asset::{Primitive, Topology};
 use glam::{Vec2, Vec3, Vec4};
 
 /// The vertices and indices of `data`, without joints. The error names the array and the element.

@@ -5,8 +5,8 @@
 mod arrays;
 
 pub use arrays::primitive;
+use choreo_asset::{Asset, Image, Material, Mesh, MeshInstance, Primitive, Skin, Topology, Warning};
 use choreo_motion::{Clip, Curve, Skeleton, Transform};
-use choreo_stage::{Asset, Image, Material, Mesh, MeshInstance, Primitive, Skin, Topology, Warning};
 use glam::Mat4;
 use std::collections::BTreeMap;
 use std::sync::Arc;

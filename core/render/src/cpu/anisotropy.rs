@@ -4,7 +4,7 @@ use super::brdf::Brushed;
 use super::lanes::{F4, V3};
 use super::shade::{Fragment, Quad};
 use super::vertex::Vertex;
-use choreo_stage::MaterialLayers;
+use choreo_asset::MaterialLayers;
 
 impl Fragment<'_> {
     /// KHR_materials_anisotropy: directions and alphas, and where the sky is seen mirrored ("Bent normal" of its notes).

@@ -3,7 +3,7 @@
 use super::lanes::{F4, V3};
 use super::shade::{Fragment, Quad};
 use crate::plan::Features;
-use choreo_stage::Reflection;
+use choreo_asset::Reflection;
 use glam::Vec3;
 use std::f32::consts::PI;
 

@@ -4,7 +4,7 @@ use super::lanes::{F4, V3};
 use super::shade::Fragment;
 use crate::plan::Features;
 use crate::plan::build::refraction::blur;
-use choreo_stage::MaterialLayers;
+use choreo_asset::MaterialLayers;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 

@@ -17,8 +17,8 @@ use crate::plan::{Features, Glass, Plan, PlanLight};
 use crate::scene_resources::CatalogMaterial;
 use crate::shader::uniforms::{BASE_SLOTS, TEXTURE_SLOTS, film_thickness};
 use crate::sky::SkyMaps;
+use choreo_asset::{AlphaMode, Primitive, Toon};
 use choreo_plugin::Effect;
-use choreo_stage::{AlphaMode, Primitive, Toon};
 use glam::{Vec3, Vec4};
 use std::sync::Arc;
 

@@ -7,8 +7,8 @@ use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::tile::{Batch, Paint};
 use crate::plan::Plan;
 use crate::renderer::{RenderError, Renderer};
+use choreo_asset::{Primitive, Topology};
 use choreo_plugin::Frame;
-use choreo_stage::{Primitive, Topology};
 use glam::{Vec2, Vec3};
 
 /// Names of the stages, in order.

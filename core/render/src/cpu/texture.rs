@@ -4,7 +4,7 @@
 use super::lanes::F4;
 use crate::scene_resources::CatalogTexture;
 use crate::scene_resources::mipmap::{Level, levels_below, srgb_to_linear_table};
-use choreo_stage::{Image, Sampler, Wrap};
+use choreo_asset::{Image, Sampler, Wrap};
 use std::sync::Arc;
 
 pub struct Texture {

@@ -4,7 +4,7 @@ use super::brdf::incoming;
 use super::lanes::{F4, V3};
 use super::sky::Around;
 use crate::plan::{Plan, PlanLight};
-use choreo_stage::Toon;
+use choreo_asset::Toon;
 
 /// What the surface is made of at four pixels.
 pub struct ToonSurface<'a> {

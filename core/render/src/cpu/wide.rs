@@ -4,7 +4,7 @@ use super::setup::{Assembly, Triangle};
 use super::vertex::Vertex;
 use crate::plan::{Features, PipelineKey, TopologyKey};
 use crate::scene_resources::thick_lines::{Spread, widened};
-use choreo_stage::Primitive;
+use choreo_asset::Primitive;
 use glam::Mat4;
 
 /// `vertices`: one a vertex of the primitive, which the triangles refer to.

@@ -16,7 +16,7 @@ use crate::shader::uniforms::{
 };
 use crate::shader::{DeferredPass, SceneVariant, switches};
 use crate::sky::SkyMaps;
-use choreo_stage::Sampler;
+use choreo_asset::Sampler;
 use std::collections::{BTreeMap, BTreeSet};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -300,9 +300,9 @@ impl Parts<'_> {
     fn elements(&self, draw: &Draw) -> usize {
         let primitive = self.catalog.primitives[draw.primitive as usize].primitive();
         let corners = match primitive.topology {
-            choreo_stage::Topology::Triangles => 3,
-            choreo_stage::Topology::Lines => 2,
-            choreo_stage::Topology::Points => 1,
+            choreo_asset::Topology::Triangles => 3,
+            choreo_asset::Topology::Lines => 2,
+            choreo_asset::Topology::Points => 1,
         };
         primitive.indices.len() / corners * draw.instance_count as usize
     }

@@ -1,7 +1,8 @@
 //! Pictures on a canvas: each pixel is the mean of what it covers of the picture, or lies between its four nearest texels.
 
 use super::Canvas;
-use choreo_stage::{Fit, Image};
+use choreo_asset::Image;
+use choreo_stage::Fit;
 use choreo_text::Coverage;
 use glam::{DVec2, Vec4};
 

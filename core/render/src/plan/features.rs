@@ -2,7 +2,7 @@
 
 use crate::plan::{Features, LEFT_OUT, LeftOut, is_lit};
 use crate::scene_resources::{CatalogMaterial, CatalogPrimitive, CatalogTextureRef};
-use choreo_stage::{AlphaMode, Shading};
+use choreo_asset::{AlphaMode, Shading};
 use glam::{Affine2, Vec3};
 
 /// What a draw brings besides primitive and material.

@@ -3,7 +3,7 @@
 use crate::plan::Features;
 use crate::scene_resources::{CatalogMaterial, CatalogTextureRef};
 use crate::shader::uniforms::LAYER_SLOTS;
-use choreo_stage::MaterialLayers;
+use choreo_asset::MaterialLayers;
 use glam::Vec3;
 
 /// In the order of `MaterialLayers::textures`.

@@ -17,7 +17,8 @@ use crate::layers_2d::FlatPicture;
 use crate::plan::build::dirty_rect::Area;
 use crate::plan::build::light_clusters::LightLists;
 use crate::scene_resources::CatalogMaterial;
-use choreo_stage::{AlphaMode, Background, Shading, SkinOnce, Topology};
+use choreo_asset::{AlphaMode, Shading, Topology};
+use choreo_stage::{Background, SkinOnce};
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 

@@ -1,7 +1,8 @@
 //! Camera matrices: reversed Z, Vulkan clip space, the camera at the origin.
 
 use crate::plan::View;
-use choreo_stage::{CameraState, Projection};
+use choreo_asset::Projection;
+use choreo_stage::CameraState;
 use glam::{DMat4, DVec3, DVec4, Vec3, Vec4};
 
 impl View {

@@ -2,9 +2,9 @@
 
 use crate::plan::Rows;
 use crate::scene_resources::watertight::Closed;
+pub use choreo_asset::Aabb;
+use choreo_asset::Primitive;
 use choreo_motion::Carrier;
-pub use choreo_stage::Aabb;
-use choreo_stage::Primitive;
 use glam::{Affine3A, DAffine3, Mat4, Vec2, Vec3};
 use std::ops::Range;
 use std::sync::OnceLock;

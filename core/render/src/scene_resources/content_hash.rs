@@ -1,7 +1,7 @@
 //! Content hashes: the first 16 bytes of BLAKE3. Those of primitives and images are the stage's own.
 
 use crate::scene_resources::{CatalogMaterial, CatalogTexture, CatalogTextureRef};
-use choreo_stage::{AlphaMode, ContentHash, Shading, Wrap};
+use choreo_asset::{AlphaMode, ContentHash, Shading, Wrap};
 use glam::{Vec3, Vec4};
 
 /// Arrays are preceded by their length, so that no two lists can run into each other.

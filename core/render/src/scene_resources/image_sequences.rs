@@ -3,8 +3,8 @@
 
 use crate::RenderError;
 use crate::scene_resources::{Catalog, CatalogMaterial, CatalogTexture, CatalogTextureRef, PrimitiveEntry};
+use choreo_asset::{Image, Pictures, Shading, Stream, TextureSlot};
 use choreo_motion::Time;
-use choreo_stage::{Image, Pictures, Shading, Stream, TextureSlot};
 use std::sync::Arc;
 
 /// Of a texture that is made when it is seen: of which pictures which one.

@@ -10,7 +10,7 @@ use crate::plan::build::Planner;
 use crate::scene_resources::PrimitiveEntry;
 use crate::scene_resources::bounds::Aabb;
 use crate::scene_resources::hausdorff::{Surface, deviation};
-use choreo_stage::{MorphTarget, Primitive, Topology};
+use choreo_asset::{MorphTarget, Primitive, Topology};
 use glam::Vec3;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 

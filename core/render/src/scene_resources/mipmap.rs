@@ -1,6 +1,6 @@
 //! Mipmaps on the CPU, once, for both renderers: box filter of the level above, in linear light for sRGB images.
 
-use choreo_stage::Image;
+use choreo_asset::Image;
 use rayon::prelude::*;
 use std::sync::OnceLock;
 

@@ -18,10 +18,11 @@ use crate::scene_resources::lod::{CROWD, Level, coarser};
 use crate::scene_resources::vertex_layout::VertexLayout;
 use crate::scene_resources::watertight::Closed;
 use crate::shader::uniforms::{BASE_SLOTS, LAYER_SLOTS, TEXTURE_SLOTS, TOON_SLOT, TOON_SLOTS};
-use choreo_stage::{
-    AlphaMode, Asset, Image, Material, MaterialLayers, Panorama, Primitive, Sampler, Shading, Stage, Stream,
+use choreo_asset::{
+    AlphaMode, Asset, Image, Material, MaterialLayers, Panorama, Primitive, Sampler, Shading, Stream,
     TextureRef, Toon,
 };
+use choreo_stage::Stage;
 use glam::{Affine2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -46,7 +47,7 @@ pub struct Catalog {
 /// One distinct primitive; holds its asset's mesh alive.
 #[derive(Clone, Debug)]
 pub struct CatalogPrimitive {
-    pub mesh: Arc<choreo_stage::Mesh>,
+    pub mesh: Arc<choreo_asset::Mesh>,
     /// Index into `mesh.primitives`.
     pub index: u32,
     /// Content hash (first 16 bytes of BLAKE3): cache and dedup key.
@@ -59,11 +60,11 @@ impl CatalogPrimitive {
     /// Of a mesh of its own.
     fn alone(name: String, primitive: Primitive) -> CatalogPrimitive {
         let (hash, info) = (short(primitive.content_hash()), PrimitiveInfo::new(&primitive));
-        let mesh = choreo_stage::Mesh {
+        let mesh = choreo_asset::Mesh {
             name,
             morph_targets: primitive.morphs.len(),
             primitives: vec![primitive],
-            ..choreo_stage::Mesh::default()
+            ..choreo_asset::Mesh::default()
         };
         CatalogPrimitive { mesh: Arc::new(mesh), index: 0, hash, info }
     }
@@ -250,7 +251,7 @@ struct Builder {
     materials: HashMap<[u8; 16], u32>,
     textures: HashMap<([u8; 16], bool), u32>,
     /// Of an earlier catalogue, which holds the meshes alive.
-    known_primitives: HashMap<(*const choreo_stage::Mesh, u32), ([u8; 16], PrimitiveInfo)>,
+    known_primitives: HashMap<(*const choreo_asset::Mesh, u32), ([u8; 16], PrimitiveInfo)>,
     /// Files share images by `Arc`: hashed once.
     image_hashes: HashMap<*const Image, [u8; 16]>,
 }
@@ -336,7 +337,7 @@ impl Builder {
         entry
     }
 
-    fn primitive(&mut self, mesh: &Arc<choreo_stage::Mesh>, index: u32) -> u32 {
+    fn primitive(&mut self, mesh: &Arc<choreo_asset::Mesh>, index: u32) -> u32 {
         let primitive = &mesh.primitives[index as usize];
         let known = self.known_primitives.get(&(Arc::as_ptr(mesh), index)).cloned();
         let hash = known.as_ref().map_or_else(|| short(primitive.content_hash()), |(hash, _)| *hash);

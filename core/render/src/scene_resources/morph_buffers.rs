@@ -3,7 +3,7 @@
 //! of RobotExpressive's face 31 % are kept, all of which move, of Godette's 40 % (17 % move; an index for each vertex would save
 //! the rest and cost a second read); some exporters move every vertex (`cargo test -p choreo-render --test morphs -- --nocapture`).
 
-use choreo_stage::{MorphTarget, Primitive};
+use choreo_asset::{MorphTarget, Primitive};
 use glam::Vec3;
 use std::ops::Range;
 

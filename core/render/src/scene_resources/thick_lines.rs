@@ -2,7 +2,7 @@
 //! smooth its edges as those of any triangle, and no device has to know wide lines.
 
 use crate::plan::{Features, Rows};
-use choreo_stage::{Material, Pen, Primitive, Topology};
+use choreo_asset::{Material, Pen, Primitive, Topology};
 use glam::{Mat4, Vec2, Vec3, Vec4, Vec4Swizzles};
 
 impl Features {

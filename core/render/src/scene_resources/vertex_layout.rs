@@ -5,7 +5,7 @@
 
 use crate::plan::Features;
 use crate::scene_resources::thick_lines::widened;
-use choreo_stage::Primitive;
+use choreo_asset::Primitive;
 use glam::{Vec3, Vec4};
 
 /// Which attributes, in location order. A bit a location of vertex.wgsl.

@@ -11,7 +11,7 @@ use crate::plan::build::Planner;
 use crate::plan::{Features, PipelineKey, TopologyKey};
 use crate::scene_resources::CatalogPrimitive;
 use crate::scene_resources::bounds::Aabb;
-use choreo_stage::{Primitive, Topology};
+use choreo_asset::{Primitive, Topology};
 use glam::{Mat4, Vec3};
 
 /// A primitive's triangles, those of closed surfaces first.
@@ -219,7 +219,7 @@ mod tests {
         // One of the three vertices at a corner hangs on another joint.
         skinned.joint_indices[4 * 7] = 1;
         assert_eq!(Closed::of(&skinned).count, 0);
-        let mut target = choreo_stage::MorphTarget { positions: vec![Vec3::ZERO; 24], ..Default::default() };
+        let mut target = choreo_asset::MorphTarget { positions: vec![Vec3::ZERO; 24], ..Default::default() };
         target.positions[3] = Vec3::Y;
         p.morphs.push(target);
         assert_eq!(Closed::of(&p).count, 0);
@@ -240,7 +240,8 @@ mod tests {
 
     #[test]
     fn a_view_in_a_box_or_near_it_is_not_outside() {
-        use choreo_stage::{CameraState, Projection};
+        use choreo_asset::Projection;
+        use choreo_stage::CameraState;
         let projection = Projection::Perspective { yfov: 1.0, near: 0.5, far: None };
         let world_from_view = glam::DAffine3::IDENTITY;
         let view = crate::plan::View::new(&CameraState { camera: None, world_from_view, projection }, [9, 9]);

@@ -3,7 +3,7 @@
 use crate::plan::{PlanSky, PostPass, ShadowView, View};
 use crate::scene_resources::{CatalogMaterial, CatalogTextureRef};
 use crate::sky::{MAX_LEVELS, SkyMaps};
-use choreo_stage::{AlphaMode, Shading, Toon};
+use choreo_asset::{AlphaMode, Shading, Toon};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 #[repr(C)]

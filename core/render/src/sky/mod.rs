@@ -5,7 +5,7 @@ pub mod harmonics;
 pub mod octahedral;
 pub mod prefilter;
 
-use choreo_stage::Panorama;
+use choreo_asset::Panorama;
 use glam::{Vec2, Vec3};
 use half::f16;
 use harmonics::Harmonics;

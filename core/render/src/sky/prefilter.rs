@@ -3,7 +3,7 @@
 //! (Křivánek & Colbert, "Real-time Shading with Filtered Importance Sampling", 2008).
 
 use super::octahedral::Octahedron;
-use choreo_stage::Panorama;
+use choreo_asset::Panorama;
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 

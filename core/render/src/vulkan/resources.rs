@@ -18,7 +18,7 @@ use crate::scene_resources::vertex_layout::{VertexLayout, pack, pack_morphs};
 use crate::scene_resources::{Catalog, CatalogPrimitive};
 use crate::shader::uniforms::{LayersUniform, MaterialUniform};
 use ash::vk;
-use choreo_stage::{Sampler, Wrap};
+use choreo_asset::{Sampler, Wrap};
 use gpu_allocator::MemoryLocation;
 use rayon::prelude::*;
 use std::collections::hash_map::Entry;

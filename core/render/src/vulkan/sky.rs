@@ -8,7 +8,7 @@ use crate::RenderError;
 use crate::layers_2d::FlatPicture;
 use crate::sky::{SkyMaps, SkyPicture};
 use ash::vk;
-use choreo_stage::Panorama;
+use choreo_asset::Panorama;
 use half::f16;
 use std::sync::Arc;
 

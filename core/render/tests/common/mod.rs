@@ -3,6 +3,7 @@
 
 pub mod layered;
 
+use choreo_asset::*;
 use choreo_motion::{Skeleton, Time, Transform};
 use choreo_render::{Catalog, Plan, PlanOptions};
 use choreo_stage::*;

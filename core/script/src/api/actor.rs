@@ -7,7 +7,8 @@ use crate::build::{ActorDraft, Chain, CueDraft, room};
 use crate::call::{ApiError, Call, Reply, api, number_in, rgb, unknown};
 use crate::hook;
 use crate::value::{ActorRef, AssetRef, CueRef, JointRef};
-use choreo_stage::{Actor, ActorEdit, Asset, Attachment, MeshInstance, Property, Skinning, Target};
+use choreo_asset::{Asset, MeshInstance};
+use choreo_stage::{Actor, ActorEdit, Attachment, Property, Skinning, Target};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 

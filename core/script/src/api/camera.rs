@@ -7,7 +7,7 @@ use crate::call::{ApiError, Call, Reply, api, unknown};
 use crate::hook;
 use crate::value::{ActorRef, CameraRef};
 use choreo_motion::Time;
-use choreo_stage::{Asset, Property, Rig};
+use choreo_stage::{Property, Rig};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 

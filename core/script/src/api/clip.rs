@@ -8,7 +8,7 @@ use crate::suggest::list;
 use crate::value::{AssetRef, ClipRef};
 use choreo_motion::Clip;
 use choreo_motion::retarget::{Coverage, Options as Fit, Report, Retarget, Translations, bind_or_retarget};
-use choreo_stage::{Asset, Mirroring};
+use choreo_stage::Mirroring;
 use rhai::{Dynamic, Map};
 use std::collections::BTreeMap;
 use std::sync::Arc;

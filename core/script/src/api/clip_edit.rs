@@ -7,7 +7,7 @@ use crate::call::{ApiError, Call, Reply, api, point};
 use crate::value::ClipRef;
 use choreo_motion::reduce::Keep;
 use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Offset, Path, Pose, Sample, Time};
-use choreo_stage::{Asset, Channel, Property, Reference};
+use choreo_stage::{Channel, Property, Reference};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 

@@ -7,7 +7,7 @@ use crate::hook;
 use crate::suggest::list;
 use crate::value::{ActorRef, CameraRef, EffectRef};
 use choreo_plugin::{Effect, Hook, OptionKind, OptionSpec};
-use choreo_stage::{Asset, Channel, EffectEdit, EffectTarget, EffectUse, Property};
+use choreo_stage::{Channel, EffectEdit, EffectTarget, EffectUse, Property};
 use rhai::Dynamic;
 use std::sync::Arc;
 

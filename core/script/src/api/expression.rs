@@ -3,7 +3,8 @@
 use crate::call::{ApiError, Call, Reply, text, unknown};
 use crate::hook;
 use crate::value::ActorRef;
-use choreo_stage::{ActorEdit, Asset};
+use choreo_asset::Asset;
+use choreo_stage::ActorEdit;
 use rhai::Dynamic;
 
 /// Index of the expression with this name.

@@ -8,7 +8,7 @@ use crate::load::from_load;
 use crate::value::{FlatRef, ImageRef};
 use choreo_importer_kit::pictures::{Encoded, Formats};
 use choreo_motion::Time;
-use choreo_stage::{Align, Fit, Flat, FlatContent, FlatEdit, Font, Image};
+use choreo_stage::{Align, Fit, Flat, FlatContent, FlatEdit, Font};
 use glam::{DVec2, Vec4};
 use rhai::Dynamic;
 use std::sync::Arc;

@@ -5,7 +5,8 @@ use super::{clip_edit, keys};
 use crate::call::{ApiError, Call, Reply, api, unknown};
 use crate::hook;
 use crate::value::{ActorRef, JointRef};
-use choreo_stage::{ActorEdit, Asset};
+use choreo_asset::Asset;
+use choreo_stage::ActorEdit;
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 

@@ -4,8 +4,9 @@ use super::actor::{MOST_WIDE, euler, has_copies, has_pen, morph_targets};
 use super::expression;
 use crate::call::{ApiError, Call, color, describe, number, number_in, numbers, one_of, rgb, wrong};
 use crate::limits::raise_hint;
+use choreo_asset::Asset;
 use choreo_motion::{Ease, Interpolation, Time};
-use choreo_stage::{Asset, Channel, Property};
+use choreo_stage::{Channel, Property};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 

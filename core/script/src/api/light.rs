@@ -7,7 +7,8 @@ use crate::call::{ApiError, Call, Options, Reply, api, color, number_in, numbers
 use crate::color::kelvin;
 use crate::hook;
 use crate::value::LightRef;
-use choreo_stage::{Light, LightEdit, LightKind, Shadow, StageLight, Target};
+use choreo_asset::{Light, LightKind};
+use choreo_stage::{LightEdit, Shadow, StageLight, Target};
 use glam::{DVec3, Vec3};
 use rhai::{Dynamic, Map};
 

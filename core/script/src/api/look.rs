@@ -5,8 +5,9 @@ use crate::build::room;
 use crate::call::{ApiError, Call, Reply, api};
 use crate::suggest::list;
 use crate::value::{ActorRef, LookRef};
+use choreo_asset::Asset;
 use choreo_motion::{HumanBone, Time};
-use choreo_stage::{Asset, LookAt, Target};
+use choreo_stage::{LookAt, Target};
 use rhai::Dynamic;
 
 api! {

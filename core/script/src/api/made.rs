@@ -3,7 +3,7 @@
 use crate::call::{Call, Reply, api};
 use crate::made;
 use crate::value::AssetRef;
-use choreo_stage::{Asset, Topology};
+use choreo_asset::{Asset, Topology};
 use rhai::Dynamic;
 use std::sync::Arc;
 

@@ -5,7 +5,8 @@ use crate::call::{ApiError, Call, Reply, api, unknown};
 use crate::hook;
 use crate::load::from_load;
 use crate::value::SkyRef;
-use choreo_stage::{Panorama, Sky};
+use choreo_asset::Panorama;
+use choreo_stage::Sky;
 use rhai::Dynamic;
 use std::sync::Arc;
 

@@ -10,8 +10,9 @@ pub use read::{
 use crate::build::{Build, Shared};
 use crate::suggest::{did_you_mean, list};
 use crate::value::{AssetRef, Kind};
+use choreo_asset::Asset;
 use choreo_motion::Time;
-use choreo_stage::{Asset, Target};
+use choreo_stage::Target;
 use glam::{DVec3, Vec4};
 use rhai::{Dynamic, Map};
 use std::sync::{Arc, MutexGuard, PoisonError};

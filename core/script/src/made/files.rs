@@ -6,9 +6,9 @@ use super::picture::ImageRef;
 use crate::api::flat::read_file;
 use crate::call::{ApiError, Call, Options};
 use crate::limits::raise_hint;
+use choreo_asset::{AlphaMode, Image, Pictures};
 use choreo_importer_kit::Problem;
 use choreo_importer_kit::pictures::{Encoded, Formats};
-use choreo_stage::{AlphaMode, Image, Pictures};
 use std::sync::Arc;
 
 /// How far beyond a missing number is looked for others, to tell a gap from the end.

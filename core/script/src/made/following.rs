@@ -4,7 +4,7 @@ use super::maps;
 use super::material::of_picture;
 use super::picture::ImageRef;
 use crate::call::{ApiError, Options};
-use choreo_stage::{AlphaMode, ContentHash, Image, Pictures, Sequence, Stream, TextureSlot};
+use choreo_asset::{AlphaMode, ContentHash, Image, Pictures, Sequence, Stream, TextureSlot};
 use std::sync::Arc;
 
 /// Several of one size.

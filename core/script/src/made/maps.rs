@@ -2,7 +2,7 @@
 
 use super::picture::ImageRef;
 use crate::call::{ApiError, Options};
-use choreo_stage::Image;
+use choreo_asset::Image;
 use glam::Vec3;
 use rhai::Array;
 use std::sync::Arc;

@@ -4,7 +4,7 @@ use super::following::{self, Following, Rule, given, join};
 use super::maps;
 use super::picture::{ImageRef, srgb_byte};
 use crate::call::{ApiError, Options, rgb};
-use choreo_stage::{
+use choreo_asset::{
     AlphaMode, FrameStrip, Image, Material, MaterialLayers, Reflection, Sampler, Shading, TextureRef,
     TextureSlot, UvMotion,
 };

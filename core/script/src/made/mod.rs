@@ -19,12 +19,12 @@ pub use texture::texture;
 use crate::api::actor::MOST_WIDE;
 use crate::call::{ApiError, Call, Options, numbers, one_of, wrong};
 use crate::limits::raise_hint;
+use choreo_asset::{
+    Asset, Image, Material, Mesh, MeshInstance, Pen, Primitive, Shading, Topology, Triplanar,
+};
 use choreo_importer_kit::{normals, tangents};
 use choreo_motion::{Skeleton, Transform};
 use choreo_plugin::MeshData;
-use choreo_stage::{
-    Asset, Image, Material, Mesh, MeshInstance, Pen, Primitive, Shading, Topology, Triplanar,
-};
 use glam::{DVec3, Vec2, Vec3};
 use std::sync::Arc;
 
@@ -124,7 +124,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     if o.get("color").is_none() && !data.colors.is_empty() {
         material.base_color = glam::Vec4::ONE;
         if primitive.colors.iter().any(|c| c.w < 1.0) {
-            material.alpha_mode = choreo_stage::AlphaMode::Blend;
+            material.alpha_mode = choreo_asset::AlphaMode::Blend;
         }
     }
     if topology != Topology::Triangles {

@@ -2,7 +2,7 @@
 
 use crate::call::{ApiError, Call, Options, color, describe, one_of};
 use crate::limits::raise_hint;
-use choreo_stage::{Image, Sampler, Wrap};
+use choreo_asset::{Image, Sampler, Wrap};
 use rhai::{Array, Blob, Dynamic};
 use std::sync::Arc;
 

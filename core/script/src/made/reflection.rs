@@ -2,7 +2,7 @@
 
 use super::picture::ImageRef;
 use crate::call::{ApiError, Options, rgb};
-use choreo_stage::{Material, Reflection, Shading};
+use choreo_asset::{Material, Reflection, Shading};
 use glam::Vec3;
 
 /// The panorama that is mirrored in place of the sky.

@@ -1,7 +1,7 @@
 //! Shapes that a picture raises, and texture coordinates that a projection gives.
 
 use super::maps::brightness;
-use choreo_stage::{Image, Primitive};
+use choreo_asset::{Image, Primitive};
 use glam::{Vec2, Vec3, Vec4};
 use std::collections::BTreeMap;
 

@@ -4,7 +4,7 @@ use crate::api::actor::euler;
 use crate::call::{ApiError, Call, Reply, describe, numbers, wrong};
 use crate::limits::raise_hint;
 use crate::value::AssetRef;
-use choreo_stage::Asset;
+use choreo_asset::Asset;
 use glam::{Affine3A, DAffine3, DQuat, DVec3};
 use rhai::{Array, Dynamic, Map};
 use std::sync::Arc;

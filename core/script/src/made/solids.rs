@@ -1,6 +1,6 @@
 //! The shapes of `shape(kind, …)`: vertices, normals and uvs from closed forms.
 
-use choreo_stage::{Primitive, Topology};
+use choreo_asset::{Primitive, Topology};
 use glam::{Vec2, Vec3};
 
 /// Vertices around an axis, and rows of a half circle.

@@ -4,10 +4,10 @@ use super::following::{Following, in_order};
 use super::picture::ImageRef;
 use crate::call::{ApiError, Call, Options, Reply, one_of, unknown};
 use crate::value::AssetRef;
-use choreo_importer_kit::{normals, tangents};
-use choreo_stage::{
+use choreo_asset::{
     AlphaMode, Asset, Material, Mesh, Reflection, Sequence, Shading, Stream, TextureRef, TextureSlot,
 };
+use choreo_importer_kit::{normals, tangents};
 use glam::{Affine2, Vec3};
 use rhai::{Array, Dynamic};
 use std::sync::Arc;

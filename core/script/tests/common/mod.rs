@@ -2,10 +2,10 @@
 
 #![allow(dead_code, reason = "each test file uses a part")]
 
+use choreo_asset::{Asset, AssetCamera, Mesh, MeshInstance, MorphTarget, Primitive, Projection, Topology};
 use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time, Transform};
 use choreo_plugin::*;
 use choreo_script::{Diagnostic, Script, ScriptOptions, run_file, run_text};
-use choreo_stage::{Asset, AssetCamera, Mesh, MeshInstance, MorphTarget, Primitive, Projection, Topology};
 use glam::{Vec2, Vec3, Vec4};
 use std::path::{Path as FilePath, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,9 +1,22 @@
 //! A stage, and a moment of it.
 
-use super::ContentHash;
-use super::asset::clip_hash;
-use super::writer::{Writer, hash_of};
-use crate::*;
+use crate::hash::cues::write_layer;
+use crate::hash::flat::write_flat;
+use crate::hash::goals::{write_goal, write_limit, write_springs};
+use crate::snapshot::ChangedMaterial;
+use crate::snapshot::FlatState;
+use crate::snapshot::SkyState;
+use crate::snapshot::{ActorState, Snapshot};
+use crate::stage::actor::{Actor, Attachment, Target};
+use crate::stage::camera::Rig;
+use crate::stage::channel::{Channel, Property};
+use crate::stage::clips::Layer;
+use crate::stage::light::Shadow;
+use crate::stage::path::Pace;
+use crate::stage::sky::Sky;
+use crate::stage::{Background, Cutouts, Pipeline, Settings, SkinOnce, Stage, Transparency};
+use choreo_asset::clip_hash;
+use choreo_asset::hash::{ContentHash, Writer, hash_of};
 use choreo_motion::Skinning;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,7 +30,7 @@ impl Stage {
         hash_of(|w| {
             let Stage { settings, actors, cameras, cuts, lights, sky, flats, effects, hooks, warnings: _ } =
                 self;
-            w.settings(settings);
+            write_settings(w, settings);
             w.list(actors, |w, actor| {
                 let Actor {
                     name,
@@ -47,10 +60,11 @@ impl Stage {
                 w.dvec3(transform.translation);
                 w.dquat(transform.rotation);
                 w.dvec3(transform.scale);
-                w.option(parent, |w, parent| w.attachment(parent));
+                w.option(parent, |w, parent| write_attachment(w, parent));
                 w.option(face, |w, face| w.count(*face));
                 w.list(layers, |w, layer| {
-                    w.layer(
+                    write_layer(
+                        w,
                         layer,
                         |w, mask| {
                             let key = Arc::as_ptr(mask) as usize;
@@ -60,21 +74,21 @@ impl Stage {
                         |clip| *clips.entry(Arc::as_ptr(clip) as usize).or_insert_with(|| clip_hash(clip)),
                     );
                 });
-                w.list(channels, |w, channel| w.channel(channel));
+                w.list(channels, |w, channel| write_channel(w, channel));
                 w.list(look_at, |w, look| {
                     w.u32(look.joint);
-                    w.target(&look.target);
+                    write_target(w, &look.target);
                     w.time(look.start);
                     w.option(&look.end, |w, end| w.time(*end));
                     w.time(look.fade);
                     w.f32(look.weight);
                 });
-                w.list(goals, |w, goal| w.goal(goal));
+                w.list(goals, |w, goal| write_goal(w, goal));
                 w.list(limits, |w, (joint, limit)| {
                     w.u32(*joint);
-                    w.limit(limit);
+                    write_limit(w, limit);
                 });
-                w.option(springs, |w, springs| w.springs(springs));
+                w.option(springs, |w, springs| write_springs(w, springs));
                 w.option(walk, |w, walk| {
                     w.list(&walk.path.points, |w, p| w.dvec3(*p));
                     w.flag(walk.path.closed);
@@ -112,8 +126,8 @@ impl Stage {
             w.list(cameras, |w, camera| {
                 w.text(&camera.name);
                 w.projection(&camera.projection);
-                w.rig(&camera.rig);
-                w.list(&camera.channels, |w, channel| w.channel(channel));
+                write_rig(w, &camera.rig);
+                w.list(&camera.channels, |w, channel| write_channel(w, channel));
             });
             w.list(cuts, |w, cut| {
                 w.time(cut.at);
@@ -124,19 +138,19 @@ impl Stage {
                 w.light(&light.light);
                 w.dvec3(light.position);
                 w.vec3(light.direction);
-                w.shadow(&light.shadow);
+                write_shadow(w, &light.shadow);
                 w.option(&light.attenuation, |w, a| w.f32s(a));
-                w.option(&light.parent, |w, parent| w.attachment(parent));
-                w.list(&light.channels, |w, channel| w.channel(channel));
+                w.option(&light.parent, |w, parent| write_attachment(w, parent));
+                w.list(&light.channels, |w, channel| write_channel(w, channel));
             });
-            w.list(flats, |w, flat| w.flat(flat));
+            w.list(flats, |w, flat| write_flat(w, flat));
             w.option(sky, |w, sky| {
                 let Sky { panorama, turn, strength, background, channels } = sky;
                 w.bytes(&panorama.hash());
                 w.f64(*turn);
                 w.f32(*strength);
                 w.flag(*background);
-                w.list(channels, |w, channel| w.channel(channel));
+                w.list(channels, |w, channel| write_channel(w, channel));
             });
             w.list(effects, |w, effect| {
                 w.text(&effect.plugin);
@@ -148,7 +162,7 @@ impl Stage {
                 w.option(&effect.end, |w, end| w.time(*end));
                 w.list(&effect.keys, |w, (name, keys)| {
                     w.text(name);
-                    w.channel(keys);
+                    write_channel(w, keys);
                 });
                 w.list(&effect.on, |w, on| {
                     w.count(on.actor);
@@ -165,7 +179,7 @@ impl Layer {
     /// Everything that a pose takes from it.
     pub fn content_hash(&self) -> ContentHash {
         hash_of(|w| {
-            w.layer(self, |w, mask| w.f32s(mask), |clip| clip_hash(clip));
+            write_layer(w, self, |w, mask| w.f32s(mask), |clip| clip_hash(clip));
         })
     }
 }
@@ -213,7 +227,7 @@ impl Snapshot {
                 w.flag(*skinning == Skinning::DualQuaternion);
                 w.list(materials, |w, ChangedMaterial { material, now }| {
                     w.u32(*material);
-                    now.write(w, &|_| None);
+                    now.write_content(w, &|_| None);
                 });
             });
             w.option(&camera.camera, |w, index| w.count(*index));
@@ -223,7 +237,7 @@ impl Snapshot {
                 w.light(&light.light);
                 w.dvec3(light.position);
                 w.vec3(light.direction);
-                w.shadow(&light.shadow);
+                write_shadow(w, &light.shadow);
                 w.option(&light.attenuation, |w, a| w.f32s(a));
             });
             w.list(flats, |w, state| {
@@ -240,7 +254,7 @@ impl Snapshot {
                 w.f32(*strength);
                 w.flag(*background);
             });
-            w.background(background);
+            write_background(w, background);
             w.vec3(*ambient_up);
             w.vec3(*ambient_down);
             w.list(effects, |w, state| {
@@ -254,146 +268,151 @@ impl Snapshot {
     }
 }
 
-impl Writer {
-    fn settings(&mut self, settings: &Settings) {
-        let Settings {
-            size,
-            fps,
-            length,
-            background,
-            ambient_up,
-            ambient_down,
-            samples,
-            cutouts,
-            transparency,
-            pipeline,
-            skin_once,
-        } = settings;
-        for v in [size[0], size[1], fps.num, fps.den] {
-            self.u32(v);
-        }
-        self.time(*length);
-        self.background(background);
-        self.vec3(*ambient_up);
-        self.vec3(*ambient_down);
-        self.option(samples, |w, n| w.u32(*n));
-        // The usual choices write nothing: the hashes of stages before there were others stay.
-        if *cutouts != Cutouts::default() || *transparency != Transparency::default() {
-            self.u32(*cutouts as u32);
-            self.u32(*transparency as u32);
-        }
-        if *pipeline != Pipeline::default() {
-            self.text("pipeline");
-            self.u32(*pipeline as u32);
-        }
-        if *skin_once != SkinOnce::default() {
-            self.tag(1);
-            self.u32(*skin_once as u32);
-        }
+pub(super) fn write_settings(w: &mut Writer, settings: &Settings) {
+    let Settings {
+        size,
+        fps,
+        length,
+        background,
+        ambient_up,
+        ambient_down,
+        samples,
+        cutouts,
+        transparency,
+        pipeline,
+        skin_once,
+    } = settings;
+    for v in [size[0], size[1], fps.num, fps.den] {
+        w.u32(v);
     }
+    w.time(*length);
+    write_background(w, background);
+    w.vec3(*ambient_up);
+    w.vec3(*ambient_down);
+    w.option(samples, |w, n| w.u32(*n));
+    // The usual choices write nothing: the hashes of stages before there were others stay.
+    if *cutouts != Cutouts::default() || *transparency != Transparency::default() {
+        w.u32(*cutouts as u32);
+        w.u32(*transparency as u32);
+    }
+    if *pipeline != Pipeline::default() {
+        w.text("pipeline");
+        w.u32(*pipeline as u32);
+    }
+    if *skin_once != SkinOnce::default() {
+        w.tag(1);
+        w.u32(*skin_once as u32);
+    }
+}
 
-    fn background(&mut self, background: &Background) {
-        match background {
-            Background::Color(color) => {
-                self.tag(0);
-                self.vec4(*color);
-            }
-            Background::Gradient { top, bottom } => {
-                self.tag(1);
-                self.vec3(*top);
-                self.vec3(*bottom);
-            }
+pub(super) fn write_background(w: &mut Writer, background: &Background) {
+    match background {
+        Background::Color(color) => {
+            w.tag(0);
+            w.vec4(*color);
+        }
+        Background::Gradient { top, bottom } => {
+            w.tag(1);
+            w.vec3(*top);
+            w.vec3(*bottom);
         }
     }
+}
 
-    pub(super) fn channel(&mut self, channel: &Channel) {
-        match channel.property {
-            Property::Translation => self.tag(0),
-            Property::Rotation => self.tag(1),
-            Property::Scale => self.tag(2),
-            Property::Visible => self.tag(3),
-            Property::Tint => self.tag(4),
-            Property::Morph { instance, target } => {
-                self.tag(5);
-                self.u32(instance);
-                self.u32(target);
-            }
-            Property::Expression { expression } => {
-                self.tag(9);
-                self.u32(expression);
-            }
-            Property::FieldOfView => self.tag(6),
-            Property::Intensity => self.tag(7),
-            Property::Color => self.tag(8),
-            Property::Weight => self.tag(10),
-            Property::Speed => self.tag(11),
-            Property::ClipTime => self.tag(12),
-            Property::Parameter => self.tag(13),
-            Property::Turn => self.tag(14),
-            Property::Opacity => self.tag(15),
-            Property::Range => self.tag(16),
-            Property::Cone => self.tag(17),
-            Property::PenWidth => self.tag(18),
-            Property::Copies => self.tag(19),
+pub(super) fn write_channel(w: &mut Writer, channel: &Channel) {
+    match channel.property {
+        Property::Translation => w.tag(0),
+        Property::Rotation => w.tag(1),
+        Property::Scale => w.tag(2),
+        Property::Visible => w.tag(3),
+        Property::Tint => w.tag(4),
+        Property::Morph { instance, target } => {
+            w.tag(5);
+            w.u32(instance);
+            w.u32(target);
         }
-        self.interpolation(channel.interpolation);
-        self.list(&channel.times, |w, t| w.time(*t));
-        self.list(&channel.values, |w, v| w.f64(*v));
-    }
-
-    pub(super) fn attachment(&mut self, attachment: &Attachment) {
-        self.count(attachment.actor);
-        self.option(&attachment.joint, |w, joint| w.u32(*joint));
-    }
-
-    pub(super) fn target(&mut self, target: &Target) {
-        match target {
-            Target::Point(p) => {
-                self.tag(0);
-                self.dvec3(*p);
-            }
-            Target::Actor(actor) => {
-                self.tag(1);
-                self.count(*actor);
-            }
-            Target::Joint { actor, joint } => {
-                self.tag(2);
-                self.count(*actor);
-                self.u32(*joint);
-            }
+        Property::Expression { expression } => {
+            w.tag(9);
+            w.u32(expression);
         }
+        Property::FieldOfView => w.tag(6),
+        Property::Intensity => w.tag(7),
+        Property::Color => w.tag(8),
+        Property::Weight => w.tag(10),
+        Property::Speed => w.tag(11),
+        Property::ClipTime => w.tag(12),
+        Property::Parameter => w.tag(13),
+        Property::Turn => w.tag(14),
+        Property::Opacity => w.tag(15),
+        Property::Range => w.tag(16),
+        Property::Cone => w.tag(17),
+        Property::PenWidth => w.tag(18),
+        Property::Copies => w.tag(19),
     }
+    w.interpolation(channel.interpolation);
+    w.list(&channel.times, |w, t| w.time(*t));
+    w.list(&channel.values, |w, v| w.f64(*v));
+}
 
-    fn rig(&mut self, rig: &Rig) {
-        match rig {
-            Rig::Fixed { position, rotation, look_at } => {
-                self.tag(0);
-                self.dvec3(*position);
-                self.dquat(*rotation);
-                self.option(look_at, |w, target| w.target(target));
-            }
-            Rig::Follow { target, offset } => {
-                self.tag(1);
-                self.target(target);
-                self.dvec3(*offset);
-            }
-            Rig::Orbit { target, distance, elevation, azimuth, speed } => {
-                self.tag(2);
-                self.target(target);
-                for v in [distance, elevation, azimuth, speed] {
-                    self.f64(*v);
-                }
-            }
-            Rig::File { actor, camera } => {
-                self.tag(3);
-                self.count(*actor);
-                self.u32(*camera);
-            }
-            Rig::Frame { azimuth, elevation } => {
-                self.tag(4);
-                self.f64(*azimuth);
-                self.f64(*elevation);
-            }
+pub(super) fn write_attachment(w: &mut Writer, attachment: &Attachment) {
+    w.count(attachment.actor);
+    w.option(&attachment.joint, |w, joint| w.u32(*joint));
+}
+
+pub(super) fn write_target(w: &mut Writer, target: &Target) {
+    match target {
+        Target::Point(p) => {
+            w.tag(0);
+            w.dvec3(*p);
+        }
+        Target::Actor(actor) => {
+            w.tag(1);
+            w.count(*actor);
+        }
+        Target::Joint { actor, joint } => {
+            w.tag(2);
+            w.count(*actor);
+            w.u32(*joint);
         }
     }
+}
+
+pub(super) fn write_rig(w: &mut Writer, rig: &Rig) {
+    match rig {
+        Rig::Fixed { position, rotation, look_at } => {
+            w.tag(0);
+            w.dvec3(*position);
+            w.dquat(*rotation);
+            w.option(look_at, |w, target| write_target(w, target));
+        }
+        Rig::Follow { target, offset } => {
+            w.tag(1);
+            write_target(w, target);
+            w.dvec3(*offset);
+        }
+        Rig::Orbit { target, distance, elevation, azimuth, speed } => {
+            w.tag(2);
+            write_target(w, target);
+            for v in [distance, elevation, azimuth, speed] {
+                w.f64(*v);
+            }
+        }
+        Rig::File { actor, camera } => {
+            w.tag(3);
+            w.count(*actor);
+            w.u32(*camera);
+        }
+        Rig::Frame { azimuth, elevation } => {
+            w.tag(4);
+            w.f64(*azimuth);
+            w.f64(*elevation);
+        }
+    }
+}
+
+pub(super) fn write_shadow(w: &mut Writer, shadow: &Option<Shadow>) {
+    w.option(shadow, |w, Shadow { size, softness }| {
+        w.u32(*size);
+        w.f32(*softness);
+    });
 }

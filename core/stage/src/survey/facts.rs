@@ -1,10 +1,20 @@
 //! What was seen at the times looked at, and what that means.
 
-use super::sight::Miss;
-use super::{Finding, Sight, Subject, cameras_on};
-use crate::evaluate::target_position;
-use crate::look_at::{self, forward_in_joint};
-use crate::*;
+use crate::constraints::look_at::LOOK_AT_LIMIT_RAD;
+use crate::constraints::look_at::forward_in_joint;
+use crate::lights;
+use crate::snapshot::{LightState, Snapshot};
+use crate::stage::Stage;
+use crate::stage::actor::{Actor, Attachment, Target};
+use crate::stage::camera::{Camera, Rig};
+use crate::stage::channel::Property;
+use crate::stage::edits::{ActorEdit, FrameEdits};
+use crate::stage::light::StageLight;
+use crate::survey::sight::Miss;
+use crate::survey::sight::Sight;
+use crate::survey::{Finding, Subject, cameras_on};
+use crate::transforms::target_position;
+use choreo_asset::{Asset, DAabb, LightKind};
 use choreo_motion::Time;
 use glam::{DVec3, Vec3};
 
@@ -125,7 +135,7 @@ impl Facts {
         for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
             for (look, facts) in actor.look_at.iter().zip(&mut self.looks[index]) {
                 // Not at all, or on its way.
-                if look_at::share(look, time) < 0.999 {
+                if look.share(time) < 0.999 {
                     continue;
                 }
                 facts.counted = true;

@@ -7,10 +7,11 @@ mod facts;
 mod sight;
 
 use crate::evaluate::Evaluator;
-use crate::*;
+use crate::snapshot::Snapshot;
+use crate::stage::channel::{Channel, Property};
+use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
 use facts::Facts;
-use sight::Sight;
 
 /// What a finding is about; indices into the stage's lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -1,6 +1,7 @@
 //! Whether a box is in a camera's picture, and how large.
 
-use crate::*;
+use crate::snapshot::{ActorState, CameraState};
+use choreo_asset::{Aabb, Asset, DAabb, Projection};
 use glam::DAffine3;
 
 /// Why something is not in the picture.

@@ -1,6 +1,7 @@
 //! Small assets whose motion has a closed form, and the numbers to compare with.
 #![allow(dead_code)]
 
+use choreo_asset::*;
 use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time, Transform};
 use choreo_stage::*;
 use glam::{Affine3A, DMat3, DVec3, Mat4, Quat, Vec3};

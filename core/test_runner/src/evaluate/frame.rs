@@ -4,9 +4,10 @@ use super::Judged;
 use super::band::{Band, Series, judge_band};
 use super::looks::Looks;
 use super::words;
+use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_script::testing::{Expectation, InFrame, Subject};
-use choreo_stage::{Projection, posed_meshes};
+use choreo_stage::posed_meshes;
 use glam::{DAffine3, DVec3};
 
 /// Lowest and highest corner of an actor as posed, in the world; NaN where there is nothing of it.

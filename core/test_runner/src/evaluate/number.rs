@@ -4,9 +4,10 @@ use super::band::{Band, Series, judge_band};
 use super::looks::{Looks, angle_deg};
 use super::words::{self, with_unit};
 use super::{Judged, contact, frame, plan, rotation, vector};
+use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_script::testing::*;
-use choreo_stage::{Actor, Attachment, Heard, Projection, Target};
+use choreo_stage::{Actor, Attachment, Heard, Target};
 use glam::DVec3;
 
 /// Looks that a value is taken from, before and after its own, in steps.

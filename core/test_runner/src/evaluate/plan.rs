@@ -1,12 +1,12 @@
 //! Counts of the stage, and of what a frame of it needs.
 
 use super::looks::Looks;
+use choreo_asset::{Asset, Topology};
 use choreo_motion::Time;
 use choreo_render::commands::{RecordOptions, record};
 use choreo_render::plan::motion_blur::plan_alone;
 use choreo_render::{Plan, PlanOptions as RenderOptions};
 use choreo_script::testing::{Count, PlanCount, PlanOptions};
-use choreo_stage::{Asset, Topology};
 use std::sync::Arc;
 
 pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan, String> {
@@ -73,7 +73,7 @@ pub fn count_stage(looks: &Looks, what: Count) -> usize {
         }
         Count::Joints => of_actors(|asset| asset.skeleton.len()),
         Count::Triangles => of_actors(|asset| {
-            let of_mesh = |mesh: &choreo_stage::Mesh| -> usize {
+            let of_mesh = |mesh: &choreo_asset::Mesh| -> usize {
                 let triangles = mesh.primitives.iter().filter(|p| p.topology == Topology::Triangles);
                 triangles.map(|p| p.indices.len() / 3).sum()
             };

@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// Of the script and of every asset on stage, once.
 pub fn warnings(stage: &Stage) -> Vec<String> {
     let mut lines = stage.warnings.clone();
-    let mut seen: Vec<&Arc<choreo_stage::Asset>> = Vec::new();
+    let mut seen: Vec<&Arc<choreo_asset::Asset>> = Vec::new();
     for actor in &stage.actors {
         if seen.iter().any(|a| Arc::ptr_eq(a, &actor.asset)) {
             continue;

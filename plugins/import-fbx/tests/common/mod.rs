@@ -1,9 +1,9 @@
 //! Shared by the tests: the folder of sample files, and importing from it.
 #![allow(dead_code, unused_imports)]
 
+use choreo_asset::Asset;
 pub use choreo_importer_kit_testing::{assets, source};
 use choreo_motion::{Clip, LocalToModel, Pose, Sample, Time};
-use choreo_stage::Asset;
 use glam::{Affine3A, DAffine3, DVec3};
 use import_fbx::FbxImporter;
 use std::path::{Path, PathBuf};
@@ -54,7 +54,7 @@ pub fn pose(asset: &Asset, clip: Option<(&Clip, f64)>) -> (Vec<Affine3A>, Vec<Ve
 /// All vertices of an asset, posed, in metres.
 pub fn posed_vertices(asset: &Asset, clip: Option<(&Clip, f64)>) -> Vec<DVec3> {
     let (model, weights) = pose(asset, clip);
-    let posed = choreo_stage::posed_meshes_in(asset, &model, &weights, DAffine3::IDENTITY);
+    let posed = choreo_asset::posed_meshes_in(asset, &model, &weights, DAffine3::IDENTITY);
     posed.iter().flat_map(|i| &i.primitives).flat_map(|p| p.positions.iter().copied()).collect()
 }
 

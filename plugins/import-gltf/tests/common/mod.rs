@@ -3,8 +3,8 @@
 
 pub mod sample;
 
+use choreo_asset::Asset;
 use choreo_plugin::{Files, ImportError, ImportOptions, Importer, Needs, OptionValue, Source};
-use choreo_stage::Asset;
 use import_gltf::GltfImporter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

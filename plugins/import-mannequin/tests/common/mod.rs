@@ -1,10 +1,10 @@
 //! Imports the figure and poses it.
 #![allow(dead_code)]
 
+use choreo_asset::{Asset, posed_meshes_in};
 use choreo_motion::{Clip, LocalToModel, Pose, Sample, Time};
 use choreo_plugin::importer::OptionValue;
 use choreo_plugin::{Files, ImportError, ImportOptions, Importer, Needs, Source};
-use choreo_stage::{Asset, posed_meshes_in};
 use glam::{Affine3A, DAffine3, DVec3};
 use import_mannequin::{Mannequin, SOURCE_NAME};
 use std::sync::Arc;

@@ -7,7 +7,8 @@ use crate::plan::features_layers;
 use crate::plan::{Draw, Features, PipelineKey, TopologyKey};
 use crate::scene_resources::CatalogMaterial;
 use crate::shader::{DeferredPass, LightLoop, PeelPass, SceneVariant};
-use choreo_stage::{Pipeline, Shading};
+use choreo_asset::Shading;
+use choreo_stage::Pipeline;
 use std::collections::BTreeMap;
 
 /// Opaque surfaces are drawn without light, and what lights need of the nearest one at each pixel is kept (shaders/deferred.wgsl);

@@ -4,8 +4,9 @@ use crate::plan::build::Planner;
 use crate::plan::options::PlanOptions;
 use crate::plan::{Features, LeftOut, PostPass};
 use crate::scene_resources::{CatalogMaterial, PrimitiveEntry};
+use choreo_asset::{Outline, Primitive, Shading};
 use choreo_plugin::{Effect, Exposure, Hook, OptionKind, SurfaceNeeds};
-use choreo_stage::{EffectState, EffectTarget, EffectUse, Outline, Primitive, Shading, Snapshot, Stage};
+use choreo_stage::{EffectState, EffectTarget, EffectUse, Snapshot, Stage};
 use glam::Vec3;
 use std::sync::Arc;
 

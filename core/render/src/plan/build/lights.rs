@@ -2,7 +2,8 @@
 
 use crate::plan::view::relative;
 use crate::plan::{PlanLight, PlanSky, View};
-use choreo_stage::{LightKind, LightState, Shadow, SkyState};
+use choreo_asset::LightKind;
+use choreo_stage::{LightState, Shadow, SkyState};
 use glam::{Vec3, Vec4};
 
 /// Lights that shine, how each casts shadows, and the number of those that do not shine.

@@ -32,8 +32,9 @@ use crate::scene_resources::bounds::{Aabb, moved, outside};
 use crate::scene_resources::thick_lines;
 use crate::scene_resources::watertight::is_before;
 use crate::scene_resources::{Catalog, CatalogMaterial, PrimitiveEntry};
+use choreo_asset::{AlphaMode, Asset, MeshInstance};
 use choreo_motion::Time;
-use choreo_stage::{ActorState, AlphaMode, Asset, EffectTarget, MeshInstance, Shadow, Snapshot, Stage};
+use choreo_stage::{ActorState, EffectTarget, Shadow, Snapshot, Stage};
 use glam::{Affine3A, DAffine3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 

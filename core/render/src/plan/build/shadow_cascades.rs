@@ -301,7 +301,8 @@ pub fn pack(sizes: &[[u32; 2]]) -> Option<(Vec<[u32; 2]>, [u32; 2])> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use choreo_stage::{CameraState, Projection};
+    use choreo_asset::Projection;
+    use choreo_stage::CameraState;
     use glam::{DAffine3, Vec3, Vec4};
 
     fn view(x: f64) -> View {

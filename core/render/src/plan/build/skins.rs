@@ -4,8 +4,9 @@ use crate::plan::Rows;
 use crate::plan::build::Planner;
 use crate::scene_resources::CatalogPrimitive;
 use crate::scene_resources::bounds::{Aabb, PrimitiveInfo};
+use choreo_asset::Asset;
 use choreo_motion::{Carrier, Skinning};
-use choreo_stage::{ActorState, Asset};
+use choreo_stage::ActorState;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec4};
 
 /// Skin matrices of one (actor, skin), shared by all its primitives; in the plan only once one is in view.

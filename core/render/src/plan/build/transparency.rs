@@ -8,7 +8,8 @@
 use crate::plan::build::Planner;
 use crate::plan::build::items::Item;
 use crate::plan::{Glass, PipelineKey, Rows, TopologyKey};
-use choreo_stage::{Aabb, Cutouts, Transparency};
+use choreo_asset::Aabb;
+use choreo_stage::{Cutouts, Transparency};
 use glam::{Mat4, Vec3};
 
 /// Layers that are told apart at most, the farthest first; nearer ones are sorted over them.

@@ -3,8 +3,8 @@
 use crate::build::Bound;
 use crate::call::{ApiError, Call};
 use crate::value::ClipRef;
+use choreo_asset::Asset;
 use choreo_motion::Clip;
-use choreo_stage::Asset;
 use std::sync::Arc;
 
 /// The clip of an argument, bound to the joints of `asset`.

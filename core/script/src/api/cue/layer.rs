@@ -5,8 +5,9 @@ use crate::build::Chain;
 use crate::call::{ApiError, Call, Reply, describe};
 use crate::suggest::list;
 use crate::value::CueRef;
+use choreo_asset::Asset;
 use choreo_motion::{Clip, Interpolation, Time};
-use choreo_stage::{Asset, Channel, LayerMode, Property, Reference};
+use choreo_stage::{Channel, LayerMode, Property, Reference};
 use rhai::{Dynamic, Map};
 use std::sync::Arc;
 

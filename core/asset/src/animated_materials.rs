@@ -1,0 +1,65 @@
+//! Which materials of a file change over time.
+
+use crate::asset::Asset;
+use crate::expression::Expression;
+use crate::material::{Material, Shading};
+use crate::toon::UvMotion;
+use choreo_motion::PropertyTarget;
+use std::collections::BTreeSet;
+
+impl Asset {
+    /// Of each material: whether something in the file can change more than its base colour. Empty where nothing can.
+    pub fn changing_materials(&self) -> Vec<bool> {
+        let mut all: BTreeSet<u32> = BTreeSet::new();
+        let properties = self.clips.iter().flat_map(|clip| clip.properties());
+        all.extend(properties.filter_map(|(target, _)| match target {
+            PropertyTarget::Material(material, _) => Some(material),
+            _ => None,
+        }));
+        all.extend(self.expressions.iter().flat_map(Expression::changed_materials));
+        all.extend((0..).zip(&self.materials).filter(|(_, m)| m.has_uv_animation()).map(|(i, _)| i));
+        let mut out = Vec::new();
+        for material in all.into_iter().filter(|m| (*m as usize) < self.materials.len()) {
+            out.resize(self.materials.len(), false);
+            out[material as usize] = true;
+        }
+        out
+    }
+
+    /// Of each material: whether some clip of the file animates its base colour. Empty where none does.
+    pub fn animated_base_colors(&self) -> Vec<bool> {
+        let mut out = Vec::new();
+        for (target, _) in self.clips.iter().flat_map(|clip| clip.properties()) {
+            if let PropertyTarget::BaseColor(material) = target
+                && (material as usize) < self.materials.len()
+            {
+                out.resize(self.materials.len(), false);
+                out[material as usize] = true;
+            }
+        }
+        out
+    }
+}
+
+impl Expression {
+    /// The materials whose colors or texture coordinates it changes.
+    pub fn changed_materials(&self) -> impl Iterator<Item = u32> {
+        let uvs = self.uvs.iter().map(|b| b.material);
+        self.colors.iter().map(|b| b.material).chain(uvs)
+    }
+}
+
+impl Material {
+    /// The UV animation that its shading model uses.
+    pub fn active_uv_motion(&self) -> Option<UvMotion> {
+        match self.shading {
+            Shading::Toon => self.toon.as_ref()?.uv_motion,
+            _ => self.uv_motion,
+        }
+    }
+
+    /// Whether its textures move or play frames without any clip.
+    pub fn has_uv_animation(&self) -> bool {
+        self.active_uv_motion().is_some() || self.strip.is_some()
+    }
+}

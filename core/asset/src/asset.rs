@@ -1,0 +1,105 @@
+//! One imported file: a node tree with meshes, materials, images, cameras, lights, clips.
+
+use crate::camera::AssetCamera;
+use crate::derived::Derived;
+use crate::expression::Expression;
+use crate::eyes::Eyes;
+use crate::light::AssetLight;
+use crate::material::Material;
+use crate::mesh::Mesh;
+use crate::texture::Image;
+use choreo_motion::spring::parameters::Springs;
+use choreo_motion::{Clip, Skeleton};
+use glam::{Affine3A, Mat4};
+use std::sync::Arc;
+
+/// One imported file, shared by every actor cast from it.
+#[derive(Clone, Debug, Default)]
+pub struct Asset {
+    /// As the script wrote it: `knight.glb`.
+    pub name: String,
+    /// All nodes of the file, parents first. "Joint" indices everywhere else refer to it.
+    pub skeleton: Arc<Skeleton>,
+    pub meshes: Vec<Arc<Mesh>>,
+    pub skins: Vec<Skin>,
+    /// Which mesh hangs on which node, with which skin.
+    pub instances: Vec<MeshInstance>,
+    /// model-from-model of every place at which the whole body stands, posed once for all of them. Empty: where it is cast.
+    pub places: Arc<[Affine3A]>,
+    pub materials: Vec<Material>,
+    pub images: Vec<Arc<Image>>,
+    pub cameras: Vec<AssetCamera>,
+    pub lights: Vec<AssetLight>,
+    pub clips: Vec<Arc<Clip>>,
+    /// Named faces, each name once.
+    pub expressions: Vec<Expression>,
+    /// Hair, skirts and tails that swing.
+    pub springs: Springs,
+    /// How the eyes follow a target, where the file says.
+    pub eyes: Option<Eyes>,
+    /// The file's own convention, which was converted.
+    pub origin: Origin,
+    /// What the importer had to guess or leave.
+    pub warnings: Vec<Warning>,
+    /// Filled when first asked for (bounds, hashes); start with `Default::default()`.
+    pub derived: Derived,
+}
+
+/// How the file itself says what the asset holds in choreo's convention; shown by `choreo info`, used by nothing else.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Origin {
+    /// "COLLADA 1.4.1"; empty where the importer does not say.
+    pub format: String,
+    /// The program that wrote the file, as it calls itself; may be empty.
+    pub writer: String,
+    /// Metres a unit of the file; `None` where it is not known.
+    pub metres_per_unit: Option<f64>,
+    /// The format has no unit: the importer's option, or its guess.
+    pub unit_is_assumed: bool,
+    /// The file's upward axis: "+Y", "+Z"; may be empty.
+    pub up: String,
+    /// What else the file says of itself, as label and text: title, authors, licence.
+    pub about: Vec<(String, String)>,
+}
+
+/// Something an importer guessed or left out; `place` is an element path or byte offset ("materials[2]").
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Warning {
+    pub place: String,
+    pub text: String,
+}
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Skin {
+    /// Skeleton joint of each skin joint.
+    pub joints: Vec<u32>,
+    /// joint-from-mesh at bind time, one per skin joint.
+    pub inverse_bind: Vec<Mat4>,
+}
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeshInstance {
+    pub joint: u32,
+    pub mesh: u32,
+    /// With a skin, the node's own transform is ignored (glTF 2.0 §3.7.3.3).
+    pub skin: Option<u32>,
+    /// Morph weights where no clip drives them; length = the mesh's `morph_targets`.
+    pub weights: Vec<f32>,
+    /// joint-from-mesh of every copy that is drawn (EXT_mesh_gpu_instancing): a field of grass is one instance. Empty: one, at
+    /// the joint itself. Without meaning for skinned instances: [`Asset::places`] has one for them.
+    pub copies: Arc<[Affine3A]>,
+}
+
+impl MeshInstance {
+    /// joint-from-mesh of each thing drawn: of the copies, or the identity.
+    pub fn joint_from_copies(&self) -> impl Iterator<Item = Affine3A> + '_ {
+        let own = if self.copies.is_empty() { Some(Affine3A::IDENTITY) } else { None };
+        own.into_iter().chain(self.copies.iter().copied())
+    }
+
+    /// The first so many of the copies, all where there is no number; without copies the one.
+    pub fn joint_from_first(&self, count: Option<u32>) -> impl Iterator<Item = Affine3A> + '_ {
+        let most = count.filter(|_| !self.copies.is_empty()).map_or(usize::MAX, |n| n as usize);
+        self.joint_from_copies().take(most)
+    }
+}

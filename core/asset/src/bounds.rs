@@ -1,0 +1,219 @@
+//! Boxes: of an asset at rest, and of a mesh instance in any pose without touching its vertices.
+//!
+//! A skinned vertex is a convex combination of where each of its joints carries it (weights ≥ 0, sum 1), so it lies in the
+//! hull of the joints' boxes: one box a joint, around the vertices it influences and in its own space, bounds every pose.
+
+use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec3A};
+
+/// Axis-aligned box; empty where `min > max`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    pub min: Vec3,
+    pub max: Vec3,
+}
+
+impl Aabb {
+    pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        !self.min.cmple(self.max).all()
+    }
+
+    pub fn of(points: impl IntoIterator<Item = Vec3>) -> Aabb {
+        let mut all = Aabb::EMPTY;
+        points.into_iter().for_each(|p| all.add(p));
+        all
+    }
+
+    /// Points that are not finite are left out.
+    pub fn add(&mut self, point: Vec3) {
+        if point.is_finite() {
+            self.min = self.min.min(point);
+            self.max = self.max.max(point);
+        }
+    }
+
+    #[inline]
+    pub fn union(self, other: Aabb) -> Aabb {
+        Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// The origin where empty.
+    #[inline]
+    pub fn center(&self) -> Vec3 {
+        if self.is_empty() { Vec3::ZERO } else { self.min * 0.5 + self.max * 0.5 }
+    }
+
+    /// The box around this one moved by an affine map, widened by the rounding of f32.
+    pub fn transformed(&self, a_from_b: &Affine3A) -> Aabb {
+        if self.is_empty() {
+            return Aabb::EMPTY;
+        }
+        let center = Vec3A::from(self.center());
+        let half = Vec3A::from(self.max) - center;
+        let m = &a_from_b.matrix3;
+        let moved = a_from_b.transform_point3a(center);
+        let reach = m.x_axis.abs() * half.x + m.y_axis.abs() * half.y + m.z_axis.abs() * half.z;
+        let size = m.x_axis.abs() * center.x.abs()
+            + m.y_axis.abs() * center.y.abs()
+            + m.z_axis.abs() * center.z.abs()
+            + a_from_b.translation.abs()
+            + reach;
+        let reach = reach + size * 1e-6;
+        Aabb { min: (moved - reach).into(), max: (moved + reach).into() }
+    }
+
+    #[inline]
+    pub fn corners(&self) -> [Vec3; 8] {
+        std::array::from_fn(|i| {
+            Vec3::new(
+                if i & 1 == 0 { self.min.x } else { self.max.x },
+                if i & 2 == 0 { self.min.y } else { self.max.y },
+                if i & 4 == 0 { self.min.z } else { self.max.z },
+            )
+        })
+    }
+}
+
+/// A box in world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DAabb {
+    pub min: DVec3,
+    pub max: DVec3,
+}
+
+impl DAabb {
+    pub const EMPTY: DAabb = DAabb { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
+
+    /// Points that are not finite add nothing.
+    pub fn add(&mut self, p: DVec3) {
+        if p.is_finite() {
+            self.min = self.min.min(p);
+            self.max = self.max.max(p);
+        }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        !self.min.cmple(self.max).all()
+    }
+
+    /// Boxes that are empty or not finite add nothing.
+    pub fn add_box(&mut self, world_from_model: &DAffine3, model: &Aabb) {
+        if model.is_empty() {
+            return;
+        }
+        for corner in model.corners() {
+            self.add(world_from_model.transform_point3(corner.as_dvec3()));
+        }
+    }
+}
+
+/// The reach of one mesh instance from the joints that move it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct InstanceBounds {
+    pub parts: Vec<BoundsPart>,
+    /// (primitive, vertex) of the vertices that reach farthest from each joint in 14 directions: with them posed, a still
+    /// picture of the instance is framed more closely than by boxes, and all but exactly. Sorted. Empty where morphs move them,
+    /// of instances with copies, and of bodies that stand at places.
+    pub outline: Vec<(u32, u32)>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct BoundsPart {
+    /// Joint of the asset's skeleton.
+    pub joint: u32,
+    /// Around the vertices that the joint moves, in the joint's space.
+    pub reach: Aabb,
+    /// By morph target, the offsets at weight 1 of those vertices, zero included; empty list: no morphs.
+    pub morphs: Vec<Aabb>,
+}
+
+impl InstanceBounds {
+    /// A box in model space that holds the instance in this pose with these morph weights, where the body stands once
+    /// ([`Asset::spread`] goes on to its places): conservative, never smaller than the mesh, at a few ns a joint. Empty where the mesh has no vertices or nothing is finite.
+    pub fn posed(&self, model_from_joint: &[Affine3A], morph_weights: &[f32]) -> Aabb {
+        let mut bounds = Aabb::EMPTY;
+        for part in &self.parts {
+            let Some(model_from_joint) = model_from_joint.get(part.joint as usize) else { continue };
+            let moved = part.morphed(morph_weights).transformed(model_from_joint);
+            if moved.min.is_finite() && moved.max.is_finite() {
+                bounds = bounds.union(moved);
+            }
+        }
+        bounds
+    }
+}
+
+impl BoundsPart {
+    /// Around all copies of what it was around.
+    pub(crate) fn spread(&mut self, joint_from_copies: &[Affine3A]) {
+        let over = |one: &Aabb, place: fn(&Affine3A) -> Affine3A| {
+            let boxes = joint_from_copies.iter().map(|copy| one.transformed(&place(copy)));
+            boxes.fold(Aabb::EMPTY, Aabb::union)
+        };
+        self.reach = over(&self.reach, |copy| *copy);
+        let turned: fn(&Affine3A) -> Affine3A = |copy| Affine3A::from_mat3(copy.matrix3.into());
+        for morph in &mut self.morphs {
+            *morph = over(morph, turned);
+        }
+    }
+
+    /// The reach with these morph weights, in the joint's space.
+    pub fn morphed(&self, morph_weights: &[f32]) -> Aabb {
+        let mut reach = self.reach;
+        for (offset, weight) in self.morphs.iter().zip(morph_weights) {
+            let (a, b) = (offset.min * *weight, offset.max * *weight);
+            reach.min += a.min(b);
+            reach.max += a.max(b);
+        }
+        reach
+    }
+}
+
+/// Of each number of some maps, the smallest and the largest.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Range {
+    low: Affine3A,
+    high: Affine3A,
+}
+
+impl Range {
+    pub(crate) fn of(maps: &[Affine3A]) -> Option<Range> {
+        let (first, rest) = maps.split_first()?;
+        let mut range = Range { low: *first, high: *first };
+        for map in rest {
+            for (((low, high), now), _) in
+                columns(&mut range.low).into_iter().zip(columns(&mut range.high)).zip(values(map)).zip(0..4)
+            {
+                (*low, *high) = (low.min(now), high.max(now));
+            }
+        }
+        Some(range)
+    }
+
+    /// A box that holds the images of another under each of the maps, by interval arithmetic: exact where they only move,
+    /// somewhat wide where they turn.
+    pub(crate) fn image(&self, of: &Aabb) -> Aabb {
+        let (mut min, mut max) = (self.low.translation, self.high.translation);
+        let (low, high) = (self.low.matrix3, self.high.matrix3);
+        for axis in 0..3 {
+            let ends = [low.col(axis), high.col(axis)];
+            let products = ends.map(|end| [end * of.min[axis], end * of.max[axis]]);
+            let [[a, b], [c, d]] = products;
+            min += a.min(b).min(c.min(d));
+            max += a.max(b).max(c.max(d));
+        }
+        let slack = min.abs().max(max.abs()) * 1e-6;
+        Aabb { min: (min - slack).into(), max: (max + slack).into() }
+    }
+}
+
+fn columns(a: &mut Affine3A) -> [&mut Vec3A; 4] {
+    let m = &mut a.matrix3;
+    [&mut m.x_axis, &mut m.y_axis, &mut m.z_axis, &mut a.translation]
+}
+
+fn values(a: &Affine3A) -> [Vec3A; 4] {
+    [a.matrix3.x_axis, a.matrix3.y_axis, a.matrix3.z_axis, a.translation]
+}

@@ -1,0 +1,223 @@
+//! Facial expressions: named groups of morph weights, and what they do to each other.
+//!
+//! VRM 1.0, "expressions.md"; `blendShapeMaster` of VRM 0.x in the same form, under 1.0's names.
+
+use glam::{Vec2, Vec4};
+
+/// A named face: `happy`, `aa`, `blink`. Its weight is 0..=1; at 1 it adds its binds to the morph weights.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Expression {
+    pub name: String,
+    /// All or nothing: a weight above 0.5 is 1, any other 0.
+    pub binary: bool,
+    pub group: ExpressionGroup,
+    pub morphs: Vec<MorphBind>,
+    pub colors: Vec<ColorBind>,
+    pub uvs: Vec<UvBind>,
+    /// What it does to expressions of the other groups while its own weight is above 0.
+    pub over_mouth: Override,
+    pub over_blink: Override,
+    pub over_gaze: Override,
+}
+
+/// Adds `weight` (at full expression) to one morph target of one mesh instance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MorphBind {
+    pub instance: u32,
+    pub target: u32,
+    pub weight: f32,
+}
+
+/// Takes one colour of a material towards `to`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColorBind {
+    pub material: u32,
+    pub color: MaterialColor,
+    /// Linear; alpha counts for the base colour alone.
+    pub to: Vec4,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MaterialColor {
+    Base,
+    Emission,
+    Shade,
+    Matcap,
+    Rim,
+}
+
+/// Takes offset and scale of all textures of a material towards these.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UvBind {
+    pub material: u32,
+    pub offset: Vec2,
+    pub scale: Vec2,
+}
+
+/// Kinds of expressions that programs make by themselves, and that others can hold down.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum ExpressionGroup {
+    #[default]
+    Other,
+    /// aa, ih, ou, ee, oh.
+    Mouth,
+    /// blink, blinkLeft, blinkRight.
+    Blink,
+    /// lookUp, lookDown, lookLeft, lookRight.
+    Gaze,
+}
+
+impl ExpressionGroup {
+    /// Of a preset's name in VRM 1.0.
+    pub fn of_preset(name: &str) -> ExpressionGroup {
+        match name {
+            "aa" | "ih" | "ou" | "ee" | "oh" => ExpressionGroup::Mouth,
+            "blink" | "blinkLeft" | "blinkRight" => ExpressionGroup::Blink,
+            "lookUp" | "lookDown" | "lookLeft" | "lookRight" => ExpressionGroup::Gaze,
+            _ => ExpressionGroup::Other,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Override {
+    #[default]
+    None,
+    /// At any weight above 0 the others are 0.
+    Block,
+    /// The others are times one minus this weight.
+    Blend,
+}
+
+/// What comes of the weights that were asked for: clamped, all or nothing, held down by each other ("Procedural override").
+pub fn settle(expressions: &[Expression], weights: &mut [f32]) {
+    for (expression, weight) in expressions.iter().zip(&mut *weights) {
+        // Also takes what is not a number for 0.
+        let clamped = if *weight > 0.0 { weight.min(1.0) } else { 0.0 };
+        *weight = match expression.binary {
+            true => f32::from(u8::from(clamped > 0.5)),
+            false => clamped,
+        };
+    }
+    let factor = |group: ExpressionGroup, of: fn(&Expression) -> Override, weights: &[f32]| {
+        let mut held = 0.0f32;
+        for (expression, weight) in expressions.iter().zip(weights) {
+            if expression.group == group || *weight <= 0.0 {
+                continue;
+            }
+            held += match of(expression) {
+                Override::None => 0.0,
+                Override::Block => 1.0,
+                Override::Blend => *weight,
+            };
+        }
+        1.0 - held.min(1.0)
+    };
+    // All from the weights before any is held down.
+    let factors = [
+        (ExpressionGroup::Mouth, factor(ExpressionGroup::Mouth, |e| e.over_mouth, weights)),
+        (ExpressionGroup::Blink, factor(ExpressionGroup::Blink, |e| e.over_blink, weights)),
+        (ExpressionGroup::Gaze, factor(ExpressionGroup::Gaze, |e| e.over_gaze, weights)),
+    ];
+    for (expression, weight) in expressions.iter().zip(weights) {
+        for (group, factor) in factors {
+            if expression.group == group && factor < 1.0 {
+                *weight = if expression.binary { 0.0 } else { *weight * factor };
+            }
+        }
+    }
+}
+
+/// Adds the binds of settled weights, or of changes of them, to the morph weights of the mesh instances.
+pub fn add(expressions: &[Expression], weights: &[f32], morph_weights: &mut [Vec<f32>]) {
+    for (expression, weight) in expressions.iter().zip(weights).filter(|(_, w)| **w != 0.0) {
+        for bind in &expression.morphs {
+            let slots = morph_weights.get_mut(bind.instance as usize);
+            if let Some(slot) = slots.and_then(|w| w.get_mut(bind.target as usize)) {
+                *slot += weight * bind.weight;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn expression(name: &str, binary: bool) -> Expression {
+        Expression {
+            name: name.into(),
+            binary,
+            group: ExpressionGroup::of_preset(name),
+            ..Expression::default()
+        }
+    }
+
+    fn settled(expressions: &[Expression], weights: &[f32]) -> Vec<f32> {
+        let mut weights = weights.to_vec();
+        settle(expressions, &mut weights);
+        weights
+    }
+
+    #[test]
+    fn weights_are_clamped_and_binary_ones_rounded() {
+        let faces = [expression("happy", false), expression("sad", true)];
+        for (given, expected) in [
+            ([0.25, 0.25], [0.25, 0.0]),
+            ([1.5, 0.5], [1.0, 0.0]),
+            ([-1.0, 0.51], [0.0, 1.0]),
+            ([f32::NAN, f32::INFINITY], [0.0, 1.0]),
+        ] {
+            assert_eq!(settled(&faces, &given), expected, "{given:?}");
+        }
+    }
+
+    /// The cases of the specification: "Procedural override", "Interaction between override and isBinary".
+    #[test]
+    fn expressions_hold_each_other_down() {
+        let happy = |over_blink, binary| Expression { over_blink, ..expression("happy", binary) };
+        let blink = |binary| expression("blink", binary);
+        let of = |over, happy_binary, blink_binary, weight| {
+            settled(&[happy(over, happy_binary), blink(blink_binary)], &[weight, 1.0])[1]
+        };
+        assert_eq!(of(Override::None, false, false, 0.5), 1.0);
+        assert_eq!(of(Override::Block, false, false, 0.25), 0.0);
+        assert_eq!(of(Override::Block, false, false, 0.0), 1.0);
+        assert_eq!(of(Override::Blend, false, false, 0.25), 0.75);
+        // A binary expression acts by what it puts out.
+        assert_eq!(of(Override::Blend, true, false, 0.25), 1.0);
+        assert_eq!(of(Override::Blend, true, false, 0.75), 0.0);
+        // A binary expression that is held down at all is gone.
+        assert_eq!(of(Override::Blend, false, true, 0.25), 0.0);
+        // Not the same kind, and not another kind than said.
+        let left = Expression { over_blink: Override::Block, ..expression("blinkLeft", false) };
+        assert_eq!(settled(&[left, blink(false)], &[1.0, 1.0]), [1.0, 1.0]);
+        assert_eq!(
+            settled(&[happy(Override::Block, false), expression("aa", false)], &[1.0, 1.0]),
+            [1.0, 1.0]
+        );
+        // Several add up.
+        let both = [
+            happy(Override::Blend, false),
+            Expression { name: "sad".into(), ..happy(Override::Blend, false) },
+            blink(false),
+        ];
+        assert_eq!(settled(&both, &[0.25, 0.5, 1.0])[2], 0.25);
+        assert_eq!(settled(&both, &[0.75, 0.5, 1.0])[2], 0.0);
+    }
+
+    #[test]
+    fn binds_add_up_and_stay_inside_the_lists() {
+        let bind = |target, weight| MorphBind { instance: 0, target, weight };
+        let faces = [
+            Expression { morphs: vec![bind(0, 0.5), bind(7, 1.0)], ..expression("happy", false) },
+            Expression {
+                morphs: vec![bind(0, 0.25), MorphBind { instance: 3, target: 0, weight: 1.0 }],
+                ..expression("aa", false)
+            },
+        ];
+        let mut weights = vec![vec![0.125, 0.0]];
+        add(&faces, &[1.0, 0.5], &mut weights);
+        assert_eq!(weights, [[0.75, 0.0]]);
+    }
+}

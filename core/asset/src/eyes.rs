@@ -1,0 +1,128 @@
+//! How eyes follow a target: VRM 1.0, "lookAt.md", and `firstPerson` of VRM 0.x.
+
+use crate::expression::Expression;
+use glam::{DVec3, Vec3};
+use std::f64::consts::FRAC_PI_2;
+
+/// Expressions of every character that has [`Eyes`], with no binds of their own: by them clips and scripts say where the eyes look,
+/// as a VRM animation's `lookAt` does. Seen from the head to its left, its right, up and down; 1 is a right angle.
+pub const GAZE: [&str; 4] = ["gazeLeft", "gazeRight", "gazeUp", "gazeDown"];
+
+/// A character's own word on how far its eyes turn. The direction to the target is measured as yaw and pitch from the head's
+/// forward direction at `offset_from_head`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Eyes {
+    /// Where the eyes are, in the head joint's space, metres.
+    pub offset_from_head: Vec3,
+    pub moved_by: EyesMovedBy,
+    /// Towards the nose, away from it, down and up.
+    pub inner: RangeMap,
+    pub outer: RangeMap,
+    pub down: RangeMap,
+    pub up: RangeMap,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum EyesMovedBy {
+    /// The bones `leftEye` and `rightEye`; a [`RangeMap`]'s output is an angle.
+    Bones,
+    /// The expressions lookLeft, lookRight, lookUp, lookDown; a [`RangeMap`]'s output is a weight.
+    Expressions,
+}
+
+impl Eyes {
+    /// How far an eye turns for a target in a direction seen from the head (+Z forward, +Y up, so that +X is its left): yaw to
+    /// its left and pitch up, radians. For eyes that are [`EyesMovedBy::Bones`].
+    pub fn turn_of(&self, left: bool, way: DVec3) -> (f64, f64) {
+        let (yaw, pitch) = angles_of(way);
+        self.turn_by(left, yaw, pitch)
+    }
+
+    /// The same for a direction given by its angles.
+    pub fn turn_by(&self, left: bool, yaw: f64, pitch: f64) -> (f64, f64) {
+        let outwards = (yaw > 0.0) == left;
+        let sideways = if outwards { &self.outer } else { &self.inner };
+        let upright = if pitch > 0.0 { &self.up } else { &self.down };
+        (sideways.map(yaw.abs()).copysign(yaw), upright.map(pitch.abs()).copysign(pitch))
+    }
+}
+
+/// Yaw to the left (+X) and pitch up, radians, of a direction seen from the head.
+pub fn angles_of(way: DVec3) -> (f64, f64) {
+    (libm::atan2(way.x, way.z), libm::atan2(way.y, libm::hypot(way.x, way.z)))
+}
+
+/// Yaw to the left and pitch up, radians, that weights of [`GAZE`] ask for; `None` where the eyes are to rest.
+pub fn asked(expressions: &[Expression], weights: &[f32]) -> Option<(f64, f64)> {
+    let (mut yaw, mut pitch) = (0.0, 0.0);
+    for (expression, weight) in expressions.iter().zip(weights).filter(|(_, weight)| **weight > 0.0) {
+        let angle = f64::from(weight.min(1.0)) * FRAC_PI_2;
+        match GAZE.iter().position(|name| *name == expression.name) {
+            Some(0) => yaw += angle,
+            Some(1) => yaw -= angle,
+            Some(2) => pitch += angle,
+            Some(3) => pitch -= angle,
+            _ => {}
+        }
+    }
+    (yaw != 0.0 || pitch != 0.0).then_some((yaw, pitch))
+}
+
+impl RangeMap {
+    /// Of an angle that is not negative.
+    pub fn map(&self, angle: f64) -> f64 {
+        let most = f64::from(self.input_max);
+        if most > 0.0 { (angle / most).clamp(0.0, 1.0) * f64::from(self.output_scale) } else { 0.0 }
+    }
+}
+
+/// output = clamp(angle, 0, `input_max`) / `input_max` · `output_scale`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RangeMap {
+    /// Radians.
+    pub input_max: f32,
+    /// Radians or a weight.
+    pub output_scale: f32,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn eyes_turn_as_far_as_their_maps_say() {
+        let map = |input_max: f32, output: f32| RangeMap {
+            input_max: input_max.to_radians(),
+            output_scale: output.to_radians(),
+        };
+        let eyes = Eyes {
+            offset_from_head: Vec3::ZERO,
+            moved_by: EyesMovedBy::Bones,
+            inner: map(90.0, 8.0),
+            outer: map(90.0, 12.0),
+            down: map(45.0, 10.0),
+            up: map(90.0, 20.0),
+        };
+        let at = |left: bool, yaw: f64, pitch: f64| {
+            let (y, p) = (yaw.to_radians(), pitch.to_radians());
+            let way = DVec3::new(libm::sin(y) * libm::cos(p), libm::sin(p), libm::cos(y) * libm::cos(p));
+            let (yaw, pitch) = eyes.turn_of(left, way);
+            [yaw.to_degrees(), pitch.to_degrees()]
+        };
+        let near = |got: [f64; 2], expected: [f64; 2]| {
+            assert!(
+                (got[0] - expected[0]).abs() < 1e-6 && (got[1] - expected[1]).abs() < 1e-6,
+                "{got:?} {expected:?}"
+            );
+        };
+        // To its left: outwards for the left eye, inwards for the right one.
+        near(at(true, 45.0, 0.0), [6.0, 0.0]);
+        near(at(false, 45.0, 0.0), [4.0, 0.0]);
+        near(at(true, -45.0, 0.0), [-4.0, 0.0]);
+        near(at(false, -45.0, 0.0), [-6.0, 0.0]);
+        near(at(true, 0.0, 45.0), [0.0, 10.0]);
+        near(at(true, 0.0, -60.0), [0.0, -10.0]);
+        near(at(true, 170.0, 0.0), [12.0, 0.0]);
+        assert_eq!(RangeMap { input_max: 0.0, output_scale: 1.0 }.map(1.0), 0.0);
+    }
+}

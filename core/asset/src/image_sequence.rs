@@ -1,0 +1,94 @@
+//! Pictures that follow each other on a surface, each made only when it is seen.
+
+use crate::hash::ContentHash;
+use crate::texture::Image;
+use choreo_motion::Time;
+use std::fmt::Debug;
+use std::sync::Arc;
+
+/// Where the pictures come from.
+pub trait Pictures: Debug + Send + Sync {
+    /// All of one size; an error is told as it is.
+    fn picture(&self, index: usize) -> Result<Arc<Image>, String>;
+}
+
+/// In place of textures of a material, whose images are the first of each: all change together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sequence {
+    /// One a slot, each with as many pictures.
+    pub streams: Vec<Stream>,
+    /// Frames a second; after the last comes the first,
+    pub fps: f32,
+    /// or the last stays.
+    pub once: bool,
+}
+
+/// The pictures of one texture.
+#[derive(Clone, Debug)]
+pub struct Stream {
+    pub slot: TextureSlot,
+    pub pictures: Arc<dyn Pictures>,
+    /// One a picture: equal hashes are equal pictures.
+    pub hashes: Vec<ContentHash>,
+}
+
+/// The textures of a material, by the words of glTF. As numbers, those of [`choreo_motion::MaterialProperty`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum TextureSlot {
+    BaseColor,
+    MetallicRoughness,
+    Normal,
+    Occlusion,
+    Emissive,
+    /// Of Blinn–Phong and Phong: the reflection map.
+    Specular,
+    SpecularColor,
+}
+
+impl TextureSlot {
+    /// Its colours are sRGB-encoded.
+    pub fn is_srgb(self) -> bool {
+        matches!(self, TextureSlot::BaseColor | TextureSlot::Emissive | TextureSlot::SpecularColor)
+    }
+}
+
+impl PartialEq for Stream {
+    fn eq(&self, other: &Stream) -> bool {
+        (self.slot, &self.hashes) == (other.slot, &other.hashes)
+    }
+}
+
+impl Sequence {
+    /// How many pictures all of its streams have.
+    pub fn count(&self) -> usize {
+        self.streams.iter().map(|s| s.hashes.len()).min().unwrap_or(0)
+    }
+
+    /// Which picture is seen at a time.
+    pub fn index(&self, time: Time) -> usize {
+        frame(time, self.fps, self.count().max(1), self.once)
+    }
+}
+
+/// Which of `count` frames is seen at a time.
+pub(crate) fn frame(time: Time, fps: f32, count: usize, once: bool) -> usize {
+    let count = count as f64;
+    let frame = libm::floor(time.0 as f64 * f64::from(fps) / Time::TICKS_PER_SECOND as f64);
+    match once {
+        true => frame.clamp(0.0, count - 1.0) as usize,
+        false => (frame - count * libm::floor(frame / count)) as usize,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_go_round_or_stay() {
+        let at = |seconds: f64, once| frame(Time::from_secs(seconds), 10.0, 3, once);
+        let seen = |once| [-0.05, 0.0, 0.1, 0.25, 0.3, 1.0].map(|t| at(t, once));
+        assert_eq!(seen(false), [2, 0, 1, 2, 0, 1]);
+        assert_eq!(seen(true), [0, 0, 1, 2, 2, 2]);
+    }
+}

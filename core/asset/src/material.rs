@@ -1,0 +1,187 @@
+//! Materials: parameters of the shading models, textures, alpha, lines.
+
+use crate::image_sequence::{Sequence, frame};
+use crate::material_layers::MaterialLayers;
+use crate::reflection::Reflection;
+use crate::texture::TextureRef;
+use crate::toon::{Toon, UvMotion};
+use choreo_motion::Time;
+use glam::{Affine2, Vec2, Vec3, Vec4};
+use std::sync::Arc;
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum AlphaMode {
+    #[default]
+    Opaque,
+    /// Fragments with alpha below the cutoff are discarded.
+    Mask(f32),
+    /// Source-over blending, sorted back to front.
+    Blend,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Shading {
+    /// glTF 2.0 Appendix B (GGX, Smith, Schlick), with KHR_materials_specular.
+    #[default]
+    MetallicRoughness,
+    /// Lambert + normalised Blinn–Phong with `specular_color` and `shininess`.
+    BlinnPhong,
+    /// As Blinn–Phong, but the highlight falls off from the mirrored light's direction (Phong 1975).
+    Phong,
+    Unlit,
+    /// Two colours with a boundary between: [`Toon`]. Vertex colours do not count.
+    Toon,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    pub name: String,
+    pub shading: Shading,
+    /// Linear RGBA factor.
+    pub base_color: Vec4,
+    /// sRGB colour, linear alpha.
+    pub base_color_texture: Option<TextureRef>,
+    pub metallic: f32,
+    pub roughness: f32,
+    /// G roughness, B metallic, linear.
+    pub metallic_roughness_texture: Option<TextureRef>,
+    pub normal_texture: Option<TextureRef>,
+    pub normal_scale: f32,
+    /// How deep the surface lies where the normal texture's alpha is 0, in widths of the texture; 0: that alpha means nothing.
+    pub relief: f32,
+    /// R, linear.
+    pub occlusion_texture: Option<TextureRef>,
+    pub occlusion_strength: f32,
+    /// Linear, emissive strength already multiplied in.
+    pub emissive: Vec3,
+    /// sRGB.
+    pub emissive_texture: Option<TextureRef>,
+    /// KHR_materials_specular factor; A of the texture.
+    pub specular: f32,
+    pub specular_texture: Option<TextureRef>,
+    /// KHR_materials_specular colour, or the Blinn–Phong specular colour.
+    pub specular_color: Vec3,
+    /// sRGB.
+    pub specular_color_texture: Option<TextureRef>,
+    /// Blinn–Phong exponent.
+    pub shininess: f32,
+    /// Of Blinn–Phong and Phong only; `None`: mirrors nothing.
+    pub reflection: Option<Box<Reflection>>,
+    /// Read where the shading is [`Shading::Toon`]; defaults where it is missing.
+    pub toon: Option<Arc<Toon>>,
+    pub alpha_mode: AlphaMode,
+    pub double_sided: bool,
+    /// All its textures move, of every shading but [`Shading::Toon`], which has a motion of its own.
+    pub uv_motion: Option<UvMotion>,
+    /// All its textures are frames side by side, of which one is seen at a time.
+    pub strip: Option<FrameStrip>,
+    /// Some of its textures are the first of pictures that follow each other.
+    pub sequence: Option<Arc<Sequence>>,
+    /// Clearcoat, sheen, transmission; of metallic-roughness surfaces only.
+    pub layers: Option<Box<MaterialLayers>>,
+    /// How wide lines and points are; `None`: a pixel. Without meaning for triangles, and for what has a skin or morphs.
+    pub pen: Option<Pen>,
+    /// Base colour, normals and specular colour are laid on from three sides, whatever texture coordinates there are; normals
+    /// need tangents, each at a right angle to its normal.
+    pub triplanar: Option<Triplanar>,
+}
+
+/// How textures are laid on a surface from the sides along x, y and z of its mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triplanar {
+    /// Where the pictures' middles lie, mesh space.
+    pub middle: Vec3,
+    /// Metres that a picture is wide.
+    pub size: f32,
+    /// Power of the normal by which sides are mixed; the higher, the narrower the seams.
+    pub sharpness: f32,
+}
+
+/// What lines and points are drawn with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pen {
+    /// Across; nothing is drawn at 0, and never less than a pixel otherwise.
+    pub width: f32,
+    /// Metres of the model, else pixels at any distance.
+    pub metres: bool,
+    /// Points are discs and lines have round ends; else squares along the picture's edges, and ends that are cut off.
+    pub round: bool,
+}
+
+/// Frames of a texture in columns and rows, from the top left, row by row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameStrip {
+    pub columns: u32,
+    pub rows: u32,
+    /// How many of them there are; at most columns · rows.
+    pub count: u32,
+    /// Frames a second; after the last comes the first,
+    pub fps: f32,
+    /// or the last stays.
+    pub once: bool,
+}
+
+impl FrameStrip {
+    /// What of the texture is seen at a time, over its whole.
+    pub fn cell(&self, time: Time) -> Affine2 {
+        let (columns, rows) = (self.columns.max(1), self.rows.max(1));
+        let count = self.count.clamp(1, columns * rows) as usize;
+        let frame = frame(time, self.fps, count, self.once) as u32;
+        let scale = Vec2::new(1.0 / columns as f32, 1.0 / rows as f32);
+        let at = Vec2::new((frame % columns) as f32, (frame / columns) as f32);
+        Affine2::from_scale_angle_translation(scale, 0.0, at * scale)
+    }
+}
+
+impl Default for Material {
+    /// glTF's default material: white, metallic 1, roughness 1.
+    fn default() -> Self {
+        Material {
+            name: String::new(),
+            shading: Shading::MetallicRoughness,
+            base_color: Vec4::ONE,
+            base_color_texture: None,
+            metallic: 1.0,
+            roughness: 1.0,
+            metallic_roughness_texture: None,
+            normal_texture: None,
+            normal_scale: 1.0,
+            relief: 0.0,
+            occlusion_texture: None,
+            occlusion_strength: 1.0,
+            emissive: Vec3::ZERO,
+            emissive_texture: None,
+            specular: 1.0,
+            specular_texture: None,
+            specular_color: Vec3::ONE,
+            specular_color_texture: None,
+            shininess: 32.0,
+            reflection: None,
+            toon: None,
+            alpha_mode: AlphaMode::Opaque,
+            double_sided: false,
+            uv_motion: None,
+            strip: None,
+            sequence: None,
+            layers: None,
+            pen: None,
+            triplanar: None,
+        }
+    }
+}
+
+impl Material {
+    /// What it mirrors, where its shading has that at all and something is seen of it.
+    pub fn mirrors(&self) -> Option<&Reflection> {
+        let phong = matches!(self.shading, Shading::BlinnPhong | Shading::Phong);
+        self.reflection.as_deref().filter(|r| phong && r.color.max_element() > 0.0)
+    }
+
+    /// Roughness (the square root of GGX's α) of a mirror as sharp as its highlight is. Of Blinn–Phong α² = 2 / (s + 2) (Walter
+    /// et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", 5.2); Phong's lobe is as wide as Blinn's with four
+    /// times the exponent (Fisher & Woo 1994, "R.E versus N.H Specular Highlights", Graphics Gems IV).
+    pub fn mirror_roughness(&self) -> f32 {
+        let times = if self.shading == Shading::Phong { 4.0 } else { 1.0 };
+        (2.0 / (self.shininess.max(0.0) * times + 2.0)).sqrt().sqrt()
+    }
+}

@@ -1,0 +1,142 @@
+//! What lies over, in or behind a metallic-roughness surface (KHR_materials_clearcoat, _sheen, _transmission, _volume,
+//! _ior, _dispersion).
+
+use crate::texture::TextureRef;
+use glam::Vec3;
+
+/// All neutral by default: nothing of it is seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MaterialLayers {
+    /// Share of the surface under a clear coat of index 1.5; R of the texture.
+    pub clearcoat: f32,
+    pub clearcoat_texture: Option<TextureRef>,
+    /// G of the texture.
+    pub clearcoat_roughness: f32,
+    pub clearcoat_roughness_texture: Option<TextureRef>,
+    /// Of the coat alone; without it the coat is as smooth as the mesh, whatever normal map the surface below has.
+    pub clearcoat_normal_texture: Option<TextureRef>,
+    pub clearcoat_normal_scale: f32,
+    /// Linear colour of the fibres' sheen; black: none. RGB of the texture, sRGB.
+    pub sheen_color: Vec3,
+    pub sheen_color_texture: Option<TextureRef>,
+    /// A of the texture.
+    pub sheen_roughness: f32,
+    pub sheen_roughness_texture: Option<TextureRef>,
+    /// Share of the light that is let through instead of scattered back; R of the texture.
+    pub transmission: f32,
+    pub transmission_texture: Option<TextureRef>,
+    /// Metres of the mesh's own space that light goes through below the surface; 0: a thin wall. G of the texture.
+    pub thickness: f32,
+    pub thickness_texture: Option<TextureRef>,
+    /// Index of refraction of the volume: what lies behind is seen displaced where there is one, and 1 bends nothing.
+    pub ior: f32,
+    /// How far the colours of what is seen through it part: 20 ÷ Abbe number; 0: not at all.
+    pub dispersion: f32,
+    /// Metres after which white light has the attenuation colour; infinite: clear.
+    pub attenuation_distance: f32,
+    pub attenuation_color: Vec3,
+    /// Share of the surface under a thin film; R of the texture.
+    pub iridescence: f32,
+    pub iridescence_texture: Option<TextureRef>,
+    /// Index of refraction of the film.
+    pub iridescence_ior: f32,
+    /// Nanometres, where the texture's G is 0 and where it is 1; without a texture the second.
+    pub iridescence_thickness: [f32; 2],
+    pub iridescence_thickness_texture: Option<TextureRef>,
+    /// How far highlights are drawn out along a direction, 0 to 1; RG of the texture: that direction, B: times this.
+    pub anisotropy: f32,
+    /// Radians from the tangent towards the bitangent.
+    pub anisotropy_rotation: f32,
+    pub anisotropy_texture: Option<TextureRef>,
+    /// Share of the diffuse light that comes out on the other side; A of the texture.
+    pub diffuse_transmission: f32,
+    pub diffuse_transmission_texture: Option<TextureRef>,
+    /// Linear; its texture is sRGB.
+    pub diffuse_transmission_color: Vec3,
+    pub diffuse_transmission_color_texture: Option<TextureRef>,
+}
+
+impl Default for MaterialLayers {
+    fn default() -> MaterialLayers {
+        MaterialLayers {
+            clearcoat: 0.0,
+            clearcoat_texture: None,
+            clearcoat_roughness: 0.0,
+            clearcoat_roughness_texture: None,
+            clearcoat_normal_texture: None,
+            clearcoat_normal_scale: 1.0,
+            sheen_color: Vec3::ZERO,
+            sheen_color_texture: None,
+            sheen_roughness: 0.0,
+            sheen_roughness_texture: None,
+            transmission: 0.0,
+            transmission_texture: None,
+            thickness: 0.0,
+            thickness_texture: None,
+            ior: 1.5,
+            dispersion: 0.0,
+            attenuation_distance: f32::INFINITY,
+            attenuation_color: Vec3::ONE,
+            iridescence: 0.0,
+            iridescence_texture: None,
+            iridescence_ior: 1.3,
+            iridescence_thickness: [100.0, 400.0],
+            iridescence_thickness_texture: None,
+            anisotropy: 0.0,
+            anisotropy_rotation: 0.0,
+            anisotropy_texture: None,
+            diffuse_transmission: 0.0,
+            diffuse_transmission_texture: None,
+            diffuse_transmission_color: Vec3::ONE,
+            diffuse_transmission_color_texture: None,
+        }
+    }
+}
+
+impl MaterialLayers {
+    /// In the order of the fields.
+    pub fn textures(&self) -> [&Option<TextureRef>; 12] {
+        [
+            &self.clearcoat_texture,
+            &self.clearcoat_roughness_texture,
+            &self.clearcoat_normal_texture,
+            &self.sheen_color_texture,
+            &self.sheen_roughness_texture,
+            &self.transmission_texture,
+            &self.thickness_texture,
+            &self.iridescence_texture,
+            &self.iridescence_thickness_texture,
+            &self.anisotropy_texture,
+            &self.diffuse_transmission_texture,
+            &self.diffuse_transmission_color_texture,
+        ]
+    }
+
+    /// Light lost a metre, by Beer and Lambert: −ln(colour) ÷ distance. A black channel lets nothing through after a millionth.
+    pub fn extinction(&self) -> Vec3 {
+        if !(self.attenuation_distance > 0.0 && self.attenuation_distance.is_finite()) {
+            return Vec3::ZERO;
+        }
+        let lost = |c: f32| -libm::logf(c.clamp(1e-6, 1.0)) / self.attenuation_distance;
+        let Vec3 { x, y, z } = self.attenuation_color;
+        Vec3::new(lost(x), lost(y), lost(z)).min(Vec3::splat(1e6))
+    }
+
+    /// Whether what lies behind is seen where the refracted ray leaves the volume, rather than straight through.
+    pub fn refracts(&self) -> bool {
+        self.transmission > 0.0 && self.thickness > 0.0 && self.ior > 0.0 && self.ior != 1.0
+    }
+
+    /// Indices of refraction of red, green and blue (KHR_materials_dispersion, "Implementation"): blue is bent most.
+    pub fn iors(&self) -> Vec3 {
+        let half = (self.ior - 1.0) * 0.025 * self.dispersion;
+        Vec3::new(self.ior - half, self.ior, self.ior + half).max(Vec3::splat(1e-3))
+    }
+
+    /// Whether the volume takes anything.
+    pub fn absorbs(&self) -> bool {
+        (self.transmission > 0.0 || self.diffuse_transmission > 0.0)
+            && self.thickness > 0.0
+            && self.extinction() != Vec3::ZERO
+    }
+}

@@ -1,0 +1,74 @@
+//! Environment maps: radiance from every direction.
+
+mod studio;
+
+use crate::hash::ContentHash;
+use glam::Vec3;
+use std::fmt;
+
+/// Radiance from every direction, linear, as an equirectangular picture: rows from straight up to straight down; the middle
+/// column is what is seen looking along −Z, columns to the right of it lie to the right.
+#[derive(Clone, PartialEq)]
+pub struct Panorama {
+    pub name: String,
+    width: u32,
+    height: u32,
+    /// Red, green, blue; rows from the top.
+    rgb: Vec<f32>,
+    hash: ContentHash,
+}
+
+/// What a panorama cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PanoramaError {
+    /// No columns or no rows, or another number of texels than they make.
+    Size,
+    /// A texel is negative or not finite.
+    Texel { x: u32, y: u32 },
+}
+
+impl fmt::Debug for Panorama {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Panorama({:?}, {}×{})", self.name, self.width, self.height)
+    }
+}
+
+impl Panorama {
+    /// The most that a texel can be: the largest 16-bit float, as which devices keep it.
+    pub const BRIGHTEST: f32 = 65504.0;
+
+    /// Texels brighter than [`Panorama::BRIGHTEST`] are cut off there.
+    pub fn new(name: &str, width: u32, height: u32, mut rgb: Vec<f32>) -> Result<Panorama, PanoramaError> {
+        if width == 0 || height == 0 || rgb.len() as u64 != 3 * u64::from(width) * u64::from(height) {
+            return Err(PanoramaError::Size);
+        }
+        if let Some(bad) = rgb.iter().position(|v| !v.is_finite() || *v < 0.0) {
+            let texel = (bad / 3) as u32;
+            return Err(PanoramaError::Texel { x: texel % width, y: texel / width });
+        }
+        rgb.iter_mut().for_each(|v| *v = v.min(Panorama::BRIGHTEST));
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(&width.to_le_bytes());
+        hasher.update(&height.to_le_bytes());
+        hasher.update(bytemuck::cast_slice(&rgb));
+        let hash = hasher.finalize().into();
+        Ok(Panorama { name: name.into(), width, height, rgb, hash })
+    }
+
+    pub fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
+    /// Of size and texels.
+    pub fn hash(&self) -> ContentHash {
+        self.hash
+    }
+
+    /// Columns go round, rows end at the poles.
+    pub fn texel(&self, x: i64, y: i64) -> Vec3 {
+        let x = x.rem_euclid(i64::from(self.width)) as usize;
+        let y = y.clamp(0, i64::from(self.height) - 1) as usize;
+        let at = 3 * (y * self.width as usize + x);
+        Vec3::new(self.rgb[at], self.rgb[at + 1], self.rgb[at + 2])
+    }
+}

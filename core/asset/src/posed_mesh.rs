@@ -1,0 +1,115 @@
+//! The vertices of an actor as posed: morphed, skinned, in the file's own order, in f64 — for `choreo pose --mesh` and as the
+//! truth that renderers are compared with. Slow and plain.
+
+use crate::asset::Asset;
+use crate::mesh::Primitive;
+use crate::skinning::{Carriers, widen};
+use choreo_motion::Skinning;
+use glam::{Affine3A, DAffine3, DMat3, DVec3};
+
+/// One mesh instance of an asset, or one of its copies, posed at one of the body's places.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PosedInstance {
+    /// Index into `Asset::instances`.
+    pub instance: usize,
+    /// One per primitive of its mesh.
+    pub primitives: Vec<PosedPrimitive>,
+}
+
+/// Vertices in the primitive's order; `indices` of the primitive apply.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PosedPrimitive {
+    pub positions: Vec<DVec3>,
+    /// Unit (zero where the surface has collapsed); empty where the primitive has none.
+    pub normals: Vec<DVec3>,
+}
+
+/// Which of its places and copies.
+#[derive(Clone, Copy)]
+pub enum Standing {
+    First(Option<u32>),
+    Once,
+}
+
+/// All mesh instances with linear skinning, moved by any map: identity gives model space.
+pub fn posed_meshes_in(
+    asset: &Asset,
+    model_from_joint: &[Affine3A],
+    morph_weights: &[Vec<f32>],
+    world_from_model: DAffine3,
+) -> Vec<PosedInstance> {
+    posed_meshes_by(
+        (Skinning::Linear, Standing::First(None)),
+        asset,
+        model_from_joint,
+        morph_weights,
+        world_from_model,
+    )
+}
+
+/// All mesh instances, posed and moved by any map.
+pub fn posed_meshes_by(
+    (skinning, standing): (Skinning, Standing),
+    asset: &Asset,
+    model_from_joint: &[Affine3A],
+    morph_weights: &[Vec<f32>],
+    world_from_model: DAffine3,
+) -> Vec<PosedInstance> {
+    if model_from_joint.len() < asset.skeleton.len() {
+        return Vec::new();
+    }
+    let mut out = Vec::new();
+    for (index, instance) in asset.instances.iter().enumerate() {
+        let Some(mesh) = asset.meshes.get(instance.mesh as usize) else { continue };
+        let weights = morph_weights.get(index).map_or(&[][..], Vec::as_slice);
+        let at_joint = Carriers::new(skinning, asset, instance, model_from_joint);
+        let mut add = |world_from_model: DAffine3, copy: Affine3A| {
+            let carriers = at_joint.of_copy(&copy);
+            let pose = |p: &Primitive| pose_primitive(p, &carriers, weights, world_from_model);
+            let primitives = mesh.primitives.iter().map(pose).collect();
+            out.push(PosedInstance { instance: index, primitives });
+        };
+        match standing {
+            Standing::Once => {
+                instance.joint_from_copies().for_each(|copy| add(world_from_model, copy));
+            }
+            Standing::First(count) => asset.standing(instance, count).for_each(|(place, copy)| {
+                add(world_from_model * widen(&place), copy);
+            }),
+        }
+    }
+    out
+}
+
+fn pose_primitive(
+    primitive: &Primitive,
+    carriers: &Carriers,
+    weights: &[f32],
+    world_from_model: DAffine3,
+) -> PosedPrimitive {
+    let mut out = PosedPrimitive::default();
+    for v in 0..primitive.positions.len() {
+        let world_from_mesh = world_from_model * carriers.at_vertex(primitive, v);
+        let mut position = primitive.positions[v].as_dvec3();
+        let mut normal = primitive.normals.get(v).map(|n| n.as_dvec3());
+        for (morph, weight) in primitive.morphs.iter().zip(weights) {
+            if let Some(offset) = morph.positions.get(v) {
+                position += offset.as_dvec3() * f64::from(*weight);
+            }
+            if let (Some(normal), Some(offset)) = (&mut normal, morph.normals.get(v)) {
+                *normal += offset.as_dvec3() * f64::from(*weight);
+            }
+        }
+        out.positions.push(world_from_mesh.transform_point3(position));
+        if let Some(normal) = normal {
+            out.normals.push((cofactor(world_from_mesh.matrix3) * normal).normalize_or_zero());
+        }
+    }
+    out
+}
+
+/// det(m) · m⁻ᵀ without the division: right up to length and for singular maps; the sign keeps mirrored normals outward.
+fn cofactor(m: DMat3) -> DMat3 {
+    let c = DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+    if m.determinant() < 0.0 { -c } else { c }
+}

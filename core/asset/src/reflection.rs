@@ -1,0 +1,23 @@
+//! What polished surfaces of Blinn–Phong and Phong shading mirror: the classic reflection map.
+
+use crate::texture::{Sampler, TextureRef, Wrap};
+use glam::Vec3;
+
+/// What a surface mirrors of its surroundings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reflection {
+    /// Linear share that is mirrored, 0 to 1 each; the diffuse colour keeps the rest.
+    pub color: Vec3,
+    /// Multiplied with it; sRGB, as the specular map of these materials is.
+    pub texture: Option<TextureRef>,
+    /// Mirrored in place of the sky: an equirectangular panorama, sRGB, looked up by the direction in the world (−Z in the
+    /// picture's middle, +Y at its top) rather than by texture coordinates.
+    pub environment: Option<TextureRef>,
+}
+
+impl Reflection {
+    /// How the ends of a panorama meet: its sides are one line, its top and bottom are not.
+    pub fn panorama_sampler() -> Sampler {
+        Sampler { wrap_u: Wrap::Repeat, wrap_v: Wrap::ClampToEdge, ..Sampler::default() }
+    }
+}

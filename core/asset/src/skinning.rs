@@ -1,0 +1,85 @@
+//! Skinning on the CPU: what moves a vertex, by its joints and weights.
+
+use crate::asset::{Asset, MeshInstance};
+use crate::mesh::Primitive;
+use choreo_motion::{Carrier, Skinning};
+use glam::{Affine3A, DAffine3, DMat3, DMat4, Mat3, Vec3};
+
+/// A map in f64.
+pub fn widen(a: &Affine3A) -> DAffine3 {
+    DAffine3 { matrix3: Mat3::from(a.matrix3).as_dmat3(), translation: Vec3::from(a.translation).as_dvec3() }
+}
+
+/// What carries the vertices of one instance: its skin's joints, or its node.
+#[derive(Clone)]
+pub struct Carriers {
+    skin: Slots,
+    rigid: DAffine3,
+}
+
+/// One a joint of the skin.
+#[derive(Clone)]
+enum Slots {
+    Linear(Vec<DMat4>),
+    Dual(Vec<Carrier>),
+}
+
+impl Carriers {
+    pub fn new(
+        skinning: Skinning,
+        asset: &Asset,
+        instance: &MeshInstance,
+        model_from_joint: &[Affine3A],
+    ) -> Carriers {
+        let joint = |j: u32| model_from_joint.get(j as usize).map_or(DAffine3::IDENTITY, widen);
+        let skin = instance.skin.and_then(|s| asset.skins.get(s as usize));
+        let matrices = skin.map_or(Vec::new(), |skin| {
+            let inverse_bind = |i: usize| skin.inverse_bind.get(i).map_or(DMat4::IDENTITY, |m| m.as_dmat4());
+            skin.joints.iter().enumerate().map(|(i, j)| DMat4::from(joint(*j)) * inverse_bind(i)).collect()
+        });
+        let skin = match skinning {
+            Skinning::Linear => Slots::Linear(matrices),
+            Skinning::DualQuaternion => {
+                Slots::Dual(matrices.iter().map(|m| Carrier::of(affine(m))).collect())
+            }
+        };
+        Carriers { skin, rigid: joint(instance.joint) }
+    }
+
+    /// Those of one copy; skinned vertices have none.
+    pub fn of_copy(&self, joint_from_copy: &Affine3A) -> Carriers {
+        Carriers { skin: self.skin.clone(), rigid: self.rigid * widen(joint_from_copy) }
+    }
+
+    /// model-from-mesh at a vertex: Σ weight · joint · inverse bind (glTF 2.0 §3.7.3.3), or its dual quaternion.
+    pub fn at_vertex(&self, primitive: &Primitive, v: usize) -> DAffine3 {
+        let n = primitive.influences;
+        let slots = match &self.skin {
+            Slots::Linear(slots) => slots.len(),
+            Slots::Dual(slots) => slots.len(),
+        };
+        if n == 0 || slots == 0 {
+            return self.rigid;
+        }
+        let influences = (v * n..(v + 1) * n).filter_map(|k| {
+            let (slot, weight) = (primitive.joint_indices.get(k)?, primitive.joint_weights.get(k)?);
+            Some((usize::from(*slot), f64::from(*weight)))
+        });
+        match &self.skin {
+            Slots::Linear(slots) => {
+                let mut blended = DMat4::ZERO;
+                for (slot, weight) in influences {
+                    blended += slots.get(slot).map_or(DMat4::ZERO, |m| *m * weight);
+                }
+                affine(&blended)
+            }
+            Slots::Dual(slots) => {
+                Carrier::blend(influences.filter_map(|(slot, w)| Some((slots.get(slot)?, w))))
+            }
+        }
+    }
+}
+
+fn affine(m: &DMat4) -> DAffine3 {
+    DAffine3::from_mat3_translation(DMat3::from_mat4(*m), m.w_axis.truncate())
+}

@@ -1,0 +1,59 @@
+//! Images, and how materials sample them.
+
+use glam::Affine2;
+
+/// 8 bits a channel, RGBA, rows from the top. Whether the colour channels are sRGB depends on the use.
+#[derive(Clone, Default, PartialEq)]
+pub struct Image {
+    pub name: String,
+    pub width: u32,
+    pub height: u32,
+    pub rgba: Vec<u8>,
+}
+
+impl std::fmt::Debug for Image {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Image({:?}, {}x{})", self.name, self.width, self.height)
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Wrap {
+    #[default]
+    Repeat,
+    MirroredRepeat,
+    ClampToEdge,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Sampler {
+    pub wrap_u: Wrap,
+    pub wrap_v: Wrap,
+    pub mag_linear: bool,
+    pub min_linear: bool,
+    /// None: no mipmaps; Some(false): nearest level; Some(true): blend two levels.
+    pub mip_linear: Option<bool>,
+}
+
+impl Default for Sampler {
+    fn default() -> Self {
+        Sampler {
+            wrap_u: Wrap::Repeat,
+            wrap_v: Wrap::Repeat,
+            mag_linear: true,
+            min_linear: true,
+            mip_linear: Some(true),
+        }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextureRef {
+    /// Index into `Asset::images`.
+    pub image: u32,
+    pub sampler: Sampler,
+    /// Which of the primitive's uv lists: 0 or 1.
+    pub uv_set: u8,
+    /// texture-from-mesh uv (KHR_texture_transform); identity = none.
+    pub uv_transform: Affine2,
+}

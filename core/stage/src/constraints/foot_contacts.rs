@@ -1,0 +1,97 @@
+//! What an actor's clips say of when its feet stand.
+
+use crate::stage::actor::Actor;
+use crate::stage::clips::Cue;
+use crate::stage::constraint::Leg;
+use crate::stage::constraint::{Goal, GoalKind};
+use choreo_motion::Time;
+use choreo_motion::contacts::{Contacts, Foot, Stand, stays};
+
+/// How often it is asked whether feet are down.
+const STEP: Time = Time(Time::TICKS_PER_SECOND / 480);
+
+/// A foot is up for at least so long.
+const SHORTEST_STEP: Time = Time(Time::TICKS_PER_SECOND / 15);
+
+/// By cue of the base layer, the stands of each leg's foot in its clip.
+pub(super) struct Said<'a> {
+    actor: &'a Actor,
+    /// By leg: who takes its steps while the body is mirrored, by which goal.
+    mirrored: Vec<(&'a Goal, Vec<usize>)>,
+    cues: Vec<Vec<Vec<Stand>>>,
+}
+
+impl<'a> Said<'a> {
+    pub fn new(actor: &'a Actor, legs: &[Leg]) -> Said<'a> {
+        let skeleton = &actor.asset.skeleton;
+        // The ball alone: a heel that has come down turns about itself.
+        let ball = |leg: &Leg| Foot { joints: vec![leg.toe.unwrap_or(leg.foot)] };
+        let feet: Vec<Foot> = legs.iter().map(ball).collect();
+        let mut cues: Vec<Vec<Vec<Stand>>> = Vec::new();
+        let layer = actor.layers.first().map_or(&[][..], |layer| &layer.cues);
+        for (i, cue) in layer.iter().enumerate() {
+            // Most clips come more than once.
+            let same = |other: &Cue| std::sync::Arc::ptr_eq(&other.clip, &cue.clip) && other.trim == cue.trim;
+            cues.push(match layer[..i].iter().position(same) {
+                Some(known) => cues[known].clone(),
+                None => {
+                    Contacts::find(skeleton, &cue.clip, cue.trim, &feet).map_or_else(Vec::new, |c| c.stands)
+                }
+            });
+        }
+        let across = |goal: &'a Goal| {
+            let GoalKind::Mirror(mirroring) = &goal.kind else { return None };
+            let other = |(own, leg): (usize, &Leg)| {
+                let partner = mirroring.joints.partner(leg.foot);
+                legs.iter().position(|l| Some(l.foot) == partner).unwrap_or(own)
+            };
+            Some((goal, legs.iter().enumerate().map(other).collect()))
+        };
+        let mirrored = actor.goals.iter().filter_map(across).collect();
+        Said { actor, mirrored, cues }
+    }
+
+    /// When a leg's foot comes down and goes up, between two times, to a 480th of a second.
+    pub fn stands(&self, leg: usize, from: Time, to: Time) -> Vec<(Time, Time)> {
+        let at = |i: usize| from + Time(i as i64 * STEP.0);
+        let count = ((to - from).0 / STEP.0) as usize;
+        let unrest: Vec<f64> = (0..=count).map(|i| self.unrest(leg, at(i))).collect();
+        let mut found: Vec<(Time, Time)> = stays(&unrest, STEP.as_secs(), false)
+            .into_iter()
+            .map(|(first, last)| (at(first), at(last)))
+            .collect();
+        // Up with one clip and down at once with the other: a foot that steps on the spot has no time to get anywhere.
+        found.dedup_by(|next, before| {
+            let close = next.0 - before.1 < SHORTEST_STEP;
+            if close {
+                before.1 = next.1;
+            }
+            close
+        });
+        found
+    }
+
+    /// 0 where the foot stands in most of what plays, by its weights, else 2 (see [`choreo_motion::contacts::stays`]): contacts are mixed as poses
+    /// are (L. Kovar, M. Gleicher, "Flexible Automatic Motion Blending with Registration Curves", SCA 2003, §3.3).
+    fn unrest(&self, leg: usize, time: Time) -> f64 {
+        let goals = self.mirrored.iter().filter(|(goal, _)| goal.share(time) >= 0.5);
+        let leg = goals.fold(leg, |leg, (_, across)| across.get(leg).copied().unwrap_or(leg));
+        // Each is blended over those before it.
+        let mut share = 0.0;
+        for heard in self.actor.heard(time).iter().filter(|h| h.layer == 0) {
+            let weight = f64::from(heard.weight);
+            let down = self.is_down(heard.cue, leg, heard.clip_time);
+            share += (f64::from(u8::from(down)) - share) * weight;
+        }
+        if share >= 0.5 { 0.0 } else { 2.0 }
+    }
+
+    fn is_down(&self, cue: usize, leg: usize, at: Time) -> bool {
+        let Some(trim) = self.actor.layers.first().and_then(|l| l.cues.get(cue)).map(|c| c.trim) else {
+            return false;
+        };
+        let stands = self.cues.get(cue).and_then(|c| c.get(leg)).map_or(&[][..], |s| s);
+        let round = trim.1 - trim.0;
+        stands.iter().any(|s| (s.from <= at && at <= s.to) || (s.from <= at + round && at + round <= s.to))
+    }
+}

@@ -1,0 +1,438 @@
+//! Feet that stay where they stand.
+//!
+//! Where a foot touches the ground follows from how it moves without this goal, over the whole length of the stage: looked at
+//! once, at 60 Hz, and kept ([`Plants`]), so that any frame can be had first. In a fade in which clips keep step, they themselves say when
+//! ([`Said`]): the mean of two strides slides, so that its motion tells less than theirs. During a contact the ball of the foot stands still
+//! at one point; between two contacts the foot is moved by what lies between both corrections, so that nothing jumps.
+
+use crate::constraints::foot_contacts::Said;
+use crate::constraints::ground::Ground;
+use crate::constraints::solve::{bend_leg, world_place};
+use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
+use crate::pose::joints::Body;
+use crate::snapshot::Snapshot;
+use crate::stage::constraint::{Leg, Plant};
+use crate::stage::{Stage, StageError};
+use choreo_motion::Time;
+use choreo_motion::contacts::{Rule, stays};
+use choreo_motion::ik::arc;
+use glam::{DAffine3, DQuat, DVec3};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+const STEP: Time = Time(Time::TICKS_PER_SECOND / 60);
+/// Feet are looked at for an hour at most; beyond it and outside the stage's length they are not planted.
+const MOST_SAMPLES: i64 = 60 * 3600;
+/// Across a longer gap between two contacts a foot is as its clips have it.
+const LONGEST_GAP: Time = Time(Time::TICKS_PER_SECOND);
+const FADE: f64 = 0.25;
+/// Metres of a leg that has none.
+const PERSON: f64 = 0.85;
+/// Ground up to so much above where a foot stands in its clip is what it stands on: a high step, not the floor above.
+const HIGHEST_STEP: f64 = 1.2;
+/// The ball of a foot that is held is at most so high, in legs: one that is held while the toes leave the ground would push them into it.
+const FLAT: f64 = 0.04;
+/// Looks to either side among which a foot is at its lowest: feet of two clips differ by centimetres, and each is to stand.
+const AROUND: usize = 36;
+/// How much of the sole's length raising the heel makes a leg longer, as far as it is counted on.
+const RAISED: f64 = 0.6;
+/// Hips come down by this share of a leg at most.
+const LOWEST: f64 = 0.25;
+/// Looks that they take there, and back.
+const SMOOTH: usize = 14;
+/// So many places are tried to either side, as far as half of the body's way during a contact.
+const REACH_PLACES: u32 = 32;
+/// Who is higher than this above the lowest place at all, in legs, jumps.
+const JUMP: f64 = 0.12;
+
+/// The contacts of the legs of one goal.
+#[derive(Debug, Default)]
+pub(crate) struct PlantTrack {
+    legs: Vec<Vec<Stand>>,
+    /// What has been looked at, and whether the stage is over then.
+    span: (Time, Time),
+    to_the_end: bool,
+    /// From when on, how far the body comes down so that its legs reach the ground, metres a look.
+    drops: Vec<(Time, Vec<f64>)>,
+}
+
+/// A contact: where the foot stands, and how far that is from where its clips have it at both ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Stand {
+    from: Time,
+    to: Time,
+    /// World; `None` = as its clips have it.
+    at: Option<DVec3>,
+    first: DVec3,
+    last: DVec3,
+}
+
+/// What the plant goals of one stage have found out, by actor and goal.
+#[derive(Debug, Default)]
+pub(crate) struct Plants(Mutex<BTreeMap<(usize, usize), Arc<PlantTrack>>>);
+
+impl Plants {
+    /// The same whoever asks first; two who ask at once may both work it out.
+    pub fn track(
+        &self,
+        stage: &Stage,
+        actor: usize,
+        goal: usize,
+        plant: &Plant,
+    ) -> Result<Arc<PlantTrack>, StageError> {
+        let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(track) = known().get(&(actor, goal)) {
+            return Ok(track.clone());
+        }
+        let track = Arc::new(find(stage, actor, plant)?);
+        known().insert((actor, goal), track.clone());
+        Ok(track)
+    }
+}
+
+fn find(stage: &Stage, actor: usize, plant: &Plant) -> Result<PlantTrack, StageError> {
+    let ground: Vec<Ground> = plant.ground.iter().map(|g| Ground::of(stage, *g)).collect::<Result<_, _>>()?;
+    let leg = leg_length(stage, actor, plant);
+    let mut scratch = Scratch::only(vec![actor]);
+    let mut legs = vec![Vec::new(); plant.legs.len()];
+    let mut drops = Vec::new();
+    let windows = windows(stage, plant);
+    let said = (!plant.only.is_empty()).then(|| Said::new(&stage.actors[actor], &plant.legs));
+    for (from, to) in &windows {
+        let looks = look(stage, actor, plant, &mut scratch, *from, *to)?;
+        for (index, (places, legs)) in looks.feet.iter().zip(&mut legs).enumerate() {
+            let Some(said) = &said else {
+                let found = stays(&unrest(&looks, places, leg), STEP.as_secs(), false);
+                let stay = |(first, last): &(usize, usize)| Stay {
+                    span: (looks.time(*first), looks.time(*last)),
+                    ends: [places[*first], places[*last]],
+                };
+                legs.extend(found.iter().map(|found| stand(&looks, &stay(found), index, plant, &ground)));
+                continue;
+            };
+            // Clips say to the instant when a foot comes down and goes up.
+            for span in said.stands(index, *from, *to) {
+                let mut ends = [DVec3::ZERO; 2];
+                for (end, time) in ends.iter_mut().zip([span.0, span.1]) {
+                    *end = look(stage, actor, plant, &mut scratch, time, time)?.feet[index][0];
+                }
+                legs.push(stand(&looks, &Stay { span, ends }, index, plant, &ground));
+            }
+        }
+        if ground.is_empty() && plant.hips.is_some() {
+            drops.push((*from, come_down(&looks, &legs)));
+        }
+    }
+    let span = windows.first().zip(windows.last()).map_or_else(Default::default, |(a, b)| (a.0, b.1));
+    let to_the_end = span.1 >= stage.settings.length;
+    Ok(PlantTrack { legs, span, to_the_end, drops })
+}
+
+/// The times in which feet are looked at, one after the other: all of the stage, or around those that count.
+fn windows(stage: &Stage, plant: &Plant) -> Vec<(Time, Time)> {
+    let length = stage.settings.length.max(Time::ZERO).min(Time(MOST_SAMPLES * STEP.0));
+    if plant.only.is_empty() {
+        return vec![(Time::ZERO, length)];
+    }
+    let around = |(from, to): &(Time, Time)| (*from - LONGEST_GAP, *to + LONGEST_GAP);
+    let mut all: Vec<(Time, Time)> = plant.only.iter().map(around).collect();
+    all.iter_mut().for_each(|(from, to)| (*from, *to) = ((*from).max(Time::ZERO), (*to).min(length)));
+    all.retain(|(from, to)| from < to);
+    all.sort_unstable();
+    all.dedup_by(|next, before| {
+        let joined = next.0 <= before.1;
+        if joined {
+            before.1 = before.1.max(next.1);
+        }
+        joined
+    });
+    all
+}
+
+/// How an actor's feet move without the goal.
+struct Looks {
+    from: Time,
+    /// World, by foot.
+    feet: Vec<Vec<DVec3>>,
+    /// Likewise, what each hangs on.
+    limbs: Vec<Vec<Limb>>,
+    /// Height of the floor.
+    floors: Vec<f64>,
+}
+
+/// World, metres.
+#[derive(Clone, Copy, Debug, Default)]
+struct Limb {
+    hip: DVec3,
+    ankle: DVec3,
+    /// How long the leg is.
+    reach: f64,
+    /// From the ankle to the ball.
+    sole: f64,
+}
+
+fn look(
+    stage: &Stage,
+    actor: usize,
+    plant: &Plant,
+    scratch: &mut Scratch,
+    from: Time,
+    to: Time,
+) -> Result<Looks, StageError> {
+    let mut snapshot = Snapshot::default();
+    let count = plant.legs.len();
+    let mut looks =
+        Looks { from, feet: vec![Vec::new(); count], limbs: vec![Vec::new(); count], floors: vec![] };
+    for sample in 0..=(to - from).0 / STEP.0 {
+        evaluate_actors(stage, scratch, from + Time(sample * STEP.0), Evaluation::Clips, &mut snapshot)?;
+        let state = &snapshot.actors[actor];
+        let place = |joint: u32| {
+            let place = state.model_from_joint.get(joint as usize);
+            let place = place.map(|m| world_place(&state.world_from_model, m));
+            place.filter(|p| p.is_finite()).unwrap_or(DVec3::ZERO)
+        };
+        looks.floors.push(state.world_from_model.translation.y);
+        for ((leg, places), limbs) in plant.legs.iter().zip(&mut looks.feet).zip(&mut looks.limbs) {
+            places.push(place(leg.toe.unwrap_or(leg.foot)));
+            let [hip, knee, ankle] = [leg.hip, leg.knee, leg.foot].map(place);
+            let reach = (knee - hip).length() + (ankle - knee).length();
+            limbs.push(Limb {
+                hip,
+                ankle,
+                reach,
+                sole: leg.toe.map_or(0.0, |toe| (place(toe) - ankle).length()),
+            });
+        }
+    }
+    Ok(looks)
+}
+
+/// In metres of the world at time 0.
+fn leg_length(stage: &Stage, actor: usize, plant: &Plant) -> f64 {
+    let a = &stage.actors[actor];
+    let rest = a.asset.rest_model_from_joint();
+    let Some(leg) = plant.legs.first() else { return PERSON };
+    let place =
+        |joint: u32| rest.get(joint as usize).map_or(DVec3::ZERO, |m| world_place(&DAffine3::IDENTITY, m));
+    let (hip, knee, foot) = (place(leg.hip), place(leg.knee), place(leg.foot));
+    let length = ((knee - hip).length() + (foot - knee).length()) * a.transform.scale.y.abs();
+    if length.is_finite() && length > 1e-9 { length } else { PERSON }
+}
+
+impl Looks {
+    fn time(&self, look: usize) -> Time {
+        self.from + Time(look as i64 * STEP.0)
+    }
+}
+
+/// How far a foot is from standing at each look.
+fn unrest(looks: &Looks, places: &[DVec3], leg: f64) -> Vec<f64> {
+    let above: Vec<f64> = places.iter().zip(&looks.floors).map(|(p, floor)| p.y - floor).collect();
+    let lowest = above.iter().copied().fold(f64::INFINITY, f64::min);
+    // The first leg's hip: where the body is.
+    let body: Vec<DVec3> = looks.limbs.first().map_or(&[][..], |limbs| limbs).iter().map(|l| l.hip).collect();
+    let at = |i: usize| {
+        let near = &above[i.saturating_sub(AROUND)..(i + AROUND + 1).min(above.len())];
+        let low = near.iter().copied().fold(f64::INFINITY, f64::min);
+        if low > lowest + JUMP * leg {
+            return f64::INFINITY;
+        }
+        let gait = velocity(&body, i).with_y(0.0).length();
+        Rule { height: FLAT * leg, ..Rule::new(leg, gait) }.unrest(above[i] - low, velocity(places, i))
+    };
+    (0..places.len()).map(at).collect()
+}
+
+/// Over the neighbours, so that a touch-down is fast before it and slow after it alike.
+fn velocity(places: &[DVec3], i: usize) -> DVec3 {
+    let (before, after) = (i.saturating_sub(1), (i + 1).min(places.len() - 1));
+    (places[after] - places[before]) / (STEP.as_secs() * (after - before).max(1) as f64)
+}
+
+/// A foot that touches the ground as its clips have it.
+struct Stay {
+    span: (Time, Time),
+    /// Where it is then and then, world.
+    ends: [DVec3; 2],
+}
+
+fn stand(looks: &Looks, stay: &Stay, leg: usize, plant: &Plant, ground: &[Ground]) -> Stand {
+    let Stay { span: (from, to), ends } = *stay;
+    if !plant.only.is_empty() && !plant.only.iter().any(|(begin, end)| from <= *end && to >= *begin) {
+        return Stand { from, to, at: None, first: DVec3::ZERO, last: DVec3::ZERO };
+    }
+    // The looks between, at least one.
+    let first = ((from - looks.from).0 as u64).div_ceil(STEP.0 as u64) as usize;
+    let first = first.min(looks.floors.len() - 1);
+    let last = (((to - looks.from).0 / STEP.0) as usize).clamp(first, looks.floors.len() - 1);
+    let mut at = within_reach(&looks.feet[leg][first..=last], &looks.limbs[leg][first..=last]);
+    if !ground.is_empty() {
+        // As high above the ground as the clips have it above their floor.
+        let floor = looks.floors[(first + last) / 2];
+        let heights = ground.iter().filter_map(|g| g.height(at, at.y + HIGHEST_STEP));
+        at.y += heights.reduce(f64::max).unwrap_or(floor) - floor;
+    }
+    Stand { from, to, at: Some(at), first: at - ends[0], last: at - ends[1] }
+}
+
+/// Where a foot stands during a contact: in the middle of where its clips have it, or else as near to it along the body's way as the leg has
+/// to stretch the least: a foot that comes down with the leg straight cannot stand further on, nor one that leaves last further back.
+fn within_reach(stay: &[DVec3], limbs: &[Limb]) -> DVec3 {
+    let middle = stay.iter().copied().sum::<DVec3>() / stay.len() as f64;
+    let beyond = |at: DVec3| {
+        let one = |(ball, limb): (&DVec3, &Limb)| (limb.ankle + (at - ball) - limb.hip).length() - limb.reach;
+        stay.iter().zip(limbs).map(one).fold(0.0, f64::max)
+    };
+    let Some((first, last)) = limbs.first().zip(limbs.last()) else { return middle };
+    let way = (last.hip - first.hip).with_y(0.0) / f64::from(2 * REACH_PLACES);
+    let mut best = (beyond(middle), middle);
+    for i in 1..=REACH_PLACES {
+        for at in [middle + way * f64::from(i), middle - way * f64::from(i)] {
+            let far = beyond(at);
+            // A millimetre more, and the heel rises.
+            if far < best.0 - 1e-3 {
+                best = (far, at);
+            }
+        }
+    }
+    best.1
+}
+
+/// How far the hips come down at each look: as far as the legs that stand need to reach the ground with the heel raised, and smoothly there
+/// and back (at once, and the head jerks; tried).
+fn come_down(looks: &Looks, legs: &[Vec<Stand>]) -> Vec<f64> {
+    let need = |look: usize| {
+        let time = looks.time(look);
+        let of_leg = |(stands, limbs): (&Vec<Stand>, &Vec<Limb>)| {
+            let next = stands.partition_point(|s| s.to < time);
+            let at = stands.get(next).filter(|s| s.from <= time).and_then(|s| s.at)?;
+            let limb = limbs[look];
+            let far = (limb.reach + RAISED * limb.sole) * 0.998;
+            let across = (limb.hip - at).with_y(0.0).length_squared();
+            let high = (far * far - across).max(0.0).sqrt();
+            Some((limb.hip.y - at.y - high).clamp(0.0, LOWEST * limb.reach))
+        };
+        legs.iter().zip(&looks.limbs).filter_map(of_leg).fold(0.0, f64::max)
+    };
+    let count = looks.floors.len();
+    let need: Vec<f64> = (0..count).map(need).collect();
+    let smooth = |look: usize| {
+        let near = look.saturating_sub(SMOOTH)..(look + SMOOTH + 1).min(count);
+        let bump = |other: usize| {
+            let away = other.abs_diff(look) as f64 / (SMOOTH + 1) as f64;
+            need[other] * (1.0 - away * away) * (1.0 - away * away)
+        };
+        near.map(bump).fold(0.0, f64::max)
+    };
+    (0..count).map(smooth).collect()
+}
+
+impl PlantTrack {
+    fn drop_at(&self, time: Time) -> f64 {
+        let Some((from, drops)) = self.drops.iter().rev().find(|(from, _)| *from <= time) else { return 0.0 };
+        let at = (time - *from).0 as f64 / STEP.0 as f64;
+        let (low, share) = (at as usize, at - libm::floor(at));
+        let drop = |i: usize| drops.get(i).copied().unwrap_or(0.0);
+        drop(low) + (drop(low + 1) - drop(low)) * share
+    }
+
+    /// How far a foot that its clips have at `place` is to be moved.
+    fn correction(&self, leg: usize, time: Time, place: DVec3) -> DVec3 {
+        let Some(stands) = self.legs.get(leg) else { return DVec3::ZERO };
+        let next = stands.partition_point(|s| s.to < time);
+        let upright = |d: DVec3| DVec3::new(0.0, d.y, 0.0);
+        let smooth = |w: f64| {
+            let w = w.clamp(0.0, 1.0);
+            w * w * (3.0 - 2.0 * w)
+        };
+        // A foot in the air for long: level as it was or will be, and nothing sideways.
+        let leaving = |s: &Stand| {
+            let gone = smooth((time - s.to).as_secs() / FADE);
+            upright(s.last) + (s.last - upright(s.last)) * (1.0 - gone)
+        };
+        let coming = |s: &Stand| {
+            let left = smooth((s.from - time).as_secs() / FADE);
+            upright(s.first) + (s.first - upright(s.first)) * (1.0 - left)
+        };
+        match (next.checked_sub(1).map(|i| &stands[i]), stands.get(next)) {
+            (_, Some(now)) if now.from <= time => now.at.map_or(DVec3::ZERO, |at| at - place),
+            (Some(before), Some(after)) => {
+                let way = smooth((time - before.to).as_secs() / (after.from - before.to).as_secs());
+                if after.from - before.to <= LONGEST_GAP {
+                    before.last.lerp(after.first, way)
+                } else {
+                    leaving(before).lerp(coming(after), way)
+                }
+            }
+            // Who comes down soon after the beginning is on the way there already, and who has just left at the end is on it still.
+            (None, Some(after)) if self.span.0 <= Time::ZERO && after.from <= LONGEST_GAP => after.first,
+            (Some(before), None) if self.to_the_end && self.span.1 - before.to <= LONGEST_GAP => before.last,
+            (Some(before), None) => leaving(before),
+            (None, Some(after)) => coming(after),
+            (None, None) => DVec3::ZERO,
+        }
+    }
+}
+
+/// Moves the hips with the ground and bends the legs.
+pub(super) fn apply(
+    track: &PlantTrack,
+    plant: &Plant,
+    time: Time,
+    share: f64,
+    world_from_model: &DAffine3,
+    model_from_world: &DAffine3,
+    body: &mut Body,
+) {
+    let places = |body: &Body, leg: &Leg| {
+        let joint = leg.toe.unwrap_or(leg.foot) as usize;
+        world_place(world_from_model, &body.model_from_joint[joint])
+    };
+    let corrections: Vec<DVec3> = plant
+        .legs
+        .iter()
+        .enumerate()
+        .map(|(i, leg)| track.correction(i, time, places(body, leg)) * share)
+        .collect();
+    let feet: Vec<DVec3> = plant.legs.iter().map(|leg| body.place(leg.foot)).collect();
+    if let (Some(hips), true) = (plant.hips, !plant.ground.is_empty()) {
+        // As low as the lower foot needs.
+        let drop = corrections.iter().map(|c| c.y).fold(f64::INFINITY, f64::min);
+        if drop.is_finite() {
+            body.shift(hips, model_from_world.matrix3 * (DVec3::Y * drop));
+        }
+    }
+    if let (Some(hips), drop @ f64::MIN_POSITIVE..) = (plant.hips, track.drop_at(time) * share) {
+        body.shift(hips, model_from_world.matrix3 * (DVec3::NEG_Y * drop));
+    }
+    let targets: Vec<DVec3> =
+        feet.iter().zip(&corrections).map(|(foot, c)| *foot + model_from_world.matrix3 * *c).collect();
+    for (leg, target) in plant.legs.iter().zip(targets) {
+        let (ankle, roll) = on_the_ball(leg, target, body);
+        // Knees bend forward, where characters face.
+        bend_leg(leg, ankle, DVec3::Z, body);
+        body.turn(leg.foot, roll);
+    }
+}
+
+/// Where the ankle goes, in model space, and how the foot turns: to `target` and not at all where the leg reaches that far, else the heel
+/// rises while the ball stays, as of one who is about to leave the ground. (Lowering the hips instead jerks the head; tried.)
+fn on_the_ball(leg: &Leg, target: DVec3, body: &Body) -> (DVec3, DQuat) {
+    let [hip, knee, foot] = [leg.hip, leg.knee, leg.foot].map(|j| body.place(j));
+    let reach = ((knee - hip).length() + (foot - knee).length()) * 0.9999;
+    let Some(toe) = leg.toe.filter(|_| (target - hip).length() > reach) else {
+        return (target, DQuat::IDENTITY);
+    };
+    let sole = body.place(toe) - foot;
+    let ball = target + sole;
+    let way = ball - hip;
+    let (far, long) = (way.length(), sole.length());
+    let Some(line) = way.try_normalize() else { return (target, DQuat::IDENTITY) };
+    // Both spheres meet in a circle: of it the point nearest to where the ankle was to be. Where they do not, leg and foot lie in one line.
+    let along = ((reach * reach - long * long + far * far) / (2.0 * far)).min(reach);
+    let across = (target - hip) - line * (target - hip).dot(line);
+    let across =
+        across.try_normalize().unwrap_or(DVec3::ZERO) * (reach * reach - along * along).max(0.0).sqrt();
+    let ankle = hip + line * along + across;
+    (ankle, arc(sole, ball - ankle))
+}

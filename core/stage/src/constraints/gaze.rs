@@ -1,0 +1,51 @@
+//! Eyes that make up for what the head leaves: VRM 1.0, "lookAt.md".
+
+use crate::pose::expressions::Faces;
+use crate::pose::gaze::Turn;
+use crate::pose::joints::rotation_of;
+use crate::snapshot::ActorState;
+use crate::stage::actor::Actor;
+use choreo_asset::eyes::angles_of;
+use choreo_motion::{HumanBone, Time};
+use glam::DVec3;
+
+/// A look of the head, and what of it the eyes are to make up for.
+pub(super) struct Gaze<'a> {
+    pub actor: &'a Actor,
+    /// That was turned: nothing follows another one than the head.
+    pub joint: u32,
+    /// In model space.
+    pub target: DVec3,
+    pub share: f64,
+    pub time: Time,
+}
+
+impl Gaze<'_> {
+    /// Turns the eyes where the file says how far they turn: by their bones, or by the expressions lookLeft, lookRight, lookUp and
+    /// lookDown, which others may hold down. `aimed`: eyes that have a look of their own.
+    pub fn follow(
+        &self,
+        aimed: impl Fn(u32) -> bool,
+        state: &mut ActorState,
+        below: &mut Vec<bool>,
+        faces: &mut Faces,
+    ) {
+        let Gaze { actor, joint, share, .. } = *self;
+        let asset = &*actor.asset;
+        let human = |bone: HumanBone| asset.skeleton.humanoid().and_then(|h| h.joint(bone));
+        let Some(eyes) = asset.eyes.as_ref().filter(|_| human(HumanBone::Head) == Some(joint)) else {
+            return;
+        };
+        let rest = asset.rest_model_from_joint();
+        let head = &state.model_from_joint[joint as usize];
+        // As the head is turned since it rested, when its axes were the model's.
+        let turned = (rotation_of(head) * rotation_of(&rest[joint as usize]).inverse()).normalize();
+        let origin = head.transform_point3(eyes.offset_from_head).as_dvec3();
+        let way = turned.inverse() * (self.target - origin);
+        if !way.is_finite() || way.length_squared() == 0.0 {
+            return;
+        }
+        let (yaw, pitch) = angles_of(way);
+        Turn { actor, eyes, turned, yaw, pitch, share, time: self.time }.apply(aimed, state, below, faces);
+    }
+}

@@ -1,0 +1,57 @@
+//! How high the ground is under a point: the triangles of an actor, seen from above.
+
+use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
+use crate::pose::posed_mesh::posed_meshes;
+use crate::snapshot::Snapshot;
+use crate::stage::{Stage, StageError};
+use choreo_motion::Time;
+use glam::{DVec2, DVec3};
+
+/// Triangles of an actor in the world, as it stands at time 0.
+#[derive(Debug, Default)]
+pub(crate) struct Ground {
+    triangles: Vec<[DVec3; 3]>,
+}
+
+impl Ground {
+    pub fn of(stage: &Stage, actor: usize) -> Result<Ground, StageError> {
+        let mut snapshot = Snapshot::default();
+        let mut scratch = Scratch::only(vec![actor]);
+        evaluate_actors(stage, &mut scratch, Time::ZERO, Evaluation::Clips, &mut snapshot)?;
+        let mut triangles = Vec::new();
+        let (Some(a), Some(state)) = (stage.actors.get(actor), snapshot.actors.get(actor)) else {
+            return Ok(Ground::default());
+        };
+        for posed in posed_meshes(&a.asset, state) {
+            let Some(instance) = a.asset.instances.get(posed.instance) else { continue };
+            let Some(mesh) = a.asset.meshes.get(instance.mesh as usize) else { continue };
+            for (primitive, posed) in mesh.primitives.iter().zip(&posed.primitives) {
+                let at = |i: u32| posed.positions.get(i as usize).copied();
+                let corners = primitive.indices.chunks_exact(3);
+                triangles.extend(corners.filter_map(|c| Some([at(c[0])?, at(c[1])?, at(c[2])?])));
+            }
+        }
+        Ok(Ground { triangles })
+    }
+
+    /// Height of the highest surface under a point, not above `ceiling`.
+    pub fn height(&self, at: DVec3, ceiling: f64) -> Option<f64> {
+        let flat = |p: DVec3| DVec2::new(p.x, p.z);
+        let p = flat(at);
+        let mut highest: Option<f64> = None;
+        for [a, b, c] in &self.triangles {
+            let (u, v) = (flat(*b) - flat(*a), flat(*c) - flat(*a));
+            let area = u.perp_dot(v);
+            let way = p - flat(*a);
+            let (s, t) = (way.perp_dot(v) / area, u.perp_dot(way) / area);
+            // Also leaves out walls, whose area from above is nothing.
+            if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {
+                let y = a.y + (b.y - a.y) * s + (c.y - a.y) * t;
+                if y <= ceiling && highest.is_none_or(|h| y > h) {
+                    highest = Some(y);
+                }
+            }
+        }
+        highest
+    }
+}

@@ -1,0 +1,32 @@
+//! Which joints are legs that can be bent.
+
+use crate::stage::constraint::Leg;
+use choreo_motion::contacts::find_feet;
+use choreo_motion::{Human, Skeleton};
+
+/// The legs of a body by its feet ([`find_feet`]), on two feet or four: the two bones above each foot, which is the upper one where two
+/// joints are called so. None where feet are handles that do not hang on the hips.
+pub fn find_legs(skeleton: &Skeleton) -> Vec<Leg> {
+    let parents = skeleton.parents();
+    let up = |joint: u32| parents.get(joint as usize).copied().flatten();
+    let hips = Human::of(skeleton).joint("hips");
+    let hangs = |joint: u32| {
+        let Some(hips) = hips else { return true };
+        std::iter::successors(Some(joint), |j| up(*j)).any(|j| j == hips)
+    };
+    let leg = |joints: &[u32]| {
+        let (foot, toe) = match *joints {
+            [toe] if up(toe).is_some_and(|p| is_foot(skeleton, p)) => (up(toe)?, Some(toe)),
+            [foot] => (foot, None),
+            [foot, toe, ..] => (foot, Some(toe)),
+            [] => return None,
+        };
+        let knee = up(foot)?;
+        Some(Leg { hip: up(knee)?, knee, foot, toe }).filter(|leg| hangs(leg.foot) && up(leg.hip).is_some())
+    };
+    find_feet(skeleton).iter().filter_map(|foot| leg(&foot.joints)).collect()
+}
+
+fn is_foot(skeleton: &Skeleton, joint: u32) -> bool {
+    skeleton.names().get(joint as usize).is_some_and(|name| name.to_lowercase().contains("foot"))
+}

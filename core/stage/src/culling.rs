@@ -1,0 +1,347 @@
+//! Who is surely not in the picture, found out before anybody is posed.
+//!
+//! A joint is never farther from its parent than the longest translation of its curves, however it turns. The sum along the
+//! skeleton is a ball about the actor's place that holds every vertex in every pose its layers can make. Whoever's ball is
+//! outside the picture, as all that its shadow could fall on, needs neither pose nor draw. Where that cannot be told (goals,
+//! springs, morphs, splines, cameras that hang on joints, effects …) everybody counts as seen.
+
+use crate::snapshot::{ActorState, CameraState};
+use crate::stage::Stage;
+use crate::stage::actor::{Actor, Target};
+use crate::stage::camera::Rig;
+use crate::stage::clips::LayerMode;
+use crate::stage::edits::FrameEdits;
+use crate::transforms::order::Step;
+use choreo_asset::{LightKind, Projection};
+use choreo_motion::{Clip, Interpolation, Path, Skinning, Time};
+use glam::{DMat3, DVec3};
+
+/// Of each actor of a stage, at any time.
+#[derive(Debug)]
+pub(crate) struct Reaches(Vec<Option<Reach>>);
+
+/// Metres of the model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Reach {
+    /// From the model's origin to the farthest vertex or joint.
+    radius: f64,
+    /// The largest scale of a joint's space.
+    scale: f64,
+}
+
+impl Reaches {
+    pub fn new(stage: &Stage) -> Reaches {
+        Reaches(stage.actors.iter().map(reach).collect())
+    }
+}
+
+/// `None` where poses have no bound that is known beforehand.
+fn reach(actor: &Actor) -> Option<Reach> {
+    let asset = &actor.asset;
+    let lit_by_file = actor.file_lights && !asset.lights.is_empty();
+    let outlined = asset.materials.iter().any(|m| m.toon.as_ref().is_some_and(|t| t.outline.is_some()));
+    // Pixels have no metres.
+    let outlined = outlined || asset.materials.iter().any(|m| m.pen.is_some());
+    let unbounded = !actor.goals.is_empty() || actor.springs.is_some();
+    // Dual quaternions take vertices out of the hull of where their joints' matrices would.
+    if unbounded || lit_by_file || outlined || actor.skinning != Skinning::Linear {
+        return None;
+    }
+    // Farthest from the parent, and largest scale, by joint; what additive layers add.
+    let mut far: Vec<f64> = asset.skeleton.rest().iter().map(|t| length(&t.translation.to_array())).collect();
+    let mut scale: Vec<f64> = asset.skeleton.rest().iter().map(|t| largest(&t.scale.to_array())).collect();
+    let mut added = vec![0.0f64; far.len()];
+    for layer in &actor.layers {
+        let additive = layer.mode != LayerMode::Override;
+        let mut more = vec![0.0f64; far.len()];
+        for cue in &layer.cues {
+            if cue.inertial > Time::ZERO {
+                return None;
+            }
+            let of_layer = if additive { &mut more } else { &mut far };
+            let how = (additive, cue.root.is_some());
+            widen_by(&cue.clip, how, of_layer, &mut scale)?;
+        }
+        added.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+    }
+    let mut places: Vec<(f64, f64)> = Vec::with_capacity(far.len());
+    let mut all = Reach { radius: 0.0, scale: 1.0 };
+    for (joint, parent) in asset.skeleton.parents().iter().enumerate() {
+        let (distance, above) = parent.map_or((0.0, 1.0), |p| places[p as usize]);
+        let here = (distance + above * (far[joint] + added[joint]), above * scale[joint]);
+        all = Reach { radius: all.radius.max(here.0), scale: all.scale.max(here.1) };
+        places.push(here);
+    }
+    for part in asset.instance_bounds().iter().flat_map(|instance| &instance.parts) {
+        if part.morphs.iter().any(|m| m.min != glam::Vec3::ZERO || m.max != glam::Vec3::ZERO) {
+            return None;
+        }
+        let (distance, scale) = places.get(part.joint as usize)?;
+        let corner = part.reach.min.abs().max(part.reach.max.abs());
+        all.radius = all.radius.max(distance + scale * length(&corner.to_array()));
+    }
+    let (radius, larger) = asset.farthest(all.radius);
+    (all.radius, all.scale) = (radius, all.scale * larger);
+    // Rounding in f32.
+    all.radius = all.radius * 1.001 + 1e-5;
+    (all.radius.is_finite() && all.scale.is_finite()).then_some(all)
+}
+
+/// What the curves of a clip do to the joints' farthest places and largest scales; `None` for splines, which overshoot, and for
+/// scales that are added.
+fn widen_by(
+    clip: &Clip,
+    (additive, carries): (bool, bool),
+    far: &mut [f64],
+    scale: &mut [f64],
+) -> Option<()> {
+    for curve in clip.curves() {
+        let joint = curve.joint as usize;
+        if !matches!(curve.path, Path::Translation | Path::Scale) {
+            continue;
+        }
+        if curve.interpolation == Interpolation::CubicSpline {
+            return None;
+        }
+        let keys = || curve.values.chunks_exact(3);
+        if curve.path == Path::Translation {
+            let most = keys().map(length).fold(0.0, f64::max);
+            let away = |key: &[f32]| {
+                let first = &curve.values[..3];
+                length(&[key[0] - first[0], key[1] - first[1], key[2] - first[2]])
+            };
+            let here = match carries {
+                // The difference of two of its poses.
+                _ if additive => 2.0 * most,
+                // Without what it has come, turned about where it began.
+                true => most + 2.0 * keys().map(away).fold(0.0, f64::max),
+                false => most,
+            };
+            far[joint] = far[joint].max(here);
+        } else if additive {
+            return None;
+        } else {
+            scale[joint] = scale[joint].max(keys().map(largest).fold(0.0, f64::max));
+        }
+    }
+    Some(())
+}
+
+fn length(v: &[f32]) -> f64 {
+    v.iter().map(|c| f64::from(*c) * f64::from(*c)).sum::<f64>().sqrt()
+}
+
+fn largest(v: &[f32]) -> f64 {
+    v.iter().fold(0.0, |most, c| f64::from(c.abs()).max(most))
+}
+
+/// A place that a ball is about, and its radius.
+type Ball = (DVec3, f64);
+
+/// What is seen of the world: half spaces (n, d), inside where n · p + d ≥ 0.
+struct View([(DVec3, f64); 5]);
+
+impl View {
+    /// Of a picture so many times as wide as high; a little wider than exact, for lines and points stick out of their boxes.
+    fn new(camera: &CameraState, aspect: f64) -> View {
+        const WIDER: f64 = 1.05;
+        let (x, y) = (aspect * WIDER, WIDER);
+        let planes = match camera.projection {
+            Projection::Perspective { yfov, .. } => {
+                let half = libm::tan(f64::from(yfov) * 0.5);
+                let side = |axis: DVec3, half: f64| ((-axis - DVec3::Z * half).normalize(), 0.0);
+                [
+                    side(DVec3::X, x * half),
+                    side(-DVec3::X, x * half),
+                    side(DVec3::Y, y * half),
+                    side(-DVec3::Y, y * half),
+                    (-DVec3::Z, 0.0),
+                ]
+            }
+            Projection::Orthographic { height, near, .. } => {
+                let half = f64::from(height) * 0.5;
+                [
+                    (-DVec3::X, x * half),
+                    (DVec3::X, x * half),
+                    (-DVec3::Y, y * half),
+                    (DVec3::Y, y * half),
+                    (-DVec3::Z, -f64::from(near).min(0.0)),
+                ]
+            }
+        };
+        let (rotation, at) = (camera.world_from_view.matrix3, camera.world_from_view.translation);
+        View(planes.map(|(n, d)| {
+            let n = rotation * n;
+            (n, d - n.dot(at))
+        }))
+    }
+
+    /// Whether a ball is outside one of the half spaces, and for each light all that it could shade.
+    fn misses(&self, (center, radius): Ball, casting: &[Casting]) -> bool {
+        let outside = |(n, d): &(DVec3, f64)| n.dot(center) + d < -radius;
+        // Its shadow goes on away from the light, and must not come nearer to the half space.
+        let shades = |n: &DVec3, casting: &Casting| match casting {
+            Casting::From(light) => n.dot(center - *light) + radius > 0.0,
+            Casting::Along(direction) => n.dot(*direction) > 0.0,
+        };
+        let shadow_outside =
+            |plane: &(DVec3, f64), casting: &Casting| outside(plane) && !shades(&plane.0, casting);
+        self.0.iter().any(outside)
+            && casting.iter().all(|casting| self.0.iter().any(|plane| shadow_outside(plane, casting)))
+    }
+}
+
+/// A light that casts shadows.
+enum Casting {
+    From(DVec3),
+    Along(DVec3),
+}
+
+/// Whose own picture is not needed; `out`: one an actor. All actors have been placed as if those that hang on joints were at rest.
+pub(crate) struct OutOfView<'a> {
+    pub stage: &'a Stage,
+    pub reaches: &'a Reaches,
+    pub camera: Option<CameraState>,
+    /// Of the picture: width over height.
+    pub aspect: f64,
+    pub edits: &'a FrameEdits,
+    pub time: Time,
+    /// Parents come first.
+    pub order: &'a [Step],
+    pub actors: &'a [ActorState],
+}
+
+impl OutOfView<'_> {
+    pub fn run(&self, out: &mut Vec<bool>) {
+        out.clear();
+        out.resize(self.actors.len(), false);
+        let (Some(camera), Some((casting, softness))) = (&self.camera, self.casting()) else { return };
+        if !self.stage.effects.is_empty() || !self.aspect.is_finite() {
+            return;
+        }
+        let view = View::new(camera, self.aspect);
+        // By actor: its ball, and the largest scale from its joints' spaces to the world.
+        let mut balls: Vec<Option<(Ball, f64)>> = vec![None; self.actors.len()];
+        for step in self.order {
+            let Step::World(index) = *step else { continue };
+            let (actor, state) = (&self.stage.actors[index], &self.actors[index]);
+            let ball = self.reaches.0.get(index).copied().flatten().and_then(|reach| {
+                let world = &state.world_from_model;
+                let Some(parent) = actor.parent else {
+                    let scale = norm(&world.matrix3);
+                    return Some(((world.translation, reach.radius * scale), reach.scale * scale));
+                };
+                // Anywhere about any joint of the other.
+                let ((center, radius), above) = (*balls.get(parent.actor)?)?;
+                let placed = self.placed(index)?;
+                let scale = above * placed.1;
+                Some(((center, radius + above * placed.0 + scale * reach.radius), reach.scale * scale))
+            });
+            balls[index] = ball;
+            out[index] = ball.is_some_and(|(ball, _)| {
+                // The edge of a shadow is wider than what casts it.
+                let ball = (ball.0, 1.02 * ball.1 + 2.0 * softness);
+                ball.0.is_finite() && ball.1.is_finite() && view.misses(ball, &casting)
+            });
+        }
+    }
+
+    /// How far from its parent's joint an actor is placed, and how large.
+    fn placed(&self, index: usize) -> Option<(f64, f64)> {
+        let actor = &self.stage.actors[index];
+        let moved = self.edits.actors.iter().any(|edit| edit.actor() == index);
+        if moved || !actor.channels.is_empty() || actor.walk.is_some() {
+            return None;
+        }
+        Some((actor.transform.translation.length(), actor.transform.scale.abs().max_element()))
+    }
+
+    /// And the width of the softest shadow's edge; `None` where some light's place hangs on a pose.
+    fn casting(&self) -> Option<(Vec<Casting>, f64)> {
+        let (mut casting, mut softness) = (Vec::new(), 0.0f64);
+        for (index, light) in self.stage.lights.iter().enumerate() {
+            let Some(shadow) = light.shadow else { continue };
+            softness = softness.max(f64::from(shadow.softness));
+            if light.parent.is_some() {
+                return None;
+            }
+            let Some(state) =
+                crate::lights::stage_light(self.stage, light, index, self.edits, self.time, self.actors)
+            else {
+                continue;
+            };
+            casting.push(match state.light.kind {
+                LightKind::Directional => Casting::Along(state.direction.as_dvec3()),
+                LightKind::Point | LightKind::Spot { .. } => Casting::From(state.position),
+            });
+        }
+        Some((casting, softness))
+    }
+}
+
+/// At least the most that a matrix makes a vector longer.
+fn norm(m: &DMat3) -> f64 {
+    let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
+    let lengths = [x.length_squared(), y.length_squared(), z.length_squared()];
+    let most = lengths.iter().fold(0.0f64, |a, b| a.max(*b));
+    let crooked = x.dot(y).abs().max(y.dot(z).abs()).max(z.dot(x).abs());
+    if crooked <= 1e-9 * most { (most * (1.0 + 1e-6)).sqrt() } else { lengths.iter().sum::<f64>().sqrt() }
+}
+
+/// Whether a camera's place can be told from where actors are placed, without poses.
+pub(crate) fn stands_without_poses(stage: &Stage, camera: Option<usize>) -> bool {
+    let placed = |target: &Target| match *target {
+        Target::Point(_) => true,
+        Target::Actor(actor) => stage.actors.get(actor).is_some_and(|a| a.parent.is_none()),
+        Target::Joint { .. } => false,
+    };
+    match camera.and_then(|c| stage.cameras.get(c)).map(|c| &c.rig) {
+        Some(Rig::Fixed { look_at, .. }) => look_at.as_ref().is_none_or(placed),
+        Some(Rig::Follow { target, .. } | Rig::Orbit { target, .. }) => placed(target),
+        Some(Rig::File { .. } | Rig::Frame { .. }) | None => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DAffine3, DQuat};
+
+    /// Looks along −Z from the origin, a right angle high and wide.
+    fn square() -> View {
+        let projection = Projection::Perspective { yfov: std::f32::consts::FRAC_PI_2, near: 0.1, far: None };
+        View::new(&CameraState { projection, ..CameraState::default() }, 1.0)
+    }
+
+    #[test]
+    fn balls_beside_and_behind_are_missed() {
+        let misses = |x: f64, y: f64, z: f64, radius| square().misses((DVec3::new(x, y, z), radius), &[]);
+        assert!(
+            !misses(0.0, 0.0, -5.0, 0.1) && !misses(5.0, 0.0, -5.0, 0.1) && !misses(0.0, -5.0, -5.0, 0.1)
+        );
+        // The edge is at 1.05 times z, so 7 to the side it is (7 − 5.25) / √(1 + 1.05²) = 1.207 away.
+        for ball in [(7.0, 0.0), (-7.0, 0.0), (0.0, 7.0), (0.0, -7.0)] {
+            assert!(misses(ball.0, ball.1, -5.0, 1.206) && !misses(ball.0, ball.1, -5.0, 1.208), "{ball:?}");
+        }
+        assert!(misses(0.0, 0.0, 1.0, 0.9) && !misses(0.0, 0.0, 1.0, 1.1));
+        // The same, turned and far away.
+        let world_from_view = DAffine3::from_rotation_translation(
+            DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2),
+            DVec3::new(1e7, 0.0, 0.0),
+        );
+        let projection = Projection::Orthographic { height: 2.0, near: 0.0, far: 10.0 };
+        let view = View::new(&CameraState { camera: None, world_from_view, projection }, 2.0);
+        assert!(!view.misses((DVec3::new(1e7 - 5.0, 0.0, 2.0), 0.1), &[]));
+        assert!(view.misses((DVec3::new(1e7 - 5.0, 0.0, 2.3), 0.1), &[]));
+        assert!(view.misses((DVec3::new(1e7 + 5.0, 0.0, 0.0), 0.1), &[]));
+    }
+
+    #[test]
+    fn shadows_go_away_from_their_light() {
+        let beside = (DVec3::new(9.0, 0.0, -5.0), 1.0);
+        let misses = |casting| square().misses(beside, &[casting]);
+        assert!(misses(Casting::Along(DVec3::X)) && !misses(Casting::Along(DVec3::NEG_X)));
+        assert!(misses(Casting::From(DVec3::new(0.0, 0.0, -5.0))));
+        assert!(!misses(Casting::From(DVec3::new(20.0, 0.0, -5.0))));
+    }
+}

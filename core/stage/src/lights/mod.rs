@@ -1,0 +1,163 @@
+//! What shines: the stage's lights, those of files, or a sun where there is neither, nor a sky.
+
+pub(crate) mod sky;
+
+use crate::properties;
+use crate::snapshot::{ActorState, LightState};
+use crate::stage::Stage;
+use crate::stage::actor::{Actor, Attachment};
+use crate::stage::channel::Property;
+use crate::stage::channel::{keyed, vec3};
+use crate::stage::edits::{FrameEdits, LightEdit};
+use crate::stage::light::{Shadow, StageLight};
+use crate::transforms::world_from_attachment;
+use choreo_asset::{Light, LightKind};
+use choreo_motion::{PropertyTarget, Time};
+use glam::{DQuat, DVec3, Vec3};
+
+/// The sun of a stage without lights: from over the left shoulder of a camera in front. A white surface facing a light of
+/// intensity 1 is 1, so this one makes 0.5, and with the default ambient's 0.45 from above 0.95: bright, and nothing diffuse clips.
+pub fn default_sun() -> LightState {
+    let color = Vec3::new(1.0, 0.95, 0.88);
+    LightState {
+        light: Light { kind: LightKind::Directional, color, intensity: 0.5, range: None },
+        position: DVec3::ZERO,
+        direction: Vec3::new(0.48, -0.72, -0.504).normalize(),
+        shadow: None,
+        attenuation: None,
+    }
+}
+
+pub(crate) fn evaluate(
+    stage: &Stage,
+    edits: &FrameEdits,
+    time: Time,
+    actors: &[ActorState],
+    out: &mut Vec<LightState>,
+) {
+    out.clear();
+    for (index, light) in stage.lights.iter().enumerate() {
+        out.extend(stage_light(stage, light, index, edits, time, actors));
+    }
+    let mut any_in_files = false;
+    for (index, (actor, state)) in stage.actors.iter().zip(actors).enumerate() {
+        if !actor.file_lights {
+            continue;
+        }
+        // Whether the file has lights, not whether they shine now: a sun that comes out when an actor leaves would surprise.
+        any_in_files |= !actor.asset.lights.is_empty();
+        if !state.visible {
+            continue;
+        }
+        for (number, light) in actor.asset.lights.iter().enumerate() {
+            let shining = animated(actor, number as u32, light.light, time);
+            if !shines(&shining) {
+                continue;
+            }
+            let at = Attachment { actor: index, joint: Some(light.joint) };
+            let world_from_light = world_from_attachment(stage, actors, &at);
+            let direction = -world_from_light.matrix3.z_axis;
+            // glTF's Lambert surface gives back 1/π of the light (Appendix B), choreo's all of it.
+            let mut shining = shining;
+            shining.intensity *= std::f32::consts::FRAC_1_PI;
+            out.extend(finite(shining, (None, None), world_from_light.translation, direction));
+        }
+    }
+    if stage.lights.is_empty() && stage.sky.is_none() && !any_in_files {
+        out.push(default_sun());
+    }
+}
+
+/// A light of a file as the actor's clips have it. Splines overshoot: nothing shines darkness.
+fn animated(actor: &Actor, number_of: u32, light: Light, time: Time) -> Light {
+    let color = properties::at(actor, PropertyTarget::LightColor(number_of), light.color.to_array(), time);
+    let intensity = properties::at(actor, PropertyTarget::LightIntensity(number_of), [light.intensity], time);
+    let number = |target: PropertyTarget, rest: f32| properties::at(actor, target, [rest], time).map(|[v]| v);
+    let range = number(PropertyTarget::LightRange(number_of), light.range.unwrap_or(0.0));
+    let kind = match light.kind {
+        LightKind::Spot { inner, outer } => {
+            // KHR_lights_punctual: 0 ≤ inner < outer ≤ π/2; splines overshoot.
+            let most = std::f32::consts::FRAC_PI_2;
+            let at = |target, rest| number(target, rest).unwrap_or(rest).clamp(0.0, most);
+            let outer = at(PropertyTarget::SpotOuter(number_of), outer).max(1e-3);
+            LightKind::Spot {
+                inner: at(PropertyTarget::SpotInner(number_of), inner).min(outer - 1e-3).max(0.0),
+                outer,
+            }
+        }
+        kind => kind,
+    };
+    Light {
+        kind,
+        range: range.map_or(light.range, |r| (r > 0.0).then_some(r)),
+        color: color.map_or(light.color, |c| Vec3::from_array(c).max(Vec3::ZERO)),
+        intensity: intensity.map_or(light.intensity, |[i]| i.max(0.0)),
+    }
+}
+
+/// Keyed, then edited, then moved with its parent; `None` where it does not shine.
+pub(crate) fn stage_light(
+    stage: &Stage,
+    light: &StageLight,
+    index: usize,
+    edits: &FrameEdits,
+    time: Time,
+    actors: &[ActorState],
+) -> Option<LightState> {
+    let key = |property| keyed(&light.channels, property, time);
+    let mut shining = light.light;
+    let mut position = key(Property::Translation).map_or(light.position, vec3);
+    // As in glTF, a rotation turns −Z.
+    let direction =
+        key(Property::Rotation).map_or(light.direction.as_dvec3(), |q| DQuat::from_array(q) * DVec3::NEG_Z);
+    shining.intensity = key(Property::Intensity).map_or(shining.intensity, |v| v[0] as f32);
+    shining.color = key(Property::Color).map_or(shining.color, |v| vec3(v).as_vec3());
+    shining.range = key(Property::Range).map_or(shining.range, |v| Some((v[0] as f32).max(1e-3)));
+    if let (LightKind::Spot { inner, outer }, Some(v)) = (shining.kind, key(Property::Cone)) {
+        // The soft edge keeps its share.
+        let wide = (v[0] as f32).clamp(1e-3, std::f32::consts::FRAC_PI_2);
+        shining.kind = LightKind::Spot { inner: wide * (inner / outer), outer: wide };
+    }
+    if key(Property::Visible).is_some_and(|v| v[0] < 0.5) {
+        return None;
+    }
+    for edit in &edits.lights {
+        match *edit {
+            LightEdit::Intensity { light, intensity } if light == index => shining.intensity = intensity,
+            LightEdit::Color { light, color } if light == index => shining.color = color,
+            LightEdit::MoveTo { light, position: to } if light == index => position = to,
+            _ => {}
+        }
+    }
+    if !shines(&shining) {
+        return None;
+    }
+    match &light.parent {
+        Some(parent) => {
+            let world_from_parent = world_from_attachment(stage, actors, parent);
+            let direction = world_from_parent.matrix3 * direction;
+            finite(
+                shining,
+                (light.shadow, light.attenuation),
+                world_from_parent.transform_point3(position),
+                direction,
+            )
+        }
+        None => finite(shining, (light.shadow, light.attenuation), position, direction),
+    }
+}
+
+fn shines(light: &Light) -> bool {
+    light.intensity > 0.0 && light.color.max_element() > 0.0
+}
+
+/// A light squeezed flat by a parent of scale zero points down.
+fn finite(
+    light: Light,
+    (shadow, attenuation): (Option<Shadow>, Option<[f32; 3]>),
+    position: DVec3,
+    direction: DVec3,
+) -> Option<LightState> {
+    let direction = direction.as_vec3().normalize_or(Vec3::NEG_Y);
+    position.is_finite().then_some(LightState { light, position, direction, shadow, attenuation })
+}

@@ -1,0 +1,23 @@
+//! Light from all around: a panorama, turned and dimmed over time.
+
+use crate::snapshot::SkyState;
+use crate::stage::channel::Property;
+use crate::stage::channel::keyed;
+use crate::stage::edits::FrameEdits;
+use crate::stage::sky::Sky;
+use choreo_motion::Time;
+
+impl Sky {
+    pub(crate) fn at(&self, edits: &FrameEdits, time: Time) -> SkyState {
+        let key = |property| keyed(&self.channels, property, time).map(|v| v[0]);
+        let turn = edits.sky.turn.or(key(Property::Turn)).unwrap_or(self.turn);
+        let strength = edits.sky.strength.or(key(Property::Intensity).map(|s| s as f32));
+        SkyState {
+            panorama: self.panorama.clone(),
+            turn,
+            // Splines overshoot: nothing shines darkness.
+            strength: strength.unwrap_or(self.strength).max(0.0),
+            background: self.background,
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! Eyes turned to a direction seen from the head: VRM 1.0, "lookAt.md".
+
+use crate::pose::expressions::Faces;
+use crate::pose::joints::{Body, rotation_of};
+use crate::properties::materials as material_changes;
+use crate::snapshot::ActorState;
+use crate::stage::actor::Actor;
+use choreo_asset::eyes::asked;
+use choreo_asset::{Expression, Eyes, EyesMovedBy};
+use choreo_motion::ik::share_of;
+use choreo_motion::{HumanBone, Time};
+use glam::DQuat;
+
+/// What expressions ask of the eyes (see [`GAZE`](choreo_asset::eyes::GAZE)), in a body that its clips have posed.
+/// `faces.asked` and `.settled` are this actor's.
+pub(crate) fn as_asked(actor: &Actor, time: Time, state: &mut ActorState, faces: &mut Faces) {
+    let asset = &*actor.asset;
+    let Some(eyes) = &asset.eyes else { return };
+    // What is drawn on the face is held down by others when it is settled.
+    let weights = if eyes.moved_by == EyesMovedBy::Bones { &faces.settled } else { &faces.asked };
+    let Some((yaw, pitch)) = asked(&asset.expressions, weights) else { return };
+    let head = asset.skeleton.humanoid().and_then(|h| h.joint(HumanBone::Head));
+    let Some(head) = head.map(|joint| joint as usize) else { return };
+    let now = rotation_of(&state.model_from_joint[head]);
+    let turned = (now * rotation_of(&asset.rest_model_from_joint()[head]).inverse()).normalize();
+    let mut below = std::mem::take(&mut faces.below);
+    Turn { actor, eyes, turned, yaw, pitch, share: 1.0, time }.apply(|_| false, state, &mut below, faces);
+    faces.below = below;
+}
+
+/// Eyes on their way to a direction seen from the head.
+pub(crate) struct Turn<'a> {
+    pub actor: &'a Actor,
+    pub eyes: &'a Eyes,
+    /// How the head is turned since it rested, when its axes were the model's.
+    pub turned: DQuat,
+    pub yaw: f64,
+    pub pitch: f64,
+    pub share: f64,
+    pub time: Time,
+}
+
+impl Turn<'_> {
+    pub fn apply(
+        &self,
+        aimed: impl Fn(u32) -> bool,
+        state: &mut ActorState,
+        below: &mut Vec<bool>,
+        faces: &mut Faces,
+    ) {
+        let Turn { actor, eyes, turned, yaw, pitch, share, .. } = *self;
+        let asset = &*actor.asset;
+        match eyes.moved_by {
+            EyesMovedBy::Bones => {
+                let Some(humanoid) = asset.skeleton.humanoid() else { return };
+                let mut body =
+                    Body { skeleton: &asset.skeleton, model_from_joint: &mut state.model_from_joint, below };
+                for (bone, left) in [(HumanBone::LeftEye, true), (HumanBone::RightEye, false)] {
+                    let there = |eye: &u32| (*eye as usize) < body.model_from_joint.len() && !aimed(*eye);
+                    let Some(eye) = humanoid.joint(bone).filter(there) else { continue };
+                    let (yaw, pitch) = eyes.turn_by(left, yaw, pitch);
+                    let turn = DQuat::from_rotation_y(yaw) * DQuat::from_rotation_x(-pitch);
+                    body.turn(eye, share_of(turned * turn * turned.inverse(), share));
+                }
+            }
+            EyesMovedBy::Expressions => {
+                for (asked, expression) in faces.asked.iter_mut().zip(&asset.expressions) {
+                    *asked += (weight(eyes, &expression.name, yaw, pitch) * share) as f32;
+                }
+                let painted = |e: &Expression| !e.colors.is_empty() || !e.uvs.is_empty();
+                if faces.settle_again(&asset.expressions, &mut state.morph_weights)
+                    && asset.expressions.iter().any(painted)
+                {
+                    material_changes::at(actor, &faces.settled, self.time, &mut state.materials);
+                }
+            }
+        }
+    }
+}
+
+/// Of an expression of the gaze, 0..=1; 0 of any other.
+fn weight(eyes: &Eyes, name: &str, yaw: f64, pitch: f64) -> f64 {
+    match name {
+        "lookLeft" => eyes.outer.map(yaw.max(0.0)),
+        "lookRight" => eyes.outer.map((-yaw).max(0.0)),
+        "lookDown" => eyes.down.map((-pitch).max(0.0)),
+        "lookUp" => eyes.up.map(pitch.max(0.0)),
+        _ => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_asset::RangeMap;
+
+    fn range(most: f32, scale: f32) -> RangeMap {
+        RangeMap { input_max: most.to_radians(), output_scale: scale }
+    }
+
+    #[test]
+    fn weights_of_the_gaze_go_up_on_their_own_side() {
+        let eyes = Eyes {
+            offset_from_head: glam::Vec3::ZERO,
+            moved_by: EyesMovedBy::Expressions,
+            inner: range(90.0, 1.0),
+            outer: range(90.0, 1.0),
+            down: range(90.0, 1.0),
+            up: range(45.0, 0.5),
+        };
+        let of = |name: &str| weight(&eyes, name, 45f64.to_radians(), 90f64.to_radians());
+        assert!((of("lookLeft") - 0.5).abs() < 1e-6 && of("lookRight") == 0.0);
+        assert!(of("lookUp") == 0.5 && of("lookDown") == 0.0 && of("happy") == 0.0);
+        assert!((weight(&eyes, "lookDown", 0.0, -90f64.to_radians()) - 1.0).abs() < 1e-6);
+    }
+}

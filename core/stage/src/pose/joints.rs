@@ -1,0 +1,64 @@
+//! A posed body whose joints can be turned with all that hangs on them.
+
+use choreo_motion::Skeleton;
+use glam::{Affine3A, DMat3, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
+
+pub(crate) struct Body<'a> {
+    pub skeleton: &'a Skeleton,
+    pub model_from_joint: &'a mut [Affine3A],
+    pub below: &'a mut Vec<bool>,
+}
+
+impl Body<'_> {
+    pub fn place(&self, joint: u32) -> DVec3 {
+        Vec3::from(self.model_from_joint[joint as usize].translation).as_dvec3()
+    }
+
+    /// How a joint is turned, without its scale.
+    pub fn rotation(&self, joint: u32) -> DQuat {
+        rotation_of(&self.model_from_joint[joint as usize])
+    }
+
+    /// Turns a joint and all below it about its own place; model space.
+    pub fn turn(&mut self, joint: u32, turn: DQuat) {
+        let pivot = self.place(joint);
+        self.moved(joint, turn, pivot, DVec3::ZERO);
+    }
+
+    /// Moves a joint and all below it; model space.
+    pub fn shift(&mut self, joint: u32, by: DVec3) {
+        self.moved(joint, DQuat::IDENTITY, DVec3::ZERO, by);
+    }
+
+    fn moved(&mut self, joint: u32, turn: DQuat, pivot: DVec3, by: DVec3) {
+        if !(turn.is_finite() && by.is_finite()) || (turn == DQuat::IDENTITY && by == DVec3::ZERO) {
+            return;
+        }
+        let rotation = Mat3A::from(Mat3::from_quat(turn.as_quat()));
+        let joint = joint as usize;
+        self.below.clear();
+        self.below.resize(self.skeleton.len(), false);
+        self.below[joint] = true;
+        // Children come after their parents.
+        for (index, parent) in self.skeleton.parents().iter().enumerate().skip(joint) {
+            if index != joint {
+                self.below[index] = parent.is_some_and(|p| self.below[p as usize]);
+            }
+            if self.below[index] {
+                let m = &mut self.model_from_joint[index];
+                let at = Vec3::from(m.translation).as_dvec3();
+                let at = pivot + turn * (at - pivot) + by;
+                *m = Affine3A { matrix3: rotation * m.matrix3, translation: Vec3A::from(at.as_vec3()) };
+            }
+        }
+    }
+}
+
+/// The rotation of a joint's matrix without its scale and shear; the same for a pose and its rest, so that differences are right
+/// even of mirrored joints.
+pub(crate) fn rotation_of(m: &Affine3A) -> DQuat {
+    let m = Mat3::from(m.matrix3).as_dmat3();
+    let y = m.y_axis.try_normalize().unwrap_or(DVec3::Y);
+    let x = (m.x_axis - y * m.x_axis.dot(y)).try_normalize().unwrap_or_else(|| y.any_orthonormal_vector());
+    DQuat::from_mat3(&DMat3::from_cols(x, y, x.cross(y))).normalize()
+}

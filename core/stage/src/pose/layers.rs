@@ -1,0 +1,201 @@
+//! Layers of one rank: mixed and summed so that their order does not count.
+
+use crate::stage::clips::{Cue, Layer, LayerMode, Reference};
+use crate::timeline::active_clips as timeline;
+use crate::timeline::active_clips::Voice;
+use choreo_asset::{Asset, MeshInstance};
+use choreo_motion::{Deltas, Mix, Pose, Sample, Time};
+
+/// Buffers; what is in them on entry does not matter.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct GroupScratch {
+    voices: Vec<Voice>,
+    /// (layer within the group, its cue and share)
+    heard: Vec<(usize, Voice)>,
+    mix: Mix,
+    deltas: Deltas,
+    over: Pose,
+    reference: Pose,
+    morph: Vec<f32>,
+    morph_reference: Vec<f32>,
+    sums: Vec<f32>,
+}
+
+/// Whether these layers, all of one rank, are more than one layer that overrides what is below.
+pub(crate) fn is_group(layers: &[Layer]) -> bool {
+    layers.len() > 1 || layers.iter().any(|layer| layer.mode != LayerMode::Override)
+}
+
+/// Lays the layers over a pose and its morph weights.
+pub(crate) fn lay_over(
+    layers: &[Layer],
+    asset: &Asset,
+    time: Time,
+    scratch: &mut GroupScratch,
+    pose: &mut Pose,
+    morph_weights: &mut [Vec<f32>],
+    expressions: &mut [f32],
+) {
+    scratch.heard.clear();
+    for (index, layer) in layers.iter().enumerate() {
+        timeline::upper_voices(layer, time, &mut scratch.voices);
+        // A clip for another skeleton says nothing about this one; `Stage::check` names it.
+        scratch.voices.retain(|voice| layer.cues[voice.cue].clip.joint_count() == asset.skeleton.len());
+        timeline::shares(&mut scratch.voices);
+        scratch.heard.extend(scratch.voices.iter().map(|voice| (index, *voice)));
+    }
+    override_pose(layers, scratch, pose);
+    add_to_pose(layers, asset, scratch, pose);
+    for (instance, weights) in asset.instances.iter().zip(morph_weights) {
+        if !weights.is_empty() {
+            override_morphs(layers, instance, scratch, weights);
+            add_to_morphs(layers, instance, scratch, weights);
+        }
+    }
+    lay_over_expressions(layers, asset, scratch, expressions);
+}
+
+/// As for morph weights: those that override are mixed, additive ones added. A mask counts at the head.
+fn lay_over_expressions(layers: &[Layer], asset: &Asset, scratch: &GroupScratch, expressions: &mut [f32]) {
+    for (expression, weight) in asset.expressions.iter().zip(expressions) {
+        let (mut total, mut sum, mut added_up) = (0.0, 0.0, 0.0);
+        for (layer, voice) in &scratch.heard {
+            let layer = &layers[*layer];
+            let share = voice.weight * crate::pose::masked_at_head(asset, layer);
+            let cue = &layer.cues[voice.cue];
+            let driven = cue.clip.sample_expression(&expression.name, voice.clip_time);
+            match added(layer.mode) {
+                None => {
+                    total += share;
+                    sum += driven.unwrap_or(*weight) * share;
+                }
+                Some((sign, from)) => {
+                    let then = reference_time(from, cue);
+                    let then = then.and_then(|time| cue.clip.sample_expression(&expression.name, time));
+                    added_up += sign * share * driven.map_or(0.0, |now| now - then.unwrap_or(0.0));
+                }
+            }
+        }
+        if total > 0.0 {
+            *weight = (*weight * (1.0f32 - total).max(0.0) + sum) / total.max(1.0);
+        }
+        *weight += added_up;
+    }
+}
+
+fn override_pose(layers: &[Layer], scratch: &mut GroupScratch, pose: &mut Pose) {
+    let GroupScratch { heard, mix, over, .. } = scratch;
+    let mut any = false;
+    for (layer, voice) in heard.iter().filter(|(layer, _)| layers[*layer].mode == LayerMode::Override) {
+        if !any {
+            mix.start(pose.len());
+            any = true;
+        }
+        let layer = &layers[*layer];
+        over.copy_from(pose);
+        Sample { clip: &layer.cues[voice.cue].clip, time: voice.clip_time, pose: over }.run();
+        mix.add(pose, over, voice.weight, layer.mask.as_ref().map(|mask| mask.as_slice()));
+    }
+    if any {
+        mix.finish(pose);
+    }
+}
+
+/// Additive layers, with the sign of their weights and the pose that each is the difference to.
+fn added(mode: LayerMode) -> Option<(f32, Reference)> {
+    match mode {
+        LayerMode::Override => None,
+        LayerMode::Additive(reference) => Some((1.0, reference)),
+        LayerMode::Subtractive(reference) => Some((-1.0, reference)),
+    }
+}
+
+fn reference_time(reference: Reference, cue: &Cue) -> Option<Time> {
+    match reference {
+        Reference::FirstFrame => Some(cue.trim.0),
+        Reference::At(time) => Some(time),
+        Reference::Rest => None,
+    }
+}
+
+fn add_to_pose(layers: &[Layer], asset: &Asset, scratch: &mut GroupScratch, pose: &mut Pose) {
+    let GroupScratch { heard, deltas, over, reference, .. } = scratch;
+    let mut any = false;
+    for (layer, voice) in heard.iter() {
+        let layer = &layers[*layer];
+        let Some((sign, from)) = added(layer.mode) else { continue };
+        if !any {
+            deltas.start(pose.len());
+            any = true;
+        }
+        let cue = &layer.cues[voice.cue];
+        reference.copy_from(asset.rest_pose());
+        if let Some(time) = reference_time(from, cue) {
+            Sample { clip: &cue.clip, time, pose: reference }.run();
+        }
+        // What the clip does not animate is as in the reference: no difference.
+        over.copy_from(reference);
+        Sample { clip: &cue.clip, time: voice.clip_time, pose: over }.run();
+        let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
+        deltas.add(reference, over, sign * voice.weight, mask);
+    }
+    if any {
+        deltas.apply(pose);
+    }
+}
+
+fn masked(layer: &Layer, instance: &MeshInstance) -> f32 {
+    let mask = layer.mask.as_ref();
+    mask.map_or(1.0, |mask| mask.get(instance.joint as usize).copied().unwrap_or(0.0))
+}
+
+fn override_morphs(
+    layers: &[Layer],
+    instance: &MeshInstance,
+    scratch: &mut GroupScratch,
+    weights: &mut [f32],
+) {
+    let GroupScratch { heard, morph, sums, .. } = scratch;
+    sums.clear();
+    sums.resize(weights.len(), 0.0);
+    let mut total = 0.0;
+    for (layer, voice) in heard.iter().filter(|(layer, _)| layers[*layer].mode == LayerMode::Override) {
+        let layer = &layers[*layer];
+        let share = voice.weight * masked(layer, instance);
+        morph.clear();
+        morph.extend_from_slice(weights);
+        layer.cues[voice.cue].clip.sample_weights(instance.joint, voice.clip_time, morph);
+        sums.iter_mut().zip(morph.iter()).for_each(|(sum, weight)| *sum += weight * share);
+        total += share;
+    }
+    if total > 0.0 {
+        let (left, scale) = ((1.0 - total).max(0.0), 1.0 / total.max(1.0));
+        for (weight, sum) in weights.iter_mut().zip(sums.iter()) {
+            *weight = (*weight * left + sum) * scale;
+        }
+    }
+}
+
+fn add_to_morphs(layers: &[Layer], instance: &MeshInstance, scratch: &mut GroupScratch, weights: &mut [f32]) {
+    let GroupScratch { heard, morph, morph_reference, sums, .. } = scratch;
+    sums.clear();
+    sums.resize(weights.len(), 0.0);
+    for (layer, voice) in heard.iter() {
+        let layer = &layers[*layer];
+        let Some((sign, from)) = added(layer.mode) else { continue };
+        let cue = &layer.cues[voice.cue];
+        let share = sign * voice.weight * masked(layer, instance);
+        morph_reference.clear();
+        morph_reference.extend(crate::pose::rest_weights(instance, weights.len()));
+        if let Some(time) = reference_time(from, cue) {
+            cue.clip.sample_weights(instance.joint, time, morph_reference);
+        }
+        morph.clear();
+        morph.extend_from_slice(morph_reference);
+        cue.clip.sample_weights(instance.joint, voice.clip_time, morph);
+        for (sum, (now, then)) in sums.iter_mut().zip(morph.iter().zip(morph_reference.iter())) {
+            *sum += (now - then) * share;
+        }
+    }
+    weights.iter_mut().zip(sums.iter()).for_each(|(weight, sum)| *weight += sum);
+}

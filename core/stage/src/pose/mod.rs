@@ -1,0 +1,444 @@
+//! One actor's pose at a time: layers of clips, then hook edits, then model space.
+
+pub(crate) mod expressions;
+pub(crate) mod gaze;
+pub(crate) mod inertialization;
+pub(crate) mod joints;
+pub(crate) mod layers;
+pub(crate) mod motions;
+pub(crate) mod posed_mesh;
+pub(crate) mod posing;
+
+use crate::pose::inertialization::{Inertias, Switch};
+use crate::pose::layers::GroupScratch;
+use crate::stage::channel as channels;
+use crate::stage::constraint::GoalKind;
+use crate::stage::edits::ActorEdit;
+
+use crate::mirroring::MirrorScratch;
+use crate::root_motion::travel::Travel;
+use crate::stage::actor::Actor;
+use crate::stage::channel::Property;
+use crate::stage::clips::Layer;
+use crate::stage::root_motion::CueRoot;
+use crate::timeline::active_clips as timeline;
+use crate::timeline::active_clips::Voice;
+use choreo_asset::{Asset, MeshInstance, expression};
+use choreo_motion::{BlendOnto, Clip, Crossfade, HumanBone, LocalToModel, Pose, Sample, Time};
+use glam::{Affine3A, DAffine3, DQuat, DVec3};
+
+/// Buffers of [`pose_actor`]; what is in them on entry does not matter.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct PoseScratch {
+    pose: Pose,
+    over: Pose,
+    pair: [Pose; 2],
+    voices: Vec<Voice>,
+    weights: Vec<f32>,
+    expressions: Vec<f32>,
+    /// Before they were settled.
+    asked: Vec<f32>,
+    group: GroupScratch,
+    mirror: MirrorScratch,
+}
+
+impl PoseScratch {
+    /// Settled weights of the expressions of the actor that was posed last.
+    pub fn expressions(&self) -> &[f32] {
+        &self.expressions
+    }
+
+    /// What was asked of them.
+    pub fn asked(&self) -> &[f32] {
+        &self.asked
+    }
+}
+
+/// Fills `model_from_joint` and `morph_weights` of an actor. A function of the actor, the time and the edits alone: actors can
+/// be posed in any order and on any threads. `edits` are those of this actor, in order.
+pub(crate) fn pose_actor<'e>(
+    actor: &Actor,
+    time: Time,
+    (travel, inertias): (Option<&Travel>, Option<&Inertias>),
+    edits: impl Iterator<Item = &'e ActorEdit> + Clone,
+    scratch: &mut PoseScratch,
+    model_from_joint: &mut Vec<Affine3A>,
+    morph_weights: &mut Vec<Vec<f32>>,
+) {
+    let asset = &*actor.asset;
+    let joints = asset.skeleton.len();
+    model_from_joint.clear();
+    model_from_joint.resize(joints, Affine3A::IDENTITY);
+    start_weights(asset, morph_weights);
+    let turned = edits.clone().any(|edit| matches!(edit, ActorEdit::TurnJoint { .. }));
+    let mirrored = actor.goals.iter().any(|g| matches!(g.kind, GoalKind::Mirror(_)) && g.share(time) > 0.0);
+    let mut in_model_space = false;
+    scratch.expressions.clear();
+    scratch.expressions.resize(asset.expressions.len(), 0.0);
+    scratch.pose.copy_from(asset.rest_pose());
+    let mut next = 0;
+    while next < actor.layers.len() {
+        let index = next;
+        let layer = &actor.layers[index];
+        let base = index == 0;
+        next += 1;
+        if !base {
+            next += actor.layers[next..].iter().take_while(|l| l.rank == layer.rank).count();
+            let equal = &actor.layers[index..next];
+            if layers::is_group(equal) {
+                let (group, pose, expressions) =
+                    (&mut scratch.group, &mut scratch.pose, &mut scratch.expressions);
+                layers::lay_over(equal, asset, time, group, pose, morph_weights, expressions);
+                continue;
+            }
+        }
+        if base {
+            timeline::base_voices(layer, time, &mut scratch.voices);
+        } else {
+            timeline::upper_voices(layer, time, &mut scratch.voices);
+        }
+        // A clip for another skeleton says nothing about this one; `Stage::check` names it.
+        scratch.voices.retain(|voice| layer.cues[voice.cue].clip.joint_count() == joints);
+        let blended = |(place, voice): (usize, &Voice)| BlendedVoice {
+            clip: &layer.cues[voice.cue].clip,
+            time: voice.clip_time,
+            weight: voice.weight,
+            first: base && place == 0,
+            dying: dying(layer, voice, time, inertias.filter(|_| base)),
+        };
+        // Root motion and what dies down change the clips' poses before they are blended.
+        let plain = !base || travel.is_none() && inertias.is_none_or(|inertias| !inertias.any());
+        if !plain {
+            let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
+            for (place, voice) in scratch.voices.iter().enumerate() {
+                let first = place == 0 && mask.is_none();
+                let pose = if first { &mut scratch.pose } else { &mut scratch.over };
+                pose.copy_from(asset.rest_pose());
+                sample_voice(actor, layer, voice, time, travel, inertias, pose);
+                if !first {
+                    let (pose, to) = (&mut scratch.pose, &scratch.over);
+                    BlendOnto { pose, to, weight: voice.weight, mask }.run();
+                }
+            }
+            for voice in scratch.voices.iter().enumerate().map(blended) {
+                voice.blend_weights(asset, layer, base, &mut scratch.weights, morph_weights);
+                voice.blend_expressions(asset, layer, base, &mut scratch.expressions);
+            }
+            continue;
+        }
+        if let [from, to] = &scratch.voices[..]
+            && base
+            && actor.layers.len() == 1
+            && layer.mask.is_none()
+            && !turned
+            && !mirrored
+        {
+            // What most frames with more than one clip are: a crossfade and nothing else, fused.
+            let [from, to] = [blended((0, from)), blended((1, to))];
+            crossfade(asset, &from, &to, &mut scratch.pair, model_from_joint);
+            in_model_space = true;
+        } else {
+            for voice in scratch.voices.iter().enumerate().map(blended) {
+                voice.blend_pose(asset, layer, base, &mut scratch.pose, &mut scratch.over);
+            }
+        }
+        for voice in scratch.voices.iter().enumerate().map(blended) {
+            voice.blend_weights(asset, layer, base, &mut scratch.weights, morph_weights);
+            voice.blend_expressions(asset, layer, base, &mut scratch.expressions);
+        }
+    }
+    for goal in actor.goals.iter().filter(|_| mirrored) {
+        if let (GoalKind::Mirror(mirroring), share @ f64::MIN_POSITIVE..) = (&goal.kind, goal.share(time)) {
+            let PoseScratch { pose, mirror, expressions, .. } = &mut *scratch;
+            mirroring.apply(share as f32, mirror, pose, morph_weights, expressions);
+        }
+    }
+    set_weights(actor, time, edits.clone(), morph_weights);
+    if !asset.expressions.is_empty() {
+        set_expressions(actor, time, edits.clone(), &mut scratch.expressions);
+        scratch.asked.clone_from(&scratch.expressions);
+        expression::settle(&asset.expressions, &mut scratch.expressions);
+        expression::add(&asset.expressions, &scratch.expressions, morph_weights);
+    }
+    for edit in edits {
+        if let ActorEdit::TurnJoint { joint, rotation, .. } = edit
+            && (*joint as usize) < joints
+        {
+            let mut transform = scratch.pose.get(*joint as usize);
+            transform.rotation = (transform.rotation * *rotation).normalize();
+            scratch.pose.set(*joint as usize, transform);
+        }
+    }
+    if !in_model_space {
+        LocalToModel { skeleton: &asset.skeleton, pose: &scratch.pose, model_from_joint }.run();
+    }
+}
+
+/// A cue of a base layer over the rest pose, with its root where it is to be and what is still dying down.
+pub(crate) fn sample_voice(
+    actor: &Actor,
+    layer: &Layer,
+    voice: &Voice,
+    time: Time,
+    travel: Option<&Travel>,
+    inertias: Option<&Inertias>,
+    pose: &mut Pose,
+) {
+    let cue = &layer.cues[voice.cue];
+    Sample { clip: &cue.clip, time: voice.clip_time, pose }.run();
+    if let (Some(travel), Some(root)) = (travel, cue.root.as_deref())
+        && let Some(back) = travel.back_to_anchor(root, cue, voice.clip_time)
+    {
+        move_root(actor, root, back.rotation(), back.translation, pose);
+    }
+    if let Some((switch, since)) = dying(layer, voice, time, inertias) {
+        switch.joints.apply(since, pose);
+    }
+}
+
+/// What of an inertialized cue's beginning still dies down, and how long ago that was.
+pub(crate) fn dying<'a>(
+    layer: &Layer,
+    voice: &Voice,
+    time: Time,
+    inertias: Option<&'a Inertias>,
+) -> Option<(&'a Switch, Time)> {
+    let switch = inertias.and_then(|inertias| inertias.of(voice.cue))?;
+    Some((switch, time - layer.cues[voice.cue].start))
+}
+
+/// Moves the root joint, and all that hangs on it, in model space.
+fn move_root(actor: &Actor, root: &CueRoot, rotation: DQuat, translation: DVec3, pose: &mut Pose) {
+    let parents = actor.asset.skeleton.parents();
+    let joint = root.motion.joint() as usize;
+    if joint >= pose.len() || joint >= parents.len() {
+        return;
+    }
+    let (mut model, mut turned) = (DAffine3::IDENTITY, DQuat::IDENTITY);
+    let mut next = parents[joint];
+    while let Some(parent) = next {
+        let local = pose.get(parent as usize);
+        let (t, r, s) = (local.translation.as_dvec3(), local.rotation.as_dquat(), local.scale.as_dvec3());
+        model = DAffine3::from_scale_rotation_translation(s, r, t) * model;
+        turned = r * turned;
+        next = parents[parent as usize];
+    }
+    let mut local = pose.get(joint);
+    let place = model.transform_point3(local.translation.as_dvec3());
+    let moved = model.inverse().transform_point3(rotation * place + translation);
+    let turned = turned.normalize();
+    local.rotation =
+        (turned.conjugate() * rotation * turned * local.rotation.as_dquat()).normalize().as_quat();
+    local.translation = moved.as_vec3();
+    if local.is_finite() {
+        pose.set(joint, local);
+    }
+}
+
+fn crossfade(
+    asset: &Asset,
+    from: &BlendedVoice,
+    to: &BlendedVoice,
+    scratch: &mut [Pose; 2],
+    model_from_joint: &mut [Affine3A],
+) {
+    for pose in scratch.iter_mut().filter(|pose| pose.len() != asset.skeleton.len()) {
+        pose.copy_from(asset.rest_pose());
+    }
+    Crossfade {
+        skeleton: &asset.skeleton,
+        rest: asset.rest_pose(),
+        from: from.clip,
+        from_time: from.time,
+        to: to.clip,
+        to_time: to.time,
+        weight: to.weight,
+        scratch,
+        model_from_joint,
+    }
+    .run();
+}
+
+pub(crate) struct BlendedVoice<'a> {
+    pub clip: &'a Clip,
+    pub time: Time,
+    pub weight: f32,
+    /// Nothing lies under it but the rest pose.
+    pub first: bool,
+    /// See [`dying`].
+    pub dying: Option<(&'a Switch, Time)>,
+}
+
+impl BlendedVoice<'_> {
+    /// What a clip does not animate is at rest on the base layer, and as the layers below have it on upper ones.
+    fn blend_pose(&self, asset: &Asset, layer: &Layer, base: bool, pose: &mut Pose, over: &mut Pose) {
+        let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
+        if self.first && mask.is_none() {
+            Sample { clip: self.clip, time: self.time, pose }.run();
+            return;
+        }
+        over.copy_from(if base { asset.rest_pose() } else { pose });
+        Sample { clip: self.clip, time: self.time, pose: over }.run();
+        BlendOnto { pose, to: over, weight: self.weight, mask }.run();
+    }
+
+    pub fn blend_weights(
+        &self,
+        asset: &Asset,
+        layer: &Layer,
+        base: bool,
+        over: &mut Vec<f32>,
+        weights: &mut [Vec<f32>],
+    ) {
+        for (index, (instance, weights)) in asset.instances.iter().zip(weights).enumerate() {
+            if weights.is_empty() {
+                continue;
+            }
+            over.clear();
+            if base {
+                over.extend(rest_weights(instance, weights.len()));
+            } else {
+                over.extend_from_slice(weights);
+            }
+            self.clip.sample_weights(instance.joint, self.time, over);
+            if let Some((switch, since)) = self.dying
+                && let Some(morphs) = switch.morphs.get(index)
+            {
+                morphs.apply(since, over);
+            }
+            let mask = layer.mask.as_ref();
+            let masked = mask.map_or(1.0, |m| m.get(instance.joint as usize).copied().unwrap_or(0.0));
+            let share = self.weight * masked;
+            for (weight, over) in weights.iter_mut().zip(over.iter()) {
+                *weight = if share == 1.0 { *over } else { *weight + (*over - *weight) * share };
+            }
+        }
+    }
+
+    /// An expression that a clip does not drive is 0 on the base layer, and as below on upper ones. A mask counts at the head.
+    pub fn blend_expressions(&self, asset: &Asset, layer: &Layer, base: bool, weights: &mut [f32]) {
+        if weights.is_empty() || (self.clip.expressions().is_empty() && !base) {
+            return;
+        }
+        let share = self.weight * masked_at_head(asset, layer);
+        for (index, (expression, weight)) in asset.expressions.iter().zip(weights).enumerate() {
+            let driven = self.clip.sample_expression(&expression.name, self.time);
+            let mut over = [driven.unwrap_or(if base { 0.0 } else { *weight })];
+            if let Some((switch, since)) = self.dying
+                && let Some(face) = switch.expressions.get(index)
+            {
+                face.apply(since, &mut over);
+            }
+            let [over] = over;
+            *weight = if share == 1.0 { over } else { *weight + (over - *weight) * share };
+        }
+    }
+}
+
+/// What a layer's mask leaves of its weight at the head.
+pub(crate) fn masked_at_head(asset: &Asset, layer: &Layer) -> f32 {
+    let head = || {
+        let humanoid = asset.skeleton.humanoid();
+        humanoid.and_then(|h| h.joint(HumanBone::Head)).or(asset.skeleton.find("Head").map(|j| j as u32))
+    };
+    let mask = layer.mask.as_ref();
+    mask.map_or(1.0, |m| head().and_then(|j| m.get(j as usize).copied()).unwrap_or(0.0))
+}
+
+pub(crate) fn rest_weights(instance: &MeshInstance, count: usize) -> impl Iterator<Item = f32> + '_ {
+    instance.weights.iter().copied().chain(std::iter::repeat(0.0)).take(count)
+}
+
+pub(crate) fn start_weights(asset: &Asset, morph_weights: &mut Vec<Vec<f32>>) {
+    morph_weights.resize_with(asset.instances.len(), Vec::new);
+    for (instance, weights) in asset.instances.iter().zip(morph_weights) {
+        let count = asset.meshes.get(instance.mesh as usize).map_or(0, |mesh| mesh.morph_targets);
+        weights.clear();
+        weights.extend(rest_weights(instance, count));
+    }
+}
+
+/// Over the clips': the script's fixed weights, then keyed ones, then those of hooks.
+fn set_weights<'e>(
+    actor: &Actor,
+    time: Time,
+    edits: impl Iterator<Item = &'e ActorEdit>,
+    morph_weights: &mut [Vec<f32>],
+) {
+    let mut set = |instance: u32, target: u32, weight: f32| {
+        let weights = morph_weights.get_mut(instance as usize);
+        if let Some(slot) = weights.and_then(|w| w.get_mut(target as usize)) {
+            *slot = weight;
+        }
+    };
+    for (instance, target, weight) in &actor.morphs {
+        set(*instance, *target, *weight);
+    }
+    for channel in &actor.channels {
+        if let Property::Morph { instance, target } = channel.property
+            && let Some(v) = channel.at(time)
+        {
+            set(instance, target, v[0] as f32);
+        }
+    }
+    for edit in edits {
+        if let ActorEdit::Morph { instance, target, weight, .. } = edit {
+            set(*instance, *target, *weight);
+        }
+    }
+}
+
+/// Expressions over the clips': as for morph weights.
+fn set_expressions<'e>(
+    actor: &Actor,
+    time: Time,
+    edits: impl Iterator<Item = &'e ActorEdit>,
+    weights: &mut [f32],
+) {
+    let mut set = |expression: u32, weight: f32| {
+        if let Some(slot) = weights.get_mut(expression as usize) {
+            *slot = weight;
+        }
+    };
+    for (expression, weight) in &actor.expressions {
+        set(*expression, *weight);
+    }
+    for channel in &actor.channels {
+        if let Property::Expression { expression } = channel.property
+            && let Some(v) = channel.at(time)
+        {
+            set(expression, v[0] as f32);
+        }
+    }
+    for edit in edits {
+        if let ActorEdit::Expression { expression, weight, .. } = edit {
+            set(*expression, *weight);
+        }
+    }
+}
+
+/// Placement of an actor as keyed, before hooks, and of its state what needs no pose.
+pub(crate) fn keyed_placement(
+    actor: &Actor,
+    time: Time,
+    state: &mut crate::snapshot::ActorState,
+) -> crate::stage::actor::Placement {
+    let mut placement = actor.transform;
+    (state.visible, state.tint) = (actor.visible, actor.tint);
+    (state.pen_width, state.copies) = (actor.pen_width, actor.copies);
+    for channel in &actor.channels {
+        let Some(v) = channel.at(time) else { continue };
+        match channel.property {
+            Property::Translation => placement.translation = channels::vec3(v),
+            Property::Rotation => placement.rotation = glam::DQuat::from_array(v),
+            Property::Scale => placement.scale = channels::vec3(v),
+            Property::Visible => state.visible = v[0] >= 0.5,
+            Property::Tint => state.tint = glam::DVec4::from_array(v).as_vec4(),
+            // What is keyed from 3 to 4 is 4 at the end, whatever was rounded on the way.
+            Property::Copies => state.copies = Some((v[0] + 1e-9).max(0.0) as u32),
+            Property::PenWidth => state.pen_width = Some(v[0].max(0.0) as f32),
+            _ => {}
+        }
+    }
+    placement
+}

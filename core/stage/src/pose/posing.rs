@@ -1,0 +1,96 @@
+//! All poses of one time, on all cores where there are many.
+
+use crate::evaluate::Need;
+use crate::pose;
+use crate::pose::PoseScratch;
+use crate::pose::expressions::Faces;
+use crate::pose::gaze;
+use crate::pose::motions::Motions;
+use crate::snapshot::ActorState;
+use crate::stage::actor::Actor;
+use crate::stage::edits::ActorEdit;
+use choreo_motion::Time;
+use rayon::prelude::*;
+
+/// Fewer poses are taken on one thread: handing them out costs some microseconds.
+const SHARED_OUT_FROM: usize = 48;
+
+/// What the poses read. Each is a function of its actor, the time and the edits alone, so that threads change no bit.
+pub(crate) struct Posing<'a> {
+    pub time: Time,
+    pub motions: &'a Motions,
+    /// One an actor.
+    pub needs: &'a [Need],
+    /// (actor, place in `edits`), sorted.
+    pub pose_edits: &'a [(usize, usize)],
+    pub edits: &'a [ActorEdit],
+}
+
+impl Posing<'_> {
+    /// Poses whom anything needs, and says how many they are. `scratch` grows to one for each part that a thread takes.
+    /// `faces`: one an actor, filled for those whose file says how their eyes move.
+    pub fn run(
+        &self,
+        actors: &[Actor],
+        states: &mut [ActorState],
+        scratch: &mut Vec<PoseScratch>,
+        faces: &mut Vec<Faces>,
+    ) -> usize {
+        let poses = self.needs.iter().filter(|need| need.pose).count();
+        let threads = if poses < SHARED_OUT_FROM { 1 } else { rayon::current_num_threads() };
+        // Neighbours are often alike: small parts, so that none is left with all that is costly.
+        let size = actors.len().div_ceil(if threads > 1 { 4 * threads } else { 1 }).max(1);
+        let parts = actors.len().div_ceil(size);
+        if faces.len() < actors.len() {
+            faces.resize_with(actors.len(), Faces::default);
+        }
+        if scratch.len() < parts {
+            scratch.resize_with(parts, PoseScratch::default);
+        }
+        if threads <= 1 {
+            scratch.iter_mut().take(1).for_each(|scratch| self.part(0, actors, states, scratch, faces));
+        } else {
+            let each = actors.par_chunks(size).zip(states.par_chunks_mut(size)).zip(&mut scratch[..parts]);
+            each.zip(faces.par_chunks_mut(size)).enumerate().for_each(
+                |(i, (((actors, states), scratch), faces))| {
+                    self.part(i * size, actors, states, scratch, faces);
+                },
+            );
+        }
+        poses
+    }
+
+    fn part(
+        &self,
+        first: usize,
+        actors: &[Actor],
+        states: &mut [ActorState],
+        scratch: &mut PoseScratch,
+        faces: &mut [Faces],
+    ) {
+        for (index, ((actor, state), faces)) in (first..).zip(actors.iter().zip(states).zip(faces)) {
+            if !self.needs[index].pose {
+                state.model_from_joint.clear();
+                state.morph_weights.clear();
+                state.base_colors.clear();
+                state.materials.clear();
+                continue;
+            }
+            state.skinning = actor.skinning;
+            let at = self.pose_edits.partition_point(|(a, _)| *a < index);
+            let edits = self.pose_edits[at..].iter().take_while(|(a, _)| *a == index);
+            let edits = edits.map(|(_, place)| &self.edits[*place]);
+            let (joints, weights) = (&mut state.model_from_joint, &mut state.morph_weights);
+            pose::pose_actor(actor, self.time, self.motions.of(index), edits, scratch, joints, weights);
+            if actor.asset.eyes.is_some() {
+                faces.asked.clear();
+                faces.asked.extend_from_slice(scratch.asked());
+                faces.settled.clear();
+                faces.settled.extend_from_slice(scratch.expressions());
+            }
+            crate::properties::base_colors(actor, self.time, &mut state.base_colors);
+            crate::properties::materials::at(actor, scratch.expressions(), self.time, &mut state.materials);
+            gaze::as_asked(actor, self.time, state, faces);
+        }
+    }
+}

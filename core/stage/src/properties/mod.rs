@@ -1,0 +1,59 @@
+//! Numbers of a file's cameras, lights and materials that its clips animate (KHR_animation_pointer), blended as poses are.
+
+pub(crate) mod materials;
+
+use crate::stage::actor::Actor;
+use crate::stage::clips::LayerMode;
+use choreo_motion::{PropertyTarget, Time};
+use glam::Vec4;
+
+/// Where some cue's clip drives the property: its value at a time. A clip on the base layer that does not drive it has `rest`;
+/// one on an upper layer changes nothing; additive ones bring their difference from `rest`. Masks are of joints and do not count.
+pub(crate) fn at<const N: usize>(
+    actor: &Actor,
+    target: PropertyTarget,
+    rest: [f32; N],
+    time: Time,
+) -> Option<[f32; N]> {
+    let cues = || actor.layers.iter().flat_map(|layer| &layer.cues);
+    // A clip of another asset means another asset's things.
+    let own = |clip: &choreo_motion::Clip| clip.joint_count() == actor.asset.skeleton.len();
+    if !cues().any(|cue| own(&cue.clip) && cue.clip.properties().any(|(t, _)| t == target)) {
+        return None;
+    }
+    let mut value = rest;
+    for heard in actor.heard(time) {
+        let clip = &actor.layers[heard.layer].cues[heard.cue].clip;
+        let mut over = rest;
+        let drives = own(clip) && clip.sample_property(target, heard.clip_time, &mut over);
+        if !drives && heard.layer > 0 {
+            continue;
+        }
+        let sign =
+            if matches!(actor.layers[heard.layer].mode, LayerMode::Subtractive(_)) { -1.0 } else { 1.0 };
+        for ((value, over), rest) in value.iter_mut().zip(over).zip(rest) {
+            if heard.additive {
+                *value += (over - rest) * heard.weight * sign;
+                continue;
+            }
+            *value = if heard.weight == 1.0 { over } else { *value + (over - *value) * heard.weight };
+        }
+    }
+    Some(value)
+}
+
+/// The base colour factors of an actor's materials; empty where its clips animate none.
+pub(crate) fn base_colors(actor: &Actor, time: Time, out: &mut Vec<Vec4>) {
+    out.clear();
+    let asset = &actor.asset;
+    let properties = actor.layers.iter().flat_map(|layer| &layer.cues).flat_map(|cue| cue.clip.properties());
+    if !properties.into_iter().any(|(target, _)| matches!(target, PropertyTarget::BaseColor(_))) {
+        return;
+    }
+    out.extend(asset.materials.iter().enumerate().map(|(index, material)| {
+        let target = PropertyTarget::BaseColor(index as u32);
+        let color = at(actor, target, material.base_color.to_array(), time).map(Vec4::from_array);
+        // Splines overshoot.
+        color.map_or(material.base_color, |c| c.max(Vec4::ZERO))
+    }));
+}

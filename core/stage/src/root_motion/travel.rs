@@ -1,0 +1,277 @@
+//! Root motion over a timeline: where an actor's clips have carried it, at any time.
+//!
+//! Alone a clip carries its actor by a closed form: k whole loops are the k-th power of one loop's motion
+//! ([`choreo_motion::Planar::power`]), so that a hundred hours in costs what the first second does and drifts no more. While
+//! weights change, in fades, the actor moves with the weighted mean of the clips' velocities in its own frame (as
+//! Unreal's and Unity's root motion does; a mean of places would add the speed at which the clips part). That has no closed
+//! form with turns in it, so it is integrated once, in fixed steps of exact displacements, into a table that any time is
+//! looked up in.
+
+use crate::stage::Stage;
+use crate::stage::actor::{Actor, Placement};
+use crate::stage::clips::{Cue, Layer};
+use crate::stage::root_motion::CueRoot;
+use crate::timeline::active_clips as timeline;
+use crate::timeline::active_clips::Voice;
+use crate::timeline::clip_time::plays_until;
+use choreo_motion::{Planar, Repeat, Time};
+use glam::{DQuat, DVec3};
+
+/// Steps a second of a fade; an error of the mean velocity of 1e-5 m in a fade from a walk to a run with a turn.
+const RATE: f64 = 240.0;
+const MOST_STEPS: f64 = 65_536.0;
+
+/// How far an actor has come: where its frame is, and how far it went forwards.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Step {
+    pub frame: Planar,
+    /// Metres along the way of the clips, whatever turns there were.
+    pub forward: f64,
+}
+
+impl Step {
+    fn then(self, next: Step) -> Step {
+        Step { frame: self.frame.then_in(next.frame), forward: self.forward + next.forward }
+    }
+
+    /// From here to there.
+    fn to(self, there: Step) -> Step {
+        Step { frame: self.frame.inverse().then_in(there.frame), forward: there.forward - self.forward }
+    }
+}
+
+/// Of all actors of a stage; those without root motion have none.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Travels(Vec<Option<Travel>>);
+
+impl Travels {
+    pub fn new(stage: &Stage) -> Travels {
+        Travels(stage.actors.iter().map(Travel::of).collect())
+    }
+
+    pub fn of(&self, actor: usize) -> Option<&Travel> {
+        self.0.get(actor).and_then(Option::as_ref)
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Travel {
+    /// Where in model space the root stands on the floor: that of the first clip, and of all others too.
+    anchor: DVec3,
+    segments: Vec<Segment>,
+}
+
+#[derive(Clone, Debug)]
+struct Segment {
+    start: Time,
+    at: Step,
+    kind: Kind,
+}
+
+#[derive(Clone, Debug)]
+enum Kind {
+    Alone(usize),
+    /// Several at weights that do not change.
+    Mixed,
+    /// Steps from the segment's start, evenly spaced up to `end`.
+    Fading {
+        end: Time,
+        steps: Vec<Step>,
+    },
+}
+
+impl Travel {
+    fn of(actor: &Actor) -> Option<Travel> {
+        let layer = actor.layers.first()?;
+        let first = layer.cues.iter().find_map(|cue| cue.root.as_deref().map(|root| (cue, root)))?;
+        let anchor = anchor(first.0, first.1);
+        let mut marks: Vec<Time> = Vec::new();
+        for cue in &layer.cues {
+            marks.extend([cue.start, cue.start + cue.fade_in]);
+            let keys = cue.weight_keys.as_ref().map_or(&[][..], |keys| &keys.times);
+            marks.extend(keys.first().into_iter().chain(keys.last()).filter(|t| **t > cue.start));
+        }
+        marks.sort_unstable();
+        marks.dedup();
+        let start = Planar { translation: anchor, yaw: 0.0 };
+        let mut travel = Travel { anchor, segments: Vec::new() };
+        let mut at = Step { frame: start, forward: 0.0 };
+        let mut voices = Vec::new();
+        for (i, mark) in marks.iter().enumerate() {
+            let end = marks.get(i + 1).copied();
+            let kind = kind(layer, *mark, end, &mut voices);
+            travel.segments.push(Segment { start: *mark, at, kind });
+            if let (Some(end), Some(last)) = (end, travel.segments.last()) {
+                at = last.at(layer, end, &mut voices);
+            }
+        }
+        Some(travel)
+    }
+
+    /// How far the actor has come at a time.
+    fn step(&self, layer: &Layer, time: Time, voices: &mut Vec<Voice>) -> Step {
+        let begun = self.segments.partition_point(|segment| segment.start <= time);
+        match begun.checked_sub(1).map(|i| &self.segments[i]) {
+            Some(segment) => segment.at(layer, time, voices),
+            None => Step { frame: Planar { translation: self.anchor, yaw: 0.0 }, forward: 0.0 },
+        }
+    }
+
+    /// What an actor's placement is to be followed by: model space now from model space without root motion.
+    pub fn carried(&self, actor: &Actor, time: Time, voices: &mut Vec<Voice>) -> Step {
+        let Some(layer) = actor.layers.first() else { return Step::default() };
+        let Step { frame, forward } = self.step(layer, time, voices);
+        let back = Planar { translation: -self.anchor, yaw: 0.0 };
+        Step { frame: frame.then_in(back), forward }
+    }
+
+    pub fn anchor(&self) -> DVec3 {
+        self.anchor
+    }
+
+    /// What takes a clip's root back to where it stands: over the model space of its pose.
+    pub fn back_to_anchor(&self, root: &CueRoot, cue: &Cue, clip_time: Time) -> Option<Planar> {
+        // On the spot there is nothing to take out.
+        if root.motion.treadmill.is_some() {
+            return None;
+        }
+        let first = root.motion.frame(first_time(cue));
+        let now = root.motion.frame(clip_time);
+        let now = Planar { yaw: now.yaw - first.yaw, ..now };
+        Some(Planar { translation: self.anchor, yaw: 0.0 }.then_in(now.inverse()))
+    }
+}
+
+fn first_time(cue: &Cue) -> Time {
+    if cue.speed < 0.0 { cue.trim.1 } else { cue.trim.0 }
+}
+
+fn anchor(cue: &Cue, root: &CueRoot) -> DVec3 {
+    match root.motion.treadmill {
+        Some(_) => DVec3::ZERO,
+        None => root.motion.frame(first_time(cue)).translation.with_y(0.0),
+    }
+}
+
+fn kind(layer: &Layer, start: Time, end: Option<Time>, voices: &mut Vec<Voice>) -> Kind {
+    let within = |share: i64, voices: &mut Vec<Voice>| {
+        let span = end.map_or(Time::from_secs(4.0), |end| end - start);
+        timeline::base_voices(layer, start + Time(span.0 / 8 * share), voices);
+        voices.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
+    };
+    let looks: Vec<Vec<(usize, f32)>> = [1, 3, 4, 6, 7].map(|share| within(share, voices)).into();
+    let same = looks.windows(2).all(|pair| pair[0] == pair[1]);
+    match (&looks[0][..], end) {
+        ([(cue, _)], _) if same => Kind::Alone(*cue),
+        (_, Some(end)) if !same => fading(layer, start, end, voices),
+        _ => Kind::Mixed,
+    }
+}
+
+fn fading(layer: &Layer, start: Time, end: Time, voices: &mut Vec<Voice>) -> Kind {
+    let count = libm::ceil((end - start).as_secs() * RATE).clamp(1.0, MOST_STEPS) as i64;
+    let mut steps = vec![Step::default()];
+    let mut at = Step::default();
+    for i in 0..count {
+        at = at.then(mean_step(layer, knot(start, end, count, i), knot(start, end, count, i + 1), voices));
+        steps.push(at);
+    }
+    Kind::Fading { end, steps }
+}
+
+fn knot(start: Time, end: Time, count: i64, i: i64) -> Time {
+    start + Time((i128::from((end - start).0) * i128::from(i) / i128::from(count)) as i64)
+}
+
+/// The mean of what the clips that count do between two times, by their weights in the middle: of the logarithms of their
+/// exact motions, which are velocities.
+fn mean_step(layer: &Layer, from: Time, to: Time, voices: &mut Vec<Voice>) -> Step {
+    timeline::base_voices(layer, from.middle(to), voices);
+    timeline::shares(voices);
+    let (mut velocity, mut turn, mut forward) = (DVec3::ZERO, 0.0, 0.0);
+    for voice in voices.iter() {
+        let share = f64::from(voice.weight);
+        let step = travelled(layer, voice.cue, from).to(travelled(layer, voice.cue, to));
+        let (v, yaw) = step.frame.velocity();
+        velocity += v * share;
+        turn += yaw * share;
+        forward += step.forward * share;
+    }
+    Step { frame: Planar::from_velocity((velocity, turn)), forward }
+}
+
+impl Segment {
+    fn at(&self, layer: &Layer, time: Time, voices: &mut Vec<Voice>) -> Step {
+        let time = time.max(self.start);
+        let since = match &self.kind {
+            Kind::Alone(cue) => travelled(layer, *cue, self.start).to(travelled(layer, *cue, time)),
+            Kind::Mixed => mean_step(layer, self.start, time, voices),
+            Kind::Fading { end, steps } => {
+                let count = steps.len() as i64 - 1;
+                let into = i128::from((time.min(*end) - self.start).0) * i128::from(count);
+                let i = (into / i128::from((*end - self.start).0.max(1))).clamp(0, i128::from(count)) as i64;
+                let from = knot(self.start, *end, count, i);
+                let step = steps[i as usize];
+                if from < time { step.then(mean_step(layer, from, time, voices)) } else { step }
+            }
+        };
+        self.at.then(since)
+    }
+}
+
+/// How far a cue of a base layer has carried its actor since its start.
+fn travelled(layer: &Layer, index: usize, time: Time) -> Step {
+    let cue = &layer.cues[index];
+    let Some(root) = cue.root.as_deref().filter(|root| root.carries) else { return Step::default() };
+    let (until, _) = plays_until(layer, index, time);
+    let played = cue.played(until);
+    let length = i128::from((cue.trim.1 - cue.trim.0).0.max(0));
+    if length == 0 {
+        return Step::default();
+    }
+    let frame = |at: Time| root.motion.frame(at);
+    let (start, end) = if cue.speed < 0.0 { (cue.trim.1, cue.trim.0) } else { cue.trim };
+    let first = frame(start);
+    let way = direction(first.inverse().then_in(frame(end)).translation);
+    let step = |there: Planar| {
+        let frame = first.inverse().then_in(there);
+        Step { frame, forward: frame.translation.with_y(0.0).dot(way) }
+    };
+    let within = |offset: i128| {
+        let offset = Time(offset as i64);
+        step(frame(if cue.speed < 0.0 { start - offset } else { start + offset }))
+    };
+    match cue.repeat {
+        Repeat::Once => within(played.clamp(0, length)),
+        Repeat::PingPong => {
+            let phase = played.rem_euclid(2 * length);
+            within(if phase > length { 2 * length - phase } else { phase })
+        }
+        Repeat::Loop => {
+            let whole = played.div_euclid(length).clamp(-(1 << 50), 1 << 50) as i64;
+            let round = within(length);
+            let rounds = Step { frame: round.frame.power(whole), forward: round.forward * whole as f64 };
+            rounds.then(within(played.rem_euclid(length)))
+        }
+    }
+}
+
+/// The horizontal direction of a way; forwards, +Z, where it leads nowhere.
+fn direction(way: DVec3) -> DVec3 {
+    way.with_y(0.0).try_normalize().unwrap_or(DVec3::Z)
+}
+
+impl Placement {
+    /// This placement with the actor carried on from it, in its own space.
+    pub fn carried(self, by: Planar) -> Placement {
+        let Placement { translation, rotation, scale } = self;
+        // In a mirror what turns left turns right.
+        let mirrored = if scale.x * scale.z < 0.0 { -1.0 } else { 1.0 };
+        let turned = DQuat::from_rotation_y(by.yaw * mirrored);
+        Placement {
+            translation: translation + rotation * (scale * by.translation),
+            rotation: (rotation * turned).normalize(),
+            scale,
+        }
+    }
+}

@@ -1,0 +1,241 @@
+//! Springs of all actors at a time: a simulation that any frame can be had from first.
+//!
+//! The motion advances in steps of 1/60 s on a grid that begins at time 0 (or a pre-roll earlier), settled, whatever the frame rate;
+//! a frame between two points of the grid is one shorter step further, on a copy. So the state at a point is a function of the stage
+//! alone. States that were passed are kept, one every so many steps, shared by all evaluators of a stage; a seek goes on from the
+//! nearest one before it, and what is kept changes how long that takes and nothing else.
+//!
+//! **What a seek costs.** Without anything kept, 60 poses of the actors that have springs for each second from the start; later at most
+//! as many as lie between two kept states (16, more once they would take 32 MiB). Springs remember ten minutes: in each stretch of [`STRETCH`] steps the motion begins anew, settled, a minute
+//! before it, which no damped spring remembers, so that 100 hours into a stage cost no more than 11 minutes.
+
+use crate::constraints::foot_lock::Plants;
+use crate::evaluate::{Evaluation, Scratch, evaluate_actors};
+use crate::snapshot::{ActorState, Snapshot};
+use crate::stage::edits::ActorEdit;
+use crate::stage::{Stage, StageError};
+use choreo_motion::Time;
+use choreo_motion::spring::{SpringScratch, SpringState, SpringStep};
+use glam::DVec3;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The grid. 60 Hz is what spring parameters are tuned at; `tests/report` has what finer ones would change.
+pub const SPRING_STEP: Time = Time(Time::TICKS_PER_SECOND / 60);
+/// Steps after which the motion begins anew, and how many before that it does.
+const STRETCH: i64 = 600 * 60;
+const WARM_UP: i64 = 60 * 60;
+/// Bytes of states that are kept.
+const MOST_BYTES: usize = 32 << 20;
+
+/// A point of the grid, in a stretch.
+type Key = (i64, i64);
+/// One for each actor with springs.
+type States = Vec<SpringState>;
+
+/// States that were passed, shared by all who look at a stage.
+#[derive(Debug, Default)]
+pub(crate) struct Kept(Mutex<Checkpoints>);
+
+#[derive(Debug)]
+struct Checkpoints {
+    /// A state is kept every so many steps; doubled whenever they take too much memory.
+    stride: i64,
+    states: BTreeMap<Key, Arc<States>>,
+    bytes: usize,
+}
+
+impl Default for Checkpoints {
+    fn default() -> Self {
+        Checkpoints { stride: 16, states: BTreeMap::new(), bytes: 0 }
+    }
+}
+
+impl Kept {
+    /// The last state kept in a stretch, at a step or before, since its first.
+    fn before(&self, (stretch, step): Key, first: i64) -> Option<(i64, Arc<States>)> {
+        let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = kept.states.range((stretch, first)..=(stretch, step)).next_back();
+        found.map(|((_, step), states)| (*step, states.clone()))
+    }
+
+    fn keep(&self, key: Key, states: &States) {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if key.1.rem_euclid(kept.stride) != 0 || kept.states.contains_key(&key) {
+            return;
+        }
+        let size = |states: &States| states.iter().map(SpringState::size).sum::<usize>() + 128;
+        kept.bytes += size(states);
+        kept.states.insert(key, Arc::new(states.clone()));
+        while kept.bytes > MOST_BYTES && kept.stride < STRETCH {
+            kept.stride *= 2;
+            let stride = kept.stride;
+            kept.states.retain(|(_, step), _| step.rem_euclid(stride) == 0);
+            kept.bytes = kept.states.values().map(|s| size(s)).sum();
+        }
+        // Stretch after stretch: the oldest go.
+        while kept.bytes > MOST_BYTES {
+            let Some((_, gone)) = kept.states.pop_first() else { break };
+            kept.bytes -= size(&gone);
+        }
+    }
+}
+
+/// Where one evaluator is in the motion, and buffers.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Simulation {
+    /// Actors with springs.
+    actors: Vec<usize>,
+    at: Option<Key>,
+    states: States,
+    shown: States,
+    scratch: Option<Box<Scratch>>,
+    snapshot: Snapshot,
+    buffers: SpringScratch,
+}
+
+impl Simulation {
+    /// Poses taken for steps of the grid.
+    pub fn poses(&self) -> usize {
+        self.scratch.as_ref().map_or(0, |s| s.all_poses())
+    }
+}
+
+fn time_of(step: i64) -> Time {
+    Time(step.saturating_mul(SPRING_STEP.0))
+}
+
+/// The stretch that a step is in, and the step at which that begins to be simulated.
+fn stretch_of(stage: &Stage, step: i64) -> (i64, i64) {
+    let pre_roll = stage.actors.iter().filter_map(|a| a.springs.as_ref()).map(|s| s.pre_roll).max();
+    let pre_roll = pre_roll.unwrap_or(Time::ZERO).0.clamp(0, time_of(STRETCH).0);
+    let first = -(pre_roll + SPRING_STEP.0 - 1).div_euclid(SPRING_STEP.0);
+    let stretch = step.div_euclid(STRETCH).max(0);
+    (stretch, if stretch == 0 { first.min(step) } else { stretch * STRETCH - WARM_UP })
+}
+
+/// Turns the joints of all springs in a snapshot whose actors are posed, placed and have done their goals. `place` places all actors
+/// anew after joints have moved that others hang on.
+#[expect(clippy::too_many_arguments, reason = "what the motion of springs depends on")]
+pub(crate) fn run(
+    stage: &Stage,
+    plants: &Plants,
+    kept: &Kept,
+    simulation: &mut Simulation,
+    time: Time,
+    edits: &[ActorEdit],
+    order: &[usize],
+    actors: &mut [ActorState],
+    mut place: impl FnMut(&mut [ActorState]),
+) -> Result<(), StageError> {
+    simulation.actors.clear();
+    let springy = |a: &&usize| stage.actors[**a].springs.as_ref().is_some_and(|s| !s.rig.is_empty());
+    simulation.actors.extend(order.iter().filter(springy));
+    if simulation.actors.is_empty() {
+        return Ok(());
+    }
+    let step = time.0.div_euclid(SPRING_STEP.0);
+    advance(stage, plants, kept, simulation, step)?;
+    let rest = Time(time.0 - time_of(step).0);
+    simulation.shown.resize_with(simulation.states.len(), SpringState::default);
+    for (shown, state) in simulation.shown.iter_mut().zip(&simulation.states) {
+        shown.copy_from(state);
+    }
+    let Simulation { actors: springy, shown, buffers, .. } = simulation;
+    swing(stage, springy, shown, buffers, rest, edits, actors, &mut place);
+    Ok(())
+}
+
+/// Brings the simulation to a point of the grid.
+fn advance(
+    stage: &Stage,
+    plants: &Plants,
+    kept: &Kept,
+    simulation: &mut Simulation,
+    step: i64,
+) -> Result<(), StageError> {
+    let (stretch, first) = stretch_of(stage, step);
+    let mut at = simulation.at.filter(|at| at.0 == stretch && (first..=step).contains(&at.1)).map(|at| at.1);
+    if at != Some(step)
+        && let Some((kept_at, states)) = kept.before((stretch, step), first)
+        && at.is_none_or(|at| at < kept_at)
+    {
+        at = Some(kept_at);
+        // Into the memory that is there: a clone of each would be allocated.
+        simulation.states.resize_with(states.len(), SpringState::default);
+        simulation.states.iter_mut().zip(states.iter()).for_each(|(own, kept)| own.copy_from(kept));
+    }
+    // Half done it is nothing, should a callback fail on the way.
+    simulation.at = None;
+    let mut scratch = simulation.scratch.take().unwrap_or_default();
+    let mut from = at.map_or(first, |at| at + 1);
+    if at.is_none() {
+        simulation.states.clear();
+        simulation.states.resize_with(simulation.actors.len(), SpringState::default);
+    }
+    while from <= step {
+        scratch.look_only_at(&simulation.actors);
+        evaluate_actors(
+            stage,
+            &mut scratch,
+            time_of(from),
+            Evaluation::Goals(plants),
+            &mut simulation.snapshot,
+        )?;
+        let edits = std::mem::take(&mut scratch.edits.actors);
+        let Simulation { actors, states, buffers, snapshot, .. } = simulation;
+        let mut place = |actors: &mut [ActorState]| scratch.place_again(stage, actors);
+        swing(stage, actors, states, buffers, SPRING_STEP, &edits, &mut snapshot.actors, &mut place);
+        scratch.edits.actors = edits;
+        kept.keep((stretch, from), &simulation.states);
+        from += 1;
+    }
+    simulation.scratch = Some(scratch);
+    simulation.at = Some((stretch, step));
+    Ok(())
+}
+
+/// One step of all springs, parents before what is attached to them.
+#[expect(clippy::too_many_arguments, reason = "one step of one simulation, called from two places")]
+fn swing(
+    stage: &Stage,
+    springy: &[usize],
+    states: &mut States,
+    buffers: &mut SpringScratch,
+    by: Time,
+    edits: &[ActorEdit],
+    actors: &mut [ActorState],
+    place: &mut impl FnMut(&mut [ActorState]),
+) {
+    for (&index, state) in springy.iter().zip(states) {
+        let actor = &stage.actors[index];
+        let Some(springs) = &actor.springs else { continue };
+        let placed = &mut actors[index];
+        // Hidden actors are not posed; nothing shows.
+        if placed.model_from_joint.len() != actor.asset.skeleton.len() {
+            continue;
+        }
+        SpringStep {
+            rig: &springs.rig,
+            skeleton: &actor.asset.skeleton,
+            world_from_model: placed.world_from_model,
+            wind: wind(edits, index).unwrap_or(springs.wind),
+            seconds: by.as_secs(),
+            state,
+            scratch: buffers,
+            model_from_joint: &mut placed.model_from_joint,
+        }
+        .run();
+        if stage.actors.iter().any(|a| a.parent.is_some_and(|p| p.actor == index && p.joint.is_some())) {
+            place(actors);
+        }
+    }
+}
+
+/// The wind that a callback has set last.
+fn wind(edits: &[ActorEdit], of: usize) -> Option<DVec3> {
+    edits.iter().rev().find_map(|edit| match edit {
+        ActorEdit::Wind { actor, wind } if *actor == of => Some(*wind),
+        _ => None,
+    })
+}

@@ -1,0 +1,150 @@
+//! Keyed properties at a time: glTF's three interpolations (2.0, Appendix C) in f64 on integer times.
+
+use choreo_motion::{Interpolation, Time};
+use glam::{DQuat, DVec3, DVec4};
+
+/// Keyed property of an actor, camera, light, cue or effect.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Channel {
+    pub property: Property,
+    pub interpolation: Interpolation,
+    pub times: Vec<Time>,
+    /// `property.width()` numbers a key (three times that for CubicSpline, glTF order).
+    pub values: Vec<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Property {
+    Translation,
+    /// Quaternion x y z w.
+    Rotation,
+    Scale,
+    /// 0 or 1.
+    Visible,
+    Tint,
+    /// Of its lines and points.
+    PenWidth,
+    /// How many copies of its meshes, rounded down.
+    Copies,
+    Morph {
+        instance: u32,
+        target: u32,
+    },
+    /// Index into `Asset::expressions`.
+    Expression {
+        expression: u32,
+    },
+    /// Camera: vertical field of view, radians.
+    FieldOfView,
+    /// Light, sky.
+    Intensity,
+    Color,
+    /// Of a cue.
+    Weight,
+    /// Of a cue: clip seconds a second.
+    Speed,
+    /// Of a cue: seconds of its clip.
+    ClipTime,
+    /// Of an effect: one of its numbers.
+    Parameter,
+    /// Sky: radians about +Y.
+    Turn,
+    /// Flat layer.
+    Opacity,
+    /// Light: metres; half angle of the cone, radians.
+    Range,
+    Cone,
+}
+
+impl Property {
+    pub fn width(self) -> usize {
+        match self {
+            Property::Translation | Property::Scale | Property::Color => 3,
+            Property::Rotation | Property::Tint => 4,
+            _ => 1,
+        }
+    }
+}
+
+impl Channel {
+    /// The value at a time, in the first `property.width()` numbers; end values hold outside the keys. `None` where the lists
+    /// do not fit each other.
+    pub fn at(&self, time: Time) -> Option<[f64; 4]> {
+        let width = self.property.width();
+        let cubic = self.interpolation == Interpolation::CubicSpline;
+        let stride = if cubic { 3 * width } else { width };
+        if self.times.is_empty() || self.values.len() != self.times.len() * stride {
+            return None;
+        }
+        let part = |key: usize, part: usize| -> [f64; 4] {
+            let at = key * stride + part * width;
+            std::array::from_fn(|i| if i < width { self.values[at + i] } else { 0.0 })
+        };
+        let value = |key: usize| part(key, usize::from(cubic));
+        let next = self.times.partition_point(|t| *t <= time);
+        if next == 0 {
+            return Some(self.unit(value(0)));
+        }
+        if next == self.times.len() || self.interpolation == Interpolation::Step {
+            return Some(self.unit(value(next - 1)));
+        }
+        let (t0, t1) = (self.times[next - 1], self.times[next]);
+        let s = (time - t0).0 as f64 / (t1 - t0).0 as f64;
+        let (a, b) = (value(next - 1), value(next));
+        let mixed = match (cubic, self.property) {
+            (true, _) => {
+                // Appendix C.4; tangents are per second.
+                let span = (t1 - t0).as_secs();
+                let (out_tangent, in_tangent) = (part(next - 1, 2), part(next, 0));
+                let (s2, s3) = (s * s, s * s * s);
+                std::array::from_fn(|i| {
+                    (2.0 * s3 - 3.0 * s2 + 1.0) * a[i]
+                        + span * (s3 - 2.0 * s2 + s) * out_tangent[i]
+                        + (3.0 * s2 - 2.0 * s3) * b[i]
+                        + span * (s3 - s2) * in_tangent[i]
+                })
+            }
+            (false, Property::Rotation) => {
+                slerp(DQuat::from_array(a).normalize(), DQuat::from_array(b).normalize(), s).to_array()
+            }
+            (false, _) => std::array::from_fn(|i| a[i] + (b[i] - a[i]) * s),
+        };
+        Some(self.unit(mixed))
+    }
+
+    fn unit(&self, v: [f64; 4]) -> [f64; 4] {
+        if self.property == Property::Rotation {
+            let q = DQuat::from_array(v);
+            // A spline through the origin has no direction there.
+            if q.length_squared() > 0.0 { q.normalize().to_array() } else { DQuat::IDENTITY.to_array() }
+        } else {
+            v
+        }
+    }
+}
+
+/// Shortest-arc slerp, exact to f64 at every angle (glam's falls back to lerp below 2.6°).
+pub fn slerp(a: DQuat, b: DQuat, s: f64) -> DQuat {
+    let (a, mut b) = (DVec4::from(a), DVec4::from(b));
+    if a.dot(b) < 0.0 {
+        b = -b;
+    }
+    // Kahan's angle between vectors: no cancellation for small ones.
+    let angle = 2.0 * libm::atan2((a - b).length(), (a + b).length());
+    let sin = libm::sin(angle);
+    let mixed = if sin > 1e-12 {
+        a * (libm::sin((1.0 - s) * angle) / sin) + b * (libm::sin(s * angle) / sin)
+    } else {
+        a + (b - a) * s
+    };
+    DQuat::from_vec4(mixed).normalize()
+}
+
+/// The last of these channels that keys a property, at a time.
+pub(crate) fn keyed(channels: &[Channel], property: Property, time: Time) -> Option<[f64; 4]> {
+    channels.iter().rev().filter(|c| c.property == property).find_map(|c| c.at(time))
+}
+
+pub(crate) fn vec3(v: [f64; 4]) -> DVec3 {
+    DVec3::new(v[0], v[1], v[2])
+}

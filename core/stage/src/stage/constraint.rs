@@ -1,0 +1,126 @@
+//! Constraints of an actor: foot lock, aim, reach, mirroring; see [`crate::constraints`] for their order.
+
+use crate::Ease;
+use crate::mirroring::Mirroring;
+use crate::stage::actor::Target;
+use crate::stage::fade::{eased, fraction};
+use choreo_motion::Time;
+use glam::DVec3;
+use std::sync::Arc;
+
+/// Something that an actor's body does from one time to another, over what its clips do.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Goal {
+    pub kind: GoalKind,
+    pub start: Time,
+    pub end: Option<Time>,
+    /// In after `start` and out before `end`, eased.
+    pub fade: Time,
+    /// 0..=1
+    pub weight: f32,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum GoalKind {
+    Reach(Reach),
+    Aim(AimGoal),
+    Plant(Plant),
+    /// Left and right change places in what its clips do, before all other goals. The way it is carried stays.
+    Mirror(Arc<Mirroring>),
+}
+
+/// The last joint of a chain comes to a target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reach {
+    /// From the shoulder to the hand, each below the one before; at least two. The last one is moved, the others turn.
+    pub joints: Vec<u32>,
+    pub target: Target,
+    /// From the target, in its space: the actor's, the joint's, or the world's of a point. With it an actor's target is its origin,
+    /// not its middle.
+    pub offset: Option<DVec3>,
+    /// Elbows and knees bend towards it.
+    pub pole: Option<Target>,
+    /// Where a straight limb bends to without a pole, in model space.
+    pub hint: DVec3,
+    /// See [`choreo_motion::ik::TwoBone::soft`]; for two bones.
+    pub soft: f64,
+    /// The hand stays turned as it is animated, instead of turning with the forearm.
+    pub keep_rotation: bool,
+}
+
+/// Several joints turn until the last one points at a target.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AimGoal {
+    /// Each below the one before; the last one points with the direction that is the model's +Z at rest.
+    pub joints: Vec<u32>,
+    /// One a joint, ≥ 0: how much of the turn it takes beside the others.
+    pub shares: Vec<f64>,
+    pub target: Target,
+    /// Radians; see [`choreo_motion::ik::Aim::limit`].
+    pub limit: f64,
+}
+
+/// Feet that are on the ground stay where they are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plant {
+    pub legs: Vec<Leg>,
+    /// Joint that is lowered or raised with the ground: the hips.
+    pub hips: Option<u32>,
+    /// Actors on whose surfaces the feet stand, the highest below each foot, as they stand at time 0; else the height at which this
+    /// actor stands.
+    pub ground: Vec<usize>,
+    /// Only feet that stand at any time of one of these, from their coming down to their going up; empty: all.
+    pub only: Vec<(Time, Time)>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Leg {
+    pub hip: u32,
+    pub knee: u32,
+    pub foot: u32,
+    /// The ball of the foot, which stays while the heel rises.
+    pub toe: Option<u32>,
+}
+
+impl Goal {
+    /// From time zero on, without fades.
+    pub fn new(kind: GoalKind) -> Goal {
+        Goal { kind, start: Time::ZERO, end: None, fade: Time::ZERO, weight: 1.0 }
+    }
+
+    /// Weight with fades, 0..=1; 0 outside `start..end`.
+    pub(crate) fn share(&self, time: Time) -> f64 {
+        if time < self.start || self.end.is_some_and(|end| time >= end) {
+            return 0.0;
+        }
+        // Feet that stand as the stage begins stand already, and who is mirrored then has always been.
+        let begun = self.start <= Time::ZERO && matches!(self.kind, GoalKind::Plant(_) | GoalKind::Mirror(_));
+        let fade_in = if begun { 1.0 } else { eased(Ease::Smooth, fraction(time - self.start, self.fade)) };
+        let fade_out = self.end.map_or(1.0, |end| eased(Ease::Smooth, fraction(end - time, self.fade)));
+        f64::from((self.weight * fade_in * fade_out).clamp(0.0, 1.0))
+    }
+
+    /// The highest index among its joints.
+    pub(crate) fn last_joint(&self) -> u32 {
+        let last = match &self.kind {
+            GoalKind::Reach(reach) => reach.joints.iter().max().copied(),
+            GoalKind::Aim(aim) => aim.joints.iter().max().copied(),
+            GoalKind::Plant(plant) => {
+                let of_leg = |l: &Leg| l.hip.max(l.knee).max(l.foot).max(l.toe.unwrap_or(0));
+                plant.legs.iter().map(of_leg).chain(plant.hips).max()
+            }
+            GoalKind::Mirror(_) => None,
+        };
+        last.unwrap_or(0)
+    }
+
+    /// The targets whose places must be known.
+    pub(crate) fn targets(&self) -> impl Iterator<Item = Target> {
+        let (target, pole) = match &self.kind {
+            GoalKind::Reach(reach) => (Some(reach.target), reach.pole),
+            GoalKind::Aim(aim) => (Some(aim.target), None),
+            GoalKind::Plant(_) | GoalKind::Mirror(_) => (None, None),
+        };
+        target.into_iter().chain(pole)
+    }
+}

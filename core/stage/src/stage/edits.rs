@@ -1,0 +1,106 @@
+//! What a callback says of one frame.
+
+use crate::stage::effects::EffectEdit;
+use crate::stage::layers_2d::FlatEdit;
+use crate::stage::sky::SkyEdit;
+use glam::{DQuat, DVec3, Vec3, Vec4};
+
+/// What a hook may change for one frame: by actor, camera, light and effect index.
+#[derive(Clone, Debug, Default)]
+pub struct FrameEdits {
+    pub actors: Vec<ActorEdit>,
+    pub cameras: Vec<(usize, DVec3)>,
+    pub lights: Vec<LightEdit>,
+    pub effects: Vec<EffectEdit>,
+    pub ambient: Option<(Vec3, Vec3)>,
+    pub sky: SkyEdit,
+    pub flats: Vec<FlatEdit>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum ActorEdit {
+    /// Replaces the translation.
+    MoveTo {
+        actor: usize,
+        translation: DVec3,
+    },
+    /// Adds to the translation.
+    MoveBy {
+        actor: usize,
+        offset: DVec3,
+    },
+    /// Turned by this rotation, before its own (world axes of the parent).
+    Turn {
+        actor: usize,
+        rotation: DQuat,
+    },
+    Scale {
+        actor: usize,
+        factor: DVec3,
+    },
+    Visible {
+        actor: usize,
+        visible: bool,
+    },
+    Tint {
+        actor: usize,
+        tint: Vec4,
+    },
+    PenWidth {
+        actor: usize,
+        width: f32,
+    },
+    Copies {
+        actor: usize,
+        count: u32,
+    },
+    Morph {
+        actor: usize,
+        instance: u32,
+        target: u32,
+        weight: f32,
+    },
+    Expression {
+        actor: usize,
+        expression: u32,
+        weight: f32,
+    },
+    /// A joint turned (after its clip) in its own space.
+    TurnJoint {
+        actor: usize,
+        joint: u32,
+        rotation: glam::Quat,
+    },
+    /// Speed of the air about an actor's springs, metres a second, in the world.
+    Wind {
+        actor: usize,
+        wind: DVec3,
+    },
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub enum LightEdit {
+    Intensity { light: usize, intensity: f32 },
+    Color { light: usize, color: Vec3 },
+    MoveTo { light: usize, position: DVec3 },
+}
+
+impl ActorEdit {
+    /// The actor that is changed.
+    pub fn actor(&self) -> usize {
+        match *self {
+            ActorEdit::MoveTo { actor, .. }
+            | ActorEdit::MoveBy { actor, .. }
+            | ActorEdit::Turn { actor, .. }
+            | ActorEdit::Scale { actor, .. }
+            | ActorEdit::Visible { actor, .. }
+            | ActorEdit::Tint { actor, .. }
+            | ActorEdit::PenWidth { actor, .. }
+            | ActorEdit::Copies { actor, .. }
+            | ActorEdit::Morph { actor, .. }
+            | ActorEdit::Expression { actor, .. }
+            | ActorEdit::TurnJoint { actor, .. }
+            | ActorEdit::Wind { actor, .. } => actor,
+        }
+    }
+}

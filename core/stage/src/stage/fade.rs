@@ -1,0 +1,16 @@
+//! Fades: eased shares of a span.
+
+use choreo_motion::{Ease, Time};
+
+/// `elapsed / span` in 0..=1; 1 where there is no span.
+pub(crate) fn fraction(elapsed: Time, span: Time) -> f32 {
+    if span <= Time::ZERO { 1.0 } else { elapsed.fraction(Time::ZERO, span).clamp(0.0, 1.0) }
+}
+
+pub(crate) fn eased(ease: Ease, w: f32) -> f32 {
+    match ease {
+        Ease::Linear => w,
+        Ease::Smooth => w * w * (3.0 - 2.0 * w),
+        ease => ease.at(w.into()) as f32,
+    }
+}

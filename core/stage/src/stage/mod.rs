@@ -1,0 +1,176 @@
+//! The stage as a script leaves it: who is there, what plays when, from where it is seen.
+
+pub(crate) mod actor;
+pub(crate) mod camera;
+pub(crate) mod channel;
+pub(crate) mod clips;
+pub(crate) mod constraint;
+pub(crate) mod edits;
+pub(crate) mod effects;
+pub(crate) mod fade;
+pub(crate) mod layers_2d;
+pub(crate) mod light;
+pub(crate) mod path;
+pub(crate) mod root_motion;
+pub(crate) mod sky;
+pub(crate) mod springs;
+pub(crate) mod surfaces;
+pub(crate) mod time_remapping;
+
+use crate::stage::actor::Actor;
+use crate::stage::camera::Camera;
+use crate::stage::camera::Cut;
+use crate::stage::edits::FrameEdits;
+use crate::stage::effects::EffectUse;
+use crate::stage::layers_2d::Flat;
+use crate::stage::light::StageLight;
+use crate::stage::sky::Sky;
+use choreo_motion::{FrameRate, Time};
+use glam::{Vec3, Vec4};
+use std::sync::Arc;
+use thiserror::Error;
+
+#[derive(Clone, Debug, Default)]
+pub struct Stage {
+    pub settings: Settings,
+    pub actors: Vec<Actor>,
+    pub cameras: Vec<Camera>,
+    /// Which camera is on from when; sorted by time. Before the first cut the first camera is on.
+    pub cuts: Vec<Cut>,
+    pub lights: Vec<StageLight>,
+    /// Light from all around; a stage with it and no light of its own has no default sun.
+    pub sky: Option<Sky>,
+    /// In painter's order.
+    pub flats: Vec<Flat>,
+    pub effects: Vec<EffectUse>,
+    /// Called in order for every frame, after keyed properties and before joint matrices are built.
+    pub hooks: Vec<Arc<dyn FrameHook>>,
+    /// Warnings of the script and the stage ("clip longer than its slot"), for `check`.
+    pub warnings: Vec<String>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Pixels, 1..=16384 each.
+    pub size: [u32; 2],
+    pub fps: FrameRate,
+    pub length: Time,
+    pub background: Background,
+    /// Light from everywhere, a hemisphere: from above and from below; linear, times albedo.
+    pub ambient_up: Vec3,
+    pub ambient_down: Vec3,
+    /// MSAA samples, 1 or 4; `None` leaves it to the command line's default.
+    pub samples: Option<u32>,
+    pub cutouts: Cutouts,
+    pub transparency: Transparency,
+    pub pipeline: Pipeline,
+    pub skin_once: SkinOnce,
+}
+
+/// Whether a body's vertices are put into their pose once a frame for all passes that draw it (shadow maps, layers, hulls), or by each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum SkinOnce {
+    /// Once where so many passes draw it that it pays.
+    #[default]
+    Auto,
+    Always,
+    Never,
+}
+
+/// Edges of leaves and hair: where a material's alpha is cut off (glTF's MASK).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Cutouts {
+    /// With several samples a pixel each keeps its share of them (alpha to coverage).
+    #[default]
+    Smooth,
+    /// Whole pixels, as with one sample.
+    Hard,
+}
+
+/// In which order what is seen through is mixed (glTF's BLEND, thin glass).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Transparency {
+    /// Independent of the order where sorting fails, else sorted.
+    #[default]
+    Auto,
+    /// Meshes back to front, their triangles as they come.
+    Sorted,
+    /// Pixel by pixel back to front.
+    Independent,
+}
+
+/// When what is opaque is lit: as each surface is drawn, or once a pixel when all of it is there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Pipeline {
+    /// Deferred where that is quicker, by the lights and the surfaces over each other; never with several samples a pixel.
+    #[default]
+    Auto,
+    Forward,
+    /// With one sample a pixel; with more it is forward.
+    Deferred,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Background {
+    /// Linear RGBA.
+    Color(Vec4),
+    /// Linear, from the top row to the bottom row of the picture.
+    Gradient { top: Vec3, bottom: Vec3 },
+}
+
+impl Default for Background {
+    /// Black.
+    fn default() -> Self {
+        Background::Color(Vec4::new(0.0, 0.0, 0.0, 1.0))
+    }
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            size: [1280, 720],
+            fps: FrameRate { num: 30, den: 1 },
+            length: Time::from_secs(4.0),
+            background: Background::Gradient {
+                top: Vec3::new(0.32, 0.42, 0.55),
+                bottom: Vec3::new(0.72, 0.76, 0.80),
+            },
+            ambient_up: Vec3::splat(0.45),
+            ambient_down: Vec3::splat(0.25),
+            samples: None,
+            cutouts: Cutouts::default(),
+            skin_once: SkinOnce::default(),
+            transparency: Transparency::default(),
+            pipeline: Pipeline::default(),
+        }
+    }
+}
+
+/// A callback of the script, a pure function of the time.
+pub trait FrameHook: Send + Sync + std::fmt::Debug {
+    fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError>;
+
+    /// What tells this hook from another (source text and captured values), for [`Stage::content_hash`].
+    fn identity(&self) -> String {
+        format!("{self:?}")
+    }
+}
+
+#[derive(Clone, Debug, Error)]
+pub enum StageError {
+    /// A script callback failed; the error's text is complete, with file and line.
+    #[error("{error}\n    at {} s", time.as_secs())]
+    Hook { error: Arc<dyn std::error::Error + Send + Sync>, time: Time },
+    /// An actor and those between it and itself.
+    #[error("actor \"{0}\" is attached to itself, through {1}")]
+    Cycle(String, String),
+    /// An actor and the one it faces.
+    #[error(
+        "actor \"{0}\" cannot face \"{1}\": where \"{1}\" stands depends on how \"{0}\" is turned; \
+         turn \"{0}\" by hand, or face something that it does not carry"
+    )]
+    FacingCycle(String, String),
+    /// Something that no frame can be made of: NaN, an index out of range, keys out of order.
+    #[error("{place}: {what}")]
+    Bad { place: String, what: String },
+}

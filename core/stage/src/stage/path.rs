@@ -1,0 +1,215 @@
+//! Paths: a smooth curve through points, gone along by its length.
+
+use crate::stage::actor::Placement;
+use choreo_motion::Time;
+use glam::{DQuat, DVec3};
+
+/// Pieces of a stretch whose length is integrated (Gauss–Legendre, 3 points): 1e-9 of a stretch of a turn.
+const PIECES: usize = 32;
+
+/// A centripetal Catmull–Rom spline (C. Yuksel, S. Schaefer, J. Keyser, "Parameterization and applications of Catmull–Rom
+/// curves", 2011): through all points, without loops or cusps between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Path {
+    pub points: Vec<DVec3>,
+    pub closed: bool,
+    /// Cubic Hermite stretches: start, end, and the tangents there.
+    stretches: Vec<[DVec3; 4]>,
+    /// Metres to the end of each piece.
+    lengths: Vec<f64>,
+}
+
+/// How an actor goes along a path.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Walk {
+    /// In the space in which the actor is placed, from where it is placed.
+    pub path: Path,
+    pub start: Time,
+    pub pace: Pace,
+    /// Turned to where the path leads; else it keeps its own direction.
+    pub turns: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pace {
+    /// Metres a second.
+    Constant(f64),
+    /// As fast as the root motion of its clips.
+    OfClips,
+}
+
+impl Path {
+    /// Through at least two points, neighbours apart; else the reason why not.
+    pub fn new(points: Vec<DVec3>, closed: bool) -> Result<Path, String> {
+        if points.len() < 2 {
+            return Err(format!("a path needs at least 2 points, there are {}", points.len()));
+        }
+        if let Some(i) = points.iter().position(|p| !p.is_finite()) {
+            return Err(format!("point {i} is not finite"));
+        }
+        let count = points.len();
+        let stretches = if closed { count } else { count - 1 };
+        for i in 0..stretches {
+            if points[i].distance(points[(i + 1) % count]) < 1e-9 {
+                return Err(format!("points {i} and {} are in the same place", (i + 1) % count));
+            }
+        }
+        let at = |i: i64| -> DVec3 {
+            let last = count as i64 - 1;
+            if closed {
+                points[i.rem_euclid(count as i64) as usize]
+            } else if i < 0 {
+                points[0] * 2.0 - points[1]
+            } else if i > last {
+                points[count - 1] * 2.0 - points[count - 2]
+            } else {
+                points[i as usize]
+            }
+        };
+        let stretch = |i: i64| {
+            let [a, b, c, d] = [at(i - 1), at(i), at(i + 1), at(i + 2)];
+            let knot = |p: DVec3, q: DVec3| p.distance(q).sqrt();
+            let (u, v, w) = (knot(a, b), knot(b, c), knot(c, d));
+            let tangent = |p: DVec3, q: DVec3, r: DVec3, before: f64, after: f64| {
+                (q - p) / before - (r - p) / (before + after) + (r - q) / after
+            };
+            [b, c, tangent(a, b, c, u, v) * v, tangent(b, c, d, v, w) * v]
+        };
+        let stretches: Vec<[DVec3; 4]> = (0..stretches as i64).map(stretch).collect();
+        let mut path = Path { points, closed, stretches, lengths: Vec::new() };
+        let mut sum = 0.0;
+        for stretch in 0..path.stretches.len() {
+            for piece in 0..PIECES {
+                let from = piece as f64 / PIECES as f64;
+                sum += path.piece_length(stretch, from, from + 1.0 / PIECES as f64);
+                path.lengths.push(sum);
+            }
+        }
+        Ok(path)
+    }
+
+    /// Metres.
+    pub fn length(&self) -> f64 {
+        self.lengths.last().copied().unwrap_or(0.0)
+    }
+
+    fn place(&self, stretch: usize, u: f64) -> DVec3 {
+        let [a, b, ma, mb] = self.stretches[stretch];
+        let (u2, u3) = (u * u, u * u * u);
+        a * (2.0 * u3 - 3.0 * u2 + 1.0)
+            + ma * (u3 - 2.0 * u2 + u)
+            + b * (3.0 * u2 - 2.0 * u3)
+            + mb * (u3 - u2)
+    }
+
+    fn slope(&self, stretch: usize, u: f64) -> DVec3 {
+        let [a, b, ma, mb] = self.stretches[stretch];
+        let u2 = u * u;
+        (a - b) * (6.0 * u2 - 6.0 * u) + ma * (3.0 * u2 - 4.0 * u + 1.0) + mb * (3.0 * u2 - 2.0 * u)
+    }
+
+    fn piece_length(&self, stretch: usize, from: f64, to: f64) -> f64 {
+        const NODE: f64 = 0.774_596_669_241_483_4;
+        let (middle, half) = ((from + to) / 2.0, (to - from) / 2.0);
+        let speed = |x: f64| self.slope(stretch, middle + half * x).length();
+        half * (5.0 * speed(-NODE) + 8.0 * speed(0.0) + 5.0 * speed(NODE)) / 9.0
+    }
+
+    /// Place and direction after this many metres; an open path ends at its ends.
+    pub fn at(&self, metres: f64) -> (DVec3, DVec3) {
+        let length = self.length();
+        let s = if self.closed {
+            metres - libm::floor(metres / length) * length
+        } else {
+            metres.clamp(0.0, length)
+        };
+        let piece = self.lengths.partition_point(|end| *end < s).min(self.lengths.len() - 1);
+        let (stretch, from) = (piece / PIECES, (piece % PIECES) as f64 / PIECES as f64);
+        let left = s - if piece == 0 { 0.0 } else { self.lengths[piece - 1] };
+        // The length of a piece is nearly linear in u: Newton's method is at the last bit after three steps.
+        let mut u = from;
+        for _ in 0..4 {
+            let speed = self.slope(stretch, u).length();
+            if speed > 0.0 {
+                u += (left - self.piece_length(stretch, from, u)) / speed;
+            }
+            u = u.clamp(from, from + 1.0 / PIECES as f64);
+        }
+        (self.place(stretch, u), self.slope(stretch, u))
+    }
+}
+
+impl Walk {
+    /// A placement so many metres along the path. `anchor`: where in model space the root stands, which keeps to the path.
+    pub fn placed(&self, from: Placement, metres: f64, anchor: DVec3) -> Placement {
+        let (place, way) = self.path.at(metres);
+        let yaw = if self.turns && (way.x != 0.0 || way.z != 0.0) { libm::atan2(way.x, way.z) } else { 0.0 };
+        let turned = from.rotation * DQuat::from_rotation_y(yaw);
+        let root = from.translation + from.rotation * place;
+        Placement {
+            translation: root - turned * (from.scale * anchor),
+            rotation: turned.normalize(),
+            scale: from.scale,
+        }
+    }
+
+    /// Metres along the path at a time; `forward`: how far the clips' root motion leads, at this time and at the start.
+    pub fn metres(&self, time: Time, mut forward: impl FnMut(Time) -> f64) -> f64 {
+        let time = time.max(self.start);
+        match self.pace {
+            Pace::Constant(speed) => speed * (time - self.start).as_secs(),
+            Pace::OfClips => forward(time) - forward(self.start),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_goes_through_its_points_at_one_speed() {
+        let points: Vec<DVec3> = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.5], [3.0, 1.0, 3.0], [0.0, 0.0, 4.0]]
+            .map(DVec3::from_array)
+            .into();
+        for closed in [false, true] {
+            let path = Path::new(points.clone(), closed).unwrap();
+            let steps = 4000;
+            let step = path.length() / f64::from(steps);
+            let (mut before, mut nearest) = (path.at(0.0).0, vec![f64::INFINITY; points.len()]);
+            for i in 1..=steps {
+                let now = path.at(step * f64::from(i)).0;
+                assert!(
+                    (now.distance(before) / step - 1.0).abs() < 1e-4,
+                    "{i}: {}",
+                    now.distance(before) / step
+                );
+                for (near, point) in nearest.iter_mut().zip(&points) {
+                    *near = near.min(point.distance(now));
+                }
+                before = now;
+            }
+            assert!(nearest.iter().all(|d| *d < step), "{nearest:?}");
+            if closed {
+                assert!(path.at(path.length() * 3.5).0.distance(path.at(path.length() * 0.5).0) < 1e-9);
+            } else {
+                assert!(path.at(1e9).0.distance(points[3]) < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_is_a_line_and_a_circle_nearly_one() {
+        let line = Path::new(vec![DVec3::ZERO, DVec3::X * 2.0, DVec3::X * 5.0], false).unwrap();
+        assert!((line.length() - 5.0).abs() < 1e-12);
+        assert!(line.at(3.3).0.abs_diff_eq(DVec3::X * 3.3, 1e-9));
+        let round: Vec<DVec3> = (0..32)
+            .map(|i| f64::from(i) / 32.0 * std::f64::consts::TAU)
+            .map(|a| DVec3::new(libm::sin(a), 0.0, libm::cos(a)))
+            .collect();
+        let circle = Path::new(round, true).unwrap();
+        assert!((circle.length() - std::f64::consts::TAU).abs() < 1e-3);
+        assert!(Path::new(vec![DVec3::ZERO], false).is_err());
+        assert!(Path::new(vec![DVec3::X, DVec3::X, DVec3::ZERO], false).is_err());
+    }
+}

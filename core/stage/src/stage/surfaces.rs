@@ -1,0 +1,49 @@
+//! How an actor's surfaces are cut out and mixed, where it says so itself.
+
+use crate::stage::actor::Actor;
+use crate::stage::{Cutouts, Settings, Transparency};
+
+/// Of an actor's surfaces, or of those of one material; what it leaves open the stage says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SurfaceRule {
+    /// Index into `Asset::materials`; `None`: all of them.
+    pub material: Option<u32>,
+    pub cutouts: Option<Cutouts>,
+    pub transparency: Option<Transparency>,
+}
+
+impl Actor {
+    /// Of a surface with a material: what was said last of it, else of the stage.
+    pub fn cutouts(&self, material: Option<u32>, settings: &Settings) -> Cutouts {
+        self.rules(material).find_map(|rule| rule.cutouts).unwrap_or(settings.cutouts)
+    }
+
+    /// The same of the order in which it is mixed.
+    pub fn transparency(&self, material: Option<u32>, settings: &Settings) -> Transparency {
+        self.rules(material).find_map(|rule| rule.transparency).unwrap_or(settings.transparency)
+    }
+
+    fn rules(&self, material: Option<u32>) -> impl Iterator<Item = &SurfaceRule> {
+        self.surfaces.iter().rev().filter(move |rule| rule.material.is_none() || rule.material == material)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_asset::Asset;
+
+    #[test]
+    fn the_last_word_counts_and_the_stage_has_the_first() {
+        let mut actor = Actor::new("a", Asset::default().into());
+        let settings = Settings { cutouts: Cutouts::Hard, ..Settings::default() };
+        assert_eq!(actor.cutouts(Some(1), &settings), Cutouts::Hard);
+        let rule = |material, cutouts| SurfaceRule { material, cutouts, transparency: None };
+        actor.surfaces = vec![rule(None, Some(Cutouts::Smooth)), rule(Some(1), Some(Cutouts::Hard))];
+        let all = [None, Some(0), Some(1)].map(|m| actor.cutouts(m, &settings));
+        assert_eq!(all, [Cutouts::Smooth, Cutouts::Smooth, Cutouts::Hard]);
+        actor.surfaces.push(SurfaceRule { transparency: Some(Transparency::Sorted), ..rule(None, None) });
+        assert_eq!(actor.cutouts(Some(1), &settings), Cutouts::Hard);
+        assert_eq!(actor.transparency(None, &settings), Transparency::Sorted);
+    }
+}

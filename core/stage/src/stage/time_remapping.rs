@@ -1,0 +1,74 @@
+//! Keyed speed and keyed clip time of a cue.
+
+use crate::stage::channel::Channel;
+use choreo_motion::{Interpolation, Time};
+
+/// Clip time that changes its speed: keyed over stage time. Integrals are closed forms; nothing is stepped through.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Warp {
+    /// `Property::Speed`: clip seconds a stage second; negative runs backwards.
+    Speed(SpeedCurve),
+    /// `Property::ClipTime`: where in the clip, in its seconds.
+    ClipTime(Channel),
+}
+
+/// A keyed speed and its integral up to each key.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpeedCurve {
+    pub keys: Channel,
+    /// Ticks of the clip from the first key to each.
+    areas: Vec<f64>,
+}
+
+impl SpeedCurve {
+    /// Of keys that fit each other; see [`Channel::at`].
+    pub fn new(keys: Channel) -> SpeedCurve {
+        let mut areas = vec![0.0];
+        for i in 1..keys.times.len() {
+            let before = areas[i - 1];
+            areas.push(before + area(&keys, i - 1, 1.0));
+        }
+        SpeedCurve { keys, areas }
+    }
+
+    /// Ticks of the clip from the first key to a time; below zero before it. Outside the keys the end speeds hold.
+    pub fn played(&self, time: Time) -> f64 {
+        let times = &self.keys.times;
+        let (Some(first), Some(last)) = (times.first(), times.last()) else { return 0.0 };
+        let speed = |at: Time| self.keys.at(at).map_or(0.0, |v| v[0]);
+        if time <= *first {
+            return (time - *first).0 as f64 * speed(*first);
+        }
+        let end = self.areas.last().copied().unwrap_or(0.0);
+        if time >= *last {
+            return end + (time - *last).0 as f64 * speed(*last);
+        }
+        let key = times.partition_point(|t| *t <= time) - 1;
+        let share = (time - times[key]).0 as f64 / (times[key + 1] - times[key]).0 as f64;
+        self.areas[key] + area(&self.keys, key, share)
+    }
+}
+
+/// The integral of one interval from its start to a share of it, in ticks.
+pub(crate) fn area(keys: &Channel, key: usize, s: f64) -> f64 {
+    let span = (keys.times[key + 1] - keys.times[key]).0 as f64;
+    let cubic = keys.interpolation == Interpolation::CubicSpline;
+    let number = |key: usize, part: usize| {
+        keys.values.get(if cubic { key * 3 + part } else { key }).copied().unwrap_or(0.0)
+    };
+    let (a, b) = (number(key, 1), number(key + 1, 1));
+    let mean = match keys.interpolation {
+        Interpolation::Step => a * s,
+        Interpolation::Linear => a * s + (b - a) * (s * s / 2.0),
+        Interpolation::CubicSpline => {
+            let secs = (keys.times[key + 1] - keys.times[key]).as_secs();
+            let (out, into) = (number(key, 2), number(key + 1, 0));
+            let (s2, s3, s4) = (s * s, s * s * s, s * s * s * s);
+            a * (s - s3 + s4 / 2.0)
+                + secs * out * (s2 / 2.0 - 2.0 * s3 / 3.0 + s4 / 4.0)
+                + b * (s3 - s4 / 2.0)
+                + secs * into * (s4 / 4.0 - s3 / 3.0)
+        }
+    };
+    mean * span
+}

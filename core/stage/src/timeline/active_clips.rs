@@ -1,0 +1,229 @@
+//! Which clips of a layer are heard at a time, at which clip time and with what weight.
+
+use crate::stage::actor::Actor;
+use crate::stage::clips::{Cue, Layer, LayerMode};
+use crate::stage::fade::eased;
+use crate::stage::fade::fraction;
+use crate::timeline::clip_time::plays_until;
+use choreo_motion::Time;
+
+/// A cue that counts in an actor's pose at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heard {
+    pub layer: usize,
+    /// Index into `Layer::cues`.
+    pub cue: usize,
+    pub clip_time: Time,
+    /// 0 < weight ≤ 1, over what came before it; times the layer's mask.
+    pub weight: f32,
+    /// Its layer adds or subtracts: what came before it keeps its share.
+    pub additive: bool,
+}
+
+impl Actor {
+    /// What plays at a time, in the order in which it is blended: each over what came before it, additive ones on top. Of
+    /// layers of one rank each is told as it is by itself.
+    pub fn heard(&self, time: Time) -> Vec<Heard> {
+        let mut heard = Vec::new();
+        let mut voices = Vec::new();
+        for (layer, of_layer) in self.layers.iter().enumerate() {
+            match layer {
+                0 => base_voices(of_layer, time, &mut voices),
+                _ => upper_voices(of_layer, time, &mut voices),
+            }
+            heard.extend(voices.iter().map(|v| Heard {
+                layer,
+                cue: v.cue,
+                clip_time: v.clip_time,
+                weight: v.weight,
+                additive: of_layer.mode != LayerMode::Override,
+            }));
+        }
+        heard
+    }
+}
+
+/// A cue that counts now. Blended in order: each over what came before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Voice {
+    /// Index into `Layer::cues`.
+    pub cue: usize,
+    pub clip_time: Time,
+    /// 0 < weight ≤ 1.
+    pub weight: f32,
+}
+
+/// The base layer: a fold over the cues begun by now. What a later cue covers entirely is left out; before the first cue
+/// its first pose stands, and after an `end` with nothing that follows at once the pose reached there is held.
+pub(crate) fn base_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
+    voices.clear();
+    let cues = &layer.cues;
+    let begun = cues.partition_point(|cue| cue.start <= time);
+    if begun == 0 {
+        if let Some(first) = cues.first() {
+            voices.push(Voice { cue: 0, clip_time: first.clip_time(first.start, false), weight: 1.0 });
+        }
+        return;
+    }
+    for index in (0..begun).rev() {
+        let cue = &cues[index];
+        let weight = if index == 0 { 1.0 } else { faded_in(cue, time) * cue.weight_at(time) };
+        if weight > 0.0 {
+            let (until, held) = plays_until(layer, index, time);
+            voices.push(Voice { cue: index, clip_time: cue.clip_time(until, held), weight });
+        }
+        if weight >= 1.0 {
+            break;
+        }
+    }
+    voices.reverse();
+}
+
+/// An upper layer: cues are heard from their start to their end and fade in and out. A cue without an end, or with one where
+/// the next begins, hands over to the next: its share goes down as the next one's goes up, without a dip between.
+pub(crate) fn upper_voices(layer: &Layer, time: Time, voices: &mut Vec<Voice>) {
+    voices.clear();
+    let cues = &layer.cues;
+    let begun = cues.partition_point(|cue| cue.start <= time);
+    for (index, cue) in cues[..begun].iter().enumerate() {
+        let mut weight = faded_in(cue, time) * cue.weight_at(time);
+        let next = cues.get(index + 1).filter(|next| cue.end.is_none_or(|end| end == next.start));
+        if let Some(next) = next {
+            if next.start <= time {
+                let fade = faded_in(next, time);
+                let over = fade * next.weight_at(time);
+                if fade >= 1.0 || over >= 1.0 {
+                    continue;
+                }
+                // Its share under the next is weight · (1 − over); it must be weight · (1 − fade).
+                weight *= (1.0 - fade) / (1.0 - over);
+            }
+        } else if let Some(end) = cue.end {
+            if time >= end {
+                continue;
+            }
+            weight *= eased(cue.ease, fraction(end - time, cue.fade_out));
+        }
+        if weight > 0.0 {
+            let clip_time = cue.clip_time(time, false);
+            voices.push(Voice { cue: index, clip_time, weight });
+        }
+    }
+    let whole = layer.weight_keys.as_ref().and_then(|keys| keys.at(time));
+    if let Some(whole) = whole.map(|v| (v[0] as f32).clamp(0.0, 1.0)).filter(|whole| *whole < 1.0) {
+        scale_shares(voices, whole);
+    }
+}
+
+/// Each voice's share of the layer times a factor below 1, told as weights over what came before again.
+fn scale_shares(voices: &mut Vec<Voice>, by: f32) {
+    shares(voices);
+    let mut left = 1.0;
+    for voice in voices.iter_mut().rev() {
+        let share = voice.weight * by;
+        // `left` is at least what all shares before it come to, and more than nothing while `by` is below 1.
+        voice.weight = share / left;
+        left -= share;
+    }
+    voices.retain(|voice| voice.weight > 0.0);
+}
+
+/// Turns weights over what came before into shares of the layer as a whole: w · Π (1 − w of those after).
+pub(crate) fn shares(voices: &mut [Voice]) {
+    let mut left = 1.0;
+    for voice in voices.iter_mut().rev() {
+        let weight = voice.weight;
+        voice.weight = weight * left;
+        left *= 1.0 - weight;
+    }
+}
+
+impl Cue {
+    /// How much it counts at a time, fades left out, 0..=1.
+    pub fn weight_at(&self, time: Time) -> f32 {
+        let keyed = self.weight_keys.as_ref().and_then(|keys| keys.at(time));
+        keyed.map_or(self.weight, |v| (v[0] as f32).clamp(0.0, 1.0))
+    }
+}
+
+fn faded_in(cue: &Cue, time: Time) -> f32 {
+    if cue.inertial > Time::ZERO {
+        return 1.0;
+    }
+    eased(cue.ease, fraction(time - cue.start, cue.fade_in))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_motion::Clip;
+    use std::sync::Arc;
+
+    fn layer(starts_and_fades: &[(f64, f64)]) -> Layer {
+        let clip = Arc::new(Clip::new("clip".into(), 0, vec![]).unwrap());
+        let mut layer = Layer::default();
+        for (start, fade) in starts_and_fades {
+            let (start, fade_in) = (Time::from_secs(*start), Time::from_secs(*fade));
+            layer.add(Cue { start, fade_in, ..Cue::new(clip.clone()) });
+        }
+        layer
+    }
+
+    fn heard(voices: impl Fn(&Layer, Time, &mut Vec<Voice>), layer: &Layer, t: f64) -> Vec<usize> {
+        let mut out = Vec::new();
+        voices(layer, Time::from_secs(t), &mut out);
+        out.iter().map(|v| v.cue).collect()
+    }
+
+    #[test]
+    fn covered_cues_are_not_heard() {
+        let layer = layer(&[(0.0, 0.0), (1.0, 0.5), (2.0, 0.0), (3.0, 1.0)]);
+        let cases: [(f64, &[usize]); 7] = [
+            (-1.0, &[0]),
+            (0.5, &[0]),
+            (1.25, &[0, 1]),
+            (1.5, &[1]),
+            (2.0, &[2]),
+            (3.5, &[2, 3]),
+            (4.0, &[3]),
+        ];
+        for (t, expected) in cases {
+            assert_eq!(heard(base_voices, &layer, t), expected, "at {t} s");
+        }
+        // A cue at weight zero, at the very start of its fade, is not heard either.
+        assert_eq!(heard(base_voices, &layer, 1.0), [0]);
+        assert_eq!(heard(upper_voices, &layer, -1.0), [0usize; 0]);
+        assert_eq!(heard(upper_voices, &layer, 3.5), [2, 3]);
+        assert_eq!(heard(upper_voices, &layer, 4.0), [3]);
+    }
+
+    #[test]
+    fn the_weight_of_a_layer_scales_what_each_of_its_clips_adds_to_the_whole() {
+        let mut layer = layer(&[(0.0, 0.0), (1.0, 1.0), (1.5, 1.0)]);
+        let told = |layer: &Layer| {
+            let mut voices = Vec::new();
+            upper_voices(layer, Time::from_secs(1.75), &mut voices);
+            shares(&mut voices);
+            voices.iter().map(|v| (v.cue, v.weight)).collect::<Vec<_>>()
+        };
+        let whole = told(&layer);
+        assert_eq!(whole.len(), 3);
+        for by in [1.0, 0.999, 0.4, 1e-6] {
+            layer.weight_keys = Some(Arc::new(crate::stage::channel::Channel {
+                property: crate::stage::channel::Property::Weight,
+                interpolation: choreo_motion::Interpolation::Linear,
+                times: vec![Time::ZERO],
+                values: vec![by],
+            }));
+            for ((cue, share), (again, scaled)) in whole.iter().zip(told(&layer)) {
+                assert!(
+                    *cue == again && (f64::from(*share) * by - f64::from(scaled)).abs() < 1e-6 * by + 1e-9
+                );
+            }
+        }
+        layer.weight_keys = layer
+            .weight_keys
+            .map(|keys| Arc::new(crate::stage::channel::Channel { values: vec![0.0], ..(*keys).clone() }));
+        assert!(told(&layer).is_empty());
+    }
+}

@@ -1,0 +1,111 @@
+//! Where a cue is in its clip at a time: a function of the time alone, in whole ticks however long it plays.
+
+use crate::stage::clips::{Cue, Layer};
+use crate::stage::time_remapping::Warp;
+use choreo_motion::{Playback, Repeat, Time};
+
+impl Cue {
+    pub fn playback(&self) -> Playback {
+        Playback { speed: self.speed, trim: self.trim, repeat: self.repeat }
+    }
+
+    /// Ticks of the clip that have been played at a stage time, whole rounds included; none before the start. Below zero
+    /// where a speed curve runs backwards.
+    pub fn played(&self, time: Time) -> i128 {
+        let time = time.max(self.start);
+        let mut played = self.unfrozen(time);
+        for (from, to) in &self.freezes {
+            let (from, to) = ((*from).max(self.start), (*to).max(self.start));
+            if from < time {
+                played -= self.unfrozen(to.min(time)) - self.unfrozen(from);
+            }
+        }
+        played
+    }
+
+    fn unfrozen(&self, time: Time) -> i128 {
+        let [into, out] = &self.in_step;
+        if let Some(out) = out
+            && time >= out.start()
+        {
+            return out.played(time.min(out.end()))[0];
+        }
+        if let Some(into) = into {
+            return if time < into.end() {
+                into.played(time)[1]
+            } else {
+                into.played(into.end())[1] + self.playback().played(time - into.end())
+            };
+        }
+        match &self.warp {
+            None => self.playback().played(time - self.start),
+            Some(warp) => match &**warp {
+                Warp::Speed(curve) => rounded(curve.played(time) - curve.played(self.start)),
+                Warp::ClipTime(keys) => {
+                    let at = keys.at(time).map_or(0.0, |v| v[0]) * Time::TICKS_PER_SECOND as f64;
+                    let (start, end) = (self.trim.0.0 as f64, self.trim.1.0 as f64);
+                    rounded(if self.speed < 0.0 { end - at } else { at - start })
+                }
+            },
+        }
+    }
+
+    /// When the part has been played through once, if ever: the first tick at which nothing more is to come.
+    pub fn played_through(&self) -> Option<Time> {
+        self.time_of_played(i128::from((self.trim.1 - self.trim.0).0.max(0)))
+    }
+
+    /// When so many ticks of the clip have been played, if ever. Of a speed curve that turns back, as far as its keys tell.
+    pub fn time_of_played(&self, ticks: i128) -> Option<Time> {
+        if ticks <= 0 {
+            return Some(self.start);
+        }
+        let done = |time: Time| self.played(time) >= ticks;
+        // Where a curve ends, or a freeze, its last speed goes on.
+        let keys = match self.warp.as_deref() {
+            Some(Warp::Speed(curve)) => &curve.keys.times[..],
+            Some(Warp::ClipTime(keys)) => &keys.times[..],
+            None => &[],
+        };
+        let mut marks: Vec<Time> = keys.iter().copied().chain(self.freezes.iter().map(|f| f.1)).collect();
+        marks.retain(|t| *t > self.start);
+        marks.sort_unstable();
+        const LONGEST: Time = Time(Time::TICKS_PER_SECOND * 4_000_000);
+        marks.push(marks.last().copied().unwrap_or(self.start) + LONGEST);
+        let mut low = self.start;
+        for mark in marks {
+            if !done(mark) {
+                low = mark;
+                continue;
+            }
+            let mut high = mark;
+            while (high - low).0 > 1 {
+                let middle = low.middle(high);
+                if done(middle) { high = middle } else { low = middle }
+            }
+            return Some(high);
+        }
+        None
+    }
+
+    /// Where in the clip it is at a stage time. `held`: it stands there from then on, and shows the last pose of a round, not
+    /// the first of one that never comes.
+    pub(crate) fn clip_time(&self, time: Time, held: bool) -> Time {
+        let played = self.played(time);
+        let at = self.playback().at_played(played);
+        let (first, last) = if self.speed < 0.0 { (self.trim.1, self.trim.0) } else { self.trim };
+        if held && at == first && played > 0 && self.repeat == Repeat::Loop { last } else { at }
+    }
+}
+
+/// The time up to which a cue of a base layer plays, and whether it stands from then on.
+pub(crate) fn plays_until(layer: &Layer, index: usize, time: Time) -> (Time, bool) {
+    let cue = &layer.cues[index];
+    // A cue that follows at once takes over a playing clip, not a frozen one.
+    let held_from = cue.end.filter(|end| layer.cues.get(index + 1).is_none_or(|next| next.start > *end));
+    (held_from.map_or(time, |end| end.min(time)), held_from.is_some_and(|end| time >= end))
+}
+
+fn rounded(ticks: f64) -> i128 {
+    libm::round(ticks.clamp(-1e30, 1e30)) as i128
+}
