@@ -8,7 +8,6 @@ use crate::load::Load;
 use crate::loader::Loader;
 use crate::testing::{TestState, Timeout};
 use choreo_asset::Asset;
-use choreo_asset::*;
 use choreo_motion::{Clip, Curve, RootParts, Time};
 use choreo_stage::{
     Actor, Channel, Cue, EffectUse, Flat, LayerMode, Repeat, Rig, Settings, Sky, StageLight, Target,

@@ -9,7 +9,6 @@ use crate::hook::{HookDraft, ScriptHook};
 use crate::lint::{ClipMarkers, Places};
 use crate::motion::{Found, in_step, root};
 use choreo_asset::Projection;
-use choreo_asset::*;
 use choreo_motion::{Clip, Time};
 use choreo_stage::{
     Actor, Camera, Channel, Cue, CueRoot, Cut, Goal, GoalKind, Layer, LayerMode, Pace, Plant, Property,

@@ -2,6 +2,7 @@
 
 use crate::Ease;
 use crate::mirroring::Mirroring;
+use crate::described::{FieldType, fields};
 use crate::stage::actor::Target;
 use crate::stage::fade::{eased, fraction};
 use choreo_motion::Time;
@@ -19,6 +20,13 @@ pub struct Goal {
     /// 0..=1
     pub weight: f32,
 }
+
+fields! { Goal {
+    from: start, FieldType::Time;
+    until: end, FieldType::Time;
+    fade: fade, FieldType::Duration;
+    weight: weight, FieldType::Number(0.0, 1.0, "");
+} }
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum GoalKind {
