@@ -3,7 +3,6 @@
 mod common;
 
 use choreo_asset::*;
-use choreo_stage::*;
 use common::layered::layered;
 use common::*;
 use glam::{DVec3, Vec3, Vec4};

@@ -2,6 +2,7 @@
 
 mod common;
 
+use choreo_asset::*;
 use choreo_image_diff::{Comparison, compare};
 use choreo_plugin::{Effect, Frame};
 use choreo_render::commands::{Command, RecordOptions, record};

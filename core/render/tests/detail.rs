@@ -5,7 +5,6 @@ mod common;
 use choreo_asset::*;
 use choreo_render::scene_resources::lod::{CROWD, TOLERANCE};
 use choreo_render::{Catalog, CpuRenderer, Plan, PlanOptions, Renderer};
-use choreo_stage::*;
 use common::*;
 use glam::{Vec3, Vec4};
 use std::sync::Arc;

@@ -5,7 +5,6 @@ mod common;
 use choreo_asset::*;
 use choreo_render::plan::*;
 use choreo_render::{Plan, PlanOptions};
-use choreo_stage::*;
 use common::*;
 use glam::{DAffine3, DVec3, Vec3, Vec4};
 

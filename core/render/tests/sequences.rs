@@ -5,7 +5,6 @@ mod common;
 use choreo_asset::*;
 use choreo_motion::Time;
 use choreo_render::*;
-use choreo_stage::*;
 use common::*;
 use glam::{Vec3, Vec4};
 use std::sync::Arc;

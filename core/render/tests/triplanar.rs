@@ -6,7 +6,6 @@ use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_render::plan::Features;
 use choreo_render::*;
-use choreo_stage::*;
 use common::*;
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;

@@ -6,7 +6,6 @@ use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_render::commands::texture_slots;
 use choreo_render::*;
-use choreo_stage::*;
 use common::layered::{bulge, layered};
 use common::*;
 use glam::{Vec3, Vec4};

@@ -7,7 +7,6 @@ use choreo_image_diff::compare;
 use choreo_plugin::Frame;
 use choreo_render::plan::Features;
 use choreo_render::*;
-use choreo_stage::*;
 use common::*;
 use glam::{DAffine3, DVec3, Vec3, Vec4};
 use std::sync::Arc;

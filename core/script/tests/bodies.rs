@@ -2,7 +2,6 @@
 
 mod common;
 
-use choreo_asset::*;
 use choreo_motion::Time;
 use choreo_stage::*;
 use common::*;

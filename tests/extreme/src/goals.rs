@@ -2,7 +2,7 @@
 
 use crate::{Case, refused};
 use choreo_motion::ik::{Aim, AimJoint, Chain, ChainBone, Limit, Solver, TwoBone};
-use choreo_stage::goals::{CHAIN_ITERATIONS, CHAIN_SOLVER, CHAIN_TOLERANCE};
+use choreo_stage::{CHAIN_ITERATIONS, CHAIN_SOLVER, CHAIN_TOLERANCE};
 use glam::{DQuat, DVec3};
 
 const LEFT: &str = "metres from the target";

@@ -5,7 +5,7 @@ use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
 use choreo_motion::ik::{Chain, ChainBone, Limit, Solver};
-use choreo_stage::goals::{CHAIN_ITERATIONS, CHAIN_SOLVER, CHAIN_TOLERANCE};
+use choreo_stage::{CHAIN_ITERATIONS, CHAIN_SOLVER, CHAIN_TOLERANCE};
 use glam::{DQuat, DVec3};
 
 const BONES: usize = 6;
