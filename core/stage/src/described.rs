@@ -116,7 +116,9 @@ impl<T> Field<T> {
             (FieldValue::Color(c), _) if !(c.is_finite() && c.min_element() >= 0.0) => {
                 Some(format!("{name} is {c}, must be finite and not negative"))
             }
-            (FieldValue::Vector(v), FieldType::Direction) if (v.length() - 1.0).abs() >= 1e-3 || v.is_nan() => {
+            (FieldValue::Vector(v), FieldType::Direction)
+                if (v.length() - 1.0).abs() >= 1e-3 || v.is_nan() =>
+            {
                 Some(format!("{name} has length {}, must be 1", v.length()))
             }
             (FieldValue::Rotation(q), _) if (q.length() - 1.0).abs() >= 1e-3 || q.is_nan() => {

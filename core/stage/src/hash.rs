@@ -25,8 +25,8 @@ use choreo_asset::{Asset, Light, LightKind, Panorama, Projection, clip_hash};
 use choreo_motion::spring::{ColliderShape, RigBone, SpringBone};
 use choreo_motion::{Clip, Ease, FrameRate, Interpolation, PhaseFade, Repeat, Shape, Skinning, Time};
 use glam::{Affine3A, DAffine3, DQuat, DVec2, DVec3, Vec3, Vec4};
-use std::ops::{Deref, DerefMut};
 use std::collections::BTreeMap;
+use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 
 /// A [`Writer`] that hashes a clip or mask which many cues share once.

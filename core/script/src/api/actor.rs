@@ -1,14 +1,14 @@
 //! Actors: assets on stage, their transforms, parents, morph targets, keyframes and clips.
 
 pub use super::joint::find_joint;
-use super::keys;
 pub use super::look::before_start;
+use super::{expression, keys};
 use crate::build::{ActorDraft, Chain, CueDraft, room};
 use crate::call::{ApiError, Call, Reply, api, number_in, rgb, unknown};
 use crate::hook;
 use crate::value::{ActorRef, AssetRef, CueRef, JointRef};
 use choreo_asset::{Asset, MeshInstance};
-use choreo_stage::{Actor, ActorEdit, Attachment, Property, Skinning, Target};
+use choreo_stage::{Actor, ActorEdit, Attachment, Channel, FieldType, Property, Skinning, Target};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
@@ -356,9 +356,35 @@ fn skinning(c: &mut Call) -> Reply {
     c.itself()
 }
 
+/// The channels of `.key(property, keys, how?)` or `.key("morph", name, keys, how?)`.
+fn key_channels(c: &Call, asset: &Asset) -> Result<Vec<Channel>, ApiError> {
+    let weights = |name, property, (low, high)| keys::Keyed {
+        name,
+        property,
+        of_type: FieldType::Number(low, high, ""),
+    };
+    let morph = weights("morph", Property::Morph { instance: 0, target: 0 }, (-1000.0, 1000.0));
+    let expression = weights("expression", Property::Expression { expression: 0 }, (0.0, 1.0));
+    let keyed = keys::property(c, &[keys::keyed::<Actor>(), vec![morph, expression]].concat())?;
+    let targets: Vec<Property> = match keyed.name {
+        "width" => has_pen(asset, "key").map(|()| vec![keyed.property])?,
+        "count" => has_copies(asset, "key").map(|()| vec![keyed.property])?,
+        "morph" => {
+            let found = morph_targets(asset, &c.value(1), "key: name")?.into_iter();
+            found.map(|(instance, target)| Property::Morph { instance, target }).collect()
+        }
+        "expression" => {
+            vec![Property::Expression { expression: expression::find(asset, &c.value(1), "key: name")? }]
+        }
+        _ => vec![keyed.property],
+    };
+    let channel = keys::channel(c, keyed, if matches!(keyed.name, "morph" | "expression") { 2 } else { 1 })?;
+    Ok(targets.into_iter().map(|property| Channel { property, ..channel.clone() }).collect())
+}
+
 fn key(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
-    let channels = keys::read(c, keys::Owner::Actor(&this.asset))?;
+    let channels = key_channels(c, &this.asset)?;
     let mut build = c.build();
     let draft = build.actor(this.id)?;
     draft.placed |= channels.iter().any(|ch| ch.property == Property::Translation);

@@ -7,7 +7,7 @@ use crate::call::{ApiError, Call, Reply, api, unknown};
 use crate::hook;
 use crate::value::{ActorRef, CameraRef};
 use choreo_motion::Time;
-use choreo_stage::{Property, Rig};
+use choreo_stage::{Camera, Property, Rig};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
@@ -147,8 +147,12 @@ pub const DEFAULT_AZIMUTH: f64 = 25.0;
 /// Default elevation in degrees: a little from above.
 pub const DEFAULT_ELEVATION: f64 = 10.0;
 
+/// Allowed fields of view, degrees.
+const FOV: (f64, f64) = (0.1, 179.0);
+
 fn fov(c: &mut Call) -> Reply {
-    let yfov = keys::fov(&c.value(0), &c.label(0))? as f32;
+    let (low, high) = FOV;
+    let yfov = c.number_in(0, low, high)?.to_radians() as f32;
     change(c, |k| {
         k.perspective = Some(yfov);
         k.ortho = None;
@@ -186,12 +190,13 @@ fn cut(c: &mut Call) -> Reply {
 }
 
 fn key(c: &mut Call) -> Reply {
-    let channels = keys::read(c, keys::Owner::Camera)?;
+    // Whether its rig can be keyed is known once the script has ended.
+    let channel = keys::channel(c, keys::property(c, &keys::keyed::<Camera>())?, 1)?;
     change(c, |k| {
-        if k.position.is_none() && channels.iter().any(|ch| ch.property == Property::Translation) {
+        if k.position.is_none() && channel.property == Property::Translation {
             k.position = Some(DVec3::ZERO);
         }
-        keys::replace(&mut k.channels, channels);
+        keys::replace(&mut k.channels, vec![channel]);
     })
 }
 

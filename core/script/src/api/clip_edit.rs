@@ -7,7 +7,7 @@ use crate::call::{ApiError, Call, Reply, api, point};
 use crate::value::ClipRef;
 use choreo_motion::reduce::Keep;
 use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Offset, Path, Pose, Sample, Time};
-use choreo_stage::{Channel, Property, Reference};
+use choreo_stage::{Channel, Placement, Property, Reference};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
@@ -176,14 +176,12 @@ fn key_count(c: &mut Call) -> Reply {
 fn key(c: &mut Call) -> Reply {
     let this: ClipRef = c.this()?;
     let joint = find_joint(&this.asset, &c.text(1)?)?;
-    let channels = keys::read(c, keys::Owner::JointOfClip)?;
+    let channel = keys::channel(c, keys::property(c, &keys::keyed::<Placement>())?, 2)?;
     edit(c, |clip, asset| {
         let mut curves = clip.curves().to_vec();
-        for channel in channels {
-            let curve = curve(asset, joint, &channel);
-            curves.retain(|c| (c.joint, c.path) != (joint, curve.path));
-            curves.push(curve);
-        }
+        let curve = curve(asset, joint, &channel);
+        curves.retain(|c| (c.joint, c.path) != (joint, curve.path));
+        curves.push(curve);
         Clip::new(clip.name.clone(), clip.joint_count(), curves)
     })
 }

@@ -2,12 +2,12 @@
 
 use super::keys;
 use crate::build::room;
-use crate::call::{ApiError, Call, Options, Reply, api, numbers, wrong};
+use crate::call::fields::pair;
+use crate::call::{ApiError, Call, Options, Reply, api, fields};
 use crate::hook;
 use crate::load::from_load;
 use crate::value::{FlatRef, ImageRef};
 use choreo_importer_kit::pictures::{Encoded, Formats};
-use choreo_motion::Time;
 use choreo_stage::{Align, Fit, Flat, FlatContent, FlatEdit, Font};
 use glam::{DVec2, Vec4};
 use rhai::Dynamic;
@@ -15,14 +15,13 @@ use std::sync::Arc;
 
 api! {
     /// Adds a text (title, caption) over the frame.
-    /// - Place: at ([x, y] as fractions of the image from its top left corner, default [0.5, 0.5]), offset ([x, y]
-    ///   in pixels, default [0, 0]), anchor (the point of its box that is placed there: "center", the default,
-    ///   "left", "right", "top", "bottom", "top_left", "top_right", "bottom_left" or "bottom_right").
-    /// - Text: size (fraction of the image height, default 0.08), color (default white), opacity (0 to 1, default
-    ///   1), width (fraction of the image width at which lines break, default none), align ("left", "center", the
+    /// - Place: {}, anchor (the point of its box that is placed there: "center", the default, "left", "right",
+    ///   "top", "bottom", "top_left", "top_right", "bottom_left" or "bottom_right").
+    /// - Text: size (fraction of the image height, default 0.08), color (default white), width
+    ///   (fraction of the image width at which lines break, default none), align ("left", "center", the
     ///   default, or "right"), line_height (in sizes, default 1.25), font (a .ttf or .otf file, default a built-in
     ///   font).
-    text("words, options?") -> Flat = text;
+    text("words, options?") -> Flat = text, options(|| fields::documented(&plain(), &METHODS));
     /// Adds an image over the frame: an Image, or a PNG, JPEG, WebP, BMP or TGA file. Options: at, offset, anchor
     /// and opacity as in `text`; and one of height or width (fraction of that of the frame, default height 0.3) and
     /// fit ("contain": as large as fits, "cover": fills the frame).
@@ -40,29 +39,31 @@ api! {
     /// Changes the words of a text.
     Flat.words("text") = words, in_frames;
     /// Scales it about its anchor.
-    Flat.scale("factor") = scale;
+    Flat.scale("factor") = field;
     /// Sets the start time (default 0).
-    Flat.from("time") = from;
+    Flat.from("time") = field;
     /// Sets the end time.
     Flat.until("time") = until;
     /// Sets the duration of the fade-in and of the fade-out in seconds (default 0).
-    Flat.fade("seconds") = fade;
+    Flat.fade("seconds") = field;
     /// Moves it behind the scene, in front of the background. By default it is in front of everything.
-    Flat.under("") = under;
+    Flat.under("") = field;
     /// Animates a property with keyframes [[time, value], …]: "position" ([x, y] as in Flat.at), "scale" or
     /// "opacity". `how` and easing as in Actor.key.
     Flat.key("property, keys, how?") = key;
 }
 
-const PLACE: [&str; 4] = ["at", "offset", "anchor", "opacity"];
+/// Fields that are methods of a 2D layer, not options.
+const METHODS: [&str; 5] = ["scale", "from", "until", "fade", "under"];
 
-fn known<'a>(more: &[&'a str]) -> Vec<&'a str> {
-    PLACE.iter().copied().chain(more.iter().copied()).collect()
+/// The options of a 2D layer: those of all, and more.
+fn known<'a>(flat: &Flat, more: &[&'a str]) -> Vec<&'a str> {
+    [&fields::names(flat, &METHODS), &["anchor"], more].concat()
 }
 
-fn pair(v: &Dynamic, label: &str) -> Result<DVec2, ApiError> {
-    let two = numbers(v).filter(|n| n.len() == 2 && n.iter().all(|n| n.abs() <= 1e6));
-    two.map(|n| DVec2::new(n[0], n[1])).ok_or_else(|| wrong(v, label, "[x, y]"))
+/// A 2D layer as it is without options.
+fn plain() -> Flat {
+    Flat::new(FlatContent::Panel { size: DVec2::ONE, color: Vec4::W })
 }
 
 const ANCHORS: [(&str, [f64; 2]); 9] = [
@@ -80,17 +81,11 @@ const ANCHORS: [(&str, [f64; 2]); 9] = [
 /// Reads the options that all 2D layers have, and adds the layer to the stage.
 fn add(c: &Call, o: &Options, content: FlatContent) -> Reply {
     let mut flat = Flat::new(content);
-    if let Some(at) = o.get("at") {
-        flat.at = pair(&at, &o.label("at"))?;
-    }
-    if let Some(offset) = o.get("offset") {
-        flat.offset = pair(&offset, &o.label("offset"))?;
-    }
+    fields::fill(c, o, &mut flat)?;
     if let Some(name) = o.one_of("anchor", &ANCHORS.map(|(name, _)| name))? {
         let found = ANCHORS.iter().find(|(known, _)| *known == name);
         flat.anchor = found.map_or(flat.anchor, |(_, at)| DVec2::from_array(*at));
     }
-    flat.opacity = o.number_in("opacity", 0.0, 1.0)?.unwrap_or(1.0);
     let mut build = c.build();
     room(build.flats.len(), "flats", &c.shared.limits)?;
     build.flats.push(flat);
@@ -103,7 +98,7 @@ fn color(o: &Options, usual: Vec4) -> Result<Vec4, ApiError> {
 
 fn text(c: &mut Call) -> Reply {
     let words = c.text(0)?;
-    let o = c.options(1, &known(&["size", "color", "font", "width", "align", "line_height"]))?;
+    let o = c.options(1, &known(&plain(), &["size", "color", "font", "width", "align", "line_height"]))?;
     let font = match o.text("font")? {
         Some(name) => Font::new(&name, read_file(c, &name)?)
             .map_err(|e| ApiError::new(format!("text: \"{name}\" {e}")).focus(&name))?,
@@ -141,7 +136,7 @@ pub fn read_file(c: &Call, name: &str) -> Result<Vec<u8>, ApiError> {
 }
 
 fn picture(c: &mut Call) -> Reply {
-    let o = c.options(1, &known(&["height", "width", "fit"]))?;
+    let o = c.options(1, &known(&plain(), &["height", "width", "fit"]))?;
     let given = c.value(0);
     let image: Arc<Image> = match given.read_lock::<ImageRef>().map(|i| i.image.clone()) {
         Some(image) => image,
@@ -173,7 +168,7 @@ fn picture(c: &mut Call) -> Reply {
 }
 
 fn panel(c: &mut Call) -> Reply {
-    let o = c.options(0, &known(&["size", "color"]))?;
+    let o = c.options(0, &known(&plain(), &["size", "color"]))?;
     let size = match o.get("size") {
         Some(size) => pair(&size, "panel: size")?,
         None => DVec2::ONE,
@@ -232,14 +227,10 @@ fn words(c: &mut Call) -> Reply {
     c.itself()
 }
 
-fn scale(c: &mut Call) -> Reply {
-    let scale = c.number_in(0, 0.0, 1000.0)?;
-    change(c, |flat| flat.scale = scale)
-}
-
-fn from(c: &mut Call) -> Reply {
-    let t = c.time(0)?;
-    change(c, |flat| flat.start = t)
+/// The method of the same name as a field.
+fn field(c: &mut Call) -> Reply {
+    let (field, value) = fields::given::<Flat>(c)?;
+    change(c, |flat| (field.set)(flat, value))
 }
 
 fn until(c: &mut Call) -> Reply {
@@ -252,18 +243,10 @@ fn until(c: &mut Call) -> Reply {
     change(c, |flat| flat.end = Some(t))
 }
 
-fn fade(c: &mut Call) -> Reply {
-    let t: Time = c.duration(0)?;
-    change(c, |flat| flat.fade = t)
-}
-
-fn under(c: &mut Call) -> Reply {
-    change(c, |flat| flat.under = true)
-}
-
 fn key(c: &mut Call) -> Reply {
     let this: FlatRef = c.this()?;
-    let channels = keys::read(c, keys::Owner::Flat)?;
+    let flat = c.build().flat(this.0)?.clone();
+    let channels = keys::of(c, &flat)?;
     keys::replace(&mut c.build().flat(this.0)?.channels, channels);
     c.itself()
 }

@@ -6,7 +6,7 @@ use crate::call::{ApiError, Call, Reply, api, unknown};
 use crate::hook;
 use crate::value::{ActorRef, JointRef};
 use choreo_asset::Asset;
-use choreo_stage::ActorEdit;
+use choreo_stage::{ActorEdit, Placement};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
@@ -76,14 +76,12 @@ fn joint_rotate(c: &mut Call) -> Reply {
 
 fn key(c: &mut Call) -> Reply {
     let this: JointRef = c.this()?;
-    let channels = keys::read(c, keys::Owner::Joint)?;
+    let channel = keys::channel(c, keys::property(c, &keys::keyed::<Placement>())?, 1)?;
     let mut build = c.build();
     let drafts = &mut build.actor(this.actor)?.joint_keys;
-    for channel in channels {
-        let curve = clip_edit::curve(&this.asset, this.joint, &channel);
-        drafts.retain(|(c, _)| (c.joint, c.path) != (curve.joint, curve.path));
-        drafts.push((curve, c.place.clone()));
-    }
+    let curve = clip_edit::curve(&this.asset, this.joint, &channel);
+    drafts.retain(|(c, _)| (c.joint, c.path) != (curve.joint, curve.path));
+    drafts.push((curve, c.place.clone()));
     drop(build);
     c.itself()
 }

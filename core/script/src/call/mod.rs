@@ -1,5 +1,6 @@
 //! One call of a script function: its definition as data, its arguments with checks, its errors.
 
+pub mod fields;
 mod read;
 
 use read::near;
@@ -27,6 +28,8 @@ pub struct Def {
     pub gives: Gives,
     /// The lines of its documentation comment.
     pub doc: &'static [&'static str],
+    /// Documents its options in place of `{}`.
+    pub options: Option<fn() -> String>,
     /// Whether it can also be called inside `on_frame`.
     pub frame: bool,
     /// Whether it can be called only inside a test section.
@@ -47,7 +50,7 @@ pub struct Def {
 /// Without an arrow a method returns its receiver; `()` is nothing, and a text is the type of a plain value. The documentation
 /// begins with what the function does; each paragraph that begins with `- ` describes a group of options or one aspect.
 macro_rules! api {
-    ($($(#[doc = $doc:literal])+ $on:ident $(. $name:ident)? ($args:literal) $(-> $gives:tt)? = $run:expr $(, $mark:ident)*;)*) => {
+    ($($(#[doc = $doc:literal])+ $on:ident $(. $name:ident)? ($args:literal) $(-> $gives:tt)? = $run:expr $(, $mark:ident $(($mark_arg:expr))?)*;)*) => {
         pub const DEFS: &[$crate::call::Def] = &[$($crate::call::api!(@def $on $($name)?, $crate::call::Def {
             on: $crate::value::Kind::None,
             name: "",
@@ -56,8 +59,9 @@ macro_rules! api {
             doc: &[$($doc),+],
             frame: false,
             tests: false,
+            options: None,
             run: $run,
-        })$(.$mark())*),*];
+        })$(.$mark($($mark_arg)?))*),*];
     };
     (@def $name:ident, $def:expr) => { $crate::call::Def { name: stringify!($name), ..$def } };
     (@def $on:ident $name:ident, $def:expr) => {
@@ -89,6 +93,11 @@ impl Def {
         self
     }
 
+    pub const fn options(mut self, options: fn() -> String) -> Def {
+        self.options = Some(options);
+        self
+    }
+
     pub const fn in_tests(mut self) -> Def {
         self.tests = true;
         self
@@ -106,6 +115,9 @@ impl Def {
                 }
                 (item, _) => items.push(item.unwrap_or(line).to_string()),
             }
+        }
+        if let Some(options) = self.options {
+            items.iter_mut().for_each(|item| *item = item.replace("{}", &options()));
         }
         items
     }

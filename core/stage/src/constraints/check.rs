@@ -1,5 +1,6 @@
 //! What goals, limits and springs must be.
 
+use crate::described::Described;
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Target};
 use crate::stage::constraint::{GoalKind, Plant};
@@ -35,12 +36,7 @@ pub(crate) fn problems(stage: &Stage, actor: &Actor) -> Vec<(String, String)> {
         if let Some(what) = goal.targets().find_map(|t| target(&t)) {
             bad(name, what);
         }
-        if !(0.0..=1.0).contains(&goal.weight) {
-            bad(name, format!("weight is {}, must be 0..=1", goal.weight));
-        }
-        if goal.fade < Time::ZERO {
-            bad(name, "fade is negative".into());
-        }
+        goal.problems().into_iter().for_each(|what| bad(name, what));
         if let Some(end) = goal.end.filter(|end| *end < goal.start) {
             let (end, start) = (end.as_secs(), goal.start.as_secs());
             bad(name, format!("ends at {end} s, before it starts at {start} s"));

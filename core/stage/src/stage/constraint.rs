@@ -1,8 +1,8 @@
 //! Constraints of an actor: foot lock, aim, reach, mirroring; see [`crate::constraints`] for their order.
 
 use crate::Ease;
-use crate::mirroring::Mirroring;
 use crate::described::{FieldType, fields};
+use crate::mirroring::Mirroring;
 use crate::stage::actor::Target;
 use crate::stage::fade::{eased, fraction};
 use choreo_motion::Time;

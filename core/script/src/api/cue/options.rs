@@ -46,6 +46,7 @@ macro_rules! options {
             args: $args,
             gives: Gives::Itself,
             doc: &[$($doc),+],
+            options: None,
             frame: false,
             tests: false,
             run: method,
